@@ -33,12 +33,9 @@ from taichi_erosion.evidence.inference.goodness_of_fit import (
 )
 from taichi_erosion.evidence.inference.marginal_likelihood import Expansion, projected_residual, slopes_of
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, bound_predictor
-from taichi_erosion.evidence.inference.robustness.error_accounts import (
-    UNSTATED,
-    linear_evidence,
-    with_scatter,
-)
+from taichi_erosion.evidence.inference.robustness.error_accounts import UNSTATED, with_scatter
 from taichi_erosion.evidence.inference.robustness.error_findings import observable_of, size_words
+from taichi_erosion.evidence.inference.robustness.linear_steps import linear_evidence
 from taichi_erosion.evidence.models.condition_errors import condition_errors
 
 SCATTERS = np.geomspace(UNSTATED[0], UNSTATED[-1], 29)  # sd of a source that states none over that of others

@@ -34,9 +34,9 @@ from taichi_erosion.evidence.inference.robustness.error_accounts import (
     ErrorAccount,
     Reference,
     error_accounts,
-    evidence_by_factor,
     reference_evidence,
 )
+from taichi_erosion.evidence.inference.robustness.linear_steps import evidence_by_factor
 from taichi_erosion.evidence.inference.screen import Screen, screen
 from taichi_erosion.evidence.inference.search.beyond_maximum import with_stronger
 from taichi_erosion.evidence.inference.search.effect_sets import Search, fit_sets

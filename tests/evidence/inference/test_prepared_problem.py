@@ -10,7 +10,7 @@ from taichi_erosion.evidence.inference.map_fit import fit_base
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, projected_residual, score
 from taichi_erosion.evidence.inference.model_discrepancy import AMPLITUDES, discrepancy_gain, kernels
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.inference.robustness.error_accounts import linear_evidence
+from taichi_erosion.evidence.inference.robustness.linear_steps import linear_evidence
 from tests.evidence.one_heap_study import calibrated, heaps
 
 

@@ -11,7 +11,8 @@ Every account replaces the stated errors by others, and all hypotheses are weigh
 What an account leaves open (tau, which rows, the growth) is estimated by the marginal likelihood of the
 hypotheses fitted with stated errors, linear about their best fits, and the choice has its cost:
 ln of the mean likelihood over the grid, less that of the best. tau^2 is its posterior mean, so that
-few batches do not count as none.
+few batches do not count as none. Where a linear step is in doubt (`linear_steps.py`) the hypothesis is fitted
+with the errors that were found, and these are estimated once more.
 
 Reference: Harville (1977), J. Am. Stat. Assoc. 72, 320 (variance components); Box & Tiao (1968), Biometrika
 55, 119 (rows with a larger variance).
@@ -19,18 +20,26 @@ Reference: Harville (1977), J. Am. Stat. Assoc. 72, 320 (variance components); B
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from math import log
 from typing import Literal
 
 import numpy as np
 
-from taichi_erosion.evidence.data.linear_algebra import Projection, log_sum_exp, projection
+from taichi_erosion.evidence.data.linear_algebra import log_sum_exp, projection
 from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.inference import verdict_levels as levels
-from taichi_erosion.evidence.inference.marginal_likelihood import Expansion
+from taichi_erosion.evidence.inference.map_fit import Fit
+from taichi_erosion.evidence.inference.marginal_likelihood import Expansion, expand
 from taichi_erosion.evidence.inference.model_discrepancy import condition_axes
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, level_shape
+from taichi_erosion.evidence.inference.robustness.linear_steps import (
+    BEHIND,
+    doubtful_step,
+    linear_evidence,
+    settled,
+)
 
 Kind = Literal["source", "batch", "rows", "scatter"]
 Sharing = tuple[
@@ -46,8 +55,6 @@ FACTORS = (1.5, 2.25, 3.4)  # true over stated sd of one observable
 GROWTHS = (-0.8, -0.4, 0.4, 0.8)  # change of ln sd per sd of a condition
 SCATTER_STEPS = 2  # of the kind above, one on top of the other
 UNSTATED = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # sd of a source that states none over that median
-
-LogLikelihood = Callable[[PreparedProblem], float]
 
 
 @dataclass(frozen=True)
@@ -101,22 +108,60 @@ class UnstatedScatter:
     factor: float  # its sd over the median of the stated ones
 
 
+Estimate = Callable[[PreparedProblem, Sequence[Reference], float], ErrorAccount | None]
+
+
 def error_accounts(prepared: PreparedProblem, references: Sequence[Reference]) -> list[ErrorAccount]:
     """Accounts that could change the answer, the most promising first."""
+    stated = reference_evidence(prepared, references)
+    estimates: tuple[Estimate, ...] = (
+        partial(shared_account, "source"),
+        partial(shared_account, "batch"),
+        rows_account,
+        scatter_account,
+        unstated_account,
+    )
+    found = [guarded(estimate, prepared, references, stated) for estimate in estimates]
+    near = [each for each in found if each is not None and each.gain > -levels.ACCOUNT_BEHIND]
+    return sorted(near, key=lambda each: -each.gain)
 
-    def likelihood(other: PreparedProblem) -> float:
-        return reference_evidence(other, references)
 
-    stated = likelihood(prepared)
-    tried = [
-        shared_account(prepared, "source", prepared.rows.source, likelihood, stated),
-        shared_account(prepared, "batch", prepared.rows.group, likelihood, stated),
-        rows_account(prepared, references, likelihood, stated),
-        scatter_account(prepared, likelihood, stated),
-        unstated_account(prepared, likelihood, stated),
+def guarded(
+    estimate: Estimate, prepared: PreparedProblem, references: Sequence[Reference], stated: float
+) -> ErrorAccount | None:
+    """An account; about fits with its own errors where a linear step to these is in doubt."""
+    found = estimate(prepared, references, stated)
+    if found is None or found.gain <= -levels.ACCOUNT_BEHIND:
+        return None
+    there = settled_references(prepared, found.prepared, references)
+    same = all(new is old for new, old in zip(there, references, strict=True))
+    return found if same else estimate(prepared, there, stated)
+
+
+def settled_references(
+    before: PreparedProblem, now: PreparedProblem, references: Sequence[Reference]
+) -> list[Reference]:
+    """The references; those in doubt that count about their best numbers and strengths with other errors."""
+    worth = [each.log_prior + linear_evidence(now, each.expansion) for each in references]
+    return [
+        settled_reference(before, now, each) if own > max(worth) - BEHIND else each
+        for each, own in zip(references, worth, strict=True)
     ]
-    found = [each for each in tried if each is not None and each.gain > -levels.ACCOUNT_BEHIND]
-    return sorted(found, key=lambda each: -each.gain)
+
+
+def settled_reference(before: PreparedProblem, now: PreparedProblem, reference: Reference) -> Reference:
+    """A reference; where its linear step is in doubt, about its best values with other errors."""
+    old = reference.expansion
+    step = doubtful_step(before, old, now, old)
+    if step is None:
+        return reference
+
+    def mean(there: Fit) -> Floats:
+        return now.predictor.mean(there.x, there.acting(), now.seeds.scoring)
+
+    found = settled(now, old, step, mean)
+    expansion = found if isinstance(found, Expansion) else expand(now, found)
+    return replace(reference, expansion=expansion) if expansion.finite else reference
 
 
 def reference_evidence(prepared: PreparedProblem, references: Sequence[Reference]) -> float:
@@ -125,49 +170,13 @@ def reference_evidence(prepared: PreparedProblem, references: Sequence[Reference
     return float(log_sum_exp(np.array(found)))
 
 
-def linear_evidence(prepared: PreparedProblem, expansion: Expansion) -> float:
-    """Ln marginal likelihood of a hypothesis about its best fit, averaged over the noise factors."""
-    return prepared.doubt.averaged(evidence_by_factor(prepared, expansion))
-
-
-def evidence_by_factor(prepared: PreparedProblem, expansion: Expansion) -> Floats:
-    """The same at every noise factor f, linear in the calibrated numbers and strengths.
-
-        ln Z = -sum ln(f s_i) - |M e+|^2 / 2 f^2 - 1/2 ln |D^T D|
-
-    The noise factor f scales rows and prior alike. Censored rows stand as ordinary ones in their weights.
-    """
-    part, below = stacked_fit(prepared, expansion)
-    free, plain = part.free(below), ~prepared.rows.censored
-    misfit, factor = float(free @ free), prepared.doubt.factor
-    volume = float(np.sum(np.log(prepared.sd[plain]))) + prepared.log_correlation + 0.5 * part.log_determinant
-    return -plain.sum() * np.log(factor) - 0.5 * misfit / factor**2 - volume
-
-
-def stacked_fit(prepared: PreparedProblem, expansion: Expansion) -> tuple[Projection, Floats]:
-    """Columns D of strengths, in units of their prior, of numbers and of shared errors; e+ at the fit."""
-    fit, rows = expansion.fit, prepared.rows
-    scales = strength_scales(prepared, expansion)
-    work = prepared.working(expansion.mean)
-    white = prepared.whitening(work)
-    columns = white(np.hstack([expansion.local * scales, expansion.jacobian]))
-    start = np.concatenate([fit.psi / scales, fit.x])
-    below = np.concatenate([work.residual, -start, np.zeros(rows.shared.shape[1])])
-    return projection(columns, white(rows.shared)), below
-
-
-def strength_scales(prepared: PreparedProblem, expansion: Expansion) -> Floats:
-    """Prior scale of every strength of a hypothesis."""
-    return np.array([max(prepared.candidate(name).prior_scale, 1e-9) for name in expansion.fit.names])
-
-
-def sharing_columns(prepared: PreparedProblem, kind: Kind, labels: tuple[str, ...]) -> Iterator[Sharing]:
+def sharing_columns(prepared: PreparedProblem, kind: Kind) -> Iterator[Sharing]:
     """Every observable with rows that share an error, its labels, and columns of errors of one row's sd.
 
     Which source or batch is right is not known: their mean is as uncertain as their errors make it, and so
     are calibrated numbers that follow it.
     """
-    named = np.array(labels)
+    named = np.array(prepared.rows.source if kind == "source" else prepared.rows.group)
     for observable, chosen in prepared.by_observable():
         names, counts = np.unique(named[chosen], return_counts=True)
         least = 2 if kind == "source" else LEAST_BATCHES
@@ -180,10 +189,11 @@ def sharing_columns(prepared: PreparedProblem, kind: Kind, labels: tuple[str, ..
 
 
 def shared_account(
-    prepared: PreparedProblem, kind: Kind, labels: tuple[str, ...], likelihood: LogLikelihood, stated: float
+    kind: Kind, prepared: PreparedProblem, references: Sequence[Reference], stated: float
 ) -> ErrorAccount | None:
     """Random effects of sources or batches with estimated variances; None where rows tell nothing of them."""
-    sharing = list(sharing_columns(prepared, kind, labels))
+    likelihood = partial(reference_evidence, references=references)
+    sharing = list(sharing_columns(prepared, kind))
     if not sharing:
         return None
     chosen, cost = likely_sizes(
@@ -235,10 +245,10 @@ def with_scatter(prepared: PreparedProblem, factor: Floats) -> PreparedProblem:
 
 
 def rows_account(
-    prepared: PreparedProblem, references: Sequence[Reference], likelihood: LogLikelihood, stated: float
+    prepared: PreparedProblem, references: Sequence[Reference], stated: float
 ) -> ErrorAccount | None:
     """The rows that are off, one after the other while each is worth its prior."""
-    size = prepared.rows.size
+    size, likelihood = prepared.rows.size, partial(reference_evidence, references=references)
     factor, off, best = np.ones(size), list[int](), stated
     for _ in range(max(1, min(MOST_OUTLIERS, int(SHARE_OUTLIERS * size)))):
         there = with_variances(prepared, factor)
@@ -294,10 +304,10 @@ def scatter_options(prepared: PreparedProblem) -> list[tuple[UnevenScatter, Floa
 
 
 def scatter_account(
-    prepared: PreparedProblem, likelihood: LogLikelihood, stated: float
+    prepared: PreparedProblem, references: Sequence[Reference], stated: float
 ) -> ErrorAccount | None:
     """Scatter that differs between observables or grows along a condition."""
-    options = scatter_options(prepared)
+    options, likelihood = scatter_options(prepared), partial(reference_evidence, references=references)
     logs, best, cost, uneven = np.zeros(prepared.rows.size), stated, 0.0, list[UnevenScatter]()
     for _ in range(SCATTER_STEPS if options else 0):
         trials = [np.exp(2.0 * (logs + option)) for _, option in options]
@@ -328,7 +338,7 @@ def unstated_sources(prepared: PreparedProblem) -> Iterator[tuple[str, str, Bool
 
 
 def unstated_account(
-    prepared: PreparedProblem, likelihood: LogLikelihood, stated: float
+    prepared: PreparedProblem, references: Sequence[Reference], stated: float
 ) -> ErrorAccount | None:
     """Scatter of sources that state none, by observable, in place of the median of the stated ones.
 
@@ -344,12 +354,13 @@ def unstated_account(
             sizes[rows] = factor**2
         return with_scatter(prepared, sizes)
 
-    chosen, cost = likely_sizes(
-        lambda factors: likelihood(scattered(factors)), np.ones(len(sources)), np.array(UNSTATED)
-    )
+    def likelihood(factors: Floats) -> float:
+        return reference_evidence(scattered(factors), references)
+
+    chosen, cost = likely_sizes(likelihood, np.ones(len(sources)), np.array(UNSTATED))
     there = scattered(chosen)
     told = [
         UnstatedScatter(name, source, float(f)) for (name, source, _), f in zip(sources, chosen, strict=True)
     ]
-    gain = likelihood(there) - stated + cost
+    gain = reference_evidence(there, references) - stated + cost
     return ErrorAccount("scatter", there, prepared.variance, cost, gain, unstated=tuple(told))

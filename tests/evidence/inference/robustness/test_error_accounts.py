@@ -18,9 +18,9 @@ from taichi_erosion.evidence.inference.robustness.error_accounts import (
     ErrorAccount,
     Reference,
     error_accounts,
-    linear_evidence,
     unstated_sources,
 )
+from taichi_erosion.evidence.inference.robustness.linear_steps import linear_evidence
 from tests.evidence.linear_study import LEVEL_SD, linear_problem, screened
 
 SD, COUNT = 0.1, 48  # of a row, and rows
