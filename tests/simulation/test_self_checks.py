@@ -8,6 +8,7 @@ from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.core.snapshot import Status
 from taichi_erosion.run.sanity_checks import MOMENTUM_ERROR, momentum_failure
 from taichi_erosion.simulation import Simulation, advance, assemble, capacities, force_imbalance, snapshot
+from taichi_erosion.simulation.capacities import SMALL_GRAINS
 
 GRAINS, PARTITION = 200, 50
 HALF, WHOLE = 0.005, 0.01  # s
@@ -50,7 +51,7 @@ def test_reactions_that_are_lost_between_workers_stop_the_replica(monkeypatch):
 
 
 def test_grains_that_do_not_touch_exchange_nothing():
-    sim = assemble([heap(GRAINS, 1)], Laws(rolling="elastic_plastic"), Numerics("cpu", 1))
+    sim = assemble([heap(SMALL_GRAINS, 1)], Laws(rolling="elastic_plastic"), Numerics("cpu", 1))
     advance(sim, [TIME_STEP])
     assert force_imbalance(sim, 0) == 0.0
     stop_device()
