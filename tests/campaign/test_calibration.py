@@ -18,7 +18,7 @@ from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.design_table import Factor, read_design
 from taichi_erosion.report import write_report
-from taichi_erosion.report.calibration_page import publish
+from taichi_erosion.report.calibration_page import publish, verdict
 from taichi_erosion.run.checks import read_scene
 from tests.report.browser import assert_readable
 
@@ -269,6 +269,17 @@ def test_the_page_answers_yes_or_no_with_power_and_names_the_design_of_its_surfa
     assert text.rindex("**Yes.**") > text.index("## Confirmation")
     assert "Box-Behnken design of 17 runs, 5 of them at the centre." in text
     assert "-0.00" not in text
+
+
+@pytest.mark.parametrize(
+    ("p", "power", "told"), [(0.01, 0.1, "No"), (0.056, 0.12, "Not refuted"), (0.3, 0.9, "Yes")]
+)
+def test_a_test_of_little_power_says_no_yes(p, power, told):
+    runs = {"sd": 0.4}
+    test = {"runs": runs, "difference": 0.9, "detectable": 2.1, "resolve": 0.5, "p": p, "power": power}
+    text = verdict(test, "repose_angle", "deg")
+    assert text.startswith(f"**{told}.**")
+    assert ("more often miss" in text) == (told == "Not refuted")
 
 
 def test_the_calibrated_scene_runs_with_the_numbers_of_the_confirmation_runs(found):

@@ -18,9 +18,9 @@ from taichi_erosion.evidence.answers.next_experiments import (
     design_pool,
     proposals,
     rival_prediction,
-    separation_sentence,
     weighted,
 )
+from taichi_erosion.evidence.answers.words.experiments import separation_sentence
 from taichi_erosion.evidence.data.findings import Discovery, Proposals
 from taichi_erosion.evidence.data.mechanism_findings import BeyondList, MechanismFinding
 from taichi_erosion.evidence.data.problem import Floats, Laboratory, Mechanism, Problem

@@ -27,6 +27,13 @@ from itertools import product
 import numpy as np
 from scipy.stats import qmc
 
+from taichi_erosion.evidence.answers.words.experiments import (
+    UNPREDICTED,
+    alone_sentence,
+    scatter_sentence,
+    separation_sentence,
+    spoken,
+)
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.findings import (
     OUTSIDE,
@@ -67,12 +74,7 @@ LEAST_GAIN = 1e-9  # of ln E, from which a measurement tells anything
 SAME_SETTING = 0.02  # distance in shares of the ranges within which a setting is measured already
 DIGITS = 2  # of a proposed setting
 DECIDING = levels.DECIDING
-UNPREDICTED = (
-    "Something outside the list is likelier than any rival; it predicts nothing, so that no experiment "
-    "can be planned against it."
-)
 RANGES = "wider ranges under [laboratory] ranges in the study open others."
-REMEDIES = "wider ranges, another observable, or a separate measurement of a calibrated number would."
 
 
 @dataclass(frozen=True)
@@ -125,17 +127,27 @@ def proposals(pool: DesignPool, rivals: list[RivalPrediction], found: Discovery)
     weights = {rival.name: rival.weight for rival in rivals}
     leader, *others = sorted(rivals, key=lambda each: -each.weight)
     chosen = greedy_design(pool, rivals)
-    separated = [each for each in others if pair_chance(pool, (leader, each), chosen, found.seed) >= DECIDING]
+    told_apart = [
+        each for each in others if pair_chance(pool, (leader, each), chosen, found.seed) >= DECIDING
+    ]
+    separated = [
+        each for each in told_apart if value_chance(pool, (leader, each), chosen, found.seed) >= DECIDING
+    ]
     if separated:
         rivals = weighted([leader, *separated])
         chosen = greedy_design(pool, rivals)
     chances = {each.name: pair_chance(pool, (leader, each), chosen, found.seed) for each in others}
-    words = separation_sentence(leader.name, chances, [each.name for each in separated])
+    scatter_alone = [each.name for each in told_apart if each not in separated]
+    apart = {name: chance for name, chance in chances.items() if name not in scatter_alone}
+    words = separation_sentence(leader.name, apart, [each.name for each in separated])
+    words = f"{words} {scatter_sentence(leader.name, scatter_alone)}".strip()
     if found.probabilities.get(OUTSIDE, 0.0) > others[0].weight:
         words += f" {UNPREDICTED}"
+    if not separated:
+        return Proposals((), weights, words)
     won = [decision_chance(pool, rivals, chosen[: k + 1], found.seed) for k in range(len(chosen))]
     told = [experiment(pool, rivals, at, chance) for at, chance in zip(chosen, won, strict=True)]
-    return Proposals(tuple(told) if separated else (), weights, words)
+    return Proposals(tuple(told), weights, words)
 
 
 def pair_chance(
@@ -147,34 +159,13 @@ def pair_chance(
     )
 
 
-def separation_sentence(leader: str, chances: Mapping[str, float], separated: Sequence[str]) -> str:
-    """Which rivals the experiments tell from the leader, and which no measurement does."""
-    alike = [spoken(name) for name in chances if name not in separated]
-    words = ""
-    if separated:
-        each = ", ".join(f"{spoken(name)} ({chances[name]:.0%})" for name in separated)
-        words = (
-            f"To tell {spoken(leader)} from {each}; in brackets, the chance that all of them together decide."
-        )
-    if alike:
-        words += f" Nothing that can be measured within the stated ranges tells {spoken(leader)} from "
-        words += f"{', '.join(alike)}: {REMEDIES}"
-    return words.strip()
-
-
-def spoken(name: str) -> str:
-    """An explanation as a sentence names it."""
-    return "nothing missing" if name == label(()) else name.replace("+", " with ")
-
-
-def alone_sentence(weights: Mapping[str, float], found: Discovery) -> str:
-    """Sentence where fewer than two explanations are left."""
-    outside = found.probabilities.get(OUTSIDE, 0.0)
-    if not weights or outside > max(weights.values()):
-        return UNPREDICTED
-    (name,) = weights
-    words = f"One explanation is left: {spoken(name)} (probability {found.probabilities.get(name, 1.0):.2g})."
-    return f"{words} There is nothing to tell it from."
+def value_chance(
+    pool: DesignPool, pair: tuple[RivalPrediction, RivalPrediction], chosen: list[int], seed: int
+) -> float:
+    """The same chance from the predicted values alone: both as uncertain as they are on average."""
+    root = np.hstack([each.root for each in pair]) / np.sqrt(2.0)
+    first, second = (replace(each, root=root) for each in pair)
+    return pair_chance(pool, (first, second), chosen, seed)
 
 
 def rival_hypotheses(prepared: PreparedProblem, found: Discovery) -> list[PlausibleHypothesis]:

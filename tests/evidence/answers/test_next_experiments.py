@@ -19,7 +19,10 @@ from taichi_erosion.evidence.answers.next_experiments import (
     log_error_bound,
     mean_variance,
     next_experiments,
+    pair_chance,
+    proposals,
     settings_of,
+    value_chance,
 )
 from taichi_erosion.evidence.data.findings import PlausibleHypothesis
 from taichi_erosion.evidence.data.problem import Budget, Laboratory
@@ -164,6 +167,21 @@ def test_what_nothing_within_the_ranges_tells_apart_is_said():
     assert told.experiments == ()
     assert told.sentence.startswith(
         "Nothing that can be measured within the stated ranges tells nothing missing from step"
+    )
+
+
+def test_explanations_that_differ_in_their_uncertainty_alone_ask_for_no_measurement():
+    sharp, wide = rival([0.0] * 8), rival([0.0] * 8, root=4.0 * np.eye(8))
+    same = (replace(sharp, name="slope"), replace(wide, name="cube"))
+    both = pool([1.0] * 8)
+    found = SimpleNamespace(seed=1, probabilities={})
+    chosen = greedy_design(both, list(same))
+    assert pair_chance(both, same, chosen, 1) > 0.5, "their widths alone would decide"
+    assert value_chance(both, same, chosen, 1) == 0.0
+    told = proposals(both, list(same), found)
+    assert told.experiments == ()
+    assert told.sentence.startswith(
+        "Beside slope, cube predicts the same values and differs in uncertainty alone"
     )
 
 
