@@ -12,20 +12,26 @@ normal forces of both contacts. The wind over the surface of the bed is van Drie
 roughness; its mean over the sphere makes the drag at a wall of Zeng et al., 1.7 times that of a free sphere
 in creeping flow, their lift, and the torque 0.944 (4 pi) mu a^3 G. Gusts are log-normal, the deviation 0.4 of
 the mean near the bed and 2.5 u* above; the peak of a watch is the median largest mean over sqrt(d / g), in
-which a grain leaves its pocket, of a Langevin process with a memory of 20 ms. Nothing of the simulator is
+which a grain leaves its pocket, of a Langevin process with a memory of 20 ms; or, near a wall, with the
+Lagrangian time scale of the air there, 10 nu / u*^2 in the sublayer, and three times that, where the peak is
+that of a normal process whose crossings of a high level are independent (Rice). Nothing of the simulator is
 used, and nothing is fitted.
 
 Reference: Goldman, Cox & Brenner (1967), Chem. Eng. Sci. 22, 653; Zeng et al. (2009), Phys. Fluids 21,
 033302; van Driest (1956), J. Aeronaut. Sci. 23, 1007; Cebeci & Chang (1978), AIAA J. 16, 730 (Rotta's shift);
-Alfredsson et al. (1988), Phys. Fluids 31, 1026; Pahtz et al. (2018), Geosciences 8, 314 (sqrt(d / g)).
+Alfredsson et al. (1988), Phys. Fluids 31, 1026; Pahtz et al. (2018), Geosciences 8, 314 (sqrt(d / g)); Kallio
+& Reeks (1989), Int. J. Multiphase Flow 15, 433 (time scale near a wall); Rice (1945), Bell Syst. Tech. J. 24,
+46.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import exp, inf, pi, sqrt
+from math import exp, inf, log, pi, sqrt
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import norm
 
 from doe.common.command import words
 from doe.common.tables import read_table, write_table
@@ -52,6 +58,7 @@ class Question:
     watch: float = 0.0  # s in gusts; 0: a steady wind
     pull: float = 0.0  # of one contact over the diameter [N m-1]
     rolling: float = 0.0
+    wall: float = 0.0  # memory of gusts in the sublayer over nu / u*^2 [1]; 0: 20 ms in every wind
 
 
 QUESTIONS = (
@@ -61,6 +68,8 @@ QUESTIONS = (
     Question("and adhesion of a whole grain", LONG, BETA / sqrt(6.0)),
     Question("and adhesion in every contact", LONG, BETA),
     Question("and rolling friction", LONG, BETA / sqrt(6.0), ROLLING),
+    Question("and gusts as short as near a wall", LONG, BETA / sqrt(6.0), ROLLING, 10.0),
+    Question("and three times as long", LONG, BETA / sqrt(6.0), ROLLING, 30.0),
 )
 
 
@@ -99,10 +108,10 @@ def forces(speed: Floats, shear: Floats, radius: Floats, gap: Floats) -> tuple[F
     return drag, torque, lift
 
 
-def gust_peak(watch: float, diameter: float, seed: int = 1) -> float:
+def gust_peak(watch: float, diameter: float, memory: float = MEMORY, seed: int = 1) -> float:
     """Largest mean over sqrt(d / g) within a watch [s] of a process of variance 1, the median of many."""
-    step = MEMORY / 20.0
-    rng, keep = np.random.default_rng(seed), exp(-step / MEMORY)
+    step = memory / 20.0
+    rng, keep = np.random.default_rng(seed), exp(-step / memory)
     wait = max(1, round(sqrt(diameter / GRAVITY) / step))
     state = rng.normal(size=TRIES)
     path = np.empty((int(watch / step) + wait, TRIES))
@@ -111,6 +120,29 @@ def gust_peak(watch: float, diameter: float, seed: int = 1) -> float:
         row[:] = state
     sums = np.vstack([np.zeros(TRIES), np.cumsum(path, axis=0)])
     return float(np.median((sums[wait:] - sums[:-wait]).max(axis=0) / wait))
+
+
+def memory_at_wall(friction: float, diameter: float, wall: float) -> float:
+    """Memory of gusts [s] at the height of a grain that lies on the bed, by Kallio & Reeks, at most 20 ms."""
+    height = min(0.5 * diameter * friction / VISCOSITY, 200.0)
+    growth = 1.0 if height < 5.0 else 0.7122 + 0.05731 * height - 0.000129 * height**2
+    return min(wall * growth * VISCOSITY / friction**2, MEMORY)
+
+
+def crossing_peak(watch: float, wait: float, memory: float) -> float:
+    """Median of the largest mean over `wait` in a watch [s] of a Langevin process of variance 1, by Rice.
+
+    The mean of such a process has the variance 2 (a - 1 + exp(-a)) / a^2 with a = wait / memory, its slope
+    2 (1 - exp(-a)) / wait^2; crossings of a high level are taken as independent.
+    """
+    span = wait / memory
+    deviation = sqrt(2.0 * (span - 1.0 + exp(-span))) / span
+    crossings = watch * sqrt(2.0 * (1.0 - exp(-span))) / (2.0 * pi * wait * deviation)
+
+    def rarity(level: float) -> float:
+        return float(norm.logcdf(level)) - crossings * exp(-0.5 * level**2) - log(0.5)
+
+    return deviation * float(brentq(rarity, 0.0, 10.0))
 
 
 def gust_factor(speed: Floats, friction: float, peak: float) -> Floats:
@@ -153,10 +185,21 @@ def easiest(
     return best
 
 
+def peaks_of(asked: Question, diameter: float) -> list[float | None]:
+    """Peak of the gusts of a watch in each of WINDS; None in a steady wind."""
+    if not asked.wall:
+        return [gust_peak(asked.watch, diameter) if asked.watch else None] * len(WINDS)
+    wait = sqrt(diameter / GRAVITY)
+    memories = (memory_at_wall(float(wind), diameter, asked.wall) for wind in WINDS)
+    return [crossing_peak(asked.watch, wait, memory) for memory in memories]
+
+
 def tipping_winds(grains: Sequence[Loose], diameter: float, asked: Question) -> Floats:
     """Friction velocity at which each grain begins to tip [m s-1], infinite where none of WINDS does it."""
-    peak = gust_peak(asked.watch, diameter) if asked.watch else None
-    work = np.array([excess(grains, diameter, float(wind), peak, asked) for wind in WINDS])
+    peaks = peaks_of(asked, diameter)
+    work = np.array([
+        excess(grains, diameter, float(wind), peak, asked) for wind, peak in zip(WINDS, peaks, strict=True)
+    ])  # fmt: skip
     moved = work >= 0.0
     first = moved.argmax(axis=0)
     at = np.arange(len(grains))

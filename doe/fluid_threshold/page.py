@@ -153,6 +153,9 @@ def balance_table(starts: Sequence[Start]) -> str:
             if asked.name == QUESTIONS[0].name:
                 ratios = [f"{wind / bare:.2f}" for wind, bare in zip(winds, plain, strict=True)]
                 rows.append(["over the curve without cohesion", "", *ratios])
+            if asked.wall:
+                ratios = [f"{w / iversen_white(MILLI * d):.2f}" for w, d in zip(winds, SIZES, strict=True)]
+                rows.append(["over the curve", "", *ratios])
     return markdown_table(header, rows)
 
 

@@ -11,7 +11,9 @@ from doe.fluid_threshold.balance import (
     QUARTZ,
     VISCOSITY,
     Question,
+    crossing_peak,
     gust_peak,
+    memory_at_wall,
     read_starts,
     tipping_winds,
     wind_at,
@@ -98,6 +100,19 @@ def test_longer_watches_meet_stronger_gusts():
     # of n independent numbers the median largest is that of 2^(-1/n); 15 and 250 memories have more
     assert 1.6 < peaks[0] < 2.3 < peaks[1] < peaks[2] < 3.5
     assert gust_peak(0.3, 1e-3) < peaks[0]
+
+
+def test_peaks_by_crossings_are_those_of_a_simulated_process():
+    # 200 realisations know the median to 0.03; crossings come in clumps where a wait is short or a memory is
+    for watch, size, memory in ((1.5, 1e-4, 0.02), (5.0, 1e-3, 0.02), (1.5, 1e-4, 3e-3), (1.5, 1e-3, 1e-3)):
+        found = crossing_peak(watch, sqrt(size / GRAVITY), memory)
+        assert found == pytest.approx(gust_peak(watch, size, memory), rel=0.05)
+
+
+def test_gusts_near_a_wall_are_shorter_in_stronger_winds_and_longer_over_coarse_grains():
+    assert memory_at_wall(0.05, 1e-4, 10.0) == 0.02
+    assert memory_at_wall(0.3, 1e-4, 10.0) == pytest.approx(10.0 * VISCOSITY / 0.09)
+    assert memory_at_wall(0.54, 1e-3, 10.0) == pytest.approx(8.6e-4, rel=0.01)
 
 
 def test_spheres_of_a_dropped_bed_lie_on_three_others_and_overlap_none():
