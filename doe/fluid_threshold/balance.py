@@ -30,7 +30,7 @@ from math import exp, inf, log, pi, sqrt
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 from scipy.stats import norm
 
 from doe.common.command import words
@@ -142,7 +142,7 @@ def crossing_peak(watch: float, wait: float, memory: float) -> float:
     def rarity(level: float) -> float:
         return float(norm.logcdf(level)) - crossings * exp(-0.5 * level**2) - log(0.5)
 
-    return deviation * float(brentq(rarity, 0.0, 10.0))
+    return deviation * root_scalar(rarity, bracket=(0.0, 10.0)).root
 
 
 def gust_factor(speed: Floats, friction: float, peak: float) -> Floats:

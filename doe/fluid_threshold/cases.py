@@ -33,6 +33,7 @@ WALL, WALL_ALONE, SLOW = "wall", "wall_alone", "wall_slow"
 WALL_TIMES = {WALL: 10, WALL_ALONE: 10, SLOW: 30}  # correlation time of gusts, nu / u*^2
 DIAMETERS = (1.0, 0.5, 0.25, 0.15, 0.1)  # mm
 SOME = (1.0, 0.25, 0.1)  # mm, of WHOLE
+MOST = (1.0, 0.5, 0.25, 0.1)  # mm, of SLOW
 WATCHED = (LONGER, *WALL_TIMES)  # for longer
 HOLD = 1.5  # s, in which a bed may start of these; of the others, 0.3 s
 BEDS, FEWER = 5, 3  # of a case
@@ -56,7 +57,7 @@ class Bed:
 def names() -> list[str]:
     """All cases, in the order in which they are simulated."""
     sizes = dict.fromkeys((HINDERED, WITH, BARE), DIAMETERS) | {WHOLE: SOME}
-    sizes |= dict.fromkeys(WATCHED, DIAMETERS)
+    sizes |= dict.fromkeys(WATCHED, DIAMETERS) | {SLOW: MOST}
     return [f"{kind}/{size:g}" for kind in sizes for size in sizes[kind]]
 
 

@@ -1,7 +1,7 @@
 """Table of the thresholds of beds of sand against diameter, from beds.csv."""
 
 from collections.abc import Mapping, Sequence
-from math import exp, sqrt
+from math import exp, log, sqrt
 from pathlib import Path
 
 import matplotlib as mpl
@@ -10,10 +10,25 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import scipy
+import scipy.stats
 
 from doe.common.cases import ROOT
 from doe.fluid_threshold.balance import QUESTIONS, SHARES, SIZES, Start, read_starts
-from doe.fluid_threshold.cases import BARE, FOLDER, HINDERED, LONGER, MILLI, SIDE, SOME, WHOLE, WITH, Bed
+from doe.fluid_threshold.cases import (
+    BARE,
+    FOLDER,
+    HINDERED,
+    LONGER,
+    MILLI,
+    SIDE,
+    SLOW,
+    SOME,
+    WALL,
+    WALL_ALONE,
+    WHOLE,
+    WITH,
+    Bed,
+)
 from doe.wind.blown_sand import OURS, THEIRS
 from doe.wind.shares import paired_ratio, shown
 from taichi_erosion.measures.extremes import Watch, criterion_threshold
@@ -25,6 +40,17 @@ from taichi_erosion.verification.reference.hopping import GRAVITY
 PAGE = FOLDER / "README.md"
 PICTURE = ROOT / "docs" / "pictures" / "fluid_threshold.png"
 KINDS = {WITH: "drag of a grain alone", HINDERED: "drag among others"}
+GUSTS = {  # kinds of cases that differ in gusts and in the law of drag
+    LONGER: "gusts of 20 ms in every wind",
+    WALL: "gusts as short as near a wall",
+    SLOW: "three times as long",
+    WALL_ALONE: "as short as near a wall, drag of a grain alone",
+}
+DRAWN = {  # kind: form and way of its marks, whether they are filled
+    WALL: ("o", 1.0, True),
+    WALL_ALONE: ("s", 1.025, False),
+    LONGER: ("^", 0.975, False),
+}
 VISCOSITY = 1.46e-5  # m2 s-1, of the scene's air
 COHESION = 6e-7  # kg m^0.5 s-2, of Iversen & White
 HOLD, SHARE, TUNNEL = 0.3, 0.01, 5.0  # s; share of the surface grains; s of a tunnel's watch
@@ -113,6 +139,57 @@ def size_table(found: Found) -> str:
     return markdown_table(header, rows)
 
 
+def gust_table(found: Found) -> str:
+    """Threshold of every diameter by the law of gusts, beside the curve; then how far a law is off it."""
+    header = ["d [mm]", "Iversen & White: u* [m/s]"]
+    for law in GUSTS.values():
+        header += [f"{law}: u* [m/s]", "difference"]
+    header.append("near a wall over 20 ms, bed by bed")
+    rows = []
+    for size in diameters(found):
+        curve = iversen_white(MILLI * size)
+        cells = [f"{size:g}", f"{curve:.3f}"]
+        for kind in GUSTS:
+            cells += kind_cells(found, f"{kind}/{size:g}", curve)[1:3]
+        rows.append([*cells, gust_ratio(found, [size])])
+    below = [("rms of ln(simulated / curve)", rms_cell), ("power of d in simulated / curve", trend_cell)]
+    for label, cell in below:
+        ends = [part for kind in GUSTS for part in (cell(found, kind), "")]
+        rows.append([label, "", *ends, gust_ratio(found, diameters(found)) if cell is rms_cell else ""])
+    return markdown_table(header, rows)
+
+
+def gust_ratio(found: Found, sizes: Sequence[float]) -> str:
+    """Threshold under gusts as short as near a wall over that under gusts of 20 ms, beds of both."""
+    return ratio_of(*(beds_of_sizes(found, kind, sizes) for kind in (WALL, LONGER)))
+
+
+def off_curve(found: Found, kind: str) -> tuple[list[float], list[float]]:
+    """Ln diameter [mm] and ln threshold over the curve of every bed of a kind."""
+    beds = beds_of_sizes(found, kind, diameters(found))
+    sizes = [log(size) for size, _ in beds]
+    values = [
+        0.5 * log(one.low * one.high) - log(iversen_white(MILLI * size)) for (size, _), one in beds.items()
+    ]
+    return sizes, values
+
+
+def rms_cell(found: Found, kind: str) -> str:
+    """Root mean square over the diameters of a kind; empty where some were not simulated."""
+    sizes, values = off_curve(found, kind)
+    means = [np.mean([v for s, v in zip(sizes, values, strict=True) if s == size]) for size in set(sizes)]
+    return f"{np.sqrt(np.mean(np.square(means))):.2f}" if len(means) == len(diameters(found)) else ""
+
+
+def trend_cell(found: Found, kind: str) -> str:
+    """Slope of ln threshold over the curve along ln diameter, with its standard error over beds; likewise."""
+    sizes, values = off_curve(found, kind)
+    if len(set(sizes)) < len(diameters(found)):
+        return ""
+    slope, _, _, _, error = scipy.stats.linregress(sizes, values)
+    return f"{slope:+.2f} ± {error:.2f}"
+
+
 def changes_table(found: Found) -> str:
     """Threshold with adhesion shared by the contacts, and with five times the watch, bed by bed."""
     header = (
@@ -186,14 +263,15 @@ def draw(beds: Sequence[Bed], file: Path = PICTURE) -> None:
     frame.fill_between(
         grid, 0.8 * np.array(curve), 1.2 * np.array(curve), color=THEIRS, alpha=0.12, label="± 20 %"
     )
-    for (kind, law), marker, shift in zip(KINDS.items(), "os", (1.02, 0.98), strict=True):
+    for kind, (marker, shift, filled) in DRAWN.items():
         points = [(size, one) for size in diameters(found) if (one := pooled(found, f"{kind}/{size:g}"))]
         if points:
             sizes, values = np.array([size for size, _ in points]), np.array([one.value for _, one in points])
             ends = np.array([[one.details["interval"][end] for _, one in points] for end in ("low", "high")])
             frame.errorbar(
-                shift * sizes, values, np.abs(ends - values), fmt=marker, color=OURS, label=f"beds, {law}",
-                mfc="none" if kind == WITH else OURS,
+                shift * sizes, values, np.abs(ends - values), fmt=f"{marker}-" if filled else marker,
+                color=OURS, mfc=OURS if filled else "none", lw=1.0, alpha=1.0 if filled else 0.6,
+                label=f"beds, {GUSTS[kind]}",
             )  # fmt: skip
     frame.set(xscale="log", yscale="log", xlabel="diameter [mm]", ylabel="fluid threshold u* [m/s]")
     for axis in (frame.xaxis, frame.yaxis):
@@ -208,6 +286,7 @@ def publish(beds: Sequence[Bed], page: Path = PAGE) -> None:
     """Fill the table of the page."""
     found = found_in(beds)
     tables = {
+        "gusts": gust_table(found),
         "sizes": size_table(found),
         "changes": changes_table(found),
         "balance": balance_table(read_starts()),

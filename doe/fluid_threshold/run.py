@@ -9,7 +9,9 @@ patch in diameters, the time until grains sleep with the root of the diameter. `
 wall, torque of the shear, lift, gusts and dry adhesion, with the pull of a whole grain in every contact;
 `hindered` has these and the law of drag for grains among others, `two_limits_hindered`; `whole` has this law
 and adhesion at its published size, which the contacts of a grain share; `longer` has that and 1.5 s in which
-a bed may start in place of 0.3 s; `bare` has drag alone. All cases have the same seeds.
+a bed may start in place of 0.3 s; `wall` has that and gusts as short as near a wall, `wall_slow` three times
+as long; `wall_alone` is `wall` by the drag of a grain alone; `bare` has drag alone. All cases have the same
+seeds.
 """
 
 from collections.abc import Sequence

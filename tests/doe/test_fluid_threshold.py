@@ -25,9 +25,12 @@ from doe.fluid_threshold.page import (
     balance_table,
     changes_table,
     found_in,
+    gust_table,
     iversen_white,
     ratio_cell,
+    rms_cell,
     size_table,
+    trend_cell,
 )
 from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.report.markdown import fill_tables
@@ -52,6 +55,7 @@ def test_the_page_shows_the_table_that_the_beds_make():
     text = PAGE.read_text(encoding="utf-8")
     found = found_in(read_beds())
     tables = {
+        "gusts": gust_table(found),
         "sizes": size_table(found),
         "changes": changes_table(found),
         "balance": balance_table(read_starts()),
@@ -139,3 +143,16 @@ def test_laws_are_compared_bed_by_bed():
     assert ratio_cell(found, [0.25]) == ratio_cell(found, [0.25, 0.5]) == "1.10 (1.10 to 1.10)"
     del found["hindered/0.5"]
     assert ratio_cell(found, [0.5]) == ""
+
+
+def test_a_law_is_off_the_curve_by_its_level_and_its_form():
+    found = {
+        f"wall/{size:g}": {k: Bracket(ratio * wind, ratio * wind) for k in (1, 2)}
+        for size in (0.1, 0.3, 1.0)
+        for ratio, wind in ((1.2 * size**-0.05, iversen_white(1e-3 * size)),)
+    }
+    # ln of 1.2 d^(-0.05): 0.297, 0.243, 0.182; their root mean square is 0.2453
+    assert rms_cell(found, "wall") == "0.25"
+    assert trend_cell(found, "wall") == "-0.05 ± 0.00"
+    found["longer/0.1"] = {1: Bracket(0.2, 0.2)}
+    assert rms_cell(found, "longer") == trend_cell(found, "longer") == ""
