@@ -266,15 +266,19 @@ class Study:
         return DiscoveryResult(self.path, self.answered("discovering", discover_study))
 
     @in_python
-    def adopt(self, *effects: str, force: bool = False) -> AdoptionResult:
-        """Add effects, calibrate again, open the vault. Raises BadInput for what is no candidate."""
+    def adopt(self, *effects: str | Sequence[str], force: bool = False) -> AdoptionResult:
+        """Add effects, by names or lists of names; calibrate again, open the vault.
+
+        Raises BadInput for what is no candidate.
+        """
         from taichi_erosion.evidence.answers.commands import adopt_study
 
-        if not effects:
+        names = [name for each in effects for name in ([each] if isinstance(each, str) else each)]
+        if not names:
             raise BadInput("adopt: name the effects to add")
 
         def adopted(path: Path, progress: Progress, options: "StudyOptions") -> Document:
-            return adopt_study(path, effects, progress, options, force)
+            return adopt_study(path, names, progress, options, force)
 
         return AdoptionResult(self.path, self.answered("adopting", adopted))
 

@@ -35,7 +35,7 @@ def test_a_comparison_has_the_rows_of_the_table_in_its_units(wet):
 def test_a_discovery_lists_the_likeliest_candidate_first_and_adoption_lowers_the_error(wet):
     discovery = wet.discover()
     assert discovery.named == [discovery.effects.index[0]] == ["liquid_bridge"]
-    adoption = wet.adopt("liquid_bridge")
+    adoption = wet.adopt(["liquid_bridge"])
     assert adoption.table.loc["after", "held_out"] < 0.1 * adoption.table.loc["before", "held_out"]
     error = adoption.table["rmse of held-out threshold_u_star [cm/s]"]
     assert error["after"] < 0.2 * error["before"]

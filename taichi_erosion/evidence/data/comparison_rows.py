@@ -268,9 +268,13 @@ def row_notes(observable: Observable, table: Measurements, usable: Bools) -> lis
             f"{observable.name}: {lost} rows have no finite value on the {observable.transform} scale"
         )
     missing = int(np.sum(~np.isfinite(table.sd) & ~table.censored))
+    uncounted = int(np.sum(~(table.n >= 1.0)))
+    settings = np.unique(condition_numbers(table)).size
+    if missing == uncounted == table.size and table.size >= 2 * settings:
+        told = f"{table.size} single measurements under {settings} sets of conditions; sd from these repeats"
+        return [*notes, f"{observable.name}: {told}"]
     if missing:
         notes.append(f"{observable.name}: {missing} of {table.size} rows have no sd")
-    uncounted = int(np.sum(~(table.n >= 1.0)))
     if uncounted:
         notes.append(f"{observable.name}: {uncounted} of {table.size} rows have no n, taken as 1")
     return notes
