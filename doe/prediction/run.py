@@ -16,7 +16,8 @@ from threadpoolctl import threadpool_limits
 
 from doe.prediction.cases import draw
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.evidence.prediction.predict import Wanted, predict
+from taichi_erosion.evidence.prediction.new_conditions import NewConditions
+from taichi_erosion.evidence.prediction.predict import predict
 
 FOLDER = Path(__file__).parent
 DISCREPANCIES = (0.0, 0.5, 1.0, 2.0)  # rms over the standard error of a row
@@ -39,7 +40,7 @@ def score(salt: int, number: int, discrepancy: float) -> Score:
     """One case, solved as `predict` does."""
     seed = np.random.SeedSequence([salt, number, round(10 * discrepancy)]).generate_state(1)[0]
     case = draw(int(seed), discrepancy)
-    found = predict(case.problem, Wanted(case.observable, case.conditions))
+    found = predict(case.problem, NewConditions(case.observable, case.conditions))
     rows = found.rows
     inside = [row.low <= true <= row.high for row, true in zip(rows, case.truth, strict=True)]
     pairs = zip(rows, case.measured, strict=True)

@@ -20,7 +20,7 @@ from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.models.column_units import place_units
 from taichi_erosion.evidence.models.load_study import LONGEST_CHAIN, NO_OPTIONS, Study, StudyOptions
 from taichi_erosion.evidence.prediction.new_conditions import NewConditions, read_new_conditions
-from taichi_erosion.evidence.prediction.predict import Prediction, Wanted, predict
+from taichi_erosion.evidence.prediction.predict import Prediction, predict
 
 
 def predict_study(
@@ -36,11 +36,10 @@ def predict_study(
     with open_study(chosen, options) as study:
         outdated = () if bare else outdated_adoption(study)
         table = read_new_conditions(at, study.file, places_of(study), study.problem.measurements)
-        wanted = Wanted(table.observable, table.conditions, table.lines, table.written, table.scales)
         opened, seed = bool(study.file.adopted) and len(study.problem.vault.rows) > 0, study.file.study.seed
 
         def answer(ready: Study, progress: Progress) -> Prediction:
-            return predict(ready.problem, wanted, progress, seed, opened)
+            return predict(ready.problem, table, progress, seed, opened)
 
         question = Question("predict", answer, prediction_points, most=1)
         found, ready = answered(study, last_budget(study), question, progress)

@@ -1,7 +1,7 @@
 """Table of new conditions: read as a laboratory's table is, in the user's units."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,14 +27,14 @@ OBSERVABLE = "observable"  # heading of a column that says what is to be predict
 
 @dataclass(frozen=True)
 class NewConditions:
-    """Rows of a table at which the model is asked, one for each observable wanted."""
+    """Rows at which the model is asked, one for each observable wanted, and the table that they come from."""
 
-    file: str
-    lines: tuple[int, ...]  # rows of the file
     observable: tuple[str, ...]
     conditions: Conditions  # as the model takes them
-    written: tuple[dict[str, float], ...]  # the same in the units of the table
-    scales: Mapping[str, Scale]  # of `written`, as the model takes them
+    lines: tuple[int, ...] = ()  # rows of the file
+    written: tuple[Mapping[str, float], ...] = ()  # the conditions in the units of the table
+    scales: Mapping[str, Scale] = field(default_factory=dict)  # of `written`, as the model takes them
+    file: str = ""
     notes: tuple[str, ...] = ()
 
 
@@ -59,12 +59,12 @@ def read_new_conditions(
     used |= {name: np.full(len(wanted), value) for name, value in constant.items()}
     written = tuple({name: float(numbers[name][row]) for name in columns} for row, _ in wanted)
     return NewConditions(
-        str(path),
-        tuple(cells.lines[row][0] for row, _ in wanted),
         tuple(name for _, name in wanted),
         {name: used[name] for name in file.conditions},
+        tuple(cells.lines[row][0] for row, _ in wanted),
         written,
         {name: replace(scales[name], unit=scales[name].unit or places.get(name, "")) for name in columns},
+        str(path),
         tuple(constant_notes(constant, known)),
     )
 

@@ -1,7 +1,7 @@
 """What the calibrated model says at new conditions, with intervals, and how well such intervals have held."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import nan
 
 import numpy as np
@@ -32,6 +32,7 @@ from taichi_erosion.evidence.prediction.discrepancy_mixture import (
     JointRows,
     joint_prediction,
 )
+from taichi_erosion.evidence.prediction.new_conditions import NewConditions
 from taichi_erosion.scene.schema.units import Scale
 
 SHARE = 0.9  # of the probability that an interval holds
@@ -85,19 +86,12 @@ class Prediction:
     runs: int = 0
 
 
-@dataclass(frozen=True)
-class Wanted:
-    """Rows at which the model is asked."""
-
-    observable: tuple[str, ...]
-    conditions: Conditions  # as the model takes them
-    lines: tuple[int, ...] = ()
-    written: tuple[Mapping[str, float], ...] = ()
-    scales: Mapping[str, Scale] = field(default_factory=dict)  # of `written`
-
-
 def predict(
-    problem: Problem, wanted: Wanted, progress: Progress = no_progress, seed: int = SEED, opened: bool = False
+    problem: Problem,
+    wanted: NewConditions,
+    progress: Progress = no_progress,
+    seed: int = SEED,
+    opened: bool = False,
 ) -> Prediction:
     """Predictions at new rows, and checks of their intervals; `opened`: the vault may be compared with.
 
@@ -124,23 +118,23 @@ def predict(
     return replace(prediction, sentences=tuple(sentences_of(prediction)))
 
 
-def answerable(prepared: PreparedProblem, wanted: Wanted) -> tuple[Wanted, list[str]]:
+def answerable(prepared: PreparedProblem, wanted: NewConditions) -> tuple[NewConditions, list[str]]:
     """The rows whose observable has a known scatter, and a sentence about every other observable."""
     known = set(prepared.rows.names)
     lost = [name for name in dict.fromkeys(wanted.observable) if name not in known]
     kept = np.array([name in known for name in wanted.observable], dtype=np.bool_)
-    rows = Wanted(
-        tuple(name for name in wanted.observable if name in known),
-        {name: column[kept] for name, column in wanted.conditions.items()},
-        tuple(np.array(wanted.lines, dtype=int)[kept].tolist()) if wanted.lines else (),
-        tuple(row for row, keep in zip(wanted.written, kept, strict=False) if keep),
-        wanted.scales,
+    rows = replace(
+        wanted,
+        observable=tuple(name for name in wanted.observable if name in known),
+        conditions={name: column[kept] for name, column in wanted.conditions.items()},
+        lines=tuple(np.array(wanted.lines, dtype=int)[kept].tolist()) if wanted.lines else (),
+        written=tuple(row for row, keep in zip(wanted.written, kept, strict=False) if keep),
     )
     return rows, [f"{name} is not predicted: none of its rows has a known scatter." for name in lost]
 
 
 def joint(
-    prepared: PreparedProblem, base: ScoredHypothesis, wanted: Wanted, seed: int
+    prepared: PreparedProblem, base: ScoredHypothesis, wanted: NewConditions, seed: int
 ) -> tuple[JointPrediction, Floats]:
     """Predictive distributions of new rows, and the calibrated model alone there, on the comparison scale."""
     both = with_new_rows(prepared, wanted)
@@ -180,7 +174,7 @@ def errors_of_conditions(prepared: PreparedProblem, fit: Fit, size: int) -> dict
     return {"conditions": np.vstack([own, np.zeros((size - own.shape[0], own.shape[1]))])}
 
 
-def with_new_rows(prepared: PreparedProblem, wanted: Wanted) -> PreparedProblem:
+def with_new_rows(prepared: PreparedProblem, wanted: NewConditions) -> PreparedProblem:
     """The prepared problem with rows without a value below its own."""
     rows = prepared.rows
     which = rows.index_of(wanted.observable)
@@ -237,7 +231,7 @@ def standard_axes(fitted: Conditions, both: Conditions) -> Floats:
 
 
 def predicted_rows(
-    prepared: PreparedProblem, wanted: Wanted, found: JointPrediction, mean: Floats
+    prepared: PreparedProblem, wanted: NewConditions, found: JointPrediction, mean: Floats
 ) -> list[PredictedRow]:
     """Predictions in the units of the observables."""
     which = prepared.rows.index_of(wanted.observable)
@@ -297,7 +291,7 @@ def tolerance_variance(prepared: PreparedProblem, which: Integers) -> Floats:
     return np.array([rows.noise[rows.observables[k].name].numerical ** 2 for k in which])
 
 
-def beyond(table: Measurements, observable: str, wanted: Wanted, row: int) -> list[str]:
+def beyond(table: Measurements, observable: str, wanted: NewConditions, row: int) -> list[str]:
     """Conditions of a new row outside the range in which its observable was measured."""
     own, found = np.array([name == observable for name in table.observable]), []
     for name, column in wanted.conditions.items():
@@ -347,7 +341,7 @@ def held_out_check(
     prepared: PreparedProblem, base: ScoredHypothesis, held: PreparedProblem, seed: int
 ) -> PredictiveCheck:
     """Held-out rows inside their intervals; censored ones are left out."""
-    found, mean = joint(prepared, base, Wanted(held.rows.names, held.rows.conditions), seed)
+    found, mean = joint(prepared, base, NewConditions(held.rows.names, held.rows.conditions), seed)
     which = prepared.rows.index_of(held.rows.names)
     fit, error = base.expansion.fit, found.factor[:, np.newaxis] ** 2 * held.rows.variance
     own = errors_of_conditions(held, fit, held.rows.size).get("conditions", np.zeros((held.rows.size, 0)))
