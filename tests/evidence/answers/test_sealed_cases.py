@@ -1,8 +1,7 @@
 """Statistics of the discovery on sealed cases of the closed-form model, and changes that must not change it.
 
-The 3000 cases behind the published table are solved by doe/t0/run.py; here 50 others keep watch
-in the slow tests. Their bounds lie three binomial sd beyond the targets, so that chance alone seldom breaks
-them.
+The 3000 cases behind the published table are solved by doe/t0/run.py; here 50 others keep watch. Their
+bounds lie three binomial sd beyond the targets, so that chance alone seldom breaks them.
 """
 
 from concurrent.futures import ProcessPoolExecutor
@@ -50,7 +49,6 @@ def test_beyond_the_drawn_cases_only_pairs_are_asked(tmp_path):
     assert 1 <= len(trial.numbers) - 3 <= 15, "a tenth of the cases are pairs"
 
 
-@pytest.mark.slow
 def test_further_pairs_count_with_pairs_only(cases):
     again = [replace(case, further=True) for case in of_kind(cases, "pair")]
     alone, both = ({m.name: m.count for m in scores(c)} for c in (cases, [*cases, *again]))
@@ -69,14 +67,12 @@ def of_kind(cases: list[Marked], kind: str) -> list[Marked]:
     return [case for case in cases if case.truth.kind == kind]
 
 
-@pytest.mark.slow
 def test_nothing_is_named_where_nothing_is_missing(cases):
     nulls = of_kind(cases, "null")
     assert len(nulls) > 15
     assert sum(bool(case.told) for case in nulls) <= MOST_FALSE * len(nulls)
 
 
-@pytest.mark.slow
 def test_hardly_any_name_is_false(cases):
     named = [case for case in cases if case.told]
     false = [case for case in named if not case.told & set(case.truth.effects)]
@@ -84,21 +80,18 @@ def test_hardly_any_name_is_false(cases):
     assert len(false) <= MOST_FALSE * len(cases)
 
 
-@pytest.mark.slow
 def test_a_strong_distinct_effect_ranks_first(cases):
     strong = [c for c in of_kind(cases, "single") if c.hard.ratio >= STRONG and c.hard.separation >= 3.0]
     assert len(strong) > 2
     assert sum(is_top(case) for case in strong) >= below(0.97, len(strong))
 
 
-@pytest.mark.slow
 def test_an_effect_outside_the_library_is_not_named_with_confidence(cases):
     apart = [c for c in of_kind(cases, "outside") if c.hard.separation >= 3.0]
     assert apart
     assert all(c.answer.verdict != "present" or c.answer.probabilities[c.top] <= 0.9 for c in apart)
 
 
-@pytest.mark.slow
 def test_intervals_of_calibrated_numbers_hold_the_truth(cases):
     nulls = [c for c in of_kind(cases, "null") if c.truth.understated == 1.0 and not c.told]
     hits = [
