@@ -93,6 +93,12 @@ def pair_row(i: int, j: int, materials: int) -> int:
     return low * materials - low * (low - 1) // 2 + high - low
 
 
+def pair_rows(own: int, materials: int) -> Integers:
+    """Rows [own (own + 1) / 2] in a ContactTable of `materials` materials of all pairs of its first `own`."""
+    low, high = np.triu_indices(own)
+    return low * materials - low * (low - 1) // 2 + high - low
+
+
 @dataclass(frozen=True)
 class PrimitiveTable:
     """Wall primitives; several of them form one surface, which has one material and moves as one body."""

@@ -1,11 +1,11 @@
 """Contact parameters on the device: one row a replica and pair of materials."""
 
-from math import pi, sqrt
+from math import isqrt, pi, sqrt
 from typing import Any
 
 import numpy as np
 
-from taichi_erosion.core.setup import ContactTable, Floats
+from taichi_erosion.core.setup import ContactTable, Floats, Integers, pair_rows
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import aligned, device_record, members, upload
 
@@ -15,7 +15,10 @@ RESTITUTION_LEAST = 1e-6  # stands for every smaller restitution [1]; log(0) has
 
 @device_record
 class Materials:
-    """Contact rows; `rows` of them a replica, those of `core.setup.pair_row` with `count` materials."""
+    """Contact rows; `rows` of them a replica, those of `core.setup.pair_row` with `count` materials.
+
+    A replica with fewer materials has the first ones; rows of the others are zero and never read.
+    """
 
     count: int
     rows: int
@@ -64,10 +67,32 @@ def device_columns(table: ContactTable) -> dict[str, Floats]:
     }
 
 
-def upload_materials(materials: Materials, tables: list[ContactTable]) -> None:
-    """Write the contact tables of all replicas to the device."""
-    columns = [device_columns(table) for table in tables]
-    upload([(getattr(materials, name), np.concatenate([c[name] for c in columns])) for name in columns[0]])
+def material_count(table: ContactTable) -> int:
+    """Number of materials of a contact table, from that of its pairs."""
+    return (isqrt(8 * len(table.restitution) + 1) - 1) // 2
+
+
+def device_rows(materials: Materials, table: ContactTable) -> Integers:
+    """Rows of the device, within those of one replica, in which the rows of a contact table stand."""
+    return pair_rows(material_count(table), materials.count)
+
+
+def placed(materials: Materials, table: ContactTable) -> dict[str, Floats]:
+    """Columns of Materials with all rows of one replica."""
+    rows, columns = device_rows(materials, table), device_columns(table)
+    whole = {name: np.zeros(materials.rows) for name in columns}
+    for name, values in columns.items():
+        whole[name][rows] = values
+    return whole
+
+
+def upload_materials(materials: Materials, tables: list[ContactTable], first: int = 0) -> None:
+    """Write the contact tables of replicas to the device, from one replica on."""
+    columns = [placed(materials, table) for table in tables]
+    upload(
+        [(getattr(materials, name), np.concatenate([c[name] for c in columns])) for name in columns[0]],
+        first * materials.rows,
+    )
 
 
 @ti.func

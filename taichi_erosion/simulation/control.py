@@ -9,7 +9,7 @@ from taichi_erosion.core.effect import ReplicaEffect
 from taichi_erosion.core.effect_device import write_constants
 from taichi_erosion.core.setup import ContactTable, Floats, Motion, PrimitiveKind, Setup
 from taichi_erosion.core.transfer import download, upload
-from taichi_erosion.grains.materials import device_columns
+from taichi_erosion.grains.materials import upload_materials
 from taichi_erosion.simulation.assemble import Simulation
 
 AXIS_TOLERANCE = 1e-9  # of the extent: a surface of revolution turning about its own axis keeps its shape [1]
@@ -73,9 +73,7 @@ def set_gravity(sim: Simulation, replica: int, gravity: tuple[float, float, floa
 def set_contacts(sim: Simulation, replica: int, table: ContactTable) -> None:
     """Change the contact parameters of one replica; lists are renewed before the next step."""
     sim.setups[replica] = replace(sim.setups[replica], contacts=table)
-    materials = sim.world.materials
-    columns = device_columns(table)
-    upload([(getattr(materials, name), values) for name, values in columns.items()], replica * materials.rows)
+    upload_materials(sim.world.materials, [table], replica)
     make_stale(sim, replica)
 
 

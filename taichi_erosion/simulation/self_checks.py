@@ -17,6 +17,7 @@ import numpy as np
 from taichi_erosion.core.setup import Setup, pair_row
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.integrate import gather_forces
+from taichi_erosion.grains.materials import device_rows
 from taichi_erosion.grains.neighbour_list import entry_block
 from taichi_erosion.grains.pair_contacts import add_pair_forces
 from taichi_erosion.grains.state import force_block, partition_first, side_block
@@ -198,7 +199,8 @@ def impact_cases(replica: int, setup: Setup) -> Iterator[ImpactCase]:
 def first_impacts(sim: Simulation, speeds: Sequence[float]) -> list[Impact]:
     """Impacts of all pairs of all replicas, at one speed a replica [m s-1]."""
     cases = [case for r, setup in enumerate(sim.setups) for case in impact_cases(r, setup)]
-    rows = np.array([c.replica * sim.world.materials.rows + c.row for c in cases], np.int32)
+    own = [device_rows(sim.world.materials, setup.contacts) for setup in sim.setups]
+    rows = np.array([c.replica * sim.world.materials.rows + own[c.replica][c.row] for c in cases], np.int32)
     root_radius, mass = (np.array([getattr(c, name) for c in cases]) for name in ("root_radius", "mass"))
     steps = np.array([sim.setups[c.replica].time_step for c in cases])
     after = np.array([speeds[c.replica] for c in cases], np.float64)

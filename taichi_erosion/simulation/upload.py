@@ -9,7 +9,7 @@ from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Integers, 
 from taichi_erosion.core.transfer import upload
 from taichi_erosion.grains import World
 from taichi_erosion.grains.cells import cell_grid
-from taichi_erosion.grains.materials import upload_materials
+from taichi_erosion.grains.materials import Materials, upload_materials
 from taichi_erosion.grains.walls import Walls
 from taichi_erosion.simulation.capacities import cell_count, verlet_skin
 
@@ -46,12 +46,12 @@ def upload_world(world: World, setups: list[Setup], reaches: list[float], partit
         upload_clumps(world, setups)
 
 
-def common_rows(setups: list[Setup], rows: int) -> list[int]:
+def common_rows(setups: list[Setup], materials: Materials) -> list[int]:
     """Row of Materials of all pairs of grains, by replica; -1 where grains differ in material."""
     kinds = [np.unique(setup.grains.material) for setup in setups]
     return [
-        r * rows + pair_row(int(own[0]), int(own[0]), len(setup.materials)) if len(own) == 1 else -1
-        for r, (own, setup) in enumerate(zip(kinds, setups, strict=True))
+        r * materials.rows + pair_row(int(own[0]), int(own[0]), materials.count) if len(own) == 1 else -1
+        for r, own in enumerate(kinds)
     ]
 
 
@@ -79,7 +79,7 @@ def upload_replicas(world: World, setups: list[Setup], reaches: list[float], par
             (replicas.total, [len(s.grains.radius) for s in setups]),
             (replicas.stale, np.ones(len(setups))),
             (replicas.partitions, partitions),
-            (replicas.pair_row, common_rows(setups, world.materials.rows)),
+            (replicas.pair_row, common_rows(setups, world.materials)),
             (replicas.time_step, [s.time_step for s in setups]),
             (replicas.gravity, [s.gravity for s in setups]),
             (replicas.low, [s.domain[0] for s in setups]),

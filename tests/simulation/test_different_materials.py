@@ -1,0 +1,80 @@
+"""Replicas with different numbers of materials beside each other: each has its own contact parameters."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from grain_worlds import FRICTION, contacts, fingerprint, heap
+
+from taichi_erosion.core.device import stop_device
+from taichi_erosion.core.setup import ContactTable, Laws, Numerics, Setup, Surface, pair_row, pair_rows
+from taichi_erosion.simulation import Simulation, advance, assemble, set_contacts, snapshot
+from taichi_erosion.simulation.self_checks import first_impacts
+
+LAWS, NUMERICS = Laws(rolling="elastic_plastic"), Numerics("cpu", 1)
+FALLEN = 0.01  # s, half way down
+SPEED = 0.1  # m s-1
+
+
+def joined(tables: list[ContactTable], rows: list[int]) -> ContactTable:
+    """A contact table whose rows are the first rows of others."""
+    columns = {name: np.array([getattr(tables[k], name)[0] for k in rows]) for name in vars(tables[0])}
+    return ContactTable(**columns)
+
+
+def three_materials(count: int, seed: int) -> Setup:
+    """A heap of grains of the second of three materials: floor of the first, tube of the third."""
+    own = heap(count, seed)
+    tables = [contacts(friction, 0.1) for friction in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)]
+    tables = [
+        replace(table, restitution=np.full_like(table.restitution, 0.3 + 0.1 * k))
+        for k, table in enumerate(tables)
+    ]
+    walls = (Surface("floor", 0), Surface("tube", 2))
+    grains = replace(own.grains, material=np.ones_like(own.grains.material))
+    names = ("earth", "soil", "steel")
+    return replace(
+        own, grains=grains, materials=names, contacts=joined(tables, list(range(6))), surfaces=walls
+    )
+
+
+def ends(sim: Simulation) -> list[str]:
+    """Bits of all replicas after a while."""
+    advance(sim, [FALLEN] * len(sim.setups))
+    return [fingerprint(snapshot(sim, r)) for r in range(len(sim.setups))]
+
+
+@pytest.mark.parametrize("own", [1, 2, 3, 5])
+def test_rows_of_the_first_materials_are_those_of_their_pairs(own):
+    found = iter(pair_rows(own, 5))
+    for i in range(own):
+        for j in range(i, own):
+            assert next(found) == pair_row(i, j, 5)
+
+
+def test_replicas_with_few_and_with_three_materials_come_out_as_alone():
+    mixed = [heap(40, 1), three_materials(50, 2), heap(30, 3), three_materials(20, 4)]
+    assert len({len(setup.materials) for setup in mixed}) > 1
+    alone = []
+    for setup in mixed:
+        alone += ends(assemble([setup], LAWS, NUMERICS))
+        stop_device()
+    beside = assemble(mixed, LAWS, NUMERICS)
+    impacts = first_impacts(beside, [SPEED] * len(mixed))
+    assert {impact.replica for impact in impacts} == {0, 1, 2, 3}
+    assert [impact.found for impact in impacts] == pytest.approx([i.stated for i in impacts], abs=0.03)
+    assert ends(beside) == alone
+    stop_device()
+
+
+def test_contacts_of_one_replica_change_beside_another_with_more_materials():
+    slippery = contacts(0.0, 0.0)
+    assert FRICTION > 0.0
+    sim = assemble([heap(40, 1)], LAWS, NUMERICS)
+    set_contacts(sim, 0, slippery)
+    (alone,) = ends(sim)
+    stop_device()
+    sim = assemble([three_materials(20, 2), heap(40, 1)], LAWS, NUMERICS)
+    set_contacts(sim, 1, slippery)
+    assert ends(sim)[1] == alone
+    stop_device()
