@@ -10,7 +10,6 @@ from typing import Any
 from taichi_erosion.core.files import read_text_file
 from taichi_erosion.evidence.answers.words.agreement import is_untested
 from taichi_erosion.evidence.answers.words.held_out import unseen_words
-from taichi_erosion.evidence.data.findings import NAMING
 from taichi_erosion.evidence.inference.verdict_levels import HELD_OUT_SHARE, fails
 
 Record = Mapping[str, Any]
@@ -179,7 +178,7 @@ def after_discovery(document: Record, options: str = "") -> Iterator[str]:
         return
     if document.get("row_off"):
         yield check_row(document["row_off"])
-    if verdict in NAMING and named:
+    if named:
         words = (
             f"`{program()} adopt {study} {' '.join(named)}{options}` adds {' and '.join(named)} and tests it"
         )
