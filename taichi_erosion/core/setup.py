@@ -95,8 +95,7 @@ def pair_row(i: int, j: int, materials: int) -> int:
 
 def pair_rows(own: int, materials: int) -> Integers:
     """Rows [own (own + 1) / 2] in a ContactTable of `materials` materials of all pairs of its first `own`."""
-    low, high = np.triu_indices(own)
-    return low * materials - low * (low - 1) // 2 + high - low
+    return np.array([pair_row(i, j, materials) for i in range(own) for j in range(i, own)])
 
 
 @dataclass(frozen=True)

@@ -131,7 +131,7 @@ GUSTY = Params(deviation=2.0, upward=0.5, intensity=0.5, wall_upward=0.01, times
 
 
 def wave(axis: int, time: float) -> float:
-    """Process 0 or 1 of the probed grain at a time [s], where T is 0.05 s."""
+    """Process 0 or 1 [1] of the probed grain at a time [s], where T is 0.05 s."""
     square, cube = (0.375 * (SQUARE, CUBE)[n][axis] for n in range(2))
     terms = (
         cos(tan(pi * (k - 0.5) / 48.0) * time / 0.05 + 2.0 * pi * (square * k**2 + cube * k**3))
@@ -141,7 +141,7 @@ def wave(axis: int, time: float) -> float:
 
 
 def lognormal(intensity: float, time: float) -> float:
-    """Gust over the mean wind."""
+    """Gust over the mean wind [1] at a time [s], where its relative deviation is `intensity` [1]."""
     variance = log(1.0 + intensity**2)
     return exp(sqrt(variance) * wave(0, time) - 0.5 * variance) - 1.0
 

@@ -25,7 +25,7 @@ Row = Mapping[str, str]
 
 PAGE_TEMPLATE, TEMPLATE = "calibration.md", "calibration.html"
 RECORDING = "study.rrd"
-EVEN = 0.5  # power below which a test misses a difference that matters more often than it sees it [1]
+LEAST_POWER = 0.5  # of a yes: below it a test more often misses a difference that matters than sees it [1]
 OPTIMA = 5  # listed on the page
 VARIANCE = ("sum_of_squares", "df", "mean_square", "f", "p")
 PICTURE = re.compile(r'<img src="([^":]+)"')
@@ -151,7 +151,7 @@ def verdict(test: Mapping[str, Any], name: str, unit: str) -> str:
     if test["p"] < SIGNIFICANCE:
         words = f"{name} differs by {difference} {unit} from the measurement (p = {test['p']:.2g})"
         return f"**No.** In the calibrated scene {words}. {power}"
-    if test["power"] < EVEN:
+    if test["power"] < LEAST_POWER:
         words = f"no difference of {name} from the measurement is told ({difference} {unit}, "
         words += f"p = {test['p']:.2g}), but the test would more often miss one than see it"
         return f"**Not refuted.** In the calibrated scene {words}. {power} More confirmation runs would tell."

@@ -316,7 +316,7 @@ def effect_finding(
         strength = rest.strength
     favoured = posterior.log_bayes.get(name, 0.0) > log(levels.POSITIVE_ODDS)
     if status == "excluded" and (favoured or strength.high >= TEXTBOOK):
-        status = "not_testable"  # nor does an interval that holds the textbook value exclude it
+        status = "not_testable"  # an effect that is favoured, or possible at its textbook value, is open
     gain, listed = found.gains.get(name, ScoreGain()), found.fitted.prepared.candidate(name)
     return EffectFinding(
         status=status,

@@ -162,7 +162,7 @@ def pair_chance(
 def value_chance(
     pool: DesignPool, pair: tuple[RivalPrediction, RivalPrediction], chosen: list[int], seed: int
 ) -> float:
-    """The same chance from the predicted values alone: both as uncertain as they are on average."""
+    """Chance that two rivals are told apart by the predicted values alone, at their average uncertainty."""
     root = np.hstack([each.root for each in pair]) / np.sqrt(2.0)
     first, second = (replace(each, root=root) for each in pair)
     return pair_chance(pool, (first, second), chosen, seed)

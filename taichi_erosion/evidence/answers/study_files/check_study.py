@@ -48,7 +48,7 @@ from taichi_erosion.verification.effect_examination import examined_file
 Document = dict[str, Any]
 PLANS = ("quick", "full")
 UNEXPECTED = "the literature expects none of these observables to change with it"
-LIKE = {  # observable -> the one of which the literature tells the effects: a steeper heap is higher
+EXPECTED_AS = {  # observable -> the one of which the literature tells the effects: a steeper heap is higher
     **dict.fromkeys(("angle_of_repose", "cone_angle", "dynamic_angle", "runout_radius"), "repose_angle"),
     **dict.fromkeys(("pile_height", "centroid_height", "radius_90", "column_height"), "repose_angle"),
     **dict.fromkeys(("threshold_wind_speed", "rolling_onset"), "threshold_u_star"),
@@ -173,7 +173,7 @@ def acting_candidates(study: Study) -> tuple[list[str], dict[str, str]]:
         for path in dotted_paths(paths)
     }
     measured = study.file.observables
-    known = {*measured, *(LIKE[name] for name in measured if name in LIKE), *varied}
+    known = {*measured, *(EXPECTED_AS[name] for name in measured if name in EXPECTED_AS), *varied}
     acting, inactive = [], {}
     for candidate in study.problem.candidates:
         effect = simulator.library[candidate.name]

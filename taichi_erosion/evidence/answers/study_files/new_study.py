@@ -174,7 +174,7 @@ def scene_study(
         diameters = grain_diameters(table, template, places, interview)
         grains = safe_grains(template, angles_of(table, own))
         if sized := [name for name in own if name in LENGTHS]:
-            interview.assumed.append(size_words(sized, key, grains))
+            interview.assume(size_words(sized, key, grains))
         notes = f"Made for {table.file}: {', '.join(own)}. Numbers of grains and contacts are usual ones."
         head = {"title": f"{table.file}: {template.words}", "notes": notes}
         scenes[key] = scene_text(template, head, diameters, grains)

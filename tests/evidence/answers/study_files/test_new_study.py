@@ -11,7 +11,7 @@ import pytest
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.effects import load_library
-from taichi_erosion.evidence.answers.study_files.check_study import LIKE
+from taichi_erosion.evidence.answers.study_files.check_study import EXPECTED_AS
 from taichi_erosion.evidence.answers.study_files.new_study import (
     Wishes,
     apparatus_of,
@@ -467,4 +467,4 @@ def test_every_observable_has_effects_that_the_literature_expects_to_change_it()
     expected = {name for effect in load_library().values() for name in effect.expected}
     for template in TEMPLATES.values():
         for name in template.observables:
-            assert LIKE.get(name, name) in expected, name
+            assert EXPECTED_AS.get(name, name) in expected, name
