@@ -105,6 +105,7 @@ def test_an_unknown_processor_gets_packed_square_roots_and_the_same_bits(tmp_pat
 
 @linux_x86
 @widest
+@pytest.mark.slow
 def test_512_bits_give_the_bits_of_256(tmp_path, of_256_bits):
     broad, before = of_256_bits
     broader, after = run("512 bits", tmp_path)

@@ -107,6 +107,7 @@ def test_the_stiffest_drag_brings_air_and_grains_to_one_velocity(streams):
     assert wind[-1, -1] == pytest.approx(together, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_grain_far_heavier_than_its_air_relaxes_at_its_own_rate():
     place, density = (4e-3, 4e-3, 3e-3), 1e-3
     over = air(

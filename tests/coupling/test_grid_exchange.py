@@ -99,10 +99,12 @@ def test_workers_that_share_a_bed_under_a_grid_change_no_bit(monkeypatch, reques
     assert ends[0] == ends[1] == ends[2]
 
 
+@pytest.mark.slow
 def test_a_grid_put_back_to_an_earlier_state_repeats_itself(alone):
     assert alone["again"] == alone["end"]
 
 
+@pytest.mark.slow
 def test_wind_that_sets_in_blows_over_the_bed_and_differs_from_place_to_place(alone):
     wind, flow = alone["developed"], alone["flow"]
     centre = 0.5 * (wind.face[1:] + wind.face[:-1])
@@ -113,6 +115,7 @@ def test_wind_that_sets_in_blows_over_the_bed_and_differs_from_place_to_place(al
     assert np.isfinite(aloft).all()
 
 
+@pytest.mark.slow
 def test_a_wind_that_changes_keeps_its_eddies(alone):
     for before, slower in zip(alone["before"], alone["slower"], strict=True):
         assert slower == pytest.approx(0.5 * before, rel=1e-12, abs=1e-12)

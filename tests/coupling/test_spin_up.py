@@ -108,6 +108,7 @@ def test_deep_air_moves_with_its_grains_and_no_faster(alone):
     assert np.all(wind[bottom] < forwards)
 
 
+@pytest.mark.slow
 def test_a_grain_of_the_density_of_the_air_floats():
     density = 1e-6 / (4.0 / 3.0 * np.pi * RADIUS**3)
     over = air(np.linspace(0.0, 0.02, 14), density=density)

@@ -110,6 +110,7 @@ def test_a_memory_goes_where_its_grain_goes():
     assert list(state_of(sim, "mark.updates")) == [200.0] * GRAINS
 
 
+@pytest.mark.slow
 def test_a_replica_without_a_memory_moves_as_the_bare_model_beside_one_with_it():
     sim = start([heap(GRAINS, 1)])
     advance(sim, [HALF])
@@ -127,6 +128,7 @@ def test_a_replica_without_a_memory_moves_as_the_bare_model_beside_one_with_it()
     assert not state_of(sim, "ageing_pull.age", 2).any()
 
 
+@pytest.mark.slow
 def test_workers_that_share_grains_with_a_memory_change_no_bit(monkeypatch, request):
     monkeypatch.setattr(capacities, "PARTITION_GRAINS", GRAINS // 2)
     prints = []

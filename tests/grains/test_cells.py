@@ -14,6 +14,7 @@ ALONE = 20.0  # m from the others
 ROD = 40  # grains along a rod
 
 
+@pytest.mark.slow
 def test_a_grain_far_from_all_others_does_not_widen_the_cells_of_the_crowd():
     rng = np.random.default_rng(1)
     sites = np.stack(np.meshgrid(*[np.arange(16)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -34,7 +35,7 @@ def rod() -> Floats:
     return 1.99 * RADIUS * (sites + 0.5)
 
 
-@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("axis", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
 def test_grains_are_sorted_along_the_longest_side_and_forces_cancel_across_its_period(monkeypatch, axis):
     monkeypatch.setattr(capacities, "PARTITION_GRAINS", 16 * ROD // 4)
     place = np.roll(np.random.default_rng(3).permutation(rod()), axis, axis=1)

@@ -188,7 +188,9 @@ def searched(windy, folder) -> dict[str, Any]:
     return document
 
 
-@pytest.mark.parametrize("phase", ["ramp", pytest.param("hold", marks=pytest.mark.slow), "fall"])
+@pytest.mark.parametrize(
+    "phase", [*(pytest.param(k, marks=pytest.mark.slow) for k in ("ramp", "hold")), "fall"]
+)
 def test_a_search_for_thresholds_goes_on_within_a_trial(phase, searched, windy, folder):
     kept = folder / f"{phase}.npz"
     resumed = run_scene(windy, RunOptions(threads=1, no_record=True, resume=kept))

@@ -34,6 +34,7 @@ def test_a_scene_of_many_grains_gets_room_for_its_own_replicas_only():
     assert (sizes.replicas, sizes.primitives, sizes.surfaces) == (3, 1, 1)
 
 
+@pytest.mark.slow
 def test_room_that_stays_empty_changes_no_bit_of_a_result():
     setups = [row(2), row(3)]
     sim = assemble(setups, Laws(rolling="elastic_plastic"), Numerics("cpu", 1))

@@ -121,6 +121,7 @@ def with_effects(bare: Setup, **parameters: dict[str, float]) -> Setup:
 
 
 @devices
+@pytest.mark.slow
 def test_effects_with_and_without_memory_act_as_in_partitions(numerics):
     ageing = {"pull_off": 3e-5, "ageing": 5e-4, "still": 0.02}
     ensemble = [

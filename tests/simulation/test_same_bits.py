@@ -90,6 +90,7 @@ def test_grains_of_two_materials_with_unequal_contacts_differ_from_grains_of_one
     assert bits[0] != bits[1]
 
 
+@pytest.mark.slow
 def test_lists_that_are_too_short_grow_and_change_no_bit(alone):
     sim = assemble([heap(GRAINS, 1)], LAWS, Numerics("cpu", 1))
     tiny = replace(sim.capacities, pairs=PAIRS_TOO_FEW, wall_pairs=WALL_PAIRS_TOO_FEW)

@@ -13,9 +13,8 @@ from taichi_erosion.verification import claims as ladder
 from taichi_erosion.verification.claim import Claim, Outcome, as_claim
 from taichi_erosion.verification.claims import CHECKS, KNOWN, is_known, news, verify
 
-BRIEF = {
-    f"V{k:02d}" for k in (1, 2, 4, 5, 8, 9, 18, 37)
-}  # fall, impacts, momentum, friction, adhesion, designed experiments
+# free fall, normal and oblique impacts, adhesion, designed experiments
+BRIEF = {"V01", "V04", "V05", "V18", "V37"}
 
 
 @pytest.mark.parametrize(

@@ -274,6 +274,7 @@ MOIST = (
 )
 
 
+@pytest.mark.slow
 def test_how_an_effect_grows_with_its_condition_is_calibrated_with_it(tmp_path, asked):
     power = 1.2  # the library's own is 0.68
     generator = np.random.default_rng(1)

@@ -183,6 +183,7 @@ def test_a_source_that_states_an_sd_of_one_row_states_its_scatter():
     assert not any(each.unstated for each in error_accounts(prepared, [Reference(found.base, 0.0)]))
 
 
+@pytest.mark.slow
 def test_a_level_keeps_its_coverage_under_student_errors_once_rows_are_off():
     """The 90 % interval over 300 draws of 24 rows with errors of three degrees of freedom, scale one sd."""
     rng, hits = np.random.default_rng(11), 0
