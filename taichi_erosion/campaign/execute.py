@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.campaign import ledger as ledgers
-from taichi_erosion.campaign.ledger import Ledger, unfinished
+from taichi_erosion.campaign.ledger import Ledger, finished_runs, unfinished
 from taichi_erosion.campaign.pool import (
     Batch,
     Event,
@@ -31,6 +31,7 @@ from taichi_erosion.campaign.pool import (
     start_pool,
 )
 from taichi_erosion.campaign.request import WORTH_A_START, Report, RunRequest, RunResult
+from taichi_erosion.campaign.work_done import WorkDone
 from taichi_erosion.core.device import usable_cores
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Arch
@@ -65,10 +66,8 @@ class Campaign:
     ledger: Ledger
     pool: Pool
     progress: Report | None
-    work: float  # grain-steps of the runs that did not stand in the ledger
+    work: WorkDone
     renewed: float = field(default_factory=time.monotonic)  # time of the last heartbeat
-    shares: dict[str, float] = field(default_factory=dict)  # of runs under way here [1]
-    reported: float = 0.0  # largest share reported; a batch that ends between two polls does not take it back
 
 
 def execute(
@@ -98,7 +97,8 @@ def execute(
             refuse_missing_devices(archs)
             pool = start_pool(function, 1 if archs else min(len(left), workers or usable_cores()))
         work = sum(wanted[key].work for key in left)
-        campaign = Campaign(wanted, ledger, pool, progress, work)
+        done = WorkDone(wanted, work, finished_runs(ledger, list(wanted)))
+        campaign = Campaign(wanted, ledger, pool, progress, done)
         try:
             run_all(campaign)
         finally:
@@ -141,6 +141,7 @@ def submit_batches(campaign: Campaign, left: dict[str, tuple[str, int]]) -> None
         if batch:
             keys, payloads = zip(*((request.key, request.payload) for request in batch), strict=True)
             campaign.pool.submit(Batch(keys, payloads))
+            campaign.work.begin(keys)
 
 
 def handle_event(campaign: Campaign, event: Event) -> None:
@@ -148,14 +149,14 @@ def handle_event(campaign: Campaign, event: Event) -> None:
     ledger, keys = campaign.ledger, event.batch.keys
     if event.kind == "record":
         ledgers.record_result(ledger, keys[event.place], event.record)
-        campaign.shares.pop(keys[event.place], None)
+        campaign.work.end(keys[event.place], event.record.get("wall_s"))
         return
     without_record = list(unfinished(ledger, keys))
     if event.kind == "share":
-        campaign.shares |= dict.fromkeys(without_record, event.share)
+        campaign.work.limits |= dict.fromkeys(without_record, event.share)
         return
     for key in keys:
-        campaign.shares.pop(key, None)
+        campaign.work.end(key)
     if event.kind == "raised" and len(keys) == 1 and without_record:
         ledgers.record_result(ledger, keys[0], {"failure": event.reason})
     else:
@@ -166,12 +167,10 @@ def report_progress(campaign: Campaign, left: Iterable[str]) -> None:
     """Report how many runs have ended, what they say of their device, and the share of the work done."""
     if campaign.progress is None:
         return
-    rest = {key: campaign.requests[key].work * (1.0 - campaign.shares.get(key, 0.0)) for key in left}
-    done = 1.0 - sum(rest.values()) / campaign.work if campaign.work else 1.0
-    campaign.reported = max(campaign.reported, done)
-    total = len(campaign.requests)
+    rest, total = list(left), len(campaign.requests)
     notes = sorted({campaign.requests[key].note for key in rest} - {""})
-    campaign.progress(campaign.reported, "; ".join([f"{total - len(rest)} of {total} runs", *notes]))
+    words = "; ".join([f"{total - len(rest)} of {total} runs", *notes])
+    campaign.progress(campaign.work.share(rest), words)
 
 
 def run_on_dask(function: str, payloads: Payloads) -> list[tuple[int, dict[str, Any]]]:

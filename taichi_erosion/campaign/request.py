@@ -28,7 +28,8 @@ from taichi_erosion.scene.build.limits import time_step
 
 Report = Callable[[float, str], None]  # (share done [1], sentence)
 
-WORTH_A_START = 2e7  # grain-steps that take as long as to start an ensemble: about four seconds of one core
+WORTH_A_START = 2e7  # grain-steps that take as long as to start an ensemble
+START = 4.0  # s of one core that the start of an ensemble takes
 THREADS = 1  # of a batch: it is one of several that run beside each other
 RUNS_MOST = 64  # of a batch: more make an ensemble no cheaper to start, but its fields larger
 DEVICE_GRAINS = 1_000_000  # of a batch on a graphics processor: some GB of its memory

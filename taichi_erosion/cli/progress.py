@@ -50,7 +50,7 @@ def close_log() -> None:
 
 LINE_INTERVAL = 10.0  # s between two lines
 ESTIMATE_AFTER = 5.0  # s before the remaining time is estimated
-ESTIMATE_FROM = 0.02  # share done from which it is [1]
+ESTIMATE_FROM = 0.005  # share done from which it is [1]
 ESTIMATE_INTERVAL = 2.0  # s between two estimates
 SETTLED = 0.1  # share done from which an estimate is at most `JUMP` times the one before, or 1 / `JUMP`
 JUMP = 2.0

@@ -9,6 +9,7 @@ from run.small_scene import write_scene
 from taichi_erosion.campaign.execute import Campaign, execute, report_progress
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.campaign.request import DEVICE_GRAINS, RUNS_MOST, RunDevice, scene_request
+from taichi_erosion.campaign.work_done import WorkDone
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.run import RunOptions, run_scene, scene_run
@@ -128,7 +129,7 @@ def test_auto_leaves_a_scene_that_the_device_cannot_run_to_the_cpu_and_says_why(
     assert on_grid.key == scene_request(GRID, (), 3).key
     told, unused = list[str](), cast(Any, None)
     both = {request.key: request for request in (on_grid, usual)}
-    left = Campaign(both, unused, unused, lambda _, line: told.append(line), 1.0)
+    left = Campaign(both, unused, unused, lambda _, line: told.append(line), WorkDone(both, 1.0, {}))
     report_progress(left, [on_grid.key, usual.key])
     report_progress(left, [usual.key])
     assert told == [f"0 of 2 runs; {on_grid.note}", "1 of 2 runs"]

@@ -76,10 +76,10 @@ def answered(
     left = max(runs.plan_size.rounds - len(own), 0)
     cost = plan_cost(runs, left, question.most, test_cost(runs, question, own, key))
     study.options.announce(cost.sentence)
-    phase = 0
+    phases, phase = cost.phases, 0
     while True:
-        ready = training_runs.emulated_study(runs, part_of(progress, cost.phases, phase))
-        found = question.answer(ready, part_of(progress, cost.phases, phase + 1))
+        ready = training_runs.emulated_study(runs, part_of(progress, phases, phase))
+        found = question.answer(ready, part_of(progress, phases, phase + 1))
         phase += 2
         while (points := next_points(runs, question, found, own, earlier)) == []:
             own.append([])  # a round about nothing new changes no answer
@@ -88,10 +88,12 @@ def answered(
             write_rounds(study, rounds)
             wider = None if runs.mechanisms or not question.beyond(found) else with_mechanisms(runs)
             if wider is None or not wider.mechanisms or not fits_budget(wider):
-                steps = part_of(progress, cost.phases, phase)
+                steps = part_of(progress, phases, len(phases) - 1)
                 return after_test(question, found, ready, RoundsOf(runs, rounds, key), steps)
             runs = wider
-            study.options.announce(f"No listed effect suffices. {plan_cost(runs, 0, 0).sentence}")
+            more = plan_cost(runs, 0, 0)
+            study.options.announce(f"No listed effect suffices. {more.sentence}")
+            phases = [*phases[:phase], *more.phases, *phases[phase:]]
             continue
         runs = training_runs.refined_training_runs(runs, points, f"{key}|{len(own)}")
         own.append(points)

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from math import ceil
 
 from taichi_erosion.campaign.ledger import finished_runs
-from taichi_erosion.campaign.request import WORTH_A_START, RunRequest
+from taichi_erosion.campaign.request import START
+from taichi_erosion.campaign.work_done import pace
 from taichi_erosion.core.device import usable_cores
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, requested, room_left
 
-START = 4.0  # s of one core that an ensemble takes to start, as long as WORTH_A_START of its work
 ANSWER = 0.05  # s of statistics per run behind an answer
 MINUTE, HOUR = 60.0, 3600.0  # s
 
@@ -86,13 +86,6 @@ def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) 
 def starts_s(groups: int, workers: int) -> float:
     """Seconds that the starts of ensembles take: runs of each group need one of their own."""
     return START * ceil(groups / workers)
-
-
-def pace(wanted: dict[str, RunRequest], done: dict[str, float]) -> float:
-    """Seconds of one worker per unit of work, of runs that ended here; without any as fast as usual."""
-    work = sum(wanted[key].work for key in done)
-    spent = sum(done.values())
-    return spent / work if work > 0.0 and spent > 0.0 else START / WORTH_A_START
 
 
 def span(seconds: float) -> str:

@@ -2,7 +2,8 @@
 
 import pytest
 
-from taichi_erosion.evidence.emulator.plan_cost import START, starts_s
+from taichi_erosion.campaign.request import START
+from taichi_erosion.evidence.emulator.plan_cost import starts_s
 
 
 @pytest.mark.parametrize(("groups", "workers", "starts"), [(0, 2, 0), (1, 2, 1), (10, 1, 10), (10, 4, 3)])
