@@ -155,7 +155,7 @@ class SilentSource:
 
 def silent_sources(prepared: PreparedProblem, held: PreparedProblem) -> Iterator[SilentSource]:
     """Every such source among the held-out rows."""
-    there, here = np.array(held.rows.source), np.array(prepared.rows.source)
+    there, here = np.array(held.rows.source_names), np.array(prepared.rows.source_names)
     known = {each.name: own for each, own in prepared.by_observable()}
     for observable, chosen in held.by_observable():
         own = known.get(observable.name)

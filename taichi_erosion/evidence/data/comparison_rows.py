@@ -22,6 +22,7 @@ from taichi_erosion.evidence.data.problem import (
     Problem,
     rows_picked,
 )
+from taichi_erosion.evidence.data.tables.table_changes import source_names
 from taichi_erosion.evidence.data.transforms import slope, to_scale
 
 ROW_WISE = ("which", "z", "variance", "censored", "reach", "conditions", "group", "source", "slope", "stated")
@@ -41,7 +42,7 @@ class ComparisonRows:
     shared: Floats  # (n, q): change of z per sd of each instrument's systematic error
     conditions: Conditions
     group: tuple[str, ...]
-    source: tuple[str, ...]
+    source: tuple[str, ...]  # the place of a row where it names none
     slope: Floats  # dz/dy at the measured value
     stated: Bools  # an sd is stated, for the row or a repeat of it, or the value is censored
     freedom: float  # degrees of freedom behind the noise level
@@ -55,6 +56,11 @@ class ComparisonRows:
     @property
     def size(self) -> int:
         return int(self.z.size)
+
+    @property
+    def source_names(self) -> tuple[str, ...]:
+        """Source of every row; the file of those that name none."""
+        return source_names(self.source)
 
     @property
     def limits(self) -> tuple[Literal["", "below", "above", "between"], ...]:

@@ -19,6 +19,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.data.number_words import counted
 from taichi_erosion.evidence.data.problem import Bools, Integers, Measurements
+from taichi_erosion.evidence.data.tables.table_changes import source_names
 
 FEWEST_GROUPS = 5  # per observable; with fewer, holding out a whole one would leave too little to fit
 FEWEST_UNITS = 4  # of an observable; with fewer nothing of it is held out
@@ -85,10 +86,11 @@ def stated_rows(
     measurements: Measurements, ranges: Mapping[str, Sequence[float]], sources: Sequence[str]
 ) -> Bools:
     """Rows whose condition lies in a named range, and those of a named source. Raises BadInput."""
-    known = tuple(dict.fromkeys(measurements.source))
+    made_by = source_names(measurements.source)
+    known = tuple(dict.fromkeys(made_by))
     if missing := [name for name in sources if name not in known]:
         raise BadInput(f"vault.sources: '{missing[0]}' is not one of {', '.join(known)}")
-    inside = np.array([name in sources for name in measurements.source], dtype=np.bool_)
+    inside = np.array([name in sources for name in made_by], dtype=np.bool_)
     for name, (low, high) in ranges.items():
         column = measurements.conditions[name]
         inside |= (column >= low) & (column <= high)

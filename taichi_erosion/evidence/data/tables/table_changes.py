@@ -15,7 +15,7 @@ from scipy.optimize import linear_sum_assignment
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
 
 Cell = dict[str, str]  # cells of a row by name of the column, without its unit
-PLACE = re.compile(r".*, row (?P<line>\d+)")  # source of a row that names no other
+PLACE = re.compile(r"(?P<file>.*), row (?P<line>\d+)")  # source of a row that names no other
 IGNORED = ("vault",)
 ALIKE = 0.5  # share of the cells that vary among rows in which two versions of a row agree
 NEARER = 1e-3  # cells by which a pair one table length apart counts as worse than one in the same place
@@ -45,6 +45,12 @@ class TableChanges:
     def none(self) -> bool:
         """Whether both versions say the same."""
         return not (self.cells or self.units or self.added or self.removed)
+
+
+def source_names(sources: Sequence[str]) -> tuple[str, ...]:
+    """Sources of rows: those that name no other are of one source, their file."""
+    places = [PLACE.fullmatch(source) for source in sources]
+    return tuple(place["file"] if place else source for place, source in zip(places, sources, strict=True))
 
 
 def table_changes(before: Cells, after: Cells) -> TableChanges:

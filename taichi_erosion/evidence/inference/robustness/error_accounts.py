@@ -176,7 +176,7 @@ def sharing_columns(prepared: PreparedProblem, kind: Kind) -> Iterator[Sharing]:
     Which source or batch is right is not known: their mean is as uncertain as their errors make it, and so
     are calibrated numbers that follow it.
     """
-    named = np.array(prepared.rows.source if kind == "source" else prepared.rows.group)
+    named = np.array(prepared.rows.source_names if kind == "source" else prepared.rows.group)
     for observable, chosen in prepared.by_observable():
         names, counts = np.unique(named[chosen], return_counts=True)
         least = 2 if kind == "source" else LEAST_BATCHES
@@ -330,7 +330,7 @@ def scatter_account(
 
 def unstated_sources(prepared: PreparedProblem) -> Iterator[tuple[str, str, Bools]]:
     """Observable, source and rows of every source that states no sd of an observable, while others do."""
-    labels, stated = np.array(prepared.rows.source), prepared.rows.stated
+    labels, stated = np.array(prepared.rows.source_names), prepared.rows.stated
     for observable, chosen in prepared.by_observable():
         silent = set(labels[chosen]) - set(labels[chosen & stated])
         for source in sorted(silent) if np.any(chosen & stated) else ():

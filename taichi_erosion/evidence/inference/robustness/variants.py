@@ -183,7 +183,7 @@ def shared_error_variants(fitted: FittedHypotheses, factor: float) -> Iterator[V
 def row_sets(fitted: FittedHypotheses) -> Iterator[tuple[str, Bools]]:
     """Rows that are left out: each source, each of the largest groups, and the worst rows."""
     rows, units = fitted.prepared.rows, fitted.prepared.problem.measurements.table_units
-    for column, word, most in ((rows.source, "source", None), (rows.group, "group", MOST_GROUPS)):
+    for column, word, most in ((rows.source_names, "source", None), (rows.group, "group", MOST_GROUPS)):
         labels = np.array(column)
         names, counts = np.unique(labels, return_counts=True)
         for name in names[np.argsort(-counts, kind="stable")][:most] if names.size > 1 else []:

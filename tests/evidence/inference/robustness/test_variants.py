@@ -101,3 +101,19 @@ def test_a_group_left_out_of_an_averaged_answer_gives_the_average_of_the_table_w
     wanted = anew.posterior.inclusion["bend"]
     assert averaged == pytest.approx(wanted, abs=0.005)
     assert abs(one.posterior().inclusion["bend"] - wanted) > 0.015, "one account alone gives another answer"
+
+
+def test_rows_that_name_no_source_are_of_one_their_file():
+    problem = weak()
+    placed = replace(problem.measurements, source=tuple(f"lab, row {k}" for k in range(36)))
+    found = analyse(prepare(replace(problem, measurements=placed), placed, 1), 1, no_progress)
+    words = [each for each, _ in row_sets(found.fitted)]
+    assert words
+    assert not [each for each in words if "source" in each], (
+        "a table of one source is not left out row by row"
+    )
+    mixed = replace(placed, source=("Smith 1999",) * 12 + placed.source[12:])
+    found = analyse(prepare(replace(problem, measurements=mixed), mixed, 1), 1, no_progress)
+    sets = dict(row_sets(found.fitted))
+    assert sets["without source lab"].sum() == 24
+    assert sets["without source Smith 1999"].sum() == 12
