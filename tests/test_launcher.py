@@ -73,7 +73,7 @@ class Tree:
             env=self.environment | environment,
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=600,
             check=False,
         )
 
@@ -190,7 +190,7 @@ def test_two_set_ups_do_not_run_at_once(tree):
         assert waiting.stderr is not None
         assert waiting.stderr.readline() == "erosion: waiting for another set-up of .venv to finish\n"
         assert tree.installations() == []
-    out, _ = waiting.communicate(timeout=60)
+    out, _ = waiting.communicate(timeout=600)
     assert out == "taichi-erosion run\n"
 
 

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
 
 LOOPBACK = "127.0.0.1"
-START_LIMIT = 30.0  # s until a viewer answers
-LOAD_LIMIT = 60.0  # s until a recording is loaded
+START_LIMIT = 120.0  # s until a viewer answers
+LOAD_LIMIT = 300.0  # s until a recording is loaded
 POLL = 0.1  # s between two questions
 DRAW_TIME = 1.5  # s for the software renderer to finish a view after the time was set
 NOTICE_TIME = 6.0  # s after its start, in which the whole viewer shows a notice on its connection

@@ -18,7 +18,7 @@ from taichi_erosion.campaign.ledger import close_ledger, is_alive, open_ledger
 from taichi_erosion.core.errors import BadInput
 
 RUNS = 120
-PATIENCE = 60.0  # s; the cores may be busy
+PATIENCE = 600.0  # s; the cores may be busy
 SLOW = 0.05  # s of a run that is to be interrupted
 
 Table = list[tuple[str, float, str | None]]

@@ -25,7 +25,7 @@ def test_a_table_beyond_the_list_leads_to_a_law_and_a_falling_error(tmp_path, mo
     folder.mkdir(parents=True)
     shutil.copy(ROOT / "doe" / "beyond" / "rolling_wet.toml", folder)
     words = [sys.executable, "-m", "doe.beyond.laboratory", str(folder / "rolling_wet.csv")]
-    subprocess.run(words, cwd=ROOT, check=True, timeout=60.0)
+    subprocess.run(words, cwd=ROOT, check=True, timeout=600.0)
     monkeypatch.chdir(tmp_path)
     for block in re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL):
         for line in block.splitlines():

@@ -26,7 +26,7 @@ READERS = {
     f"run {ROOT / SCENE} --resume FILE.npz": "FILE.npz",
     "effects new law --from-discovery FILE.json": "FILE.json",
 }
-PATIENCE = 20  # s of wall time: a pipe that nobody fills takes none of the process's own
+PATIENCE = 300  # s of wall time: a pipe that nobody fills takes none of the process's own
 
 
 def make(kind: str, place: Path) -> None:

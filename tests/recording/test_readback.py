@@ -36,7 +36,7 @@ def kill_a_writer(path: Path, death: str) -> Path:
     paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parents[2])])
     environment = {**os.environ, "PYTHONPATH": paths}
     command = [sys.executable, "-c", WRITER.format(end=DEATHS[death]), path]
-    code = subprocess.run(command, env=environment, check=False, timeout=120).returncode
+    code = subprocess.run(command, env=environment, check=False, timeout=600).returncode
     assert code == (-signal.SIGKILL if death == "SIGKILL" else 3)
     assert not path.exists()
     return part_path(path)

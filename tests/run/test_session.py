@@ -184,7 +184,7 @@ def test_a_session_on_a_terminal_prompts_says_mistakes_and_goes_on(tmp_path: Pat
         if not part:
             break
         said += part
-    assert child.wait(timeout=60) == 0
+    assert child.wait(timeout=600) == 0
     os.close(master)
     text = said.decode()
     assert "'fly' is not a command" in text

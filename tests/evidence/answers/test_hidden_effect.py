@@ -35,7 +35,7 @@ sealed = json.dumps({"effects": truth, "salt": drawn.random()})
 def blind_study(folder: Path, kind: str, seed: int) -> Path:
     """Study on a table that another process has made."""
     words = [sys.executable, "-c", MAKER, str(folder), kind, str(seed)]
-    subprocess.run(words, cwd=ROOT, check=True, timeout=60.0)
+    subprocess.run(words, cwd=ROOT, check=True, timeout=600.0)
     path = folder / "heap.toml"
     path.write_text(study_text(), encoding="utf-8")
     return path
