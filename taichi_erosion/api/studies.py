@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal
 
 from taichi_erosion.api.notebook import frame, html, progress
 from taichi_erosion.api.runs import PathLike
@@ -90,11 +90,9 @@ class ComparisonResult(Result):
 
     @property
     def found(self) -> list[str]:
-        from taichi_erosion.evidence.answers.words.agreement import NO_MISFIT
-        from taichi_erosion.evidence.inference.verdict_levels import fails
+        from taichi_erosion.evidence.answers.words.agreement import comparison_sentences
 
-        failing = [place["sentence"] for place in self.document["where"] if fails(place["p"])]
-        return failing or [NO_MISFIT]
+        return comparison_sentences(self.document)
 
     @property
     def p(self) -> float | None:
@@ -237,10 +235,9 @@ class Study:
     @property
     def options(self) -> "StudyOptions":
         """What the commands take beside the file."""
-        from taichi_erosion.evidence.models.load_study import StudyOptions
+        from taichi_erosion.evidence.models.load_study import StudyOptions, stated_budget
 
-        named = cast(Any, self.budget) if isinstance(self.budget, str) else None
-        runs = self.budget if isinstance(self.budget, int) else None
+        named, runs = stated_budget(self.budget)
         found = StudyOptions(named, runs, self.workers, self.seed, self.effect_files)
         return replace(found, arch=self.arch, decomposition=self.decomposition)
 
@@ -319,6 +316,7 @@ class Study:
             return command(self.path, lambda words, share: report(share, words), self.options)
 
 
+@in_python
 def study(
     path: PathLike,
     *,
@@ -329,7 +327,17 @@ def study(
     arch: Literal["auto", "cpu", "cuda", "vulkan"] | None = None,
     decomposition: Literal["partitions", "grains"] | None = None,
 ) -> Study:
-    """A study by its file; None leaves a choice to the file. Its commands raise BadInput for a wrong file."""
+    """A study by its file; None leaves a choice to the file.
+
+    Raises BadInput for a file that is none and for a budget that is none; its commands do for faults in it.
+    """
+    from taichi_erosion.evidence.models.load_study import stated_budget
+    from taichi_erosion.scene.file_kind import refuse_other_kind
+
+    refuse_other_kind(Path(path), "study")
+    if not Path(path).is_file():
+        raise BadInput(f"{path}: there is no such file")
+    stated_budget(budget)
     files = tuple(Path(file) for file in effect_files)
     return Study(Path(path), budget, workers, seed, files, arch, decomposition)
 

@@ -6,7 +6,7 @@ Each prints its sentences first, then a table, then the limits of the result.
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,11 +23,10 @@ from taichi_erosion.cli.output import (
     print_table,
 )
 from taichi_erosion.cli.progress import KEPT, announce, interruptible
-from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.words.agreement import NO_MISFIT, agreement, is_untested, row_sentences
+from taichi_erosion.evidence.answers.words.agreement import comparison_sentences
 from taichi_erosion.evidence.answers.words.held_out import FITTED_ERRORS, HELD_OUT_ERRORS
 from taichi_erosion.evidence.data.number_words import heading, plain
-from taichi_erosion.evidence.inference.verdict_levels import CORRELATED, fails, p_number
+from taichi_erosion.evidence.inference.verdict_levels import CORRELATED, p_number
 
 if TYPE_CHECKING:
     from taichi_erosion.evidence.models.load_study import StudyOptions
@@ -182,8 +181,9 @@ def options_of(
     budget: Budget, seed: Seed, own: EffectFiles, workers: Workers, arch: Arch, decomposition: Decomposition
 ) -> "StudyOptions":
     """What the command line states of a study; raises BadInput for a budget that is none."""
-    from taichi_erosion.evidence.models.load_study import StudyOptions
+    from taichi_erosion.evidence.models.load_study import StudyOptions, stated_budget
 
+    named, runs = stated_budget(budget)
     stated: dict[str, Any] = {
         "seed": seed,
         "effect_files": tuple(own or ()),
@@ -192,11 +192,7 @@ def options_of(
         "arch": arch,
         "decomposition": decomposition,
     }
-    if budget is None or budget in ("quick", "full"):
-        return StudyOptions(budget=cast(Any, budget), **stated)
-    if not (budget.isascii() and budget.isdigit() and int(budget) > 0):
-        raise BadInput(f"--budget {budget}: give quick, full, or the most runs, a whole number above 0")
-    return StudyOptions(runs=int(budget), **stated)
+    return StudyOptions(budget=named, runs=runs, **stated)
 
 
 def answer(
@@ -216,11 +212,7 @@ def answer(
 def print_comparison(document: Record, own: Sequence[Path] | None = None) -> None:
     """Print whether the model agrees, where it fails, and the misfit of every observable."""
     print_lines(document["set_up"], "set-up: ")
-    typer.echo(agreement(document))
-    failing = [place["sentence"] for place in document["where"] if fails(place["p"])]
-    print_lines(level["sentence"] for level in document["levels"])
-    print_lines(failing or ([] if is_untested(document) else [NO_MISFIT]))
-    print_lines(row_sentences(document["worst_row"]))
+    print_lines(comparison_sentences(document))
     from taichi_erosion.evidence.data.table_units import TableUnits
 
     units = TableUnits.of(document)

@@ -9,7 +9,7 @@ from typing import Any
 
 from taichi_erosion.core.files import read_text_file
 from taichi_erosion.evidence.answers.words.agreement import is_untested
-from taichi_erosion.evidence.answers.words.held_out import unseen_words
+from taichi_erosion.evidence.answers.words.held_out import by_observable, unseen_words
 from taichi_erosion.evidence.inference.verdict_levels import HELD_OUT_SHARE, fails
 
 Record = Mapping[str, Any]
@@ -226,7 +226,8 @@ def after_adoption(document: Record, options: str = "") -> Iterator[str]:
     if after is None or before is None:
         yield "No held-out row tests the effect: measure under further conditions before you trust it."
     elif after <= HELD_OUT_SHARE * before:
-        yield f"The error falls on {rows}."
+        errors = (document[key]["vault_rmse"] for key in ("base", "added"))
+        yield f"The error {by_observable(*errors)} on {rows}."
     else:
         yield f"The {rows} do not support it: go on with the old study."
         yield f"`{program()} next {document['study']}{options}` proposes the measurements that would decide."

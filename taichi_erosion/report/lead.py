@@ -139,6 +139,11 @@ def change_words(base: Document, added: Document, units: TableUnits) -> str:
     verb = "falls" if all(falling) else "changes" if any(falling) else "rises"
     if len(sides) == 1:
         return f"{verb} {next(iter(sides.values()))}"
+    if verb == "changes" and len(sides) <= MOST_TOLD:
+        verbs = ("rises" if not down else "falls" for down in falling)
+        nouns = (words_of(name).noun for name in sides)
+        told = zip(verbs, sides.values(), nouns, strict=True)
+        return listed([f"{way} {words} for {noun}" for way, words, noun in told])
     if len(sides) > MOST_TOLD:
         most = max(before, key=lambda name: before[name] / max(after[name], 1e-300))
         told = f"most for {words_of(most).noun}, {sides[most]}"

@@ -7,6 +7,7 @@ import pytest
 
 import taichi_erosion as te
 
+SCENE = Path(__file__).parents[2] / "scenes" / "incline.toml"
 TABLE = Path(__file__).parents[2] / "doe" / "windkanal.csv"
 
 
@@ -26,7 +27,8 @@ def test_a_comparison_has_the_rows_of_the_table_in_its_units(wet):
     )
     assert table["moisture [%]"].max() == pytest.approx(1.2)
     assert comparison.p < 1e-6
-    assert "too high" in comparison.sentences[0]
+    assert comparison.sentences[0].startswith("The model does not agree with the 18 rows")
+    assert "too high" in comparison.sentences[1]
     assert comparison.misfit.loc["threshold_u_star", ["n", "unit"]].to_list() == [18, "cm/s"]
     off = table["measured"] - table["predicted"]
     assert comparison.misfit.loc["threshold_u_star", "rmse"] == pytest.approx((off**2).mean() ** 0.5)
@@ -53,7 +55,13 @@ def test_a_data_frame_is_a_table(tmp_path):
 
 def test_wrong_input_raises_one_kind_of_error(tmp_path):
     with pytest.raises(te.BadInput, match=r"none\.toml"):
-        te.study(tmp_path / "none.toml").compare()
+        te.study(tmp_path / "none.toml")
+    with pytest.raises(te.BadInput, match=r"incline\.toml: is a scene; simulate it") as refused:
+        te.study(SCENE)
+    assert "te.run" in str(refused.value)
+    for wrong in ("fast", 0, 1.5):
+        with pytest.raises(te.BadInput, match=f'budget="?{wrong}"?: give quick, full, or the most runs'):
+            te.study(TABLE.with_name("my_lab.toml"), budget=wrong)
     with pytest.raises(te.BadInput, match="out=FOLDER"):
         te.new_study(pd.DataFrame({"a": [1]}))
     with pytest.raises(AttributeError, match="no attribute 'sudy'"):

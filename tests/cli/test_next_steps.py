@@ -112,10 +112,10 @@ def test_the_next_command_names_the_effect_files_again():
     )
 
 
-def adoption(before: float | None, after: float | None, opened: int = 1) -> dict:
+def adoption(before: float | None, after: float | None, opened: int = 1, height: float = 1.0) -> dict:
     fits = {
-        "base": {"vault_chi2_per_row": before},
-        "added": {"vault_chi2_per_row": after},
+        "base": {"vault_chi2_per_row": before, "vault_rmse": {"angle": 4.0, "height": 2.0}},
+        "added": {"vault_chi2_per_row": after, "vault_rmse": {"angle": 1.0, "height": height}},
         "vault": {"opened": opened},
     }
     return fits | {"written": "a_with_x.toml", "study": "a.toml"}
@@ -123,6 +123,8 @@ def adoption(before: float | None, after: float | None, opened: int = 1) -> dict
 
 def test_an_adoption_says_what_the_held_out_rows_said():
     assert "The error falls" in next(after_adoption(adoption(40.0, 3.0)))
+    told = next(after_adoption(adoption(40.0, 3.0, height=2.3)))
+    assert told == "The error falls for angle and rises for height (by 15 %) on rows that no fit has seen."
     refuted = list(after_adoption(adoption(40.0, 38.0)))
     assert "do not support it" in refuted[0]
     assert not any("a_with_x" in line for line in refuted)

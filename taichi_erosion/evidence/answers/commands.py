@@ -210,8 +210,8 @@ def known_effects(effects: Sequence[str], names: Sequence[str], path: Path) -> t
 
 def named_beside(study: Study, effects: Sequence[str]) -> list[str]:
     """Effects that the last discovery named together with those to be adopted."""
-    last = documents.read_answer(study.results, study.path.stem, "discover")
-    named = last["named"] if last is not None and last.get("digest") == study.digest[:12] else []
+    last = last_discovery(study)
+    named = last["named"] if last is not None else []
     return [name for name in named if name not in effects] if set(effects) & set(named) else []
 
 
@@ -227,9 +227,24 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
         question = Question("next", answer, discovery_points, names, ahead=True, beyond=asks_mechanisms)
         found, ready = answered(study, budget, question, progress)
         experiments = documents.plain([asdict(each) for each in found.next_experiments])
-        document = {"next_experiments": experiments, "sentence": runs_first(study) + found.next_sentence}
+        words = asked_here(study, found) + runs_first(study) + found.next_sentence
+        document = {"next_experiments": experiments, "sentence": words}
         document |= {"faults": documents.plain([asdict(each) for each in found.faults])}
         return stored(ready, "next", document, start)
+
+
+def last_discovery(study: Study) -> Document | None:
+    """The last answer of `discover` on these measurements; None before the first."""
+    last = documents.read_answer(study.results, study.path.stem, "discover")
+    return last if last is not None and last.get("digest") == study.digest[:12] else None
+
+
+def asked_here(study: Study, found: Discovery) -> str:
+    """That the question of `discover` was asked without it, and its answer; empty where it was given."""
+    if last_discovery(study) is not None or not found.sentences:
+        return ""
+    told = found.sentences[0].rstrip(".")
+    return f"`discover` has not answered yet; its question was asked here first: {told}. "
 
 
 def contradicted(last: Document) -> bool:
@@ -239,8 +254,8 @@ def contradicted(last: Document) -> bool:
 
 def runs_first(study: Study) -> str:
     """That runs come before measurements, where new simulations contradicted the last discovery."""
-    last = documents.read_answer(study.results, study.path.stem, "discover")
-    if last is None or last["digest"] != study.digest[:12] or not contradicted(last):
+    last = last_discovery(study)
+    if last is None or not contradicted(last):
         return ""
     return "New simulations contradicted the last answer of `discover`: more runs come before measurements. "
 

@@ -22,7 +22,7 @@ from taichi_erosion.evidence.answers.mechanism_sentences import trend_sentences
 from taichi_erosion.evidence.answers.words.agreement import row_sentences
 from taichi_erosion.evidence.answers.words.effect_sets import set_sentences
 from taichi_erosion.evidence.answers.words.fresh_runs import unstable_words
-from taichi_erosion.evidence.answers.words.held_out import refuted
+from taichi_erosion.evidence.answers.words.held_out import refuted, uneven
 from taichi_erosion.evidence.data import number_words
 from taichi_erosion.evidence.data.findings import (
     NONE,
@@ -337,7 +337,9 @@ def adoption_sentence(found: Adoption) -> str:
         for fit, what in controls
         if fit is not None
     ]
-    words += f"; for comparison {', '.join(told)}." if told else "."
+    words += (f"; for comparison {', '.join(told)}." if told else ".") + uneven(
+        base.vault_rmse, added.vault_rmse
+    )
     if found.with_all is not None:
         names = " and ".join(found.with_all.effects)
         after = number_words.plain(found.with_all.vault_chi2_per_row)

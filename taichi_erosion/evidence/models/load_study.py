@@ -61,6 +61,16 @@ class StudyOptions:
 NO_OPTIONS = StudyOptions()
 
 
+def stated_budget(budget: str | int | None) -> tuple[BudgetName | None, int | None]:
+    """Size of the plan and cap on the runs that a user states; raises BadInput for what is neither."""
+    if budget is None or budget == "quick" or budget == "full":
+        return budget, None
+    stated = str(budget)
+    if stated.isascii() and stated.isdigit() and int(stated) > 0:
+        return None, int(stated)
+    raise BadInput(f"--budget {stated}: give quick, full, or the most runs, a whole number above 0")
+
+
 @dataclass(frozen=True)
 class Study:
     """A study with its problem, ready for the statistics."""

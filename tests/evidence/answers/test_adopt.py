@@ -152,3 +152,14 @@ def test_all_hypotheses_are_held_against_the_rows_that_each_has_a_value_for():
     assert len(tables) == 3
     assert all(rows is not None and len(rows.observable) == 3 for rows in tables), "the row at x = -1 is out"
     assert found.sentence.endswith("For 1 of 4 held-out rows there is no value.")
+
+
+def test_an_error_that_rises_for_one_observable_is_told_by_observable():
+    before = replace(fit(9.0), vault_rmse={"repose_angle": 4.0, "pile_height": 2e-3})
+    after = replace(fit(1.2), effects=("gusts",), vault_rmse={"repose_angle": 1.0, "pile_height": 2.5e-3})
+    told = adoption_sentence(Adoption(effect="gusts", base=before, added=after))
+    assert "falls for repose_angle and rises for pile_height (by 25 %)" in told
+    better = replace(after, vault_rmse={"repose_angle": 1.0, "pile_height": 1e-3})
+    assert "The error of held-out rows" not in adoption_sentence(
+        Adoption(effect="gusts", base=before, added=better)
+    )

@@ -140,6 +140,14 @@ def test_next_proposes_experiments_within_the_stated_ranges(tmp_path, capsys):
         assert 0.0 <= experiment["conditions"]["moisture"] <= 0.002
 
 
+def test_next_before_discover_says_that_it_asked_itself_and_after_it_does_not(tmp_path, capsys, printed):
+    study = write_study(tmp_path, {"liquid_bridge": 1.0})
+    told = document(capsys, "next", str(study))["sentence"]
+    assert told.startswith("`discover` has not answered yet; its question was asked here first: ")
+    assert "liquid_bridge" in told.partition(". ")[0]
+    assert "has not answered yet" not in printed["next"]
+
+
 def test_people_are_told_in_sentences(printed):
     assert "The model does not agree with the" in printed["compare"]
     assert "liquid_bridge" in printed["discover"].splitlines()[0]

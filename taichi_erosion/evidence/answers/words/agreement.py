@@ -11,6 +11,17 @@ Document = Mapping[str, Any]
 NO_MISFIT = "No significant misfit in any observable or along any condition."
 
 
+def comparison_sentences(document: Document) -> list[str]:
+    """What a comparison found: the overall agreement, levels and places, and a row that is off."""
+    failing = [place["sentence"] for place in document["where"] if fails(place["p"])]
+    return [
+        agreement(document),
+        *(level["sentence"] for level in document["levels"]),
+        *(failing or ([] if is_untested(document) else [NO_MISFIT])),
+        *row_sentences(document["worst_row"]),
+    ]
+
+
 def agreement(document: Document) -> str:
     """Sentence on the overall agreement."""
     p, rows = document["p"], rows_words(document)
