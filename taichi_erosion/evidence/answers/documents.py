@@ -337,9 +337,7 @@ def adoption_sentence(found: Adoption) -> str:
         for fit, what in controls
         if fit is not None
     ]
-    words += (f"; for comparison {', '.join(told)}." if told else ".") + uneven(
-        base.vault_rmse, added.vault_rmse
-    )
+    words += f"; for comparison {', '.join(told)}{uneven(base, added)}" if told else uneven(base, added)
     if found.with_all is not None:
         names = " and ".join(found.with_all.effects)
         after = number_words.plain(found.with_all.vault_chi2_per_row)

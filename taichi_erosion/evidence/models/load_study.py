@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 from taichi_erosion.campaign.study_file import (
     ALL,
@@ -63,8 +63,11 @@ NO_OPTIONS = StudyOptions()
 
 def stated_budget(budget: str | int | None) -> tuple[BudgetName | None, int | None]:
     """Size of the plan and cap on the runs that a user states; raises BadInput for what is neither."""
-    if budget is None or budget == "quick" or budget == "full":
-        return budget, None
+    if budget is None:
+        return None, None
+    for name in get_args(BudgetName):
+        if budget == name:
+            return name, None
     stated = str(budget)
     if stated.isascii() and stated.isdigit() and int(stated) > 0:
         return None, int(stated)
