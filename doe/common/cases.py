@@ -20,6 +20,7 @@ from taichi_erosion.core.errors import BadInput
 ROOT = Path(__file__).parents[2]  # where scenes/ and doe/ lie
 MEASURED = ROOT / "taichi_erosion" / "effects" / "measured"  # tables that `effects NAME` prints
 STOPPED = "stopped"  # observable of a case that gave no result; `note` says why
+SIZES = {"median": 1.0, "low": 0.8, "high": 1.25}  # of nearly uniform sand, over its diameter [1]
 GUARDED = 3  # exit code of a run of which its guards stopped a seed; with a document where others ended
 
 
@@ -63,6 +64,12 @@ class Row:
 def settings(*orders: str) -> tuple[str, ...]:
     """PATH=VALUE words as the command line wants them."""
     return tuple(word for order in orders for word in ("--set", order))
+
+
+def size_order(diameter: float) -> str:
+    """Setting of the sizes of nearly uniform sand about a median [m]."""
+    sizes = ", ".join(f"{name} = {share * diameter:.6g}" for name, share in SIZES.items())
+    return f'grains.size={{ law = "lognormal", sigma_log = 0.1, {sizes} }}'
 
 
 def command(scene: str, case: Case) -> list[str]:

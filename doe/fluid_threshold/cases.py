@@ -9,9 +9,8 @@ from math import sqrt
 from pathlib import Path
 from typing import Any
 
-from doe.common.cases import ROOT, Case, command, settings
+from doe.common.cases import ROOT, Case, command, settings, size_order
 from doe.common.tables import read_table, write_table
-from doe.wind.run import size_order
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.verification.reference.hopping import Sand
 

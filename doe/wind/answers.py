@@ -5,9 +5,8 @@
 with d the diameter [m], s the density of the grains over that of the air [1], A and A_e the simulated numbers
 without an effect and with it at textbook strength, psi_e its strength [1]. Their logarithms are straight in
 ln d between simulated sands. Beyond the sands that were simulated with it an effect does what it does at the
-last of them; adhesion fades there with pull over weight, as d^-2. Sands with adhesion were simulated with the
-pull of a whole grain in every contact, sqrt(6) times that of `dry_adhesion` at strength 1: psi counts in such
-pulls. That light grains need the root of s - 1 is what one of them, simulated by itself, confirms within 8 %.
+last of them; adhesion fades there with pull over weight, as d^-2. That light grains need the root of s - 1 is
+what one of them, simulated by itself, confirms within 8 %.
 Three errors of the laboratory need no run: grains of another diameter than their sieve's, of another density
 than is stated, and a friction velocity that is read wrongly.
 
@@ -21,7 +20,18 @@ from pathlib import Path
 import numpy as np
 
 from doe.common.cases import Row
-from doe.wind.blown_sand import AIR, BARE, GRAVITY, MILLI, QUARTZ, STICKY, STRESS_LINE, Found, found_in
+from doe.wind.blown_sand import (
+    AIR,
+    BARE,
+    GRAVITY,
+    IN_EVERY_CONTACT,
+    MILLI,
+    QUARTZ,
+    STICKY,
+    STRESS_LINE,
+    Found,
+    found_in,
+)
 from doe.wind.saturated_sand import LIGHT, saturated_thresholds
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
@@ -75,7 +85,10 @@ def relative_variance(row: Row) -> float:
 
 
 THRESHOLDS = saturated_thresholds(found_in(Path(__file__).with_name(READS[0])))
-SIMULATED = {group: sands_of(THRESHOLDS, group) for group in {name[0] for name in THRESHOLDS} - {LIGHT}}
+SIMULATED = {
+    group: sands_of(THRESHOLDS, group)
+    for group in {name[0] for name in THRESHOLDS} - {LIGHT, IN_EVERY_CONTACT}
+}
 
 
 def predict(observable, conditions, parameters, effects, seeds):

@@ -30,8 +30,14 @@ SPLASH = {
     "ejecta_share": "grains ejected per landing",
 }
 BARE = "impact"  # group of the cases without any effect
-STICKY = "adhesion"  # of those with dry adhesion
-BOTH = {"without": BARE, "with": STICKY}
+STICKY = "adhesion"  # of those with dry adhesion, which the contacts of a grain share
+ALL_FORCES = "all_forces"  # of those with all forces of a fluid threshold
+IN_EVERY_CONTACT = "adhesion_in_every_contact"  # of those with the pull of a whole grain in every contact
+ADHESIONS = {
+    "without adhesion": BARE,
+    "with adhesion": STICKY,
+    "with adhesion in every contact": IN_EVERY_CONTACT,
+}
 # relative differences up to which a model holds: those between laboratories
 HOLDS = {"impact": 0.10, "flux": 0.20}
 QUARTZ, AIR = 2650.0, 1.225  # kg m-3, of the simulated grains and their air
@@ -152,16 +158,15 @@ def known(value: float) -> str:
 
 
 def adhesion_table(found: Found, measured: Table) -> str:
-    """Fine sands without and with dry adhesion, and how far both are from what was measured of them."""
-    header = ("d [mm]", *(f"u* [m/s] {which} adhesion, {w}" for w in IMPACT.values() for which in BOTH))
-    labels = sorted((label for group, label in found if group == STICKY), key=float)
+    """Fine sands without and with dry adhesion, and how far all are from what was measured of them."""
+    ways = [(n, g) for n in IMPACT for g in ADHESIONS.values() if simulated_thresholds(found, n, g)[0].size]
+    words = {group: which for which, group in ADHESIONS.items()}
+    header = ("d [mm]", *(f"u* [m/s] {words[group]}, {IMPACT[name]}" for name, group in ways))
+    labels = sorted({label for group, label in found if group in (STICKY, IN_EVERY_CONTACT)}, key=float)
     if not labels:
         return "Not simulated yet.\n"
-    rows = [
-        [label, *(threshold_cell(found.get((g, label), {}), n) for n in IMPACT for g in BOTH.values())]
-        for label in labels
-    ]
-    errors = [shown(rms_error(found, measured, n, g)) for n in IMPACT for g in BOTH.values()]
+    rows = [[label, *(threshold_cell(found.get((g, label), {}), n) for n, g in ways)] for label in labels]
+    errors = [shown(rms_error(found, measured, *way)) for way in ways]
     return markdown_table(header, [*rows, ["rms of ln simulated / measured", *errors]])
 
 
@@ -173,11 +178,11 @@ def threshold_cell(case: dict[str, Row], name: str) -> str:
 def rms_error(found: Found, measured: Table, name: str, group: str) -> float:
     """Root mean square of ln(simulated / measured) [1] over the measured sands between simulated ones.
 
-    Only diameters count that were simulated both with adhesion and without.
+    Only diameters count that were simulated with each adhesion that was, and without.
     """
     sizes, values = simulated_thresholds(found, name, group)
-    both = [set(simulated_thresholds(found, name, which)[0]) for which in BOTH.values()]
-    kept = np.isin(sizes, list(set.intersection(*both)))
+    each = [set(simulated_thresholds(found, name, which)[0]) for which in ADHESIONS.values()]
+    kept = np.isin(sizes, list(set.intersection(*filter(None, each))))
     sand = (sizes[kept], values[kept])
     gaps = [
         np.log(predicted(MILLI * float(line["diameter [mm]"]), density_of(line), sand) / float(line["value"]))

@@ -1,12 +1,13 @@
 """Sand under wind under the drag of grains among others; writes drag_laws.csv here.
 
 python -m doe.wind.drag_laws           every case that has no rows yet
-python -m doe.wind.drag_laws CASE...   some anew, as flux/0.4123, impact/0.24 or "forces/all forces"
+python -m doe.wind.drag_laws CASE...   some anew: flux/0.4123, impact/0.24, "forces/all forces", ...
 
 The cases of `run.py` and `saturated.py` with `two_limits_hindered` in place of the `two_limits` of the scene,
 with which flux.csv, saturated.csv and fluid.csv were simulated: the winds of Creyssels et al. (2009), four
-winds over each sand, and the published soil with some forces and all. `python -m doe.wind.run
---page` then fills the tables of docs/threshold.md.
+winds over each sand, and the published soil with some forces and all. `all_forces` are some of the sands with
+all forces of the fluid thresholds of ../fluid_threshold/, dry adhesion and gusts of 20 ms among them, in the
+winds of the same sand without. `python -m doe.wind.run --page` then fills the tables of docs/threshold.md.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,8 +16,8 @@ from pathlib import Path
 
 from doe.common.cases import Case, perform, read_rows, settings
 from doe.common.command import words
-from doe.wind.blown_sand import BARE
-from doe.wind.run import BEDS, DIAMETERS, FLUID, SALTATION, fluid_cases, flux_cases
+from doe.wind.blown_sand import ALL_FORCES, BARE
+from doe.wind.run import ADHESION, BEDS, DIAMETERS, FLUID, SALTATION, fluid_cases, flux_cases
 from doe.wind.saturated import Blown
 from doe.wind.saturated import cases as saturated_cases
 from doe.wind.shares import FORCES, words_of
@@ -25,6 +26,8 @@ from taichi_erosion.verification.reference.hopping import Sand
 TABLE = Path(__file__).with_name("drag_laws.csv")
 LAW = 'wind.drag="two_limits_hindered"'
 SOIL = "forces"  # group of the published soil
+WITH_FORCES = (0.24e-3,)  # m, sands that are also blown with all forces
+ORDERS = (*(f"effects.{force}.strength=1" for force in FORCES), ADHESION)
 SETS = (  # of forces beside drag
     *(tuple(one for one in FORCES if one != other) for other in FORCES),
     ("near_wall_drag",),
@@ -39,6 +42,9 @@ def cases() -> Named:
     named: Named = {f"flux/{case.label}": (SALTATION, [hindered(case)]) for case in flux_cases()}
     for diameter in DIAMETERS:
         blown = Blown(BARE, Sand(diameter), (LAW,))
+        named[blown.name] = (SALTATION, list(saturated_cases(blown)))
+    for diameter in WITH_FORCES:
+        blown = Blown(ALL_FORCES, Sand(diameter), (*ORDERS, LAW))
         named[blown.name] = (SALTATION, list(saturated_cases(blown)))
     soil = [case for case in fluid_cases() if case.group == SOIL] + list(share_cases())
     return named | {f"{SOIL}/{case.label}": (FLUID, [hindered(case)]) for case in soil}

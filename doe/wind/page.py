@@ -9,7 +9,7 @@ from scipy.stats import t as student
 
 from doe.common.cases import STOPPED, Row
 from doe.single_bead.run import bead_table
-from doe.wind import shares
+from doe.wind import ratio, shares
 from doe.wind.blown_sand import (
     BARE,
     STRESS_LINE,
@@ -174,6 +174,7 @@ def tables(doe: Path) -> dict[str, str]:
         "cost": cost_table((flux, falling, steady, fluid)),
         "beads": bead_table(("air",)),
         **shares.tables(),
+        **ratio.tables(doe),
     }
 
 

@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from math import pi
 from pathlib import Path
 
-from doe.common.cases import ROOT, Case, perform, read_rows, settings, write_rows
+from doe.common.cases import ROOT, Case, perform, read_rows, settings, size_order, write_rows
 from doe.common.command import words
+from doe.wind.blown_sand import IN_EVERY_CONTACT
 from doe.wind.page import publish
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.effects.dry_adhesion import Params
@@ -34,8 +35,8 @@ REFERENCE = 0.24e-3  # m, diameter of scenes/impact_threshold.toml
 DIAMETERS = (0.24e-3, 1.0e-3, 0.1e-3, 0.5e-3, 0.15e-3, 0.7e-3, 0.075e-3)  # m
 FINE = (0.075e-3, 0.1e-3, 0.15e-3, 0.24e-3, 0.5e-3)  # m, those that are also simulated with adhesion
 ADHESION = "effects.dry_adhesion.strength=1"
+EACH = "effects.dry_adhesion.contacts=1"  # the pull of a whole grain in every contact
 BETA = Params().beta  # N m-1, the pull over d at strength 1
-SIZES = {"median": 1.0, "low": 0.8, "high": 1.25}  # of the diameter
 MODULUS = 1e5  # Pa, at the reference: stiffness goes with d
 TIMES = {  # s, at the reference: they go with d, as about does the time in which drag gives a grain its speed
     "stages.0.duration_max": 0.15,
@@ -77,19 +78,13 @@ def flux_orders(wind: float) -> tuple[str, ...]:
 def impact_cases() -> list[Case]:
     """The same experiment with grains of other diameters [m]."""
     plain = [Case("impact", f"{1e3 * d:g}", settings(*impact_orders(d)), FALLING) for d in DIAMETERS]
-    sticky = [(f"{1e3 * d:g}", settings(*impact_orders(d, bond_number(d)), ADHESION)) for d in FINE]
-    return plain + [Case("adhesion", label, orders, FALLING) for label, orders in sticky]
+    sticky = [(f"{1e3 * d:g}", settings(*impact_orders(d, bond_number(d)), ADHESION, EACH)) for d in FINE]
+    return plain + [Case(IN_EVERY_CONTACT, label, orders, FALLING) for label, orders in sticky]
 
 
 def bond_number(diameter: float) -> float:
     """Pull of dry grains over their weight [1]."""
     return BETA * diameter / (pi / 6.0 * diameter**3 * Sand(diameter).density * GRAVITY)
-
-
-def size_order(diameter: float) -> str:
-    """Setting of the sizes about a median [m]."""
-    sizes = ", ".join(f"{name} = {share * diameter:.6g}" for name, share in SIZES.items())
-    return f'grains.size={{ law = "lognormal", sigma_log = 0.1, {sizes} }}'
 
 
 def impact_orders(diameter: float, pull: float = 0.0) -> tuple[str, ...]:

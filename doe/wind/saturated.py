@@ -4,18 +4,20 @@ python -m doe.wind.saturated                every sand that has no rows yet
 python -m doe.wind.saturated GROUP/SAND...  some anew, as impact/0.24 or adhesion/0.1
 
 Four winds over each sand, as far above the one in which a single grain goes on (hopping.csv). Hops last and
-rise as the wind asks: times go with u*, heights and stiffness with its square. Where grains stick with a
-multiple of their weight, all goes as if they were heavier by it. One sand is blown with lighter grains too.
+rise as the wind asks: times go with u*, heights and stiffness with its square. `adhesion` has dry adhesion,
+which the contacts of a grain share, in the winds of the same sand without it; `adhesion_in_every_contact` has
+the pull of a whole grain in every contact, and stronger winds, as if its grains were heavier by that pull.
+One sand is blown with lighter grains too.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from doe.common.cases import Case, perform, read_rows, settings
+from doe.common.cases import Case, perform, read_rows, settings, size_order
 from doe.common.command import words
-from doe.wind.blown_sand import BARE, STICKY
-from doe.wind.run import ADHESION, DIAMETERS, FINE, bond_number, size_order
+from doe.wind.blown_sand import BARE, IN_EVERY_CONTACT, STICKY
+from doe.wind.run import ADHESION, DIAMETERS, EACH, FINE, bond_number
 from doe.wind.saturated_sand import LIGHT
 from taichi_erosion.verification.reference.hopping import Sand, hopping_threshold
 
@@ -27,6 +29,7 @@ SLEEP = 1e-3  # s at rest after which deep grains are held
 STAGES = {1: 0.1, 2: 0.1, 3: 0.1, 4: 0.1, 5: 0.1, 6: 2.0}  # s: the start, four adjustments, the mean
 SPEED_UP = 2.0  # wind that starts the transport, over the one that follows [1]
 GRAINS = 4.0  # on the square of a diameter
+COARSE = 0.4e-3  # m, from which adhesion is less than a tenth of the weight
 CHEPIL, LIGHT_DIAMETER = 1940.0, 0.24e-3  # kg m-3, m: nearly a sand of Chepil (1945)
 
 
@@ -88,7 +91,8 @@ def sands() -> dict[str, list[Case]]:
     """The cases of every sand, bare ones first."""
     asked = [
         *(Blown(BARE, Sand(d)) for d in DIAMETERS),
-        *(Blown(STICKY, Sand(d), (ADHESION,), bond_number(d)) for d in FINE),
+        *(Blown(STICKY, Sand(d), (ADHESION,)) for d in FINE if d < COARSE),
+        *(Blown(IN_EVERY_CONTACT, Sand(d), (ADHESION, EACH), bond_number(d)) for d in FINE),
         Blown(LIGHT, Sand(LIGHT_DIAMETER, CHEPIL)),
     ]
     return {blown.name: list(cases(blown)) for blown in asked}
