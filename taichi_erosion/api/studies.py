@@ -351,13 +351,16 @@ def new_study(
     conditions: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
     apparatus: str | None = None,
+    diameter: str | None = None,
+    density: str | None = None,
+    grains: int | None = None,
     closed_form: bool = False,
 ) -> Study:
     """A study, its tidy table and its scene from a laboratory's table; every guess is taken.
 
     `table` is a file (.csv, .xlsx) or a DataFrame whose column names carry units; `out` is the folder to
-    write, which a DataFrame needs. `units` are those of columns. Raises BadInput with all
-    faults of the table.
+    write, which a DataFrame needs. `units` are those of columns; `diameter` and `density` of the grains are
+    numbers with units, `grains` their number in a run. Raises BadInput with all faults of the table.
     """
     from taichi_erosion.evidence.answers.study_files.new_study import Wishes
     from taichi_erosion.evidence.answers.study_files.new_study import new_study as write_study
@@ -368,6 +371,9 @@ def new_study(
         None if out is None else Path(out),
         apparatus,
         closed_form,
+        diameter=diameter,
+        density=density,
+        grains=grains,
     )
     document = write_study(table_file(table, out), wishes, lambda question, guess: guess)
     return study(document["written"][0])

@@ -340,11 +340,21 @@ def evidence_problems(file: StudyFile) -> Iterator[str]:
     for name, entry in file.parameters.items():
         if isnan(entry.start):
             yield f"parameters.{name}.start is missing"
+    yield from doubly_set(file)
     if len(file.parameters) > CALIBRATED_MOST:
         yield f"parameters has {len(file.parameters)} entries; at most {CALIBRATED_MOST} allowed"
     calibration_only = [f"parameters.{name}.also" for name, entry in file.parameters.items() if entry.also]
     for place in calibration_only or (["study.settings"] if file.study.settings else []):
         yield f"{place} is read by a calibration alone; state the value in the scene"
+
+
+def doubly_set(file: StudyFile) -> Iterator[str]:
+    """Numbers that are calibrated although a column of the table sets them."""
+    for column, paths in file.conditions.items():
+        for path in map(str.strip, paths.split(",")):
+            if path in file.parameters:
+                told = "a number that the table states is not calibrated; leave out one of the two"
+                yield f"parameters.{path}: column '{column}' sets it too: {told}"
 
 
 def read_study_file(path: Path, problems: Callable[[StudyFile], Iterator[str]]) -> StudyFile:

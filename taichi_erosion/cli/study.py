@@ -41,6 +41,13 @@ Roughness = Annotated[
     str | None,
     typer.Option(metavar="LENGTH", help="Roughness length of the bed under winds measured at a height."),
 ]
+Diameter = Annotated[
+    str | None, typer.Option(metavar="LENGTH", help="Grain diameter where no column states it: '0.4 mm'.")
+]
+Density = Annotated[str | None, typer.Option(metavar="DENSITY", help="Density of the grains: '2650 kg/m3'.")]
+Grains = Annotated[
+    int | None, typer.Option(min=1, help="Grains of a run; default: as many as its measure needs.")
+]
 ClosedForm = Annotated[
     bool, typer.Option("--closed-form", help="A formula answers in place of simulations: seconds, not hours.")
 ]
@@ -62,6 +69,9 @@ def new(
     unit: Units = None,
     roughness: Roughness = None,
     apparatus: Apparatus = None,
+    diameter: Diameter = None,
+    density: Density = None,
+    grains: Grains = None,
     closed_form: ClosedForm = False,
     anew: Anew = False,
     as_json: AsJson = False,
@@ -71,7 +81,8 @@ def new(
     from taichi_erosion.evidence.data.tables.column_roles import Told
 
     told = Told(pairs(observable, "--observable"), pairs(condition, "--condition"), pairs(unit, "--unit"))
-    wishes = Wishes(told, out, apparatus, closed_form, roughness, anew)
+    own = (diameter, density, grains)
+    wishes = Wishes(told, out, apparatus, closed_form, roughness, anew, *own)
     document = new_study(table, wishes, guessed if yes or as_json else asked)
     output.print_result(document, as_json, print_new_study)
 

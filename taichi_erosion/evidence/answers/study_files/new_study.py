@@ -34,6 +34,7 @@ from taichi_erosion.evidence.data.physical_ranges import (
     place_range,
 )
 from taichi_erosion.evidence.data.tables.column_roles import Column, Told
+from taichi_erosion.evidence.data.tables.headings import stated_number
 from taichi_erosion.evidence.data.tables.interview import Ask, Interview, TableWishes, understood, upright
 from taichi_erosion.evidence.data.tables.laboratory_table import tidy_name
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells, source_digest
@@ -41,12 +42,14 @@ from taichi_erosion.evidence.data.tables.tidy_table import Faults, Table, is_tid
 from taichi_erosion.evidence.data.tables.vocabulary import (
     DIAMETER,
     FRICTION_VELOCITY,
+    GRAIN_DENSITY,
     meaning_of,
     near_meaning,
 )
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
 
 Document = dict[str, Any]
+LIGHTEST, DENSEST = 100.0, 20000.0  # of grains [kg m-3]
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,9 @@ class Wishes:
     closed_form: bool = False  # the reduced model answers in place of scenes
     roughness: str | None = None  # length of the bed under winds that were measured at a height
     anew: bool = False  # write a study that is there anew; else its table alone is corrected
+    diameter: str | None = None  # of the grains, with its unit, where no column states it
+    density: str | None = None  # of the grains, with its unit
+    grains: int | None = None  # of a run
 
 
 def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
@@ -75,6 +81,8 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     places = condition_places(measured, columns, wishes.told)
     if wishes.closed_form:
         text, scenes = closed_form.study(measured, names, places), {}
+        for name in places.keys() - text.conditions.keys():
+            interview.assume(f"column '{name}' is not used: the closed form does not read it")
     else:
         text, scenes = named_apart(*scene_study(measured, names, places, wishes, interview), table.stem)
     origin = {
@@ -171,19 +179,21 @@ def scene_study(
     scenes, parameters, conditions = {}, {}, {}
     for key, own in found.items():
         template = TEMPLATES[key]
-        diameters = grain_diameters(table, template, places, interview)
-        grains = safe_grains(template, angles_of(table, own))
+        diameters = grain_diameters(table, template, places, wishes, interview)
+        grains = wishes.grains or safe_grains(template, angles_of(table, own))
+        density = grain_density(wishes, places, table.file)
         if sized := [name for name in own if name in LENGTHS]:
             interview.assume(size_words(sized, key, grains))
         notes = f"Made for {table.file}: {', '.join(own)}. Numbers of grains and contacts are usual ones."
         head = {"title": f"{table.file}: {template.words}", "notes": notes}
-        scenes[key] = scene_text(template, head, diameters, grains)
-        parameters |= {number.path: number for number in template.parameters}
+        scenes[key] = scene_text(template, head, diameters, grains, density)
         for name, place in places.items():
             stated = dict.fromkeys(
                 [*conditions.get(name, "").split(", "), *places_of(template, place).split(", ")]
             )
             conditions[name] = ", ".join(filter(None, stated))
+        stated = {place for paths in conditions.values() for place in paths.split(", ")}
+        parameters |= {number.path: number for number in template.parameters if number.path not in stated}
         if template.wind and FRICTION_VELOCITY not in places.values():
             interview.assumed.append("no column states the friction velocity: the wind is that of the scene")
     observables = {name: key for key, own in found.items() for name in own}
@@ -196,7 +206,7 @@ def size_words(lengths: Sequence[str], key: str, grains: int) -> str:
     entries = ", ".join(SIZES[key])
     return (
         f"{' and '.join(lengths)}: heaps of {grains:,} grains in the scene '{key}'; lengths grow with the "
-        f"heap, so give it as many as yours have, and your apparatus: {entries}"
+        f"heap, so give it as many as yours have (--grains), and your apparatus: {entries}"
     )
 
 
@@ -236,20 +246,42 @@ def measured_by(key: str, names: Sequence[str]) -> int:
 
 
 def grain_diameters(
-    table: Table, template: Template, places: Mapping[str, str], interview: Interview
+    table: Table, template: Template, places: Mapping[str, str], wishes: Wishes, interview: Interview
 ) -> Diameters:
-    """Diameters of the grains in a scene: those of the table, else as usual."""
+    """Diameters of the grains in a scene: those of the table, else as the user says, else as usual."""
     for place, (name, unit) in enumerate(zip(table.conditions, table.units, strict=True)):
         if places.get(name) == DIAMETER and template.varies:
             scale = scale_between(unit or "m", parse_unit("m"))
             values = [row.conditions[place] for row in table.rows if isfinite(row.conditions[place])]
             if scale is not None and values:
+                if wishes.diameter is not None:
+                    raise BadInput(f"--diameter: column '{name}' of {table.file} states the grain diameter")
                 middle, largest = (float(f"{scale.used(each):.4g}") for each in (median(values), max(values)))
                 return Diameters(middle, largest)
-    if template.varies:
-        told = f"no column states the grain diameter: {1e3 * template.diameter:g} mm is assumed"
-        interview.assumed.append(told)
-    return Diameters(template.diameter, template.diameter)
+    if not template.varies:
+        if wishes.diameter is not None:
+            raise BadInput(f"--diameter: grains of {template.words} have sizes of their own, in its scene")
+        return Diameters(template.diameter, template.diameter)
+    usual = f"{1e3 * template.diameter:g} mm"
+    told = f"no column states the grain diameter: {usual} is assumed (--diameter)"
+    answer = wishes.diameter or interview.choice("Grain diameter with its unit", usual, told)
+    diameter = stated_number(answer, "m", "--diameter", usual)
+    allowed = place_range(DIAMETER)
+    if allowed is not None and not allowed.possible(diameter):
+        raise BadInput(f"--diameter '{answer}': no grain of soil is as large or as small; check the unit")
+    return Diameters(diameter, diameter)
+
+
+def grain_density(wishes: Wishes, places: Mapping[str, str], file: str) -> float | None:
+    """Density of the grains that the user states [kg m-3]; None where the scene's own stays."""
+    if wishes.density is None:
+        return None
+    if GRAIN_DENSITY in places.values():
+        raise BadInput(f"--density: a column of {file} states the density of the grains")
+    found = stated_number(wishes.density, "kg/m3", "--density", "2650 kg/m3")
+    if not LIGHTEST <= found <= DENSEST:
+        raise BadInput(f"--density '{wishes.density}': must lie from {LIGHTEST:g} to {DENSEST:g} kg/m3")
+    return found
 
 
 def angles_of(table: Table, names: Sequence[str]) -> list[float]:

@@ -10,7 +10,12 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any
 
-from taichi_erosion.evidence.data.tables.vocabulary import DIAMETER, FRICTION_VELOCITY
+from taichi_erosion.evidence.data.tables.vocabulary import (
+    DIAMETER,
+    FRICTION_VELOCITY,
+    GRAIN_CONTACT,
+    GRAIN_DENSITY,
+)
 from taichi_erosion.measures.shortfalls import LEAST_ROWS, POURED_LEAST, grains_for
 from taichi_erosion.scene.checks import LID_LEAST, REST_LEAST
 from taichi_erosion.scene.schema.scene import Gravity
@@ -57,6 +62,16 @@ class Template:
     varies: bool = True  # whether a column may set the diameter of its grains
     rows: float = 0.0  # rows of grains on the flank that its angle needs; 0: it measures none
     wind: tuple[str, ...] = ()  # places that a column of friction velocities sets beside its condition
+
+    @property
+    def pair(self) -> str:
+        """Pair of materials of grains on each other, as scenes name it."""
+        return self.parameters[0].path.split(".")[1]
+
+    @property
+    def density(self) -> str:
+        """Place of the density of its grains."""
+        return f"materials.{self.pair.partition('-')[0]}.density"
 
 
 def contact(pair: str, sliding: float, rolling: float | None) -> tuple[Calibrated, ...]:
@@ -224,8 +239,14 @@ def safe_grains(template: Template, angles: Sequence[float]) -> int:
     return max(template.grains, grains_for(template.rows, FLATTER * min(angles)))
 
 
-def scene_text(template: Template, head: Mapping[str, str], diameters: Diameters, grains: int) -> str:
-    """The scene of a table; comments of what stays are kept."""
+def scene_text(
+    template: Template,
+    head: Mapping[str, str],
+    diameters: Diameters,
+    grains: int,
+    density: float | None = None,
+) -> str:
+    """The scene of a table; comments of what stays are kept. `density`: of the grains [kg m-3]."""
     import tomlkit
 
     document: Any = tomlkit.parse((SCENES / f"{template.scene}.toml").read_text(encoding="utf-8"))
@@ -235,6 +256,7 @@ def scene_text(template: Template, head: Mapping[str, str], diameters: Diameters
         **template.changes(diameters.middle, grains),
         **{f"scene.{key}": text for key, text in head.items()},
         **wind_changes(document.get("wind", {}), diameters.largest),
+        **({} if density is None else {template.density: density}),
     }
     for path, value in changes.items():
         set_entry(document, path.split("."), value)
@@ -274,6 +296,10 @@ def places_of(template: Template, place: str) -> str:
     """Places of the scene that a column sets, given the one that its heading means."""
     if place == DIAMETER and not template.varies:
         return "conditions.diameter"
+    if place == GRAIN_DENSITY:
+        return template.density
+    if place.startswith(GRAIN_CONTACT):
+        return f"contact.{template.pair}.{place.removeprefix(GRAIN_CONTACT)}"
     if place == FRICTION_VELOCITY and template.wind:
         return ", ".join((FRICTION_VELOCITY, *template.wind))
     return place

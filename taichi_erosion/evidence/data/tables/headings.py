@@ -2,8 +2,10 @@
 
 import re
 from dataclasses import dataclass, replace
+from math import isfinite, nan
 
-from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale, parse_unit
 
 BRACKETED = (
     re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]\s*(?P<rest>.*)"),
@@ -110,3 +112,17 @@ def unit_in(text: str) -> str | None:
     except UnknownUnit:
         return None
     return plain
+
+
+def stated_number(text: str, unit: str, name: str, example: str) -> float:
+    """A number with its unit as the user states it, `0.03 mm`, in another unit; raises BadInput."""
+    number, _, behind = text.strip().replace(",", ".").partition(" ")
+    match = re.fullmatch(r"([\d.]+(?:[eE][+-]?\d+)?)([a-zµμ]*)", number)
+    try:
+        scale = parse_scale(behind.strip() or (match[2] if match else "") or "?")
+        value = float(match[1]) * scale.factor / parse_unit(unit).factor if match else nan
+    except (UnknownUnit, ValueError):
+        raise BadInput(f"{name} '{text}': write a number and its unit, such as '{example}'") from None
+    if scale.kind != parse_unit(unit).kind or not isfinite(value):
+        raise BadInput(f"{name} '{text}': write a number and its unit, such as '{example}'")
+    return value

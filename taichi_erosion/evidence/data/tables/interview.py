@@ -30,6 +30,7 @@ from taichi_erosion.evidence.data.tables.spreadsheet import Cells
 from taichi_erosion.evidence.data.tables.tidy_table import Faults
 from taichi_erosion.evidence.data.tables.vocabulary import (
     FRICTION_VELOCITY,
+    GRAIN_CONTACT,
     SCATTER,
     known_places,
     meaning_of,
@@ -405,7 +406,8 @@ def with_asked_unit(column: Column, cells: Cells, interview: Interview) -> Colum
     if allowed is None or not values:
         return column
     if all(map(allowed.is_usual, values)):
-        told = "a share: 1 is all" if allowed.unit in ("1", "kg kg-1") else allowed.unit
+        pure = "a pure number" if column.name.startswith(GRAIN_CONTACT) else "a share: 1 is all"
+        told = pure if allowed.unit in ("1", "kg kg-1") else allowed.unit
         interview.assume(f"'{text}' has no unit in its heading: taken as {told} (--unit '{text}=UNIT')")
         return column
     likely = likely_units(values, None, allowed)

@@ -84,6 +84,8 @@ def tidy_name(place: str) -> str:
     """Name of a column that sets a place of a scene: `moisture` for `conditions.moisture`."""
     if place == "grains.size.diameter":
         return "diameter"
+    if place.startswith(("contact.", "materials.")):
+        return place.split(",")[0].rpartition(".")[2]
     return place.removeprefix("conditions.").split(",")[0].replace(".", "_").replace("-", "_")
 
 

@@ -5,12 +5,12 @@ bed it gives the friction velocity by the law of the wall.
 """
 
 import re
-from math import isfinite, log, nan
+from math import log, nan
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.tables.headings import VOLUMETRIC, Heading
+from taichi_erosion.evidence.data.tables.headings import VOLUMETRIC, Heading, stated_number
 from taichi_erosion.measures.boundary_layer import KARMAN
-from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale, parse_unit
+from taichi_erosion.scene.schema.units import parse_scale, parse_unit
 
 WINDS = ("threshold_wind_speed", "conditions.wind_speed")
 SYMBOL = re.compile(r"\s*[uUvV](?![\w*])|\s*[uUvV]_?\d")  # of a speed; u* is none
@@ -51,15 +51,7 @@ def friction_factor(height: float, roughness: float) -> float:
 
 def roughness_length(text: str, height: float) -> float:
     """Roughness length [m] as the user states it, `0.03 mm`; raises BadInput."""
-    number, _, unit = text.strip().replace(",", ".").partition(" ")
-    match = re.fullmatch(r"([\d.]+(?:[eE][+-]?\d+)?)([a-zµμ]*)", number)
-    try:
-        scale = parse_scale(unit.strip() or (match[2] if match else "") or "?")
-        value = float(match[1]) * scale.factor if match else nan
-    except (UnknownUnit, ValueError):
-        raise BadInput(f"roughness length '{text}': write a number and its unit, such as '0.03 mm'") from None
-    if scale.kind != parse_unit("m").kind or not isfinite(value):
-        raise BadInput(f"roughness length '{text}': write a number and its unit, such as '0.03 mm'")
+    value = stated_number(text, "m", "roughness length", "0.03 mm")
     if not 0.0 < value < 0.1 * height:
         told = f"must lie above 0 and below a tenth of the height of the wind, {height:g} m"
         raise BadInput(f"roughness length '{text}': {told}")

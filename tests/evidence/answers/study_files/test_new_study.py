@@ -468,3 +468,69 @@ def test_every_observable_has_effects_that_the_literature_expects_to_change_it()
     for template in TEMPLATES.values():
         for name in template.observables:
             assert EXPECTED_AS.get(name, name) in expected, name
+
+
+FRICTION = "run;mu_s;mu_r;d (mm);grain density (g/cm3);runout (mm)\n"
+FRICTION += "1;0,3;0,1;2;2,5;40\n2;0,6;0,1;2;2,7;35\n3;0,9;0,1;3;2,6;33\n"
+
+
+def test_columns_of_friction_and_density_set_the_contacts_and_the_material_of_the_apparatus(tmp_path):
+    (tmp_path / "t.csv").write_text(FRICTION, encoding="utf-8")
+    told = Told({"runout": "runout_radius"})
+    document = new_study(tmp_path / "t.csv", Wishes(told, apparatus="collapse", grains=700), guess)
+    study = load_study(Path(document["written"][0]))
+    assert study.file.conditions["friction_sliding"] == "contact.grain-grain.friction_sliding"
+    assert study.file.conditions["density"] == "materials.grain.density"
+    assert study.problem.measurements.conditions["density"] == pytest.approx([2500.0, 2700.0, 2600.0])
+    assert document["parameters"] == [], "what the table states is not calibrated"
+    assert read_scene(tmp_path / "t" / "collapse.toml", ()).grains.count == 700
+
+
+def test_a_number_that_is_calibrated_and_set_by_a_column_is_refused(tmp_path):
+    (tmp_path / "t.csv").write_text(FRICTION, encoding="utf-8")
+    told = Told({"runout": "runout_radius"})
+    path = Path(new_study(tmp_path / "t.csv", Wishes(told, apparatus="collapse"), guess)["written"][0])
+    number = "contact.grain-grain.friction_sliding"
+    text = f'{path.read_text("utf-8")}\n[parameters."{number}"]\nstart = 0.5\nlow = 0.1\nhigh = 1.0\n'
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(BadInput, match=f"parameters.{number}: column 'friction_sliding' sets it too"):
+        load_study(path)
+
+
+HEIGHTS = "run;moisture (%);pile height (mm)\n1;0;20\n2;1;22\n3;2;25\n"
+
+
+@pytest.mark.parametrize("asked", [False, True])
+def test_grains_that_no_column_states_are_asked_or_taken_from_the_command(tmp_path, asked):
+    (tmp_path / "t.csv").write_text(HEIGHTS, encoding="utf-8")
+
+    def answer(question: str, guessed: str) -> str:
+        return "0,8 mm" if question.startswith("Grain diameter") else guessed
+
+    stated = {"density": "2.5 g/cm3", "grains": 900} | ({} if asked else {"diameter": "0.8 mm"})
+    wishes = Wishes(apparatus="cylinder", **stated)
+    new_study(tmp_path / "t.csv", wishes, answer if asked else guess)
+    scene = read_scene(tmp_path / "t" / "cylinder.toml", ())
+    assert (scene.grains.size.diameter, scene.grains.count) == (pytest.approx(8e-4), 900)
+    assert scene.materials["soil"].density == pytest.approx(2500.0)
+
+
+@pytest.mark.parametrize(
+    ("wishes", "said"),
+    [
+        ({"diameter": "4"}, "--diameter '4': write a number and its unit, such as '2 mm'"),
+        ({"diameter": "4 m"}, "check the unit"),
+        ({"density": "2650"}, "--density '2650': write a number and its unit"),
+        ({"density": "2.65 kg/m3"}, "must lie from 100 to 20000 kg/m3"),
+        ({"diameter": "2 mm", "apparatus": "funnel"}, "have sizes of their own"),
+    ],
+)
+def test_grains_that_cannot_be_are_refused_in_one_line(tmp_path, wishes, said):
+    faults = faults_of(tmp_path, HEIGHTS.encode(), wishes=Wishes(**({"apparatus": "cylinder"} | wishes)))
+    assert len(faults) == 1
+    assert said in faults[0]
+
+
+def test_a_diameter_that_a_column_states_is_not_taken_from_the_command(tmp_path):
+    wishes = Wishes(Told({"runout": "runout_radius"}), apparatus="collapse", diameter="2 mm")
+    assert "column 'diameter' of heap.csv states" in faults_of(tmp_path, FRICTION.encode(), wishes=wishes)[0]
