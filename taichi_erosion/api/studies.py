@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
 from taichi_erosion.api.notebook import frame, html, progress
 from taichi_erosion.api.runs import PathLike
@@ -21,6 +21,14 @@ if TYPE_CHECKING:
 
 Document = Mapping[str, Any]
 Progress = Callable[[str, float], None]  # (words, share done [1])
+
+
+class StatedGrains(TypedDict, total=False):
+    """What a new study is told of the grains beside its table."""
+
+    diameter: str  # with its unit
+    density: str  # with its unit
+    grains: int  # of a run
 
 
 def row_frame(rows: Document | None, units: "TableUnits") -> "pd.DataFrame":
@@ -351,16 +359,15 @@ def new_study(
     conditions: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
     apparatus: str | None = None,
-    diameter: str | None = None,
-    density: str | None = None,
-    grains: int | None = None,
     closed_form: bool = False,
+    **grains: Unpack[StatedGrains],
 ) -> Study:
     """A study, its tidy table and its scene from a laboratory's table; every guess is taken.
 
     `table` is a file (.csv, .xlsx) or a DataFrame whose column names carry units; `out` is the folder to
-    write, which a DataFrame needs. `units` are those of columns; `diameter` and `density` of the grains are
-    numbers with units, `grains` their number in a run. Raises BadInput with all faults of the table.
+    write, which a DataFrame needs. `units` are those of columns. What no column states of the grains:
+    `diameter="0.4 mm"`, `density="2650 kg/m3"`, `grains=5000` in a run. Raises BadInput with
+    all faults of the table.
     """
     from taichi_erosion.evidence.answers.study_files.new_study import Wishes
     from taichi_erosion.evidence.answers.study_files.new_study import new_study as write_study
@@ -371,9 +378,7 @@ def new_study(
         None if out is None else Path(out),
         apparatus,
         closed_form,
-        diameter=diameter,
-        density=density,
-        grains=grains,
+        **grains,
     )
     document = write_study(table_file(table, out), wishes, lambda question, guess: guess)
     return study(document["written"][0])
