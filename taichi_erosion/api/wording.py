@@ -27,6 +27,7 @@ KEYWORDS = {  # option of the command line with its value -> keyword of the call
     r"--budget (\w+(?:\.\w+)?)": r'budget="\1"',
     r"--apparatus (\w+)": r'apparatus="\1"',
     r"--apparatus": "apparatus=NAME",
+    r"--closed-form\b": "closed_form=True",
     r"--out\b": "out=FOLDER",
     r"--observable\s+'?([^'\s=]+)=(\w+)'?": r'observables={"\1": "\2"}',
     r"--condition\s+'?([^'\s=]+)=([\w.]+)'?": r'conditions={"\1": "\2"}',

@@ -37,7 +37,8 @@ LEAST_SHIFT = 1e-3  # of an observable by an effect of strength 1, below which i
 def study(table: Table, names: Sequence[str], places: Mapping[str, str]) -> StudyText:
     """Study of a table on the reduced model. Raises BadInput for an observable that it does not have."""
     faults = [
-        f"{table.file}: the closed form does not know '{name}'; it knows {', '.join(reduced.OBSERVABLES)}"
+        f"{table.file}: the closed form does not know '{name}'; it knows {', '.join(reduced.OBSERVABLES)}; "
+        "leave out --closed-form, or begin the heading of that column with 'note'"
         for name in names
         if name not in reduced.OBSERVABLES
     ]
