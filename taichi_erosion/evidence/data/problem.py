@@ -3,7 +3,7 @@
 They are the whole input of the statistics; `findings.py` holds the output.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, Protocol, TypeVar
 
@@ -119,13 +119,13 @@ class Observable:
 
 
 class Uncertainty(Protocol):
-    """Covariance (n, n) of a model's own errors over n rows, such as those of an emulator.
+    """Covariance (n, n) of a model's own errors over rows of some observables, one after the other.
 
     On the comparison scale, at one setting of the calibrated numbers and strengths.
     """
 
     def __call__(
-        self, observable: Observable, conditions: Conditions, parameters: Numbers, effects: Numbers
+        self, asked: Sequence[tuple[Observable, Conditions]], parameters: Numbers, effects: Numbers
     ) -> Floats: ...
 
 

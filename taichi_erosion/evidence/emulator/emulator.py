@@ -6,8 +6,10 @@ hundred runs answers all of them without scatter; its own uncertainty enters eve
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 from math import isfinite
+from pathlib import Path
 
 import numpy as np
 
@@ -34,6 +36,7 @@ from taichi_erosion.evidence.emulator.gaussian_process import (
     Points,
     fit_gaussian_process,
 )
+from taichi_erosion.evidence.emulator.joint_errors import JointErrors, joint_errors, slices
 from taichi_erosion.evidence.models import simulator
 from taichi_erosion.mechanisms.library import dose_position
 
@@ -41,6 +44,15 @@ LEAST_RUNS = 4  # with a value; fewer make no emulator
 LOG_SPAN = 3.0  # a positive condition that spans more than this factor is taken by its logarithm
 SMOOTH = 0.1  # variance of smooth parts over that of the scatter below which a contrast of runs shows scatter
 Columns = Mapping[str, Floats]
+
+
+def strength_position(strength: Floats) -> Floats:
+    """Place 2 asinh(2 psi) [1] of a strength psi over the expected one, where effects change evenly.
+
+    Linear below half of the expected strength, logarithmic above: effects saturate. On strengths themselves a
+    kernel that is as smooth everywhere overshoots where the pull of necks no longer moves a heap.
+    """
+    return 2.0 * np.arcsinh(2.0 * strength)
 
 
 @dataclass(frozen=True)
@@ -87,7 +99,7 @@ class EmulatorInputs:
     def strength(
         self, candidate: Candidate, at: Conditions, parameters: Columns, strengths: Floats
     ) -> Floats:
-        """Strength over the expected one, times the effect's dose; 0 where the effect cannot act."""
+        """Place of strength over the expected one, times the effect's dose; 0 where the effect cannot act."""
         if not strengths.any():
             return np.zeros(strengths.size)
         effect, scene = self.scene.simulator.library[candidate.name], self.scene.measure.scene
@@ -98,7 +110,7 @@ class EmulatorInputs:
         params = effect.params(**{name: value for name, value in numbers.items() if name != STRENGTH})
         with failures_of(effect, "dose"):
             dose = np.where(effect.can_act(known), effect.dose(params, known), 0.0)
-        return strengths / expected_strength(candidate) * dose
+        return strength_position(strengths / expected_strength(candidate) * dose)
 
     def active(self) -> ActiveInputs:
         """Which conditions and calibrated numbers enter the bare model, and which every effect."""
@@ -152,15 +164,38 @@ class Emulator:
         mean = found.process.mean(request_points(found.inputs, conditions, parameters, effects))
         return np.tile(from_scale(found.scale, mean), (len(seeds), 1))
 
+    @cached_property
+    def joint_errors(self) -> dict[Path, tuple[tuple[str, ...], JointErrors]]:
+        """Observables of every scene, and the errors that their emulators share."""
+        by_scene: dict[Path, list[str]] = {}
+        for name, each in self.emulators.items():
+            by_scene.setdefault(each.inputs.scene.measure.scene, []).append(name)
+        found = {}
+        for scene, names in by_scene.items():
+            own = [self.emulators[name] for name in names]
+            joint = joint_errors([each.process for each in own], [each.known for each in own])
+            found[scene] = (tuple(names), joint)
+        return found
+
     def uncertainty(
-        self, observable: Observable, conditions: Conditions, parameters: Numbers, effects: Numbers
+        self, asked: Sequence[tuple[Observable, Conditions]], parameters: Numbers, effects: Numbers
     ) -> Floats:
-        """Covariance of the emulator's own errors over some rows, on the comparison scale."""
-        found = self.emulators[observable.name]
-        points = request_points(found.inputs, conditions, parameters, effects)
-        value = from_scale(found.scale, found.process.mean(points))
-        steepness = slope(observable, value) / slope(found.scale, value)
-        return found.process.uncertainty(points) * np.outer(steepness, steepness)
+        """Covariance of the emulators' own errors over rows of observables, on the comparison scale."""
+        places, points, steepness = dict[Path, list[int]](), list[Points](), list[Floats]()
+        for place, (observable, conditions) in enumerate(asked):
+            found = self.emulators[observable.name]
+            places.setdefault(found.inputs.scene.measure.scene, []).append(place)
+            points.append(request_points(found.inputs, conditions, parameters, effects))
+            value = from_scale(found.scale, found.process.mean(points[-1]))
+            steepness.append(slope(observable, value) / slope(found.scale, value))
+        rows = slices([each.size for each in steepness])
+        whole = np.zeros((rows[-1].stop,) * 2)
+        for scene, own in places.items():
+            names, joint = self.joint_errors[scene]
+            chosen = [(names.index(asked[place][0].name), points[place]) for place in own]
+            at = np.concatenate([np.arange(rows[place].start, rows[place].stop) for place in own])
+            whole[np.ix_(at, at)] = joint.covariance(chosen)
+        return whole * np.outer(*[np.concatenate(steepness)] * 2)
 
 
 def request_points(

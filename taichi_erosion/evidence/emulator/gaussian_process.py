@@ -2,8 +2,8 @@
 
     z = m + t(x, c) + b(x, c) + sum_k h_k(psi_k, x, c) + i(psi, x, c) + s eps
 
-with x the calibrated numbers in prior sd, c the standardised conditions, psi_k the strength of effect k over
-its expected one, t a plane, b a bend away from it, i what two effects do together beyond what each does by
+with x the calibrated numbers in prior sd, c the standardised conditions, psi_k the place of the strength of
+effect k, t a plane, b a bend away from it, i what two effects do together beyond what each does by
 itself, and s the scatter of one run. All are Gaussian processes:
 
     t: T^2 (1 + x x' + c c')        b: B^2 k(x; L) k(c; L_c)
@@ -29,13 +29,13 @@ from taichi_erosion.evidence.data.problem import Bools, Floats
 TREND = 2.0  # T, sd of the plane's slopes over that of the values [1]
 LENGTH = 2.5  # L, in prior sd: priors are mostly left linear, their ends may bend
 LENGTH_CONDITION = 2.0  # L_c, in sd of a condition
-LENGTH_STRENGTH = 2.0  # L_psi, in expected strengths: effects saturate over a few
-LENGTH_MISFIT = 0.75  # L_m, in expected strengths: lack of fit is local in strength
+LENGTH_STRENGTH = 2.0  # L_psi, in places of strengths: from 0 to half of the expected strength it is 1.8
+LENGTH_MISFIT = 0.75  # L_m, in places of strengths: lack of fit is local in strength
 RUNS_WITHOUT_MISFIT = 8.0  # nu_0, prior runs without excess: a few errors are large by chance
 PRIOR_LOG = {
     "bend": (-1.2, 1.0),
-    "effect": (-1.0, 1.5),
-    "together": (-1.6, 1.0),
+    "effect": (-2.1, 1.5),  # at the expected strength, whose place is 2.9: (-1.0, 1.5)
+    "together": (-3.7, 1.0),  # at the expected strengths of both: (-1.6, 1.0)
     "scatter": (-1.6, 1.0),
 }  # of ln(amplitude / sd z)
 JITTER = 1e-8  # keeps matrices regular
@@ -48,7 +48,7 @@ class Points:
 
     x: Floats  # (n, p), calibrated numbers in prior sd
     c: Floats  # (n, q), standardised conditions
-    psi: Floats  # (n, effects), strengths over expected ones; 0 where an effect cannot act
+    psi: Floats  # (n, effects), places of strengths; 0 where an effect cannot act
 
 
 @dataclass(frozen=True)
@@ -80,12 +80,17 @@ class GaussianProcess:
     def uncertainty(self, at: Points) -> Floats:
         """Covariance of the errors: posterior covariance plus lack of fit."""
         cross = linalg.solve_triangular(self.factor, self.covariance(self.training, at), lower=True)
+        posterior = self.width**2 * (self.covariance(at, at) - cross.T @ cross)
+        return posterior + self.lack_of_fit_covariance(at)
+
+    def lack_of_fit_covariance(self, at: Points) -> Floats:
+        """Covariance of the lack of fit, alike under conditions that are near each other."""
         lack_of_fit = self.lack_of_fit(at)
-        near = rbf_kernel(at.c, at.c, LENGTH_CONDITION)
-        return (
-            self.width**2 * (self.covariance(at, at) - cross.T @ cross)
-            + np.outer(lack_of_fit, lack_of_fit) * near
-        )
+        return np.outer(lack_of_fit, lack_of_fit) * rbf_kernel(at.c, at.c, LENGTH_CONDITION)
+
+    def known_values(self) -> Floats:
+        """Values of the training runs, standardised."""
+        return self.factor @ (self.factor.T @ self.weights)
 
     def lack_of_fit(self, at: Points) -> Floats:
         """Lack of fit at the strengths of the inputs, as a standard deviation.

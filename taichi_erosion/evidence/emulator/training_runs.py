@@ -357,9 +357,10 @@ def emulated_problem(problem: Problem, emulator: Emulator) -> Problem:
     mapped = replace(model, model=emulator)
 
     def uncertainty(
-        observable: Observable, conditions: Conditions, parameters: Numbers, effects: Numbers
+        asked: Sequence[tuple[Observable, Conditions]], parameters: Numbers, effects: Numbers
     ) -> Floats:
-        return emulator.uncertainty(observable, mapped.known(conditions), parameters, effects)
+        known = [(observable, mapped.known(conditions)) for observable, conditions in asked]
+        return emulator.uncertainty(known, parameters, effects)
 
     # an emulator costs nothing: its calibration need not be frugal
     return replace(problem, model=mapped, uncertainty=uncertainty, budget=Budget("full"))

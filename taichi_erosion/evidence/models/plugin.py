@@ -13,6 +13,7 @@ from pathlib import Path
 from types import ModuleType
 
 import numpy as np
+from scipy import linalg
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.data.problem import (
@@ -206,9 +207,16 @@ class ModelErrorCovariance:
     seed: int  # of the value at which the scale is taken
 
     def __call__(
+        self, asked: Sequence[tuple[Observable, Conditions]], parameters: Numbers, effects: Numbers
+    ) -> Floats:
+        """Covariance [row, row]; those of two observables are apart."""
+        parts = [self.own(*each, parameters, effects) for each in asked]
+        return np.asarray(linalg.block_diag(*parts), dtype=np.float64)
+
+    def own(
         self, observable: Observable, conditions: Conditions, parameters: Numbers, effects: Numbers
     ) -> Floats:
-        """Covariance [row, row]."""
+        """Covariance [row, row] of one observable."""
         name, known = self.mapped.observables[observable.name], self.mapped.known(conditions)
         value = self.mapped(observable.name, conditions, parameters, effects, np.array([self.seed]))[0]
         steepness = slope(observable, value)

@@ -142,15 +142,13 @@ class Predictor:
         if self.uncertainty is None:
             return np.zeros((self.which.size, 0))
         parameters, effects = self.setting(x, acting)
-        parts = []
-        for observable, rows, chosen in self.requests:
-            own = self.uncertainty(observable, dict(chosen), dict(parameters), dict(effects))
-            values, vectors = np.linalg.eigh(np.nan_to_num(own))
-            kept = values > NEGLIGIBLE * max(float(values[-1]), 0.0)
-            part = np.zeros((self.which.size, int(kept.sum())))
-            part[rows] = vectors[:, kept] * np.sqrt(values[kept])
-            parts.append(part)
-        return np.hstack(parts)
+        asked = [(observable, dict(chosen)) for observable, _, chosen in self.requests]
+        values, vectors = np.linalg.eigh(np.nan_to_num(self.uncertainty(asked, parameters, effects)))
+        kept = values > NEGLIGIBLE * max(float(values[-1]), 0.0)
+        found = np.zeros((self.which.size, int(kept.sum())))
+        order = np.concatenate([rows for _, rows, _ in self.requests])
+        found[order] = vectors[:, kept] * np.sqrt(values[kept])
+        return found
 
 
 def seed_mean(values: Floats) -> Floats:

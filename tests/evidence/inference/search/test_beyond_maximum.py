@@ -28,8 +28,8 @@ def test_a_model_known_from_runs_within_the_list_says_nothing_beyond_it(monkeypa
     problem = linear_problem(SHAPES, {"bend": 4.5}, sd=0.1)
     monkeypatch.setattr(beyond_maximum, "fit", lambda *_, **__: pytest.fail("a fit beyond the list"))
 
-    def no_error(observable, conditions, parameters, effects):
-        count = conditions["x"].size
+    def no_error(asked, parameters, effects):
+        count = sum(conditions["x"].size for _, conditions in asked)
         return [[0.0] * count] * count
 
     found = discover(replace(problem, uncertainty=no_error), 1, problem.budget, no_progress)
