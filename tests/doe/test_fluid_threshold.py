@@ -20,6 +20,7 @@ from doe.fluid_threshold.balance import (
 )
 from doe.fluid_threshold.cases import names, read_beds
 from doe.fluid_threshold.dropped_bed import Loose, dropped, loose_grains, normals, tilts_of
+from doe.fluid_threshold.leaving import leaving_table, read_watches
 from doe.fluid_threshold.page import (
     PAGE,
     balance_table,
@@ -30,6 +31,7 @@ from doe.fluid_threshold.page import (
     ratio_cell,
     rms_cell,
     size_table,
+    start_table,
     trend_cell,
 )
 from taichi_erosion.measures.threshold import Bracket
@@ -59,6 +61,8 @@ def test_the_page_shows_the_table_that_the_beds_make():
         "sizes": size_table(found),
         "changes": changes_table(found),
         "balance": balance_table(read_starts()),
+        "leaving": leaving_table(read_watches()),
+        "starts": start_table(found, read_watches()),
     }
     assert fill_tables(text, tables) == text
 
