@@ -69,6 +69,8 @@ def test_a_simulated_threshold_has_the_interval_of_its_line():
     # eight degrees of freedom: two of a line and six of the prior
     factor = exp(student.ppf(0.975, 8) * 0.02)
     at, between = (ratio.impact_at(sands, size) for size in (1e-4, 2e-4))
+    assert at is not None
+    assert between is not None
     assert at.value == pytest.approx(NUMBER * float(scale(np.array(1e-4), 2650.0)))
     assert at.high == pytest.approx(factor * at.value)
     # half way, the mean of two independent logarithms
@@ -122,9 +124,11 @@ def test_the_measured_threshold_between_uniform_sands_is_that_of_the_sand_itself
 def test_the_line_of_a_flux_that_follows_the_stress_of_the_grains_meets_it():
     found = blown("impact")
     line_of = ratio.flux_line(found, 0.25)
+    assert line_of is not None
     assert line_of.value == pytest.approx(threshold(0.25), rel=1e-6)
     # a sand of 0.24 mm stands for 0.25 mm, along the root of the diameter
     near = ratio.flux_line(blown("impact", (0.24,)), 0.25)
+    assert near is not None
     assert near.value == pytest.approx(threshold(0.25), rel=1e-6)
     assert ratio.flux_line(found, 0.5) is None
 
