@@ -294,6 +294,9 @@ def draw_impact(found: Found, measured: Table, hopping: Table, file: Path) -> No
     for name, style in zip(IMPACT, ("o:", "s--", "D-"), strict=True):
         sizes, values = simulated_thresholds(found, name)
         frame.plot(sizes / MILLI, values, style, color=OURS, label=f"simulated, {IMPACT[name]}")
+    sizes, values = simulated_thresholds(found, STRESS_LINE, STICKY)
+    label = f"simulated, {IMPACT[STRESS_LINE]}, with adhesion"
+    frame.plot(sizes / MILLI, values, "D", color=OURS, mfc="none", ms=9, label=label)
     alone = [(float(line["diameter [mm]"]), float(line[OVER_BED])) for line in hopping]
     frame.plot(*zip(*alone, strict=True), "-.", color=OURS, label=HOPPING)
     frame.set(xscale="log", yscale="log", xlabel="diameter [mm]", ylabel="impact threshold u* [m/s]")
