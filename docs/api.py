@@ -38,6 +38,8 @@ def function_part(name: str, function: Any, level: int) -> str:
     call = f"{name}({arguments})"
     if len(call) > WIDEST:
         call = f"{name}(\n    {arguments}\n)"
+    if any(len(line) > WIDEST for line in call.split("\n")):
+        call = "\n".join([f"{name}(", *(f"    {argument(p)}," for p in parameters), ")"])
     return f"{'#' * level} `{name}`\n\n```python\n{call}\n```\n\n{described(function)}"
 
 

@@ -121,16 +121,23 @@ def stated_names(cells: Cells, told: Told, faults: list[str]) -> dict[int, tuple
     return found
 
 
+def is_note(heading: Heading) -> bool:
+    """Whether a heading says that its column is not used, whatever else it says."""
+    return plain_words(heading.name).partition(" ")[0] == NOTE
+
+
 def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -> Column:
     """One column by what is said of it, by its heading, by its cells."""
     heading = read_heading(cells.heading[place])
     content = [row[place] for _, row in cells.lines if plain_cell(row[place]).lower() not in MISSING]
     numbers = sum(map(is_quantity, content))
     numeric = bool(content) and numbers >= NUMERIC_SHARE * len(content)
-    if place in named:
-        return Column(place, heading, *named[place], numeric=numeric)
+    noted: tuple[Role, str] | None = ("remark", "") if is_note(heading) else None
+    stated = named.get(place, noted)
+    if stated is not None:
+        return Column(place, heading, *stated, numeric=numeric)
     role, name = meaning_of(heading.name)
-    if role == "remark" and numeric and heading.unit and not plain_words(heading.name).startswith(NOTE):
+    if role == "remark" and numeric and heading.unit:
         role = "unknown"  # a quantity, whatever word of remarks it has
     if role == "unknown":
         role, name = meaning_of_symbol(heading)

@@ -534,3 +534,11 @@ def test_grains_that_cannot_be_are_refused_in_one_line(tmp_path, wishes, said):
 def test_a_diameter_that_a_column_states_is_not_taken_from_the_command(tmp_path):
     wishes = Wishes(Told({"runout": "runout_radius"}), apparatus="collapse", diameter="2 mm")
     assert "column 'diameter' of heap.csv states" in faults_of(tmp_path, FRICTION.encode(), wishes=wishes)[0]
+
+
+def test_a_column_whose_heading_begins_with_note_is_not_used_whatever_else_it_says(tmp_path):
+    heading = "moisture (%);Böschungswinkel (°);note Haufenhöhe [mm];note Stabw. Höhe\n"
+    (tmp_path / "t.csv").write_text(heading + "0;27;21,3;0,8\n1;29;22;0,9\n2;31;23;1\n", encoding="utf-8")
+    document = new_study(tmp_path / "t.csv", Wishes(closed_form=True), guess)
+    told = [column["told"] for column in document["columns"]]
+    assert told == ["sets moisture", "measured: repose_angle", "not used", "not used"]
