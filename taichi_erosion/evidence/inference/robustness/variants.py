@@ -187,7 +187,14 @@ def row_sets(fitted: FittedHypotheses) -> Iterator[tuple[str, Bools]]:
         labels = np.array(column)
         names, counts = np.unique(labels, return_counts=True)
         for name in names[np.argsort(-counts, kind="stable")][:most] if names.size > 1 else []:
-            yield f"without {word} {name}", labels == name
+            at = rows.conditions_at(int(np.flatnonzero(labels == name)[0]))
+            unnamed = name == ", ".join(
+                f"{value:g}" for value in at.values()
+            )  # its conditions name the group
+            yield (
+                f"without {f'the rows at {units.setting_text(at)}' if unnamed else f'{word} {name}'}",
+                labels == name,
+            )
     off = list[int]()
     for _ in range(WORST_ROWS):
         row = worst_row(fitted.prepared, fitted.base.expansion, off)

@@ -117,3 +117,14 @@ def test_rows_that_name_no_source_are_of_one_their_file():
     sets = dict(row_sets(found.fitted))
     assert sets["without source lab"].sum() == 24
     assert sets["without source Smith 1999"].sum() == 12
+
+
+def test_a_group_that_has_no_name_is_left_out_by_its_conditions_in_the_units_of_the_table():
+    problem = weak()
+    table = problem.measurements
+    (name,) = table.conditions
+    unnamed = replace(table, group=tuple(f"{value:g}" for value in table.conditions[name]))
+    found = analyse(prepare(replace(problem, measurements=unnamed), unnamed, 1), 1, no_progress)
+    words = [each for each, _ in row_sets(found.fitted) if each.startswith("without the rows at ")]
+    assert words
+    assert all(f"{name} = " in each for each in words)
