@@ -22,6 +22,7 @@ import numpy as np
 from doe.common.cases import Row
 from doe.wind.blown_sand import (
     AIR,
+    ALL_FORCES,
     BARE,
     GRAVITY,
     IN_EVERY_CONTACT,
@@ -68,8 +69,9 @@ def scale(diameter: Floats, density: Floats | float) -> Floats:
 
 
 def sands_of(thresholds: Found, group: str) -> Sands:
-    """Sands of one group; errors that few winds leave are drawn to the mean of all groups."""
-    pooled = np.mean([relative_variance(case[STRESS_LINE]) for case in thresholds.values()])
+    """Sands of one group; errors that few winds leave are drawn to the mean of groups of several sands."""
+    lines = [case for (own, _), case in thresholds.items() if own != ALL_FORCES]
+    pooled = np.mean([relative_variance(case[STRESS_LINE]) for case in lines])
     chosen = {float(label): case[STRESS_LINE] for (own, label), case in thresholds.items() if own == group}
     rows = [chosen[size] for size in sorted(chosen)]
     diameter = MILLI * np.array(sorted(chosen))

@@ -88,7 +88,7 @@ def read_data(doe: Path) -> Data:
         found_in(doe / "wind" / "saturated.csv"),
         found_in(doe / "wind" / "drag_laws.csv"),
         lines_of(doe / "measured" / "impact_threshold.csv"),
-        lines_of(doe / "measured" / "chepil1945_classes.csv"),
+        lines_of(doe / "wind" / "chepil1945_classes.csv"),
         lines_of(doe / "wind" / "hopping.csv"),
         lines_of(doe / "measured" / "martin_kok2018.csv"),
     )

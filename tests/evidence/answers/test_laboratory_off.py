@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taichi_erosion.cli.evidence import agreement
 from taichi_erosion.evidence.answers.adopt import adopt
 from taichi_erosion.evidence.answers.compare import compare
+from taichi_erosion.evidence.answers.words.agreement import agreement
 from taichi_erosion.evidence.data.findings import NONE
 from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.inference.verdict_levels import fails

@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping
 from math import sqrt
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from taichi_erosion.evidence.data.findings import HypothesisFit
 from taichi_erosion.evidence.inference import verdict_levels as levels
+
+if TYPE_CHECKING:
+    from taichi_erosion.evidence.data.findings import HypothesisFit
 
 Document = Mapping[str, Any]
 
@@ -52,7 +54,7 @@ def by_observable(before: Mapping[str, float], after: Mapping[str, float]) -> st
     return f"falls for {', '.join(falling)} and rises for {told}" if falling else f"rises for {told}"
 
 
-def uneven(before: HypothesisFit, after: HypothesisFit) -> str:
+def uneven(before: "HypothesisFit", after: "HypothesisFit") -> str:
     """End of a sentence, and the errors of held-out rows by observable where not all of them fall."""
     sides = by_observable(before.vault_rmse, after.vault_rmse)
     return "." if sides == "falls" else f". The error of held-out rows {sides}."
