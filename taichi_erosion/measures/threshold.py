@@ -8,13 +8,13 @@ import numpy as np
 import scipy
 
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.measures.boundary_layer import coles_speed, flat_plate_thickness
+from taichi_erosion.measures.boundary_layer import coles_speed, flat_plate_friction, flat_plate_thickness
 from taichi_erosion.measures.result import Measurement, Shortfall, no_measurement, pool
 from taichi_erosion.measures.shortfalls import bed_shortfalls
 
 UNIT = "m s-1"
 # thresholds whose measurements hold no bracket
-THRESHOLDS = ("impact_threshold_linear", "threshold_ratio", "threshold_wind_speed")
+THRESHOLDS = ("impact_threshold_linear", "threshold_ratio")
 NOT_REACHED = "the search did not get that far"
 CONFIDENCE = 0.95  # of the interval [1]
 LOGISTIC_SD = pi / sqrt(3.0)  # standard deviation of the standard logistic law [1]
@@ -25,6 +25,11 @@ REACH = 1.5  # logarithms on either side of the brackets in which the ends of th
 
 ROUGH = 1.0 / 30.0  # z0 over the diameter of the grains [1]
 FASTEST_TUNNEL = 1e3  # m s-1
+# u* of the simulated working section over that of a flat plate, by wind speed [m s-1]: doe/tunnel_map/map.csv
+MAP_SPEED = (5.0, 5.5, 6.0, 6.5, 7.0, 7.5, 9.0, 11.0, 13.0)
+MAP_RATIO = (1.0877, 1.0855, 1.0828, 1.0809, 1.0788, 1.0775, 1.0733, 1.0691, 1.0659)
+MAP_SD = 0.0562  # of u* at a stated wind, relative: doe/tunnel_map/variants.csv
+SHARED = ("shared_sd", "flat_plate")  # details of a bed that all beds share, averaged in the pooled value
 
 
 @dataclass(frozen=True)
@@ -110,8 +115,8 @@ def ratio(name: str, impact: Bracket | None, fluid: Bracket | None) -> Measureme
     return Measurement(name, value, sd, "1")
 
 
-def wind_speed(friction: float, tunnel: Tunnel) -> float:
-    """Free-stream speed U of a tunnel whose floor has the friction velocity u* [m s-1].
+def plate_speed(friction: float, tunnel: Tunnel) -> float:
+    """Speed U over a flat plate whose floor has the friction velocity u*, as in textbooks [m s-1].
 
     U = coles_speed(u*, delta, z0),   delta = 0.37 x (U x / nu)^-0.2,   z0 = d / 30
 
@@ -127,12 +132,37 @@ def wind_speed(friction: float, tunnel: Tunnel) -> float:
     return scipy.optimize.root_scalar(excess, bracket=(friction, FASTEST_TUNNEL)).root
 
 
+def wind_speed(friction: float, tunnel: Tunnel) -> float:
+    """Free-stream speed U of the tunnel whose floor has the friction velocity u* [m s-1].
+
+    u*(U) = c(U) u_p(U)
+
+    with u_p that of a flat plate of the same fetch and roughness (`plate_speed` inverted) and c the ratio of
+    the simulated air of the working section to it, 6 m from the inlet: straight lines between the speeds of
+    the map, constant beyond. The standard deviation of u* at a stated U is `MAP_SD` u*.
+    """
+
+    def excess(speed: float) -> float:
+        depth = flat_plate_thickness(speed, tunnel.fetch, tunnel.viscosity)
+        plate = flat_plate_friction(speed, depth, ROUGH * tunnel.diameter, tunnel.viscosity)
+        return float(np.interp(speed, MAP_SPEED, MAP_RATIO)) * plate - friction
+
+    return scipy.optimize.root_scalar(excess, bracket=(friction, FASTEST_TUNNEL)).root
+
+
 def tunnel_speed(name: str, bracket: Bracket | None, tunnel: Tunnel) -> Measurement:
-    """Free-stream speed at the threshold of one bed [m s-1]; `sd` is that of its bracket."""
+    """Free-stream speed at the threshold of one bed [m s-1]; `sd` is that of its bracket.
+
+    `details`: ends of the bracket as speeds; `shared_sd`, the standard deviation of the map, which all beds
+    share; `flat_plate`, the speed over a flat plate.
+    """
     if bracket is None:
         return no_measurement(name, UNIT, NOT_REACHED)
-    speed = wind_speed(bracket.middle, tunnel)
-    return Measurement(name, speed, speed * bracket.sd / bracket.middle, UNIT)
+    low, middle, high = (wind_speed(each, tunnel) for each in (bracket.low, bracket.middle, bracket.high))
+    beyond = wind_speed(bracket.middle * (1.0 + MAP_SD), tunnel)
+    details = {"low": low, "high": high, "shared_sd": beyond - middle}
+    details["flat_plate"] = plate_speed(bracket.middle, tunnel)
+    return Measurement(name, middle, middle * bracket.sd / bracket.middle, UNIT, details=details)
 
 
 def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
@@ -145,8 +175,12 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     of the likelihood with the limit n ln(1 + t^2 / (n - 1)), which for normal beds is Student's.
     """
     plain = pool(repeats)
-    plain = replace(plain, shortfalls=(*plain.shortfalls, *beds_lacking(plain, repeats)))
     brackets = [r.details for r in repeats if {"low", "high"} <= set(r.details)]
+    shared = {
+        key: float(np.mean([b[key] for b in brackets])) for key in SHARED if key in next(iter(brackets), {})
+    }
+    lacking = (*plain.shortfalls, *beds_lacking(plain, repeats))
+    plain = replace(plain, shortfalls=lacking, details=plain.details | shared)
     if len(brackets) < 2:
         return plain
     ends = np.log([[b["low"], b["high"]] for b in brackets])

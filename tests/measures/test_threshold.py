@@ -1,5 +1,8 @@
 """Thresholds of several beds, and the wind speed of a tunnel."""
 
+import csv
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.stats import t as student
@@ -10,8 +13,10 @@ from taichi_erosion.measures.threshold import (
     bracketed,
     extrapolated,
     flux_intercept,
+    plate_speed,
     pool_beds,
     ratio,
+    tunnel_speed,
     wind_speed,
 )
 
@@ -107,8 +112,28 @@ def test_a_line_needs_four_winds_that_blow_and_a_threshold():
         (6.9, 2e-3, 0.321),
     ],
 )
-def test_the_speed_of_a_tunnel_is_that_of_the_flat_plate_seven_metres_from_its_inlet(
+def test_the_speed_over_a_flat_plate_is_that_of_the_textbook_seven_metres_from_its_edge(
     speed: float, diameter: float, friction: float
 ):
     # friction velocities of the table are rounded to a millimetre per second
-    assert wind_speed(friction, Tunnel(7.0, diameter, 1.5e-5)) == pytest.approx(speed, rel=0.01)
+    assert plate_speed(friction, Tunnel(7.0, diameter, 1.5e-5)) == pytest.approx(speed, rel=0.01)
+
+
+def test_the_speed_of_the_tunnel_is_that_of_the_simulated_working_section():
+    with (Path(__file__).parents[2] / "doe" / "tunnel_map" / "map.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:  # made with the roughness of 0.25 mm, rounded to micrometres, and six digits
+        found = wind_speed(float(row["friction_velocity"]), Tunnel(float(row["place"]), 0.25e-3, 1.5e-5))
+        assert found == pytest.approx(float(row["speed"]), rel=1e-3)
+
+
+def test_beds_share_the_uncertainty_of_the_map():
+    tunnel = Tunnel(6.0, 0.25e-3, 1.5e-5)
+    repeats = [
+        tunnel_speed("threshold_wind_speed", Bracket(u - 0.005, u + 0.005), tunnel) for u in (0.28, 0.32)
+    ]
+    pooled = pool_beds(repeats)
+    assert pooled.value == pytest.approx(wind_speed(0.299, tunnel), rel=0.01)
+    # 5.6 % of u*, and a little more of the speed, which grows faster than u*
+    assert 0.056 < pooled.details["shared_sd"] / pooled.value < 0.065
+    assert pooled.details["flat_plate"] == pytest.approx(plate_speed(0.299, tunnel), rel=0.01)

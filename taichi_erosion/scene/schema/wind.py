@@ -113,4 +113,4 @@ class Threshold(Section):
     ceased: float = number(
         0.01, "1", "flux over that of the start below which transport has ceased", 1e-6, 0.5
     )
-    fetch: float = number(7.0, "m", "distance from the inlet of the tunnel that is compared", 0.01, 1e4)
+    fetch: float = number(6.0, "m", "distance from the inlet of the tunnel that is compared", 0.01, 1e4)
