@@ -287,9 +287,17 @@ def scene_identity(simulator: Simulator) -> str:
 
 
 def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list[Candidate]:
-    """Effects of the library that a study tries, with the priors of the library and of the study."""
+    """Effects of the library that a study tries, with the priors of the library and of the study.
+
+    An effect that acts in a scene of the study is part of its model, and no candidate.
+    """
     wanted, library = file.candidates, simulator.library
+    acting = {
+        each for measure in simulator.measures.values() for each in simulator.acting_effects(measure.scene)
+    }
     names = list(library) if wanted.effects == (ALL,) else list(wanted.effects or wanted.tables)
+    if wanted.effects != (ALL,) and (twice := acting.intersection(names) - set(file.adopted)):
+        raise BadInput(f"{name}: candidates.{min(twice)} acts in a scene already: it is part of the model")
     names += simulator.own  # to name a file is to try its effect
     for effect in (*names, *wanted.tables, *file.adopted):
         if effect not in library:
@@ -297,7 +305,7 @@ def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list
     return [
         library_candidate(simulator, effect, wanted.tables.get(effect, CandidateEntry()), file.conditions)
         for effect in dict.fromkeys(names)
-        if effect not in file.adopted
+        if effect not in file.adopted and effect not in acting
     ]
 
 
