@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.measures.boundary_layer import coles_speed, flat_plate_friction, flat_plate_thickness
+from taichi_erosion.measures.boundary_layer import coles_speed, flat_plate_thickness
 from taichi_erosion.measures.result import Measurement, Shortfall, no_measurement, pool
 from taichi_erosion.measures.shortfalls import bed_shortfalls
 
@@ -28,6 +28,7 @@ FASTEST_TUNNEL = 1e3  # m s-1
 # u* of the simulated working section over that of a flat plate, by wind speed [m s-1]: doe/tunnel_map/map.csv
 MAP_SPEED = (5.0, 5.5, 6.0, 6.5, 7.0, 7.5, 9.0, 11.0, 13.0)
 MAP_RATIO = (1.0877, 1.0855, 1.0828, 1.0809, 1.0788, 1.0775, 1.0733, 1.0691, 1.0659)
+PLATE = (1.0,) * len(MAP_SPEED)  # the same of a flat plate itself [1]
 MAP_SD = 0.0562  # of u* at a stated wind, relative: doe/tunnel_map/variants.csv
 SHARED = ("shared_sd", "flat_plate")  # details of a bed that all beds share, averaged in the pooled value
 
@@ -115,37 +116,23 @@ def ratio(name: str, impact: Bracket | None, fluid: Bracket | None) -> Measureme
     return Measurement(name, value, sd, "1")
 
 
-def plate_speed(friction: float, tunnel: Tunnel) -> float:
-    """Speed U over a flat plate whose floor has the friction velocity u*, as in textbooks [m s-1].
+def wind_speed(friction: float, tunnel: Tunnel, ratio: Sequence[float] = MAP_RATIO) -> float:
+    """Free-stream speed U of a tunnel whose floor has the friction velocity u* [m s-1].
 
-    U = coles_speed(u*, delta, z0),   delta = 0.37 x (U x / nu)^-0.2,   z0 = d / 30
+    U = coles_speed(u* / c(U), delta, z0),   delta = 0.37 x (U x / nu)^-0.2,   z0 = d / 30
 
-    with x the fetch [m] and d the diameter [m].
+    with x the fetch [m], d the diameter [m], and c the ratio of u* in the simulated air of the working section
+    to that of a flat plate, 6 m from the inlet: straight lines between the speeds of the map, constant beyond.
+    The standard deviation of u* at a stated U is `MAP_SD` u*. A ratio of 1 (`PLATE`) gives the flat plate.
 
-    Reference: Schlichting & Gersten (2017), Boundary-Layer Theory, 18.2; Coles (1956), J. Fluid Mech. 1, 191.
+    Reference: Schlichting & Gersten (2017), Boundary-Layer Theory, 18.2; Coles (1956), J. Fluid Mech. 1, 191;
+    doe/tunnel_map.
     """
 
     def excess(speed: float) -> float:
         depth = flat_plate_thickness(speed, tunnel.fetch, tunnel.viscosity)
-        return coles_speed(friction, depth, ROUGH * tunnel.diameter, tunnel.viscosity) - speed
-
-    return scipy.optimize.root_scalar(excess, bracket=(friction, FASTEST_TUNNEL)).root
-
-
-def wind_speed(friction: float, tunnel: Tunnel) -> float:
-    """Free-stream speed U of the tunnel whose floor has the friction velocity u* [m s-1].
-
-    u*(U) = c(U) u_p(U)
-
-    with u_p that of a flat plate of the same fetch and roughness (`plate_speed` inverted) and c the ratio of
-    the simulated air of the working section to it, 6 m from the inlet: straight lines between the speeds of
-    the map, constant beyond. The standard deviation of u* at a stated U is `MAP_SD` u*.
-    """
-
-    def excess(speed: float) -> float:
-        depth = flat_plate_thickness(speed, tunnel.fetch, tunnel.viscosity)
-        plate = flat_plate_friction(speed, depth, ROUGH * tunnel.diameter, tunnel.viscosity)
-        return float(np.interp(speed, MAP_SPEED, MAP_RATIO)) * plate - friction
+        plate = friction / float(np.interp(speed, MAP_SPEED, ratio))
+        return coles_speed(plate, depth, ROUGH * tunnel.diameter, tunnel.viscosity) - speed
 
     return scipy.optimize.root_scalar(excess, bracket=(friction, FASTEST_TUNNEL)).root
 
@@ -161,7 +148,7 @@ def tunnel_speed(name: str, bracket: Bracket | None, tunnel: Tunnel) -> Measurem
     low, middle, high = (wind_speed(each, tunnel) for each in (bracket.low, bracket.middle, bracket.high))
     beyond = wind_speed(bracket.middle * (1.0 + MAP_SD), tunnel)
     details = {"low": low, "high": high, "shared_sd": beyond - middle}
-    details["flat_plate"] = plate_speed(bracket.middle, tunnel)
+    details["flat_plate"] = wind_speed(bracket.middle, tunnel, PLATE)
     return Measurement(name, middle, middle * bracket.sd / bracket.middle, UNIT, details=details)
 
 

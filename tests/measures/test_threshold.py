@@ -8,12 +8,12 @@ import pytest
 from scipy.stats import t as student
 
 from taichi_erosion.measures.threshold import (
+    PLATE,
     Bracket,
     Tunnel,
     bracketed,
     extrapolated,
     flux_intercept,
-    plate_speed,
     pool_beds,
     ratio,
     tunnel_speed,
@@ -116,7 +116,7 @@ def test_the_speed_over_a_flat_plate_is_that_of_the_textbook_seven_metres_from_i
     speed: float, diameter: float, friction: float
 ):
     # friction velocities of the table are rounded to a millimetre per second
-    assert plate_speed(friction, Tunnel(7.0, diameter, 1.5e-5)) == pytest.approx(speed, rel=0.01)
+    assert wind_speed(friction, Tunnel(7.0, diameter, 1.5e-5), PLATE) == pytest.approx(speed, rel=0.01)
 
 
 def test_the_speed_of_the_tunnel_is_that_of_the_simulated_working_section():
@@ -136,4 +136,4 @@ def test_beds_share_the_uncertainty_of_the_map():
     assert pooled.value == pytest.approx(wind_speed(0.299, tunnel), rel=0.01)
     # 5.6 % of u*, and a little more of the speed, which grows faster than u*
     assert 0.056 < pooled.details["shared_sd"] / pooled.value < 0.065
-    assert pooled.details["flat_plate"] == pytest.approx(plate_speed(0.299, tunnel), rel=0.01)
+    assert pooled.details["flat_plate"] == pytest.approx(wind_speed(0.299, tunnel, PLATE), rel=0.01)
