@@ -122,8 +122,9 @@ def wind_speed(friction: float, tunnel: Tunnel, ratio: Sequence[float] = MAP_RAT
     U = coles_speed(u* / c(U), delta, z0),   delta = 0.37 x (U x / nu)^-0.2,   z0 = d / 30
 
     with x the fetch [m], d the diameter [m], and c the ratio of u* in the simulated air of the working
-    section to that of a flat plate, 6 m from the inlet: straight lines between the speeds of the map, constant
-    beyond. The standard deviation of u* at a stated U is `MAP_SD` u*. A ratio of 1 (`PLATE`) gives the flat plate.
+    section to that of a flat plate, 6 m from the inlet: straight lines between the speeds of the map, and
+    constant beyond. The standard deviation of u* at a stated U is `MAP_SD` u*. A ratio of 1 (`PLATE`) gives
+    the flat plate.
 
     Reference: Schlichting & Gersten (2017), Boundary-Layer Theory, 18.2; Coles (1956), J. Fluid Mech. 1, 191;
     doe/tunnel_map.
