@@ -14,37 +14,43 @@ DOCS = Path(__file__).resolve().parent
 PAGE_ALONE = "--page"
 HEAD = """# Verification: do we solve the equations right?
 
-Every claim of `./erosion verify`, which needs a source tree and about half an hour; `./erosion verify ID` checks one, `--json` adds the
-precision and the time. A claim that is checked in single and in double precision shows the outcome that is nearer to its tolerance.
-`got`, `want` and `tolerance` have the unit of the claim. `python docs/build.py` writes this page; failed claims stay in it. The
-[glossary](../GLOSSARY.md) explains the terms.
+Every claim of `./erosion verify`, which needs a source tree and about half an hour; `./erosion verify ID`
+checks one, `--json` adds the precision and the time. A claim that is checked in single and in double
+precision shows the outcome that is nearer to its tolerance. `got`, `want` and `tolerance` have the unit of
+the claim. `python docs/build.py` writes this page; failed claims stay in it. The [glossary](../GLOSSARY.md)
+explains the terms.
 
 """
 DOUBTS = """
 ## What does not hold, and why
 
-- **V33, round holes**: 2.64 where 2.5 is wanted. It is Beverloo's k that differs, not the law: with the exponents given, both kinds of
-  opening ask for the same k, 1.74 +- 0.07 and 1.80 +- 0.04, where 1.2 to 1.6 is the range of spheres. Friction of 0.5 with rolling friction, more than
-  glass has, and the softness of the grains are not excluded as the reason.
-- **V36**: in strong winds the air over 0.5 mm keeps up to 1.39 times the stress of the wind in which one grain goes on, and over 0.25 mm, in the
-  strongest wind, 0.71 times that; Owen has it constant, and a fifth is allowed. Other beds under other winds show the same
-  (`docs/threshold.md`); another law of drag does not mend it (`doe/drag_law/`). The thresholds are known to a twentieth or a tenth.
-- **V39**: one grain goes on over a bed down to 0.53 of the wind that starts it, where 0.75 to 0.9 is measured. The fluid threshold is at the upper end
-  of what is asked for; the impact threshold, 0.171 m/s, is 0.89 of Bagnold's 0.192 m/s for 0.24 mm (`docs/threshold.md`, impact over fluid threshold).
-- **V35**, silo, drum and penetration by Dosta et al. (2024), is missing: it needs walls and places of grains that were published beside that
-  paper and could not be had.
+- **V33, round holes**: 2.64 where 2.5 is wanted. It is Beverloo's k that differs, not the law: with the
+  exponents given, both kinds of opening ask for the same k, 1.74 +- 0.07 and 1.80 +- 0.04, where 1.2 to 1.6
+  is the range of spheres. Friction of 0.5 with rolling friction, more than glass has, and the softness of
+  the grains are not excluded as the reason.
+- **V36**: in strong winds the air over 0.5 mm keeps up to 1.39 times the stress of the wind in which one
+  grain goes on, and over 0.25 mm, in the strongest wind, 0.71 times that; Owen has it constant, and a fifth
+  is allowed. Other beds under other winds show the same (`docs/threshold.md`); another law of drag does not
+  mend it (`doe/drag_law/`). The thresholds are known to a twentieth or a tenth.
+- **V39**: one grain goes on over a bed down to 0.53 of the wind that starts it, where 0.75 to 0.9 is
+  measured. The fluid threshold is at the upper end of what is asked for; the impact threshold, 0.171 m/s,
+  is 0.89 of Bagnold's 0.192 m/s for 0.24 mm (`docs/threshold.md`, impact over fluid threshold).
+- **V35**, silo, drum and penetration by Dosta et al. (2024), is missing: it needs walls and places of
+  grains that were published beside that paper and could not be had.
 """
 FIGURES = """
 ## Curves
 
 ![Oblique impact of aluminium oxide (T4)](pictures/oblique_impact.png)
 
-Below 10 degrees the contact mostly sticks, and codes differ in what becomes of the tangential dashpot there.
+Below 10 degrees the contact mostly sticks, and codes differ in what becomes of the tangential dashpot
+there.
 
 ![Normal impact with spin (T6)](pictures/spinning_impact.png)
 
-Up to X = 1 the contact slides throughout and the answer is exact; only this branch is judged (V06). Beyond it the contact sticks, and
-what comes back depends on the tangential dashpot, for which the published curve follows another rule.
+Up to X = 1 the contact slides throughout and the answer is exact; only this branch is judged (V06). Beyond
+it the contact sticks, and what comes back depends on the tangential dashpot, for which the published curve
+follows another rule.
 
 ![JKR force against overlap](pictures/jkr_law.png)
 

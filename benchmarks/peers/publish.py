@@ -54,7 +54,9 @@ def lines(rows: Sequence[Row]) -> list[tuple[str, ...]]:
             *(rate(found[name]) if name in found else "" for name in OURS),
             *(ratios(found[name]) if name in found else "" for name in OTHERS),
         )
-        for (case, cores), found in sorted(cases.items(), key=lambda item: (order.index(item[0][0]), item[0][1]))
+        for (case, cores), found in sorted(
+            cases.items(), key=lambda item: (order.index(item[0][0]), item[0][1])
+        )
     ]
 
 

@@ -8,7 +8,7 @@ from taichi_erosion.report.markdown import MARKED, fill_tables
 
 
 def filled(pages: Sequence[Path], tables: Mapping[str, str]) -> dict[Path, str]:
-    """Texts of the pages, each with the tables that it marks. Raises ValueError for a table without a mark."""
+    """Texts of the pages, each with the tables that it marks. Raises ValueError for one without a mark."""
     texts = {page: page.read_text(encoding="utf-8") for page in pages}
     marks = {page: [found["name"] for found in MARKED.finditer(text)] for page, text in texts.items()}
     if lost := tables.keys() - {name for names in marks.values() for name in names}:
