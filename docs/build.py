@@ -14,11 +14,11 @@ DOCS = Path(__file__).resolve().parent
 PAGE_ALONE = "--page"
 HEAD = """# Verification: do we solve the equations right?
 
-Every claim of `./erosion verify`, which needs a source tree and about half an hour; `./erosion verify ID`
-checks one, `--json` adds the precision and the time. A claim that is checked in single and in double
-precision shows the outcome that is nearer to its tolerance. `got`, `want` and `tolerance` have the unit of
-the claim. `python docs/build.py` writes this page; failed claims stay in it. The [glossary](../GLOSSARY.md)
-explains the terms.
+The claims of `./erosion verify`, which prints every one of them, `./erosion verify ID` those of one check;
+all take about half an hour. A row stands for all claims of a check that differ in a number or in precision
+alone (`of`), and shows the one nearest to its tolerance; a claim that fails has a row of its own. `got`,
+`want` and `tolerance` have the unit of the claim. `python docs/build.py` writes this page. The
+[glossary](../GLOSSARY.md) explains the terms.
 
 """
 DOUBTS = """
@@ -75,9 +75,11 @@ def renewed(table: list[str], claims: list[Claim]) -> list[str]:
 
 
 def count(table: list[str]) -> str:
-    """How many claims of a table hold."""
-    judged = [row for row in table if row.startswith("| V")]
-    return f"\n{sum('| yes |' in row for row in judged)} of {len(judged)} claims hold.\n"
+    """How many outcomes of a table hold."""
+    rows = [row for row in table if row.startswith("| V")]
+    numbers = [int(row.replace(r"\|", "").split("|")[3]) for row in rows]
+    held = sum(number for number, row in zip(numbers, rows, strict=True) if "| yes |" in row)
+    return f"\n{held} of {sum(numbers)} outcomes hold.\n"
 
 
 def main(ids: list[str]) -> None:

@@ -3,6 +3,7 @@
 Curves are arrays: oblique impact (T4), spinning impact (T6) and the JKR law, each with its reference.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from math import isfinite
 from pathlib import Path
@@ -189,31 +190,36 @@ def finish(figure: Figure, frame: Axes, title: str) -> None:
     figure.suptitle(title, fontsize=10)
 
 
-HEADER = ("id", "claim", "got", "want", "tolerance", "holds")
+HEADER = ("id", "claim", "of", "got", "want", "tolerance", "holds")
+NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
 def markdown_table(claims: Sequence[Claim]) -> str:
-    """Markdown table of claims; of one in two precisions the outcome that is nearer to its tolerance."""
-    worst: dict[tuple[str, str], Claim] = {}
+    """Markdown table of claims; those that differ in a number or in precision alone share a row.
+
+    The row shows the one nearest to its tolerance; a claim that fails has a row of its own.
+    """
+    alike: dict[tuple[str, str], list[Claim]] = {}
     for claim in claims:
-        name = (claim.id, claim.claim)
-        if name not in worst or strain(claim) > strain(worst[name]):
-            worst[name] = claim
-    rows = [HEADER, tuple("---" for _ in HEADER), *(cells(claim) for claim in worst.values())]
+        words = NUMBER.sub("#", claim.claim) if claim.passed else claim.claim
+        alike.setdefault((claim.id, words), []).append(claim)
+    rows = [HEADER, tuple("---" for _ in HEADER), *(cells(each) for each in alike.values())]
     return "".join("| " + " | ".join(row) + " |\n" for row in rows)
 
 
-def strain(claim: Claim) -> tuple[bool, float]:
-    """Whether a claim fails, and its distance from what is wanted over the tolerance [1]."""
+def strain(claim: Claim) -> float:
+    """Distance from what is wanted over the tolerance [1]."""
     distance = abs(claim.got - claim.want)
-    return not claim.passed, distance / claim.tolerance if claim.tolerance > 0.0 else distance
+    return distance / claim.tolerance if claim.tolerance > 0.0 else distance
 
 
-def cells(claim: Claim) -> tuple[str, ...]:
+def cells(alike: Sequence[Claim]) -> tuple[str, ...]:
     """One row of the table."""
+    claim = max(alike, key=strain)
     return (
         claim.id,
         claim.claim.replace("|", "\\|"),
+        str(len(alike)),
         number(claim.got),
         number(claim.want),
         number(claim.tolerance, digits=2),
