@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from doe.common.cases import STOPPED, Row
-from doe.common.pages import write_pages
+from doe.common.pages import with_columns, write_pages
 from doe.wind import ratio, shares
 from doe.wind.blown_sand import (
     BARE,
@@ -36,6 +36,27 @@ PICTURES = {"impact": "pictures/impact_threshold.png", "flux": "pictures/flux.pn
 TABLES = ("flux", "impact", "fluid", "saturated")
 CREYSSELS_SAND = "0.24"  # mm, of saturated.csv: the sand nearest to that of Creyssels et al.
 SHOWN = ("forces", "as stated")  # groups of fluid thresholds that the page shows
+FLUID_COLUMNS = (
+    "case",
+    "fluid threshold u* [m/s]",
+    "over that of drag alone",
+    "fluid threshold U in the tunnel [m/s]",
+    "U of a flat plate [m/s]",
+)
+FLUX_COLUMNS = (
+    "u* [m/s]",
+    "measured [g/(m s)]",
+    "simulated [g/(m s)]",
+    "difference",
+    "both over that of the wind",
+)
+RATIO_COLUMNS = (
+    "d [mm]",
+    "measured ratio",
+    "simulated ratio",
+    "impact over measured",
+    "fluid over the curve",
+)
 ALONE = "drag alone"  # the case that others are compared with
 ROLLING, PLATE = "rolling_onset", "threshold_wind_speed"
 
@@ -67,8 +88,8 @@ def tunnel_speed(friction: float, half: float, tunnel: Table) -> tuple[float, fl
 def fluid_table(found: Found, tunnel: Table) -> str:
     """Thresholds of the published soil, and what they depend on."""
     header = (
-        *("what", "case", "beds", "rolling onset u* [m/s]", "U in the tunnel [m/s]"),
-        *("fluid threshold u* [m/s]", "over that of drag alone", "U in the tunnel [m/s]"),
+        *("what", "case", "beds", "rolling onset u* [m/s]", "rolling onset U in the tunnel [m/s]"),
+        *("fluid threshold u* [m/s]", "over that of drag alone", "fluid threshold U in the tunnel [m/s]"),
         *("U of a flat plate [m/s]", "remark"),
     )
     rows = []
@@ -142,15 +163,15 @@ def tables(doe: Path) -> dict[str, str]:
     thresholds = lines_of(doe / "measured" / "impact_threshold.csv")
     fluxes = lines_of(doe / "measured" / "flux_creyssels2009.csv")
     tunnel, choices = (lines_of(doe / "tunnel_map" / f"{name}.csv") for name in ("map", "variants"))
-    return {
-        "fluid": fluid_table({name: case for name, case in fluid.items() if name[0] in SHOWN}, tunnel),
+    full = {
+        "fluid in full": fluid_table(fluid, tunnel),
+        "flux in full": flux_table(flux, fluxes),
         "map": map_table(tunnel),
         "choices": choice_table(choices),
         "impact": impact_table(impact, thresholds, (STRESS_LINE,)),
         "scaling": scaling_table(impact, lines_of(doe / "wind" / "hopping.csv")),
         "adhesion": adhesion_table(impact, thresholds),
         "saturated": saturated_table(steady),
-        "flux": flux_table(flux, fluxes),
         "laws": law_table(flux, hindered, fluxes),
         "law_soil": soil_table(fluid, hindered, shares.thresholds()),
         "law_impact": impact_law_table(steady, hindered, thresholds),
@@ -159,6 +180,12 @@ def tables(doe: Path) -> dict[str, str]:
         "splash": splash_table(flux),
         **shares.tables(),
         **ratio.tables(doe),
+    }
+    shown_cases = {name: case for name, case in fluid.items() if name[0] in SHOWN}
+    return full | {
+        "fluid": with_columns(fluid_table(shown_cases, tunnel), FLUID_COLUMNS),
+        "flux": with_columns(full["flux in full"], FLUX_COLUMNS),
+        "ratio": with_columns(full["ratio in full"], RATIO_COLUMNS),
     }
 
 
