@@ -15,10 +15,11 @@ PAGE_ALONE = "--page"
 HEAD = """# Verification: do we solve the equations right?
 
 The claims of `./erosion verify` in a source tree, which prints every one of them; all take about half an
-hour, `./erosion verify ID` those of one check. An installed program checks a short list of closed forms. A row stands for all claims of a check that differ in a number or in precision
-alone (`of`), and shows the one nearest to its tolerance; a claim that fails has a row of its own. `got`,
-`want` and `tolerance` have the unit of the claim. `python docs/build.py` writes this page. The
-[glossary](../GLOSSARY.md) explains the terms.
+hour, `./erosion verify ID` those of one check. An installed program checks a short list of closed forms. A
+row stands for all claims of a check that differ in a number or in precision alone (`of`), and shows the one
+nearest to its tolerance; a claim that fails has a row of its own. `got`, `want` and `tolerance` have the
+unit of the claim. `python docs/build.py` writes this page. The [glossary](../GLOSSARY.md) explains the
+terms.
 
 """
 DOUBTS = """
