@@ -21,13 +21,14 @@ def page() -> str:
     """Text of the page: functions first, then classes with what they have."""
     names = [name for name in api.__all__ if name not in ("BadInput", "SimulationStopped")]
     functions = [name for name in names if inspect.isfunction(getattr(api, name))]
-    classes = [name for name in names if inspect.isclass(getattr(api, name))]
+    classes = [getattr(api, name) for name in names if inspect.isclass(getattr(api, name))]
+    shared = dict.fromkeys(owner for kind in classes for owner in kind.__mro__[1:-1])
     parts = [
         HEAD,
         "## Functions",
         *(function_part(f"te.{name}", getattr(api, name), 3) for name in functions),
     ]
-    parts += ["## Results and sessions", *(class_part(name, getattr(api, name)) for name in classes)]
+    parts += ["## Results and sessions", *map(class_part, [*shared, *classes])]
     return "\n\n".join(part.strip() for part in parts) + "\n"
 
 
@@ -55,26 +56,24 @@ def described(thing: Any) -> str:
     return inspect.cleandoc(thing.__doc__ or "")
 
 
-def class_part(name: str, kind: type) -> str:
-    """Heading, docstring, and a table of properties and methods."""
+def class_part(kind: type) -> str:
+    """Heading, docstring, and a table of properties and methods; those of its base stand there."""
     rows = "\n".join(f"| `{member}` | {text} |" for member, text in members(kind))
-    return f"### `{name}`\n\n{described(kind)}\n\n| has | |\n|---|---|\n{rows}"
+    base = "".join(f" A `{owner.__name__}`." for owner in kind.__mro__[1:-1])
+    return f"### `{kind.__name__}`\n\n{described(kind)}{base}\n\n| has | |\n|---|---|\n{rows}"
 
 
 def members(kind: type) -> Iterator[tuple[str, str]]:
-    """Public properties and methods with their docstrings, each once, own ones before inherited ones."""
-    seen = set()
-    for owner in kind.__mro__[:-1]:
-        for name, member in vars(owner).items():
-            is_property = isinstance(member, property)
-            if name in seen or name.startswith("_") or not (is_property or inspect.isfunction(member)):
-                continue
-            seen.add(name)
-            if is_property:
-                yield name, " ".join(described(member.fget).split())
-            else:
-                parameters = list(inspect.signature(member).parameters.values())[1:]
-                yield f"{name}({', '.join(map(argument, parameters))})", " ".join(described(member).split())
+    """Public properties and methods of its own, with their docstrings."""
+    for name, member in vars(kind).items():
+        function = member.fget if isinstance(member, property) else member
+        if name.startswith("_") or not inspect.isfunction(function) or not function.__doc__:
+            continue
+        call = name
+        if not isinstance(member, property):
+            parameters = list(inspect.signature(function).parameters.values())[1:]
+            call = f"{name}({', '.join(map(argument, parameters))})"
+        yield call, " ".join(described(function).split())
 
 
 if __name__ == "__main__":

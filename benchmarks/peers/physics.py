@@ -2,7 +2,7 @@
 
 The same grains, laws and steps in every code; what is compared is read from the places of the grains, in one
 way for all. Scatter is that of the seeds; a difference from ours is given in its standard errors. Results go
-to physics.csv beside this file; `--page` fills the table of docs/trust.md from it.
+to physics.csv beside this file; `--page` fills the tables of README.md and docs/trust.md from it.
 """
 
 import argparse
@@ -50,7 +50,9 @@ Seeds = list[dict[str, float]]  # numbers of every seed by quantity
 
 KEPT = DECKS / "cases" / "physics"  # delete it to run everything again
 TABLE = Path(__file__).with_name("physics.csv")
-PAGE = Path(__file__).parents[2] / "docs" / "trust.md"
+PAGE = Path(__file__).with_name("README.md")
+SHORT_PAGE = Path(__file__).parents[2] / "docs" / "trust.md"
+IN_SHORT = ("angle of repose, deg", "height, d")  # quantities of heaps that docs/trust.md shows
 BED_SEEDS = range(1, 5)
 STACK_STEPS = 20_000  # 0.1 s: the two grains come to rest
 
@@ -239,9 +241,16 @@ def page_table(rows: Sequence[Row]) -> str:
 
 
 def publish() -> None:
-    """Fill the table of the page."""
-    page = fill_table(PAGE.read_text(encoding="utf-8"), "other codes", page_table(read_rows()))
-    write_atomic(PAGE, page.encode())
+    """Fill the tables of the pages."""
+    for page, name, table in page_tables():
+        write_atomic(page, fill_table(page.read_text(encoding="utf-8"), name, table).encode())
+
+
+def page_tables() -> list[tuple[Path, str, str]]:
+    """Pages with the name and the text of their tables: all numbers, and angles and heights of heaps."""
+    rows = read_rows()
+    short = [row for row in rows if row.quantity in IN_SHORT]
+    return [(PAGE, "other codes", page_table(rows)), (SHORT_PAGE, "heaps of codes", page_table(short))]
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -249,7 +258,7 @@ def main(words: Sequence[str] | None = None) -> int:
     names = [*CASES, PAIR]
     parser = argparse.ArgumentParser(prog="python -m benchmarks.peers.physics", description=__doc__)
     parser.add_argument("cases", nargs="*", metavar="CASE", help=f"any of {', '.join(names)} (default: all)")
-    parser.add_argument("--page", action="store_true", help="only fill the table of docs/trust.md")
+    parser.add_argument("--page", action="store_true", help="only fill the tables of the pages")
     chosen = parser.parse_args(words)
     for case in chosen.cases:
         if case not in names:

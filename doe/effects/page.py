@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from doe.common.cases import MEASURED
+from doe.common.pages import write_pages
 from doe.effect_signatures.shifts import read_shifts
 from doe.effects.answers import Answer, bed_law, read_answers
 from doe.effects.cost import Cost, read_costs
 from doe.effects.figures import draw_bars, draw_curves
-from taichi_erosion.core.files import write_atomic
-from taichi_erosion.report.markdown import fill_tables, markdown_table
+from taichi_erosion.report.markdown import markdown_table
 
 PAGE = "effects.md"
 CURVES, BARS = "pictures/effects.png", "pictures/effects_heaps.png"
@@ -169,6 +169,16 @@ def verdict_table(sayings: Sequence[Saying], answers: Sequence[Answer], shifts: 
     return markdown_table(header, lines)
 
 
+def short_table(sayings: Sequence[Saying], answers: Sequence[Answer], shifts: Shifts, beds: Shifts) -> str:
+    """What the literature says of every effect, and whether it was kept in each scene that tried it."""
+    kept: dict[tuple[str, str], list[str]] = {}
+    for saying in sayings:
+        name = (f"`{saying.effect}`", f"{saying.says}; {saying.source}")
+        kept.setdefault(name, []).append(judged(saying, answers, shifts, beds).kept)
+    rows = [(*name, " / ".join(dict.fromkeys(found))) for name, found in kept.items()]
+    return markdown_table(("effect", "the literature says", "kept"), rows)
+
+
 def count_table(sayings: Sequence[Saying], answers: Sequence[Answer], shifts: Shifts, beds: Shifts) -> str:
     """How many sentences were kept."""
     kept = [judged(saying, answers, shifts, beds).kept for saying in sayings]
@@ -233,6 +243,7 @@ def tables(doe: Path) -> dict[str, str]:
     crusts = read_shifts(doe / "effects" / "crust.csv")
     return {
         "count": count_table(sayings, answers, shifts, beds),
+        "short": short_table(sayings, answers, shifts, beds),
         "verdicts": verdict_table(sayings, answers, shifts, beds),
         "beds": shift_table(beds),
         "crust": crust_table(crusts),
@@ -249,5 +260,4 @@ def publish(doe: Path, docs: Path) -> None:
     draw_curves(read_answers(MEASURED / "answers.csv"), docs / CURVES)
     costs = read_costs(doe / "effects" / "cost.csv")
     draw_bars(read_shifts(MEASURED / "signatures.csv"), costs, docs / BARS)
-    page = docs / PAGE
-    write_atomic(page, fill_tables(page.read_text(encoding="utf-8"), tables(doe)).encode())
+    write_pages((docs / PAGE, doe / "effects" / "README.md"), tables(doe))

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
+from doe.common.pages import write_pages
 from doe.hao2022.figures import half_normal, pareto
-from taichi_erosion.core.files import write_atomic
 from taichi_erosion.experiments.anova import anova
 from taichi_erosion.experiments.audit.comparisons import Comparison
 from taichi_erosion.experiments.audit.examine import Audit, audit
@@ -15,7 +15,7 @@ from taichi_erosion.experiments.design_table import Factor
 from taichi_erosion.experiments.fit import Fit
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
 from taichi_erosion.report.design_figures import contours
-from taichi_erosion.report.markdown import fill_tables, markdown_table
+from taichi_erosion.report.markdown import markdown_table
 
 PAGE = "hao2022.md"
 PICTURES = {
@@ -135,5 +135,4 @@ def publish(folder: Path, docs: Path) -> None:
     """Audit both tables, draw the figures and fill the page."""
     screening, surface = audit(folder / SCREENING), audit(folder / SURFACE)
     draw(screening, surface, docs)
-    page = docs / PAGE
-    write_atomic(page, fill_tables(page.read_text(encoding="utf-8"), tables(screening, surface)).encode())
+    write_pages((docs / PAGE, folder / "README.md"), tables(screening, surface))

@@ -12,8 +12,8 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 from doe.common.cases import Row, read_rows
-from taichi_erosion.core.files import write_atomic
-from taichi_erosion.report.markdown import fill_tables, markdown_table, with_spread
+from doe.common.pages import write_pages
+from taichi_erosion.report.markdown import markdown_table, with_spread
 
 PAGE = "lab_c.md"
 PICTURE = "pictures/lab_c.png"
@@ -98,19 +98,41 @@ def causes_table(rows: Sequence[Row], laboratory: Laboratory) -> str:
     return markdown_table(("case at 1.5 mm", "n", *names), lines)
 
 
-def cost_table(rows: Sequence[Row]) -> str:
-    """What was run, and what it took."""
-    lines = list(dict.fromkeys((r.group, r.label, str(r.n), r.hash, f"{r.wall_s:.0f} s") for r in rows))
-    return markdown_table(("case", "d", "seeds", "scene hash", "wall time"), lines)
+def summary_table(rows: Sequence[Row], laboratory: Laboratory) -> str:
+    """Every observable as the laboratory states its grains, and what is left with both causes removed."""
+    gaps = {
+        (r.group, r.label, r.observable): difference_in_errors(r, theirs(r, laboratory))
+        for r in rows
+        if r.label in DIAMETERS
+    }
+    header = ("observable", "d", "ours", "laboratory", "in standard errors", f"the same, {REPAIRED}")
+    lines = []
+    for row in (row for row in rows if row.group == MAIN):
+        other, (factor, unit) = theirs(row, laboratory), shown(row.unit)
+        lines.append(
+            (
+                f"{row.observable} [{unit}]",
+                row.label,
+                with_spread(factor * row.value, factor * row.sd, row.n),
+                with_spread(factor * other.value, factor * other.sd, other.n),
+                *(f"{gaps[group, row.label, row.observable]:+.1f}" for group in (MAIN, REPAIRED)),
+            )
+        )
+    return markdown_table(header, lines)
+
+
+def theirs(row: Row, laboratory: Laboratory) -> LaboratoryValue:
+    """The laboratory's value of an observable."""
+    return laboratory[row.observable, DIAMETERS[row.label]]
 
 
 def tables(rows: Sequence[Row], laboratory: Laboratory) -> dict[str, str]:
     """All tables of the page by the name of their mark."""
     return {
+        "summary": summary_table(rows, laboratory),
         "as stated": comparison_table(rows, laboratory, MAIN),
         "causes": causes_table(rows, laboratory),
         "both removed": comparison_table(rows, laboratory, REPAIRED),
-        "cost": cost_table(rows),
     }
 
 
@@ -138,5 +160,4 @@ def publish(table: Path, laboratory_file: Path, docs: Path) -> None:
     rows, laboratory = read_rows(table), read_laboratory(laboratory_file)
     (docs / PICTURE).parent.mkdir(parents=True, exist_ok=True)
     draw(rows, laboratory, docs / PICTURE)
-    page = docs / PAGE
-    write_atomic(page, fill_tables(page.read_text(encoding="utf-8"), tables(rows, laboratory)).encode())
+    write_pages((docs / PAGE, table.with_name("README.md")), tables(rows, laboratory))

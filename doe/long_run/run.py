@@ -42,7 +42,7 @@ Floats = NDArray[np.float64]
 
 FOLDER = Path(__file__).parent
 SCENE = FOLDER / "bed.toml"
-PAGE = FOLDER.parents[1] / "docs" / "trust.md"
+PAGE = FOLDER / "README.md"
 SETTLE = 300_000  # steps that bring the bed to rest and are not counted
 STEPS = 10_000_000
 ROW = 100_000  # steps from one row of the table to the next

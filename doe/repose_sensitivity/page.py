@@ -11,8 +11,8 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 from doe.common.cases import STOPPED, Row, read_rows
-from taichi_erosion.core.files import write_atomic
-from taichi_erosion.report.markdown import fill_tables, markdown_table, with_spread
+from doe.common.pages import write_pages
+from taichi_erosion.report.markdown import markdown_table, with_spread
 
 PAGE = "repose_sensitivity.md"
 PICTURE = "pictures/repose_sensitivity.png"
@@ -85,20 +85,24 @@ def case_table(rows: Sequence[Row], groups: Sequence[str]) -> str:
     return markdown_table(header, [case_line(name, cases[name]) for name in names])
 
 
-def cost_table(rows: Sequence[Row]) -> str:
-    """What was run, and what it took."""
+def angle_table(rows: Sequence[Row]) -> str:
+    """Angle and centroid of every case that ran to its end."""
     lines = [
-        (*name, str(row.grains), str(row.n), row.hash, f"{row.wall_s:.0f} s")
+        (
+            ": ".join(name),
+            spread(found, "repose_angle") if found["repose_angle"].n else "no heap",
+            spread(found, "centroid_height", MILLIMETRES),
+        )
         for name, found in by_case(rows).items()
-        if (row := found.get("pile_height"))
+        if STOPPED not in found
     ]
-    return markdown_table(("group", "case", "grains", "seeds", "scene hash", "wall time"), lines)
+    return markdown_table(("case", "angle [deg]", "centroid [mm]"), lines)
 
 
 def tables(rows: Sequence[Row]) -> dict[str, str]:
     """All tables of the page by the name of their mark."""
     dry = [group for group in dict.fromkeys(row.group for row in rows) if group not in (*ADHESION, REFERENCE)]
-    return {"adhesion": case_table(rows, ADHESION), "dry": case_table(rows, dry), "cost": cost_table(rows)}
+    return {"angles": angle_table(rows), "adhesion": case_table(rows, ADHESION), "dry": case_table(rows, dry)}
 
 
 def draw(rows: Sequence[Row], file: Path) -> None:
@@ -125,5 +129,4 @@ def publish(table: Path, docs: Path) -> None:
     rows = read_rows(table)
     (docs / PICTURE).parent.mkdir(parents=True, exist_ok=True)
     draw(rows, docs / PICTURE)
-    page = docs / PAGE
-    write_atomic(page, fill_tables(page.read_text(encoding="utf-8"), tables(rows)).encode())
+    write_pages((docs / PAGE, table.with_name("README.md")), tables(rows))

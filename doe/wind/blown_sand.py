@@ -110,12 +110,12 @@ def density_of(line: dict[str, str]) -> float:
     return CUBE * float(stated) if stated else QUARTZ
 
 
-def impact_table(found: Found, measured: Table) -> str:
-    """Every measured impact threshold beside the simulated ones, read in two ways."""
+def impact_table(found: Found, measured: Table, ways: Sequence[str] = tuple(IMPACT)) -> str:
+    """Every measured impact threshold beside the simulated ones, read in some ways."""
     header = ["source", "d [mm]", "density [kg/m3]", "measured u* [m/s]"]
-    for words in IMPACT.values():
-        header += [f"simulated, {words}", "difference", "model"]
-    sands = [simulated_thresholds(found, name) for name in IMPACT]
+    for name in ways:
+        header += [f"simulated, {IMPACT[name]}", "difference", "model"]
+    sands = [simulated_thresholds(found, name) for name in ways]
     rows = []
     for line in sorted(measured, key=lambda line: float(line["diameter [mm]"])):
         size, density, value = float(line["diameter [mm]"]), density_of(line), float(line["value"])

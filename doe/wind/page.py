@@ -1,6 +1,5 @@
 """The page on sand under wind: thresholds and flux beside measurements, with its tables and figures."""
 
-from collections.abc import Sequence
 from math import hypot, isfinite, nan
 from pathlib import Path
 
@@ -8,7 +7,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from doe.common.cases import STOPPED, Row
-from doe.single_bead.run import bead_table
+from doe.common.pages import with_columns, write_pages
 from doe.wind import ratio, shares
 from doe.wind.blown_sand import (
     BARE,
@@ -29,14 +28,35 @@ from doe.wind.blown_sand import (
 )
 from doe.wind.law_table import FLUID, impact_law_table, law_table, soil_table, stress_table
 from doe.wind.saturated_sand import saturated_table, saturated_thresholds, together
-from taichi_erosion.core.files import write_atomic
 from taichi_erosion.measures.threshold import CONFIDENCE, Bracket
-from taichi_erosion.report.markdown import fill_tables, markdown_table
+from taichi_erosion.report.markdown import markdown_table
 
 PAGE = "threshold.md"
 PICTURES = {"impact": "pictures/impact_threshold.png", "flux": "pictures/flux.png"}
 TABLES = ("flux", "impact", "fluid", "saturated")
 CREYSSELS_SAND = "0.24"  # mm, of saturated.csv: the sand nearest to that of Creyssels et al.
+SHOWN = ("forces", "as stated")  # groups of fluid thresholds that the page shows
+FLUID_COLUMNS = (
+    "case",
+    "fluid threshold u* [m/s]",
+    "over that of drag alone",
+    "fluid threshold U in the tunnel [m/s]",
+    "U of a flat plate [m/s]",
+)
+FLUX_COLUMNS = (
+    "u* [m/s]",
+    "measured [g/(m s)]",
+    "simulated [g/(m s)]",
+    "difference",
+    "both over that of the wind",
+)
+RATIO_COLUMNS = (
+    "d [mm]",
+    "measured ratio",
+    "simulated ratio",
+    "impact over measured",
+    "fluid over the curve",
+)
 ALONE = "drag alone"  # the case that others are compared with
 ROLLING, PLATE = "rolling_onset", "threshold_wind_speed"
 
@@ -68,8 +88,8 @@ def tunnel_speed(friction: float, half: float, tunnel: Table) -> tuple[float, fl
 def fluid_table(found: Found, tunnel: Table) -> str:
     """Thresholds of the published soil, and what they depend on."""
     header = (
-        *("what", "case", "beds", "rolling onset u* [m/s]", "U in the tunnel [m/s]"),
-        *("fluid threshold u* [m/s]", "over that of drag alone", "U in the tunnel [m/s]"),
+        *("what", "case", "beds", "rolling onset u* [m/s]", "rolling onset U in the tunnel [m/s]"),
+        *("fluid threshold u* [m/s]", "over that of drag alone", "fluid threshold U in the tunnel [m/s]"),
         *("U of a flat plate [m/s]", "remark"),
     )
     rows = []
@@ -127,19 +147,6 @@ def choice_table(choices: Table) -> str:
     return markdown_table(header, rows)
 
 
-def cost_table(founds: Sequence[Found]) -> str:
-    """What was run, and what it took."""
-    rows = [
-        (*name, str(row.grains), str(row.n), row.hash, f"{1e6 * row.time_step:.3g}", f"{row.wall_s:.0f}")
-        for found in founds
-        for name, case in found.items()
-        if (row := next(iter(case.values())))
-    ]
-    return markdown_table(
-        ("what", "case", "grains", "seeds", "scene hash", "step [us]", "wall time [s]"), rows
-    )
-
-
 def sand_threshold(impact: Found, sand: str) -> Bracket | None:
     """Threshold of saturated transport of a bare sand, by its diameter in mm; None where it has none."""
     found = impact.get((BARE, sand), {}).get(STRESS_LINE)
@@ -156,25 +163,29 @@ def tables(doe: Path) -> dict[str, str]:
     thresholds = lines_of(doe / "measured" / "impact_threshold.csv")
     fluxes = lines_of(doe / "measured" / "flux_creyssels2009.csv")
     tunnel, choices = (lines_of(doe / "tunnel_map" / f"{name}.csv") for name in ("map", "variants"))
-    return {
-        "fluid": fluid_table(fluid, tunnel),
+    full = {
+        "fluid in full": fluid_table(fluid, tunnel),
+        "flux in full": flux_table(flux, fluxes),
         "map": map_table(tunnel),
         "choices": choice_table(choices),
-        "impact": impact_table(impact, thresholds),
+        "impact": impact_table(impact, thresholds, (STRESS_LINE,)),
         "scaling": scaling_table(impact, lines_of(doe / "wind" / "hopping.csv")),
         "adhesion": adhesion_table(impact, thresholds),
         "saturated": saturated_table(steady),
-        "flux": flux_table(flux, fluxes),
         "laws": law_table(flux, hindered, fluxes),
         "law_soil": soil_table(fluid, hindered, shares.thresholds()),
         "law_impact": impact_law_table(steady, hindered, thresholds),
         "law_stresses": stress_table(steady, hindered),
         "lines": line_table(flux, fluxes, sand_threshold(impact, CREYSSELS_SAND)),
         "splash": splash_table(flux),
-        "cost": cost_table((flux, falling, steady, fluid)),
-        "beads": bead_table(("air",)),
         **shares.tables(),
         **ratio.tables(doe),
+    }
+    shown_cases = {name: case for name, case in fluid.items() if name[0] in SHOWN}
+    return full | {
+        "fluid": with_columns(fluid_table(shown_cases, tunnel), FLUID_COLUMNS),
+        "flux": with_columns(full["flux in full"], FLUX_COLUMNS),
+        "ratio": with_columns(full["ratio in full"], RATIO_COLUMNS),
     }
 
 
@@ -185,5 +196,4 @@ def publish(doe: Path, docs: Path) -> None:
     thresholds = lines_of(doe / "measured" / "impact_threshold.csv")
     draw_impact(impact, thresholds, lines_of(doe / "wind" / "hopping.csv"), docs / PICTURES["impact"])
     draw_flux(flux, lines_of(doe / "measured" / "flux_creyssels2009.csv"), docs / PICTURES["flux"])
-    page = docs / PAGE
-    write_atomic(page, fill_tables(page.read_text(encoding="utf-8"), tables(doe)).encode())
+    write_pages((docs / PAGE, doe / "wind" / "README.md"), tables(doe))

@@ -99,7 +99,7 @@ def tables(doe: Path) -> dict[str, str]:
     data = read_data(doe)
     return {
         "sands": sand_table(data),
-        "ratio": ratio_table(data),
+        "ratio in full": ratio_table(data),
         "ratio_criteria": criteria_table(data),
         "ratio_measured": measured_table(data),
     }
@@ -181,7 +181,8 @@ def ratio_table(data: Data) -> str:
     """Impact over fluid threshold against diameter, and how far each is off what is measured."""
     header = (
         *("d [mm]", "measured impact u* [m/s]", "curve of fluid thresholds u* [m/s]", "measured ratio"),
-        *("simulated impact u* [m/s]", "over measured", "simulated fluid u* [m/s]", "over the curve"),
+        *("simulated impact u* [m/s]", "impact over measured"),
+        *("simulated fluid u* [m/s]", "fluid over the curve"),
         *("simulated ratio", "simulated over measured ratio", "ratio with all forces in the transport"),
     )
     rows = []

@@ -238,5 +238,6 @@ def test_differences_are_given_in_standard_errors():
     assert np.isnan(physics.apart(theirs[:1], ours[:1], paired=False))
 
 
-def test_the_table_of_the_page_is_that_of_the_results():
-    assert physics.page_table(physics.read_rows()) in physics.PAGE.read_text(encoding="utf-8")
+def test_the_tables_of_the_pages_are_those_of_the_results():
+    for page, name, table in physics.page_tables():
+        assert f"<!-- table: {name} -->\n{table}<!-- end -->" in page.read_text(encoding="utf-8")

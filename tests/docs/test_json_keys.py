@@ -20,6 +20,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "json.md").read_text("utf-8")
 SECTION = re.compile(r"^#{2,3} (?P<name>.+)$", re.MULTILINE)
 KEY = re.compile(r"`(?P<name>\w+)(?P<ends>(?:\.\*|\[\])*)`")
 RECORD = re.compile(r"^\*(?P<name>[^*]+)\*")
+ENDS = re.compile(r"; (?P<kind>null|left out)\b")
 COMMON = "Every document of a study"
 RECORDS = {
     "fault": findings.SetUpFault,
@@ -69,11 +70,11 @@ class Entry:
 
     ends: tuple[str, ...]  # ".*" and "[]", from outside in
     record: str  # of what it holds; empty for a number or a word
-    null: str
+    null: str  # "never", "null" or "left out"
 
     @property
     def optional(self) -> bool:
-        return self.null.startswith("left out")
+        return self.null == "left out"
 
 
 def sections() -> dict[str, dict[str, Entry]]:
@@ -89,11 +90,13 @@ def sections() -> dict[str, dict[str, Entry]]:
         ]
         keys: dict[str, Entry] = {}
         for cells in rows:
-            assert len(cells) == 4, cells
-            key, record = KEY.search(cells[0]), RECORD.match(cells[1])
+            assert len(cells) == 2, cells
+            key, record, ends = KEY.search(cells[0]), RECORD.match(cells[1]), ENDS.search(cells[1])
             assert key is not None, cells
             marks = tuple(re.findall(r"\.\*|\[\]", key["ends"]))
-            keys[key["name"]] = Entry(marks, record["name"] if record else "", cells[3])
+            keys[key["name"]] = Entry(
+                marks, record["name"] if record else "", ends["kind"] if ends else "never"
+            )
         found[head["name"]] = keys
     return found
 

@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 
 from doe.common.cases import read_rows
+from doe.common.pages import filled
 from doe.effects import page as effects
 from doe.hao2022 import tables as hao2022
 from doe.lab_c import page as lab_c
 from doe.repose_sensitivity import page as repose_sensitivity
 from doe.wind import page as threshold
 from taichi_erosion.experiments.audit.examine import audit
-from taichi_erosion.report.markdown import fill_tables
 
 pytestmark = pytest.mark.docs
 
@@ -39,18 +39,18 @@ def hao2022_tables() -> dict[str, str]:
 
 
 @pytest.mark.parametrize(
-    ("page", "made"),
+    ("page", "study", "made"),
     [
-        (lab_c.PAGE, lab_c_tables),
-        (repose_sensitivity.PAGE, repose_tables),
-        (hao2022.PAGE, hao2022_tables),
-        (effects.PAGE, lambda: effects.tables(DOE)),
-        (threshold.PAGE, lambda: threshold.tables(DOE)),
+        (lab_c.PAGE, "lab_c", lab_c_tables),
+        (repose_sensitivity.PAGE, "repose_sensitivity", repose_tables),
+        (hao2022.PAGE, "hao2022", hao2022_tables),
+        (effects.PAGE, "effects", lambda: effects.tables(DOE)),
+        (threshold.PAGE, "wind", lambda: threshold.tables(DOE)),
     ],
 )
-def test_a_page_shows_the_tables_that_its_numbers_make(page, made):
-    text = (DOCS / page).read_text(encoding="utf-8")
-    assert fill_tables(text, made()) == text
+def test_a_page_and_the_readme_of_its_study_show_the_tables_that_its_numbers_make(page, study, made):
+    for path, text in filled((DOCS / page, DOE / study / "README.md"), made()).items():
+        assert path.read_text(encoding="utf-8") == text
 
 
 @pytest.mark.parametrize(("page", "picture"), [(page, one) for page in PICTURES for one in PICTURES[page]])

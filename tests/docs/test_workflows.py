@@ -26,9 +26,3 @@ def test_every_workflow_runs_the_gates_of_the_readme():
     workflows = list((GITHUB / "workflows").glob("*.yml"))
     assert {path.stem for path in workflows} == {"release", "tests"}
     assert all("run: bash .ci/run" in path.read_text(encoding="utf-8") for path in workflows)
-
-
-def test_a_report_of_a_wrong_result_states_version_and_scene():
-    text = (GITHUB / "ISSUE_TEMPLATE" / "wrong_result.yml").read_text(encoding="utf-8")
-    assert "./erosion --version" in text
-    assert "id: scene" in text
