@@ -9,8 +9,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from doe.common.command import words
 from doe.common.method import method_commit
+
+from doe.common.command import words
 from doe.common.tables import read_table, write_table
 from taichi_erosion.core.setup import DragLaw
 from taichi_erosion.verification.claim import Outcome, as_claim

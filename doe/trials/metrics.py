@@ -109,6 +109,10 @@ class Case:
 Cases = Sequence[Case]
 
 
+def of_kind(cases: Cases, *kinds: str) -> list[Case]:
+    return [case for case in cases if case.kind in kinds]
+
+
 @dataclass(frozen=True)
 class Metric:
     """One line of a table."""

@@ -1,8 +1,6 @@
-"""Six proposed experiments against six random ones on sealed clean cases whose tables state every condition.
+"""Six proposed experiments against six random ones on clean cases whose tables state every condition.
 
-    python -m doe.trials.proposals draw SET SECRET     truths into SECRET, their digest into seals/
-    python -m doe.trials.proposals solve SET SECRET    asks, measures, asks again; goes on
-    python -m doe.trials.proposals open SET SECRET     results/proposals.jsonl.gz
+    python -m doe.trials.proposals SET SECRET     between `seal` and `open` of doe.trials.run; goes on
 
 A case is answered; where no name stands, six measurements are made as `next` proposes them, and, beside
 these, six at random: an observable that the laboratory has, conditions drawn over the same ranges, three
@@ -12,72 +10,34 @@ repeats each. Both tables are answered. Answers are made in processes that are g
 import json
 import os
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, replace
+from dataclasses import replace
 from multiprocessing import get_context
-from pathlib import Path
-from secrets import randbits
 from typing import Any
 
 import numpy as np
 import typer
 
 from doe.trials.answers import method_commit
-from doe.trials.reduced.clean import TWIN, Case, case_generator, draw_case, kind_of
+from doe.trials.reduced.families import stated_case
 from doe.trials.reduced.laboratory import RANGES, Readings, Truth, read, table_of
-from doe.trials.run import SealedSet, Secret, digest, truth_text
-from doe.trials.table import add_rows
+from doe.trials.run import SealedSet, Secret, opened
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.answers.discover import discovery_of
 from taichi_erosion.evidence.answers.next_experiments import next_experiments
 from taichi_erosion.evidence.data.findings import Experiment
-from taichi_erosion.evidence.data.problem import Budget, Laboratory, Measurements, Problem
+from taichi_erosion.evidence.data.problem import Laboratory, Measurements, Problem
 from taichi_erosion.evidence.inference.pipeline import Analysis, confirmed_analysis
 from taichi_erosion.evidence.inference.prepared_problem import prepare
-from taichi_erosion.evidence.models.reduced import DEFAULTS
 
 ARMS = ("proposed", "random")
 SILENT = ("none_detected", "not_testable", "group", "unstable")  # after which a user would ask `next`
-app = typer.Typer(add_completion=False)
-
-COUNTS = {"single": 130, "pair": 50, "impossible": 20, "null": 30}  # cases that are drawn
 SLOTS = 6  # measurements that a laboratory can make
 Request = tuple[str, dict[str, float]]  # observable and conditions of one measurement
 
 
-def drawn_cases(salt: int) -> list[Case]:
-    """The first cases of every kind out of one salt, their tables with every condition."""
-    found: dict[str, list[Case]] = {kind: [] for kind in COUNTS}
-    number = 0
-    while any(len(found[kind]) < count for kind, count in COUNTS.items()):
-        kind = kind_of(case_generator(salt, number))
-        if kind in COUNTS and len(found[kind]) < COUNTS[kind]:
-            case = draw_case(salt, number)
-            if not has_twin(case):
-                problem = replace(with_constants(case.problem), budget=Budget("quick"))
-                found[kind].append(replace(case, problem=problem))
-        number += 1
-    return [case for cases in found.values() for case in cases]
-
-
-def has_twin(case: Case) -> bool:
-    """Whether a copy of what acts is listed under another name: no measurement tells the two apart."""
-    return any(each.name.startswith(TWIN) for each in case.problem.candidates)
-
-
-def with_constants(problem: Problem) -> Problem:
-    """The study with a column for every condition, also for those that were held constant."""
-    table, flux = problem.measurements, "flux" in problem.observables
-    held = {
-        name: np.full(table.size, value)
-        for name, value in DEFAULTS.items()
-        if name not in table.conditions and (flux or name != "u_star")
-    }
-    return replace(problem, measurements=replace(table, conditions={**table.conditions, **held}))
-
-
 def laboratory(problem: Problem) -> Laboratory:
-    """What could be measured next: every condition within the range of doe/t0."""
+    """What could be measured next: every condition within the range of clean cases."""
     return Laboratory({name: RANGES[name][:2] for name in problem.measurements.conditions})
 
 
@@ -165,65 +125,23 @@ def asked_again(problem: Problem, number: int) -> dict[str, Any]:
     return parts_of(analysed(problem, number))
 
 
-def cases_of(place: SealedSet, secret: Path) -> tuple[int, list[Case]]:
-    """Salt and cases; raises ValueError where a truth is not the one that was sealed."""
-    salt = int(json.loads((secret / f"{place.trial}_{place.name}.json").read_text(encoding="utf-8")), 16)
-    cases = drawn_cases(salt)
-    if place.seals.read_text(encoding="utf-8") != seals_of(salt, cases):
-        raise ValueError(f"{place.name}: the truths are not those that were sealed")
-    return salt, cases
-
-
-def seals_of(salt: int, cases: list[Case]) -> str:
-    """Digests of all truths."""
-    lines = [f"{k},{digest(truth_text(salt, k, asdict(case.truth)))}" for k, case in enumerate(cases)]
-    return "\n".join(["case,sha256", *lines, ""])
-
-
-@app.command()
-def draw(name: str, secret: Secret) -> None:
-    """A salt of the operating system; commit the digests before solving."""
-    place, salt = SealedSet("proposals", name), randbits(128)
-    for folder in (secret, place.tables):
-        folder.mkdir(parents=True, exist_ok=True)
-    write_atomic(secret / f"{place.trial}_{name}.json", json.dumps(f"{salt:x}").encode())
-    write_atomic(place.seals, seals_of(salt, drawn_cases(salt)).encode())
-
-
-@app.command()
-def solve(name: str, secret: Secret, processes: int = 1) -> None:
+def main(name: str, secret: Secret, processes: int = 1) -> None:
     """Answers before and after either kind of measurements; the laboratory alone knows the truths."""
     place, method = SealedSet("proposals", name), method_commit()
-    salt, cases = cases_of(place, secret)
-    place.folder.mkdir(parents=True, exist_ok=True)
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # read by the processes when they start
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        for number, case in enumerate(cases):
-            file = place.folder / f"{number:03d}.json"
+        for number, (seed, _, drawn) in enumerate(opened(place, secret)):
+            file = place.folder / f"{number:05d}.json"
             if file.exists():
                 continue
-            answer, requests = pool.submit(asked_first, case.problem, number).result()
+            case = stated_case(seed)
+            answer, requests = pool.submit(asked_first, drawn.problem, number).result()
             for arm, asked in requests.items():
-                generator = np.random.default_rng([salt, number, ARMS.index(arm)])
+                generator = np.random.default_rng([seed, number, ARMS.index(arm)])
                 more = measured_too(generator, case.problem, case.truth, case.level, asked)
                 answer[arm] = pool.submit(asked_again, more, number).result()
             write_atomic(file, json.dumps({"method": method, **answer}).encode())
 
 
-@app.command("open")
-def open_command(name: str, secret: Secret) -> None:
-    """The rows of the cases that are answered."""
-    place, rows = SealedSet("proposals", name), []
-    salt, cases = cases_of(place, secret)
-    for number, case in enumerate(cases):
-        file = place.folder / f"{number:03d}.json"
-        if file.exists():
-            answer, truth = json.loads(file.read_text(encoding="utf-8")), asdict(case.truth)
-            head = {"set": name, "case": number, "sha256": digest(truth_text(salt, number, truth))}
-            head |= {"method": answer.pop("method"), "seed": f"{salt:x}"}
-            rows.append({**head, "truth": truth, "answer": answer})
-    add_rows("proposals", rows)
-
-
 if __name__ == "__main__":
-    app()
+    typer.run(main)

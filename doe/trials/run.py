@@ -4,8 +4,9 @@
     python -m doe.trials.run solve TRIAL SET --processes 2        in fresh processes; goes on where it stopped
     python -m doe.trials.run open TRIAL SET SECRET                results/TRIAL.jsonl.gz
 
-TRIAL is clean, disturbed, several, beyond, correlated, intervals (reduced model), same_laws, other_laws
-(heaps of our own simulator) and lammps (heaps of that code), whose tables `make` measures after `seal`.
+TRIAL is clean, disturbed, several, beyond, correlated, intervals or proposals (reduced model; the last is
+solved by `doe.trials.proposals`), same_laws or other_laws (heaps of our own simulator), or lammps (heaps of
+that code); of heaps `make TRIAL SET SECRET` measures the tables after `seal`.
 SECRET is a folder outside the tree that no solving process is given; there lie 128 random bits of the
 operating system, out of which every case follows.
 The digests are committed before the first answer; every row names the commit that answered it.

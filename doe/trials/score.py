@@ -25,6 +25,7 @@ from doe.trials.metrics import (
     Cases,
     Metric,
     median,
+    of_kind,
     share,
 )
 from doe.trials.table import read_rows, table_of
@@ -42,10 +43,6 @@ def interval_metrics(cases: Cases, words: str = "") -> Iterator[Metric]:
     for what, name in (("strengths", "named strength"), ("parameters", "calibrated number")):
         hits = [hit for case in cases for hit in case.intervals(what)]
         yield share(f"90 % interval of a {name}{words}", hits, ">= 0.87")
-
-
-def of_kind(cases: Cases, *kinds: str) -> list[Case]:
-    return [case for case in cases if case.kind in kinds]
 
 
 def clean_metrics(everything: Cases) -> Iterator[Metric]:
@@ -264,7 +261,7 @@ def published_metrics(cases: Cases) -> Iterator[Metric]:
     yield share("sources left out: something named", [bool(c.named) for c in cases])
     better = [each["error_after"] < each["error_before"] for each in errors if each["adopted_as"] == "named"]
     yield share("named: error at the source falls", better)
-    ratios = [e["chi2_after"] / e["chi2_before"] for e in errors if e["adopted_as"] == "named"]
+    ratios = [e["vault"][1] / e["vault"][0] for e in errors if e["adopted_as"] == "named"]
     yield median("named: misfit a row after / before", ratios)
 
 

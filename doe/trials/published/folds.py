@@ -1,4 +1,4 @@
-"""Published series, each with a source left out as vault: error before and after, beside a closed form.
+"""Published series, each with a source left out as vault: error before and after.
 
     python -m doe.trials.published.folds solve      discover and adopt, by the commands; goes on
     python -m doe.trials.published.folds open       results/published.jsonl.gz
@@ -19,8 +19,6 @@ import numpy as np
 from doe.common.cases import ROOT
 from doe.common.command import run_step
 from doe.trials.answers import method_commit, study_answer
-from doe.trials.published import closed_forms
-from doe.trials.published.closed_forms import ClosedForm
 from doe.trials.table import Row, add_rows
 from taichi_erosion.campaign.study_file import read_evidence_study, with_entry
 from taichi_erosion.core.files import write_atomic
@@ -29,46 +27,19 @@ from taichi_erosion.evidence.models.load_study import load_study
 
 HERE = Path(__file__).parent
 FOLDER = ROOT / "campaigns" / "trials" / "published"
-THRESHOLDS = (
-    ClosedForm("Bagnold 1941", closed_forms.bagnold),
-    ClosedForm("Shao & Lu 2000", closed_forms.shao_lu),
-)
-FLUXES = (ClosedForm("Kok et al. 2012", closed_forms.kok), ClosedForm("Kawamura 1951", closed_forms.kawamura))
-HEIGHTS = (
-    ClosedForm("constant (Martin & Kok 2017)", closed_forms.constant_height, level=True),
-    ClosedForm("u*^2 (Owen 1964)", closed_forms.owen_height, level=True),
-)
-
-
-@dataclass(frozen=True)
-class Series:
-    """A study, the module of its model as installed, and forms of the literature."""
-
-    study: Path
-    model: str
-    forms: tuple[ClosedForm, ...]
-
-
 OWN = "doe.trials.published.models:predict"
-SERIES: Mapping[str, Series] = {
-    "impact_threshold": Series(HERE / "impact_threshold.toml", OWN, THRESHOLDS),
-    "impact_threshold_simulated": Series(
-        ROOT / "doe" / "impact_threshold.toml", "doe.wind.answers:predict", THRESHOLDS
-    ),
-    "field_thresholds": Series(HERE / "field_thresholds.toml", OWN, THRESHOLDS[1:]),
-    "threshold_by_activity": Series(
-        HERE / "threshold_by_activity.toml",
-        OWN,
-        (ClosedForm("Martin & Kok 2018", closed_forms.falling_threshold, level=True),),
-    ),
-    "flux_field": Series(HERE / "flux_field.toml", OWN, FLUXES),
-    "flux_quarter_mm": Series(HERE / "flux_quarter_mm.toml", OWN, FLUXES),
-    "layer_height": Series(HERE / "layer_height.toml", OWN, HEIGHTS),
-    "flux_profile": Series(
-        HERE / "flux_profile.toml",
-        OWN,
-        (ClosedForm("exponential, height of each interval", closed_forms.exponential_profile),),
-    ),
+NAMES = (
+    "impact_threshold",
+    "field_thresholds",
+    "threshold_by_activity",
+    "flux_field",
+    "flux_quarter_mm",
+    "layer_height",
+    "flux_profile",
+)
+SERIES: Mapping[str, tuple[Path, str]] = {  # study, and the module of its model as installed
+    "impact_threshold_simulated": (ROOT / "doe" / "impact_threshold.toml", "doe.wind.answers:predict"),
+    **{name: (HERE / f"{name}.toml", OWN) for name in NAMES},
 }
 
 
@@ -90,26 +61,26 @@ class Fold:
         return self.study.with_suffix(".json")
 
 
-def table_of(series: Series) -> Path:
-    """Measurements of a series."""
-    return series.study.parent / read_evidence_study(series.study).study.measurements
+def measurements_of(study: Path) -> Path:
+    """Table of a series."""
+    return study.parent / read_evidence_study(study).study.measurements
 
 
 def folds() -> Iterator[Fold]:
     """Every series with every source left out."""
-    for name, series in SERIES.items():
-        with table_of(series).open(encoding="utf-8", newline="") as file:
+    for name, (study, _) in SERIES.items():
+        with measurements_of(study).open(encoding="utf-8", newline="") as file:
             sources = dict.fromkeys(row["source"] for row in csv.DictReader(file))
         yield from (Fold(name, source, number) for number, source in enumerate(sources))
 
 
 def write_study(fold: Fold) -> None:
     """Study and table of a fold."""
-    series = SERIES[fold.series]
-    table, text = table_of(series), series.study.read_text("utf-8")
+    study, model = SERIES[fold.series]
+    table, text = measurements_of(study), study.read_text("utf-8")
     entries: tuple[tuple[tuple[str, str], Any], ...] = (
         (("study", "measurements"), table.name),
-        (("study", "model"), series.model),
+        (("study", "model"), model),
         (("vault", "fraction"), 0.0),
         (("vault", "sources"), [fold.source]),
     )
@@ -137,29 +108,17 @@ def comparable(problem: Problem) -> dict[str, tuple[Integers, int]]:
     return found
 
 
-def relative(squares: Mapping[str, float], problem: Problem) -> float:
-    """Root mean squared error over the mean of the held-out values, all observables together [%].
-
-    Of sums of squared errors by observable.
-    """
-    value, rows = problem.hidden().value, {name: own for name, (own, _) in comparable(problem).items()}
-    sums = [squares[name] / float(np.mean(value[own])) ** 2 for name, own in rows.items()]
-    return 100.0 * (sum(sums) / sum(own.size for own in rows.values())) ** 0.5
-
-
-def form_error(form: ClosedForm, problem: Problem) -> str:
-    """Relative error of a closed form at the held-out rows."""
-    held_out = problem.hidden()
-    gap = (held_out.value - form.at(problem.visible(), held_out)) ** 2
-    squares = {name: float(np.sum(gap[own])) for name, (own, _) in comparable(problem).items()}
-    return f"{form.name}: {relative(squares, problem):.3g}"
-
-
 def fit_error(fit: Mapping[str, Any], problem: Problem) -> float:
-    """Relative error of an adopted model at the held-out rows."""
-    counts = {name: count for name, (_, count) in comparable(problem).items()}
-    squares = {name: rmse**2 * counts[name] for name, rmse in fit["vault_rmse"].items()}
-    return relative(squares, problem)
+    """Root mean squared error of an adopted model over the mean of the held-out values [%].
+
+    All observables together, each over its own mean.
+    """
+    value, known = problem.hidden().value, comparable(problem)
+    sums = [
+        fit["vault_rmse"][name] ** 2 * count / float(np.mean(value[own])) ** 2
+        for name, (own, count) in known.items()
+    ]
+    return 100.0 * (sum(sums) / sum(own.size for own, _ in known.values())) ** 0.5
 
 
 def row_of(fold: Fold) -> Row:
@@ -176,7 +135,6 @@ def row_of(fold: Fold) -> Row:
         "error_before": told.get("base"),
         "error_after": told.get("added"),
         "strength": " ".join(f"{each['value']:.2g}" for each in strengths),
-        "closed_forms": "; ".join(form_error(form, problem) for form in SERIES[fold.series].forms),
     }
     return {"set": fold.series, "case": fold.source, "method": method, "answer": found}
 

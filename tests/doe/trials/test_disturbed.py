@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from doe.sealed.laboratory import NOISE
-from doe.t0_disturbed.laboratory import DisturbedTruth, bent_condition, measured, true_mean
+from doe.trials.reduced.disturbed import DisturbedTruth, bent_condition, measured, true_mean
+from doe.trials.reduced.laboratory import NOISE
 from taichi_erosion.evidence.data.problem import Floats, Measurements
 
 VARIED = ("diameter", "moisture")
-PLAIN = DisturbedTruth("null", {}, {"friction_sliding": 0.5, "friction_rolling": 0.1}, False, "", "none", 0.0)
+PLAIN = DisturbedTruth("null", {}, {"friction_sliding": 0.5, "friction_rolling": 0.1}, 1.0, False, "")
 
 
 def tables(truth: DisturbedTruth, count: int) -> list[tuple[Measurements, Floats]]:

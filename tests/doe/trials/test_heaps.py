@@ -1,4 +1,4 @@
-"""Laboratories that our own simulator makes: what is hidden in them, and how they differ from the study."""
+"""Laboratories that simulate: what is hidden in them, and how they differ from the study."""
 
 import random
 from collections import Counter
@@ -6,9 +6,18 @@ from math import pi
 
 import pytest
 
-from doe.sealed.heaps import OUTSIDE, ROLLING, SLIDING, orders, study_text
-from doe.t1 import run as same_laws
-from doe.t2 import run as other_laws
+from doe.trials.heaps import (
+    OTHER_LAWS,
+    OUTSIDE,
+    ROLLING,
+    SAME_LAWS,
+    SCENE,
+    SLIDING,
+    orders,
+    study_text,
+    surface_energy,
+)
+from doe.trials.lammps import DRAWN
 from taichi_erosion.grains.laws import jkr
 from taichi_erosion.run.checks import read_scene
 
@@ -20,8 +29,9 @@ def kinds(cases) -> Counter[str]:
 @pytest.mark.parametrize(
     ("place", "wanted"),
     [
-        (same_laws, {"0": 6, "1": 12, "2": 4, "outside": 2}),
-        (other_laws, {"0": 3, "1": 5, "2": 2, "outside": 2}),
+        (SAME_LAWS, {"0": 6, "1": 12, "2": 4, "outside": 2}),
+        (OTHER_LAWS, {"0": 3, "1": 5, "2": 2, "outside": 2}),
+        (DRAWN, {"0": 4, "1": 8, "2": 2, "outside": 2}),
     ],
 )
 def test_every_set_hides_what_its_page_says(place, wanted):
@@ -32,10 +42,10 @@ def test_every_set_hides_what_its_page_says(place, wanted):
 
 
 def test_a_perturbed_laboratory_differs_from_the_study_in_every_law():
-    study = read_scene(other_laws.SCENE, ()).model_dump()
-    for case in other_laws.draw(random.Random(3)):
-        told = orders(other_laws.settings, case, 1.5e-3, 0.0, 0.0)
-        scene = read_scene(other_laws.SCENE, told).model_dump()
+    study = read_scene(SCENE, ()).model_dump()
+    for case in OTHER_LAWS.draw(random.Random(3)):
+        told = orders(case, 1.5e-3, 0.0, 0.0)
+        scene = read_scene(SCENE, told).model_dump()
         for law in ("normal", "rolling", "friction_cap"):
             assert scene["laws"][law] != study["laws"][law]
         assert scene["run"]["time_step"] < 0.7 * study["run"]["time_step"]
@@ -45,14 +55,15 @@ def test_a_perturbed_laboratory_differs_from_the_study_in_every_law():
 def test_the_pull_of_jkr_is_the_stated_share_of_a_weight():
     diameter, share = 1.5e-3, 0.03
     weight = 2500.0 * 9.81 * pi / 6.0 * diameter**3
-    pull = 3.0 * pi * other_laws.surface_energy(share, diameter) * diameter / 4.0
+    pull = 3.0 * pi * surface_energy(share, diameter) * diameter / 4.0
     assert pull == pytest.approx(share * weight, rel=1e-12)
     assert "3 pi gamma R*" in (jkr.__doc__ or "")
 
 
 def test_what_no_candidate_describes_changes_a_number_along_a_condition():
-    case = {"number": 0, "effects": {}, "outside": OUTSIDE[0], "numbers": {SLIDING: 0.5, ROLLING: 0.1}}
-    told = [orders(lambda _: (), case, 1.5e-3, 0.0, a) for a in (0.0, 1.0)]
+    case = {"number": 0, "effects": {}, "outside": OUTSIDE[0], "settings": ()}
+    case["numbers"] = {SLIDING: 0.5, ROLLING: 0.1}
+    told = [orders(case, 1.5e-3, 0.0, a) for a in (0.0, 1.0)]
     assert [f"{SLIDING}={value}" in each for value, each in zip((0.5, 0.9), told, strict=True)] == [
         True,
         True,

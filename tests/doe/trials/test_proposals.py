@@ -3,16 +3,10 @@
 import numpy as np
 import pytest
 
-from doe.proposals.cases import (
-    SLOTS,
-    laboratory,
-    measured_too,
-    proposed_requests,
-    random_requests,
-    with_constants,
-)
-from doe.sealed.cases import draw_case
-from doe.sealed.laboratory import RANGES
+from doe.trials.proposals import SLOTS, laboratory, measured_too, proposed_requests, random_requests
+from doe.trials.reduced.clean import draw_case
+from doe.trials.reduced.families import with_constants
+from doe.trials.reduced.laboratory import RANGES
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.reduced import DEFAULTS
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from doe.t4 import models
+from doe.trials.published import models
 from taichi_erosion.evidence.models import reduced
 
 SEEDS = np.arange(3)

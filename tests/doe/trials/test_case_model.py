@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from doe.sealed.laboratory import CaseModel
+from doe.trials.reduced.laboratory import CaseModel
 
 SEEDS = np.array([3, 8])
 
