@@ -50,11 +50,8 @@ def test_a_set_is_sealed_once_and_its_problems_hold_no_truth(trial, tmp_path):
 
 def test_stored_cases_are_drawn_again_from_their_seed():
     for row in read_rows(table_of("clean"))[:3]:
-        assert (
-            short(asdict(clean.draw_case(int(row["seed"], 16), row["case"]).truth))["kind"]
-            == row["truth"]["kind"]
-        )
         drawn = clean.draw_case(int(row["seed"], 16), row["case"]).truth
+        assert (drawn.kind, set(drawn.effects)) == (row["truth"]["kind"], set(row["truth"]["effects"]))
         assert drawn.parameters == pytest.approx(row["truth"]["parameters"], rel=1e-4)
     for row in [row for row in read_rows(table_of("beyond")) if row["set"] == "fourth"][:3]:
         seed = int(row["seed"], 16)
