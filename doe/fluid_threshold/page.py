@@ -29,9 +29,6 @@ from doe.fluid_threshold.cases import (
     WITH,
     Bed,
 )
-from doe.fluid_threshold.leaving import SIZE as FOLLOWED
-from doe.fluid_threshold.leaving import Watch as Watched
-from doe.fluid_threshold.leaving import departing, leaving_table, read_watches
 from doe.wind.blown_sand import OURS, THEIRS
 from doe.wind.shares import paired_ratio, shown
 from taichi_erosion.measures.extremes import Watch, criterion_threshold
@@ -239,23 +236,6 @@ def balance_table(starts: Sequence[Start]) -> str:
     return markdown_table(header, rows)
 
 
-def start_table(found: Found, watches: Sequence[Watched]) -> str:
-    """Thresholds of the same beds by departures from pockets and by the criterion of the scene."""
-    header = ("two grains of a patch in 1.5 s", "u* [m/s]", "difference from the curve")
-    beds = [bracketed("threshold_u_star", each) for each in departing(watches)] if watches else []
-    criteria = {
-        "have left their pockets": pool_beds(beds) if beds else None,
-        "have risen by a diameter": pooled(found, f"{LONGER}/{FOLLOWED:g}"),
-    }
-    curve = iversen_white(MILLI * FOLLOWED)
-    rows = [
-        (name, shown(one), f"{100.0 * (one.value / curve - 1.0):+.0f} %")
-        for name, one in criteria.items()
-        if one is not None
-    ]
-    return markdown_table(header, rows)
-
-
 def ratio_cell(found: Found, sizes: Sequence[float]) -> str:
     """Threshold under the drag of grains among others over that of a grain alone, over beds of both."""
     hindered, alone = (beds_of_sizes(found, kind, sizes) for kind in (HINDERED, WITH))
@@ -302,15 +282,17 @@ def draw(beds: Sequence[Bed], file: Path = PICTURE) -> None:
     plt.close(figure)
 
 
-def publish(beds: Sequence[Bed], page: Path = PAGE) -> None:
-    """Fill the table of the page."""
-    found = found_in(beds)
-    tables = {
+def tables(found: Found) -> dict[str, str]:
+    """Tables of the page by name."""
+    return {
         "gusts": gust_table(found),
         "sizes": size_table(found),
         "changes": changes_table(found),
         "balance": balance_table(read_starts()),
-        "leaving": leaving_table(read_watches()),
-        "starts": start_table(found, read_watches()),
     }
-    page.write_text(fill_tables(page.read_text(encoding="utf-8"), tables), encoding="utf-8")
+
+
+def publish(beds: Sequence[Bed], page: Path = PAGE) -> None:
+    """Fill the tables of the page."""
+    text = fill_tables(page.read_text(encoding="utf-8"), tables(found_in(beds)))
+    page.write_text(text, encoding="utf-8")

@@ -20,20 +20,7 @@ from doe.fluid_threshold.balance import (
 )
 from doe.fluid_threshold.cases import names, read_beds
 from doe.fluid_threshold.dropped_bed import Loose, dropped, loose_grains, normals, tilts_of
-from doe.fluid_threshold.leaving import leaving_table, read_watches
-from doe.fluid_threshold.page import (
-    PAGE,
-    balance_table,
-    changes_table,
-    found_in,
-    gust_table,
-    iversen_white,
-    ratio_cell,
-    rms_cell,
-    size_table,
-    start_table,
-    trend_cell,
-)
+from doe.fluid_threshold.page import PAGE, found_in, iversen_white, ratio_cell, rms_cell, tables, trend_cell
 from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.report.markdown import fill_tables
 
@@ -55,16 +42,7 @@ def test_every_bed_belongs_to_a_case_and_lies_between_two_winds():
 
 def test_the_page_shows_the_table_that_the_beds_make():
     text = PAGE.read_text(encoding="utf-8")
-    found = found_in(read_beds())
-    tables = {
-        "gusts": gust_table(found),
-        "sizes": size_table(found),
-        "changes": changes_table(found),
-        "balance": balance_table(read_starts()),
-        "leaving": leaving_table(read_watches()),
-        "starts": start_table(found, read_watches()),
-    }
-    assert fill_tables(text, tables) == text
+    assert fill_tables(text, tables(found_in(read_beds()))) == text
 
 
 def pocket():
