@@ -14,7 +14,7 @@ from math import nan
 from pathlib import Path
 from typing import Any
 
-from doe.common.tables import read_table, write_table
+from doe.common.tables import read_table, update_table, write_table
 from taichi_erosion.core.errors import BadInput
 
 ROOT = Path(__file__).parents[2]  # where scenes/ and doe/ lie
@@ -132,13 +132,17 @@ def number(value: float | None) -> float:
     return nan if value is None else value
 
 
+def method_commit() -> str:
+    """Commit that answers, with a mark where the tree differs from it."""
+    words = ["git", "describe", "--always", "--dirty", "--abbrev=10", "--exclude=*"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
 def perform(scene: str, cases: Iterable[Case], table: Path) -> None:
     """Simulate cases one after the other; the table is written after each, in place of its earlier rows."""
     for case in cases:
-        rows = simulate(scene, case)
-        kept = read_rows(table) if table.exists() else []
-        others = [row for row in kept if (row.group, row.label) != (case.group, case.label)]
-        write_rows(table, others + rows)
+        update_table(table, Row, simulate(scene, case), lambda row: (row.group, row.label))
 
 
 def write_rows(table: Path, rows: Sequence[Row]) -> None:

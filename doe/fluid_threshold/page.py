@@ -12,6 +12,7 @@ import numpy as np
 import scipy
 import scipy.stats
 
+from doe.common.beds import paired_ratio, shown
 from doe.common.cases import ROOT
 from doe.fluid_threshold.balance import QUESTIONS, SHARES, SIZES, Start, read_starts
 from doe.fluid_threshold.cases import (
@@ -30,7 +31,6 @@ from doe.fluid_threshold.cases import (
     Bed,
 )
 from doe.wind.blown_sand import OURS, THEIRS
-from doe.wind.shares import paired_ratio, shown
 from taichi_erosion.measures.extremes import Watch, criterion_threshold
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket, bracketed, pool_beds

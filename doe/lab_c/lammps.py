@@ -13,15 +13,14 @@ import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import pi
 from pathlib import Path
 
 import numpy as np
 
 from doe.common.cases import ROOT, Row, read_rows, write_rows
 from doe.common.command import words
+from doe.common.lammps import data_file, read_dump
 from taichi_erosion.core.setup import Setup
-from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures import heap
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.run.checks import read_scene
@@ -30,21 +29,11 @@ from taichi_erosion.scene.build.limits import grain_rayleigh_time
 
 HERE = Path(__file__).parent
 SEEDS = range(1, 7)
-DENSITY = 2500.0  # kg m-3
-DUMP_HEAD = 9  # lines of a LAMMPS dump before the grains
 TIME_STEP = 1.5e-5  # s, of the laboratory: 0.01 s/m d
 SPRING = 37.5  # N m-1, rolling spring of the laboratory: 0.005 E d
 SOFT_SPRING = SPRING / 8.0  # N m-1, what 2.25 k_n mu_r^2 is under the force of five weights
 DAMPER = 6.75e-3  # kg s-1, rolling damper of the laboratory: 3000 kg s-1 m-2 d^2
-HEAD = """rain
-
-{count} atoms
-1 atom types
-
--0.08 0.08 xlo xhi
--0.08 0.08 ylo yhi
--0.001 0.03 zlo zhi
-"""
+BOX = {"low": -0.08, "high": 0.08, "floor": -0.001, "top": 0.03}  # m
 
 
 @dataclass(frozen=True)
@@ -64,41 +53,10 @@ GROUPS = {
 }
 
 
-def rain(setup: Setup) -> str:
-    """LAMMPS data file of the start."""
-    grains = setup.grains
-    place = [" ".join(f"{c:.17g}" for c in row) for row in grains.position]
-    speed = [" ".join(f"{c:.17g}" for c in row) for row in grains.velocity]
-    size = [f"{2.0 * r:.17g}" for r in grains.radius]
-    spheres = [f"{k} 1 {d} {DENSITY} {x}" for k, (d, x) in enumerate(zip(size, place, strict=True), 1)]
-    speeds = [f"{k} {v} 0 0 0" for k, v in enumerate(speed, 1)]
-    parts = (HEAD.format(count=len(place)), "Atoms # sphere\n", *spheres, "\nVelocities\n", *speeds)
-    return "\n".join(parts) + "\n"
-
-
-def read_dump(file: Path, radius: float) -> Snapshot:
-    """Grains of a LAMMPS dump; only their places are in it."""
-    position = np.loadtxt(file, skiprows=DUMP_HEAD)[:, 1:4]
-    count = len(position)
-    none = np.zeros(count, np.int32)
-    return Snapshot(
-        time=0.0,
-        step=0,
-        position=position,
-        velocity=np.zeros((count, 3)),
-        spin=np.zeros((count, 3)),
-        radius=np.full(count, radius),
-        mass=np.full(count, DENSITY * 4.0 / 3.0 * pi * radius**3),
-        contacts=none,
-        ident=none,
-        waiting=0,
-    )
-
-
-def measures(folder: Path, radius: float) -> Iterator[Measurement]:
+def measures(folder: Path) -> Iterator[Measurement]:
     """All observables of one run."""
-    yield heap.column_height(read_dump(folder / "column.dump", radius))
-    pile = read_dump(folder / "pile.dump", radius)
+    yield heap.column_height(read_dump(folder / "column.dump"))
+    pile = read_dump(folder / "pile.dump")
     for measure in (heap.angle_of_repose_outline, heap.pile_height, heap.centroid_height, heap.radius_90):
         yield measure(pile)
     yield heap.runout_radius(pile)
@@ -108,7 +66,9 @@ def simulate(setup: Setup, inputs: Inputs) -> list[Measurement]:
     """One run of LAMMPS, measured."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / "rain.data").write_text(rain(setup), encoding="utf-8")
+        grains = setup.grains
+        start = data_file(grains.position, grains.velocity, 2.0 * grains.radius, BOX)
+        (folder / "rain.data").write_text(start, encoding="utf-8")
         variables = {
             "restitution": inputs.restitution,
             "damper": inputs.damper,
@@ -119,7 +79,7 @@ def simulate(setup: Setup, inputs: Inputs) -> list[Measurement]:
         told_words = [word for key, value in variables.items() for word in ("-var", key, str(value))]
         silent = ["-log", "none", "-screen", "none"]
         subprocess.run(["lmp", "-in", str(HERE / "collapse.lmp"), *told_words, *silent], check=True)
-        return list(measures(folder, float(setup.grains.radius[0])))
+        return list(measures(folder))
 
 
 def rows(group: str, inputs: Inputs, scene: Scene) -> list[Row]:

@@ -7,10 +7,9 @@ python -m doe.long_run.run --page            only the table of the page, from th
 A part of the run ends with a checkpoint; the next call goes on from it, bit for bit. One thread.
 """
 
-import csv
 import sys
 import time
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from doe.common.command import words
+from doe.common.tables import read_table, write_table
 from taichi_erosion.core.errors import SimulationStopped
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Numerics
@@ -84,7 +84,7 @@ def main(precision: Precision, minutes: float) -> None:
     if kept.exists():
         state, _ = load_checkpoint(kept, scene_hash(scene))
         import_state(sim, state)
-        start, rows = state[START], read_rows(table)
+        start, rows = state[START], read_table(table, Row)
     else:
         go_on(sim, SETTLE)
         start = snapshot(sim, 0).position
@@ -97,7 +97,7 @@ def main(precision: Precision, minutes: float) -> None:
         if time.monotonic() > min(saved + SAVE, end) or rows[-1].steps == STEPS:
             saved = time.monotonic()
             save_checkpoint(kept, export_state(sim) | {START: start}, {"scene_hash": scene_hash(scene)})
-            write_rows(table, rows)
+            write_table(table, Row, rows, digits=10)
             sys.stderr.write(f"{precision}: {rows[-1].steps} steps\n")
 
 
@@ -137,27 +137,6 @@ def resident_memory() -> int:
     return psutil.Process().memory_info().rss
 
 
-def read_rows(table: Path) -> list[Row]:
-    """Rows of an earlier part."""
-    with table.open(encoding="utf-8", newline="") as file:
-        return [
-            Row(**{f.name: as_number(row[f.name], f.type) for f in fields(Row)})
-            for row in csv.DictReader(file)
-        ]
-
-
-def as_number(text: str, kind: object) -> float:
-    """A cell as the number that its column holds."""
-    return int(text) if kind is int else float(text)
-
-
-def write_rows(table: Path, rows: list[Row]) -> None:
-    """The table as it stands."""
-    heading = ",".join(field.name for field in fields(Row))
-    lines = [",".join(format(value, ".10g") for value in asdict(row).values()) for row in rows]
-    write_atomic(table, "\n".join([heading, *lines, ""]).encode())
-
-
 def publish() -> None:
     """Fill the table of the page."""
     header = (
@@ -179,7 +158,7 @@ def publish() -> None:
 
 def page_rows(precision: str) -> list[tuple[str, ...]]:
     """Rows of one precision on the page."""
-    rows = read_rows(FOLDER / f"{precision}.csv")
+    rows = read_table(FOLDER / f"{precision}.csv", Row)
     diameter = read_scene(SCENE, ()).grains.size.median  # pyright: ignore[reportAttributeAccessIssue]
     first = rows[0]
     return [

@@ -20,6 +20,7 @@ from time import process_time
 from types import SimpleNamespace
 from typing import Any
 
+from doe.common.cases import method_commit
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.adopt import adopt
@@ -40,13 +41,6 @@ LEAST = 1e-4  # of a probability that is kept
 FOUND = "found_law"
 TOLD = 4  # mechanisms whose evidence is kept
 Answer = dict[str, Any]
-
-
-def method_commit() -> str:
-    """Commit that answers, with a mark where the tree differs from it."""
-    words = ["git", "describe", "--always", "--dirty", "--abbrev=10", "--exclude=*"]
-    done = subprocess.run(words, cwd=Path(__file__).parent, capture_output=True, text=True, check=True)
-    return done.stdout.strip()
 
 
 def answer_all(tasks: Sequence[Path], processes: int = 1) -> None:

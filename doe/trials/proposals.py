@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import typer
 
-from doe.trials.answers import method_commit
+from doe.common.cases import method_commit
 from doe.trials.reduced.families import stated_case
 from doe.trials.reduced.laboratory import RANGES, Readings, Truth, read, table_of
 from doe.trials.run import SealedSet, Secret, opened

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from doe.common.cases import ROOT
+from doe.common.cases import ROOT, method_commit
 from doe.common.command import run_step
-from doe.trials.answers import method_commit, study_answer
+from doe.trials.answers import study_answer
 from doe.trials.table import Row, add_rows
 from taichi_erosion.campaign.study_file import read_evidence_study, with_entry
 from taichi_erosion.core.files import write_atomic
