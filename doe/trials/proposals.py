@@ -18,17 +18,16 @@ import numpy as np
 import typer
 
 from doe.common.cases import method_commit
+from doe.trials.answers import parts_of
 from doe.trials.reduced.families import stated_case
 from doe.trials.reduced.laboratory import RANGES, Readings, Truth, read, table_of
 from doe.trials.run import SealedSet, Secret, opened
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.compare import no_progress
-from taichi_erosion.evidence.answers.discover import discovery_of
+from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.answers.next_experiments import next_experiments
 from taichi_erosion.evidence.data.findings import Experiment
 from taichi_erosion.evidence.data.problem import Laboratory, Measurements, Problem
-from taichi_erosion.evidence.inference.pipeline import Analysis, confirmed_analysis
-from taichi_erosion.evidence.inference.prepared_problem import prepare
 
 ARMS = ("proposed", "random")
 SILENT = ("none_detected", "not_testable", "group", "unstable")  # after which a user would ask `next`
@@ -91,30 +90,14 @@ def joined(table: Measurements, new: Readings) -> Measurements:
     )
 
 
-def analysed(problem: Problem, number: int) -> Analysis:
-    """The inference of `discover`, without what only its sentences need."""
-    return confirmed_analysis(prepare(problem, problem.visible(), number), number, no_progress)
-
-
-def parts_of(found: Analysis) -> dict[str, Any]:
-    """What is kept of an answer."""
-    decision = found.decision
-    return {
-        "verdict": decision.verdict,
-        "named": list(decision.named),
-        "group": list(decision.group),
-        "probabilities": dict(found.posterior.probability),
-    }
-
-
 def asked_first(problem: Problem, number: int) -> tuple[dict[str, Any], dict[str, list[Request]]]:
     """Answer before, and what to measure by either way where no name stands."""
-    found = analysed(problem, number)
-    answer = {"before": parts_of(found)}
-    if found.decision.verdict not in SILENT:
+    found = discover(problem, number, problem.budget, no_progress)
+    answer: dict[str, Any] = {"before": parts_of(found)}
+    if found.verdict not in SILENT:
         return answer, {}
     spare = random_requests(np.random.default_rng(number), problem)
-    proposed = next_experiments(problem, discovery_of(found, number), laboratory(problem))
+    proposed = next_experiments(problem, found, laboratory(problem))
     chance = proposed.experiments[-1].chance if proposed.experiments else 0.0
     answer |= {"proposals": len(proposed.experiments), "chance": chance}
     return answer, {"proposed": proposed_requests(proposed.experiments, spare), "random": spare}
@@ -122,7 +105,7 @@ def asked_first(problem: Problem, number: int) -> tuple[dict[str, Any], dict[str
 
 def asked_again(problem: Problem, number: int) -> dict[str, Any]:
     """Answer with more measurements."""
-    return parts_of(analysed(problem, number))
+    return parts_of(discover(problem, number, problem.budget, no_progress))
 
 
 def main(name: str, secret: Secret, processes: int = 1) -> None:
