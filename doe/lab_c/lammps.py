@@ -9,19 +9,18 @@ ours.
 """
 
 import subprocess
-import tempfile
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from doe.common.cases import ROOT, Row, read_rows, write_rows
+from doe.common.cases import ROOT, Row
 from doe.common.command import words
-from doe.common.lammps import data_file, read_dump
+from doe.common.lammps import data_file, measured_heap
+from doe.common.tables import update_table
+from doe.trials.lammps import DECK, WHOLE, Grains, told
 from taichi_erosion.core.setup import Setup
-from taichi_erosion.measures import heap
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene import Scene, build_setup, scene_hash
@@ -29,10 +28,9 @@ from taichi_erosion.scene.build.limits import grain_rayleigh_time
 
 HERE = Path(__file__).parent
 SEEDS = range(1, 7)
-TIME_STEP = 1.5e-5  # s, of the laboratory: 0.01 s/m d
-SPRING = 37.5  # N m-1, rolling spring of the laboratory: 0.005 E d
-SOFT_SPRING = SPRING / 8.0  # N m-1, what 2.25 k_n mu_r^2 is under the force of five weights
-DAMPER = 6.75e-3  # kg s-1, rolling damper of the laboratory: 3000 kg s-1 m-2 d^2
+DIAMETER, TIME_STEP = 1.5e-3, WHOLE.step_d * 1.5e-3  # m, s, of the laboratory
+GRAINS = Grains(sliding=0.55, rolling=0.12)  # at angularity 0, as its truth.json states
+SOFTER = 8.0  # spring of the laboratory over 2.25 k_n mu_r^2 under the force of five weights [1]
 BOX = {"low": -0.08, "high": 0.08, "floor": -0.001, "top": 0.03}  # m
 
 
@@ -41,45 +39,25 @@ class Inputs:
     """Inputs of LAMMPS."""
 
     restitution: float  # [1]
-    damper: float  # kg s-1
-    spring: float = SPRING  # N m-1, between grains
+    damper: float = 1.0  # of rolling, over the laboratory's [1]
+    spring: float = 1.0  # of rolling between grains, over the laboratory's [1]
 
 
 GROUPS = {
-    "LAMMPS, restitution 0.5": Inputs(0.5, DAMPER),
-    "LAMMPS, restitution 0.3667": Inputs(0.3666513615687184, DAMPER),
+    "LAMMPS, restitution 0.5": Inputs(0.5),
+    "LAMMPS, restitution 0.3667": Inputs(0.3666513615687184),
     "LAMMPS, restitution 0.5, no rolling damper": Inputs(0.5, 0.0),
-    "LAMMPS, restitution 0.5, no rolling damper, soft rolling spring": Inputs(0.5, 0.0, SOFT_SPRING),
+    "LAMMPS, restitution 0.5, no rolling damper, soft rolling spring": Inputs(0.5, 0.0, 1.0 / SOFTER),
 }
-
-
-def measures(folder: Path) -> Iterator[Measurement]:
-    """All observables of one run."""
-    yield heap.column_height(read_dump(folder / "column.dump"))
-    pile = read_dump(folder / "pile.dump")
-    for measure in (heap.angle_of_repose_outline, heap.pile_height, heap.centroid_height, heap.radius_90):
-        yield measure(pile)
-    yield heap.runout_radius(pile)
 
 
 def simulate(setup: Setup, inputs: Inputs) -> list[Measurement]:
     """One run of LAMMPS, measured."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        grains = setup.grains
-        start = data_file(grains.position, grains.velocity, 2.0 * grains.radius, BOX)
-        (folder / "rain.data").write_text(start, encoding="utf-8")
-        variables = {
-            "restitution": inputs.restitution,
-            "damper": inputs.damper,
-            "spring": inputs.spring,
-            "step": TIME_STEP,
-            "folder": name,
-        }
-        told_words = [word for key, value in variables.items() for word in ("-var", key, str(value))]
-        silent = ["-log", "none", "-screen", "none"]
-        subprocess.run(["lmp", "-in", str(HERE / "collapse.lmp"), *told_words, *silent], check=True)
-        return list(measures(folder))
+    values = told(WHOLE, GRAINS, DIAMETER, inputs.restitution)
+    values["damper"] *= inputs.damper
+    values["spring"] *= inputs.spring
+    grains = setup.grains
+    return measured_heap(DECK, data_file(grains.position, grains.velocity, 2.0 * grains.radius, BOX), values)
 
 
 def rows(group: str, inputs: Inputs, scene: Scene) -> list[Row]:
@@ -122,8 +100,7 @@ def main(asked: list[str]) -> None:
     scene = read_scene(ROOT / "scenes" / "column_collapse.toml", ())
     for group, inputs in GROUPS.items():
         if not asked or group in asked:
-            others = [row for row in read_rows(table) if row.group != group]
-            write_rows(table, others + rows(group, inputs, scene))
+            update_table(table, Row, rows(group, inputs, scene), lambda row: row.group)
 
 
 if __name__ == "__main__":

@@ -11,8 +11,6 @@ written here a second time, in the ways that LAMMPS has.
 
 import json
 import random
-import subprocess
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
@@ -25,14 +23,12 @@ import typer
 
 from doe.common.cases import ROOT
 from doe.common.command import run_step
-from doe.common.lammps import DENSITY, data_file, read_dump
+from doe.common.lammps import DENSITY, data_file, measured_heap
 from doe.trials.answers import answer_all
 from doe.trials.heaps import GRAVITY, SCENE, Case, Laboratory, between, drawn, line_of, write_study
 from doe.trials.table import add_rows
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.measures import heap
 from taichi_erosion.measures.result import Measurement
 
 DECK = SCENE.with_name("column.lmp")
@@ -54,6 +50,7 @@ DIAMETERS = (1.5e-3, 3e-3)  # m
 REPEATS = 4
 WALLS = ("[contact.grain-plate]\n", "[contact.grain-tube]\n")  # tables of the scene
 OBSERVABLES = ("column_height", "pile_height", "centroid_height", "radius_90")
+MEASURED = (*OBSERVABLES, "angle_of_repose")  # in the whole apparatus
 
 POISSON, RESTITUTION = 0.25, 0.5  # [1]
 SLIDING, ROLLING = 0.52, 0.15  # middle of the laboratories
@@ -146,17 +143,20 @@ def grains_of(case: Case, moisture: float, angularity: float) -> Grains:
     return Grains(sliding, rolling, pull, strength.get("size_distribution", 0.0) * SPREAD)
 
 
-def told(column: Apparatus, grains: Grains, diameter: float) -> dict[str, Any]:
+def told(
+    column: Apparatus, grains: Grains, diameter: float, restitution: float = RESTITUTION
+) -> dict[str, Any]:
     """What stands in the deck."""
-    bare = f"hertz/material {column.young} {RESTITUTION} {POISSON}"
+    bare = f"hertz/material {column.young} {restitution} {POISSON}"
     # 4 pi gamma R* with R* = d / 4 is the pull of two equal grains, so that gamma = pull / (pi d)
-    sticky = f"dmt {column.young} {RESTITUTION} {POISSON} {grains.pull_d / pi:.8g}"
+    sticky = f"dmt {column.young} {restitution} {POISSON} {grains.pull_d / pi:.8g}"
     return {
         "normal": sticky if grains.pull_d > 0.0 else bare,
         "bare": bare,
         "sliding": grains.sliding,
         "rolling": grains.rolling,
         "spring": SPRING * column.young * diameter,
+        "wall_spring": SPRING * column.young * diameter,
         "damper": column.damper_dd * diameter**2,
         "skin": 0.25 * diameter,
         "tube": column.tube_d * diameter,
@@ -172,20 +172,9 @@ def laboratory_run(
     column: Apparatus, grains: Grains, diameter: float, generator: np.random.Generator
 ) -> dict[str, Measurement]:
     """Observables of one heap."""
-    diameters = sizes(generator, column.count, grains.spread, diameter)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "rain.data").write_text(rain(column, generator, diameters, diameter), encoding="utf-8")
-        text = DECK.read_text(encoding="utf-8").format(folder=name, **told(column, grains, diameter))
-        (folder / "deck").write_text(text, encoding="utf-8")
-        words = ["lmp", "-in", str(folder / "deck"), "-log", "none", "-screen", "none"]
-        done = subprocess.run(words, capture_output=True, text=True)
-        if done.returncode:
-            raise BadInput(f"LAMMPS stopped: {done.stderr[-300:]}")
-        filled, pile = (read_dump(folder / f"{stage}.dump") for stage in ("column", "pile"))
-    found = (heap.column_height(filled), heap.pile_height(pile), heap.centroid_height(pile))
-    measured = (*found, heap.radius_90(pile), heap.angle_of_repose_outline(pile))
-    return {one.name: one for one in measured if one.value is not None}
+    start = rain(column, generator, sizes(generator, column.count, grains.spread, diameter), diameter)
+    found = measured_heap(DECK, start, told(column, grains, diameter))
+    return {one.name: one for one in found if one.value is not None and one.name in MEASURED}
 
 
 def measure(folder: Path, cases: Sequence[Case], seed: int) -> None:
