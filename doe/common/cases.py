@@ -61,6 +61,9 @@ class Row:
         return self.sd / self.n**0.5 if self.n > 1 else nan
 
 
+Found = dict[tuple[str, str], dict[str, Row]]  # rows by group and label, then by observable
+
+
 def settings(*orders: str) -> tuple[str, ...]:
     """PATH=VALUE words as the command line wants them."""
     return tuple(word for order in orders for word in ("--set", order))
@@ -153,3 +156,11 @@ def write_rows(table: Path, rows: Sequence[Row]) -> None:
 def read_rows(table: Path) -> list[Row]:
     """Rows of a table that `write_rows` wrote."""
     return read_table(table, Row)
+
+
+def by_case(rows: Sequence[Row]) -> Found:
+    """Rows of each case."""
+    cases: Found = {}
+    for row in rows:
+        cases.setdefault((row.group, row.label), {})[row.observable] = row
+    return cases

@@ -5,14 +5,14 @@ of the time. Bare runs stand between the others, so that their scatter says what
 """
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from doe.common.tables import read_table, write_table
+from doe.common.tables import read_table
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.effects import load_library
@@ -83,11 +83,6 @@ def costs() -> Iterator[Cost]:
     base = float(np.mean([value for name, value in zip(order, spent, strict=True) if not name]))
     for name, value in zip(order, spent, strict=True):
         yield Cost(name, library[name].place if name else "", value, value / base)
-
-
-def write_costs(path: Path, rows: Sequence[Cost]) -> None:
-    """Write the table."""
-    write_table(path, Cost, rows, digits=4)
 
 
 def read_costs(path: Path) -> list[Cost]:

@@ -224,7 +224,7 @@ def starts() -> Iterator[Start]:
 
 def read_starts() -> list[Start]:
     """Rows of the table; none where it has not been made yet."""
-    return read_table(TABLE, Start) if TABLE.exists() else []
+    return read_table(TABLE, Start)
 
 
 if __name__ == "__main__":

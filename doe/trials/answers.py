@@ -61,7 +61,7 @@ def answer_file(task: Path, answer: Path, method: str) -> None:
 def problem_answer(file: Path) -> Answer:
     """Answer of a problem, or of a problem with conditions at which values are asked."""
     problem, asked = pickle.loads(file.read_bytes())
-    return answered(int(file.stem), problem) if asked is None else predicted(problem, asked)
+    return answered(int(file.stem[5:]), problem) if asked is None else predicted(problem, asked)
 
 
 def answered(number: int, problem: Problem) -> Answer:

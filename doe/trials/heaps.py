@@ -5,7 +5,6 @@ has its own seeds, time step, packing and friction. `SAME_LAWS` has no more than
 EDEM's limit of friction, a constant rolling torque and stiffer grains besides.
 """
 
-import json
 import random
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from taichi_erosion.run.checks import compatibility_key, read_scene
 from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas
 
 SCENE = Path(__file__).parent / "apparatus" / "column.toml"
+STUDY = SCENE.with_name("study.toml")
 ENSEMBLE = 200  # replicas that run beside each other
 CANDIDATES = (
     "liquid_bridge",
@@ -57,31 +57,6 @@ FINER = 0.8  # time step over the one that the stiffness asks for [1]
 DENSITY, GRAVITY = 2500.0, 9.81  # kg m-3, m s-2
 HEAD = "observable,value,n,unit,group,moisture,angularity,diameter,source"
 
-STUDY = """
-[study]
-title = "Sealed case {number}"
-measurements = "case_{number}.csv"
-runs = "runs"
-{observables}
-[conditions]
-moisture = "conditions.moisture"
-angularity = "conditions.angularity"
-diameter = "grains.size.diameter"
-[parameters."{sliding}"]
-start = 0.52
-low = 0.3
-high = 0.8
-prior_sd_log = 0.1
-[parameters."{rolling}"]
-start = 0.15
-low = 0.02
-high = 0.6
-prior_sd_log = 0.5
-[candidates]
-effects = {candidates}
-[vault]
-fraction = 0.3
-"""
 Case = dict[str, Any]  # number, effects by strength, `outside` (what no candidate describes), and its numbers
 
 
@@ -207,20 +182,14 @@ def line_of(name: str, value: float, at: tuple[float, float, float], source: str
 
 def write_study(folder: Path, number: int, lines: Sequence[str]) -> None:
     """Table and study of one case."""
-    table = folder / f"case_{number}.csv"
+    table = folder / f"case_{number:05d}.csv"
     table.write_text("\n".join([HEAD, *lines]) + "\n", encoding="utf-8")
     table.with_suffix(".toml").write_text(study_text(number), encoding="utf-8")
 
 
 def study_text(number: int) -> str:
     """The study of one case."""
-    entries = "".join(
-        f'[observables.{name}]\nscene = "column.toml"\ntransform = "log"\n' for name in OBSERVABLES
-    )
-    names = json.dumps(list(CANDIDATES))
-    return STUDY.format(
-        number=number, observables=entries, sliding=SLIDING, rolling=ROLLING, candidates=names
-    )
+    return STUDY.read_text("utf-8").replace("case_0", f"case_{number:05d}")
 
 
 def simulated(runs: list[tuple[Case, float, float, float]], seed: int) -> list[dict[str, float]]:

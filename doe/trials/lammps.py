@@ -1,6 +1,6 @@
 """Laboratories of another code: heaps that LAMMPS made with hidden effects, which the commands have to find.
 
-    python -m doe.trials.lammps make       seven chosen laboratories in the whole apparatus, 113 heaps
+    python -m doe.trials.lammps make       seven chosen laboratories in the whole apparatus, an hour
     python -m doe.trials.lammps solve      discover and adopt, by the commands; several core-hours
     python -m doe.trials.lammps open       results/lammps.jsonl.gz, set `whole`
 
@@ -11,6 +11,8 @@ written here a second time, in the ways that LAMMPS has.
 
 import json
 import random
+import subprocess
+import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
@@ -23,12 +25,13 @@ import typer
 
 from doe.common.cases import ROOT
 from doe.common.command import run_step
-from doe.common.lammps import DENSITY, data_file, measured_heap
 from doe.trials.answers import answer_all
-from doe.trials.heaps import GRAVITY, SCENE, Case, Laboratory, between, drawn, line_of, write_study
+from doe.trials.heaps import DENSITY, GRAVITY, SCENE, Case, Laboratory, between, drawn, line_of, write_study
 from doe.trials.table import add_rows
-from taichi_erosion.core.files import write_atomic
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
+from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.measures import heap
 from taichi_erosion.measures.result import Measurement
 
 DECK = SCENE.with_name("column.lmp")
@@ -50,7 +53,7 @@ DIAMETERS = (1.5e-3, 3e-3)  # m
 REPEATS = 4
 WALLS = ("[contact.grain-plate]\n", "[contact.grain-tube]\n")  # tables of the scene
 OBSERVABLES = ("column_height", "pile_height", "centroid_height", "radius_90")
-MEASURED = (*OBSERVABLES, "angle_of_repose")  # in the whole apparatus
+OF_PILE = (heap.pile_height, heap.centroid_height, heap.radius_90, heap.angle_of_repose_outline)
 
 POISSON, RESTITUTION = 0.25, 0.5  # [1]
 SLIDING, ROLLING = 0.52, 0.15  # middle of the laboratories
@@ -60,6 +63,20 @@ NECK = 0.3 * pi * 0.072  # pull of water over d at strength 1 [N m-1]: 0.3 of a 
 DRY_PULL = 0.03  # pull of dry grains over d at strength 1 [N m-1]
 SPREAD = log(1.5) / 1.2816  # standard deviation of ln d at strength 1: d90 / d50 = 1.5
 CUT = 1.6  # of the sizes, in standard deviations
+
+DUMP_HEAD = 9  # lines of a dump before the grains
+HEAD = """rain
+
+{count} atoms
+1 atom types
+
+{low} {high} xlo xhi
+{low} {high} ylo yhi
+{floor} {top} zlo zhi
+
+Atoms # sphere
+
+"""
 
 
 @dataclass(frozen=True)
@@ -126,7 +143,13 @@ def rain(column: Apparatus, generator: np.random.Generator, diameters: Floats, d
     wide = column.box_d * diameter
     box = {"low": -wide, "high": wide, "floor": -diameter, "top": height + 5.0 * diameter}
     speeds = generator.standard_normal((diameters.size, 3)) * 0.5 * (GRAVITY * diameter) ** 0.5
-    return data_file(np.array(places[: diameters.size]), speeds, diameters, box)
+    text = HEAD.format(count=diameters.size, **box)
+    for number, (size, place) in enumerate(zip(diameters, places, strict=False), 1):
+        text += f"{number} 1 {size:.12g} {DENSITY} {place[0]:.12g} {place[1]:.12g} {place[2]:.12g}\n"
+    text += "\nVelocities\n\n"
+    for number, (x, y, z) in enumerate(speeds, 1):
+        text += f"{number} {x:.12g} {y:.12g} {z:.12g} 0 0 0\n"
+    return text
 
 
 def grains_of(case: Case, moisture: float, angularity: float) -> Grains:
@@ -143,20 +166,17 @@ def grains_of(case: Case, moisture: float, angularity: float) -> Grains:
     return Grains(sliding, rolling, pull, strength.get("size_distribution", 0.0) * SPREAD)
 
 
-def told(
-    column: Apparatus, grains: Grains, diameter: float, restitution: float = RESTITUTION
-) -> dict[str, Any]:
+def told(column: Apparatus, grains: Grains, diameter: float) -> dict[str, Any]:
     """What stands in the deck."""
-    bare = f"hertz/material {column.young} {restitution} {POISSON}"
+    bare = f"hertz/material {column.young} {RESTITUTION} {POISSON}"
     # 4 pi gamma R* with R* = d / 4 is the pull of two equal grains, so that gamma = pull / (pi d)
-    sticky = f"dmt {column.young} {restitution} {POISSON} {grains.pull_d / pi:.8g}"
+    sticky = f"dmt {column.young} {RESTITUTION} {POISSON} {grains.pull_d / pi:.8g}"
     return {
         "normal": sticky if grains.pull_d > 0.0 else bare,
         "bare": bare,
         "sliding": grains.sliding,
         "rolling": grains.rolling,
         "spring": SPRING * column.young * diameter,
-        "wall_spring": SPRING * column.young * diameter,
         "damper": column.damper_dd * diameter**2,
         "skin": 0.25 * diameter,
         "tube": column.tube_d * diameter,
@@ -168,13 +188,32 @@ def told(
     }
 
 
+def read_dump(file: Path) -> Snapshot:
+    """Grains of a dump; only their places and sizes are in it."""
+    table = np.loadtxt(file, skiprows=DUMP_HEAD)
+    count, radius = len(table), table[:, 4]
+    still, none = np.zeros((count, 3)), np.zeros(count, np.int32)
+    mass = DENSITY * 4.0 / 3.0 * np.pi * radius**3
+    return Snapshot(0.0, 0, table[:, 1:4], still, still, radius, mass, none, none, 0)
+
+
 def laboratory_run(
     column: Apparatus, grains: Grains, diameter: float, generator: np.random.Generator
 ) -> dict[str, Measurement]:
     """Observables of one heap."""
     start = rain(column, generator, sizes(generator, column.count, grains.spread, diameter), diameter)
-    found = measured_heap(DECK, start, told(column, grains, diameter))
-    return {one.name: one for one in found if one.value is not None and one.name in MEASURED}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "rain.data").write_text(start, encoding="utf-8")
+        text = DECK.read_text(encoding="utf-8").format(folder=name, **told(column, grains, diameter))
+        (folder / "deck").write_text(text, encoding="utf-8")
+        words = ["lmp", "-in", str(folder / "deck"), "-log", "none", "-screen", "none"]
+        done = subprocess.run(words, capture_output=True, text=True)
+        if done.returncode:
+            raise BadInput(f"LAMMPS stopped: {done.stderr[-300:]}")
+        filled, pile = (read_dump(folder / f"{stage}.dump") for stage in ("column", "pile"))
+    found = [heap.column_height(filled), *(measure(pile) for measure in OF_PILE)]
+    return {one.name: one for one in found if one.value is not None}
 
 
 def measure(folder: Path, cases: Sequence[Case], seed: int) -> None:
@@ -219,18 +258,6 @@ WHOLE_REPEATS, REPEATS_BARE = 3, 6
 WHOLE_HEAD = "observable,value,sd,n,unit,group,moisture,diameter,angularity,source"
 
 
-def heap_of(grains: Grains, diameter: float, key: str) -> dict[str, tuple[float, str]]:
-    """Values and units of one heap, made once."""
-    kept = FOLDER / "heaps" / f"{key}.json"
-    if not kept.exists():
-        seed = int.from_bytes(sha256(key.encode()).digest()[:4], "big")
-        found = laboratory_run(WHOLE, grains, diameter, np.random.default_rng(seed))
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        values = {name: (one.value, one.unit) for name, one in found.items()}
-        write_atomic(kept, json.dumps(values).encode())
-    return json.loads(kept.read_text("utf-8"))
-
-
 def chosen_lines(name: str) -> list[str]:
     """Table of one chosen laboratory: means of its repeats."""
     conditions, grains_at = CHOSEN[name]
@@ -240,12 +267,14 @@ def chosen_lines(name: str) -> list[str]:
             grains = grains_at(w, a)
             who = "base" if grains == BARE else name
             count = REPEATS_BARE if (w, a) == (0.0, 0.0) else WHOLE_REPEATS
-            heaps = [heap_of(grains, d, f"{who}_{d:g}_{w:g}_{a:g}_{k}") for k in range(count)]
-            for observable, (_, unit) in heaps[0].items():
-                values = [heap[observable][0] for heap in heaps]
+            keys = [f"{who}_{d:g}_{w:g}_{a:g}_{k}".encode() for k in range(count)]
+            seeds = [int.from_bytes(sha256(key).digest()[:4], "big") for key in keys]
+            heaps = [laboratory_run(WHOLE, grains, d, np.random.default_rng(seed)) for seed in seeds]
+            for observable, first in heaps[0].items():
+                values = [heap[observable].value for heap in heaps]
                 mean, sd = np.mean(values), np.std(values, ddof=1)
                 group = "fill" if observable == "column_height" else "collapse"
-                at = f"{unit},{group},{w:g},{d:g},{a:g}"
+                at = f"{first.unit},{group},{w:g},{d:g},{a:g}"
                 lines.append(f"{observable},{mean:.6g},{sd:.6g},{count},{at},LAMMPS")
     return lines
 

@@ -4,9 +4,9 @@
     python -m doe.trials.run solve TRIAL SET --processes 2        in fresh processes; goes on where it stopped
     python -m doe.trials.run open TRIAL SET SECRET                results/TRIAL.jsonl.gz
 
-TRIAL is clean, disturbed, several, beyond, correlated, intervals or proposals (reduced model; the last is
-solved by `doe.trials.proposals`), same_laws or other_laws (heaps of our own simulator), or lammps (heaps of
-that code); of heaps `make TRIAL SET SECRET` measures the tables after `seal`.
+TRIAL is clean, disturbed, several, beyond, correlated or intervals (reduced model), same_laws or other_laws
+(heaps of our own simulator), or lammps (heaps of that code); of heaps `make TRIAL SET SECRET` measures the
+tables after `seal`.
 SECRET is a folder outside the tree that no solving process is given; there lie 128 random bits of the
 operating system, out of which every case follows.
 The digests are committed before the first answer; every row names the commit that answered it.
@@ -58,8 +58,7 @@ class SealedSet:
     @property
     def tasks(self) -> list[Path]:
         """Files that the solver is given, in the order of their numbers."""
-        studies = sorted(self.folder.glob("case_*.toml"), key=lambda path: int(path.stem[5:]))
-        return studies or sorted(self.folder.glob("*.pickle"))
+        return sorted([*self.folder.glob("case_*.toml"), *self.folder.glob("case_*.pickle")])
 
 
 def truth_text(seed: int, number: int, truth: Any) -> str:
@@ -84,7 +83,7 @@ def seal(place: SealedSet, secret: Path, cases: int) -> None:
         for number, seed in enumerate(seeds):
             drawn = FAMILIES[place.trial](seed, number)
             task = pickle.dumps((drawn.problem, drawn.asked))
-            write_atomic(place.folder / f"{number:05d}.pickle", task)
+            write_atomic(place.folder / f"case_{number:05d}.pickle", task)
             truths.append(drawn.truth)
     else:
         laboratory, seed = LABORATORIES[place.trial], randbits(SEED_BITS)
@@ -117,8 +116,7 @@ def rows(place: SealedSet, secret: Path) -> list[Row]:
     """Truth beside answer of every case that is answered."""
     found = []
     for number, (seed, sealed, case) in enumerate(opened(place, secret)):
-        stem = f"{number:05d}" if isinstance(case, Drawn) else f"case_{number}"
-        file = place.folder / f"{stem}.json"
+        file = place.folder / f"case_{number:05d}.json"
         if not file.exists():
             continue
         answer = json.loads(file.read_text(encoding="utf-8"))

@@ -81,17 +81,12 @@ def speed_of(setup: AirSetup) -> float:
 def uncertainty_rows(base: Sequence[Profile], changed: dict[str, Profile]) -> list[dict[str, float | str]]:
     """What every choice changes in u*, relative to the base."""
     known = base[1].friction_velocity
-    rows: list[dict[str, float | str]] = []
     starts = {"layer starts 1 m later": base[0], "layer starts 1 m earlier": base[2]}
-    for name, profile in (changed | starts).items():
-        rows.append(
-            {
-                "choice": name,
-                "friction_velocity": profile.friction_velocity,
-                "relative_change": profile.friction_velocity / known - 1.0,
-            }
-        )
-    return rows
+    felt = {name: profile.friction_velocity for name, profile in (changed | starts).items()}
+    return [
+        {"choice": name, "friction_velocity": wind, "relative_change": wind / known - 1.0}
+        for name, wind in felt.items()
+    ]
 
 
 def relative_uncertainty(rows: Sequence[dict[str, float | str]]) -> float:

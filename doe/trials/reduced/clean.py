@@ -56,8 +56,8 @@ class Case:
 
 def draw_case(family: int, number: int) -> Case:
     """Case `number` of a seed family; the same numbers always give the same case."""
-    generator = case_generator(family, number)
-    kind = kind_of(generator)
+    generator = np.random.default_rng([family, number])
+    kind = str(generator.choice(KINDS, p=SHARES))
     observables = chosen_observables(generator)
     varied = chosen_conditions(generator, kind, observables)
     library, effects, outside = chosen_effects(generator, kind, observables, varied)
@@ -96,16 +96,6 @@ def study_of(
         model=model,
         vault=drawn_vault(generator, table),
     )
-
-
-def case_generator(family: int, number: int) -> np.random.Generator:
-    """Random numbers of one case."""
-    return np.random.default_rng([family, number])
-
-
-def kind_of(generator: np.random.Generator) -> str:
-    """What a case is about: the first that is drawn of it."""
-    return str(generator.choice(KINDS, p=SHARES))
 
 
 def start_values(observables: tuple[str, ...]) -> dict[str, float]:

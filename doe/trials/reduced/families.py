@@ -1,27 +1,18 @@
 """Trials on the reduced model by name: a seed and a number make a case."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
-
-import numpy as np
 
 from doe.trials.reduced import beyond, clean, correlated, disturbed, several, smooth
 from doe.trials.reduced.oracle import difficulty
-from taichi_erosion.evidence.data.problem import Budget, Problem
-from taichi_erosion.evidence.models.reduced import DEFAULTS
+from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.prediction.new_conditions import NewConditions
 
 LEAST_RATIO = 7.0  # of every effect in the designs of `several`
 NULLS = 0.45  # share of disturbed cases in which nothing is missing
 CORRELATIONS = (0.8, 0.0, -0.8)
-ASKED = ("single", "pair", "impossible", "null")  # kinds of which proposals are asked
 DISCREPANCIES = (0.0, 0.5, 1.0, 2.0)  # rms over the standard error of a row
-
-
-def nothing() -> dict[str, Any]:
-    """Of a case whose difficulty is not asked."""
-    return {}
 
 
 @dataclass(frozen=True)
@@ -30,26 +21,26 @@ class Drawn:
 
     problem: Problem
     truth: dict[str, Any]
-    difficulty: Callable[[], dict[str, Any]] = nothing
+    difficulty: Callable[[], dict[str, Any]] = dict
     asked: NewConditions | None = None  # where values are asked
 
 
 def clean_case(seed: int, number: int) -> Drawn:
     case = clean.draw_case(seed, number)
-    return Drawn(case.problem, asdict(case.truth), lambda: asdict(difficulty(case)))
+    return Drawn(case.problem, asdict(case.truth), lambda: difficulty(case))
 
 
 def disturbed_case(seed: int, number: int) -> Drawn:
     case = disturbed.draw_case(f"{seed:x}", number, NULLS)
     plain = disturbed.undisturbed(case)
-    return Drawn(case.problem, asdict(case.truth), lambda: asdict(difficulty(plain)))
+    return Drawn(case.problem, asdict(case.truth), lambda: difficulty(plain))
 
 
 def several_case(seed: int, number: int) -> Drawn:
     """Kinds in turn."""
     kind = list(several.KINDS)[number % len(several.KINDS)]
     case = several.draw_several(seed, number, kind, LEAST_RATIO)
-    return Drawn(case.problem, asdict(case.truth), lambda: asdict(difficulty(case)))
+    return Drawn(case.problem, asdict(case.truth), lambda: difficulty(case))
 
 
 def beyond_case(seed: int, _number: int) -> Drawn:
@@ -74,38 +65,6 @@ def intervals_case(seed: int, number: int) -> Drawn:
     )
 
 
-def stated_case(seed: int) -> clean.Case:
-    """The first case of a seed family whose kind is asked, its table with every condition."""
-    number = 0
-    while True:
-        if clean.kind_of(clean.case_generator(seed, number)) in ASKED:
-            case = clean.draw_case(seed, number)
-            if not has_twin(case):
-                return replace(case, problem=replace(with_constants(case.problem), budget=Budget("quick")))
-        number += 1
-
-
-def has_twin(case: clean.Case) -> bool:
-    """Whether a copy of what acts is listed under another name: no measurement tells the two apart."""
-    return any(each.name.startswith(clean.TWIN) for each in case.problem.candidates)
-
-
-def with_constants(problem: Problem) -> Problem:
-    """The study with a column for every condition, also for those that were held constant."""
-    table, flux = problem.measurements, "flux" in problem.observables
-    held = {
-        name: np.full(table.size, value)
-        for name, value in DEFAULTS.items()
-        if name not in table.conditions and (flux or name != "u_star")
-    }
-    return replace(problem, measurements=replace(table, conditions={**table.conditions, **held}))
-
-
-def proposals_case(seed: int, _number: int) -> Drawn:
-    case = stated_case(seed)
-    return Drawn(case.problem, asdict(case.truth), lambda: asdict(difficulty(case)))
-
-
 FAMILIES: dict[str, Callable[[int, int], Drawn]] = {
     "clean": clean_case,
     "disturbed": disturbed_case,
@@ -113,5 +72,4 @@ FAMILIES: dict[str, Callable[[int, int], Drawn]] = {
     "beyond": beyond_case,
     "correlated": correlated_case,
     "intervals": intervals_case,
-    "proposals": proposals_case,
 }

@@ -6,7 +6,7 @@ candidate in its place. At a ratio of 5 an effect is at the line of being identi
 two effects are told apart in 93 % of cases.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,18 +21,10 @@ from taichi_erosion.evidence.models.reduced import EFFECTS
 START = 1.0  # strength from which a rival is fitted
 
 
-@dataclass(frozen=True)
-class Difficulty:
-    """What could be seen in a case."""
-
-    ratio: float  # least signal-to-noise ratio of the effects that act; 0 for a null
-    separation: float  # sd to the nearest other candidate; infinite if there is none
-
-
-def difficulty(case: Case) -> Difficulty:
-    """Least ratio and separation over the effects that act."""
+def difficulty(case: Case) -> dict[str, float]:
+    """Least `ratio` and `separation` [sd] over the effects that act; of a null 0 and infinite."""
     if not case.truth.effects:
-        return Difficulty(0.0, np.inf)
+        return {"ratio": 0.0, "separation": np.inf}
     prepared, x = noise_free(case)
     listed = [candidate.name for candidate in case.problem.candidates]
     truth = case.truth.effects
@@ -49,7 +41,7 @@ def difficulty(case: Case) -> Difficulty:
         ratios.append(ratio)
         separations.append(min([ratio, *rivals]))
     wrong = case.truth.understated
-    return Difficulty(min(ratios) / wrong, min(separations) / wrong)
+    return {"ratio": min(ratios) / wrong, "separation": min(separations) / wrong}
 
 
 def noise_free(case: Case) -> tuple[PreparedProblem, Floats]:

@@ -72,6 +72,6 @@ def test_what_no_candidate_describes_changes_a_number_along_a_condition():
 
 def test_a_study_names_no_strength_and_no_seed():
     text = study_text(7)
-    assert "case_7.csv" in text
+    assert "case_00007.csv" in text
     assert "seed" not in text
     assert "strength" not in text

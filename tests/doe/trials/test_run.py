@@ -17,7 +17,7 @@ def trial(tmp_path) -> SealedSet:
     made = SealedSet("beyond", "few", tmp_path / "work", tmp_path / "seals")
     seal(made, tmp_path / "secret", 2)
     answer = {"method": "m", "verdict": "none_detected", "named": [], "group": [], "seconds": 0.5}
-    write_atomic(made.folder / "00000.json", json.dumps(answer).encode())
+    write_atomic(made.folder / "case_00000.json", json.dumps(answer).encode())
     return made
 
 

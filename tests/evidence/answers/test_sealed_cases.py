@@ -35,8 +35,7 @@ def watched(number: int) -> Case:
     """A case with its answer, solved without its held-out rows."""
     case = draw_case(FAMILY, number)
     answer = answered(number, replace(case.problem, vault=replace(case.problem.vault, rows=no_rows())))
-    hard = asdict(difficulty(case))
-    return Case({"truth": asdict(case.truth), "difficulty": hard, "answer": answer})
+    return Case({"truth": asdict(case.truth), "difficulty": difficulty(case), "answer": answer})
 
 
 @pytest.fixture(scope="module")
