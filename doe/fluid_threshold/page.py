@@ -15,7 +15,8 @@ import scipy.stats
 from doe.common.beds import paired_ratio, shown
 from doe.common.beds import pooled as pool
 from doe.common.cases import ROOT
-from doe.fluid_threshold.balance import QUESTIONS, SHARES, SIZES, Start, read_starts
+from doe.common.tables import read_table
+from doe.fluid_threshold.balance import QUESTIONS, SHARES, SIZES, TABLE, Start
 from doe.fluid_threshold.cases import BARE, FOLDER, LONGER, MILLI, SLOW, WALL, WALL_ALONE, Bed
 from doe.wind.blown_sand import OURS, THEIRS
 from taichi_erosion.measures.result import Measurement
@@ -208,7 +209,7 @@ def draw(beds: Sequence[Bed], file: Path = PICTURE) -> None:
 
 def tables(found: Found) -> dict[str, str]:
     """Tables of the page by name."""
-    return {"gusts": gust_table(found), "balance": balance_table(read_starts())}
+    return {"gusts": gust_table(found), "balance": balance_table(read_table(TABLE, Start))}
 
 
 def publish(beds: Sequence[Bed], page: Path = PAGE) -> None:

@@ -34,7 +34,7 @@ from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures import heap
 from taichi_erosion.measures.result import Measurement
 
-DECK = SCENE.with_name("column.lmp")
+DECK, RAIN = SCENE.with_name("column.lmp"), SCENE.with_name("rain.data")
 HIDDEN = (  # effects, and what no candidate describes
     *[((), "")] * 4,
     *[(("rolling_resistance",), "")] * 3,
@@ -63,20 +63,7 @@ NECK = 0.3 * pi * 0.072  # pull of water over d at strength 1 [N m-1]: 0.3 of a 
 DRY_PULL = 0.03  # pull of dry grains over d at strength 1 [N m-1]
 SPREAD = log(1.5) / 1.2816  # standard deviation of ln d at strength 1: d90 / d50 = 1.5
 CUT = 1.6  # of the sizes, in standard deviations
-
 DUMP_HEAD = 9  # lines of a dump before the grains
-HEAD = """rain
-
-{count} atoms
-1 atom types
-
-{low} {high} xlo xhi
-{low} {high} ylo yhi
-{floor} {top} zlo zhi
-
-Atoms # sphere
-
-"""
 
 
 @dataclass(frozen=True)
@@ -143,7 +130,7 @@ def rain(column: Apparatus, generator: np.random.Generator, diameters: Floats, d
     wide = column.box_d * diameter
     box = {"low": -wide, "high": wide, "floor": -diameter, "top": height + 5.0 * diameter}
     speeds = generator.standard_normal((diameters.size, 3)) * 0.5 * (GRAVITY * diameter) ** 0.5
-    text = HEAD.format(count=diameters.size, **box)
+    text = RAIN.read_text("utf-8").format(count=diameters.size, **box)
     for number, (size, place) in enumerate(zip(diameters, places, strict=False), 1):
         text += f"{number} 1 {size:.12g} {DENSITY} {place[0]:.12g} {place[1]:.12g} {place[2]:.12g}\n"
     text += "\nVelocities\n\n"

@@ -6,10 +6,9 @@
 
 TRIAL is clean, disturbed, several, beyond, correlated or intervals (reduced model), same_laws or other_laws
 (heaps of our own simulator), or lammps (heaps of that code); of heaps `make TRIAL SET SECRET` measures the
-tables after `seal`.
-SECRET is a folder outside the tree that no solving process is given; there lie 128 random bits of the
-operating system, out of which every case follows.
-The digests are committed before the first answer; every row names the commit that answered it.
+tables after `seal`. SECRET is a folder outside the tree that no solving process is given; there lie 128
+random bits of the operating system, out of which every case follows. The digests are committed before the
+first answer; every row names the commit that answered it.
 """
 
 import json

@@ -6,6 +6,7 @@ nothing, one effect, two, one that no candidate describes, or one that this desi
 numbers are drawn from their priors, strengths log-uniformly between 0.3 and 3 times the textbook.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,7 +60,7 @@ def draw_case(family: int, number: int) -> Case:
     generator = np.random.default_rng([family, number])
     kind = str(generator.choice(KINDS, p=SHARES))
     observables = chosen_observables(generator)
-    varied = chosen_conditions(generator, kind, observables)
+    varied = chosen_conditions(generator, *VARIED.get(kind, (2, 6)), observables)
     library, effects, outside = chosen_effects(generator, kind, observables, varied)
     truth = Truth(
         kind=kind,
@@ -125,17 +126,18 @@ def true_parameters(generator: np.random.Generator, observables: tuple[str, ...]
     }
 
 
-def chosen_observables(generator: np.random.Generator) -> tuple[str, ...]:
-    """One to three instruments."""
-    count = int(generator.choice([1, 2, 3], p=[0.25, 0.4, 0.35]))
+def chosen_observables(
+    generator: np.random.Generator, shares: Sequence[float] = (0.25, 0.4, 0.35)
+) -> tuple[str, ...]:
+    """One to three instruments, in any order."""
+    count = int(generator.choice([1, 2, 3], p=shares))
     return tuple(str(name) for name in generator.choice(reduced.OBSERVABLES, count, replace=False))
 
 
 def chosen_conditions(
-    generator: np.random.Generator, kind: str, observables: tuple[str, ...]
+    generator: np.random.Generator, least: int, most: int, observables: tuple[str, ...]
 ) -> tuple[str, ...]:
     """Conditions that the laboratory varied."""
-    least, most = VARIED.get(kind, (2, 6))
     count = int(generator.integers(least, most + 1))
     names = [name for name in RANGES if name != "u_star"]
     varied = [str(name) for name in generator.choice(names, count, replace=False)]

@@ -11,7 +11,7 @@ from hashlib import sha256
 
 import numpy as np
 
-from doe.trials.reduced.clean import OWNERS, Case, study_of, true_parameters
+from doe.trials.reduced.clean import Case, chosen_conditions, chosen_observables, study_of, true_parameters
 from doe.trials.reduced.laboratory import (
     FLUX_FLOOR,
     FLUX_ZERO,
@@ -229,8 +229,8 @@ def draw_case(salt: str, number: int, nulls: float) -> Case:
     digest = sha256(f"{salt}/{number}".encode()).digest()
     generator = np.random.default_rng(np.frombuffer(digest, dtype=np.uint32))
     kind = drawn_kind(generator, nulls)
-    observables = drawn_observables(generator)
-    varied = drawn_conditions(generator, kind, observables)
+    observables = chosen_observables(generator, (0.2, 0.35, 0.45))
+    varied = chosen_conditions(generator, 2 + ACTING[kind], 5 + ACTING[kind], observables)
     library, effects, outside = drawn_effects(generator, kind, observables, varied)
     disturbance, size = drawn_disturbance(generator, kind)
     if disturbance == "beyond":
@@ -255,23 +255,6 @@ def drawn_kind(generator: np.random.Generator, nulls: float) -> str:
     if generator.random() < nulls:
         return "null"
     return str(generator.choice(KINDS[1:], p=SHARES))
-
-
-def drawn_observables(generator: np.random.Generator) -> tuple[str, ...]:
-    """One to three instruments, in the order in which one of them may be off."""
-    count = int(generator.choice([1, 2, 3], p=[0.2, 0.35, 0.45]))
-    return tuple(str(name) for name in generator.choice(list(OWNERS), count, replace=False))
-
-
-def drawn_conditions(
-    generator: np.random.Generator, kind: str, observables: tuple[str, ...]
-) -> tuple[str, ...]:
-    """Conditions that the laboratory varied; more where more effects act."""
-    least = 2 + ACTING[kind]
-    count = int(generator.integers(least, least + 4))
-    names = [name for name in RANGES if name != "u_star"]
-    varied = [str(name) for name in generator.choice(names, min(count, len(names)), replace=False)]
-    return (*varied, "u_star") if "flux" in observables else tuple(varied)
 
 
 def shows(law: str, observables: tuple[str, ...], varied: tuple[str, ...]) -> bool:

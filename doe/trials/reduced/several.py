@@ -43,7 +43,7 @@ def draw_several(salt: int, number: int, kind: str, least_ratio: float) -> Case:
 def drawn(generator: np.random.Generator, number: int, kind: str) -> Case:
     """One draw of a design, a truth and its measurements."""
     observables = chosen_observables(generator)
-    varied = chosen_conditions(generator, "pair" if KINDS[kind] > 1 else kind, observables)
+    varied = chosen_conditions(generator, *((5, 9) if KINDS[kind] > 1 else (2, 6)), observables)
     effects = hidden(generator, kind, observables, varied)
     repeats = bool(generator.random() < 0.5)
     truth = Truth(kind, effects, true_parameters(generator, observables), 1.0, repeats, "")
