@@ -70,7 +70,10 @@ def conditions_of(random: np.random.Generator, count: int) -> Conditions:
 
 
 def draw(seed: int, discrepancy: float) -> Case:
-    """One case; `discrepancy` is the rms of the waves over the standard error of a row."""
+    """One case; `discrepancy` is the rms of the waves over the standard error of a row.
+
+    Stored cases of a salt have `SeedSequence([salt, number, round(10 * discrepancy)]).generate_state(1)[0]`.
+    """
     random = np.random.default_rng(seed)
     truth = {p.path: p.start * np.exp(p.prior_sd_log * random.normal()) for p in PARAMETERS}
     truth = {p.path: float(np.clip(truth[p.path], p.low, p.high)) for p in PARAMETERS}
