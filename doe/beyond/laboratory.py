@@ -19,7 +19,7 @@ SEED = 11
 HEADING = "observable,value,sd,unit,group,moisture,diameter [m],u_star [m/s],source"
 FRICTION, ROLLING = 0.55, 0.12  # of dry grains [1]
 SCATTER = {"threshold_u_star": 0.02, "flux": 0.08}  # over the value [1]
-SCATTER_ANGLE = 0.5  # deg
+OWN_SCATTER = {"repose_angle": 0.5, "flux": 1e-4}  # deg, kg m-1 s-1
 
 
 def rolling_factor(moisture: float) -> float:
@@ -43,11 +43,7 @@ def table() -> str:
     for moisture in MOISTURES:
         for tenths in DIAMETERS:
             for name, value in readings(moisture, 1e-4 * tenths).items():
-                sd = (
-                    SCATTER_ANGLE
-                    if name == "repose_angle"
-                    else SCATTER[name] * value + 1e-4 * (name == "flux")
-                )
+                sd = SCATTER.get(name, 0.0) * value + OWN_SCATTER.get(name, 0.0)
                 read = value + drawn.gauss(0.0, sd)
                 place = f"{moisture:g},{1e-4 * tenths:g},{WIND:g}"
                 group = f"soil {moisture:g} {tenths:g}"

@@ -14,7 +14,7 @@ from math import nan
 from pathlib import Path
 from typing import Any
 
-from doe.common.tables import read_table, write_table
+from doe.common.tables import read_table, update_table, write_table
 from taichi_erosion.core.errors import BadInput
 
 ROOT = Path(__file__).parents[2]  # where scenes/ and doe/ lie
@@ -59,6 +59,9 @@ class Row:
     def standard_error(self) -> float:
         """Of the mean, in the row's unit."""
         return self.sd / self.n**0.5 if self.n > 1 else nan
+
+
+Found = dict[tuple[str, str], dict[str, Row]]  # rows by group and label, then by observable
 
 
 def settings(*orders: str) -> tuple[str, ...]:
@@ -132,13 +135,17 @@ def number(value: float | None) -> float:
     return nan if value is None else value
 
 
+def method_commit() -> str:
+    """Commit that answers, with a mark where the tree differs from it."""
+    words = ["git", "describe", "--always", "--dirty", "--abbrev=10", "--exclude=*"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
 def perform(scene: str, cases: Iterable[Case], table: Path) -> None:
     """Simulate cases one after the other; the table is written after each, in place of its earlier rows."""
     for case in cases:
-        rows = simulate(scene, case)
-        kept = read_rows(table) if table.exists() else []
-        others = [row for row in kept if (row.group, row.label) != (case.group, case.label)]
-        write_rows(table, others + rows)
+        update_table(table, Row, simulate(scene, case), lambda row: (row.group, row.label))
 
 
 def write_rows(table: Path, rows: Sequence[Row]) -> None:
@@ -149,3 +156,11 @@ def write_rows(table: Path, rows: Sequence[Row]) -> None:
 def read_rows(table: Path) -> list[Row]:
     """Rows of a table that `write_rows` wrote."""
     return read_table(table, Row)
+
+
+def by_case(rows: Sequence[Row]) -> Found:
+    """Rows of each case."""
+    cases: Found = {}
+    for row in rows:
+        cases.setdefault((row.group, row.label), {})[row.observable] = row
+    return cases

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, fields
 from io import StringIO
 from math import nan
@@ -18,27 +18,48 @@ if TYPE_CHECKING:
     Record = TypeVar("Record", bound=DataclassInstance)
 
 
-def write_table(path: Path, kind: type[Record], rows: Sequence[Record], digits: int = 7) -> None:
-    """Write rows as CSV; a number that is none is an empty field."""
+def write_table(
+    path: Path, kind: type[Record], rows: Sequence[Record], digits: int = 7, none: str = ""
+) -> None:
+    """Write rows as CSV; a number that is none is an empty field, or `none`."""
     heading = [f.name for f in fields(kind)]
-    lines = [heading, *([cell(value, digits) for value in astuple(row)] for row in rows)]
+    lines = [heading, *([cell(value, digits, none) for value in astuple(row)] for row in rows)]
     page = StringIO(newline="")
     csv.writer(page, lineterminator="\n").writerows(lines)
     write_atomic(path, page.getvalue().encode())
 
 
 def read_table(path: Path, kind: type[Record]) -> list[Record]:
-    """Rows of a table that `write_table` wrote."""
+    """Rows of a table that `write_table` wrote; none where it has not been made yet."""
+    if not path.exists():
+        return []
     kinds = {f.name: f.type for f in fields(kind)}
     with path.open(encoding="utf-8", newline="") as file:
         lines = list(csv.DictReader(file))
     return [kind(**{name: parsed(kinds[name], text) for name, text in line.items()}) for line in lines]
 
 
-def cell(value: object, digits: int) -> str:
+def update_table(
+    path: Path, kind: type[Record], rows: Sequence[Record], key: Callable[[Record], Any], **form: Any
+) -> None:
+    """Write rows in place of those that stand there already under the same key; `form` is `write_table`'s."""
+    done = {key(row) for row in rows}
+    write_table(path, kind, [*(r for r in read_table(path, kind) if key(r) not in done), *rows], **form)
+
+
+def write_lines(path: Path, lines: Sequence[Mapping[str, Any]], digits: int = 7) -> None:
+    """Write lines whose keys are the heading, as CSV."""
+    page = StringIO(newline="")
+    table = csv.DictWriter(page, list(lines[0]), lineterminator="\n")
+    table.writeheader()
+    table.writerows({name: cell(value, digits) for name, value in line.items()} for line in lines)
+    write_atomic(path, page.getvalue().encode())
+
+
+def cell(value: object, digits: int, none: str = "") -> str:
     """A value as the table holds it."""
     if isinstance(value, float):
-        return "" if value != value else f"{value:.{digits}g}"
+        return none if value != value else f"{value:.{digits}g}"
     return str(value)
 
 

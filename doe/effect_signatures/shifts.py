@@ -8,15 +8,15 @@ to both cancels as far as the motion remembers it; `correlation` says how far th
 
 import csv
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
-from io import StringIO
+from dataclasses import dataclass
 from math import isfinite, nan, sqrt
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
 
-from taichi_erosion.core.files import write_atomic
+from doe.common.tables import update_table
 from taichi_erosion.core.setup import Floats, Numerics
 from taichi_erosion.run.checks import compatibility_key, read_scene
 from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas
@@ -24,6 +24,7 @@ from taichi_erosion.scene import Scene
 
 Values = dict[int, dict[str, float]]  # seed -> observable -> value
 Orders = tuple[str, ...]  # PATH=VALUE, as after --set
+KEY = attrgetter("effect", "label", "scene")  # of a row
 LEAST_PAIRS = 3  # fewer give no standard error worth the name
 
 
@@ -90,7 +91,7 @@ def measure_shifts(
 def tabulate(table: Path, measured: Iterator[list[Shift]], to: TextIO) -> None:
     """Write the shifts of case after case into a table, telling each as it is done."""
     for rows in measured:
-        write_shifts(table, rows)
+        update_table(table, Shift, rows, KEY, digits=6, none="nan")
         for row in rows:
             told = f"{row.effect} {row.observable} {row.shift:+.4g} +- {row.standard_error:.2g} {row.unit}"
             to.write(f"{told} (bare {row.bare:.4g}, r {row.correlation:.2f}, n {row.n}) {row.note}\n")
@@ -134,25 +135,9 @@ def paired(head: Mapping[str, Any], before: Values, after: Values, reason: str) 
     )
 
 
-def write_shifts(path: Path, rows: Sequence[Shift]) -> None:
-    """Write the table, replacing rows of the same case that stand there already."""
-    done = {(row.effect, row.label, row.scene) for row in rows}
-    kept = [row for row in read_shifts(path) if (row["effect"], row["label"], row["scene"]) not in done]
-    text = StringIO(newline="")
-    table = csv.DictWriter(text, [f.name for f in fields(Shift)], lineterminator="\n")
-    table.writeheader()
-    table.writerows([*kept, *({key: rounded(value) for key, value in asdict(row).items()} for row in rows)])
-    write_atomic(path, text.getvalue().encode())
-
-
 def read_shifts(path: Path) -> list[dict[str, str]]:
     """Rows of the table as text; none where there is no file."""
     if not path.is_file():
         return []
     with path.open(encoding="utf-8", newline="") as table:
         return list(csv.DictReader(table))
-
-
-def rounded(value: Any) -> Any:
-    """A number as far as it means something in a table."""
-    return f"{value:.6g}" if isinstance(value, float) else value

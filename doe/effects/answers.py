@@ -5,16 +5,14 @@ a balance of forces, from a formula, or from SciPy; NaN where there is none. `la
 gives for whole beds, where it does: an answer that the simple scene need not share.
 """
 
-import csv
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
-from io import StringIO
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from math import cos, nan, radians, sin, sqrt, tan
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from doe.common.tables import read_table, update_table
 from doe.effects.flight import (
     DROPS,
     PUSHES,
@@ -34,7 +32,6 @@ from doe.effects.pocket import (
     measured_thresholds,
     saddle_ratio,
 )
-from taichi_erosion.core.files import write_atomic
 from taichi_erosion.effects import load_library
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.run.result import apply_instruments
@@ -222,26 +219,9 @@ GROUPS = {
 
 def write_answers(path: Path, rows: Sequence[Answer]) -> None:
     """Write the table; rows of the same effects and scenes that stand there already are replaced."""
-    done = {(row.effect, row.scene) for row in rows}
-    kept = [row for row in read_answers(path) if (row.effect, row.scene) not in done]
-    text = StringIO(newline="")
-    table = csv.DictWriter(text, [f.name for f in fields(Answer)], lineterminator="\n")
-    table.writeheader()
-    for row in [*kept, *rows]:
-        words = {key: f"{v:.6g}" if isinstance(v, float) else v for key, v in asdict(row).items()}
-        table.writerow(words)
-    write_atomic(path, text.getvalue().encode())
+    update_table(path, Answer, rows, lambda row: (row.effect, row.scene), digits=6, none="nan")
 
 
 def read_answers(path: Path) -> list[Answer]:
     """The table; no rows where there is no file."""
-    if not path.is_file():
-        return []
-    with path.open(encoding="utf-8", newline="") as table:
-        return [Answer(**typed(line)) for line in csv.DictReader(table)]
-
-
-def typed(line: Mapping[str, str]) -> dict[str, Any]:
-    """Cells as what they are."""
-    kinds: dict[str, Callable[[str], Any]] = {f.name: f.type for f in fields(Answer) if callable(f.type)}
-    return {name: kinds[name](text) for name, text in line.items()}
+    return read_table(path, Answer)

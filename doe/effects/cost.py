@@ -4,18 +4,16 @@ A bed of grains lies in a light wind in which nothing moves, the state in which 
 of the time. Bare runs stand between the others, so that their scatter says what the ratios are worth.
 """
 
-import csv
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
-from io import StringIO
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from doe.common.tables import read_table
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.effects import load_library
 from taichi_erosion.scene import Scene, parse_scene
@@ -87,21 +85,6 @@ def costs() -> Iterator[Cost]:
         yield Cost(name, library[name].place if name else "", value, value / base)
 
 
-def write_costs(path: Path, rows: Sequence[Cost]) -> None:
-    """Write the table."""
-    text = StringIO(newline="")
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow([f.name for f in fields(Cost)])
-    table.writerows((c.effect, c.place, f"{c.nanoseconds:.4g}", f"{c.ratio:.4g}") for c in rows)
-    write_atomic(path, text.getvalue().encode())
-
-
 def read_costs(path: Path) -> list[Cost]:
     """The table; no rows where there is no file."""
-    if not path.is_file():
-        return []
-    with path.open(encoding="utf-8", newline="") as table:
-        return [
-            Cost(line["effect"], line["place"], float(line["nanoseconds"]), float(line["ratio"]))
-            for line in csv.DictReader(table)
-        ]
+    return read_table(path, Cost)

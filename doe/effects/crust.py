@@ -10,10 +10,8 @@ impact  a grain strikes the bed of beds.py at 2 m/s and 10 deg; a second one fol
 heap    the column of doe/effect_signatures stands free of its tube, then every grain is given a blow
 """
 
-import csv
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import astuple, dataclass, fields, replace
-from io import StringIO
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from math import cos, radians, sin, sqrt, tan
 from pathlib import Path
@@ -21,11 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from doe.common.command import words
+from doe.common.tables import update_table
 from doe.effect_signatures.run import COLUMN, COLUMN_ORDERS
 from doe.effects.beds import DIAMETER, ORDERS, THRESHOLD
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.effect import replica_effect
-from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Floats, GrainTable, Numerics, Setup
 from taichi_erosion.core.ti import ti
 from taichi_erosion.effects import load_library
@@ -191,27 +189,10 @@ def heights(sim: Simulation) -> list[float]:
 PLANS: dict[str, Callable[[], Iterator[Row]]] = {"impact": struck, "heap": shaken}
 
 
-def write(table: Path, found: Sequence[Row]) -> None:
-    """Write the table; rows of the same plans that stand there already are replaced."""
-    done = {row.plan for row in found}
-    kept: list[list[str]] = []
-    if table.is_file():
-        with table.open(encoding="utf-8", newline="") as lines:
-            kept = [line for line in list(csv.reader(lines))[1:] if line[0] not in done]
-    text = StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([f.name for f in fields(Row)])
-    writer.writerows(kept)
-    writer.writerows(
-        [f"{one:.6g}" if isinstance(one, float) else one for one in astuple(row)] for row in found
-    )
-    write_atomic(table, text.getvalue().encode())
-
-
 def main(asked: list[str]) -> None:
     """Simulate what was asked for."""
     for plan in (name for name in PLANS if not asked or name in asked):
-        write(TABLE, list(PLANS[plan]()))
+        update_table(TABLE, Row, list(PLANS[plan]()), lambda row: row.plan, digits=6)
 
 
 if __name__ == "__main__":

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from doe.common.cases import MEASURED, ROOT
 from doe.common.command import words
+from doe.common.tables import write_table
 from doe.effects.answers import GROUPS, write_answers
-from doe.effects.cost import costs, write_costs
+from doe.effects.cost import Cost, costs
 from doe.effects.page import publish
 
 FOLDER = Path(__file__).parent
@@ -23,7 +24,7 @@ def main(asked: list[str]) -> None:
         for group in (name for name in GROUPS if not asked or name in asked):
             write_answers(ANSWERS, list(GROUPS[group]()))
         if not asked or "cost" in asked:
-            write_costs(COSTS, list(costs()))
+            write_table(COSTS, Cost, list(costs()), digits=4)
     publish(FOLDER.parent, ROOT / "docs")
 
 

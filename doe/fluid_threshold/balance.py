@@ -34,7 +34,7 @@ from scipy.optimize import root_scalar
 from scipy.stats import norm
 
 from doe.common.command import words
-from doe.common.tables import read_table, write_table
+from doe.common.tables import write_table
 from doe.fluid_threshold.dropped_bed import Loose, dropped, loose_grains
 from taichi_erosion.core.setup import Floats
 
@@ -220,11 +220,6 @@ def starts() -> Iterator[Start]:
             ordered = np.sort(tipping_winds(grains, 1e-3 * size, asked))
             for share in SHARES:
                 yield Start(asked.name, size, share, float(ordered[int(share * surface) - 1]))
-
-
-def read_starts() -> list[Start]:
-    """Rows of the table; none where it has not been made yet."""
-    return read_table(TABLE, Start) if TABLE.exists() else []
 
 
 if __name__ == "__main__":

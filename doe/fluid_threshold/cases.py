@@ -1,17 +1,13 @@
 """Cases of beds of sand under wind, and the table of their thresholds bed by bed."""
 
-import json
-import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 from pathlib import Path
-from typing import Any
 
-from doe.common.cases import ROOT, Case, command, settings, size_order
+from doe.common import beds
+from doe.common.cases import Case, settings, size_order
 from doe.common.tables import read_table, write_table
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.verification.reference.hopping import Sand
 
 FOLDER = Path(__file__).parent
@@ -84,48 +80,17 @@ def case_of(name: str) -> Case:
 
 
 def simulate(name: str) -> list[Bed]:
-    """Beds of one case, in a process of its own. Raises BadInput where the run is refused."""
-    typed = command(SCENE, case_of(name))
-    program = [sys.executable, "-m", "taichi_erosion", *typed]
-    done = subprocess.run(program, cwd=ROOT, capture_output=True, text=True, check=False)
-    if not done.stdout:
-        raise BadInput(f"{name}: {(done.stderr.strip().splitlines() or ['no answer'])[-1]}")
-    asked = ["git", "rev-parse", "--short", "HEAD"]
-    commit = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
-    return beds_of(name, json.loads(done.stdout), " ".join(["./erosion", *typed]), commit)
-
-
-def beds_of(name: str, document: dict[str, Any], typed: str, commit: str) -> list[Bed]:
-    """Beds of the document that `run --json` prints; those that a guard stopped have none."""
-    found = [(each["seed"], each["measures"].get("threshold_u_star")) for each in document["replicas"]]
-    return [
-        Bed(
-            name,
-            seed,
-            measured["details"]["low"],
-            measured["details"]["high"],
-            document["wall_s"],
-            typed,
-            commit,
-        )
-        for seed, measured in found
-        if measured and measured["details"]
-    ]
+    """Beds of one case, in a process of its own."""
+    return [Bed(name, **vars(start)) for start in beds.simulate(SCENE, case_of(name))]
 
 
 def read_beds() -> list[Bed]:
-    """All beds of the table; none where it has not been made yet."""
-    if not TABLE.exists():
-        return []
+    """All beds of the table."""
     return read_table(TABLE, Bed)
 
 
-def write_beds(beds: Sequence[Bed]) -> None:
-    """Replace the beds of these cases in the table."""
-    done = {bed.case for bed in beds}
-    order = names()
-    rows = sorted(
-        [*(bed for bed in read_beds() if bed.case not in done), *beds],
-        key=lambda bed: (order.index(bed.case), bed.seed),
-    )
-    write_table(TABLE, Bed, rows)
+def write_beds(fresh: Sequence[Bed]) -> None:
+    """Replace the beds of these cases in the table, which has the order of the cases."""
+    done, order = {bed.case for bed in fresh}, names()
+    rows = [*(bed for bed in read_beds() if bed.case not in done), *fresh]
+    write_table(TABLE, Bed, sorted(rows, key=lambda bed: (order.index(bed.case), bed.seed)))

@@ -12,37 +12,20 @@ import numpy as np
 import scipy
 import scipy.stats
 
+from doe.common.beds import paired_ratio, shown
+from doe.common.beds import pooled as pool
 from doe.common.cases import ROOT
-from doe.fluid_threshold.balance import QUESTIONS, SHARES, SIZES, Start, read_starts
-from doe.fluid_threshold.cases import (
-    BARE,
-    FOLDER,
-    HINDERED,
-    LONGER,
-    MILLI,
-    SIDE,
-    SLOW,
-    SOME,
-    WALL,
-    WALL_ALONE,
-    WHOLE,
-    WITH,
-    Bed,
-)
-from doe.fluid_threshold.leaving import SIZE as FOLLOWED
-from doe.fluid_threshold.leaving import Watch as Watched
-from doe.fluid_threshold.leaving import departing, leaving_table, read_watches
+from doe.common.tables import read_table
+from doe.fluid_threshold.balance import QUESTIONS, SHARES, SIZES, TABLE, Start
+from doe.fluid_threshold.cases import BARE, FOLDER, LONGER, MILLI, SLOW, WALL, WALL_ALONE, Bed
 from doe.wind.blown_sand import OURS, THEIRS
-from doe.wind.shares import paired_ratio, shown
-from taichi_erosion.measures.extremes import Watch, criterion_threshold
 from taichi_erosion.measures.result import Measurement
-from taichi_erosion.measures.threshold import Bracket, bracketed, pool_beds
+from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.report.markdown import fill_tables, markdown_table
 from taichi_erosion.verification.reference.hopping import GRAVITY
 
 PAGE = FOLDER / "README.md"
 PICTURE = ROOT / "docs" / "pictures" / "fluid_threshold.png"
-KINDS = {WITH: "drag of a grain alone", HINDERED: "drag among others"}
 GUSTS = {  # kinds of cases that differ in gusts and in the law of drag
     LONGER: "gusts of 20 ms in every wind",
     WALL: "gusts as short as near a wall",
@@ -56,7 +39,7 @@ DRAWN = {  # kind: form and way of its marks, whether they are filled
 }
 VISCOSITY = 1.46e-5  # m2 s-1, of the scene's air
 COHESION = 6e-7  # kg m^0.5 s-2, of Iversen & White
-HOLD, SHARE, TUNNEL = 0.3, 0.01, 5.0  # s; share of the surface grains; s of a tunnel's watch
+SHARE, TUNNEL = 0.01, 5.0  # share of the surface grains; s of a tunnel's watch
 FLOOR = 1.0  # m2
 
 Found = Mapping[str, Mapping[int, Bracket]]  # brackets by case and seed
@@ -98,9 +81,7 @@ def found_in(beds: Sequence[Bed]) -> Found:
 
 def pooled(found: Found, case: str) -> Measurement | None:
     """Threshold of the beds of a case; None where it has no beds."""
-    if case not in found:
-        return None
-    return pool_beds([bracketed("threshold_u_star", each) for each in found[case].values()])
+    return pool(found[case]) if case in found else None
 
 
 def diameters(found: Found) -> list[float]:
@@ -108,38 +89,11 @@ def diameters(found: Found) -> list[float]:
     return sorted({float(case.split("/")[1]) for case in found if not case.startswith(f"{BARE}/")})
 
 
-def longer_watch(found: Found, case: str) -> str:
-    """Threshold of one percent of the surface grains of a square metre in five seconds, Weibull's law."""
-    diameter = MILLI * float(case.split("/")[1])
-    area = (SIDE * diameter) ** 2
-    patch = Watch(area, HOLD, max(1, int(np.ceil(SHARE * SIDE**2))))
-    asked = Watch(FLOOR, TUNNEL, round(SHARE * FLOOR / diameter**2))
-    return shown(criterion_threshold("threshold", list(found[case].values()), patch, asked))
-
-
 def kind_cells(found: Found, case: str, curve: float) -> list[str]:
-    """Beds of a case, threshold, difference from the curve [m s-1], and threshold of the longer watch."""
+    """Threshold of a case, and its difference from the curve [m s-1]."""
     if (whole := pooled(found, case)) is None:
-        return ["", "", "", ""]
-    difference = f"{100.0 * (whole.value / curve - 1.0):+.0f} %"
-    return [str(len(found[case])), shown(whole), difference, longer_watch(found, case)]
-
-
-def size_table(found: Found) -> str:
-    """Threshold of every diameter, by the law of drag, beside the curve fitted to tunnels."""
-    header = ["d [mm]", "Iversen & White: u* [m/s]", "drag alone: u* [m/s]"]
-    for law in KINDS.values():
-        header += [f"beds, {law}", "u* [m/s]", "difference", "1 % in 5 s: u* [m/s]"]
-    header.append("among others over alone, bed by bed")
-    rows = []
-    for size in diameters(found):
-        bare, curve = pooled(found, f"{BARE}/{size:g}"), iversen_white(MILLI * size)
-        cells = [f"{size:g}", f"{curve:.3f}", "" if bare is None else shown(bare)]
-        for kind in KINDS:
-            cells += kind_cells(found, f"{kind}/{size:g}", curve)
-        rows.append([*cells, ratio_cell(found, [size])])
-    rows.append(["all", *[""] * (len(header) - 2), ratio_cell(found, diameters(found))])
-    return markdown_table(header, rows)
+        return ["", ""]
+    return [shown(whole), f"{100.0 * (whole.value / curve - 1.0):+.0f} %"]
 
 
 def gust_table(found: Found) -> str:
@@ -153,7 +107,7 @@ def gust_table(found: Found) -> str:
         curve = iversen_white(MILLI * size)
         cells = [f"{size:g}", f"{curve:.3f}"]
         for kind in GUSTS:
-            cells += kind_cells(found, f"{kind}/{size:g}", curve)[1:3]
+            cells += kind_cells(found, f"{kind}/{size:g}", curve)
         rows.append([*cells, gust_ratio(found, [size])])
     below = [("rms of ln(simulated / curve)", rms_cell), ("power of d in simulated / curve", trend_cell)]
     for label, cell in below:
@@ -193,32 +147,6 @@ def trend_cell(found: Found, kind: str) -> str:
     return f"{slope:+.2f} ± {error:.2f}"
 
 
-def changes_table(found: Found) -> str:
-    """Threshold with adhesion shared by the contacts, and with five times the watch, bed by bed."""
-    header = (
-        "d [mm]",
-        "Iversen & White: u* [m/s]",
-        "adhesion in every contact: u* [m/s]",
-        "shared by contacts",
-        "over that, bed by bed",
-        "and 1.5 s in which a bed may start",
-        "over 0.3 s, bed by bed",
-        "difference from the curve",
-    )
-    rows = []
-    for size in sorted(SOME):
-        curve, cases = iversen_white(MILLI * size), [f"{kind}/{size:g}" for kind in (HINDERED, WHOLE, LONGER)]
-        each, whole, longer = (pooled(found, case) for case in cases)
-        beds = [beds_of_sizes(found, case.split("/")[0], [size]) for case in cases]
-        last = longer or whole
-        rows.append((
-            f"{size:g}", f"{curve:.3f}", shown(each) if each else "", shown(whole) if whole else "",
-            ratio_of(beds[1], beds[0]), shown(longer) if longer else "", ratio_of(beds[2], beds[1]),
-            f"{100.0 * (last.value / curve - 1.0):+.0f} %" if last else "",
-        ))  # fmt: skip
-    return markdown_table(header, rows)
-
-
 def balance_table(starts: Sequence[Start]) -> str:
     """Winds in which shares of the surface grains can tip, and over the curve without its cohesion."""
     known = {(one.question, one.diameter, one.share): one.wind for one in starts}
@@ -237,29 +165,6 @@ def balance_table(starts: Sequence[Start]) -> str:
                 ratios = [f"{w / iversen_white(MILLI * d):.2f}" for w, d in zip(winds, SIZES, strict=True)]
                 rows.append(["over the curve", "", *ratios])
     return markdown_table(header, rows)
-
-
-def start_table(found: Found, watches: Sequence[Watched]) -> str:
-    """Thresholds of the same beds by departures from pockets and by the criterion of the scene."""
-    header = ("two grains of a patch in 1.5 s", "u* [m/s]", "difference from the curve")
-    beds = [bracketed("threshold_u_star", each) for each in departing(watches)] if watches else []
-    criteria = {
-        "have left their pockets": pool_beds(beds) if beds else None,
-        "have risen by a diameter": pooled(found, f"{LONGER}/{FOLLOWED:g}"),
-    }
-    curve = iversen_white(MILLI * FOLLOWED)
-    rows = [
-        (name, shown(one), f"{100.0 * (one.value / curve - 1.0):+.0f} %")
-        for name, one in criteria.items()
-        if one is not None
-    ]
-    return markdown_table(header, rows)
-
-
-def ratio_cell(found: Found, sizes: Sequence[float]) -> str:
-    """Threshold under the drag of grains among others over that of a grain alone, over beds of both."""
-    hindered, alone = (beds_of_sizes(found, kind, sizes) for kind in (HINDERED, WITH))
-    return ratio_of(hindered, alone)
 
 
 def ratio_of(above: Mapping[tuple[float, int], Bracket], below: Mapping[tuple[float, int], Bracket]) -> str:
@@ -302,15 +207,12 @@ def draw(beds: Sequence[Bed], file: Path = PICTURE) -> None:
     plt.close(figure)
 
 
+def tables(found: Found) -> dict[str, str]:
+    """Tables of the page by name."""
+    return {"gusts": gust_table(found), "balance": balance_table(read_table(TABLE, Start))}
+
+
 def publish(beds: Sequence[Bed], page: Path = PAGE) -> None:
-    """Fill the table of the page."""
-    found = found_in(beds)
-    tables = {
-        "gusts": gust_table(found),
-        "sizes": size_table(found),
-        "changes": changes_table(found),
-        "balance": balance_table(read_starts()),
-        "leaving": leaving_table(read_watches()),
-        "starts": start_table(found, read_watches()),
-    }
-    page.write_text(fill_tables(page.read_text(encoding="utf-8"), tables), encoding="utf-8")
+    """Fill the tables of the page."""
+    text = fill_tables(page.read_text(encoding="utf-8"), tables(found_in(beds)))
+    page.write_text(text, encoding="utf-8")

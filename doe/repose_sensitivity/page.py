@@ -10,7 +10,7 @@ import matplotlib as mpl
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
-from doe.common.cases import STOPPED, Row, read_rows
+from doe.common.cases import STOPPED, Row, by_case, read_rows
 from doe.common.pages import write_pages
 from taichi_erosion.report.markdown import markdown_table, with_spread
 
@@ -27,14 +27,6 @@ BEND = re.compile(r"changes by (-?[\d.]+) deg")
 CAUSE = "; likely cause"  # what a guard adds to what it saw
 
 Found = dict[str, Row]  # rows of one case by observable
-
-
-def by_case(rows: Sequence[Row]) -> dict[tuple[str, str], Found]:
-    """Rows of each case."""
-    cases: dict[tuple[str, str], Found] = {}
-    for row in rows:
-        cases.setdefault((row.group, row.label), {})[row.observable] = row
-    return cases
 
 
 def case_line(name: tuple[str, str], found: Found) -> tuple[str, ...]:

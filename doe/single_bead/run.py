@@ -15,10 +15,8 @@ Shields number is rho u*^2 / ((rho_s - rho) g d). The effective height is that o
 lid, u*^2 / nu, would give the wind at the centre of the bead, as it is in the wind in which it leaves.
 """
 
-import csv
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
-from io import StringIO
+from dataclasses import astuple, dataclass
 from math import pi, sqrt
 from pathlib import Path
 from typing import Any
@@ -26,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from doe.common.command import words
+from doe.common.tables import cell, read_table, write_table
 from doe.effects.pocket import Floats, leaving_winds
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.files import write_atomic
@@ -41,6 +40,7 @@ from taichi_erosion.verification.reference.flow import Stream, two_limits
 FOLDER = Path(__file__).parent
 RESULTS, PAGE = FOLDER / "results.csv", FOLDER / "README.md"
 DIAMETER, DENSITY, AIR, GRAVITY = 2.5e-4, 2650.0, 1.225, 9.81  # m, kg m-3, kg m-3, m s-2
+DIGITS = 4  # of numbers in the table
 SIDE = 14  # beads along a row: the bead takes less than a tenth of the stress of the wind
 YOUNG = 3e6  # Pa: the bead sinks in by less than 1e-3 radii
 HOLD = 0.05  # s from rest in which the bead must leave: ten times the time of a fall over its radius
@@ -191,23 +191,11 @@ def rows_of(cases: Sequence[Case]) -> Iterator[Row]:
         )
 
 
-def write(rows: Sequence[Row]) -> None:
-    """Write results.csv."""
-    text = StringIO(newline="")
-    table = csv.DictWriter(text, list(asdict(rows[0])), lineterminator="\n")
-    table.writeheader()
-    for row in rows:
-        cells = asdict(row).items()
-        table.writerow({name: f"{cell:.4g}" if isinstance(cell, float) else cell for name, cell in cells})
-    write_atomic(RESULTS, text.getvalue().encode())
-
-
 def bead_table(winds: Sequence[str] = tuple(WINDS)) -> str:
     """Table of the cases in some kinds of wind, from results.csv."""
-    with RESULTS.open(encoding="utf-8", newline="") as file:
-        lines = [line for line in csv.DictReader(file) if line["wind"] in winds]
+    rows = [row for row in read_table(RESULTS, Row) if row.wind in winds]
     header = ("layer", "wind", "forces beside drag", "u* [m/s]", "Shields", "Re", "height / d", "moments")
-    return markdown_table(header, [tuple(line.values()) for line in lines])
+    return markdown_table(header, [tuple(cell(value, DIGITS) for value in astuple(row)) for row in rows])
 
 
 def publish() -> None:
@@ -219,7 +207,7 @@ def main(asked: Sequence[str]) -> None:
     """Simulate, then publish."""
     if list(asked) != ["--page"]:
         kinds = [[Case(a, wind, f) for a in LEVERS for f in FORCES] for wind in WINDS]
-        write([row for cases in kinds for row in rows_of(cases)])
+        write_table(RESULTS, Row, [row for cases in kinds for row in rows_of(cases)], DIGITS)
     publish()
 
 

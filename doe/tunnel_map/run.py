@@ -3,7 +3,6 @@
 python -m doe.tunnel_map.run
 """
 
-import csv
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from doe.common.command import words
+from doe.common.tables import write_lines
 from taichi_erosion.air.grid import allocate_air
 from taichi_erosion.air.readback import air_snapshot
 from taichi_erosion.air.step import advance_air
@@ -81,17 +81,12 @@ def speed_of(setup: AirSetup) -> float:
 def uncertainty_rows(base: Sequence[Profile], changed: dict[str, Profile]) -> list[dict[str, float | str]]:
     """What every choice changes in u*, relative to the base."""
     known = base[1].friction_velocity
-    rows: list[dict[str, float | str]] = []
     starts = {"layer starts 1 m later": base[0], "layer starts 1 m earlier": base[2]}
-    for name, profile in (changed | starts).items():
-        rows.append(
-            {
-                "choice": name,
-                "friction_velocity": profile.friction_velocity,
-                "relative_change": profile.friction_velocity / known - 1.0,
-            }
-        )
-    return rows
+    felt = {name: profile.friction_velocity for name, profile in (changed | starts).items()}
+    return [
+        {"choice": name, "friction_velocity": wind, "relative_change": wind / known - 1.0}
+        for name, wind in felt.items()
+    ]
 
 
 def relative_uncertainty(rows: Sequence[dict[str, float | str]]) -> float:
@@ -122,15 +117,6 @@ def map_row(speed: float, profile: Profile, share: float, roughness: float) -> d
     }
 
 
-def write_rows(path: Path, rows: Sequence[dict[str, float]] | Sequence[dict[str, float | str]]) -> None:
-    """Write a table with six significant digits."""
-    with path.open("w", encoding="utf-8", newline="") as file:
-        table = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
-        table.writeheader()
-        for row in rows:
-            table.writerow({k: v if isinstance(v, str) else f"{v:.6g}" for k, v in row.items()})
-
-
 def main() -> None:
     """Run all speeds and variants as one ensemble, the coarse grid apart."""
     changed = variants()
@@ -142,8 +128,9 @@ def main() -> None:
     choices = uncertainty_rows(profiles[VARIED], varied | {"half the cells": coarse})
     share = relative_uncertainty(choices)
     roughness = setup_at(VARIED).sides["z_low"].roughness
-    write_rows(FOLDER / "variants.csv", choices)
-    write_rows(FOLDER / "map.csv", [map_row(s, rows[1], share, roughness) for s, rows in profiles.items()])
+    write_lines(FOLDER / "variants.csv", choices, digits=6)
+    rows = [map_row(s, found[1], share, roughness) for s, found in profiles.items()]
+    write_lines(FOLDER / "map.csv", rows, digits=6)
 
 
 if __name__ == "__main__":

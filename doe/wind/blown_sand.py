@@ -11,7 +11,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from doe.common.cases import Row, read_rows
+from doe.common.cases import Found, Row, by_case, read_rows
 from taichi_erosion.measures.flux_law import CUBIC, LINEAR, flux_power
 from taichi_erosion.measures.threshold import Bracket, flux_intercept
 from taichi_erosion.report.markdown import magnitude, markdown_table
@@ -47,21 +47,12 @@ MILLI = 1e-3  # of a metre, a kilogram
 OURS, THEIRS = "#1f4e79", "#c0392b"
 MARKERS = "osv^D"
 
-Found = dict[tuple[str, str], dict[str, Row]]  # rows by group and label, then by observable
 Table = Sequence[dict[str, str]]
-
-
-def by_case(rows: Sequence[Row]) -> Found:
-    """Rows of each case."""
-    cases: Found = {}
-    for row in rows:
-        cases.setdefault((row.group, row.label), {})[row.observable] = row
-    return cases
 
 
 def found_in(table: Path) -> Found:
     """Rows of a table; none where it has not been made yet."""
-    return by_case(read_rows(table)) if table.exists() else {}
+    return by_case(read_rows(table))
 
 
 def lines_of(table: Path) -> Table:

@@ -149,7 +149,7 @@ def write_hopping() -> None:
 
 def put_in_order(table: Path, cases: Sequence[Case]) -> None:
     """Rows in the order of the cases; those of cases that nobody asks for any more go."""
-    rows = read_rows(table) if table.exists() else []
+    rows = read_rows(table)
     names = [(case.group, case.label) for case in cases]
     write_rows(table, [row for name in names for row in rows if (row.group, row.label) == name])
 

@@ -100,7 +100,7 @@ def sands() -> dict[str, list[Case]]:
 
 def main(asked: Sequence[str]) -> None:
     """Simulate the sands that were asked for."""
-    done = {(row.group, row.label) for row in read_rows(TABLE)} if TABLE.exists() else set()
+    done = {(row.group, row.label) for row in read_rows(TABLE)}
     for name, winds in sands().items():
         if asked and name not in asked:
             continue

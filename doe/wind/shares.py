@@ -8,26 +8,19 @@ All cases have the same five beds of `scenes/wind_threshold.toml`, so that the r
 by bed. A case is named by its effects, joined by +; `none` has none of them.
 """
 
-import json
-import subprocess
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from math import exp, isfinite, sqrt
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from scipy.stats import t as student
-
-from doe.common.cases import ROOT, Case, command, settings
+from doe.common.beds import paired_ratio, pooled, shown
+from doe.common.beds import simulate as beds_of_scene
+from doe.common.cases import ROOT, Case, settings
 from doe.common.command import words
 from doe.common.tables import read_table, write_table
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.measures.extremes import Watch, criterion_threshold
 from taichi_erosion.measures.result import Measurement
-from taichi_erosion.measures.threshold import CONFIDENCE, Bracket, bracketed, pool_beds
+from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.report.markdown import markdown_table
 from taichi_erosion.scene import Scene, load_scene
 from taichi_erosion.scene.build.sizes import nominal_diameter
@@ -91,25 +84,9 @@ def scene() -> Scene:
 
 
 def simulate(name: str, hold: float) -> list[Bed]:
-    """Beds of one case, in a process of its own. Raises BadInput where the run is refused."""
-    typed = command(SCENE, case_of(name, hold))
-    program = [sys.executable, "-m", "taichi_erosion", *typed]
-    done = subprocess.run(program, cwd=ROOT, capture_output=True, text=True, check=False)
-    if not done.stdout:
-        raise BadInput(f"{name}: {done.stderr.strip().splitlines()[-1]}")
-    asked = ["git", "rev-parse", "--short", "HEAD"]
-    commit = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
-    return beds_of(name, hold, json.loads(done.stdout), " ".join(["./erosion", *typed]), commit)
-
-
-def beds_of(name: str, hold: float, document: dict[str, Any], typed: str, commit: str) -> list[Bed]:
-    """Beds of the document that `run --json` prints; those that a guard stopped have none."""
-    found = [(each["seed"], each["measures"].get("threshold_u_star")) for each in document["replicas"]]
-    return [
-        Bed(name, hold, seed, measured["details"]["low"], measured["details"]["high"], typed, commit)
-        for seed, measured in found
-        if measured and measured["details"]
-    ]
+    """Beds of one case, in a process of its own."""
+    found = beds_of_scene(SCENE, case_of(name, hold))
+    return [Bed(name, hold, each.seed, each.low, each.high, each.command, each.commit) for each in found]
 
 
 def read_beds() -> list[Bed]:
@@ -119,34 +96,14 @@ def read_beds() -> list[Bed]:
 
 def write_beds(beds: Sequence[Bed]) -> None:
     """Replace the beds of these cases in shares.csv."""
-    done = {(bed.case, bed.hold) for bed in beds}
-    kept = [bed for bed in read_beds() if (bed.case, bed.hold) not in done] if TABLE.exists() else []
-    order = names()
-    rows = sorted([*kept, *beds], key=lambda bed: (order.index(bed.case), bed.hold, bed.seed))
-    write_table(TABLE, Bed, rows)
+    done, order = {(bed.case, bed.hold) for bed in beds}, names()
+    rows = [*(bed for bed in read_beds() if (bed.case, bed.hold) not in done), *beds]
+    write_table(TABLE, Bed, sorted(rows, key=lambda bed: (order.index(bed.case), bed.hold, bed.seed)))
 
 
 def brackets(beds: Sequence[Bed], case: str, hold: float) -> dict[int, Bracket]:
     """Brackets of a case by seed."""
     return {bed.seed: Bracket(bed.low, bed.high) for bed in beds if (bed.case, bed.hold) == (case, hold)}
-
-
-def shown(found: Measurement) -> str:
-    """A threshold with its interval."""
-    if not isfinite(found.value):
-        return "none"
-    ends = found.details["interval"]
-    return f"{found.value:.3f} ({ends['low']:.3f} to {ends['high']:.3f})"
-
-
-def paired_ratio(one: Mapping[Any, Bracket], other: Mapping[Any, Bracket]) -> tuple[float, float, int]:
-    """Ratio of two cases over their common beds, its factor of uncertainty at 95 %, and the beds."""
-    common = sorted(set(one) & set(other))
-    logs = np.log([one[seed].middle / other[seed].middle for seed in common])
-    if len(common) < 2:
-        return float("nan"), float("nan"), len(common)
-    half = student.ppf(0.5 + 0.5 * CONFIDENCE, len(common) - 1) * logs.std(ddof=1) / sqrt(len(common))
-    return exp(logs.mean()), exp(half), len(common)
 
 
 def share_table(beds: Sequence[Bed], hold: float) -> str:
@@ -163,10 +120,9 @@ def share_table(beds: Sequence[Bed], hold: float) -> str:
         found = brackets(beds, name, hold)
         if not found:
             continue
-        pooled = pool_beds([bracketed("threshold_u_star", each) for each in found.values()])
         ratio, factor, count = paired_ratio(found, whole)
         cell = "1" if found == whole else f"{ratio:.2f} ({ratio / factor:.2f} to {ratio * factor:.2f})"
-        rows.append((words_of(name), str(count), shown(pooled), cell))
+        rows.append((words_of(name), str(count), shown(pooled(found)), cell))
     return markdown_table(header, rows)
 
 
@@ -174,11 +130,7 @@ def thresholds() -> dict[str, Measurement]:
     """Threshold of the beds of every case, by its forces in words."""
     beds, hold = read_beds(), scene().threshold.hold
     found = {words_of(name): brackets(beds, name, hold) for name in names()}
-    return {
-        words: pool_beds([bracketed("threshold_u_star", each) for each in case.values()])
-        for words, case in found.items()
-        if case
-    }
+    return {words: pooled(case) for words, case in found.items() if case}
 
 
 def words_of(name: str) -> str:
@@ -206,8 +158,7 @@ def criteria_table(beds: Sequence[Bed], hold: float) -> str:
     for label, watch in asked:
         laws = [criterion_threshold(label, found, patch, watch, n) for n in (None, attempts())]
         direct = {patch: found, shorter: simulated}.get(watch, [])
-        pooled = pool_beds([bracketed(label, each) for each in direct]) if direct else None
-        rows.append((label, *(shown(each) for each in laws), "" if pooled is None else shown(pooled)))
+        rows.append((label, *map(shown, laws), shown(pooled(dict(enumerate(direct)))) if direct else ""))
     return markdown_table(header, rows)
 
 

@@ -14,26 +14,12 @@ from doe.fluid_threshold.balance import (
     crossing_peak,
     gust_peak,
     memory_at_wall,
-    read_starts,
     tipping_winds,
     wind_at,
 )
 from doe.fluid_threshold.cases import names, read_beds
 from doe.fluid_threshold.dropped_bed import Loose, dropped, loose_grains, normals, tilts_of
-from doe.fluid_threshold.leaving import leaving_table, read_watches
-from doe.fluid_threshold.page import (
-    PAGE,
-    balance_table,
-    changes_table,
-    found_in,
-    gust_table,
-    iversen_white,
-    ratio_cell,
-    rms_cell,
-    size_table,
-    start_table,
-    trend_cell,
-)
+from doe.fluid_threshold.page import PAGE, found_in, iversen_white, rms_cell, tables, trend_cell
 from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.report.markdown import fill_tables
 
@@ -55,16 +41,7 @@ def test_every_bed_belongs_to_a_case_and_lies_between_two_winds():
 
 def test_the_page_shows_the_table_that_the_beds_make():
     text = PAGE.read_text(encoding="utf-8")
-    found = found_in(read_beds())
-    tables = {
-        "gusts": gust_table(found),
-        "sizes": size_table(found),
-        "changes": changes_table(found),
-        "balance": balance_table(read_starts()),
-        "leaving": leaving_table(read_watches()),
-        "starts": start_table(found, read_watches()),
-    }
-    assert fill_tables(text, tables) == text
+    assert fill_tables(text, tables(found_in(read_beds()))) == text
 
 
 def pocket():
@@ -134,19 +111,6 @@ def test_spheres_of_a_dropped_bed_lie_on_three_others_and_overlap_none():
     gap = np.sqrt((apart**2).sum(axis=2)) / (radii[:, None] + radii) + 2.0 * np.eye(len(radii))
     assert gap.min() > 1.0 - 1e-9
     assert 5 < len(loose_grains(centres, radii, 6.0)) < 36
-
-
-def test_laws_are_compared_bed_by_bed():
-    starts = {1: 0.3, 2: 0.4, 3: 0.5}
-    found = {
-        f"{kind}/{size:g}": {seed: Bracket(ratio * wind, ratio * wind) for seed, wind in starts.items()}
-        for kind, ratio in (("forces", 1.0), ("hindered", 1.1))
-        for size in (0.25, 0.5)
-    }
-    # beds differ by a third, their ratio does not
-    assert ratio_cell(found, [0.25]) == ratio_cell(found, [0.25, 0.5]) == "1.10 (1.10 to 1.10)"
-    del found["hindered/0.5"]
-    assert ratio_cell(found, [0.5]) == ""
 
 
 def test_a_law_is_off_the_curve_by_its_level_and_its_form():

@@ -1,6 +1,6 @@
 """Significance levels, priors, odds and display thresholds of the evidence loop, each stated once.
 
-Figures "t0" are those of the 3000 sealed cases of the reduced model (`doe/t0`, 1393 of them with nothing
+Figures "t0" are those of the 3000 sealed cases of the reduced model (`doe/trials`, 1393 of them with nothing
 missing and the scatter as stated); "watched" those of 272 such nulls and 109 single effects among the first
 600 cases of family 5000, from which the tests draw. Probabilities and shares [1] unless a unit is given.
 

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from doe.sealed.cases import Case, draw_case
-from doe.sealed.laboratory import CaseModel
+from doe.trials.reduced.clean import Case, draw_case
+from doe.trials.reduced.laboratory import CaseModel
 from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.answers.discover import discover
 from tests.evidence.linear_study import linear_problem

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from doe.sealed.cases import Case, draw_case
-from doe.sealed.laboratory import CaseModel
+from doe.trials.reduced.clean import Case, draw_case
+from doe.trials.reduced.laboratory import CaseModel
 from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.data.findings import OUTSIDE
 from taichi_erosion.evidence.data.transforms import position_of

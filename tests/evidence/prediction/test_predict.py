@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from doe.prediction.cases import draw
+from doe.trials.reduced.smooth import draw
 from taichi_erosion.evidence.prediction.new_conditions import NewConditions
 from taichi_erosion.evidence.prediction.predict import SHARE, check_of, predict
 from tests.evidence.answers.test_held_out_misfit import silent_laboratory
@@ -18,7 +18,7 @@ CASES = 24
     ("discrepancy", "least"), [pytest.param(0.0, 0.86, marks=pytest.mark.slow), (1.0, 0.75)]
 )
 def test_intervals_hold_the_truth(discrepancy, least):
-    """Bounds: three standard errors of the mean over CASES below the coverage told in doe/prediction."""
+    """Bounds: three standard errors of the mean over CASES below the coverage told in doe/trials."""
     shares, single = [], []
     for seed in range(CASES):
         case = draw(5000 + seed, discrepancy)

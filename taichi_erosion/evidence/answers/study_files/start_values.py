@@ -10,7 +10,7 @@ from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers
 from taichi_erosion.evidence.emulator.plan_cost import span
 from taichi_erosion.evidence.models.load_study import Study
 
-SETTINGS = 6000  # below which 9 of 10 answers of a function stay (62 tables of doe/t0_disturbed)
+SETTINGS = 6000  # below which 9 of 10 answers of a function stay (62 tables of doe/trials, disturbed)
 
 
 def model_at_start(study: Study, name: str, conditions: Conditions, seeds: Integers) -> Floats:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from doe.beyond.cases import Truth, draw, measured
+from doe.trials.reduced.beyond import Truth, draw, measured
 from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.answers.mechanism_experiments import mechanism_experiments
@@ -122,13 +122,13 @@ def test_a_listed_effect_of_its_own_law_has_one_strength():
     assert any("better than liquid_bridge" in sentence for sentence in found.sentences)
 
 
-OPENED = 0xE082A3A315FB766664E214EE777AA1E0  # of case 286 of the set `fourth` of doe/beyond
+OPENED = 0xE082A3A315FB766664E214EE777AA1E0  # of case 286 of the set `fourth` of the trial `beyond`
 
 
 @pytest.mark.slow
 def test_errors_that_nobody_stated_do_not_hold_a_name_against_a_mechanism():
     """Four rows that count as off let `liquid_bridge` explain a weight that grows with moisture."""
-    problem, truth = draw(OPENED, shares=(0.4, 0.4, 0.2))
+    problem, truth = draw(OPENED)
     places = tuple(each for each in problem.mechanisms if each.name in ("grain_weight", "drag"))
     found = discover(replace(problem, mechanisms=places), 286, problem.budget, no_progress)
     assert (truth.name, found.verdict, found.named) == ("grain_weight", "outside_library", ())

@@ -1,0 +1,296 @@
+"""Laboratories of another code: heaps that LAMMPS made with hidden effects, which the commands have to find.
+
+    python -m doe.trials.lammps make       seven chosen laboratories in the whole apparatus, an hour
+    python -m doe.trials.lammps solve      discover and adopt, by the commands; several core-hours
+    python -m doe.trials.lammps open       results/lammps.jsonl.gz, set `whole`
+
+Drawn cases (`DRAWN`, by `doe.trials.run`) have the 100 grains of `heaps.py` on a plate that does not stick,
+chosen ones the 1800 grains of `doe/foreign_lab_c.toml`. Packings, contact law and every effect are
+written here a second time, in the ways that LAMMPS has.
+"""
+
+import json
+import random
+import subprocess
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from math import exp, log, pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import typer
+
+from doe.common.cases import ROOT
+from doe.common.command import run_step
+from doe.trials.answers import answer_all
+from doe.trials.heaps import DENSITY, GRAVITY, SCENE, Case, Laboratory, between, drawn, line_of, write_study
+from doe.trials.table import add_rows
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.measures import heap
+from taichi_erosion.measures.result import Measurement
+
+DECK, RAIN = SCENE.with_name("column.lmp"), SCENE.with_name("rain.data")
+HIDDEN = (  # effects, and what no candidate describes
+    *[((), "")] * 4,
+    *[(("rolling_resistance",), "")] * 3,
+    *[(("liquid_bridge",), "")] * 3,
+    (("dry_adhesion",), ""),
+    (("size_distribution",), ""),
+    (("liquid_bridge", "rolling_resistance"), ""),
+    (("rolling_resistance", "size_distribution"), ""),
+    ((), "sliding friction that grows with angularity"),
+    ((), "sliding friction that water lowers"),
+)
+WEAKEST, STRONGEST = 0.5, 2.0  # of a hidden effect, log-uniform
+MOST = {"size_distribution": 1.0}
+CONDITIONS = ((0.0, 0.0), (0.015, 0.0), (0.0, 0.5), (0.0, 1.0))  # moisture, angularity
+DIAMETERS = (1.5e-3, 3e-3)  # m
+REPEATS = 4
+WALLS = ("[contact.grain-plate]\n", "[contact.grain-tube]\n")  # tables of the scene
+OBSERVABLES = ("column_height", "pile_height", "centroid_height", "radius_90")
+OF_PILE = (heap.pile_height, heap.centroid_height, heap.radius_90, heap.angle_of_repose_outline)
+
+POISSON, RESTITUTION = 0.25, 0.5  # [1]
+SLIDING, ROLLING = 0.52, 0.15  # middle of the laboratories
+PITCH_D, FIRST_D = 1.15, 0.7  # over the diameter
+MOST_ANGULAR = 0.28  # rolling friction that the most angular grains add at strength 1
+NECK = 0.3 * pi * 0.072  # pull of water over d at strength 1 [N m-1]: 0.3 of a smooth neck's
+DRY_PULL = 0.03  # pull of dry grains over d at strength 1 [N m-1]
+SPREAD = log(1.5) / 1.2816  # standard deviation of ln d at strength 1: d90 / d50 = 1.5
+CUT = 1.6  # of the sizes, in standard deviations
+DUMP_HEAD = 9  # lines of a dump before the grains
+
+
+@dataclass(frozen=True)
+class Apparatus:
+    """A column of grains; lengths over the diameter."""
+
+    count: int
+    young: float  # Pa
+    step_d: float  # time step over diameter [s m-1]
+    damper_dd: float  # of rolling, over d^2 [kg s-1 m-2]
+    tube_d: float
+    fill_d: float
+    box_d: float  # half the width of the box
+
+
+SMALL = Apparatus(100, 5e5, 2e-2, 950.0, tube_d=3.5, fill_d=3.0, box_d=40.0)  # of column.toml
+WHOLE = Apparatus(1800, 5e6, 1e-2, 3000.0, tube_d=9.0, fill_d=8.4, box_d=55.0)  # of ../foreign_lab
+SPRING = 0.005  # of rolling, over E d [1]
+
+
+@dataclass(frozen=True)
+class Grains:
+    """What the deck is told of the grains at one condition."""
+
+    sliding: float  # [1]
+    rolling: float  # [1]
+    pull_d: float = 0.0  # of two grains that touch, over d [N m-1]
+    spread: float = 0.0  # standard deviation of ln d [1]
+
+
+def drawn_case(generator: random.Random, names: tuple[str, ...]) -> Case:
+    """Strengths and friction of one laboratory."""
+    effects = {name: min(between(generator, WEAKEST, STRONGEST), MOST.get(name, STRONGEST)) for name in names}
+    sliding = SLIDING * generator.lognormvariate(0.0, 0.08)
+    return {"effects": effects, "sliding": sliding, "rolling": ROLLING * generator.lognormvariate(0.0, 0.3)}
+
+
+def sizes(generator: np.random.Generator, count: int, spread: float, diameter: float) -> Floats:
+    """Diameters of one packing [m]: lognormal about a mass median, as many as weigh the same."""
+    if spread == 0.0:
+        return np.full(count, diameter)
+    middle = diameter * exp(-3.0 * spread**2)
+    drawn = middle * np.exp(spread * np.clip(generator.standard_normal(20 * count), -CUT, CUT))
+    enough = np.searchsorted(np.cumsum(drawn**3), count * diameter**3)
+    return drawn[: int(enough)]
+
+
+def rain(column: Apparatus, generator: np.random.Generator, diameters: Floats, diameter: float) -> str:
+    """Data file of the start: square nets, each turned and shifted at random, one above the other."""
+    pitch = PITCH_D * float(diameters.max())
+    half = int(column.fill_d * diameter / pitch) + 2
+    net = np.array([(i, j) for i in range(-half, half + 1) for j in range(-half, half + 1)]) * pitch
+    places: list[Floats] = []
+    height = FIRST_D * float(diameters.max())
+    while len(places) < diameters.size:
+        angle, shift = generator.uniform(0.0, 2.0 * pi), generator.uniform(-0.5, 0.5, 2) * pitch
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        flat = net @ turn + shift
+        flat = flat[np.hypot(*flat.T) < column.tube_d * diameter - 0.55 * diameters.max()]
+        layer = np.column_stack([flat, np.full(len(flat), height)])
+        layer += generator.uniform(-0.05, 0.05, layer.shape) * diameter
+        places += list(generator.permutation(layer))
+        height += pitch
+    wide = column.box_d * diameter
+    box = {"low": -wide, "high": wide, "floor": -diameter, "top": height + 5.0 * diameter}
+    speeds = generator.standard_normal((diameters.size, 3)) * 0.5 * (GRAVITY * diameter) ** 0.5
+    text = RAIN.read_text("utf-8").format(count=diameters.size, **box)
+    for number, (size, place) in enumerate(zip(diameters, places, strict=False), 1):
+        text += f"{number} 1 {size:.12g} {DENSITY} {place[0]:.12g} {place[1]:.12g} {place[2]:.12g}\n"
+    text += "\nVelocities\n\n"
+    for number, (x, y, z) in enumerate(speeds, 1):
+        text += f"{number} {x:.12g} {y:.12g} {z:.12g} 0 0 0\n"
+    return text
+
+
+def grains_of(case: Case, moisture: float, angularity: float) -> Grains:
+    """The grains of one drawn laboratory at one condition."""
+    strength = case["effects"]
+    pull = strength.get("dry_adhesion", 0.0) * DRY_PULL
+    pull += strength.get("liquid_bridge", 0.0) * NECK * (moisture > 0.0)
+    sliding = case["sliding"]
+    if "angularity" in case["outside"]:
+        sliding *= 1.0 + 0.8 * angularity
+    if "water" in case["outside"]:
+        sliding *= 0.6 if moisture > 0.0 else 1.0
+    rolling = case["rolling"] + strength.get("rolling_resistance", 0.0) * MOST_ANGULAR * angularity
+    return Grains(sliding, rolling, pull, strength.get("size_distribution", 0.0) * SPREAD)
+
+
+def told(column: Apparatus, grains: Grains, diameter: float) -> dict[str, Any]:
+    """What stands in the deck."""
+    bare = f"hertz/material {column.young} {RESTITUTION} {POISSON}"
+    # 4 pi gamma R* with R* = d / 4 is the pull of two equal grains, so that gamma = pull / (pi d)
+    sticky = f"dmt {column.young} {RESTITUTION} {POISSON} {grains.pull_d / pi:.8g}"
+    return {
+        "normal": sticky if grains.pull_d > 0.0 else bare,
+        "bare": bare,
+        "sliding": grains.sliding,
+        "rolling": grains.rolling,
+        "spring": SPRING * column.young * diameter,
+        "damper": column.damper_dd * diameter**2,
+        "skin": 0.25 * diameter,
+        "tube": column.tube_d * diameter,
+        "step": column.step_d * diameter,
+        "energy": column.count * DENSITY * pi / 6.0 * diameter**4 * GRAVITY,
+        "settle_least": round(50.0 / column.step_d),
+        "settle": round(300.0 / column.step_d),
+        "collapse": round(430.0 / column.step_d),
+    }
+
+
+def read_dump(file: Path) -> Snapshot:
+    """Grains of a dump; only their places and sizes are in it."""
+    table = np.loadtxt(file, skiprows=DUMP_HEAD)
+    count, radius = len(table), table[:, 4]
+    still, none = np.zeros((count, 3)), np.zeros(count, np.int32)
+    mass = DENSITY * 4.0 / 3.0 * np.pi * radius**3
+    return Snapshot(0.0, 0, table[:, 1:4], still, still, radius, mass, none, none, 0)
+
+
+def laboratory_run(
+    column: Apparatus, grains: Grains, diameter: float, generator: np.random.Generator
+) -> dict[str, Measurement]:
+    """Observables of one heap."""
+    start = rain(column, generator, sizes(generator, column.count, grains.spread, diameter), diameter)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "rain.data").write_text(start, encoding="utf-8")
+        text = DECK.read_text(encoding="utf-8").format(folder=name, **told(column, grains, diameter))
+        (folder / "deck").write_text(text, encoding="utf-8")
+        words = ["lmp", "-in", str(folder / "deck"), "-log", "none", "-screen", "none"]
+        done = subprocess.run(words, capture_output=True, text=True)
+        if done.returncode:
+            raise BadInput(f"LAMMPS stopped: {done.stderr[-300:]}")
+        filled, pile = (read_dump(folder / f"{stage}.dump") for stage in ("column", "pile"))
+    found = [heap.column_height(filled), *(measure(pile) for measure in OF_PILE)]
+    return {one.name: one for one in found if one.value is not None}
+
+
+def measure(folder: Path, cases: Sequence[Case], seed: int) -> None:
+    """Studies and tables of the drawn cases, on a scene whose plate and tube do not stick."""
+    scene = SCENE.read_text("utf-8")
+    for table in WALLS:
+        scene = scene.replace(table, f"{table}effects = false\n")
+    (folder / SCENE.name).write_text(scene, encoding="utf-8")
+    for case in cases:
+        generator, lines = np.random.default_rng([seed, case["number"]]), []
+        for d in DIAMETERS:
+            for w, a in CONDITIONS:
+                for _ in range(REPEATS):
+                    found = laboratory_run(SMALL, grains_of(case, w, a), d, generator)
+                    lines += [line_of(name, found[name].value, (d, w, a), "LAMMPS") for name in OBSERVABLES]
+        write_study(folder, case["number"], lines)
+        typer.echo(f"{case['number'] + 1} of {len(cases)} laboratories")
+
+
+DRAWN = Laboratory(lambda generator: drawn(generator, HIDDEN, drawn_case), measure)
+
+
+# Chosen laboratories in the whole apparatus; what is hidden in them stands here.
+FOLDER = ROOT / "campaigns" / "trials" / "whole"
+STUDY, WHOLE_SCENE = ROOT / "doe" / "foreign_lab_c.toml", ROOT / "doe" / "foreign_lab" / "column.toml"
+BARE = Grains(sliding=0.54, rolling=0.12)
+WEIGHT_D = DENSITY * pi / 6.0 * DIAMETERS[0] ** 2 * GRAVITY  # of the smaller grains, over d [N m-1]
+WET, ANGULAR = ((0.0, 0.0), (0.01, 0.0), (0.02, 0.0)), ((0.0, 0.0), (0.0, 0.5), (0.0, 1.0))
+CHOSEN: dict[str, tuple[Sequence[tuple[float, float]], Callable[[float, float], Grains]]] = {
+    "wet_linear": ((*WET, (0.04, 0.0)), lambda w, a: Grains(BARE.sliding, BARE.rolling, WEIGHT_D * w / 0.02)),
+    "null": (((0.0, 0.0), (0.02, 0.0), (0.0, 1.0)), lambda w, a: BARE),
+    "pair": (
+        ((0.0, 0.0), (0.02, 0.0), (0.0, 1.0), (0.02, 1.0)),
+        lambda w, a: Grains(BARE.sliding, BARE.rolling + 0.25 * a, 0.8 * WEIGHT_D * (w > 0.0)),
+    ),
+    "friction_angular": (ANGULAR, lambda w, a: Grains(BARE.sliding * (1.0 + 0.5 * a), BARE.rolling)),
+    "dry_pull": (ANGULAR, lambda w, a: Grains(BARE.sliding, BARE.rolling, WEIGHT_D)),
+    "rolling_wet": (WET, lambda w, a: Grains(BARE.sliding, BARE.rolling + 15.0 * w)),
+    "slippery": (WET, lambda w, a: Grains(BARE.sliding * (1.0 - 30.0 * w), BARE.rolling)),
+}  # conditions (moisture, angularity), and the grains at each
+WHOLE_REPEATS, REPEATS_BARE = 3, 6
+WHOLE_HEAD = "observable,value,sd,n,unit,group,moisture,diameter,angularity,source"
+
+
+def chosen_lines(name: str) -> list[str]:
+    """Table of one chosen laboratory: means of its repeats."""
+    conditions, grains_at = CHOSEN[name]
+    lines = [WHOLE_HEAD]
+    for d in DIAMETERS:
+        for w, a in conditions:
+            grains = grains_at(w, a)
+            who = "base" if grains == BARE else name
+            count = REPEATS_BARE if (w, a) == (0.0, 0.0) else WHOLE_REPEATS
+            keys = [f"{who}_{d:g}_{w:g}_{a:g}_{k}".encode() for k in range(count)]
+            seeds = [int.from_bytes(sha256(key).digest()[:4], "big") for key in keys]
+            heaps = [laboratory_run(WHOLE, grains, d, np.random.default_rng(seed)) for seed in seeds]
+            for observable, first in heaps[0].items():
+                values = [heap[observable].value for heap in heaps]
+                mean, sd = np.mean(values), np.std(values, ddof=1)
+                group = "fill" if observable == "column_height" else "collapse"
+                at = f"{first.unit},{group},{w:g},{d:g},{a:g}"
+                lines.append(f"{observable},{mean:.6g},{sd:.6g},{count},{at},LAMMPS")
+    return lines
+
+
+def make_chosen() -> None:
+    """Tables and studies."""
+    (FOLDER / "foreign_lab").mkdir(parents=True, exist_ok=True)
+    (FOLDER / "foreign_lab" / "column.toml").write_text(WHOLE_SCENE.read_text("utf-8"), encoding="utf-8")
+    for name in CHOSEN:
+        (FOLDER / f"{name}.csv").write_text("\n".join(chosen_lines(name)) + "\n", encoding="utf-8")
+        text = STUDY.read_text("utf-8").replace('"measured/lab_c.csv"', f'"{name}.csv"\nruns = "runs"')
+        (FOLDER / f"{name}.toml").write_text(text, encoding="utf-8")
+
+
+def open_chosen() -> None:
+    """The rows of those that are solved."""
+    rows = []
+    for name in CHOSEN:
+        answer = (FOLDER / name).with_suffix(".json")
+        if answer.exists():
+            found = json.loads(answer.read_text("utf-8"))
+            rows.append({"set": "whole", "case": name, "method": found.pop("method"), "answer": found})
+    add_rows("lammps", rows)
+
+
+def solve_chosen() -> None:
+    """What the commands say; what has been solved is not solved again."""
+    answer_all([(FOLDER / name).with_suffix(".toml") for name in CHOSEN])
+
+
+if __name__ == "__main__":
+    run_step(__doc__, {"make": make_chosen, "solve": solve_chosen, "open": open_chosen})

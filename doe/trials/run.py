@@ -1,0 +1,157 @@
+"""Blind trials: draws cases, solves them without their truth, opens them.
+
+    python -m doe.trials.run seal TRIAL SET SECRET --cases 200    truths into SECRET, digests into seals/
+    python -m doe.trials.run solve TRIAL SET --processes 2        in fresh processes; goes on where it stopped
+    python -m doe.trials.run open TRIAL SET SECRET                results/TRIAL.jsonl.gz
+
+TRIAL is clean, disturbed, several, beyond, correlated or intervals (reduced model), same_laws or other_laws
+(heaps of our own simulator), or lammps (heaps of that code); of heaps `make TRIAL SET SECRET` measures the
+tables after `seal`. SECRET is a folder outside the tree that no solving process is given; there lie 128
+random bits of the operating system, out of which every case follows. The digests are committed before the
+first answer; every row names the commit that answered it.
+"""
+
+import json
+import pickle
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from secrets import randbits
+from typing import Annotated, Any
+
+import typer
+
+from doe.common.cases import ROOT
+from doe.trials import heaps, lammps
+from doe.trials.answers import answer_all
+from doe.trials.reduced.families import FAMILIES, Drawn
+from doe.trials.table import HERE, Row, add_rows
+from taichi_erosion.core.files import write_atomic
+
+LABORATORIES = {"same_laws": heaps.SAME_LAWS, "other_laws": heaps.OTHER_LAWS, "lammps": lammps.DRAWN}
+SEED_BITS = 128  # too many to try
+Secret = Annotated[Path, typer.Argument(help="Folder of truths, outside the tree.")]
+app = typer.Typer(add_completion=False)
+
+
+@dataclass(frozen=True)
+class SealedSet:
+    """A named set of cases of one trial and where its parts lie."""
+
+    trial: str
+    name: str
+    work: Path = ROOT / "campaigns" / "trials"  # of problems and answers
+    tables: Path = HERE / "seals"
+
+    @property
+    def folder(self) -> Path:
+        return self.work / self.trial / self.name
+
+    @property
+    def seals(self) -> Path:
+        """Digests of all truths."""
+        return self.tables / f"{self.trial}_{self.name}.csv"
+
+    @property
+    def tasks(self) -> list[Path]:
+        """Files that the solver is given, in the order of their numbers."""
+        return sorted([*self.folder.glob("case_*.toml"), *self.folder.glob("case_*.pickle")])
+
+
+def truth_text(seed: int, number: int, truth: Any) -> str:
+    """What is digested of a case."""
+    return json.dumps({"seed": f"{seed:x}", "number": number, "truth": truth})
+
+
+def digest(text: str) -> str:
+    return sha256(text.encode()).hexdigest()
+
+
+def seal(place: SealedSet, secret: Path, cases: int) -> None:
+    """Draw a set once: random bits into the secret, digests into the tree, problems for solvers."""
+    file = secret / f"{place.trial}_{place.name}.json"
+    if place.seals.exists() or file.exists():
+        raise FileExistsError(f"{place.seals}: this set is sealed already")
+    for folder in (place.folder, secret, place.tables):
+        folder.mkdir(parents=True, exist_ok=True)
+    if place.trial in FAMILIES:
+        seeds = [randbits(SEED_BITS) for _ in range(cases)]
+        truths = []
+        for number, seed in enumerate(seeds):
+            drawn = FAMILIES[place.trial](seed, number)
+            task = pickle.dumps((drawn.problem, drawn.asked))
+            write_atomic(place.folder / f"case_{number:05d}.pickle", task)
+            truths.append(drawn.truth)
+    else:
+        laboratory, seed = LABORATORIES[place.trial], randbits(SEED_BITS)
+        truths = laboratory.draw(random.Random(seed))
+        seeds = [seed] * len(truths)
+    lines = [f"{k},{digest(truth_text(seeds[k], k, truth))}" for k, truth in enumerate(truths)]
+    write_atomic(file, json.dumps([f"{seed:x}" for seed in seeds]).encode())
+    write_atomic(place.seals, "\n".join(["case,sha256", *lines, ""]).encode())
+
+
+def opened(place: SealedSet, secret: Path) -> list[tuple[int, str, Any]]:
+    """Seed, digest and case of every number; raises ValueError where a truth is not the one sealed."""
+    file = secret / f"{place.trial}_{place.name}.json"
+    seeds = [int(seed, 16) for seed in json.loads(file.read_text(encoding="utf-8"))]
+    if place.trial in FAMILIES:
+        cases: Sequence[Any] = [FAMILIES[place.trial](seed, k) for k, seed in enumerate(seeds)]
+    else:
+        cases = LABORATORIES[place.trial].draw(random.Random(seeds[0]))
+    lines = place.seals.read_text(encoding="utf-8").split()[1:]
+    found = []
+    for k, (seed, case, line) in enumerate(zip(seeds, cases, lines, strict=True)):
+        text = truth_text(seed, k, case.truth if isinstance(case, Drawn) else case)
+        if line != f"{k},{digest(text)}":
+            raise ValueError(f"{place.name}, case {k}: the truth is not the one that was sealed")
+        found.append((seed, digest(text), case))
+    return found
+
+
+def rows(place: SealedSet, secret: Path) -> list[Row]:
+    """Truth beside answer of every case that is answered."""
+    found = []
+    for number, (seed, sealed, case) in enumerate(opened(place, secret)):
+        file = place.folder / f"case_{number:05d}.json"
+        if not file.exists():
+            continue
+        answer = json.loads(file.read_text(encoding="utf-8"))
+        head = {"set": place.name, "case": number, "sha256": sealed, "method": answer.pop("method")}
+        truth = {"truth": case}
+        if isinstance(case, Drawn):
+            truth = {"truth": case.truth, "difficulty": case.difficulty()}
+        found.append({**head, "seed": f"{seed:x}", **truth, "answer": answer})
+    return found
+
+
+@app.command("seal")
+def seal_command(trial: str, name: str, secret: Secret, cases: int = 200) -> None:
+    """Draw a set; commit its digests before it is solved."""
+    seal(SealedSet(trial, name), secret, cases)
+
+
+@app.command()
+def make(trial: str, name: str, secret: Secret) -> None:
+    """Tables and studies of laboratories that simulate, with another seed than drew them."""
+    place = SealedSet(trial, name)
+    cases = opened(place, secret)
+    LABORATORIES[trial].measure(place.folder, [case for *_, case in cases], cases[0][0] + 1)
+
+
+@app.command("solve")
+def solve_command(trial: str, name: str, processes: int = 1) -> None:
+    """Answer every case that has no answer yet."""
+    answer_all(SealedSet(trial, name).tasks, processes)
+
+
+@app.command("open")
+def open_command(trial: str, name: str, secret: Secret) -> None:
+    """Compare the answers with the truths."""
+    add_rows(trial, rows(SealedSet(trial, name), secret))
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,73 @@
+"""The laboratory of the disturbed cases: every disturbance is there, with its size, and no other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from doe.trials.reduced.disturbed import DisturbedTruth, bent_condition, measured, true_mean
+from doe.trials.reduced.laboratory import NOISE
+from taichi_erosion.evidence.data.problem import Floats, Measurements
+
+VARIED = ("diameter", "moisture")
+PLAIN = DisturbedTruth("null", {}, {"friction_sliding": 0.5, "friction_rolling": 0.1}, 1.0, False, "")
+
+
+def tables(truth: DisturbedTruth, count: int) -> list[tuple[Measurements, Floats]]:
+    """Tables of the angle of repose, with the errors of their rows in stated sd."""
+    found = []
+    for seed in range(count):
+        table = measured(np.random.default_rng(seed), truth, ("repose_angle",), VARIED, 1.0)
+        mean = true_mean(truth, "repose_angle", table.conditions)
+        found.append((table, (table.value - mean) / NOISE["repose_angle"]))
+    return found
+
+
+def spread(truth: DisturbedTruth) -> float:
+    return float(np.std(np.concatenate([error for _, error in tables(truth, 150)])))
+
+
+def test_without_a_disturbance_errors_are_as_stated():
+    assert spread(PLAIN) == pytest.approx(1.0, abs=0.05)  # 150 tables of 8 rows or more: 0.02
+
+
+@pytest.mark.parametrize(
+    ("disturbance", "size", "expected"),
+    [
+        ("understated", 1.8, 1.8),
+        ("student", 1.0, 0.8 * 3**0.5),
+        ("batch", 2.0, 5**0.5),
+        ("offset", 4.0, 17**0.5),
+    ],
+)
+def test_a_disturbance_has_its_size(disturbance, size, expected):
+    understated = size if disturbance == "understated" else 1.0
+    truth = replace(PLAIN, disturbance=disturbance, size=size, understated=understated)
+    assert spread(truth) == pytest.approx(expected, rel=0.12)
+
+
+def test_rows_of_one_batch_share_their_error():
+    within = []
+    for table, error in tables(replace(PLAIN, disturbance="batch", size=20.0), 30):
+        labels = np.array(table.group)
+        within += [np.std(error[labels == name], ddof=1) for name in set(labels) if sum(labels == name) > 2]
+    assert np.mean(within) < 1.2, "the batch's own error of 20 sd is common"
+
+
+def test_the_second_source_is_off_and_has_the_coarse_half():
+    for table, error in tables(replace(PLAIN, disturbance="coarse_source", size=30.0), 10):
+        second = np.array(table.source) == "laboratory B"
+        assert abs(abs(error[second].mean() - error[~second].mean()) - 30.0) < 3.0
+        assert table.conditions["diameter"][second].min() >= table.conditions["diameter"][~second].max()
+
+
+def test_one_or_two_rows_are_outliers():
+    counts = [
+        int(np.sum(np.abs(e) > 5.0)) for _, e in tables(replace(PLAIN, disturbance="outlier", size=12.0), 40)
+    ]
+    assert set(counts) == {1, 2}
+
+
+def test_a_bent_condition_keeps_the_ends_of_its_range():
+    column = np.array([0.0, 0.005, 0.02])
+    assert bent_condition("moisture", column, 2.0) == pytest.approx([0.0, 0.00125, 0.02])

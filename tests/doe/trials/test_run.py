@@ -1,0 +1,73 @@
+"""A sealed trial: truths outside the tree, digests in it, and stored cases that can be drawn again."""
+
+import json
+import pickle
+from dataclasses import asdict
+
+import pytest
+
+from doe.trials.reduced import beyond, clean
+from doe.trials.run import SealedSet, digest, opened, rows, seal, truth_text
+from doe.trials.table import add_rows, read_rows, table_of, write_rows
+from taichi_erosion.core.files import write_atomic
+
+
+@pytest.fixture
+def trial(tmp_path) -> SealedSet:
+    made = SealedSet("beyond", "few", tmp_path / "work", tmp_path / "seals")
+    seal(made, tmp_path / "secret", 2)
+    answer = {"method": "m", "verdict": "none_detected", "named": [], "group": [], "seconds": 0.5}
+    write_atomic(made.folder / "case_00000.json", json.dumps(answer).encode())
+    return made
+
+
+def test_an_answered_case_is_opened_with_its_method(trial, tmp_path):
+    (row,) = rows(trial, tmp_path / "secret")
+    assert (row["set"], row["case"], row["method"]) == ("few", 0, "m")
+    assert row["sha256"] in trial.seals.read_text(encoding="utf-8")
+    assert asdict(beyond.draw(int(row["seed"], 16))[1]) == row["truth"]
+    assert row["difficulty"]["ratio"] >= 0.0
+
+
+def test_another_truth_than_the_sealed_one_is_refused(trial, tmp_path):
+    secret = tmp_path / "secret" / "beyond_few.json"
+    seeds = json.loads(secret.read_text(encoding="utf-8"))
+    secret.write_text(json.dumps(seeds[::-1]), encoding="utf-8")
+    with pytest.raises(ValueError, match="not the one that was sealed"):
+        opened(trial, tmp_path / "secret")
+
+
+def test_a_set_is_sealed_once_and_its_problems_hold_no_truth(trial, tmp_path):
+    with pytest.raises(FileExistsError):
+        seal(trial, tmp_path / "secret", 2)
+    (first, second) = json.loads((tmp_path / "secret" / "beyond_few.json").read_text(encoding="utf-8"))
+    assert first != second
+    task = trial.tasks[0].read_bytes()
+    assert first.encode() not in task
+    assert b"Truth" not in task
+    assert not hasattr(pickle.loads(task)[0], "truth")
+
+
+def test_stored_cases_are_drawn_again_from_their_seed():
+    for row in read_rows(table_of("clean"))[:3]:
+        drawn = clean.draw_case(int(row["seed"], 16), row["case"]).truth
+        assert (drawn.kind, set(drawn.effects)) == (row["truth"]["kind"], set(row["truth"]["effects"]))
+        assert drawn.parameters == pytest.approx(row["truth"]["parameters"], rel=1e-4)
+    for row in [row for row in read_rows(table_of("beyond")) if row["set"] == "fourth"][:3]:
+        seed = int(row["seed"], 16)
+        truth = asdict(beyond.draw(seed)[1])
+        assert digest(truth_text(seed, row["case"], truth)) == row["sha256"]
+
+
+def test_rows_of_a_set_and_method_are_replaced_and_make_the_same_bytes(tmp_path, monkeypatch):
+    monkeypatch.setattr("doe.trials.table.HERE", tmp_path)
+    one = {"set": "a", "method": "m", "case": 0, "answer": {"p": 1.0 / 3.0, "vault": [float("nan")]}}
+    add_rows("trial", [one])
+    before = table_of("trial").read_bytes()
+    add_rows("trial", [one])
+    assert table_of("trial").read_bytes() == before
+    add_rows("trial", [one | {"method": "other"}])
+    assert [row["method"] for row in read_rows(table_of("trial"))] == ["m", "other"]
+    assert read_rows(table_of("trial"))[0]["answer"] == {"p": 0.333333, "vault": [None]}
+    write_rows(table_of("trial"), [])
+    assert read_rows(table_of("trial")) == []
