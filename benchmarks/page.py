@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 from benchmarks import start
+from benchmarks.cases import run_benchmarks
 from benchmarks.speed_page import publish
-from taichi_erosion.benchmark import run_benchmarks
 
 DOCS = Path(__file__).parents[1] / "docs"
 

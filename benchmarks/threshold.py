@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from benchmarks.speed_page import fill, threshold_table
-from taichi_erosion.benchmark.wind_cases import threshold_case
+from benchmarks.wind_cases import threshold_case
 
 DOCS = Path(__file__).parents[1] / "docs"
 

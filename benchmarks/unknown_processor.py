@@ -18,9 +18,9 @@ from pathlib import Path
 from statistics import median
 
 from benchmarks import turns
+from benchmarks.grain_cases import START, Precision, grain_count
+from benchmarks.setups import LAWS, lattice_bed
 from benchmarks.speed_page import fill
-from taichi_erosion.benchmark.grain_cases import START, Precision, grain_count
-from taichi_erosion.benchmark.setups import LAWS, lattice_bed
 from taichi_erosion.core import compiler_target as target
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.report.markdown import markdown_table

@@ -7,8 +7,8 @@ import sys
 from pathlib import Path
 
 from docs.verification_curves import draw_curves, markdown_table
-from taichi_erosion.verification.claim import Claim
-from taichi_erosion.verification.claims import verify
+from taichi_erosion.verification.claims import Claim, verify
+from tests.verification.ladder import LADDER
 
 DOCS = Path(__file__).resolve().parent
 PAGE_ALONE = "--page"
@@ -66,7 +66,7 @@ sublayer and slow the wind down (over a plane it goes on down to 0.167 and 0.233
 
 V36 read 0.128 m/s for 0.25 mm from the line of the flux of beds over which the wind fell by 7 percent every
 0.4 s. That flux was not saturated: in a wind a tenth too weak one grain hops on for 1.3 s, and in one a
-fifth too weak for 0.9 s (`time_to_rest` in `taichi_erosion/verification/reference/hopping.py`). The stress
+fifth too weak for 0.9 s (`time_to_rest` in `tests/verification/reference/hopping.py`). The stress
 at the bed was divided by that of this threshold, and so was 1.5 to 2.5 in place of 1.
 
 V26 failed until its pressure was found more closely. The errors of its time steps are 1e-8 to 1e-7 of the
@@ -116,7 +116,7 @@ def renewed(table: list[str], claims: list[Claim]) -> list[str]:
 def main(ids: list[str]) -> None:
     """Run the checks and write the page; with ids, only the rows of these checks are replaced."""
     page = DOCS / "verification.md"
-    claims = [] if ids == [PAGE_ALONE] else verify(tuple(ids), print_verdict)
+    claims = [] if ids == [PAGE_ALONE] else verify(LADDER, tuple(ids), print_verdict)
     if ids:
         old = [line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
         table = "\n".join(renewed(old, claims)) + "\n"

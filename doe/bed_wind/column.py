@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import solve_banded
 
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.verification.reference.flow import LAWS, Stream
+from tests.verification.reference.flow import LAWS, Stream
 
 VISCOSITY, AIR, KARMAN, SUBLAYER = 1.46e-5, 1.225, 0.4, 7.0  # m2 s-1, kg m-3, 1, 1
 FINE, GROWTH, LID = 0.025, 1.05, 60.0  # cells in diameters: those of the layer, their growth above, the lid

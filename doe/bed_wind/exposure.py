@@ -29,8 +29,8 @@ from taichi_erosion.report.markdown import markdown_table
 from taichi_erosion.scene.change import with_section
 from taichi_erosion.scene.schema.grains import Monodisperse
 from taichi_erosion.simulation import snapshot
-from taichi_erosion.verification.small_scenes import run_to_end
-from taichi_erosion.verification.wind.saltation import REST, SMALLEST, Patch, sand
+from tests.verification.small_scenes import run_to_end
+from tests.verification.wind.saltation import REST, SMALLEST, Patch, sand
 
 TABLE = Path(__file__).with_name("exposure.csv")
 SIDE, CELLS = 8.0, 6  # of the patch in diameters; lattice nodes on a diameter

@@ -18,15 +18,8 @@ from taichi_erosion.core.files import write_atomic
 from taichi_erosion.report.markdown import fill_tables, markdown_table
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import with_section
-from taichi_erosion.verification.reference.hopping import Sand, hopping_threshold
-from taichi_erosion.verification.wind.saltation import (
-    AIR,
-    DENSITY,
-    SMALLEST,
-    at_rest,
-    roughness,
-    winds_over_beds,
-)
+from tests.verification.reference.hopping import Sand, hopping_threshold
+from tests.verification.wind.saltation import AIR, DENSITY, SMALLEST, at_rest, roughness, winds_over_beds
 
 FOLDER = Path(__file__).parent
 PAGE, ZERO, ROUGH = (FOLDER / name for name in ("README.md", "zero.csv", "roughness.csv"))

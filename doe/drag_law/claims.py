@@ -13,8 +13,8 @@ from doe.common.command import words
 from doe.common.method import method_commit
 from doe.common.tables import read_table, write_table
 from taichi_erosion.core.setup import DragLaw
-from taichi_erosion.verification.claim import Outcome, as_claim
-from taichi_erosion.verification.wind.saltation import saltation, start_of_motion
+from taichi_erosion.verification.claims import Outcome, as_claim
+from tests.verification.wind.saltation import saltation, start_of_motion
 
 TABLE = Path(__file__).with_name("claims.csv")
 CHECKS: dict[str, Callable[[DragLaw], Iterator[Outcome]]] = {"V36": saltation, "V39": start_of_motion}

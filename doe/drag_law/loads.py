@@ -24,9 +24,9 @@ from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.report.markdown import markdown_table
 from taichi_erosion.scene import Scene, load_scene
 from taichi_erosion.simulation import snapshot
-from taichi_erosion.verification.reference.hopping import GRAVITY
-from taichi_erosion.verification.small_scenes import run_to_end
-from taichi_erosion.verification.wind.saltation import BEDS, DENSITY, from_rest
+from tests.verification.reference.hopping import GRAVITY
+from tests.verification.small_scenes import run_to_end
+from tests.verification.wind.saltation import BEDS, DENSITY, from_rest
 
 TABLE = Path(__file__).with_name("loads.csv")
 SOIL = ROOT / "scenes" / "wind_threshold.toml"

@@ -25,10 +25,10 @@ from doe.fluid_threshold.dropped_bed import Loose, loose_grains
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.report.markdown import markdown_table
 from taichi_erosion.simulation import snapshot
-from taichi_erosion.verification.reference.flow import LAWS as DRAGS
-from taichi_erosion.verification.reference.flow import Stream
-from taichi_erosion.verification.small_scenes import run_to_end
-from taichi_erosion.verification.wind.saltation import BEDS
+from tests.verification.reference.flow import LAWS as DRAGS
+from tests.verification.reference.flow import Stream
+from tests.verification.small_scenes import run_to_end
+from tests.verification.wind.saltation import BEDS
 
 TABLE = Path(__file__).with_name("tipping.csv")
 SOIL = "published soil"

@@ -12,7 +12,7 @@ from typing import Any
 from doe.common.cases import ROOT, Case, command, settings, size_order
 from doe.common.tables import read_table, write_table
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.verification.reference.hopping import Sand
+from tests.verification.reference.hopping import Sand
 
 FOLDER = Path(__file__).parent
 TABLE = FOLDER / "beds.csv"

@@ -38,7 +38,7 @@ from taichi_erosion.measures.extremes import Watch, criterion_threshold
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket, bracketed, pool_beds
 from taichi_erosion.report.markdown import fill_tables, markdown_table
-from taichi_erosion.verification.reference.hopping import GRAVITY
+from tests.verification.reference.hopping import GRAVITY
 
 PAGE = FOLDER / "README.md"
 PICTURE = ROOT / "docs" / "pictures" / "fluid_threshold.png"

@@ -21,7 +21,7 @@ from doe.wind.run import ADHESION, BEDS, DIAMETERS, FLUID, SALTATION, fluid_case
 from doe.wind.saturated import Blown
 from doe.wind.saturated import cases as saturated_cases
 from doe.wind.shares import FORCES, words_of
-from taichi_erosion.verification.reference.hopping import Sand
+from tests.verification.reference.hopping import Sand
 
 TABLE = Path(__file__).with_name("drag_laws.csv")
 LAW = 'wind.drag="two_limits_hindered"'

@@ -51,8 +51,8 @@ from benchmarks.peers.physics_measures import (
 )
 from benchmarks.peers.physics_pair import pair_numbers
 from taichi_erosion.scene import build_setup
-from taichi_erosion.verification.contact import adhesion
-from taichi_erosion.verification.reference import contact as jkr
+from tests.verification.contact import adhesion
+from tests.verification.reference import contact as jkr
 
 STACK = 5
 

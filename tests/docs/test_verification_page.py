@@ -5,7 +5,7 @@ from dataclasses import fields
 import pytest
 
 from docs.verification_curves import markdown_table
-from taichi_erosion.verification.claim import Claim, Outcome, as_claim
+from taichi_erosion.verification.claims import Claim, Outcome, as_claim
 
 pytestmark = pytest.mark.docs
 

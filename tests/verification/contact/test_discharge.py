@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from taichi_erosion.verification.contact import discharge
-from taichi_erosion.verification.contact.bulk import DIAMETER
-from taichi_erosion.verification.contact.discharge import (
+from tests.verification.contact import discharge
+from tests.verification.contact.bulk import DIAMETER
+from tests.verification.contact.discharge import (
     GRAINS_PER_CUBE,
     HOLES,
     PLUG,

@@ -6,7 +6,7 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from taichi_erosion.verification.contact.oblique_impact import (
+from tests.verification.contact.oblique_impact import (
     OXIDE,
     SPINNING,
     impact_at,
@@ -14,8 +14,8 @@ from taichi_erosion.verification.contact.oblique_impact import (
     spinning_impact,
     tangential_restitution,
 )
-from taichi_erosion.verification.reference import contact, published
-from taichi_erosion.verification.reference.contact import HeadOn, Solid, rebound, sphere_mass, young_effective
+from tests.verification.reference import contact, published
+from tests.verification.reference.contact import HeadOn, Solid, rebound, sphere_mass, young_effective
 
 HERTZ = [
     # solid, radius, two spheres, relative speed; E*, overlap, force, time of the verification notes 1.1

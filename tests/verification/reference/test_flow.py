@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taichi_erosion.verification.reference import flow as bulk
+from tests.verification.reference import flow as bulk
 
 OPENINGS, GRAIN = 0.002 * np.repeat([6.0, 8.0, 11.0, 15.0], 4), 0.002
 SCATTER = 0.05  # of a flow from filling to filling

@@ -4,7 +4,7 @@ from math import hypot, inf, log
 
 import pytest
 
-from taichi_erosion.verification.reference.hopping import (
+from tests.verification.reference.hopping import (
     KARMAN,
     Sand,
     bounce,

@@ -4,13 +4,7 @@ from math import radians
 
 import pytest
 
-from taichi_erosion.verification.reference import motion
-
-
-def test_a_sphere_keeps_five_sevenths_of_its_speed_when_it_starts_to_roll() -> None:
-    speed, friction = 0.7, 0.3
-    slowed = speed - friction * motion.GRAVITY * motion.slide_time(speed, friction)
-    assert slowed == pytest.approx(motion.rolling_speed(speed))
+from tests.verification.reference import motion
 
 
 def test_sliding_and_rolling_accelerations_meet_at_the_critical_friction() -> None:

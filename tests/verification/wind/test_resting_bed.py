@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.verification.reference.hopping import KARMAN, Sand, hopping_threshold, wind
-from taichi_erosion.verification.wind.saltation import DROPS, landing_heights, roughness
+from tests.verification.reference.hopping import KARMAN, Sand, hopping_threshold, wind
+from tests.verification.wind.saltation import DROPS, landing_heights, roughness
 
 DIAMETER = 2.5e-4  # m
 

@@ -13,9 +13,9 @@ from math import cos, pi, sin
 import numpy as np
 
 from taichi_erosion.core.setup import Floats, Laws, PrimitiveKind, PrimitiveTable, Setup
-from taichi_erosion.verification import small_scenes
-from taichi_erosion.verification.claim import Outcome, Precision, below
-from taichi_erosion.verification.small_scenes import Touch
+from taichi_erosion.verification.claims import Outcome, Precision, below
+from tests.verification import small_scenes
+from tests.verification.small_scenes import Touch
 
 RADIUS, DENSITY, SPEED = 1e-3, 2500.0, 0.5  # m, kg m-3, m s-1
 TOUCH = Touch(1e8, 2.5e7, 0.7, 0.4, friction_rolling=0.1, rolling_damping=0.3)

@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from statistics import median
 from typing import Any
 
-from taichi_erosion.benchmark.grain_cases import START, after, grain_count
-from taichi_erosion.benchmark.setups import lattice_bed
+from benchmarks.grain_cases import START, after, grain_count
+from benchmarks.setups import lattice_bed
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.simulation import Simulation, advance, totals
 from taichi_erosion.simulation.team import Team

@@ -60,9 +60,9 @@ from taichi_erosion.scene import Scene, parse_scene
 from taichi_erosion.scene.change import with_section
 from taichi_erosion.simulation import Simulation, snapshot
 from taichi_erosion.simulation.wind_driver import air_profile, spin_up_wind
-from taichi_erosion.verification.claim import Outcome, below, holds, relative
-from taichi_erosion.verification.reference.hopping import CENTRE, KARMAN, Sand, WindProfile, hopping_threshold
-from taichi_erosion.verification.small_scenes import run_to_end
+from taichi_erosion.verification.claims import Outcome, below, holds, relative
+from tests.verification.reference.hopping import CENTRE, KARMAN, Sand, WindProfile, hopping_threshold
+from tests.verification.small_scenes import run_to_end
 
 DROPS = 2000  # places on a bed where a grain is laid down
 SEED = 1

@@ -30,11 +30,11 @@ import numpy as np
 from taichi_erosion.core.setup import Floats, GrainTable, PrimitiveKind, Setup
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.simulation import Simulation, advance, remove_surface, snapshot
-from taichi_erosion.verification import small_scenes
-from taichi_erosion.verification.claim import Outcome, below, holds
-from taichi_erosion.verification.contact import bulk
-from taichi_erosion.verification.contact.bulk import DIAMETER
-from taichi_erosion.verification.reference import flow as exact
+from taichi_erosion.verification.claims import Outcome, below, holds
+from tests.verification import small_scenes
+from tests.verification.contact import bulk
+from tests.verification.contact.bulk import DIAMETER
+from tests.verification.reference import flow as exact
 
 HEAD = 1.2  # of the filling over the width of the silo when the reading ends [1]
 WIDTH = 2.5  # of the silo over the opening [1]

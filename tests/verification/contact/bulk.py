@@ -20,11 +20,11 @@ from taichi_erosion.core.setup import Floats, GrainTable, Laws, Motion, Primitiv
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.repose import repose_angle
 from taichi_erosion.simulation import move_surface, remove_surface
-from taichi_erosion.verification import small_scenes
-from taichi_erosion.verification.claim import Outcome, Precision, holds
-from taichi_erosion.verification.reference import flow as exact
-from taichi_erosion.verification.reference.contact import Solid, sphere_mass
-from taichi_erosion.verification.small_scenes import Touch
+from taichi_erosion.verification.claims import Outcome, Precision, holds
+from tests.verification import small_scenes
+from tests.verification.reference import flow as exact
+from tests.verification.reference.contact import Solid, sphere_mass
+from tests.verification.small_scenes import Touch
 
 DIAMETER = 2e-3  # m
 SOFT_GLASS = Solid(1.25e7, 0.25, 2500.0)

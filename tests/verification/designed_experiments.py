@@ -24,7 +24,7 @@ from taichi_erosion.experiments.terms import (
     model_matrix,
     model_terms,
 )
-from taichi_erosion.verification.claim import Outcome, below
+from taichi_erosion.verification.claims import Outcome, below
 
 SEED = 37
 TABLES = 400  # synthetic experiments behind a share

@@ -3,7 +3,7 @@
 import pytest
 from grain_worlds import heap
 
-from taichi_erosion.benchmark.roofline import step_bytes
+from benchmarks.roofline import step_bytes
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.core.transfer import write

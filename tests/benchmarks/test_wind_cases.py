@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from taichi_erosion.benchmark.wind_cases import SCENES, WINDS, threshold_scene
+from benchmarks.wind_cases import SCENES, WINDS, threshold_scene
 from taichi_erosion.scene import load_scene
 from taichi_erosion.scene.shipped import INSTALLED
 

@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from taichi_erosion.benchmark import grain_cases
-from taichi_erosion.benchmark.grain_cases import (
-    FUNNELS,
-    QUICK_ENSEMBLE,
-    device_bytes,
-    device_grain_cases,
-    tiled_bed,
-)
+from benchmarks import grain_cases
+from benchmarks.grain_cases import FUNNELS, QUICK_ENSEMBLE, device_bytes, device_grain_cases, tiled_bed
 from taichi_erosion.core.setup import Floats, Numerics
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import device_record

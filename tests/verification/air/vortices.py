@@ -26,9 +26,9 @@ from taichi_erosion.air.readback import face_velocities, set_velocities
 from taichi_erosion.air.step import advance_air
 from taichi_erosion.core.air_setup import AirSetup, AirSide, both_faces, even_faces
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.verification.claim import Outcome, below
-from taichi_erosion.verification.reference import published
-from taichi_erosion.verification.small_scenes import air_of, box, centres, order, sides
+from taichi_erosion.verification.claims import Outcome, below
+from tests.verification.reference import published
+from tests.verification.small_scenes import air_of, box, centres, order, sides
 
 LIMITS = {100: 0.01, 400: 0.01, 1000: 0.02}  # of the lid's speed
 STAGES = ((32, 60.0), (64, 12.0), (128, 4.0))  # cells along a side, and time spent there [side / lid speed]

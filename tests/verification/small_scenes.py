@@ -33,8 +33,8 @@ from taichi_erosion.run.stages import ReplicaState
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene import laws as laws_of
 from taichi_erosion.simulation import Simulation, advance, assemble, failure, prepare, snapshot
-from taichi_erosion.verification.claim import Precision
-from taichi_erosion.verification.reference.contact import (
+from taichi_erosion.verification.claims import Precision
+from tests.verification.reference.contact import (
     HeadOn,
     Solid,
     series,

@@ -21,11 +21,11 @@ import numpy as np
 
 from taichi_erosion.core.setup import Floats, GrainTable, Setup
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.verification import small_scenes
-from taichi_erosion.verification.claim import PRECISIONS, Outcome, Precision, below, relative
-from taichi_erosion.verification.reference import contact, published
-from taichi_erosion.verification.reference.contact import FrictionCap, HeadOn, Impact, Rebound, Solid
-from taichi_erosion.verification.small_scenes import Touch
+from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, relative
+from tests.verification import small_scenes
+from tests.verification.reference import contact, published
+from tests.verification.reference.contact import FrictionCap, HeadOn, Impact, Rebound, Solid
+from tests.verification.small_scenes import Touch
 
 OXIDE = Solid(3.8e11, 0.23, 4000.0)
 ALLOY = Solid(7.0e10, 0.33, 2700.0)

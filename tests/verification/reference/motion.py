@@ -22,19 +22,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.verification.reference.contact import damping_ratio
+from tests.verification.reference.contact import damping_ratio
 
 GRAVITY = 9.81  # m s-2
-
-
-def slide_time(speed: float, friction: float) -> float:
-    """When a sphere that starts sliding without spin begins to roll [s], 2 u_0 / (7 mu g)."""
-    return 2.0 * speed / (7.0 * friction * GRAVITY)
-
-
-def rolling_speed(speed: float) -> float:
-    """Speed from then on [m s-1], (5/7) u_0."""
-    return 5.0 / 7.0 * speed
 
 
 def friction_for_rolling(slope: float) -> float:

@@ -1,8 +1,7 @@
-"""V21-V24: restarts, precisions, threads and ensembles give the same results; bad starts stop with a reason.
+"""V21, V22, V24: restarts and precisions give the same results; bad starts stop with a reason.
 
-V21, V23: the same bits after a restart, on any number of threads, and alone or among other replicas. Forty
-grains fall through each other into a tube, with friction, rolling resistance and adhesion, long enough for
-several rebuilds of the neighbour lists.
+V21: the same bits after a restart. Forty grains fall through each other into a tube, with friction, rolling
+resistance and adhesion, long enough for several rebuilds of the neighbour lists.
 
 V22: single precision against double, for one contact and for a heap. The claim is about a graphics processor
 in single precision; the same comparison is made on the CPU, where both precisions run everywhere.
@@ -10,7 +9,6 @@ in single precision; the same comparison is made on the CPU, where both precisio
 V24: what cannot be simulated stops with a reason, and the other replicas go on.
 """
 
-import hashlib
 from collections.abc import Iterator
 from dataclasses import replace
 from math import nan, pi, sqrt
@@ -18,30 +16,19 @@ from math import nan, pi, sqrt
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.setup import Laws, Setup
+from taichi_erosion.core.setup import Setup
 from taichi_erosion.core.snapshot import Failure, Snapshot, Status
+from taichi_erosion.scene.change import SAMPLE
 from taichi_erosion.simulation import export_state, failure, import_state, snapshot
-from taichi_erosion.verification.claim import PRECISIONS, Outcome, Precision, below, holds
-from taichi_erosion.verification.contact import bulk
-from taichi_erosion.verification.contact.normal_impact import hertz_cases
-from taichi_erosion.verification.contact.oblique_impact import OXIDE, impact_at, scenes
-from taichi_erosion.verification.small_scenes import advance_all, final_states, simulation_of
+from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, holds
+from taichi_erosion.verification.closed_forms import TUMBLING, WHOLE, state_bytes, tumbling
+from tests.verification.contact import bulk
+from tests.verification.contact.normal_impact import hertz_cases
+from tests.verification.contact.oblique_impact import OXIDE, impact_at, scenes
+from tests.verification.small_scenes import advance_all, final_states, simulation_of
 
-LAWS = Laws(normal="jkr", rolling="elastic_plastic")
-HALF, WHOLE = 0.05, 0.10  # s
-STATE = ("position", "velocity", "spin", "contacts")
+HALF = 0.05  # s
 HEAP_SEEDS = (11, 12, 13, 14)
-
-
-def tumbling(seed: int, count: int = 40, surface_energy: float = 0.01) -> Setup:
-    """Grains poured into a narrow tube."""
-    touch = bulk.soft_touch(friction=0.5, friction_rolling=0.2, surface_energy=surface_energy)
-    return bulk.column_scene(touch, count, 3.0 * bulk.DIAMETER, seed)
-
-
-def state_bytes(state: Snapshot) -> bytes:
-    """Every bit of the state."""
-    return b"".join(np.ascontiguousarray(getattr(state, name)).tobytes() for name in STATE)
 
 
 def differing(first: Snapshot, second: Snapshot) -> int:
@@ -54,37 +41,16 @@ def restart() -> Iterator[Outcome]:
     """V21: half a run, exported, imported by a fresh simulation and finished, against the run in one go."""
     setups = [tumbling(1), tumbling(2)]
     for precision in PRECISIONS:
-        whole = simulation_of(setups, precision, LAWS)
+        whole = simulation_of(setups, precision, TUMBLING)
         advance_all(whole, HALF)
         kept = export_state(whole)
         advance_all(whole, WHOLE)
         wanted = [snapshot(whole, k) for k in range(2)]
-        resumed = simulation_of(setups, precision, LAWS)
+        resumed = simulation_of(setups, precision, TUMBLING)
         import_state(resumed, kept)
         advance_all(resumed, WHOLE)
         bits = sum(differing(snapshot(resumed, k), wanted[k]) for k in range(2))
         yield Outcome("restart: bytes of the state that differ", float(bits), 0.0, 0.0, precision)
-
-
-def threads_and_ensembles() -> Iterator[Outcome]:
-    """V23: one hash on one and two threads, alone and among other replicas."""
-    target = tumbling(3)
-    half_step = replace(tumbling(5), time_step=target.time_step / 2.0)
-    company = [tumbling(4), target, half_step, tumbling(6, count=25)]
-    cases = {
-        "1 thread": ([target], 0, 1),
-        "2 threads": ([target], 0, 2),
-        "in company, 2 threads": (company, 1, 2),
-    }
-    for precision in PRECISIONS:
-        hashes = {}
-        for name, (setups, place, threads) in cases.items():
-            sim = simulation_of(setups, precision, LAWS, threads)
-            advance_all(sim, WHOLE)
-            hashes[name] = hashlib.sha256(state_bytes(snapshot(sim, place))).hexdigest()
-        for name in list(cases)[1:]:
-            same = hashes[name] == hashes["1 thread"]
-            yield holds(f"same hash alone on 1 thread and {name}", same, precision)
 
 
 def single_and_double() -> Iterator[Outcome]:
@@ -117,16 +83,18 @@ def healthy() -> Setup:
 
 
 def rayleigh_time() -> float:
-    """Pi R sqrt(rho/G)/(0.1631 nu + 0.8766) [s]."""
-    slowness = sqrt(bulk.SOFT_GLASS.density / bulk.SOFT_GLASS.shear)
-    return pi * bulk.DIAMETER / 2.0 * slowness / (0.1631 * bulk.SOFT_GLASS.poisson + 0.8766)
+    """Pi R sqrt(rho/G)/(0.1631 nu + 0.8766) [s] of these grains."""
+    solid = SAMPLE["materials"]["sand"]
+    shear = solid["young_modulus"] / (2.0 * (1.0 + solid["poisson_ratio"]))
+    slowness = sqrt(solid["density"] / shear)
+    return pi * healthy().grains.radius[0] * slowness / (0.1631 * solid["poisson_ratio"] + 0.8766)
 
 
 def overlapping() -> Setup:
     """Two grains start almost inside each other."""
     setup = healthy()
     position = setup.grains.position.copy()
-    position[1] = position[0] + [0.1 * bulk.DIAMETER, 0.0, 0.0]
+    position[1] = position[0] + [0.2 * setup.grains.radius[0], 0.0, 0.0]
     return replace(setup, grains=replace(setup.grains, position=position))
 
 
@@ -139,12 +107,12 @@ def bad_starts() -> Iterator[Outcome]:
         "time step of five Rayleigh times": (unstable, blown_up),
     }
     for precision in PRECISIONS:
-        sim = simulation_of([healthy(), *(setup for setup, _ in cases.values())], precision, LAWS)
+        sim = simulation_of([healthy(), *(setup for setup, _ in cases.values())], precision, TUMBLING)
         advance_all(sim, HALF)
         for replica, (name, (_, reasons)) in enumerate(cases.items(), start=1):
             yield stops(name, failure(sim, replica), reasons, precision)
         kept = snapshot(sim, 0)
-        alone = simulation_of([healthy()], precision, LAWS)
+        alone = simulation_of([healthy()], precision, TUMBLING)
         advance_all(alone, HALF)
         same = failure(alone, 0) is None and np.array_equal(kept.position, snapshot(alone, 0).position)
         yield holds("a healthy replica beside them ends as if alone", bool(same), precision)
@@ -164,7 +132,7 @@ def not_a_number(precision: Precision) -> Outcome:
     energy = np.full_like(setup.contacts.surface_energy, nan)
     try:
         contacts = replace(setup.contacts, surface_energy=energy)
-        sim = simulation_of([replace(setup, contacts=contacts)], precision, LAWS)
+        sim = simulation_of([replace(setup, contacts=contacts)], precision, TUMBLING)
     except BadInput as refusal:
         return holds(f"surface energy NaN: refused ({refusal})", True, precision)
     advance_all(sim, HALF)

@@ -1,9 +1,8 @@
 """V30, V32, V38: drag on falling grains, and the momentum that grains and air exchange.
 
-V30. Quartz spheres of 50 um to 2 mm fall through still air at their terminal velocities. The numbers expected
-are the published table's, four digits each; a second line compares the same run with the balance of weight,
-buoyancy and drag, solved in NumPy. The step is a fifth to a ten-thousandth of the drag's response, and drag
-is taken implicitly: what is left is rounding and the lag of the rate by one exchange.
+V30. Quartz spheres of 50 um to 2 mm fall through still air at their terminal velocities. The step is a fifth
+to a ten-thousandth of the drag's response, and drag is taken implicitly: what is left is rounding and the lag
+of the rate by one exchange.
 
 V32. Momentum that air gives to grains it loses, and a grain's volume is distributed over its layers without
 rest. Grains of two sizes fly through sheared air, along and across it, each level with a velocity of its own,
@@ -34,42 +33,24 @@ from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, InitialTu
 from taichi_erosion.core.setup import Coupling, Floats, GrainTable, Laws, Setup
 from taichi_erosion.core.transfer import read
 from taichi_erosion.simulation import Simulation, advance, air_profile, spin_up_wind
-from taichi_erosion.verification import small_scenes
-from taichi_erosion.verification.claim import Outcome, Precision, below, relative
-from taichi_erosion.verification.reference.flow import Stream, terminal_velocity
-from taichi_erosion.verification.small_scenes import Touch
+from taichi_erosion.verification import closed_forms
+from taichi_erosion.verification.claims import Outcome, Precision, below
+from tests.verification import small_scenes
+from tests.verification.reference.flow import Stream, terminal_velocity
+from tests.verification.small_scenes import Touch
 
 DENSITY, VISCOSITY = 1.225, 1.789e-5  # kg m-3, Pa s
 QUARTZ = 2650.0  # kg m-3
 LIMIT: dict[Precision, float] = {"f64": 1e-12, "f32": 1e-6}
 LAWS = Laws(drag="two_limits")
 
-TERMINAL = {50: 0.1820, 100: 0.5815, 200: 1.4778, 250: 1.9070, 500: 3.826, 1000: 7.042, 2000: 11.34}
-FALL_HEIGHT, FALL_SIDE, FALL_LAYERS = 120.0, 1.0, 30  # m, m, 1: so much air that one grain does not move it
-FALL_STEP, FALL = 2e-4, 9.0  # s
-START = 115.0  # m
-
-
-def falling(diameter: float) -> Setup:
-    """One grain high above the floor."""
-    grain = small_scenes.spheres(
-        (0.5, 0.5, START), 0.0, 0.0, diameter / 2.0, QUARTZ * np.pi / 6.0 * diameter**3
-    )
-    setup = small_scenes.sphere_setup(grain, Touch(1e7, 1e7), FALL_STEP, gravity=(0.0, 0.0, -9.81))
-    faces = np.linspace(0.0, FALL_HEIGHT, FALL_LAYERS + 1)
-    air = small_scenes.still_air(faces, (FALL_SIDE, FALL_SIDE), DENSITY, VISCOSITY)
-    return small_scenes.in_air(setup, air, Coupling(look_steps=5), 1.0)
-
 
 def terminal_velocities() -> Iterator[Outcome]:
-    """V30."""
-    setups = [falling(1e-6 * microns) for microns in TERMINAL]
-    speeds = [-state.velocity[0, 2] for state in small_scenes.final_states(setups, FALL, "f64")]
-    for (microns, wanted), speed in zip(TERMINAL.items(), speeds, strict=True):
-        yield relative(f"terminal velocity of {microns} um quartz [m/s]", speed, wanted, 0.005, "f64")
+    """V30: the published table, and the balance of weight, buoyancy and drag, solved in NumPy."""
+    yield from closed_forms.terminal_velocities()
     air = Stream(0.0, 1.0, DENSITY, VISCOSITY)
-    balance = [terminal_velocity(1e-6 * microns, QUARTZ, air) for microns in TERMINAL]
-    error = np.array(speeds) / balance - 1.0
+    balance = [terminal_velocity(1e-6 * microns, QUARTZ, air) for microns in closed_forms.TERMINAL]
+    error = closed_forms.settling_speeds() / balance - 1.0
     yield below("terminal velocities against the balance of forces: error", error, 1e-4, "f64")
 
 

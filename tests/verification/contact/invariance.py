@@ -23,11 +23,11 @@ from scipy.spatial.transform import Rotation
 from taichi_erosion.core.setup import Floats, Laws, Setup
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.simulation import Simulation, totals
-from taichi_erosion.verification import small_scenes
-from taichi_erosion.verification.claim import PRECISIONS, Outcome, Precision, below, relative
-from taichi_erosion.verification.contact.oblique_impact import SOLIDS, impact_at, simulated
-from taichi_erosion.verification.reference.contact import Impact, Rebound, rebound
-from taichi_erosion.verification.small_scenes import Touch
+from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, relative
+from tests.verification import small_scenes
+from tests.verification.contact.oblique_impact import SOLIDS, impact_at, simulated
+from tests.verification.reference.contact import Impact, Rebound, rebound
+from tests.verification.small_scenes import Touch
 
 RADIUS, DENSITY, SPEED = 1e-3, 2500.0, 1.0  # m, kg m-3, m s-1
 TOUCH = Touch(1e8, 2.5e7, 0.6, 0.4, friction_rolling=0.1, rolling_damping=0.3)

@@ -17,10 +17,10 @@ from scipy.optimize import root_scalar
 
 from taichi_erosion.core.setup import Coupling, Floats, Laws, Setup
 from taichi_erosion.simulation import Simulation, advance, air_profile, set_through_flow, snapshot
-from taichi_erosion.verification import small_scenes
-from taichi_erosion.verification.claim import Outcome, relative
-from taichi_erosion.verification.reference.flow import Stream, pressure_gradient
-from taichi_erosion.verification.small_scenes import Touch
+from taichi_erosion.verification.claims import Outcome, relative
+from tests.verification import small_scenes
+from tests.verification.reference.flow import Stream, pressure_gradient
+from tests.verification.small_scenes import Touch
 
 DIAMETER, SOLID = 1e-3, 2000.0  # m, kg m-3
 GAS = Stream(0.0, DIAMETER, density=10.0, viscosity=1.5e-3)  # kg m-3, Pa s

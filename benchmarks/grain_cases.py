@@ -12,9 +12,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from taichi_erosion.benchmark.roofline import step_bytes
-from taichi_erosion.benchmark.setups import LAWS, SOIL, bed_setup, filled_funnel, lattice_bed
-from taichi_erosion.benchmark.wind_cases import blowing_patch
+from benchmarks.roofline import step_bytes
+from benchmarks.setups import LAWS, SOIL, bed_setup, filled_funnel, lattice_bed
+from benchmarks.wind_cases import blowing_patch
 from taichi_erosion.core.compiler_target import packed_width
 from taichi_erosion.core.setup import Arch, Floats, Numerics, Setup
 from taichi_erosion.core.transfer import NUMBER_BYTES, device_fields, inner_shape

@@ -1,4 +1,4 @@
-"""V17-V20: JKR landmarks, the sticking speed, the limit of no adhesion, and the caps of friction.
+"""V17, V19, V20: JKR landmarks, the limit of no adhesion, and the caps of friction.
 
 Two spheres without damping touch at zero overlap, where the neck snaps in, dip, and part when the neck
 tears; forces are second differences of the path, so they are those of the simulator. Overlaps are in units
@@ -12,11 +12,11 @@ import numpy as np
 
 from taichi_erosion.core.setup import Floats, Laws, Setup
 from taichi_erosion.simulation import advance
-from taichi_erosion.verification import small_scenes
-from taichi_erosion.verification.claim import PRECISIONS, Outcome, Precision, below, holds, relative
-from taichi_erosion.verification.reference import contact as jkr
-from taichi_erosion.verification.reference.contact import sphere_mass
-from taichi_erosion.verification.small_scenes import Touch
+from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, relative
+from tests.verification import small_scenes
+from tests.verification.reference import contact as jkr
+from tests.verification.reference.contact import sphere_mass
+from tests.verification.small_scenes import Touch
 
 RADIUS, DENSITY = 0.5e-3, 2500.0  # m, kg m-3
 MASS = sphere_mass(RADIUS, DENSITY)
@@ -159,23 +159,6 @@ def branch_outcomes(precision: Precision) -> Iterator[Outcome]:
     end = small_scenes.final_states([approaching], 30.0 * PAIR.depth / speed, precision, EDEM)[0]
     ratio = (end.velocity[1, 0] - end.velocity[0, 0]) / speed
     yield relative("JKR branch edem: restitution of a bounce", ratio, 1.0, 1e-3, precision)
-
-
-def sticking_speed() -> Iterator[Outcome]:
-    """V18: the slowest approach that parts again, 1 % of 3.76622 w^(5/6) R*^(2/3) E*^(-1/3) m*^(-1/2)."""
-    work = 2.0 * TOUCH.surface_energy
-    wanted = 3.76622 / np.sqrt(PAIR.mass) * (work**5 * PAIR.radius**4 / PAIR.young**2) ** (1.0 / 6.0)
-    shares = np.linspace(0.95, 1.05, 41)
-    setups = [pair_scene(share * wanted, 500.0) for share in shares]
-    for precision in PRECISIONS:
-        ends = small_scenes.final_states(setups, 200.0 * PAIR.depth / wanted, precision, JKR)
-        gaps = np.array([end.position[1, 0] - end.position[0, 0] - 2.0 * RADIUS for end in ends])
-        parted = gaps > -2.0 * TEAR_AT * PAIR.depth
-        slowest = shares[parted].min() if parted.any() else np.nan
-        yield relative("sticking speed [m/s]", slowest * wanted, wanted, 0.01, precision)
-        yield holds(
-            "all slower pairs stick, all faster ones part", bool(np.all(np.diff(parted * 1) >= 0)), precision
-        )
 
 
 def vanishing_adhesion() -> Iterator[Outcome]:

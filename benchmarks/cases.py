@@ -8,16 +8,10 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from benchmarks.grain_cases import Size, device_grain_cases, grain_case, standard_grain_cases, wide_bed_cases
+from benchmarks.shared_machine import shared_cases
+from benchmarks.wind_cases import air_case, standard_air_cases, threshold_case
 from taichi_erosion import __version__
-from taichi_erosion.benchmark.grain_cases import (
-    Size,
-    device_grain_cases,
-    grain_case,
-    standard_grain_cases,
-    wide_bed_cases,
-)
-from taichi_erosion.benchmark.shared_machine import shared_cases
-from taichi_erosion.benchmark.wind_cases import air_case, standard_air_cases, threshold_case
 from taichi_erosion.core.compiler_target import compiler_target
 from taichi_erosion.core.engine.choice import engine_name, engine_version
 from taichi_erosion.core.setup import Arch
