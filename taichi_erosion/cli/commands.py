@@ -172,7 +172,7 @@ def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ..
 
 def examine_effect(file: "EffectFile") -> dict[str, Any]:
     """Check of the effect of a file; imports the device."""
-    from taichi_erosion.verification.effect_examination import examined_file
+    from taichi_erosion.verification.effect_contract import examined_file
 
     return examined_file(file)
 
@@ -219,7 +219,7 @@ def live(
     if web and viewer:
         raise BadInput("--web and --viewer exclude each other")
     if effect:
-        from taichi_erosion.verification.effect_examination import refuse_unusable
+        from taichi_erosion.verification.effect_contract import refuse_unusable
 
         for sentence in output.examined_effects(refuse_unusable(effect)):
             typer.echo(sentence, err=True)
