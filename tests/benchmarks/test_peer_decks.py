@@ -1,8 +1,5 @@
 """The comparison with other codes: what their logs say, and that all start from the same sound geometry."""
 
-import json
-from dataclasses import asdict
-
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
@@ -19,7 +16,7 @@ from benchmarks.peers.cases import (
 )
 from benchmarks.peers.compare import WORKLOADS, Sample, gain, summary
 from benchmarks.peers.peer_log import last_run
-from benchmarks.peers.publish import ASKED, NAMES, joined
+from benchmarks.peers.publish import ASKED, NAMES
 
 LAMMPS_LOG = """\
 LAMMPS (29 Sep 2021 - Update 2)
@@ -138,20 +135,6 @@ def test_grains_in_a_funnel_start_without_touching_each_other_or_the_funnel(coun
     assert bottom < pile.position[:, 2].min() < pile.position[:, 2].max() < top
 
 
-def test_funnels_of_different_grain_counts_have_the_same_shape():
-    small, large = funnel_pile(2000), funnel_pile(10_000)
-    scale = (10_000 / 2000) ** (1 / 3)
-    for length in ("orifice_radius", "funnel_bottom", "funnel_height", "half_width"):
-        assert getattr(large, length) == pytest.approx(scale * getattr(small, length))
-
-
-def test_the_corners_of_the_funnel_mesh_lie_on_the_cone():
-    pile = funnel_pile(2000)
-    corners = funnel_triangles(pile).reshape(-1, 3)
-    radius = np.hypot(corners[:, 0], corners[:, 1])
-    np.testing.assert_allclose(radius, pile.orifice_radius + corners[:, 2] - pile.funnel_bottom, rtol=1e-12)
-
-
 def test_ratios_compare_runs_of_the_same_round_and_leave_out_disturbed_ones():
     def run(code: str, turn: int, rate: float, foreign: float = 0.0) -> Sample:
         return Sample("bed10k", 1, code, turn, rate, 4.4, 0, foreign)
@@ -164,23 +147,6 @@ def test_ratios_compare_runs_of_the_same_round_and_leave_out_disturbed_ones():
     assert (lammps.rate_low, lammps.rate_high) == (2e6, 4e6)
     assert (lammps.samples, lammps.contaminated) == (3, 1)
     assert lammps.gain == {"ours f32": pytest.approx(3.0)}
-
-
-def test_a_code_that_never_ran_in_a_round_of_ours_is_not_compared():
-    samples = [
-        Sample("pile2000", 1, "ours f32", 0, 6e6, 1.0, 0, 0.0),
-        Sample("pile2000", 1, "YADE", 1, 1e6, 1.0, 0, 0.0),
-    ]
-    assert [row.gain for row in summary(samples)] == [{}, {}]
-
-
-def test_rounds_of_two_sittings_follow_each_other(tmp_path):
-    files = []
-    for sitting, (cores, rounds) in enumerate([(1, 2), (1, 3), (2, 1)]):
-        samples = [Sample("bed10k", cores, "LAMMPS", turn, 2e6, 4.4, 0, 0.0) for turn in range(rounds)]
-        files.append(tmp_path / f"{sitting}.json")
-        files[-1].write_text(json.dumps({"samples": list(map(asdict, samples))}))
-    assert [(one.cores, one.round) for one in joined(files)] == [*((1, turn) for turn in range(5)), (2, 0)]
 
 
 def test_every_case_has_a_name_on_the_page_and_every_goal_a_case():

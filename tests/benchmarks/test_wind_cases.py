@@ -22,11 +22,6 @@ def test_the_beds_of_the_threshold_are_those_of_the_scene(section):
     assert getattr(threshold_scene(), section) == getattr(load_scene(SCENES / "wind_threshold.toml"), section)
 
 
-def test_no_grain_of_the_awake_beds_sleeps():
-    assert threshold_scene(awake=True).wind.sleep_after is None
-    assert threshold_scene().wind.sleep_after is not None
-
-
 def test_the_patch_is_timed_in_the_wind_of_the_scene():
     stages = load_scene(SCENES / "saltation.toml").stages
     assert [stages[1].friction_velocity, stages[-1].friction_velocity] == [wind for wind, _ in WINDS]
