@@ -1,4 +1,4 @@
-"""The timed cases of `./erosion bench`: grain-steps per second of standard cases, with the time split by stage.
+"""The timed cases of `./erosion bench`: grain-steps per second, with the time split by stage.
 
 Times are wall times of one sitting: only ratios taken side by side carry over to another machine.
 """

@@ -8,6 +8,7 @@ Reference: Chung & Ooi (2011), Granular Matter 13, 643 (V02); Thornton & Ning (1
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 from math import nan, sqrt
 from typing import Any
 
@@ -303,6 +304,7 @@ QUARTZ = 2650.0  # kg m-3
 TERMINAL = {50: 0.1820, 100: 0.5815, 200: 1.4778, 250: 1.9070, 500: 3.826, 1000: 7.042, 2000: 11.34}
 
 
+@cache
 def settling_speeds() -> Floats:
     """Speeds [m s-1] of the grains of TERMINAL after a fall of 9 s through still air."""
     solid = {"density": QUARTZ, "young_modulus": 1e9, "poisson_ratio": 0.2}

@@ -6,7 +6,7 @@ must have been started for clauses; `examine` starts it.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from difflib import get_close_matches
 from math import inf, isclose, isfinite
 from pathlib import Path
@@ -125,9 +125,6 @@ def parameters_are_pinned(effect: Effect, probe: Probe) -> Iterator[str]:
 
 def parameters_are_documented(effect: Effect, probe: Probe) -> Iterator[str]:
     """Parameters carry unit, meaning and a finite range that holds their default."""
-    if not is_dataclass(effect.params):
-        yield "params is not a dataclass"
-        return
     for f in fields(effect.params):
         if not is_declared(f):
             yield f"{f.name} is declared without unit or meaning; use quantity"
@@ -233,20 +230,6 @@ def vanishes_at_no_strength(effect: Effect, probe: Probe) -> Iterator[str]:
         yield "it acts at strength 0"
 
 
-def does_something(effect: Effect, probe: Probe) -> Iterator[str]:
-    """Some line of its table is another one without the effect, at strength 0."""
-
-    def without(params: Any, conditions: Mapping[str, float], **members: Any) -> Any:
-        return probe(params, conditions, **(members | {"strength": 0.0}))
-
-    found: tuple[list[float], list[float]] = ([], [])
-    for each, got in zip((probe, without), found, strict=True):
-        with suppress(Exception):  # a line that cannot be computed without the effect is another one
-            got.extend(check.got for check in effect.checks(each))
-    if found[0] and found[0] == found[1]:
-        yield "every line of its table is the same without it"
-
-
 def has_a_sane_reach(effect: Effect, probe: Probe) -> Iterator[str]:
     """A pair effect is silent beyond its reach, which is finite and not negative."""
     if effect.place != "pair" or effect.constants is None:
@@ -317,7 +300,6 @@ CLAUSES: dict[str, Clause] = {
     "it names the conditions that it reads": names_what_it_reads,
     "it is finite at the ends of every range": is_finite_everywhere,
     "it does nothing at strength 0": vanishes_at_no_strength,
-    "it does something": does_something,
     "it is silent beyond its reach": has_a_sane_reach,
     "what it leaves to calibration is its own": leaves_open_its_own,
     "its state variables are declared and finite": grain_state_is_sound,

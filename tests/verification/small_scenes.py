@@ -236,10 +236,6 @@ def centres(faces: Floats) -> Floats:
     return 0.5 * (faces[1:] + faces[:-1])
 
 
-class Stopped(Exception):
-    """A replica that should have run to its end did not."""
-
-
 @dataclass(frozen=True)
 class Trace:
     """Samples of an ensemble; replicas with fewer grains than others are filled up with NaN."""
@@ -269,10 +265,10 @@ def run_to_end(scenes: Sequence[Scene], seeds: Sequence[int]) -> EnsembleRun:
 
 
 def states(sim: Simulation) -> list[Snapshot]:
-    """Snapshots of all replicas; raises Stopped where one has failed."""
+    """Snapshots of all replicas; raises RuntimeError where one has failed."""
     for replica in range(len(sim.setups)):
         if fault := failure(sim, replica):
-            raise Stopped(f"replica {replica} stopped: {fault}")
+            raise RuntimeError(f"replica {replica} stopped: {fault}")
     return [snapshot(sim, replica) for replica in range(len(sim.setups))]
 
 
@@ -329,16 +325,6 @@ def acceleration(trace: Trace) -> Floats:
     step = np.diff(trace.time, axis=0)[:-1, :, None, None]
     second = trace.position[2:] - 2.0 * trace.position[1:-1] + trace.position[:-2]
     return second / step**2
-
-
-def crossing(time: Floats, value: Floats, level: float = 0.0) -> float:
-    """First time at which a sampled value falls through `level`, interpolated; NaN if it never does."""
-    falls = np.flatnonzero((value[:-1] > level) & (value[1:] <= level))
-    if falls.size == 0:
-        return float("nan")
-    k = int(falls[0])
-    share = (value[k] - level) / (value[k] - value[k + 1])
-    return float(time[k] + share * (time[k + 1] - time[k]))
 
 
 def order(errors: Sequence[float]) -> float:

@@ -4,10 +4,9 @@ V01. A grain in free fall follows the parabola. A leapfrog step reproduces unifo
 only rounding is left: 1e-12 of the path in double precision. In single precision a thousand additions, each
 off by up to half a unit in the last place, leave up to 5e-5; 1e-4 is asked.
 
-V10. A sphere slides or rolls down an incline. It rests on a soft floor (its weight
-dips it by 1e-5 of its radius); the lever arm of friction is the radius, so rigid-body mechanics holds exactly
-apart from the tangential spring, which takes up a slip of about 1e-9 m. Gravity is tilted instead of the
-floor.
+V10. A sphere slides or rolls down an incline. It rests on a soft floor (its weight dips it by 1e-5 of its
+radius); the lever arm of friction is the radius, so rigid-body mechanics holds exactly apart from the
+tangential spring, which takes up a slip of about 1e-9 m. Gravity is tilted instead of the floor.
 
 V11. Rolling resistance, type A (constant torque) and type C (elastic-plastic). A sphere that spins in place
 on a smooth floor is stopped by the torque mu_r R N alone. On a rough incline it rolls with
