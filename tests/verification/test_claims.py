@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from taichi_erosion.cli import source_tree
 from taichi_erosion.cli.main import main
-from taichi_erosion.core import source_tree
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.verification import closed_forms
 from taichi_erosion.verification.claims import Claim, Ladder, Outcome, as_claim, verify
