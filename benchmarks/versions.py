@@ -19,7 +19,7 @@ PIECE = """
 import sys, time
 from dataclasses import replace
 import numpy as np
-from taichi_erosion.benchmark.setups import LAWS, bed_setup, funnel_setup
+from benchmarks.setups import LAWS, bed_setup, funnel_setup
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.simulation import advance, assemble
 case, precision, threads = sys.argv[1], sys.argv[2], int(sys.argv[3])

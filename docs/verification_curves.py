@@ -16,9 +16,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.verification.claim import Claim
-from taichi_erosion.verification.contact import adhesion
-from taichi_erosion.verification.contact.oblique_impact import (
+from taichi_erosion.verification.claims import Claim
+from tests.verification.contact import adhesion
+from tests.verification.contact.oblique_impact import (
     SOLIDS,
     SPINNING,
     impact_at,
@@ -27,8 +27,8 @@ from taichi_erosion.verification.contact.oblique_impact import (
     spinning_impact,
     tangential_restitution,
 )
-from taichi_erosion.verification.reference import contact, published
-from taichi_erosion.verification.reference.contact import rebound
+from tests.verification.reference import contact, published
+from tests.verification.reference.contact import rebound
 
 
 def curves(name: str) -> dict[str, Any]:

@@ -20,9 +20,9 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "taichi_erosion"
 SCENE, STUDY, PAGE = "lid_cavity.toml", "my_lab.toml", "page.html"
 TINY = ("--set", "air.cells=[4, 1, 4]", "--set", "run.duration=0.1", "--no-record")
-SHIPPED_SCENES = (  # timed by `bench`, or those from which `study new` starts
+SHIPPED_SCENES = (  # those from which `study new` starts
     *("column_collapse.toml", "funnel_repose.toml", "impact_threshold.toml", "lifting_cylinder.toml"),
-    *("rotating_drum.toml", "saltation.toml", "tunnel_section.toml", "wind_threshold.toml"),
+    *("rotating_drum.toml", "saltation.toml", "wind_threshold.toml"),
 )
 STUDY_FILES = (STUDY, "my_lab.py", "measured/my_lab.csv")
 COMMANDS = {

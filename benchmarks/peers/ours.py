@@ -31,7 +31,7 @@ def case_setup(deck: str, case: Path) -> tuple[Any, Any, int]:
 
     import numpy as np
 
-    from taichi_erosion.benchmark.setups import LAWS, bed_setup, funnel_setup
+    from benchmarks.setups import LAWS, bed_setup, funnel_setup
 
     with np.load(case) as arrays:
         setup = funnel_setup(arrays) if deck == "pile" else bed_setup(arrays)
@@ -44,7 +44,7 @@ def case_setup(deck: str, case: Path) -> tuple[Any, Any, int]:
 
 def repeat(deck: str, steps: int, case: Path, numerics: Any) -> None:
     """Time the first steps from one state, kernels compiled, once for every line that comes in."""
-    from taichi_erosion.benchmark.grain_cases import rate
+    from benchmarks.grain_cases import rate
     from taichi_erosion.simulation import advance, assemble, export_state, import_state
 
     setup, laws, untimed = case_setup(deck, case)
@@ -61,8 +61,8 @@ def ensemble(steps: int, case: Path, numerics: Any, count: int) -> None:
     """One bed under as many frictions, as replicas."""
     import numpy as np
 
-    from taichi_erosion.benchmark.grain_cases import touching_pairs
-    from taichi_erosion.benchmark.setups import LAWS, bed_setup
+    from benchmarks.grain_cases import touching_pairs
+    from benchmarks.setups import LAWS, bed_setup
     from taichi_erosion.simulation import advance, assemble, totals
 
     with np.load(case) as arrays:

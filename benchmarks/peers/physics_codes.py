@@ -27,7 +27,7 @@ from benchmarks.peers.physics_column import (
     surface_energy,
 )
 from benchmarks.peers.physics_measures import Rest
-from taichi_erosion.benchmark.setups import bed_setup
+from benchmarks.setups import bed_setup
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.grains.materials import damping_ratio
 from taichi_erosion.simulation import advance, assemble, failure, snapshot

@@ -14,8 +14,8 @@ from benchmarks.peers.cases import Floats
 from benchmarks.peers.codes import Peer
 from benchmarks.peers.physics_codes import Failed, called
 from benchmarks.peers.physics_measures import Numbers
-from taichi_erosion.verification.contact import adhesion
-from taichi_erosion.verification.reference import contact as jkr
+from tests.verification.contact import adhesion
+from tests.verification.reference import contact as jkr
 
 POISSON = 0.29  # 1; only E* counts
 PATH_STEPS = 20_000  # of the deck

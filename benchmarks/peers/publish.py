@@ -9,8 +9,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.page import fill
 from benchmarks.peers.compare import MEGA, Row, Sample, summary
-from benchmarks.speed_page import fill
 from taichi_erosion.report.markdown import markdown_table
 
 DOCS = Path(__file__).parents[2] / "docs"

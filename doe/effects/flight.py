@@ -29,7 +29,7 @@ from taichi_erosion.simulation import (
     snapshot,
     spin_up_wind,
 )
-from taichi_erosion.verification.reference.flow import Stream, two_limits
+from tests.verification.reference.flow import Stream, two_limits
 
 Floats = NDArray[np.float64]
 

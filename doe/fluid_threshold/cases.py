@@ -8,7 +8,7 @@ from pathlib import Path
 from doe.common import beds
 from doe.common.cases import Case, settings, size_order
 from doe.common.tables import read_table, write_table
-from taichi_erosion.verification.reference.hopping import Sand
+from tests.verification.reference.hopping import Sand
 
 FOLDER = Path(__file__).parent
 TABLE = FOLDER / "beds.csv"

@@ -22,7 +22,7 @@ from doe.wind.blown_sand import OURS, THEIRS
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.report.markdown import fill_tables, markdown_table
-from taichi_erosion.verification.reference.hopping import GRAVITY
+from tests.verification.reference.hopping import GRAVITY
 
 PAGE = FOLDER / "README.md"
 PICTURE = ROOT / "docs" / "pictures" / "fluid_threshold.png"

@@ -35,7 +35,7 @@ from taichi_erosion.report.markdown import fill_tables, markdown_table
 from taichi_erosion.scene import Scene, parse_scene
 from taichi_erosion.simulation import assemble, prepare, snapshot, spin_up_wind
 from taichi_erosion.simulation.wind_driver import air_profile
-from taichi_erosion.verification.reference.flow import Stream, two_limits
+from tests.verification.reference.flow import Stream, two_limits
 
 FOLDER = Path(__file__).parent
 RESULTS, PAGE = FOLDER / "results.csv", FOLDER / "README.md"

@@ -16,8 +16,8 @@ from doe.wind.blown_sand import IN_EVERY_CONTACT
 from doe.wind.page import publish
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.effects.dry_adhesion import Params
-from taichi_erosion.verification.reference.hopping import GRAVITY, Sand, hopping_threshold
-from taichi_erosion.verification.wind.saltation import SMALLEST, at_rest, roughness, winds_over_beds
+from tests.verification.reference.hopping import GRAVITY, Sand, hopping_threshold
+from tests.verification.wind.saltation import SMALLEST, at_rest, roughness, winds_over_beds
 
 FOLDER = Path(__file__).parent
 TABLES = {

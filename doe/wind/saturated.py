@@ -19,7 +19,7 @@ from doe.common.command import words
 from doe.wind.blown_sand import BARE, IN_EVERY_CONTACT, STICKY
 from doe.wind.run import ADHESION, DIAMETERS, EACH, FINE, bond_number
 from doe.wind.saturated_sand import LIGHT
-from taichi_erosion.verification.reference.hopping import Sand, hopping_threshold
+from tests.verification.reference.hopping import Sand, hopping_threshold
 
 TABLE = Path(__file__).with_name("saturated.csv")
 SCENE = "scenes/saltation.toml"

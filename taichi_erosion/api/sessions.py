@@ -23,7 +23,7 @@ class LiveSession:
     ) -> None:
         from taichi_erosion.run.session import open_session
         from taichi_erosion.run.session_queries import keep_sample
-        from taichi_erosion.verification.effect_examination import refuse_unusable
+        from taichi_erosion.verification.effect_contract import refuse_unusable
 
         files = [Path(file) for file in effect_files]
         refuse_unusable(files)

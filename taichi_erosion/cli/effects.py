@@ -149,7 +149,7 @@ def show_library(library: "list[Effect]", as_json: bool) -> None:
 
 def show_effect(effect: "Effect", as_json: bool) -> None:
     """Page of one effect: law, parameters, verification table, measured shifts."""
-    from taichi_erosion.verification.effect_examination import examine
+    from taichi_erosion.verification.effect_contract import examine
 
     found = examine(effect)
     checks, breaches = list(found.table), list(found.breaches)

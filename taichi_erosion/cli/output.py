@@ -107,7 +107,7 @@ def examined_effects(found: Sequence[Record]) -> Iterator[str]:
     """Sentences on the check of effect files."""
     if not found:
         return
-    from taichi_erosion.verification.effect_examination import examined_words
+    from taichi_erosion.verification.effect_contract import examined_words
 
     yield from (("warning: " if each["breaches"] else "") + examined_words(each) for each in found)
 

@@ -1,22 +1,33 @@
-"""The contract that every effect keeps, checked on one effect at a time.
+"""The contract that every effect keeps, and the check of one effect against it.
 
 Each clause gives one sentence for every breach of it, and nothing for an effect that keeps it. The device
-must have been started.
+must have been started for clauses; `examine` starts it.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from difflib import get_close_matches
-from math import isclose, isfinite
+from math import inf, isclose, isfinite
+from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 
+from taichi_erosion.core.device import start_device, stop_device
 from taichi_erosion.core.effect import Check, Effect, Probe, check_range, documented
-from taichi_erosion.core.effect_loading import checked_number, compile_failure, failures_of, line_of
-from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsified, probe_of
+from taichi_erosion.core.effect_file import EffectFile, read_effect_files
+from taichi_erosion.core.effect_loading import (
+    checked_number,
+    compile_failure,
+    effect_in,
+    failures_of,
+    line_of,
+)
+from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsified, make_bench, probe_of
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Numerics
 from taichi_erosion.mechanisms.law import numbers_in
 from taichi_erosion.scene import Scene, resolved
 from taichi_erosion.scene.change import sample_scene
@@ -38,10 +49,7 @@ CONDITIONS = {  # a laboratory that states every condition
     "friction_velocity": 0.35,
 }
 WIND = {"length": 0.02, "width": 0.01, "height": 0.05}
-UNIT_OF = (
-    "unit of "  # first words of a unit that follows another number, such as the reading of an instrument
-)
-ENDS = ("low", "high")  # of the range of a parameter
+UNIT_OF = "unit of "  # first words of a unit that follows another number, as the reading of an instrument
 RESTING = TYPICAL["grain"] | {"velocity": (0.0, 0.0, 0.0), "spin": (0.0, 0.0, 0.0), "interval": 1.0}
 READINGS = ("repose_angle", "threshold_u_star", "fluid_threshold_stress", "flux", "pile_height")
 
@@ -88,28 +96,35 @@ def scenes_for(effect: Effect) -> list[dict[str, Any]]:
     return [{"conditions": conditions}, {"conditions": conditions, "wind": WIND}]
 
 
+def columns_for(effect: Effect) -> dict[str, Any]:
+    """One row of a table that states every condition."""
+    return {name: np.array([1.0]) for name in conditions_for(effect)}
+
+
+def extreme_params(effect: Effect) -> Iterator[tuple[str, Any]]:
+    """Parameters with the one of that name at an end of its range and defaults besides."""
+    for f in fields(effect.params):
+        for end in ("low", "high"):
+            yield f.name, replace(effect.params(), **{f.name: f.metadata[end]})
+
+
 def table_is_right(effect: Effect, probe: Probe) -> Iterator[str]:
     """The verification table has at least three lines, and all are right."""
     table = list(effect.checks(probe))
     if len(table) < LEAST_CHECKS:
         yield f"its table has {len(table)} lines; at least {LEAST_CHECKS} are needed"
-    for check in table:
-        if not holds(check):
-            yield f"{check.claim}: got {check.got:.6g}, want {check.want:.6g}"
+    yield from (f"{c.claim}: got {c.got:.6g}, want {c.want:.6g}" for c in table if not holds(c))
 
 
 def parameters_are_pinned(effect: Effect, probe: Probe) -> Iterator[str]:
     """Making any one parameter wrong by 10 % breaks some line of the table."""
-    for name in (f.name for f in fields(effect.params)):
-        if all(holds(check) for check in effect.checks(falsified(probe, name, WRONG))):
-            yield f"no line of its table notices that {name} is wrong by 10 %"
+    for f in fields(effect.params):
+        if all(holds(check) for check in effect.checks(falsified(probe, f.name, WRONG))):
+            yield f"no line of its table notices that {f.name} is wrong by 10 %"
 
 
 def parameters_are_documented(effect: Effect, probe: Probe) -> Iterator[str]:
     """Parameters carry unit, meaning and a finite range that holds their default."""
-    if not is_dataclass(effect.params):
-        yield "params is not a dataclass"
-        return
     for f in fields(effect.params):
         if not is_declared(f):
             yield f"{f.name} is declared without unit or meaning; use quantity"
@@ -123,24 +138,22 @@ def parameters_are_documented(effect: Effect, probe: Probe) -> Iterator[str]:
         yield str(error)
 
 
+def is_declared(f: Any) -> bool:
+    """Whether a number is declared with unit and meaning."""
+    return documented(f) and bool(f.metadata["meaning"]) and bool(f.metadata["unit"])
+
+
 def unit_problems(f: Any) -> Iterator[str]:
     """A unit that is not known, or not that of SI; an angle may be in degrees."""
     unit = f.metadata["unit"]
     if unit.startswith(UNIT_OF):
         return
     try:
-        factor = parse_unit(unit).factor
+        if parse_unit(unit).factor != 1.0 and unit != "deg":
+            yield f"{f.name} is declared in {unit}; numbers of an effect are in SI units, or in deg"
     except UnknownUnit as error:
         hint = error.hint or "write for example N m-1 or 1"
         yield f"{f.name} has the unit '{unit}', which is not known; {hint}"
-        return
-    if factor != 1.0 and unit != "deg":
-        yield f"{f.name} is declared in {unit}; numbers of an effect are in SI units, or in deg"
-
-
-def is_declared(f: Any) -> bool:
-    """Whether a number is declared with unit and meaning."""
-    return documented(f) and bool(f.metadata["meaning"]) and bool(f.metadata["unit"])
 
 
 def grain_state_is_sound(effect: Effect, probe: Probe) -> Iterator[str]:
@@ -150,7 +163,7 @@ def grain_state_is_sound(effect: Effect, probe: Probe) -> Iterator[str]:
     for f in fields(effect.grain_state):
         if not is_declared(f):
             yield f"grain_state.{f.name} is declared without unit or meaning; use quantity"
-    for params in (effect.params(), *extreme_params(effect)):
+    for _, params in (("", effect.params()), *extreme_params(effect)):
         for state in reached_states(effect, probe, params, 1.0):
             if not np.all(np.isfinite(list(asdict(state).values()))):
                 yield f"with {params} a state variable is not finite"
@@ -159,9 +172,9 @@ def grain_state_is_sound(effect: Effect, probe: Probe) -> Iterator[str]:
 def is_described(effect: Effect, probe: Probe) -> Iterator[str]:
     """Docstring with a reference and what strength does; title, prior, conditions that exist."""
     doc = effect.doc or ""
-    for word in ("Reference:", "trength", "Holds"):
-        if word not in doc:
-            yield f"its docstring lacks '{word}'"
+    yield from (
+        f"its docstring lacks '{word}'" for word in ("Reference:", "trength", "Holds") if word not in doc
+    )
     if not effect.title:
         yield "it has no title"
     if not 0.0 < effect.prior_scale <= effect.most:
@@ -175,14 +188,8 @@ def is_described(effect: Effect, probe: Probe) -> Iterator[str]:
         yield "can_act does not give a mask"
 
 
-def columns_for(effect: Effect) -> dict[str, Any]:
-    """One row of a table that states every condition."""
-    return {name: np.array([1.0]) for name in conditions_for(effect)}
-
-
 def names_what_it_reads(effect: Effect, probe: Probe) -> Iterator[str]:
     """Every condition that it reads stands in `reads`: a study sets no other one in its runs."""
-    del probe
     known, row = RecordedConditions(conditions_for(effect)), RecordedConditions(columns_for(effect))
     params = effect.params()
     effect.can_act(row)
@@ -194,63 +201,42 @@ def names_what_it_reads(effect: Effect, probe: Probe) -> Iterator[str]:
             effect.act(params, 1.0, known, sample_scene(**sections))
     for name in READINGS if effect.place == "instrument" else ():
         effect.act(params, 1.0, known, name, 0.3)
-    if known.walked or row.walked:
-        return
-    for name in sorted((known.read | row.read) - {*effect.reads, *OF_SCENE}):
-        yield f"it reads the condition '{name}', which its entry reads = (...) does not name"
+    if not (known.walked or row.walked):
+        for name in sorted((known.read | row.read) - {*effect.reads, *OF_SCENE}):
+            yield f"it reads the condition '{name}', which its entry reads = (...) does not name"
 
 
 def is_finite_everywhere(effect: Effect, probe: Probe) -> Iterator[str]:
     """All its numbers are finite at both ends of every range; a scene may be refused with a clear line."""
-    names = [f.name for f in fields(effect.params) for _ in ENDS]
-    for name, params in zip(names, extreme_params(effect), strict=True):
+    for name, params in extreme_params(effect):
         if not np.all(np.isfinite(effect_numbers(effect, probe, params, 1.0))):
             yield f"{name} = {getattr(params, name):g} gives a number that is not finite"
 
 
-def extreme_params(effect: Effect) -> list[Any]:
-    """Default parameters with one of them at an end of its range, parameter by parameter."""
-    declared = [(f.name, f.metadata[end]) for f in fields(effect.params) for end in ENDS]
-    return [replace(effect.params(), **{name: value}) for name, value in declared]
-
-
 def vanishes_at_no_strength(effect: Effect, probe: Probe) -> Iterator[str]:
     """At strength 0 it does nothing, to the last bit."""
-    params = effect.params()
+    params, known = effect.params(), conditions_for(effect)
     if effect.place == "scene":
-        for scene in scenes_for(effect):
-            before = sample_scene(**scene)
-            if effect.act(params, 0.0, conditions_for(effect), before) != before:
-                yield "it changes the scene at strength 0"
+        scenes = [sample_scene(**sections) for sections in scenes_for(effect)]
+        yield from (
+            "it changes the scene at strength 0"
+            for scene in scenes
+            if effect.act(params, 0.0, known, scene) != scene
+        )
     elif effect.place == "instrument":
-        if any(effect.act(params, 0.0, conditions_for(effect), name, 0.3) != 0.3 for name in READINGS):
+        if any(effect.act(params, 0.0, known, name, 0.3) != 0.3 for name in READINGS):
             yield "it changes a reading at strength 0"
     elif np.any(effect_numbers(effect, probe, params, 0.0) != 0.0):
         yield "it acts at strength 0"
-
-
-def does_something(effect: Effect, probe: Probe) -> Iterator[str]:
-    """Some line of its table is another one without the effect, at strength 0."""
-
-    def without(params: Any, conditions: Mapping[str, float], **members: Any) -> Any:
-        return probe(params, conditions, **(members | {"strength": 0.0}))
-
-    found: tuple[list[float], list[float]] = ([], [])
-    for each, got in zip((probe, without), found, strict=True):
-        with suppress(Exception):  # a line that cannot be computed without the effect is another one
-            got.extend(check.got for check in effect.checks(each))
-    if found[0] and found[0] == found[1]:
-        yield "every line of its table is the same without it"
 
 
 def has_a_sane_reach(effect: Effect, probe: Probe) -> Iterator[str]:
     """A pair effect is silent beyond its reach, which is finite and not negative."""
     if effect.place != "pair" or effect.constants is None:
         return
-    reach = effect.reach(
-        effect.constants(effect.params(), 1.0, conditions_for(effect)), TYPICAL["pair"]["radius_i"]
-    )
-    if not 0.0 <= reach < float("inf"):
+    constants = effect.constants(effect.params(), 1.0, conditions_for(effect))
+    reach = effect.reach(constants, TYPICAL["pair"]["radius_i"])
+    if not 0.0 <= reach < inf:
         yield f"its reach is {reach}"
         return
     beyond = TYPICAL["pair"] | {"gap": 1.001 * reach + 1e-9, "stiffness": 0.0}
@@ -261,40 +247,36 @@ def has_a_sane_reach(effect: Effect, probe: Probe) -> Iterator[str]:
 
 def leaves_open_its_own(effect: Effect, probe: Probe) -> Iterator[str]:
     """Numbers that are left to calibration are parameters of the effect, and have a prior with a width."""
-    del probe
     for name, sd in effect.uncertain.items():
         if name not in {f.name for f in fields(effect.params)}:
             yield f"uncertain.{name} is none of its parameters"
-        elif not 0.0 < sd < float("inf"):
+        elif not 0.0 < sd < inf:
             yield f"uncertain.{name} = {sd} is no standard deviation"
 
 
 def effect_numbers(effect: Effect, probe: Probe, params: Any, strength: float) -> Any:
     """All numbers that an effect gives in a typical situation."""
+    known = conditions_for(effect)
     if effect.place == "scene":
-        scenes = scenes_for(effect)
-        return np.array([n for scene in scenes for n in scene_numbers(probe, params, strength, scene)])
+        numbers = [scene_numbers(probe, params, strength, sections) for sections in scenes_for(effect)]
+        return np.concatenate(numbers)
     if effect.place == "instrument":
-        known = conditions_for(effect)
         shown = (effect.act(params, strength, known, name, 0.3) for name in READINGS)
         return np.array([checked_number(effect, one) for one in shown])
-    situation = TYPICAL[effect.place]
+    members = TYPICAL[effect.place] | {"strength": strength}
     if effect.grain_state is None:
-        return np.ravel(probe(params, conditions_for(effect), strength=strength, **situation))
-    found = [
-        probe(params, conditions_for(effect), strength=strength, state_i=state, **situation)
-        for state in reached_states(effect, probe, params, strength)
-    ]
-    return np.concatenate([np.ravel(one) for one in found])
+        return np.ravel(probe(params, known, **members))
+    states = reached_states(effect, probe, params, strength)
+    return np.concatenate([np.ravel(probe(params, known, state_i=state, **members)) for state in states])
 
 
 def reached_states(effect: Effect, probe: Probe, params: Any, strength: float) -> list[Any]:
     """States of a grain that has entered, after a long rest, and after a flight that follows it."""
-    known = conditions_for(effect)
-    found = [probe(params, known, strength=strength, state_before=None, **RESTING)]
-    for situation in (RESTING, TYPICAL["grain"]):
-        found.append(probe(params, known, strength=strength, state_before=found[-1], **situation))
-    return found
+    found: list[Any] = [None]
+    for situation in (RESTING, RESTING, TYPICAL["grain"]):
+        before = {"strength": strength, "state_before": found[-1]}
+        found.append(probe(params, conditions_for(effect), **before, **situation))
+    return found[1:]
 
 
 def scene_numbers(probe: Probe, params: Any, strength: float, sections: dict[str, Any]) -> list[float]:
@@ -318,7 +300,6 @@ CLAUSES: dict[str, Clause] = {
     "it names the conditions that it reads": names_what_it_reads,
     "it is finite at the ends of every range": is_finite_everywhere,
     "it does nothing at strength 0": vanishes_at_no_strength,
-    "it does something": does_something,
     "it is silent beyond its reach": has_a_sane_reach,
     "what it leaves to calibration is its own": leaves_open_its_own,
     "its state variables are declared and finite": grain_state_is_sound,
@@ -356,3 +337,55 @@ def told(name: str, clause: Clause, effect: Effect, probe: Probe) -> list[str]:
             return [reason]
         words = " ".join(f"{type(error).__name__}: {error}".split())
         return [f"{name}: cannot be told{line_of(error)}: {words}"]
+
+
+@dataclass(frozen=True)
+class Examination:
+    """What a check of one effect found."""
+
+    table: tuple[Check, ...]  # verification table, as far as it can be computed
+    unusable: str | None  # why it cannot act at all
+    breaches: tuple[str, ...]  # everything in which it breaks the contract
+    seconds: float  # that the check took
+
+
+def examine(effect: Effect) -> Examination:
+    """Check of one effect against the contract, on a device that is started for it and released."""
+    started, table = perf_counter(), []
+    start_device(Numerics(threads=1))
+    bench = make_bench()
+    try:
+        reason = unusable(effect, bench)
+        with suppress(Exception):  # the contract names what is missing
+            if reason is None:
+                for check in effect.checks(probe_of(effect, bench)):
+                    table.append(check)
+        broken = [reason] if reason is not None else breaches(effect, bench)
+        return Examination(tuple(table), reason, tuple(broken), perf_counter() - started)
+    finally:
+        stop_device()
+
+
+def examined_file(file: EffectFile) -> dict[str, Any]:
+    """Name, breaches and time [s] of the check of the effect of a file. Raises BadInput if it cannot act."""
+    effect = effect_in(file)
+    found = examine(effect)
+    if found.unusable is not None:
+        raise BadInput(f"{file}: effect '{effect.name}' cannot act: {found.unusable}")
+    checked = {"breaches": list(found.breaches), "wall_s": found.seconds}
+    return {"effect": effect.name, "file": str(file)} | checked
+
+
+def refuse_unusable(paths: Iterable[Path]) -> list[dict[str, Any]]:
+    """Checks of effect files before a session. Raises BadInput where an effect cannot act."""
+    return [examined_file(file) for file in read_effect_files(paths)]
+
+
+def examined_words(found: Mapping[str, Any]) -> str:
+    """One sentence on the check of a file."""
+    told = f"effect '{found['effect']}' of {found['file']}"
+    if not found["breaches"]:
+        return f"{told} compiles and keeps the contract of effects (checked in {found['wall_s']:.1f} s)"
+    first, *others = found["breaches"]
+    listed = f"{len(others)} more: `effects {found['effect']} --effect {found['file']}` lists them"
+    return f"{told} breaks the contract of effects: {first}{f' (and {listed})' if others else ''}"

@@ -138,20 +138,6 @@ def test_grains_in_a_funnel_start_without_touching_each_other_or_the_funnel(coun
     assert bottom < pile.position[:, 2].min() < pile.position[:, 2].max() < top
 
 
-def test_funnels_of_different_grain_counts_have_the_same_shape():
-    small, large = funnel_pile(2000), funnel_pile(10_000)
-    scale = (10_000 / 2000) ** (1 / 3)
-    for length in ("orifice_radius", "funnel_bottom", "funnel_height", "half_width"):
-        assert getattr(large, length) == pytest.approx(scale * getattr(small, length))
-
-
-def test_the_corners_of_the_funnel_mesh_lie_on_the_cone():
-    pile = funnel_pile(2000)
-    corners = funnel_triangles(pile).reshape(-1, 3)
-    radius = np.hypot(corners[:, 0], corners[:, 1])
-    np.testing.assert_allclose(radius, pile.orifice_radius + corners[:, 2] - pile.funnel_bottom, rtol=1e-12)
-
-
 def test_ratios_compare_runs_of_the_same_round_and_leave_out_disturbed_ones():
     def run(code: str, turn: int, rate: float, foreign: float = 0.0) -> Sample:
         return Sample("bed10k", 1, code, turn, rate, 4.4, 0, foreign)

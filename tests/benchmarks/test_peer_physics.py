@@ -16,43 +16,24 @@ from benchmarks.peers.physics_cases import (
     weight,
     young_effective,
 )
-from benchmarks.peers.physics_codes import (
-    LAMMPS_TSUJI,
-    ROLLING_SPRING,
-    lammps_normal,
-    lammps_restitution,
-    lammps_wall_restitution,
-)
+from benchmarks.peers.physics_codes import ROLLING_SPRING, lammps_normal
 from benchmarks.peers.physics_column import (
-    BOX_D,
-    FREE,
     ONE_LAW,
     POISSON,
     STICKY,
     STICKY_FREE,
-    TUBE_D,
     USUAL,
     column_scene,
     column_soil,
-    lammps_rolling,
     rolling_spring,
     surface_energy,
 )
-from benchmarks.peers.physics_impact import IMPACT, LAWS, SPEED, oblique, speed_left
-from benchmarks.peers.physics_measures import (
-    CLOSE,
-    Rest,
-    bed_numbers,
-    close_numbers,
-    depth,
-    heap_numbers,
-    stack_numbers,
-    touching,
-)
+from benchmarks.peers.physics_impact import IMPACT, LAWS, speed_left
+from benchmarks.peers.physics_measures import CLOSE, Rest, bed_numbers, close_numbers, depth, touching
 from benchmarks.peers.physics_pair import pair_numbers
 from taichi_erosion.scene import build_setup
-from taichi_erosion.verification.contact import adhesion
-from taichi_erosion.verification.reference import contact as jkr
+from tests.verification.contact import adhesion
+from tests.verification.reference import contact as jkr
 
 STACK = 5
 
@@ -76,14 +57,6 @@ def test_a_stack_in_equilibrium_carries_its_weight_by_normal_forces_alone():
     assert found["stress across over along the vertical, normal forces"] == pytest.approx(0.0)
     assert found["contacts of a grain with grains"] == pytest.approx(2.0 * (STACK - 1) / STACK)
     assert found["kinetic energy of a grain, 1e-6 m g d"] == 0.0
-
-
-def test_two_grains_of_the_stack_rest_at_hertz_depths():
-    place = stack().position
-    place[:, 2] = [0.5 * SOIL.diameter - depth(2.0, 0.5), 0.0, 0.0, 0.0, 0.0]
-    place[1, 2] = place[0, 2] + SOIL.diameter - depth(1.0, 0.25)
-    found = dict(stack_numbers(Rest(place[:2], place[:2], place[:2])))
-    assert list(found.values()) == pytest.approx([1.0, 1.0])
 
 
 def test_grains_touch_across_the_sides_of_the_periodic_box():
@@ -119,23 +92,11 @@ def test_the_decks_are_told_the_grains_of_our_scene():
     assert soil.poisson == POISSON
 
 
-def test_our_rolling_spring_is_that_of_epsd2_where_one_law_is_promised():
-    soil = column_soil(ONE_LAW)
-    ours, theirs = 4.5 * young_effective(soil) * soil.friction_rolling**2, 8.0 * shear_effective(soil)
-    assert ours == pytest.approx(theirs)
-
-
 def test_the_rolling_spring_of_lammps_in_the_beds_is_ours_under_five_weights():
     contact_radius = np.sqrt(0.25 * SOIL.diameter * depth(5.0, 0.25))
     spring = 4.5 * young_effective(SOIL) * contact_radius * SOIL.friction_rolling**2
     assert rolling_spring(SOIL, 0.25 * SOIL.diameter, load=5.0) == pytest.approx(spring)
     assert pytest.approx(spring, rel=0.02) == ROLLING_SPRING
-
-
-def test_without_rolling_friction_no_code_has_a_law_of_rolling():
-    assert column_scene(FREE).laws.rolling == "none"
-    assert lammps_rolling(FREE)["rolling_grain"] == "rolling none"
-    assert column_scene(USUAL).laws.rolling == "elastic_plastic"
 
 
 def test_sticky_grains_pull_each_other_with_two_weights_and_walls_with_nothing():
@@ -165,22 +126,6 @@ def test_grains_with_a_stretched_neck_count_as_neighbours():
     assert found == pytest.approx(2.0 / 3.0)
 
 
-def test_the_rim_stands_between_the_tube_and_the_sides_of_the_box():
-    for column in (FREE, ONE_LAW, USUAL, STICKY_FREE, STICKY):
-        assert TUBE_D < column.rim_d < BOX_D
-
-
-def test_grains_of_lammps_part_at_0616_when_told_05_as_one_bounce_showed():
-    # the bounce is doe/lab_c/bounce.lmp, told to three digits
-    assert lammps_restitution(0.616) == pytest.approx(0.5, abs=1e-3)
-
-
-def test_a_wall_of_lammps_is_told_what_its_polynomial_makes_right_when_applied_twice():
-    for restitution in (0.5, 0.9):
-        entered = lammps_restitution(restitution)
-        assert np.polyval(LAMMPS_TSUJI, lammps_wall_restitution(entered)) == pytest.approx(entered)
-
-
 def test_a_sliding_impact_exchanges_friction_times_the_normal_momentum():
     soil = replace(column_soil(IMPACT), friction_wall=0.05, friction_rolling=0.0)
     exact = 1.0 - soil.friction_wall * (1.0 + soil.restitution)
@@ -199,22 +144,6 @@ def test_a_slider_that_feels_the_damper_brakes_a_grain_less():
     by_spring = replace(LAWS["LIGGGHTS epsd2"], whole=False)
     assert speed_left(by_spring, hard) == pytest.approx(speed_left(LAWS["LIGGGHTS epsd2"], hard), rel=0.02)
     assert speed_left(by_spring, soil) < 0.95 * epsd2
-
-
-def test_the_oblique_grain_starts_above_the_plate():
-    start = oblique()
-    assert start.position[0, 2] > 0.5 * column_soil(IMPACT).diameter
-    assert start.velocity[0].tolist() == [SPEED, 0.0, -SPEED]
-
-
-def test_a_heap_that_falls_by_a_diameter_has_the_energy_of_one_weight():
-    soil = column_soil(FREE)
-    place = np.random.default_rng(0).uniform(0.0, 20.0 * soil.diameter, (50, 3))
-    speed = np.zeros_like(place)
-    speed[:, 2] = np.sqrt(2.0 * soil.gravity * soil.diameter)
-    found = dict(heap_numbers(Rest(place, speed, 0.0 * speed), soil, flank=False))
-    assert found["energy of translation of a grain, 1e-7 m g d"] == pytest.approx(1e7)
-    assert found["mean height of the grains, d"] == pytest.approx(place[:, 2].mean() / soil.diameter)
 
 
 def test_landmarks_of_the_closed_form_are_found_on_its_own_curve():

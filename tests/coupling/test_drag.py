@@ -7,7 +7,7 @@ from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling import drag
-from taichi_erosion.verification.reference.flow import LAWS, Stream
+from tests.verification.reference.flow import LAWS, Stream
 
 DENSITY, VISCOSITY = 1.225, 1.789e-5  # kg m-3, Pa s
 MASS = 2e-8  # kg

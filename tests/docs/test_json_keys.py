@@ -12,9 +12,9 @@ from taichi_erosion.cli.main import main
 from taichi_erosion.evidence.data import findings, fresh_findings, mechanism_findings
 from taichi_erosion.evidence.prediction.predict import PredictedRow, PredictiveCheck
 from taichi_erosion.scene.schema.units import Scale
-from taichi_erosion.verification import claims
-from taichi_erosion.verification.claim import Outcome
+from taichi_erosion.verification.claims import Outcome
 from tests.evidence.small_study import MODEL, STUDY, write_study
+from tests.verification import ladder
 
 PAGE = (Path(__file__).parents[2] / "docs" / "json.md").read_text("utf-8")
 SECTION = re.compile(r"^#{2,3} (?P<name>.+)$", re.MULTILINE)
@@ -180,8 +180,8 @@ def test_held_out_rows_are_told_of_the_effects_that_were_named(tmp_path, capsys)
 
 
 def test_verify_prints_the_keys_of_the_page(monkeypatch, capsys):
-    monkeypatch.setattr(claims, "CHECKS", {"V01": lambda: iter([Outcome("holds", 1.0, 1.0, 0.0, "f64")])})
-    assert main(["verify", "--json"]) == 0
+    monkeypatch.setitem(ladder.CHECKS, "V01", lambda: iter([Outcome("holds", 1.0, 1.0, 0.0, "f64")]))
+    assert main(["verify", "V01", "--json"]) == 0
     check_record(json.loads(capsys.readouterr().out), TABLES["verify"], "verify")
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from docs.build import count
 from docs.verification_curves import markdown_table
-from taichi_erosion.verification.claim import Outcome, as_claim
+from taichi_erosion.verification.claims import Outcome, as_claim
 
 pytestmark = pytest.mark.docs
 DOCS = Path(__file__).resolve().parents[2] / "docs"

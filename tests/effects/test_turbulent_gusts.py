@@ -15,8 +15,8 @@ from taichi_erosion.core.transfer import read, upload
 from taichi_erosion.coupling.drag import LAWS, drag_law
 from taichi_erosion.effects import load_library
 from taichi_erosion.effects.turbulent_gusts import EFFECT, Params
-from taichi_erosion.verification.reference.flow import LAWS as REFERENCE
-from taichi_erosion.verification.reference.flow import Stream
+from tests.verification.reference.flow import LAWS as REFERENCE
+from tests.verification.reference.flow import Stream
 
 GUSTS = Params()
 FRICTION_VELOCITY, WIND = 0.4, 3.0  # m s-1

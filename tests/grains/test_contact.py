@@ -11,7 +11,7 @@ from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.contact import compile_contact_laws, contact_force
 from taichi_erosion.grains.laws.mindlin import tangential_force
 from taichi_erosion.grains.materials import allocate_materials, upload_materials
-from taichi_erosion.verification.reference.contact import AdhesivePair, branch_force
+from tests.verification.reference.contact import AdhesivePair, branch_force
 
 pytestmark = pytest.mark.engine
 

@@ -29,7 +29,7 @@ SHIFT = {
 
 
 def test_drag_at_the_balance_of_a_bare_grain_is_its_weight_over_two_roots_of_two():
-    from taichi_erosion.verification.reference.flow import Stream, two_limits
+    from tests.verification.reference.flow import Stream, two_limits
 
     wind = expected_threshold(BARE)
     slip = wind**2 * 0.5 * BARE.diameter / 1.46e-5

@@ -1,11 +1,66 @@
-"""How the threshold of saturated transport is read off winds well above it, and how scenes scale."""
+"""How thresholds of saturated transport and places of landing are read, against geometry and lines."""
 
-from math import isnan, nan
+from math import isnan, log, nan, pi, sqrt
 
+import numpy as np
 import pytest
 
-from taichi_erosion.scene.build.sizes import nominal_diameter
-from taichi_erosion.verification.wind.saltation import AIR, STEADY, ends, scaled, steady, stresses, vanishing
+from taichi_erosion.core.snapshot import Snapshot
+from tests.verification.reference.hopping import KARMAN
+from tests.verification.wind.saltation import (
+    AIR,
+    DROPS,
+    STEADY,
+    ends,
+    landing_heights,
+    roughness,
+    stresses,
+    vanishing,
+)
+
+DIAMETER = 2.5e-4  # m
+
+
+def bed(*places: tuple[float, float, float]) -> Snapshot:
+    """Grains of one size at given places, in diameters."""
+    count = len(places)
+    return Snapshot(
+        time=0.0,
+        step=0,
+        position=DIAMETER * np.array(places),
+        velocity=np.zeros((count, 3)),
+        spin=np.zeros((count, 3)),
+        radius=np.full(count, 0.5 * DIAMETER),
+        mass=np.ones(count),
+        contacts=np.zeros(count, np.int32),
+        ident=np.arange(count, dtype=np.int32),
+        waiting=0,
+    )
+
+
+def test_a_grain_lands_on_another_as_on_a_cap_of_twice_its_radius():
+    # over a patch of A, a cap of radius d covers pi d^2 and is 2/3 d high in the mean; else the floor carries
+    side = 3.0
+    share = pi / side**2
+    want = share * (0.5 + 2.0 / 3.0) + (1.0 - share) * 0.5
+    heights = landing_heights(bed((0.1, 2.9, 0.5)), DIAMETER * np.array([side, side]), DIAMETER)
+    # sd of one place is 0.34 d; four standard errors of the mean
+    assert heights.mean() / DIAMETER == pytest.approx(want, abs=4.0 * 0.34 / sqrt(DROPS))
+    assert heights.max() / DIAMETER == pytest.approx(1.5, abs=0.01)
+
+
+def test_a_grain_lands_on_the_higher_of_two():
+    heights = landing_heights(
+        bed((0.5, 0.5, 0.5), (0.5, 0.5, 4.0)), DIAMETER * np.array([1.0, 1.0]), DIAMETER
+    )
+    # every place of so small a patch is within 0.71 d of the upper grain
+    assert heights.min() / DIAMETER > 4.0 + sqrt(1.0 - 0.5) - 1e-9
+
+
+def test_the_roughness_of_a_log_law_is_found_again():
+    z0, friction = 1e-5, 0.3
+    assert roughness(lambda z: friction / KARMAN * log(z / z0), friction, 0.02) == pytest.approx(z0, rel=1e-9)
+
 
 THRESHOLD = 0.17  # m s-1
 
@@ -44,21 +99,3 @@ def test_transport_that_was_not_measured_has_no_threshold():
     nothing = [{"bed_stress": nan, "grain_stress": nan, "flux": nan} for _ in STEADY]
     assert isnan(vanishing(nothing, "grain_stress").middle)
     assert ends(vanishing([{} for _ in STEADY], "flux")) == "no wind"
-
-
-def test_winds_and_times_go_with_the_root_of_the_diameter():
-    stage = {"name": "blow", "duration_max": 2.0, "friction_velocity": 0.3}
-    assert scaled(stage, 4.0) == {"name": "blow", "duration_max": 4.0, "friction_velocity": 0.6}
-
-
-def test_a_patch_counts_in_diameters():
-    small, large = (steady(size, STEADY[0]) for size in (1.0, 2.0))
-    assert small.wind is not None
-    assert large.wind is not None
-    assert large.wind.length == pytest.approx(2.0 * small.wind.length)
-    assert nominal_diameter(large.grains.size) == pytest.approx(2.0 * nominal_diameter(small.grains.size))
-    assert large.grains.count == small.grains.count
-    # k / (m g / d) is the same: the modulus goes with the diameter
-    softer, stiffer = (scene.materials["sand"].shear_modulus for scene in (small, large))
-    assert softer is not None
-    assert stiffer == pytest.approx(2.0 * softer)

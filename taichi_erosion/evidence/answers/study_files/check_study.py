@@ -43,7 +43,7 @@ from taichi_erosion.evidence.models.load_study import (
 from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths
 from taichi_erosion.evidence.models.study_values import study_value_faults
 from taichi_erosion.run.checks import read_scene
-from taichi_erosion.verification.effect_examination import examined_file
+from taichi_erosion.verification.effect_contract import examined_file
 
 Document = dict[str, Any]
 PLANS = ("quick", "full")

@@ -1,0 +1,66 @@
+"""Beds of growing width: the same packing at every size, and all memory of a record counted."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial import KDTree
+
+from benchmarks import grain_cases
+from benchmarks.grain_cases import FUNNELS, QUICK_ENSEMBLE, device_bytes, device_grain_cases, tiled_bed
+from taichi_erosion.core.setup import Floats, Numerics
+from taichi_erosion.core.ti import ti
+from taichi_erosion.core.transfer import device_record
+
+PERIOD = 5e-3  # m
+
+
+def gaps(position: Floats, period: tuple[float, float]) -> Floats:
+    """Distance of every grain to its nearest neighbour in the periodic box, sorted [m]."""
+    depth = 1.0  # m, far beyond any grain: z is open
+    boxed = np.column_stack([position[:, :2] % period, position[:, 2]])
+    return np.sort(KDTree(boxed, boxsize=(*period, depth)).query(boxed, k=2)[0][:, 1])
+
+
+def test_copies_side_by_side_are_the_same_packing():
+    rng = np.random.Generator(np.random.Philox(1))
+    position = rng.uniform(0.0, PERIOD, (40, 3))
+    wide = tiled_bed(position, PERIOD, (3, 2))
+    assert wide.period[:2] == pytest.approx((3 * PERIOD, 2 * PERIOD))
+    # positions are sums of a few numbers of 1 cm: rounding of 1e-18 m against gaps of 1e-4 m
+    one, all_of_them = gaps(position, (PERIOD, PERIOD)), gaps(wide.grains.position, wide.period[:2])
+    assert all_of_them == pytest.approx(np.repeat(one, 6), rel=1e-9)
+
+
+@device_record
+class Inner:
+    exact: Any
+
+
+@device_record
+class Outer:
+    count: int
+    numbers: Any
+    inner: Inner
+
+
+def test_memory_counts_fields_of_records_within_records(start_device):
+    start_device(Numerics("cpu", 1))
+    outer = Outer(7, ti.Vector.field(3, ti.f32, shape=10), Inner(ti.field(ti.f64, shape=(2, 5))))
+    assert device_bytes(outer) == 10 * 3 * 4 + 2 * 5 * 8
+
+
+def test_quick_cases_of_a_device_are_a_bed_a_funnel_and_an_ensemble_that_start_on_the_cpu(monkeypatch):
+    begun: list[list[int]] = []
+
+    def note(_: float, setups: Any) -> None:
+        begun.append([len(setup.grains.radius) for setup in setups()])
+
+    monkeypatch.setattr(grain_cases, "after_on_cpu", note)
+    cases = device_grain_cases("vulkan", "quick")
+    bed, funnel, ensemble = begun
+    assert [case.name for case in cases] == ["settled bed", "funnel", "ensemble of beds"]
+    assert funnel[0] == pytest.approx(FUNNELS[0], rel=0.2)  # whole layers of a cone: the widest holds a fifth
+    assert ensemble == QUICK_ENSEMBLE * bed
+    usual = device_grain_cases("vulkan", "usual")
+    assert all(quick.steps < case.steps for quick, case in zip(cases, usual, strict=True))

@@ -1,0 +1,27 @@
+"""The timed scenes are those of `scenes/`, with what the timing changes in them and nothing else."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks.wind_cases import SCENES, WINDS, threshold_scene
+from taichi_erosion.scene import load_scene
+from taichi_erosion.scene.shipped import INSTALLED
+
+ROOT = Path(__file__).parents[2]
+SECTIONS = ("grains", "materials", "laws", "contact", "geometry", "wind", "fill", "threshold", "stages")
+
+
+def test_scenes_are_read_from_the_source_tree_where_there_is_one():
+    assert SCENES == ROOT / "scenes"
+    assert INSTALLED == ROOT / "taichi_erosion" / "scene" / "shipped"  # as in pyproject.toml
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_the_beds_of_the_threshold_are_those_of_the_scene(section):
+    assert getattr(threshold_scene(), section) == getattr(load_scene(SCENES / "wind_threshold.toml"), section)
+
+
+def test_the_patch_is_timed_in_the_wind_of_the_scene():
+    stages = load_scene(SCENES / "saltation.toml").stages
+    assert [stages[1].friction_velocity, stages[-1].friction_velocity] == [wind for wind, _ in WINDS]

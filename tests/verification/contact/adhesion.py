@@ -1,0 +1,202 @@
+"""V17, V19, V20: JKR landmarks, the limit of no adhesion, and the caps of friction.
+
+Two spheres without damping touch at zero overlap, where the neck snaps in, dip, and part when the neck
+tears; forces are second differences of the path, so they are those of the simulator. Overlaps are in units
+of L^2/R*, forces in pi gamma R*.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from taichi_erosion.core.setup import Floats, Laws, Setup
+from taichi_erosion.simulation import advance
+from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, relative
+from tests.verification import small_scenes
+from tests.verification.reference import contact as jkr
+from tests.verification.reference.contact import sphere_mass
+from tests.verification.small_scenes import Touch
+
+RADIUS, DENSITY = 0.5e-3, 2500.0  # m, kg m-3
+MASS = sphere_mass(RADIUS, DENSITY)
+TOUCH = Touch(1e8, 2.5e7, surface_energy=0.5)
+PAIR = jkr.AdhesivePair(TOUCH.young_effective, RADIUS / 2.0, MASS / 2.0, TOUCH.surface_energy)
+JKR = Laws(normal="jkr")
+EDEM = Laws(normal="jkr", adhesion_branch="edem", friction_cap="edem")
+SPEED_SHARE = 1.1  # of the sticking speed: slow where the neck tears
+PULL_OFF_AT, TEAR_AT = jkr.overlap_at(jkr.CUBE_PULL_OFF), jkr.overlap_at(jkr.CUBE_TEAR)
+BALANCE_AT = jkr.overlap_at(jkr.CUBE_BALANCE)
+STEPS_PER_DEPTH = 800  # in which the pair moves by L^2/R* at its first speed [1]
+LONGEST_BOUNCE = 16  # times in which the pair moves by L^2/R* at its first speed [1]
+NEAR, SPARSE = 0.06, 40  # L^2/R* around a landmark, and steps between samples elsewhere [1]
+
+
+@dataclass(frozen=True)
+class Bounce:
+    """Overlap [L^2/R*] and force [pi gamma R*] along one bounce"""
+
+    overlap: Floats
+    force: Floats
+
+
+def pair_scene(speed: float, steps_per_depth: float, overlap: float = -1e-3) -> Setup:
+    """Two spheres along x that approach with relative speed `speed` from `overlap` [L^2/R*]."""
+    step = PAIR.depth / speed / steps_per_depth
+    half = RADIUS - 0.5 * overlap * PAIR.depth
+    grains = small_scenes.spheres(
+        [[-half, 0, 0], [half, 0, 0]], [[speed / 2, 0, 0], [-speed / 2, 0, 0]], 0.0, RADIUS, MASS
+    )
+    return small_scenes.sphere_setup(grains, TOUCH, step)
+
+
+def bounce() -> Bounce:
+    """One bounce until after the tear, sampled at every step near landmarks and sparsely between."""
+    speed = SPEED_SHARE * PAIR.speed_sticking
+    setup = pair_scene(speed, STEPS_PER_DEPTH)
+    sim = small_scenes.simulation_of([setup], "f64", JKR)
+    found: list[tuple[int, float]] = []
+    step = 1
+    while step < LONGEST_BOUNCE * STEPS_PER_DEPTH:
+        advance(sim, [step * setup.time_step])
+        state = small_scenes.states(sim)[0]
+        gap = state.position[1, 0] - state.position[0, 0]
+        found.append((state.step, gap))
+        dense = is_near_landmark((2.0 * RADIUS - gap) / PAIR.depth)
+        # three samples in a row give one force
+        step = state.step + (1 if dense or len(found) % 3 else SPARSE)
+    return bounce_of(np.array(found), setup.time_step)
+
+
+def is_near_landmark(overlap: float) -> bool:
+    """Whether every step counts at this overlap [L^2/R*]; past the tear nothing happens any more."""
+    nearest = min(abs(overlap - landmark) for landmark in (TEAR_AT, PULL_OFF_AT, 0.0, BALANCE_AT))
+    return nearest < NEAR and overlap > TEAR_AT - 0.02
+
+
+def bounce_of(found: Floats, time_step: float) -> Bounce:
+    """Forces where three samples follow each other step by step; `found` has rows of (step, gap)."""
+    step, gap = found[:, 0], found[:, 1]
+    middle = np.flatnonzero((np.diff(step)[:-1] == 1) & (np.diff(step)[1:] == 1)) + 1
+    pull = (gap[middle + 1] - 2.0 * gap[middle] + gap[middle - 1]) / time_step**2
+    return Bounce(
+        overlap=(2.0 * RADIUS - gap[middle]) / PAIR.depth, force=PAIR.mass * pull / PAIR.force_scale
+    )
+
+
+def landmarks() -> Iterator[Outcome]:
+    """V17: 0.1 % of each landmark; forces in double precision, which their second differences need."""
+    yield from curve_outcomes(bounce(), "f64")
+    for precision in PRECISIONS:
+        yield from energy_outcomes(precision)
+        yield from branch_outcomes(precision)
+
+
+def curve_outcomes(run: Bounce, precision: Precision) -> Iterator[Outcome]:
+    """Force at first touch and at zero overlap, pull-off, balance, tear, and the whole curve."""
+    acts = np.flatnonzero(np.abs(run.force) > 0.5)
+    parting = slice(int(np.argmax(np.diff(run.overlap) < 0.0)) + 1, int(acts[-1]) + 1)
+    d, f = run.overlap[parting], run.force[parting]
+    at_touch = np.interp(0.0, d[::-1], f[::-1])
+    yield relative("JKR: force at zero overlap [pi gamma R*]", at_touch, -8.0 / 3.0, 1e-3, precision)
+    yield relative("JKR: pull-off force [pi gamma R*]", f.min(), -3.0, 1e-3, precision)
+    yield relative("JKR: overlap at pull-off [L^2/R*]", fitted_minimum(d, f), PULL_OFF_AT, 1e-3, precision)
+    before = d > 0.5 * BALANCE_AT
+    balance = np.interp(0.0, f[before][::-1], d[before][::-1])
+    yield relative("JKR: overlap of zero force [L^2/R*]", balance, BALANCE_AT, 1e-3, precision)
+    yield relative("JKR: overlap at the tear [L^2/R*]", d[-1], TEAR_AT, 1e-3, precision)
+    law = np.array([jkr.branch_force(overlap) for overlap in d])
+    error = (f - law) / 3.0
+    yield below("JKR: force while parting off the law, over the pull-off force", error, 1e-3, precision)
+
+
+def fitted_minimum(overlap: Floats, force: Floats) -> float:
+    """Overlap at the lowest force, from a cubic through its neighbourhood."""
+    near = np.abs(overlap - PULL_OFF_AT) < NEAR
+    fit = np.polynomial.Polynomial.fit(overlap[near], force[near], 3)
+    turns = np.real(np.asarray(fit.deriv().roots()))
+    return float(turns[np.argmin(np.abs(turns - PULL_OFF_AT))])
+
+
+def energy_outcomes(precision: Precision) -> Iterator[Outcome]:
+    """Work lost in a bounce, restitution sqrt(1 - (v_s/v)^2), and energy astray beyond that work."""
+    shares = np.array([1.05, 1.2, 1.5, 2.0, 4.0, 10.0])
+    speeds = shares * PAIR.speed_sticking
+    # the force jumps at first touch: the energy is right to the first order of the step only
+    setups = [pair_scene(speed, 8000.0) for speed in speeds]
+    ends = small_scenes.final_states(setups, 30.0 * PAIR.depth / PAIR.speed_sticking, precision, JKR)
+    out = np.array([end.velocity[1, 0] - end.velocity[0, 0] for end in ends])
+    brought = 0.5 * PAIR.mass * speeds**2
+    lost = brought - 0.5 * PAIR.mass * out**2
+    scale = np.pi * PAIR.energy * PAIR.length**2
+    yield relative(
+        "JKR: work lost in a bounce [pi gamma L^2]", lost[0] / scale, jkr.WORK_LOST, 1e-3, precision
+    )
+    error = out / speeds - np.sqrt(1.0 - shares**-2.0)
+    name = "JKR: restitution minus sqrt(1 - (v_s/v)^2), v/v_s from 1.05 to 10"
+    yield below(name, error, 1e-3, precision)
+    name = "JKR: energy drift of a bounce beyond the work lost, over the energy brought"
+    # single precision adds its rounding over a hundred thousand steps
+    limit = 1e-4 if precision == "f64" else 1e-3
+    yield below(name, (lost - PAIR.work_lost) / brought, limit, precision)
+
+
+def branch_outcomes(precision: Precision) -> Iterator[Outcome]:
+    """Branch `touch` does not pull before contact; branch `edem` does, and gives back what it took."""
+    apart = 0.5 * TEAR_AT
+    speed = SPEED_SHARE * PAIR.speed_sticking
+    for laws in (JKR, EDEM):
+        setup = pair_scene(speed, STEPS_PER_DEPTH, apart)
+        trace = small_scenes.sample(
+            small_scenes.simulation_of([setup], precision, laws), small_scenes.every_step([setup], 3)
+        )
+        force = -MASS * small_scenes.acceleration(trace)[0, 0, 1, 0] / PAIR.force_scale
+        at = (2.0 * RADIUS - trace.position[1, 0, 1, 0] + trace.position[1, 0, 0, 0]) / PAIR.depth
+        wanted = -jkr.branch_force(at) if laws is EDEM else 0.0
+        name = f"JKR branch {laws.adhesion_branch}: pull before touch [pi gamma R*]"
+        yield Outcome(name, float(force), float(wanted), 3e-3, precision)
+    approaching = pair_scene(speed, 8000.0, 1.01 * TEAR_AT)
+    end = small_scenes.final_states([approaching], 30.0 * PAIR.depth / speed, precision, EDEM)[0]
+    ratio = (end.velocity[1, 0] - end.velocity[0, 0]) / speed
+    yield relative("JKR branch edem: restitution of a bounce", ratio, 1.0, 1e-3, precision)
+
+
+def vanishing_adhesion() -> Iterator[Outcome]:
+    """V19: with gamma -> 0 an oblique, damped impact under the JKR law is the one under Hertz, 1e-6."""
+    energies = (0.0, 1e-15, 1e-12)
+    bare = replace(TOUCH, restitution=0.7, friction_sliding=0.4, surface_energy=0.0)
+    impact = small_scenes.wall_impact(bare, RADIUS, DENSITY, 1.0)
+    step = impact.duration / 500.0
+    grain = small_scenes.spheres([[0.0, 0.0, RADIUS + 3.5 * step]], [[0.8, 0.0, -1.0]], 0.0, RADIUS, MASS)
+    setups = [small_scenes.on_plane(replace(bare, surface_energy=energy), grain, step) for energy in energies]
+    times = np.linspace(0.0, 2.0 * impact.duration, 101)[1:][:, None] * np.ones(len(setups))
+    for precision in PRECISIONS:
+        with_law = small_scenes.sample(small_scenes.simulation_of(setups, precision, JKR), times)
+        hertz = small_scenes.sample(small_scenes.simulation_of(setups[:1], precision), times[:, :1])
+        for k, energy in enumerate(energies):
+            error = (with_law.velocity[:, k] - hertz.velocity[:, 0]) / impact.speed
+            name = f"JKR with gamma = {energy:g} J/m2 against Hertz: velocity along an impact, over its speed"
+            yield below(name, np.ravel(error), 1e-6 if precision == "f64" else 1e-4, precision)
+
+
+def friction_caps() -> Iterator[Outcome]:
+    """V20: at F = 0 friction slides at mu 6 pi gamma R* (`thornton`) or mu 12 pi gamma R* (`edem`), 0.1 %."""
+    friction = 0.3
+    touch = replace(TOUCH, friction_sliding=friction, restitution=0.5)
+    stuck = jkr.AdhesivePair(touch.young_effective, RADIUS, MASS, touch.surface_energy)
+    for laws, factor in ((JKR, 6.0), (EDEM, 12.0)):
+        wanted = friction * factor * stuck.force_scale
+        speed = 2e-3 * wanted / MASS * 7.0 / 2.0  # rolls after 2 ms
+        step = small_scenes.wall_impact(touch, RADIUS, DENSITY, 0.1).duration / 100.0
+        height = RADIUS - BALANCE_AT * stuck.depth
+        setup = small_scenes.on_plane(
+            touch, small_scenes.spheres([[0, 0, height]], [[speed, 0, 0]], 0.0, RADIUS, MASS), step
+        )
+        for precision in PRECISIONS:
+            trace = small_scenes.sample(
+                small_scenes.simulation_of([setup], precision, laws), np.array([[0.5e-3], [1.5e-3]])
+            )
+            loss = trace.velocity[0, 0, 0, 0] - trace.velocity[1, 0, 0, 0]
+            force = MASS * loss / (trace.time[1, 0] - trace.time[0, 0])
+            name = f"friction at F = 0, cap {laws.friction_cap}, over mu pi gamma R*"
+            yield relative(name, force / (friction * stuck.force_scale), factor, 1e-3, precision)

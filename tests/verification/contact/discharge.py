@@ -1,0 +1,230 @@
+"""V33: grains flow out of flat-bottomed silos as (D - k d)^(5/2) through round holes, with 3/2 through slots.
+
+    W = C rho_b sqrt(g) (D - k d)^(5/2)        round hole
+    W = C rho_b sqrt(g) l (D - k d)^(3/2)      slot of length l
+
+with D the diameter of the hole or the width of the slot [m], d that of the grain [m], rho_b the density of
+the filling [kg m-3]; C is near 0.6 for holes and near 1 for slots, k is Beverloo's 1.4. The law is stated for
+openings of six grains and more, in silos wider than 2.5 D and filled higher than 1.2 times their width.
+Silos are 2.5 D wide; what is let out comes on top of a filling of 1.2 widths; reading begins when as many
+grains have left as a prism over the opening, D high, holds. Slots are periodic along their length.
+
+Flows scatter from filling to filling, so several fillings flow through every opening, and three numbers, c,
+k and the exponent, are not fitted together: they follow only with one another. Judged are
+
+    exponent    slope of ln W against ln(D - k d) with Beverloo's k; its standard error is judged too, and
+                must be at most half of the tolerance, or the check could not tell
+    law         with its exponent given, c and k are fitted, and the mean flows of the openings scatter about
+                it no more than fillings of one opening do among themselves (F-test of the lack of fit)
+
+Reference: Beverloo, Leniger & van de Velde (1961), Chem. Eng. Sci. 15, 260; Nedderman (1992), Statics and
+Kinematics of Granular Materials, ch. 10; the range: Mankoc et al. (2007), Granular Matter 9, 407; Zhang et
+al. (2019), Chin. Phys. B 28, 018101; Draper & Smith (1998), Applied Regression Analysis, 3rd ed., ch. 2.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from taichi_erosion.core.setup import Floats, GrainTable, PrimitiveKind, Setup
+from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.simulation import Simulation, advance, remove_surface, snapshot
+from taichi_erosion.verification.claims import Outcome, below, holds
+from tests.verification import small_scenes
+from tests.verification.contact import bulk
+from tests.verification.contact.bulk import DIAMETER
+from tests.verification.reference import flow as exact
+
+HEAD = 1.2  # of the filling over the width of the silo when the reading ends [1]
+WIDTH = 2.5  # of the silo over the opening [1]
+GRAINS_PER_CUBE = 1.15  # grains per cube of the diameter in a filling of packing 0.6, denser than ours [1]
+SOFTER = 8.0  # than the glass of heaps: overlaps stay below 1.5 % of the radius, and steps are longer
+TIME_STEP = bulk.TIME_STEP * SOFTER**0.5  # s
+SETTLE, SAMPLE, LONGEST = 0.2, 0.004, 2.0  # s
+FRICTION, FRICTION_ROLLING = 0.5, 0.05  # of grains on each other and on all walls [1]
+READ = 800  # grains let out while the flow is read
+SLOT_LENGTH = 6.1  # diameters, five rows of a loose filling; the period along a slot
+SPREAD = 0.1  # half width of the diameters about their mean [1]; equal spheres lie in rows along walls
+PITCH = 1.2  # mean diameters between the centres of a loose filling: those of the largest do not meet [1]
+TRAY = (0.0, 0.0, -30.0 * DIAMETER, 0.0, 0.0, 1.0)  # plane far below a silo
+PLUG = "wall2"  # of a silo's opening
+TOLERANCE = 0.1  # of an exponent [1]
+SENSIBLE = 0.5 * TOLERANCE  # standard error with which a check of the exponent can tell [1]
+UNLIKELY = 0.01  # chance of a lack of fit below which the law is refuted [1]
+
+
+def touch() -> small_scenes.Touch:
+    """Contact of two grains; walls are given the same."""
+    stiff = bulk.soft_touch(FRICTION, FRICTION_ROLLING)
+    return replace(
+        stiff, young_effective=stiff.young_effective / SOFTER, shear_effective=stiff.shear_effective / SOFTER
+    )
+
+
+def filling(count: int, half_width: tuple[float, float], round_base: bool, seed: int) -> GrainTable:
+    """Grains of diameters that scatter evenly by `SPREAD` about their mean, on a loose lattice."""
+    grains = bulk.loose_grains(count, half_width, round_base, seed, PITCH)
+    size = 1.0 + SPREAD * np.random.default_rng([seed, count]).uniform(-1.0, 1.0, count)
+    return replace(grains, radius=grains.radius * size, mass=grains.mass * size**3)
+
+
+def silo_scene(count: int, width: float, hole: float, seed: int) -> Setup:
+    """A flat-bottomed round silo with a round hole [m].
+
+    wall0 tube, wall1 bottom, wall2 plug, wall3 tray below.
+    """
+    radius, reach = width / 2.0, hole / 2.0
+    grains = filling(count, (radius, radius), True, seed)
+    walls = small_scenes.joined(
+        bulk.revolved_segment((radius, 0.0), (radius, 80.0 * DIAMETER)),
+        bulk.revolved_segment((reach, 0.0), (radius, 0.0)),
+        bulk.revolved_segment((0.0, 0.0), (reach, 0.0)),
+        small_scenes.planes(TRAY),
+    )
+    return small_scenes.sphere_setup(grains, touch(), TIME_STEP, walls, bulk.GRAVITY)
+
+
+def slot_scene(count: int, width: float, slot: float, seed: int) -> Setup:
+    """A flat-bottomed silo with a slot [m], periodic along it.
+
+    wall0 and wall1 sides, wall2 plug, wall3 bottom, wall4 tray below.
+    """
+    half, reach, length = width / 2.0, slot / 2.0, SLOT_LENGTH * DIAMETER
+    walls = small_scenes.joined(
+        small_scenes.planes((-half, 0.0, 0.0, 1.0, 0.0, 0.0), (half, 0.0, 0.0, -1.0, 0.0, 0.0)),
+        small_scenes.primitive_table(PrimitiveKind.TRIANGLE, bulk.strip(-reach, reach)),
+        small_scenes.primitive_table(
+            PrimitiveKind.TRIANGLE, bulk.strip(-half, -reach) + bulk.strip(reach, half)
+        ),
+        small_scenes.planes(TRAY),
+    )
+    grains = filling(count, (half, length / 2.0), False, seed)
+    setup = small_scenes.sphere_setup(grains, touch(), TIME_STEP, walls, bulk.GRAVITY)
+    return bulk.periodic(setup, length)
+
+
+@dataclass(frozen=True)
+class Silos:
+    """Silos with openings of one kind, several fillings of each; one number for every silo."""
+
+    kind: str
+    exponent: float  # of the law [1]
+    openings: Floats  # diameters
+    sections: Floats  # of the silo, squares of a diameter
+    mouths: Floats  # area of the opening, squares of a diameter
+    length: float  # m, of a slot; 1 for holes
+    scene: Callable[[int, float, float, int], Setup]
+
+    @property
+    def widths(self) -> Floats:
+        """Of the silos in diameters."""
+        return WIDTH * self.openings
+
+    @property
+    def before(self) -> Floats:
+        """Grains that leave each silo before the flow is read."""
+        return GRAINS_PER_CUBE * self.mouths * self.openings
+
+    @property
+    def until(self) -> Floats:
+        """Grains that have left each silo when reading ends."""
+        return self.before + READ
+
+    @property
+    def stock(self) -> Floats:
+        """Grains in each silo."""
+        return np.ceil(GRAINS_PER_CUBE * HEAD * self.widths * self.sections + self.until)
+
+
+def with_holes(fillings: dict[float, int]) -> Silos:
+    """Round silos with round holes; how many fillings flow through each width in diameters."""
+    opening = np.repeat(list(fillings), list(fillings.values()))
+    areas = 0.25 * np.pi * (WIDTH * opening) ** 2, 0.25 * np.pi * opening**2
+    return Silos("round holes", exact.HOLE_EXPONENT, opening, *areas, 1.0, silo_scene)
+
+
+def with_slots(fillings: dict[float, int]) -> Silos:
+    """Silos with slots; how many fillings flow through each width in diameters."""
+    opening = np.repeat(list(fillings), list(fillings.values()))
+    areas = SLOT_LENGTH * WIDTH * opening, SLOT_LENGTH * opening
+    return Silos("slots", exact.SLOT_EXPONENT, opening, *areas, SLOT_LENGTH * DIAMETER, slot_scene)
+
+
+HOLES, SLOTS = with_holes({6.0: 3, 7.5: 3, 9.0: 2, 12.0: 1}), with_slots({6.0: 3, 8.0: 3, 11.0: 2, 16.0: 2})
+
+
+def opening_flow() -> Iterator[Outcome]:
+    """V33."""
+    for silos in (HOLES, SLOTS):
+        yield from discharged(silos)
+
+
+def discharged(silos: Silos) -> Iterator[Outcome]:
+    """What the flows through one kind of opening say of the law."""
+    sim = settled(silos)
+    density = bulk_density(sim, silos)
+    flow = discharge_rates(sim, silos)
+    opening = silos.openings * DIAMETER
+    exponent, error = exact.discharge_exponent(opening, DIAMETER, flow, exact.BEVERLOO_EDGE)
+    factors = exact.discharge_coefficient(flow / silos.length, density, opening, DIAMETER, silos.exponent)
+    sizes = np.unique(silos.openings)
+    means = ", ".join(f"{1e3 * flow[silos.openings == size].mean():.4g}" for size in sizes)
+    listed = ", ".join(f"{size:g}" for size in sizes)
+    name = (
+        f"Beverloo, {silos.kind} of {listed} d, {len(flow)} fillings, flow {means} g/s: exponent of "
+        f"(D - 1.4 d), {exponent:.2f} +- {error:.2f}, C {np.mean(factors):.2f}"
+    )
+    yield Outcome(name, exponent, silos.exponent, TOLERANCE, "f32")
+    yield below(f"standard error of the exponent, {silos.kind}", error, SENSIBLE, "f32")
+    edge, error, chance = exact.discharge_edge(opening, DIAMETER, flow, silos.exponent)
+    name = f"{silos.kind}: exponent {silos.exponent:g} given, k = {edge:.2f} +- {error:.2f}, lack of fit "
+    yield holds(f"{name}is no more than chance (p = {chance:.2g})", chance > UNLIKELY, "f32")
+
+
+def settled(silos: Silos) -> Simulation:
+    """The silos with their fillings at rest."""
+    rows = zip(silos.stock, silos.widths * DIAMETER, silos.openings * DIAMETER, strict=True)
+    setups = [silos.scene(int(n), width, opening, k) for k, (n, width, opening) in enumerate(rows)]
+    sim = small_scenes.simulation_of(setups, "f32", bulk.ROLLING)
+    small_scenes.advance_all(sim, SETTLE)
+    return sim
+
+
+def bulk_density(sim: Simulation, silos: Silos) -> Floats:
+    """Density of every settled filling between two and twelve diameters above the bottom [kg m-3]."""
+    low, high = 2.0, 12.0
+    masses = []
+    for state in small_scenes.states(sim):
+        height = state.position[:, 2] / DIAMETER
+        masses.append(state.mass[(height > low) & (height < high)].sum())
+    return np.array(masses) / (silos.sections * (high - low) * DIAMETER**3)
+
+
+def discharge_rates(sim: Simulation, silos: Silos) -> Floats:
+    """Mass per second through each opening once its plug is taken out [kg s-1]."""
+    replicas = len(sim.setups)
+    for replica in range(replicas):
+        remove_surface(sim, replica, PLUG)
+    times, left, passed = [], [], []
+    ends = np.full(replicas, SETTLE)
+    while ends.max() < SETTLE + LONGEST:
+        masses = [state.mass[state.position[:, 2] < 0.0] for state in looks(sim)]
+        times.append(ends.copy())
+        left.append([len(mass) for mass in masses])
+        passed.append([mass.sum() for mass in masses])
+        flowing = np.array(left[-1]) < silos.until
+        if not flowing.any():
+            break
+        ends = ends + SAMPLE * flowing
+        advance(sim, [float(end) for end in ends])
+    small_scenes.states(sim)
+    counts = np.array(left).T
+    steady = (counts > silos.before[:, None]) & (counts < silos.until[:, None])
+    series = zip(np.array(times).T, np.array(passed).T, steady, strict=True)
+    return np.array([np.polyfit(time[read], mass[read], 1)[0] for time, mass, read in series])
+
+
+def looks(sim: Simulation) -> list[Snapshot]:
+    """Snapshots of all replicas, whatever became of them."""
+    return [snapshot(sim, replica) for replica in range(len(sim.setups))]

@@ -1,0 +1,187 @@
+"""V14, V15: energy is conserved or falls, and the laws do not depend on the frame of the observer.
+
+V15. A handful of grains collide with each other and a tilted wall, with friction, rolling resistance and
+damping. The same scene is seen from a moving frame, turned as a whole, in a mirror, and with its grains
+numbered backwards; transformed back, the ends must agree. Rounding of 1e-16 (6e-8) grows about a hundredfold
+in each of the few collisions on the way.
+
+V14. Mechanical energy of a gas in a box, and of single impacts that stick. Without friction and damping the
+springs give back what they took: 1e-4 of the energy at 50 steps per contact. With friction and damping the
+sum of kinetic, gravitational and spring energy may only fall. The total-form tangential spring stiffens as
+the contact grows, so it is not conservative by itself: an impact with e = 1 and mu = 10 gains or loses a
+little. That is a property of the law; the simulator is compared with the fine-step integration of the law,
+and the figure is printed.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from taichi_erosion.core.setup import Floats, Laws, Setup
+from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.simulation import Simulation, totals
+from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, relative
+from tests.verification import small_scenes
+from tests.verification.contact.oblique_impact import SOLIDS, impact_at, simulated
+from tests.verification.reference.contact import Impact, Rebound, rebound
+from tests.verification.small_scenes import Touch
+
+RADIUS, DENSITY, SPEED = 1e-3, 2500.0, 1.0  # m, kg m-3, m s-1
+TOUCH = Touch(1e8, 2.5e7, 0.6, 0.4, friction_rolling=0.1, rolling_damping=0.3)
+LAWS = Laws(rolling="elastic_plastic")
+DURATION = 4e-3  # s, a handful of collisions
+GRAVITY = (0.0, 0.0, -9.81)  # m s-2
+SHIFT = np.array([0.7, -0.3, 0.2])  # m s-1, of the moving frame
+TURN = Rotation.from_euler("xyz", [0.3, -0.8, 1.1]).as_matrix()
+MIRROR = np.diag([-1.0, 1.0, 1.0])
+LIMIT: dict[Precision, float] = {"f64": 1e-9, "f32": 2e-2}
+
+
+@dataclass(frozen=True)
+class View:
+    """A scene seen in another way; `matrix` is orthogonal, `order` renumbers the grains."""
+
+    name: str
+    matrix: Floats
+    drift: Floats  # m s-1
+    order: NDArray[np.int64]
+
+
+def cluster(wall: bool) -> Setup:
+    """Seven grains that fly at each other above a floor."""
+    rng = np.random.default_rng(7)
+    axes = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
+    directions = np.array([*axes, [0, 0, 0]], float)
+    centre = np.array([0.0, 0.0, 4.5e-3])
+    position = centre + 2.4 * RADIUS * directions + rng.uniform(-0.1, 0.1, (7, 3)) * RADIUS
+    velocity = -0.5 * SPEED * directions + rng.normal(0.0, 0.1, (7, 3)) - np.array([0.0, 0.0, 0.6])
+    spin = rng.normal(0.0, 0.2 * SPEED / RADIUS, (7, 3))
+    impact = small_scenes.pair_impact(TOUCH, (RADIUS, RADIUS), DENSITY, SPEED)
+    grains = small_scenes.spheres(position, velocity, spin, RADIUS, 2.0 * impact.mass)
+    return small_scenes.sphere_setup(
+        grains,
+        TOUCH,
+        impact.duration / 100.0,
+        small_scenes.planes(small_scenes.FLOOR) if wall else None,
+        GRAVITY,
+    )
+
+
+def seen(setup: Setup, view: View) -> Setup:
+    """The scene in another view; spins turn with the sign of the determinant."""
+    matrix, old = view.matrix, setup.grains
+    handed = np.linalg.det(matrix)
+    grains = replace(
+        old,
+        position=(old.position @ matrix.T)[view.order],
+        velocity=(old.velocity @ matrix.T + view.drift)[view.order],
+        spin=(handed * old.spin @ matrix.T)[view.order],
+    )
+    shape = setup.primitives.shape.copy()
+    shape[:, 0:3] = shape[:, 0:3] @ matrix.T
+    shape[:, 3:6] = shape[:, 3:6] @ matrix.T
+    x, y, z = matrix @ np.array(setup.gravity)
+    return replace(
+        setup,
+        grains=grains,
+        primitives=replace(setup.primitives, shape=shape),
+        gravity=(float(x), float(y), float(z)),
+    )
+
+
+def brought_back(state: Snapshot, view: View) -> Floats:
+    """Position [radii], velocity [speed] and spin [speed/radius] in the original view, [n, 9]."""
+    matrix = view.matrix
+    back = np.argsort(view.order)
+    position = (state.position - view.drift * state.time) @ matrix / RADIUS
+    velocity = (state.velocity - view.drift) @ matrix / SPEED
+    spin = np.linalg.det(matrix) * state.spin @ matrix * RADIUS / SPEED
+    return np.concatenate([position, velocity, spin], axis=1)[back]
+
+
+def invariance() -> Iterator[Outcome]:
+    """V15."""
+    one, still, ahead = np.eye(3), np.zeros(3), np.arange(7)
+    plain = View("as it is", one, still, ahead)
+    # a moving frame would set the floor in motion: it is tried without one
+    views = [
+        (cluster(wall=False), View("moving frame", one, SHIFT, ahead)),
+        (cluster(wall=True), View("turned scene", TURN, still, ahead)),
+        (cluster(wall=True), View("mirror image", MIRROR, still, ahead)),
+        (cluster(wall=True), View("grains numbered backwards", one, still, ahead[::-1])),
+    ]
+    setups = [cluster(wall=True), cluster(wall=False), *(seen(setup, view) for setup, view in views)]
+    for precision, limit in LIMIT.items():
+        with_wall, without, *others = small_scenes.final_states(setups, DURATION, precision, LAWS)
+        for (setup, view), state in zip(views, others, strict=True):
+            wanted = brought_back(with_wall if setup.surfaces else without, plain)
+            error = brought_back(state, view) - wanted
+            name = f"{view.name}: change of the end state [radii, speeds]"
+            yield below(name, np.ravel(error), limit, precision)
+
+
+SIDE = 4  # grains along an edge of the starting lattice
+STIFF = Touch(1e8, 2.5e7)
+ROUGH = replace(STIFF, restitution=0.7, friction_sliding=0.5, friction_rolling=0.1, rolling_damping=0.3)
+STICKING_ANGLES = np.array([60.0, 70.0, 80.0, 85.0])  # deg
+
+
+def gas(touch: Touch, steps_per_contact: float, seed: int) -> Setup:
+    """64 grains on a loose lattice with random velocities and spins, in a box of six planes."""
+    rng = np.random.default_rng(seed)
+    spacing = 3.0 * RADIUS
+    axis = spacing * (np.arange(SIDE) + 0.5)
+    position = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
+    position += rng.uniform(-0.3, 0.3, position.shape) * RADIUS
+    velocity = rng.normal(0.0, SPEED / 4.0, position.shape)
+    spin = rng.normal(0.0, SPEED / 4.0 / RADIUS, position.shape)
+    impact = small_scenes.pair_impact(touch, (RADIUS, RADIUS), DENSITY, SPEED)
+    edge = spacing * SIDE
+    box = [(0.0,) * 3 + normal for normal in ((1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0))]
+    box += [(edge,) * 3 + normal for normal in ((-1.0, 0, 0), (0, -1.0, 0), (0, 0, -1.0))]
+    grains = small_scenes.spheres(position, velocity, spin, RADIUS, 2.0 * impact.mass)
+    step = impact.duration / steps_per_contact
+    return small_scenes.sphere_setup(grains, touch, step, small_scenes.planes(*box), GRAVITY)
+
+
+def histories(sim: Simulation, times: Floats) -> Floats:
+    """Mechanical energy [J] of all replicas at `times` [s], [samples, replicas]."""
+    found = []
+    for time in times:
+        small_scenes.advance_all(sim, time)
+        parts = [totals(sim, replica) for replica in range(len(sim.setups))]
+        found.append([p.kinetic_translation + p.kinetic_rotation + p.potential + p.elastic for p in parts])
+    return np.array(found)
+
+
+def energy_balance() -> Iterator[Outcome]:
+    """V14."""
+    setups = [gas(STIFF, 50.0, seed=1), gas(ROUGH, 50.0, seed=2)]
+    times = np.linspace(0.0, 0.05, 201)[1:]
+    for precision in PRECISIONS:
+        conserved, lost = histories(small_scenes.simulation_of(setups, precision, LAWS), times).T
+        error = conserved / conserved[0] - 1.0
+        yield below("conservative gas: change of energy, relative", error, 1e-4, precision)
+        rise = np.maximum(np.diff(lost), 0.0) / lost[0]
+        name = "dissipative gas: largest rise of energy between samples, relative"
+        yield below(name, rise, 1e-6, precision)
+        yield from sticking_outcomes(precision)
+
+
+def sticking_outcomes(precision: Precision) -> Iterator[Outcome]:
+    """Kinetic energy after over before for e = 1, mu = 10, beside the law's own fine-step figure."""
+    impact = replace(impact_at(SOLIDS["aluminium oxide"], STICKING_ANGLES), restitution=1.0, friction=10.0)
+    after, reference = simulated([impact], precision)[0], rebound(impact)
+    before = impact.normal**2 + impact.tangential**2
+    found, wanted = energy_after(impact, after) / before, energy_after(impact, reference) / before
+    for angle, got, want in zip(STICKING_ANGLES, found, wanted, strict=True):
+        name = f"e = 1, mu = 10 at {angle:.0f} deg: energy after over before (1 + what the law creates)"
+        yield relative(name, got, want, 5e-3, precision)
+
+
+def energy_after(impact: Impact, after: Rebound) -> Floats:
+    """Twice the kinetic energy per mass [m2 s-2]."""
+    return after.normal**2 + after.tangential**2 + 0.4 * (impact.radius * after.spin) ** 2

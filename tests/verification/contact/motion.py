@@ -1,0 +1,262 @@
+"""V01, V10-V13: free fall, sliding, rolling and bouncing of one grain, and a stacked pair.
+
+V01. A grain in free fall follows the parabola. A leapfrog step reproduces uniform acceleration exactly, so
+only rounding is left: 1e-12 of the path in double precision. In single precision a thousand additions, each
+off by up to half a unit in the last place, leave up to 5e-5; 1e-4 is asked.
+
+V10. A sphere slides or rolls down an incline. It rests on a soft floor (its weight dips it by 1e-5 of its
+radius); the lever arm of friction is the radius, so rigid-body mechanics holds exactly apart from the
+tangential spring, which takes up a slip of about 1e-9 m. Gravity is tilted instead of the floor.
+
+V11. Rolling resistance, type A (constant torque) and type C (elastic-plastic). A sphere that spins in place
+on a smooth floor is stopped by the torque mu_r R N alone. On a rough incline it rolls with
+(5/7) g (sin - mu_r cos) where tan > mu_r and rests where tan < mu_r. Type C rests without drift; type A has
+no state at rest, its torque jumps with the sign of the spin: only that the rattling stays small and does not
+grow is asked of it.
+
+V12, V13. MFiX-DEM's bouncing grain (DEM02) and stacked pair (DEM03), with the Hertz spring of this program.
+DEM02 varies a linear stiffness and asks that the apex heights approach (h_0 - r) e^(2k) + r. Here the
+restitution of the Hertz spring does not depend on speed, so the same limit holds; what remains is the dip
+into the floor, which falls as E*^(-2/5). The apex is read in flight as height + v^2/(2 g). DEM03 keeps its
+geometry and densities; E* is chosen so that the Hertz force at the start equals that of the linear spring
+of 1000 N/m at the floor.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import atan, cos, radians, sin, tan
+
+import numpy as np
+
+from taichi_erosion.core.setup import Floats, Laws, Setup
+from taichi_erosion.simulation import advance
+from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, holds, relative
+from tests.verification import small_scenes
+from tests.verification.reference import motion as exact
+from tests.verification.reference.contact import HeadOn, series, sphere_mass
+from tests.verification.reference.motion import GRAVITY
+from tests.verification.small_scenes import Touch, Trace
+
+OBLIQUE_GRAVITY = (0.3, -0.4, -9.81)  # m s-2
+FALL_START = np.array([0.01, -0.02, 1.0])  # m
+VELOCITY = np.array([0.5, 0.2, 1.5])  # m s-1
+STEP, STEPS = 1e-4, 1000  # s, 1
+LIMIT: dict[Precision, float] = {"f64": 1e-12, "f32": 1e-4}
+
+
+def free_fall() -> Iterator[Outcome]:
+    """V01."""
+    grain = small_scenes.spheres(FALL_START, VELOCITY, 0.0, 1e-3, 1e-5)
+    setup = small_scenes.sphere_setup(grain, Touch(1e9, 1e9), STEP, gravity=OBLIQUE_GRAVITY)
+    for precision, limit in LIMIT.items():
+        sim = small_scenes.simulation_of([setup], precision)
+        before = small_scenes.states(sim)[0]
+        yield holds("a grain released at t = 0 is seen at t = 0", len(before.radius) == 1, precision)
+        advance(sim, [STEP * STEPS])
+        state = small_scenes.states(sim)[0]
+        fallen = np.array(OBLIQUE_GRAVITY) * state.time
+        path = FALL_START + (VELOCITY + 0.5 * fallen) * state.time
+        error = (state.position - path) / np.linalg.norm(path - FALL_START)
+        yield below("free fall: error of the position over the path", error, limit, precision)
+        error = (state.velocity - VELOCITY - fallen) / np.linalg.norm(VELOCITY + fallen)
+        yield below("free fall: error of the velocity over the speed", error, limit, precision)
+
+
+RADIUS, DENSITY, START = 0.1, 2600.0, 0.5  # DEM02: m, kg m-3, height of the centre in m
+DROP = START - RADIUS  # m
+RESTITUTIONS = (0.5, 0.7, 0.9, 1.0)
+YOUNGS = (1e8, 1e9, 1e10)  # E*, Pa
+BOUNCES = 3
+
+
+def bouncing_grain(young: float, restitution: float) -> Setup:
+    """DEM02: a grain dropped on a floor."""
+    touch = Touch(young, young / 4.0, restitution)
+    impact = small_scenes.wall_impact(touch, RADIUS, DENSITY, float(np.sqrt(2.0 * GRAVITY * DROP)))
+    grain = small_scenes.spheres([[0.0, 0.0, START]], 0.0, 0.0, RADIUS, impact.mass)
+    return small_scenes.on_plane(touch, grain, impact.duration / 500.0, gravity=(0.0, 0.0, -GRAVITY))
+
+
+def flight_middles(restitution: float) -> Floats:
+    """Times of the first apexes for an infinitely stiff grain [s]."""
+    fall = np.sqrt(2.0 * DROP / GRAVITY)
+    flights = fall * restitution ** np.arange(1, BOUNCES + 1)
+    return fall + 2.0 * np.cumsum(flights) - flights
+
+
+def exact_heights(young: float, restitution: float) -> Floats:
+    """Apexes of the lowest point after each bounce [m], every impact integrated under the weight."""
+    spring = exact.Spring(young, RADIUS, sphere_mass(RADIUS, DENSITY), restitution)
+    speed = float(np.sqrt(2.0 * GRAVITY * DROP))
+    heights = []
+    for _ in range(BOUNCES):
+        speed = exact.rebound_speed(spring, speed, GRAVITY)
+        heights.append(speed**2 / (2.0 * GRAVITY))
+    return np.array(heights)
+
+
+def bounce_heights() -> Iterator[Outcome]:
+    """V12: heights of the law itself 0.5 %, and the limit e^(2k) approached as the grain stiffens."""
+    choices = [(young, e) for young in YOUNGS for e in RESTITUTIONS]
+    setups = [bouncing_grain(*choice) for choice in choices]
+    times = np.array([flight_middles(e) for _, e in choices]).T
+    wanted = np.array([exact_heights(*choice) for choice in choices]).T
+    limit = np.array([exact.bounce_heights(DROP, e, BOUNCES) for _, e in choices]).T
+    for precision in PRECISIONS:
+        trace = small_scenes.sample(small_scenes.simulation_of(setups, precision), times)
+        height = trace.position[:, :, 0, 2] + trace.velocity[:, :, 0, 2] ** 2 / (2.0 * GRAVITY) - RADIUS
+        for young, error in zip(YOUNGS, np.hsplit(height / wanted - 1.0, len(YOUNGS)), strict=True):
+            name = f"DEM02 E* = {young:.0e} Pa, e = 0.5 to 1, three bounces: heights off the ODE, relative"
+            yield below(name, np.ravel(error), 5e-3, precision)
+        for e, got, want in zip(RESTITUTIONS, height[0, -len(RESTITUTIONS) :], limit[0], strict=False):
+            name = f"DEM02 e = {e}, E* = {YOUNGS[-1]:.0e} Pa: first height against e^2 of the drop [m]"
+            yield relative(name, got, want, 0.01, precision)
+        worst = np.abs(height / limit - 1.0).reshape(BOUNCES, len(YOUNGS), -1).max(axis=(0, 2))
+        order = float(np.polyfit(np.log(YOUNGS), np.log(worst), 1)[0])
+        yield Outcome("DEM02: power of E* with which heights approach e^(2k)", order, -0.4, 0.1, precision)
+
+
+STACK_RADIUS, STACK_HEIGHT = 0.5e-3, 1.8e-3  # DEM03: m
+STACK_START = (0.45e-3, 1.35e-3)  # m
+STACK_MASSES = [sphere_mass(STACK_RADIUS, density) for density in (20000.0, 10000.0)]  # kg, lower and upper
+STACK_YOUNG = 4.74e6  # E*, Pa: (4/3) E* sqrt(r) d^1.5 = 1000 N/m d at d = r - y_1 = 0.05 mm
+STACK_TIME, STACK_SAMPLES = 0.02, 200  # s, 1
+STACK_RESTITUTIONS = (0.5, 0.9, 1.0)
+
+
+def stacked_scene(restitution: float) -> Setup:
+    """DEM03: two grains squeezed between a floor and a lid."""
+    touch = Touch(STACK_YOUNG, STACK_YOUNG / 4.0, restitution)
+    grains = small_scenes.spheres([[0.0, 0.0, z] for z in STACK_START], 0.0, 0.0, STACK_RADIUS, STACK_MASSES)
+    walls = small_scenes.planes(small_scenes.FLOOR, (0.0, 0.0, STACK_HEIGHT, 0.0, 0.0, -1.0))
+    return small_scenes.sphere_setup(grains, touch, 1e-7, walls, gravity=(0.0, 0.0, -GRAVITY))
+
+
+def stacked_reference(restitution: float) -> exact.Stack:
+    """The same as ordinary differential equations."""
+    low, high = STACK_MASSES
+    middle = exact.Spring(STACK_YOUNG, STACK_RADIUS / 2.0, series(low, high), restitution)
+    floor, lid = (exact.Spring(STACK_YOUNG, STACK_RADIUS, mass, restitution) for mass in STACK_MASSES)
+    return exact.Stack(STACK_RADIUS, (low, high), STACK_HEIGHT, floor, middle, lid, GRAVITY)
+
+
+def stacked_pair() -> Iterator[Outcome]:
+    """V13: heights of both grains over 20 ms, 0.1 % of the grain radius."""
+    times = np.linspace(0.0, STACK_TIME, STACK_SAMPLES + 1)
+    setups = [stacked_scene(e) for e in STACK_RESTITUTIONS]
+    wanted = [exact.stacked_motion(stacked_reference(e), STACK_START, times) for e in STACK_RESTITUTIONS]
+    for precision in PRECISIONS:
+        trace = small_scenes.sample(small_scenes.simulation_of(setups, precision), times[1:])
+        for k, e in enumerate(STACK_RESTITUTIONS):
+            error = (trace.position[:, k, :, 2] - wanted[k][1:]) / STACK_RADIUS
+            yield below(f"DEM03 e = {e}: heights off the ODE, over the radius", error, 1e-3, precision)
+
+
+ROLLING_RADIUS = 5e-3  # m
+MASS = sphere_mass(ROLLING_RADIUS, 2500.0)  # kg
+YOUNG = 2e9  # E*, Pa
+SLOPE = radians(30.0)
+
+
+def resting(touch: Touch, slope: float, spin: float = 0.0) -> Setup:
+    """A sphere in balance with its weight on a floor that slopes down along x; spin about y."""
+    gravity = (GRAVITY * sin(slope), 0.0, -GRAVITY * cos(slope))
+    spring = 4.0 / 3.0 * touch.young_effective * np.sqrt(ROLLING_RADIUS)
+    overlap = (MASS * GRAVITY * cos(slope) / spring) ** (2.0 / 3.0)
+    # an impact as slow as the dip is deep: the stiffest motion this contact can make
+    step = HeadOn(touch.young_effective, ROLLING_RADIUS, MASS, 0.05).duration / 40.0
+    start = [[0.0, 0.0, ROLLING_RADIUS - overlap]]
+    grain = small_scenes.spheres(start, 0.0, [[0.0, spin, 0.0]], ROLLING_RADIUS, MASS)
+    return small_scenes.on_plane(touch, grain, step, gravity=gravity)
+
+
+def sliding(restitution: float, friction: float) -> Touch:
+    """Contact without rolling resistance."""
+    return Touch(YOUNG, YOUNG / 4.0, restitution, friction)
+
+
+def incline() -> Iterator[Outcome]:
+    """V10: accelerations 0.5 %, and the friction (2/7) tan that separates rolling from sliding."""
+    ratios = np.array([0.3, 0.6, 0.9, 0.98, 1.02, 1.5, 3.0])
+    setups = [resting(sliding(0.3, exact.friction_for_rolling(SLOPE) * ratio), SLOPE) for ratio in ratios]
+    for precision in PRECISIONS:
+        trace = small_scenes.sample(small_scenes.simulation_of(setups, precision), np.array([0.02, 0.06]))
+        span = np.diff(trace.time, axis=0)[0]
+        gain = np.diff(trace.velocity[:, :, 0, 0], axis=0)[0] / span
+        spin_up = np.diff(trace.spin[:, :, 0, 1], axis=0)[0] / span
+        slipping = gain - ROLLING_RADIUS * spin_up
+        yield from incline_outcomes(ratios, gain, spin_up, precision)
+        # rigid bodies: slip grows as g sin (1 - mu/mu_c); its root is the critical friction
+        slope, offset = np.polyfit(ratios[:3], slipping[:3], 1)
+        name = "incline: critical friction over (2/7) tan, from the slip of sliding spheres"
+        yield relative(name, -offset / slope, 1.0, 5e-3, precision)
+        share = slipping / (GRAVITY * sin(SLOPE))
+        yield relative("incline: slip of mu = 0.98 (2/7) tan, over g sin", share[3], 0.02, 0.05, precision)
+        yield below("incline: slip of mu = 1.02 (2/7) tan and more, over g sin", share[4:], 1e-3, precision)
+
+
+def incline_outcomes(
+    ratios: Floats, gain: Floats, spin_up: Floats, precision: Precision
+) -> Iterator[Outcome]:
+    """Accelerations of sliding and of rolling spheres."""
+    critical = 2.0 / 7.0 * tan(SLOPE)
+    for ratio, found, turned in zip(ratios, gain, spin_up, strict=True):
+        name = f"incline 30 deg, mu = {ratio:g} (2/7) tan"
+        if ratio < 1.0:
+            wanted = exact.sliding_acceleration(SLOPE, critical * ratio)
+            spinning = exact.sliding_spin_up(SLOPE, critical * ratio, ROLLING_RADIUS)
+            yield relative(f"{name}: sliding spin-up [rad/s2]", turned, spinning, 5e-3, precision)
+        else:
+            wanted = exact.rolling_acceleration(SLOPE)
+        yield relative(f"{name}: acceleration [m/s2]", found, wanted, 5e-3, precision)
+
+
+TYPES = {"A": Laws(rolling="constant_torque"), "C": Laws(rolling="elastic_plastic")}
+FRICTION_ROLLING = 0.2
+START_SPIN = 20.0  # rad s-1
+SMOOTH = Touch(YOUNG, YOUNG / 4.0, 0.3, friction_rolling=FRICTION_ROLLING, rolling_damping=0.3)
+ROUGH = replace(SMOOTH, friction_sliding=0.8)
+STEEP, GENTLE = atan(2.0 * FRICTION_ROLLING), atan(0.8 * FRICTION_ROLLING)  # slopes [rad]
+TIMES = np.array([0.002, 0.008, 0.02, 0.04, 0.06, 0.08])  # s; the spin lasts 20 ms
+DRIFT_LIMIT = 1e-6  # radii per second
+
+
+def rolling_resistance() -> Iterator[Outcome]:
+    """V11."""
+    setups = [resting(SMOOTH, 0.0, spin=START_SPIN), resting(ROUGH, STEEP), resting(ROUGH, GENTLE)]
+    for precision in PRECISIONS:
+        for kind, laws in TYPES.items():
+            trace = small_scenes.sample(small_scenes.simulation_of(setups, precision, laws), TIMES)
+            yield from motion_outcomes(kind, trace, precision)
+            if kind == "C":
+                # six time constants of the rolling spring have passed by the third sample
+                moved = np.diff(trace.position[3:, 2, 0, 0]) / np.diff(trace.time[3:, 2]) / ROLLING_RADIUS
+                name = "type C at rest on an incline, tan = 0.8 mu_r: drift [R/s]"
+                yield below(name, moved, DRIFT_LIMIT, precision)
+            else:
+                yield from rattle_outcomes(trace, setups[2].time_step, precision)
+
+
+def motion_outcomes(kind: str, trace: Trace, precision: Precision) -> Iterator[Outcome]:
+    """Decay of a spin and rolling down a steep incline, 0.5 %."""
+    spin = trace.spin[:2, 0, 0, 1]
+    decay = -(spin[1] - spin[0]) / (trace.time[1, 0] - trace.time[0, 0])
+    wanted = exact.spin_decay(FRICTION_ROLLING, ROLLING_RADIUS)
+    yield relative(f"type {kind}: spin decay [rad/s2]", decay, wanted, 5e-3, precision)
+    speed, time = trace.velocity[2:, 1, 0, 0], trace.time[2:, 1]
+    gain = (speed[-1] - speed[0]) / (time[-1] - time[0])
+    wanted = exact.rolling_acceleration(STEEP, FRICTION_ROLLING)
+    name = f"type {kind}: rolling down an incline, tan = 2 mu_r [m/s2]"
+    yield relative(name, gain, wanted, 5e-3, precision)
+
+
+def rattle_outcomes(trace: Trace, step: float, precision: Precision) -> Iterator[Outcome]:
+    """Type A on the gentle incline: rms spin bounded by ten steps of the torque, and no growth."""
+    spin = trace.spin[2:, 2, 0, 1]
+    ten_steps = 10.0 * exact.spin_decay(FRICTION_ROLLING, ROLLING_RADIUS) * step
+    rms = float(np.sqrt(np.mean(spin**2)))
+    name = "type A rattling on an incline: rms spin over ten steps of its torque"
+    yield below(name, rms / ten_steps, 1.0, precision)
+    later, earlier = np.abs(spin[2:]).max(), np.abs(spin[:2]).max()
+    name = "type A rattling on an incline: growth of the spin, over ten steps of its torque"
+    yield below(name, max(later - earlier, 0.0) / ten_steps, 1.0, precision)

@@ -1,0 +1,332 @@
+"""Scenes of the claims: spheres, planes and boxes of air made by hand, run on the CPU and sampled.
+
+Materials are grain (0) and wall (1); surfaces are named wall0, wall1, ... in the order of their table.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from taichi_erosion.air.grid import Air, allocate_air
+from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, even_faces
+from taichi_erosion.core.device import start_device
+from taichi_erosion.core.setup import (
+    SHAPE_NUMBERS,
+    ContactTable,
+    Coupling,
+    Floats,
+    GrainTable,
+    Laws,
+    Numerics,
+    PrimitiveKind,
+    PrimitiveTable,
+    Setup,
+    Surface,
+)
+from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.effects import load_library
+from taichi_erosion.run.ensemble_loop import EnsembleRun, run_ensemble
+from taichi_erosion.run.stages import ReplicaState
+from taichi_erosion.scene import Scene
+from taichi_erosion.scene import laws as laws_of
+from taichi_erosion.simulation import Simulation, advance, assemble, failure, prepare, snapshot
+from taichi_erosion.verification.claims import Precision
+from tests.verification.reference.contact import (
+    HeadOn,
+    Solid,
+    series,
+    shear_effective,
+    sphere_mass,
+    young_effective,
+)
+
+WALL = 1  # material
+NO_GRAVITY = (0.0, 0.0, 0.0)
+FLOOR = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # plane through the origin, free side up
+OVERLAP_LIMIT = 0.5  # of the radius; the references have no limit, soft test grains dip far [1]
+HERTZ = Laws()  # Hertz, Mindlin, no rolling resistance
+LAMINAR = AirModel()
+LINEAR = AirModel(advection="none", scheme="euler")  # nothing is carried: parallel flow, any step
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Contact parameters of one pair of materials, named as in ContactTable."""
+
+    young_effective: float  # E*, Pa
+    shear_effective: float  # G*, Pa
+    restitution: float = 1.0
+    friction_sliding: float = 0.0
+    friction_rolling: float = 0.0
+    rolling_damping: float = 0.0
+    surface_energy: float = 0.0  # J m-2
+    effects: float = 1.0
+
+
+def touch_of(first: Solid, second: Solid | None, restitution: float = 1.0, friction: float = 0.0) -> Touch:
+    """Contact of two solids; without a second the partner is rigid."""
+    return Touch(young_effective(first, second), shear_effective(first, second), restitution, friction)
+
+
+def spheres(
+    position: ArrayLike, velocity: ArrayLike, spin: ArrayLike, radius: ArrayLike, mass: ArrayLike
+) -> GrainTable:
+    """Grains present from the start; vectors [n, 3], radius and mass one number or [n]."""
+    place = np.atleast_2d(np.asarray(position, dtype=float))
+    count = len(place)
+
+    def filled(values: ArrayLike, *shape: int) -> Floats:
+        return np.array(np.broadcast_to(np.asarray(values, dtype=float), shape))
+
+    return GrainTable(
+        position=place,
+        velocity=filled(velocity, count, 3),
+        spin=filled(spin, count, 3),
+        radius=filled(radius, count),
+        mass=filled(mass, count),
+        material=np.zeros(count, dtype=np.int32),
+        release_time=np.zeros(count),
+    )
+
+
+def primitive_table(kind: PrimitiveKind, shapes: ArrayLike, surface: ArrayLike = 0) -> PrimitiveTable:
+    """Primitives of one kind, their numbers in the order of PrimitiveKind, without padding."""
+    numbers = np.atleast_2d(np.asarray(shapes, dtype=float))
+    padded = np.zeros((len(numbers), SHAPE_NUMBERS))
+    if numbers.size:
+        padded[:, : numbers.shape[1]] = numbers
+    return PrimitiveTable(
+        kind=np.full(len(numbers), int(kind), dtype=np.int32),
+        surface=np.array(np.broadcast_to(np.asarray(surface, dtype=np.int32), len(numbers))),
+        shape=padded,
+    )
+
+
+def planes(*shapes: Sequence[float]) -> PrimitiveTable:
+    """Each (point, unit normal into the free side) is a surface of its own."""
+    numbers = np.array(shapes, dtype=float).reshape(-1, 6)
+    return primitive_table(PrimitiveKind.PLANE, numbers, np.arange(len(numbers)))
+
+
+def joined(*tables: PrimitiveTable) -> PrimitiveTable:
+    """Tables one after the other, the surfaces of each counted on from the last."""
+    surfaces, first = [], 0
+    for table in tables:
+        surfaces.append(table.surface + first)
+        first += int(table.surface.max()) + 1
+    return PrimitiveTable(
+        kind=np.concatenate([table.kind for table in tables]),
+        surface=np.concatenate(surfaces).astype(np.int32),
+        shape=np.concatenate([table.shape for table in tables]),
+    )
+
+
+def sphere_setup(
+    grains: GrainTable,
+    touch: Touch,
+    time_step: float,
+    walls: PrimitiveTable | None = None,
+    gravity: tuple[float, float, float] = NO_GRAVITY,
+) -> Setup:
+    """One replica in which grains meet each other and walls with the same contact parameters."""
+    table = planes() if walls is None else walls
+    count = int(table.surface.max()) + 1 if len(table.surface) else 0
+    rows = {name: np.full(3, value, dtype=float) for name, value in vars(touch).items()}
+    return Setup(
+        grains=grains,
+        materials=("grain", "wall"),
+        contacts=ContactTable(**rows),
+        primitives=table,
+        surfaces=tuple(Surface(f"wall{k}", WALL) for k in range(count)),
+        time_step=time_step,
+        gravity=gravity,
+        overlap_limit=OVERLAP_LIMIT,
+    )
+
+
+def on_plane(touch: Touch, grain: GrainTable, time_step: float, **changes: Any) -> Setup:
+    """Grains above the floor z = 0."""
+    return replace(sphere_setup(grain, touch, time_step, planes(FLOOR)), **changes)
+
+
+def wall_impact(touch: Touch, radius: float, density: float, speed: float) -> HeadOn:
+    """A sphere that meets a rigid plane head-on."""
+    return HeadOn(touch.young_effective, radius, sphere_mass(radius, density), speed)
+
+
+def pair_impact(touch: Touch, radii: tuple[float, float], density: float, speed: float) -> HeadOn:
+    """Two spheres that meet head-on with relative speed `speed`."""
+    masses = [sphere_mass(radius, density) for radius in radii]
+    return HeadOn(touch.young_effective, series(*radii), series(masses[0], masses[1]), speed)
+
+
+def still_air(faces: Floats, patch: tuple[float, float], density: float, viscosity: float) -> AirSetup:
+    """A column of air at rest that only grains can move; `viscosity` is dynamic [Pa s].
+
+    `patch` holds the periods downwind and across [m]. The floor is smooth and the lid without stress: what
+    the air gains, grains have lost.
+    """
+    ends = {"z_low": AirSide("symmetry"), "z_high": AirSide("stress")}
+    return AirSetup(
+        cells=(1, 1, len(faces) - 1),
+        low=(0.0, 0.0, float(faces[0])),
+        high=(*patch, float(faces[-1])),
+        faces_z=faces,
+        sides={name: ends.get(name, AirSide("periodic")) for name in SIDES},
+        density=density,
+        viscosity=viscosity / density,
+        time_step=1.0,
+        model=AirModel(closure="none", advection="none", scheme="euler", exchange=True),
+    )
+
+
+def in_air(setup: Setup, air: AirSetup, coupling: Coupling, headroom: float) -> Setup:
+    """The same grains in a periodic patch; they may rise `headroom` [m] above the lid."""
+    low = (0.0, 0.0, air.faces_z[0] - headroom)
+    high = (air.high[0], air.high[1], air.high[2] + headroom)
+    period = (air.high[0], air.high[1], 0.0)
+    return replace(setup, air=air, coupling=coupling, domain=(low, high), period=period)
+
+
+def regular_bed(diameter: float, density: float, void: float, cells: tuple[int, int, int]) -> GrainTable:
+    """A face-centred cubic lattice of spheres from the origin that leaves `void` of its volume free."""
+    edge = lattice_edge(diameter, void)
+    base = edge * np.array([(0.25, 0.25, 0.25), (0.75, 0.75, 0.25), (0.25, 0.75, 0.75), (0.75, 0.25, 0.75)])
+    corner = edge * np.stack(np.meshgrid(*map(np.arange, cells), indexing="ij"), axis=-1).reshape(-1, 1, 3)
+    place = (corner + base).reshape(-1, 3)
+    return spheres(place, 0.0, 0.0, diameter / 2.0, density * np.pi / 6.0 * diameter**3)
+
+
+def lattice_edge(diameter: float, void: float) -> float:
+    """Edge of a face-centred cubic cell, which holds four spheres [m]."""
+    return float((4.0 * np.pi / 6.0 / (1.0 - void)) ** (1.0 / 3.0) * diameter)
+
+
+def sides(**given: AirSide) -> dict[str, AirSide]:
+    """The named sides, symmetry along z, and periods elsewhere."""
+    flat = {name: AirSide("symmetry") for name in ("z_low", "z_high")}
+    return {name: AirSide() for name in SIDES} | flat | given
+
+
+def box(cells: tuple[int, int, int], size: tuple[float, float, float], **words: Any) -> AirSetup:
+    """A box of air from the origin, of density 1 and equal cells unless stated otherwise."""
+    usual: dict[str, Any] = {
+        "faces_z": even_faces(0.0, size[2], cells[2]),
+        "sides": sides(),
+        "density": 1.0,
+        "viscosity": 1.0,
+        "time_step": 1.0,
+        "model": LAMINAR,
+        "implicitness": 0.5,
+    }
+    return AirSetup(cells=cells, low=(0.0, 0.0, 0.0), high=size, **usual | words)
+
+
+def air_of(setups: Sequence[AirSetup], threads: int = 0) -> Air:
+    """The boxes of air on the CPU."""
+    start_device(Numerics(threads=threads))
+    return allocate_air(setups)
+
+
+def centres(faces: Floats) -> Floats:
+    """Middles between faces."""
+    return 0.5 * (faces[1:] + faces[:-1])
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Samples of an ensemble; replicas with fewer grains than others are filled up with NaN."""
+
+    time: Floats  # [samples, replicas] s
+    position: Floats  # [samples, replicas, grains, 3] m
+    velocity: Floats  # [samples, replicas, grains, 3] m s-1
+    spin: Floats  # [samples, replicas, grains, 3] rad s-1
+
+
+def simulation_of(
+    setups: Sequence[Setup], precision: Precision, laws: Laws = HERTZ, threads: int = 0
+) -> Simulation:
+    """The scenes on the CPU."""
+    return assemble(setups, laws, Numerics(threads=threads, precision=precision))
+
+
+def run_to_end(scenes: Sequence[Scene], seeds: Sequence[int]) -> EnsembleRun:
+    """Scenes of one law, each with its effects and seed, run to their ends on the CPU in single precision."""
+    library = load_library()
+    setups = [prepare(scene, seed, library) for scene, seed in zip(scenes, seeds, strict=True)]
+    whole = EnsembleRun(
+        list(scenes), assemble(setups, laws_of(scenes[0]), Numerics()), [ReplicaState(seed) for seed in seeds]
+    )
+    run_ensemble(whole, [])
+    return whole
+
+
+def states(sim: Simulation) -> list[Snapshot]:
+    """Snapshots of all replicas; raises RuntimeError where one has failed."""
+    for replica in range(len(sim.setups)):
+        if fault := failure(sim, replica):
+            raise RuntimeError(f"replica {replica} stopped: {fault}")
+    return [snapshot(sim, replica) for replica in range(len(sim.setups))]
+
+
+def advance_all(sim: Simulation, time: float) -> None:
+    """Advance every replica to one time [s]."""
+    advance(sim, [float(time)] * len(sim.setups))
+
+
+def final_states(
+    setups: Sequence[Setup], durations: ArrayLike, precision: Precision, laws: Laws = HERTZ
+) -> list[Snapshot]:
+    """Snapshots after `durations` [s], one number or one per replica."""
+    sim = simulation_of(setups, precision, laws)
+    ends = np.broadcast_to(np.asarray(durations, dtype=float), len(setups))
+    advance(sim, [float(end) for end in ends])
+    return states(sim)
+
+
+def sample(sim: Simulation, times: Floats) -> Trace:
+    """Samples at `times` [samples, replicas] in s, or [samples] for all replicas alike."""
+    rows = []
+    for row in np.broadcast_to(times if times.ndim == 2 else times[:, None], (len(times), len(sim.setups))):
+        advance(sim, [float(time) for time in row])
+        rows.append(states(sim))
+    return Trace(
+        time=np.array([[state.time for state in row] for row in rows]),
+        position=stacked(rows, "position"),
+        velocity=stacked(rows, "velocity"),
+        spin=stacked(rows, "spin"),
+    )
+
+
+def stacked(rows: list[list[Snapshot]], name: str) -> Floats:
+    """One vector of the state [samples, replicas, most grains, 3]."""
+    most = max(len(state.radius) for state in rows[0])
+    whole = np.full((len(rows), len(rows[0]), most, 3), np.nan)
+    for moment, row in zip(whole, rows, strict=True):
+        for place, state in zip(moment, row, strict=True):
+            place[: len(state.radius)] = getattr(state, name)
+    return whole
+
+
+def every_step(setups: Sequence[Setup], steps: int) -> Floats:
+    """Times of the first steps [steps, replicas] in s."""
+    counts = np.arange(1.0, steps + 1.0)
+    return counts[:, None] * np.array([setup.time_step for setup in setups])[None, :]
+
+
+def acceleration(trace: Trace) -> Floats:
+    """Central second difference of the positions [samples - 2, replicas, grains, 3] in m s-2.
+
+    With samples one step apart a leapfrog step makes this exactly force over mass at the middle sample.
+    """
+    step = np.diff(trace.time, axis=0)[:-1, :, None, None]
+    second = trace.position[2:] - 2.0 * trace.position[1:-1] + trace.position[:-2]
+    return second / step**2
+
+
+def order(errors: Sequence[float]) -> float:
+    """Observed order of convergence from the last two of a series of errors, each grid twice as fine [1]."""
+    return float(np.log(errors[-2] / errors[-1]) / np.log(2.0))

@@ -1,0 +1,317 @@
+"""V36, V39: sand of one material and two diameters blows and comes to rest as saltation does; and starts.
+
+V36. Patches of sand without adhesion under steady winds, six over one diameter and four over another that
+is twice as large, in one ensemble. V39. Beds at rest, under winds that grow, with the forces that the air has
+on a grain at rest. Nothing is fitted.
+
+Impact threshold. That of saturated transport, extrapolated to none. What vanishes there and is known best is
+the stress that grains carry at the bed,
+
+    tau_g = tau - rho u*_t^2,
+
+with tau [Pa] that of the wind: its line meets zero within a few percent, where that of the flux, whose means
+over seconds scatter by a tenth, leaves tau_t open. A wind that falls until the last grain rests needs more
+patience than a check has: where it is 5 to 15 percent too weak one grain hops on for a second or two
+(`reference.hopping.time_to_rest`), and a wind that falls faster reads too low a threshold. It goes with the
+root of the diameter where the bed stays as rough, faster where, as here, coarser grains stick out of the
+viscous sublayer; so it is judged too by that of one grain that hops by a measured law of bounces
+(`reference.hopping`) in the wind over the bed at rest (`bed_wind`), of which nothing is ejected or caught.
+
+Flux. Q = a (u*^2 - u_t^2) (u* + u_t)^m, with m = 0 in a law linear in the stress and 1 in Kawamura's with
+the cube of the wind (`measures.flux_law`). Six winds tell them apart: the line must not be refuted, the cube
+must.
+
+Stress at the bed. Grains take from the air near the bed all but about the stress of the impact threshold
+(Owen), here of the hopping grain. Weak winds blow over larger patches, that some ten grains fly in each: of
+one or two, all may come to rest by chance, or one may gather the whole momentum of the wind high above.
+
+Fluid threshold. With drag near the wall, torque of the shear, lift and gusts at their published sizes, and
+without adhesion, beds start from rest: tunnels measured 0.22 to 0.28 m/s for such sand, laboratories differ
+by a tenth, so 0.20 to 0.32 m/s is asked for. The impact threshold over it was measured as 0.75 to 0.9 (Martin
+& Kok: 0.80 to 0.85); 0.70 to 0.95 is asked for, of the wind in which one grain goes on over such a bed.
+
+A bed of sand is smooth to a wind whose viscous sublayer covers its grains, and rough to one of which they
+stick out: at u* d / nu = 3 the wind differs little from that over a plane, at 10 it is slower by some u*.
+The wind over a bed at rest is that of the simulator, a column that the bed's own grains slow down.
+
+What these limits do not test: a ratio of impact thresholds within 10 % of the root of two holds for every
+power of the diameter between 0.35 and 0.64, and a stress within 20 % for every threshold within 10 %.
+
+Reference: Bagnold (1941), The Physics of Blown Sand; Owen (1964), J. Fluid Mech. 20, 225; Creyssels et al.
+(2009), J. Fluid Mech. 625, 47 (extrapolation); Duran, Andreotti & Claudin (2012), Phys. Fluids 24, 103306;
+Pahtz & Duran (2018), Phys. Rev. Fluids 3, 104302 (stress of the grains); Greeley et al. (1980), Geophys. Res.
+Lett. 7, 121, and Iversen & White (1982), Sedimentology 29, 111 (fluid threshold); Martin & Kok (2018),
+Geophys. Res. Lett. 45, 1 (ratio).
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from math import exp, isnan, log, nan, sqrt
+from typing import Any
+
+import numpy as np
+
+from taichi_erosion.core.setup import DragLaw, Floats
+from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.measures.flux_law import CUBIC, LINEAR, flux_power
+from taichi_erosion.measures.result import Measurement
+from taichi_erosion.measures.threshold import Bracket, pool_beds, vanishing_wind
+from taichi_erosion.scene import Scene, parse_scene
+from taichi_erosion.scene.change import with_section
+from taichi_erosion.simulation import Simulation, snapshot
+from taichi_erosion.simulation.wind_driver import air_profile, spin_up_wind
+from taichi_erosion.verification.claims import Outcome, below, holds, relative
+from tests.verification.reference.hopping import CENTRE, KARMAN, Sand, WindProfile, hopping_threshold
+from tests.verification.small_scenes import run_to_end
+
+DROPS = 2000  # places on a bed where a grain is laid down
+SEED = 1
+
+
+def winds_over_beds(scenes: Sequence[Scene], sands: Sequence[Sand]) -> list[Callable[[float], WindProfile]]:
+    """The wind of a friction velocity [m s-1] over the bed that each scene comes to."""
+    sim = run_to_end(scenes, [SEED] * len(scenes)).sim
+    return [bed_wind(sim, k, sand.diameter) for k, sand in enumerate(sands)]
+
+
+def roughness(blow: WindProfile, friction: float, height: float) -> float:
+    """Roughness length z0 [m] of u = (u* / kappa) ln(z / z0), as seen from a height [m] far above the bed."""
+    return height * exp(-KARMAN * blow(height) / friction)
+
+
+def landing_heights(bed: Snapshot, extent: Floats, diameter: float) -> Floats:
+    """Heights of the centre of a grain laid down at random places of a periodic bed [m].
+
+    `extent` [2] and `diameter` in metres.
+    """
+    places = np.random.default_rng(SEED).uniform(size=(DROPS, 2)) * extent
+    apart = bed.position[:, :2] - places[:, None]
+    apart -= extent * np.round(apart / extent)
+    reach = (bed.radius + 0.5 * diameter) ** 2 - (apart**2).sum(axis=2)
+    touching = bed.position[:, 2] + np.sqrt(np.maximum(reach, 0.0))
+    return np.where(reach > 0.0, touching, 0.5 * diameter).max(axis=1)
+
+
+def bed_wind(sim: Simulation, replica: int, diameter: float) -> Callable[[float], WindProfile]:
+    """The steady wind of a friction velocity over a bed at rest, by the height over where it begins.
+
+    It begins `CENTRE` diameters below where centres of grains land in the mean, as over a flat bed; above
+    the lid it is logarithmic.
+    """
+    extent = np.array(sim.setups[replica].period[:2])
+    landing = float(landing_heights(snapshot(sim, replica), extent, diameter).mean())
+
+    def over(friction: float) -> WindProfile:
+        spin_up_wind(sim, replica, friction)
+        profile = air_profile(sim, replica)
+        height = 0.5 * (profile.face[1:] + profile.face[:-1]) - landing + CENTRE * diameter
+        speed = profile.velocity[:, 0]
+
+        def blow(z: float) -> float:
+            beyond = friction / KARMAN * log(max(z / height[-1], 1.0))
+            return float(np.interp(z, height, speed)) + beyond
+
+        return blow
+
+    return over
+
+
+SMALLEST = 0.25e-3  # m
+LARGER = 2.0  # the other diameter over the smallest [1]
+DENSITY, AIR = 2650.0, 1.225  # kg m-3
+LAW: DragLaw = "two_limits"  # of drag, which the claims are about
+REST_WIND = 0.2  # u* over the smallest grains from which on a bed at rest is tried [m s-1]
+GRAINS = 4.0  # on the square of a diameter: a bed three and a half diameters deep
+MODULUS = 1e5  # Pa, of the smallest; with the diameter: as soft for all. About k = 1e4 m g / d
+SLEEP = 1e-3  # s at rest after which deep grains of the smallest are held
+SETTLE = {"name": "settle", "duration_max": 0.15, "duration_min": 0.02, "rest_energy": 1e-3}
+REST = SETTLE | {"duration_max": 0.3, "rest_energy": 1e-5, "rest_contact_share": 0.5}
+START = {"name": "start", "until": "time", "duration_max": 0.1, "friction_velocity": 0.6}
+ADJUSTMENTS, ADJUST = 4, 0.1  # times that the air finds its steady profile, and s between them
+BLOW = 2.0  # s over which the steady flux is averaged
+MEASURED = ("flux", "bed_stress", "grain_stress")
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A steady wind over the smallest grains, and the patch of which it lifts some ten grains."""
+
+    wind: float  # u* [m s-1]
+    length: float  # diameters
+    width: float  # diameters
+
+
+STEADY = (Patch(0.28, 28.0, 16.0), Patch(0.36, 28.0, 8.0), Patch(0.44, 16.0, 8.0), Patch(0.52, 16.0, 8.0))
+MORE = (Patch(0.32, 28.0, 12.0), Patch(0.60, 16.0, 8.0))  # winds over the smallest grains alone
+RESTING = Patch(0.0, 14.0, 14.0)
+FORCES = ("near_wall_drag", "rotational_drag", "shear_lift", "turbulent_gusts")  # on a grain at rest
+BEDS = (1, 2, 3, 4, 5)  # seeds of the beds that start from rest
+FLUID, FLUID_REACH = 0.26, 0.06  # m s-1, 0.20 to 0.32
+RATIO, RATIO_REACH = 0.825, 0.125  # impact over fluid threshold [1], 0.70 to 0.95
+REFUTED = 0.05  # chance below which a law of the flux is refuted [1]
+
+
+def sand(size: float, patch: Patch, stages: list[dict[str, Any]], more: dict[str, Any]) -> Scene:
+    """A periodic patch of sand under wind; times and winds of its stages are for the smallest grains."""
+    diameter = size * SMALLEST
+    sizes = {"median": diameter, "low": 0.8 * diameter, "high": 1.25 * diameter}
+    solid = {"density": DENSITY, "shear_modulus": MODULUS * size, "poisson_ratio": 0.25}
+    softening = {"softening": {"rule": "bond_number", "true_modulus": 3e10}}
+    column = {
+        "height_d": 200.0,
+        "growth": 1.2,
+        "cell_d": 0.25,
+        "look_steps": 20,
+        "sleep_after": SLEEP * sqrt(size),
+    }
+    extent = {"length_d": patch.length, "width_d": patch.width, "density": AIR, "drag": LAW}
+    table = {
+        "scene": {"kind": "saltation"},
+        "run": {"time_step_fraction": 0.25, "check_interval": 5e-3, "overlap_limit": 0.9},
+        "grains": {
+            "count": int(GRAINS * patch.length * patch.width),
+            "material": "sand",
+            "size": {"law": "lognormal", "sigma_log": 0.1, **sizes},
+        },
+        "materials": {"sand": solid | softening},
+        "contact": {"sand-sand": {"restitution": 0.7, "friction_sliding": 0.5}},
+        "geometry": {"ground": {"shape": "plane", "material": "sand"}},
+        "wind": column | extent,
+        "fill": {"law": "layers", "pitch_d": 1.32, "jitter_d": 0.03, "first_height_d": 1.0},
+        "stages": [scaled(stage, size) for stage in stages],
+    }
+    return parse_scene(table | more)
+
+
+def scaled(stage: dict[str, Any], size: float) -> dict[str, Any]:
+    """The stage for grains that are `size` times as large: winds and the times of hops go with the root."""
+    scales = ("duration_max", "duration_min", "friction_velocity")
+    return stage | {name: sqrt(size) * stage[name] for name in scales if name in stage}
+
+
+def from_rest() -> Scene:
+    """A bed at rest under winds that grow."""
+    order = {"first": REST_WIND, "rise": 0.06, "levels": 1}
+    search = {"name": "hunt", "until": "threshold", "duration_max": 20.0}
+    forces = {name: {"strength": 1.0} for name in FORCES}
+    more = {"threshold": order, "measure": {"fluid_threshold": {}}, "effects": forces}
+    return sand(1.0, RESTING, [REST, search], more)
+
+
+def at_rest(size: float) -> Scene:
+    """A bed that comes to rest."""
+    return sand(size, RESTING, [REST], {"measure": {}})
+
+
+def steady(size: float, patch: Patch) -> Scene:
+    """Grains that blow in one wind."""
+    change = {"until": "time", "friction_velocity": patch.wind}
+    adjust = [change | {"name": f"adjust_{k}", "duration_max": ADJUST} for k in range(ADJUSTMENTS)]
+    stages = [SETTLE, START, *adjust, change | {"name": "blow", "duration_max": BLOW}]
+    return sand(size, patch, stages, {"measure": {name: {"every": 1e-2} for name in MEASURED}})
+
+
+def under(law: DragLaw, scenes: Sequence[Scene]) -> list[Scene]:
+    """The scenes under a law of drag."""
+    return [with_section(scene, "wind", drag=law) for scene in scenes]
+
+
+def measured(scenes: Sequence[Scene]) -> list[dict[str, float]]:
+    """Final measurements by name of every scene, run as one ensemble."""
+    replicas = run_to_end(scenes, [SEED] * len(scenes)).states
+    return [{name: m.value for name, m in replica.measurements.items()} for replica in replicas]
+
+
+def fluid_threshold(law: DragLaw = LAW) -> Measurement:
+    """Friction velocity at which beds with the forces of a grain at rest start [m s-1]."""
+    replicas = run_to_end(under(law, [from_rest()] * len(BEDS)), BEDS).states
+    return pool_beds([replica.measurements["fluid_threshold"] for replica in replicas])
+
+
+def of_winds(values: Sequence[dict[str, float]], name: str) -> Any:
+    """One measure of all steady winds; NaN where there is none."""
+    return np.array([found.get(name, nan) for found in values])
+
+
+def stresses(values: Sequence[dict[str, float]]) -> Any:
+    """Stress of air and grains together at the bed, wind by wind [Pa].
+
+    In the mean over many seconds that of the lid; in between the air above stores momentum and gives it back.
+    """
+    return of_winds(values, "bed_stress") + of_winds(values, "grain_stress")
+
+
+def vanishing(values: Sequence[dict[str, float]], name: str) -> Bracket:
+    """Wind in which a measure of saturated transport, extrapolated along a line, vanishes [m s-1]."""
+    left, borne, measure = (of_winds(values, one) for one in ("bed_stress", "grain_stress", name))
+    return vanishing_wind(left, borne, measure, AIR) or Bracket(nan, nan)
+
+
+def ends(line: Bracket) -> str:
+    """A threshold and its standard error, in words."""
+    return "no wind" if isnan(line.middle) else f"{line.middle:.3f} ({line.low:.3f} to {line.high:.3f}) m/s"
+
+
+def saltation(law: DragLaw = LAW) -> Iterator[Outcome]:
+    """V36."""
+    winds = {1.0: (*STEADY, *MORE), LARGER: STEADY}
+    patches = [(size, patch) for size, over in winds.items() for patch in over]
+    blown = measured(under(law, [steady(size, patch) for size, patch in patches]))
+    found = {size: [v for (own, _), v in zip(patches, blown, strict=True) if own == size] for size in winds}
+    first, second = (vanishing(values, "grain_stress") for values in found.values())
+    sands = [Sand(size * SMALLEST, DENSITY, AIR) for size in winds]
+    over = winds_over_beds(under(law, [at_rest(size) for size in winds]), sands)
+    alone = [hopping_threshold(sand, wind) for sand, wind in zip(sands, over, strict=True)]
+    yield from impact_outcomes(first, second, alone)
+    yield from flux_outcomes(winds[1.0], found[1.0], first)
+    for (size, patches_over), hopping in zip(winds.items(), alone, strict=True):
+        yield from stress_outcomes(size, patches_over, found[size], hopping)
+
+
+def impact_outcomes(first: Bracket, second: Bracket, alone: Sequence[float]) -> Iterator[Outcome]:
+    """Impact thresholds of both diameters, and those of one grain that hops [m s-1]."""
+    ratio = second.middle / first.middle
+    claim = f"impact threshold of {1e3 * LARGER * SMALLEST:g} mm, {ends(second)}, over that of "
+    claim += f"{1e3 * SMALLEST:g} mm, {ends(first)}"
+    yield relative(claim, ratio, sqrt(LARGER), 0.1, "f32")
+    claim = "the same over that of winds in which one grain goes on over either bed"
+    yield relative(claim, ratio / (alone[1] / alone[0]), 1.0, 0.1, "f32")
+
+
+def flux_outcomes(
+    patches: Sequence[Patch], values: Sequence[dict[str, float]], threshold: Bracket
+) -> Iterator[Outcome]:
+    """Whether the flux is linear in the stress, and not with the cube of the wind."""
+    friction = np.sqrt(stresses(values) / AIR)
+    power = flux_power(friction, of_winds(values, "flux"), threshold)
+    told = "too few winds" if power is None else f"{power.value:.2f} +- {power.error:.2f}"
+    line, cube = (nan if power is None else power.chance(law) for law in (LINEAR, CUBIC))
+    claim = f"flux at {len(patches)} winds as (u*^2 - u_t^2) (u* + u_t)^m, m = {told}: "
+    yield holds(f"{claim}m = 0, linear in the stress, is not refuted (p = {line:.2g})", line > REFUTED, "f32")
+    yield below(f"{claim}m = 1, the cube of the wind, has a p of", cube, REFUTED, "f32")
+
+
+def stress_outcomes(
+    size: float, patches: Sequence[Patch], values: Sequence[dict[str, float]], hopping: float
+) -> Iterator[Outcome]:
+    """Stress left to the air at the bed over that of u* = `hopping` [m s-1]."""
+    grain = f"{1e3 * size * SMALLEST:g} mm"
+    for patch, left in zip(patches, of_winds(values, "bed_stress"), strict=True):
+        claim = (
+            f"stress of the air at the bed of {grain} under u* = {sqrt(size) * patch.wind:.3g} m/s over that "
+        )
+        claim += f"of {hopping:.3f} m/s, in which one grain goes on"
+        yield relative(claim, left / (AIR * hopping**2), 1.0, 0.2, "f32")
+
+
+def start_of_motion(law: DragLaw = LAW) -> Iterator[Outcome]:
+    """V39."""
+    fluid = fluid_threshold(law)
+    reach = fluid.details.get("interval", {"low": nan, "high": nan})
+    known = f"{fluid.value:.3f} ({reach['low']:.3f} to {reach['high']:.3f}) m/s"
+    claim = f"{fluid.n} beds of {1e3 * SMALLEST:g} mm with the forces on a grain at rest start at {known}"
+    yield Outcome(claim, fluid.value, FLUID, FLUID_REACH, "f32")
+    sand = Sand(SMALLEST, DENSITY, AIR)
+    alone = hopping_threshold(sand, winds_over_beds(under(law, [at_rest(1.0)]), [sand])[0])
+    claim = f"impact over fluid threshold: the wind in which one grain goes on, {alone:.3f} m/s, over that"
+    yield Outcome(claim, alone / fluid.value, RATIO, RATIO_REACH, "f32")
