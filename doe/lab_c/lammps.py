@@ -26,7 +26,7 @@ from taichi_erosion.measures import heap
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene import Scene, build_setup, scene_hash
-from taichi_erosion.scene.build.limits import grain_rayleigh_time
+from taichi_erosion.scene.preparation.limits import grain_rayleigh_time
 
 HERE = Path(__file__).parent
 SEEDS = range(1, 7)

@@ -24,7 +24,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Arch, ArchChoice, Decomposition, Numerics
 from taichi_erosion.run.checks import EffectFiles, compatibility_key, read_scene, with_effects
 from taichi_erosion.scene import Scene, resolved, scene_hash
-from taichi_erosion.scene.build.limits import time_step
+from taichi_erosion.scene.preparation.limits import time_step
 
 Report = Callable[[float, str], None]  # (share done [1], sentence)
 

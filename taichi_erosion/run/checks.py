@@ -11,8 +11,8 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
 from taichi_erosion.run.observables import OBSERVABLES
 from taichi_erosion.scene import Scene, explain, laws, load_scene, resolved, scene_hash
-from taichi_erosion.scene.build.air import air_time_step, longest_step
 from taichi_erosion.scene.load import is_air_scene, load_air_scene, told
+from taichi_erosion.scene.preparation.air import air_time_step, longest_step
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.scene.schema.scene import effect_problems
 
@@ -90,7 +90,7 @@ def effect_warnings(scene: Scene) -> list[str]:
 
 def refuse_failing_effects(scene: Scene) -> None:
     """Raise BadInput where a function of an effect on the host fails in a scene; starts no device."""
-    from taichi_erosion.scene.build.sizes import size_range
+    from taichi_erosion.scene.preparation.sizes import size_range
     from taichi_erosion.simulation.scene_setup import device_effects, effective_scene
 
     library = library_of(scene)

@@ -10,7 +10,7 @@ from typing import Any, get_args
 from pydantic import TypeAdapter, ValidationError
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene.build.sizes import nominal_diameter
+from taichi_erosion.scene.preparation.sizes import nominal_diameter
 from taichi_erosion.scene.schema.fields import Section, unit_of
 from taichi_erosion.scene.schema.grains import Size
 from taichi_erosion.scene.schema.scene import Scene

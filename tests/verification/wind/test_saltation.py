@@ -4,7 +4,7 @@ from math import isnan, nan
 
 import pytest
 
-from taichi_erosion.scene.build.sizes import nominal_diameter
+from taichi_erosion.scene.preparation.sizes import nominal_diameter
 from taichi_erosion.verification.wind.saltation import AIR, STEADY, ends, scaled, steady, stresses, vanishing
 
 THRESHOLD = 0.17  # m s-1
