@@ -19,9 +19,9 @@ from typing import Any, get_args
 import numpy as np
 
 from taichi_erosion.core.effect import Effect, Place
-from taichi_erosion.core.effect_file import DIGITS, EffectFile
 from taichi_erosion.core.engine.choice import is_device_function
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.foreign_code import DIGITS, EffectFile
 
 MEMBER = "EFFECT"  # name of the record in an effect's file
 REMEDY = "`effects new NAME` writes a file of the present interface"

@@ -6,8 +6,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
 from taichi_erosion.run.observables import OBSERVABLES
 from taichi_erosion.scene import Scene, explain, laws, load_scene, resolved, scene_hash
@@ -38,7 +38,7 @@ def read_scene(path: Path, overrides: tuple[str, ...], effect_files: EffectFiles
 
 def scene_effect_files(scene: Scene) -> EffectFiles:
     """Effect files that a scene names, relative to its folder. Raises BadInput."""
-    return read_effect_files(scene.scene.effect_files, scene.folder)
+    return read_effect_files(scene.scene.effect_files, scene.folder, str(scene.file))
 
 
 def with_effects(scene: Scene, files: EffectFiles) -> Scene:

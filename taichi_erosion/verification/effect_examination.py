@@ -9,10 +9,10 @@ from typing import Any
 
 from taichi_erosion.core.device import start_device, stop_device
 from taichi_erosion.core.effect import Check, Effect, Probe
-from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.effect_loading import effect_in
 from taichi_erosion.core.effect_probe import make_bench, probe_of
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.verification.effect_contract import breaches, unusable
 
