@@ -4,7 +4,6 @@ Every section of a scene is a `Section`: frozen, strict about types, closed to u
 """
 
 from collections.abc import Iterable, Iterator
-from difflib import get_close_matches
 from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,6 +21,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from taichi_erosion.core.errors import nearest
 from taichi_erosion.core.foreign_code import EffectFile
 
 Vector = tuple[float, float, float]
@@ -75,8 +75,8 @@ def numbers_in(value: Any) -> Iterator[float]:
 
 def unknown_key(key: str, known: Iterable[str], also: str = "") -> PydanticCustomError:
     """Error of a key that a section does not have; `also` is a remedy where no known key is near."""
-    near = get_close_matches(key, known, n=1, cutoff=0.5)
-    hint = f"did you mean '{near[0]}'?" if near else f"allowed: {', '.join(known)}{also}"
+    near = nearest(key, known)
+    hint = f"did you mean '{near}'?" if near else f"allowed: {', '.join(known)}{also}"
     return PydanticCustomError("unknown", "{hint}", {"hint": hint, "key": key})
 
 

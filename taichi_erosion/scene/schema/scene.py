@@ -1,13 +1,12 @@
 """A scene file as typed, frozen records: the only place where defaults stand."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from difflib import get_close_matches
 from math import isfinite
 from typing import Literal
 
 from pydantic import Field, model_validator
 
-from taichi_erosion.core.errors import did_you_mean
+from taichi_erosion.core.errors import did_you_mean, nearest
 from taichi_erosion.core.setup import (
     AdhesionBranch,
     FrictionCap,
@@ -332,13 +331,10 @@ def effect_problems(scene: Scene, known: Known | None) -> Iterator[str]:
 
 def effect_hint(name: str, known: Known) -> str:
     """What to do about an effect that is not there."""
-    near = get_close_matches(name, known, n=1, cutoff=0.75)
+    if near := nearest(name, known):
+        return f"did you mean '{near}'?"
     own = "an effect of your own needs --effect FILE, or effect_files under [scene] or [study]"
-    return (
-        f"did you mean '{near[0]}'?"
-        if near
-        else f"{own}; known effects: {', '.join(sorted(known)) or 'none'}"
-    )
+    return f"{own}; known effects: {', '.join(sorted(known)) or 'none'}"
 
 
 def observable_problems(measures: Iterable[str], known: Collection[str] | None) -> Iterator[str]:
