@@ -370,7 +370,7 @@ def read_study_file(path: Path, problems: Callable[[StudyFile], Iterator[str]]) 
     try:
         file = StudyFile.model_validate(table)
     except ValidationError as error:
-        lines = problem_lines(error, table, {})
+        lines = problem_lines(error, table)
         lines = [line.replace("candidates.tables.", "candidates.") for line in lines]
         raise BadInput(*(f"{name}: {line}" for line in lines)) from None
     except (OverflowError, RecursionError) as error:

@@ -13,47 +13,22 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from taichi_erosion.core.errors import BadInput, did_you_mean
-from taichi_erosion.scene.diameters import DIAMETERS, SCALING_UNITS
-from taichi_erosion.scene.schema import air
 from taichi_erosion.scene.schema.air import AirScene
-from taichi_erosion.scene.schema.fields import resolved
+from taichi_erosion.scene.schema.fields import DIAMETERS, resolved
 from taichi_erosion.scene.schema.scene import Scene
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-# parts that define the diameter, or that are those of a laboratory
-IN_METRES_ONLY = {"Monodisperse", "Lognormal", "Sieve", "GrainStart", "Conditions"}
 NOMINAL_DIAMETER = "d"  # unit of the spheres of a clump
 TITLE = "taichi_erosion scene"  # of the schema
 BARE_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
+@cache
 def scene_schema() -> dict[str, Any]:
     """Schema of a scene file, every number with its unit and range."""
     schema = TypeAdapter[Scene | AirScene](Scene | AirScene).json_schema()
-    parts = (part for part in vars(air).values() if isinstance(part, type))
-    air_alone = {part.__name__ for part in parts if part.__module__ == air.__name__}
-    for name, part in schema["$defs"].items():
-        if name not in IN_METRES_ONLY | air_alone:
-            allow_diameters(part)
     whole = [schema["$defs"].pop(option["$ref"].rpartition("/")[2]) for option in schema["anyOf"]]
     return {"$schema": DIALECT, "title": TITLE, "anyOf": whole, "$defs": schema["$defs"]}
-
-
-def allow_diameters(part: dict[str, Any]) -> None:
-    """Add `NAME_d`, in nominal diameters, for every length and time of a section."""
-    either = []
-    for name, entry in list(part.get("properties", {}).items()):
-        if entry.get("unit") not in SCALING_UNITS:
-            continue
-        unit = "1" if entry["unit"] == "m" else "s m-1"
-        unbounded = {k: v for k, v in entry.items() if k not in ("minimum", "maximum", "default")}
-        meaning = f"{entry['description'].rpartition(' [')[0]}, over the nominal grain diameter [{unit}]"
-        part["properties"][name + DIAMETERS] = unbounded | {"description": meaning, "unit": unit}
-        if name in part.get("required", []):
-            part["required"] = [required for required in part["required"] if required != name]
-            either.append({"oneOf": [{"required": [name]}, {"required": [name + DIAMETERS]}]})
-    if either:
-        part["allOf"] = either
 
 
 def schema_text() -> str:
@@ -161,12 +136,6 @@ def options(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[dict[str, 
             yield from options(schema, other)
 
 
-@cache
-def cached_schema() -> dict[str, Any]:
-    """The schema, made once."""
-    return scene_schema()
-
-
 @dataclass(frozen=True)
 class NumberEntry:
     """A number of a scene: its unit and its range, inclusive."""
@@ -182,7 +151,7 @@ def number_at(path: str) -> NumberEntry | None:
 
     A component has unit and range of its vector. What is counted in nominal diameters is a pure number.
     """
-    schema = cached_schema()
+    schema = scene_schema()
     nodes, found = list(options(schema, schema)), None
     for key in path.split("."):
         nodes = [below for node in nodes for below in entries_below(schema, node, key)]
