@@ -75,7 +75,7 @@ def toml_table(path: str | Path) -> dict[str, Any]:
     name = one_line_name(path)
     refuse_other_name(Path(path), "scene")
     try:
-        table = deepcopy(toml_tree(file_text(Path(path), name)))
+        table = deepcopy(dict(toml_tree(file_text(Path(path), name))))
     except (ValueError, RecursionError) as error:
         raise BadInput(f"{name}: not a TOML file: {first_line(error)}") from None
     refuse_other_sections(Path(path), table, "scene")

@@ -17,7 +17,7 @@ BROKEN = {  # change of a good file -> what is told of it
     ("EFFECT = ", "OTHER = "): "holds no EFFECT = Effect(...)",
     ("act=pull", "force=pull"): "Effect has no entry 'force'; it has name, title",
     ("place=", "plce="): "Effect has no entry 'plce'; did you mean 'place'?",
-    ("    checks=checks,\n", ""): "Effect lacks 'checks'",
+    ("    checks=checks,\n", ""): "missing 1 required positional argument: 'checks'",
     ("core.effect import", "core.quantity import"): "line 14: No module named 'taichi_erosion.core.quantity'",
     ("import Check, ", "import Chek, "): "effects import from taichi_erosion.core.effect",
     ("def pull(constants, pair)", "def pull(pair)"): "act must take (constants, pair)",

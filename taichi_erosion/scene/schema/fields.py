@@ -115,14 +115,15 @@ class Section(BaseModel):
         """The table with every `NAME_d` replaced by NAME, times the nominal diameter where it is known."""
         if not isinstance(table, dict):
             return table
-        diameter, found = (about.context or {}).get(DIAMETER), {}
+        diameter: float | None = (about.context or {}).get(DIAMETER)
+        found = {}
         for key, value in table.items():
-            name = cls.scaled_name(key) if diameter is not None and is_numeric(value) else None
+            name = cls.scaled_name(key) if diameter and is_numeric(value) else None
             if name is not None and name in table:
                 raise contradiction(f"{name} and {key} name the same quantity")
             if name is None and key not in cls.model_fields:
                 raise unknown_key(str(key), cls.model_fields)
-            found[name or key] = value if name is None else times(value, diameter)
+            found[name or key] = times(value, diameter) if name and diameter else value
         return found
 
     @classmethod
