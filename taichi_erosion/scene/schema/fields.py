@@ -118,7 +118,7 @@ class Section(BaseModel):
         diameter: float | None = (about.context or {}).get(DIAMETER)
         found = {}
         for key, value in table.items():
-            name = cls.scaled_name(key) if diameter and is_numeric(value) else None
+            name = cls.scaled_name(str(key)) if diameter and is_numeric(value) else None
             if name is not None and name in table:
                 raise contradiction(f"{name} and {key} name the same quantity")
             if name is None and key not in cls.model_fields:
