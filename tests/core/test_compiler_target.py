@@ -95,6 +95,7 @@ def of_256_bits(tmp_path_factory) -> tuple[int, dict]:
 
 @linux_x86
 @wide
+@pytest.mark.slow
 def test_an_unknown_processor_gets_packed_square_roots_and_the_same_bits(tmp_path, of_256_bits):
     narrow, before = run("unknown", tmp_path)
     broad, after = of_256_bits
