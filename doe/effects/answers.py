@@ -35,8 +35,8 @@ from doe.effects.pocket import (
 from taichi_erosion.effects import load_library
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.run.result import apply_instruments
-from taichi_erosion.scene.build.sizes import nominal_diameter
 from taichi_erosion.scene.change import sample_scene
+from taichi_erosion.scene.preparation.sizes import nominal_diameter
 
 MILLIMETRES = 1e3  # per metre
 GRAVITY = 9.81  # m s-2

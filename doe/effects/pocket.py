@@ -30,7 +30,7 @@ from taichi_erosion.core.effect import Effect, read_params
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.effects import load_library
 from taichi_erosion.scene import Scene, parse_scene
-from taichi_erosion.scene.build.sizes import nominal_diameter
+from taichi_erosion.scene.preparation.sizes import nominal_diameter
 from taichi_erosion.simulation import (
     Simulation,
     advance,

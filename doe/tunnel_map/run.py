@@ -26,8 +26,8 @@ from taichi_erosion.measures.boundary_layer import (
     profile_at,
     thickness,
 )
-from taichi_erosion.scene.build.air import build_air
 from taichi_erosion.scene.load import load_air_scene
+from taichi_erosion.scene.preparation.air import build_air
 
 FOLDER = Path(__file__).parent
 SCENE = FOLDER.parent.parent / "scenes" / "tunnel_section.toml"

@@ -23,7 +23,7 @@ from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.report.markdown import markdown_table
 from taichi_erosion.scene import Scene, load_scene
-from taichi_erosion.scene.build.sizes import nominal_diameter
+from taichi_erosion.scene.preparation.sizes import nominal_diameter
 
 SCENE = "scenes/wind_threshold.toml"
 TABLE = Path(__file__).with_name("shares.csv")

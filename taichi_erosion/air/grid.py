@@ -4,7 +4,7 @@ Cell (i, j, k) of replica r counts from 0; indices -1 and n are ghosts, filled b
 void fraction and exchange live in cells, each velocity component on the faces that it is normal to:
 `velocity_x[r, i, j, k]` on the face towards low x of cell (i, j, k), likewise y and z. The air keeps
 double precision whatever the grains do: in a step of theirs it may change by a millionth of itself. The
-sizes of cells are chosen in `scene/build/air.py`.
+sizes of cells are chosen in `scene/preparation/air.py`.
 
 The coupling to grains sets, in cells 0 ... n - 1 and before each step:
 

@@ -18,13 +18,13 @@ from typing import Any
 from taichi_erosion import __version__
 from taichi_erosion.campaign.pool import Payloads, RunFunction, SendRecord, SendShare
 from taichi_erosion.campaign.study_file import WorkersEntry
-from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.engine.choice import engine_mark
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.core.setup import Arch, ArchChoice, Decomposition, Numerics
 from taichi_erosion.run.checks import EffectFiles, compatibility_key, read_scene, with_effects
 from taichi_erosion.scene import Scene, resolved, scene_hash
-from taichi_erosion.scene.build.limits import time_step
+from taichi_erosion.scene.preparation.limits import time_step
 
 Report = Callable[[float, str], None]  # (share done [1], sentence)
 

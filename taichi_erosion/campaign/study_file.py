@@ -14,9 +14,9 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
+from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import ArchChoice, Decomposition
 from taichi_erosion.scene.file_kind import refuse_other_name, refuse_other_sections
 from taichi_erosion.scene.load import file_text, first_line, with_tuples
@@ -297,7 +297,7 @@ class CalibrationStudy:
     @property
     def effect_files(self) -> tuple[EffectFile, ...]:
         """Files of the effects that its scenes may name. Raises BadInput."""
-        return read_effect_files(self.study.study.effect_files, self.path.parent)
+        return read_effect_files(self.study.study.effect_files, self.path.parent, str(self.path))
 
     def scene(self, observable: str) -> Path:
         """Scene that answers an observable."""
@@ -370,7 +370,7 @@ def read_study_file(path: Path, problems: Callable[[StudyFile], Iterator[str]]) 
     try:
         file = StudyFile.model_validate(table)
     except ValidationError as error:
-        lines = problem_lines(error, table, {})
+        lines = problem_lines(error, table)
         lines = [line.replace("candidates.tables.", "candidates.") for line in lines]
         raise BadInput(*(f"{name}: {line}" for line in lines)) from None
     except (OverflowError, RecursionError) as error:

@@ -17,13 +17,9 @@ LLVM itself gives to the processor, and the processor's features. Where a check 
 The environment variable TAICHI_EROSION_KEEP_TARGET switches the remedy off.
 
 quadrants compiles with LLVM 22, which knows these processors; nothing is changed there.
-
-The library has a hundred megabytes and its symbols are not indexed: where they stand is kept beside the
-compiled kernels, for a library of the same size and age.
 """
 
 import ctypes
-import json
 import mmap
 import os
 import platform
@@ -31,15 +27,12 @@ import re
 import struct
 import sys
 from collections.abc import Mapping
-from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from taichi_erosion.core.engine.choice import engine_name
-from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import cache_root, write_atomic
 from taichi_erosion.core.ti import ti
 
 KEEP = "TAICHI_EROSION_KEEP_TARGET"
@@ -114,27 +107,10 @@ def search_symbols(file: Path) -> tuple[int, int]:
     return function, table
 
 
-def known_symbols(file: Path) -> tuple[int, int]:
-    """The same as an earlier process found it in this library, else searched for and kept."""
-    facts = file.stat()
-    library = [str(file), facts.st_size, facts.st_mtime_ns, facts.st_ino]
-    kept = cache_root() / "compiler_symbols.json"
-    with suppress(OSError, ValueError, KeyError, TypeError):
-        found = json.loads(kept.read_text(encoding="utf-8"))
-        if found["library"] == library:
-            return int(found["function"]), int(found["table"])
-    function, table = search_symbols(file)
-    text = json.dumps({"library": library, "function": function, "table": table})
-    with suppress(OSError, BadInput):
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        write_atomic(kept, text.encode())
-    return function, table
-
-
 def compiler_rows() -> tuple[str, dict[str, int]]:
     """What LLVM calls this processor, and the addresses of the rows of its table by name."""
     base, file = loaded_library()
-    function, table = known_symbols(file)
+    function, table = search_symbols(file)
     named = ctypes.CFUNCTYPE(StringRef)(base + function)()
     first = base + table
     texts = [ctypes.c_uint64.from_address(first + k * ROW).value for k in range(TABLE_BYTES // ROW)]

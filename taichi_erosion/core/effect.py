@@ -22,6 +22,7 @@ restored beds. Pair effects read the state of both grains, grain effects that of
 """
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import MISSING, Field, asdict, dataclass, field, fields
 from math import inf, isfinite
 from typing import Any, Literal
@@ -203,14 +204,10 @@ def refuse_no_numbers(effect: Effect, constants: Any) -> None:
             f"effects.{effect.name}: constants must give a dict of numbers by name, not {constants!r}"
         )
     for name, value in constants.items():
-        try:
-            finite = isfinite(value)
-        except (TypeError, ValueError):
-            finite = False
-        if not finite:
-            raise BadInput(
-                f"effects.{effect.name}: its constants give {name} = {value!r}, not a finite number"
-            )
+        with suppress(TypeError, ValueError):
+            if isfinite(value):
+                continue
+        raise BadInput(f"effects.{effect.name}: its constants give {name} = {value!r}, not a finite number")
 
 
 def initial_state(effect: Effect, params: Any, strength: float, conditions: Conditions) -> Constants:

@@ -10,7 +10,6 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, fields, is_dataclass
-from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -19,16 +18,15 @@ from typing import Any, get_args
 import numpy as np
 
 from taichi_erosion.core.effect import Effect, Place
-from taichi_erosion.core.effect_file import DIGITS, EffectFile
 from taichi_erosion.core.engine.choice import is_device_function
-from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.errors import BadInput, nearest
+from taichi_erosion.core.foreign_code import DIGITS, EffectFile
 
 MEMBER = "EFFECT"  # name of the record in an effect's file
 REMEDY = "`effects new NAME` writes a file of the present interface"
 ON_DEVICE = ("pair", "first_contact", "grain")  # places of effects whose `act` is a ti.func
 MOST_FILES = 64  # executed files that are kept
 UNKNOWN_ENTRY = re.compile(r"unexpected keyword argument '(\w+)'")
-MISSING_ENTRIES = re.compile(r"missing \d+ required \S+ arguments?: (.*)")
 ACT = {
     "pair": ("constants", "pair"),
     "first_contact": ("constants", "contact"),
@@ -109,13 +107,12 @@ def reason(error: BaseException) -> str:
     """What went wrong in the user's words; an interface that has changed is named as such."""
     text = str(error)
     if isinstance(error, TypeError) and "Effect." in text:
-        names = [f.name for f in fields(Effect)]
         if unknown := UNKNOWN_ENTRY.search(text):
-            near = get_close_matches(unknown[1], names, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"it has {', '.join(names)}"
+            names = [f.name for f in fields(Effect)]
+            near = nearest(unknown[1], names)
+            hint = f"did you mean '{near}'?" if near else f"it has {', '.join(names)}"
             return f"Effect has no entry '{unknown[1]}'; {hint}; {REMEDY}"
-        if missing := MISSING_ENTRIES.search(text):
-            return f"Effect lacks {missing[1]}; {REMEDY}"
+        return f"{text}; {REMEDY}"
     if isinstance(error, ImportError) and "taichi_erosion" in (error.name or ""):
         return f"{text}; effects import from taichi_erosion.core.effect; {REMEDY}"
     return f"{type(error).__name__}: {text}" if text else type(error).__name__

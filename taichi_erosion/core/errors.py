@@ -1,8 +1,12 @@
 """Exit codes of the command line, and the two exceptions that stand for an expected failure."""
 
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 from enum import IntEnum
+
+PART = re.compile(r"[._]")  # between the parts of a name
+ALIKE = 0.75  # likeness of one name, or of one part of it [1]
 
 
 class ExitCode(IntEnum):
@@ -32,7 +36,18 @@ class SimulationStopped(Exception):
     """Simulation ended by a guard; one line with grains, time and likely cause (ExitCode.STOPPED)."""
 
 
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """Known name that a word is close to, as a whole or in one part of it (`friktion`, `rolling`)."""
+    names = list(known)
+    parts = {part: name for name in reversed(names) for part in PART.split(name)}
+    if close := get_close_matches(word, names, n=1, cutoff=ALIKE):
+        return close[0]
+    if close := get_close_matches(word, parts, n=1, cutoff=ALIKE):
+        return parts[close[0]]
+    return next(iter(get_close_matches(word, names, n=1)), None)
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """`; did you mean X?` where a known word is close; empty otherwise."""
-    close = get_close_matches(word, list(known), n=1)
-    return f"; did you mean {close[0]}?" if close else ""
+    """`; did you mean X?` where a known name is near; empty otherwise."""
+    near = nearest(word, known)
+    return f"; did you mean {near}?" if near else ""

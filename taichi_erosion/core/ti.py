@@ -8,7 +8,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from taichi_erosion.core.engine.choice import engine_name
-from taichi_erosion.core.engine.shortcuts import frames_without_source, take_shortcuts
+from taichi_erosion.core.engine.shortcuts import take_shortcuts
 
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("ENABLE_QUADRANTS_HEADER_PRINT", "0")
@@ -16,19 +16,17 @@ os.environ.setdefault("ENABLE_QUADRANTS_HEADER_PRINT", "0")
 os.environ.setdefault("HOME", os.path.expanduser("~") if os.path.isabs(os.path.expanduser("~")) else os.sep)
 
 if TYPE_CHECKING or engine_name() == "taichi":
-    with frames_without_source():
-        import taichi as ti
-        from taichi._lib import core
-        from taichi.lang import impl
+    import taichi as ti
+    from taichi._lib import core
+    from taichi.lang import impl
 
     CompilationError = ti.TaichiCompilationError
     OPTIONS: dict[str, Any] = {}  # of `ti.init` that only this engine has
     LOCK = "ticache.lock"  # in the folder of the cache, held while its index is read or written
 else:
-    with frames_without_source():
-        import quadrants as ti
-        from quadrants._lib import core
-        from quadrants.lang import impl
+    import quadrants as ti
+    from quadrants._lib import core
+    from quadrants.lang import impl
 
     CompilationError = ti.QuadrantsCompilationError
     # without it the compiler aborts on a store to a computed index of a vector that is read afterwards

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.build.sizes import nominal_diameter
 from taichi_erosion.scene.change import sample_scene
+from taichi_erosion.scene.preparation.sizes import nominal_diameter
 from taichi_erosion.scene.schema.scene import Movement, Stage
 
 

@@ -20,8 +20,8 @@ from typing import Any
 from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.build.sizes import mean_cube
 from taichi_erosion.scene.change import sample_scene, with_section, with_wider_fill
+from taichi_erosion.scene.preparation.sizes import mean_cube
 from taichi_erosion.scene.schema.grains import Monodisperse, Sieve
 
 SCATTER = 0.02  # half width of each of the two classes over its diameter [1]

@@ -24,8 +24,8 @@ import numpy as np
 from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.build.sizes import mean_cube
 from taichi_erosion.scene.change import sample_scene, with_section, with_shorter_step, with_wider_fill
+from taichi_erosion.scene.preparation.sizes import mean_cube
 from taichi_erosion.scene.schema.grains import Monodisperse, Sieve
 
 CLASSES = 50  # sieves; d90 over d50 is then right to 2e-4 for cuts up to 2, to 1e-3 beyond [1]

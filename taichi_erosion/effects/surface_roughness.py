@@ -23,8 +23,8 @@ from math import log
 from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.build.sizes import nominal_diameter
 from taichi_erosion.scene.change import drag_partition, sample_scene, with_section
+from taichi_erosion.scene.preparation.sizes import nominal_diameter
 
 KARMAN = 0.4  # von Karman's constant [1]
 GRAINS_PER_LENGTH = 30.0  # diameter over roughness length, Nikuradse (1933) [1]

@@ -1,14 +1,21 @@
-"""Factors of numbers of a scene, from a dose: shared by the mechanisms that multiply one number."""
+"""Mechanisms that change a number: of contacts, of grains, of the wind, or the reading of an instrument."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
+from math import inf
+from typing import Any
 
+from taichi_erosion.core.effect import Check, Conditions, Probe
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.change import with_section
-from taichi_erosion.scene.schema.grains import Contact
+from taichi_erosion.scene.change import sample_scene, with_grain_material, with_section, with_shorter_step
+from taichi_erosion.scene.schema.grains import Contact, Material
 
-Change = Callable[[Contact], Contact]
-
+Change = Callable[[Scene, float], Scene]  # (scene, factor) -> changed scene
 LEAST = 0.01  # smallest factor: a dose below -1 does not turn a sign [1]
+HALF = "half the strength is half the dose"
+PARTNERS = {False: "each other", True: "walls"}  # of grains in a contact
+MOST = {"restitution": 1.0}  # that a number of contacts can be [1]
+SAMPLE_PAIRS = {False: "sand-sand", True: "sand-steel"}  # of the sample scene; True: with a wall
 
 
 def factor_of(strength: float, dose: float) -> float:
@@ -16,40 +23,46 @@ def factor_of(strength: float, dose: float) -> float:
     return max(1.0 + strength * dose, LEAST)
 
 
-def with_contact_factor(
-    scene: Scene, number: str, factor: float, *, walls: bool, most: float = float("inf")
-) -> Scene:
-    """The scene with one number of contacts multiplied: those of grains with walls, or with each other."""
-
-    def changed(contact: Contact) -> Contact:
-        return contact.model_copy(update={number: min(factor * getattr(contact, number), most)})
-
-    return with_chosen_contacts(scene, changed, walls=walls)
-
-
-def with_chosen_contacts(scene: Scene, change: Change, *, walls: bool) -> Scene:
+def with_chosen_contacts(scene: Scene, change: Callable[[Contact], Contact], walls: bool) -> Scene:
     """The scene with contacts of grains with walls changed, or those of grains with each other."""
     grain = scene.grains.material
+
+    def is_chosen(pair: str) -> bool:
+        return grain in pair.split("-") and walls == (pair != f"{grain}-{grain}")
+
     contacts = {
-        pair: change(contact) if contact.acted_on and is_chosen(pair, grain, walls) else contact
+        pair: change(contact) if contact.acted_on and is_chosen(pair) else contact
         for pair, contact in scene.contact.items()
     }
     return scene.model_copy(update={"contact": contacts})
 
 
-def with_rolling_factor(
-    scene: Scene, strength: float, dose: float, reference: float, *, walls: bool
-) -> Scene:
-    """The scene with rolling friction times 1 + strength dose, or with strength dose reference where it is 0.
+def scaled(change: Change, params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
+    """The scene with a number multiplied by 1 + strength D."""
+    return scene if strength * params.dose == 0.0 else change(scene, factor_of(strength, params.dose))
+
+
+def with_contact_number(entry: str, walls: bool, scene: Scene, factor: float) -> Scene:
+    """The scene with one number of the chosen contacts multiplied."""
+    most = MOST.get(entry, inf)
+
+    def changed(contact: Contact) -> Contact:
+        return contact.model_copy(update={entry: min(factor * getattr(contact, entry), most)})
+
+    return with_chosen_contacts(scene, changed, walls)
+
+
+def rolling(walls: bool, params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
+    """The scene with rolling friction times 1 + strength D, or with strength D `reference` where it is 0.
 
     The elastic-plastic law comes with it where the scene has none; its other contacts then roll freely.
     """
-    if strength * dose == 0.0:
+    if strength * params.dose == 0.0:
         return scene
     bare = scene.laws.rolling == "none"
-    factor, added = factor_of(strength, dose), max(strength * dose, 0.0) * reference
+    factor, added = factor_of(strength, params.dose), max(strength * params.dose, 0.0) * params.reference
 
-    def rolling(contact: Contact) -> Contact:
+    def changed(contact: Contact) -> Contact:
         before = 0.0 if bare else contact.friction_rolling
         after = factor * before if before > 0.0 else added / contact.rolling_share
         return contact.model_copy(update={"friction_rolling": after})
@@ -59,12 +72,139 @@ def with_rolling_factor(
 
     if bare:
         with_law = with_section(scene, "laws", rolling="elastic_plastic")
-        scene = with_chosen_contacts(with_law, free, walls=not walls)
-    return with_chosen_contacts(scene, rolling, walls=walls)
+        scene = with_chosen_contacts(with_law, free, not walls)
+    return with_chosen_contacts(scene, changed, walls)
 
 
-def is_chosen(pair: str, grain: str, walls: bool) -> bool:
-    """Whether a pair of materials is a contact of grains with a wall, or with each other."""
-    if pair == f"{grain}-{grain}":
-        return not walls
-    return walls and grain in pair.split("-")
+def contact_checks(entry: str, walls: bool, params: Any, probe: Probe) -> Iterator[Check]:
+    """Checks of every factor of contacts; then of the bound of restitution, or of a law of rolling."""
+    bare, rough = sample_scene(), sample_scene(laws={"rolling": "constant_torque"})
+    chosen, other = SAMPLE_PAIRS[walls], SAMPLE_PAIRS[not walls]
+    before = {pair: getattr(contact, entry) for pair, contact in rough.contact.items()}
+
+    def got(pair: str, scene: Scene, strength: float = 1.0, **more: float) -> float:
+        changed = probe(params(dose=0.5, **more), {}, scene=scene, strength=strength)
+        return getattr(changed.contact[pair], entry)
+
+    yield Check("a dose of 0.5 is a factor of 1.5", got(chosen, rough), 1.5 * before[chosen])
+    yield Check(HALF, got(chosen, rough, 0.5), 1.25 * before[chosen])
+    yield Check("other contacts stay", got(other, rough), before[other])
+    if entry == "restitution":
+        yield Check("a restitution of 1 is the largest", got(chosen, rough, 40.0), 1.0)
+    if entry == "friction_rolling":
+        found = got(chosen, bare, reference=0.2)
+        law = probe(params(), {}, scene=bare).laws.rolling
+        yield Check("a scene without rolling friction gets the reference", found, 0.1)
+        yield Check("with the law of type C", float(law == "elastic_plastic"), 1.0)
+        yield Check("its other contacts still roll freely", got(other, bare), 0.0)
+
+
+def with_stress(scene: Scene, factor: float) -> Scene:
+    """The scene with more or less stress on its patch."""
+    if scene.wind is None:
+        return scene
+    return with_section(scene, "wind", partition=scene.wind.partition * factor**0.5)
+
+
+def stress_checks(params: Any, probe: Probe) -> Iterator[Check]:
+    windy = sample_scene(wind={"length": 0.02, "width": 0.01, "height": 0.05, "partition": 0.5})
+
+    def partition(dose: float, strength: float = 1.0) -> float:
+        return probe(params(dose=dose), {}, scene=windy, strength=strength).wind.partition
+
+    still = sample_scene()
+    yield Check("a dose of -0.36 leaves 0.8 of u*", partition(-0.36), 0.4)
+    yield Check(HALF, partition(-0.72, 0.5), 0.4)
+    yield Check("a dose of 0.44 is 1.2 times u*", partition(0.44), 0.6)
+    yield Check("without wind nothing changes", float(probe(params(), {}, scene=still) == still), 1.0)
+
+
+def with_weight(scene: Scene, factor: float) -> Scene:
+    """The scene with heavier or lighter grains."""
+
+    def heavier(material: Material) -> Material:
+        return material.model_copy(update={"density": factor * material.density})
+
+    return with_shorter_step(with_grain_material(scene, heavier), factor**0.5)
+
+
+def weight_checks(params: Any, probe: Probe) -> Iterator[Check]:
+    def changed(strength: float = 1.0) -> Scene:
+        return probe(params(dose=-0.5), {}, scene=sample_scene(), strength=strength)
+
+    yield Check("a dose of -0.5 is half the weight", changed().materials["sand"].density, 1250.0)
+    yield Check(HALF, changed(0.5).materials["sand"].density, 1875.0)
+    yield Check("walls keep their density", changed().materials["steel"].density, 7850.0)
+    yield Check("lighter grains need a shorter step", changed().run.time_step or 0.0, 1e-6 * 0.5**0.5)
+
+
+def with_stiffness(scene: Scene, factor: float) -> Scene:
+    """The scene with stiffer or softer grains."""
+
+    def stiffer(material: Material) -> Material:
+        name = "young_modulus" if material.young_modulus is not None else "shear_modulus"
+        return material.model_copy(update={name: factor * getattr(material, name)})
+
+    return with_shorter_step(with_grain_material(scene, stiffer), factor**-0.5)
+
+
+def stiffness_checks(params: Any, probe: Probe) -> Iterator[Check]:
+    def changed(strength: float = 1.0) -> Scene:
+        return probe(params(dose=3.0), {}, scene=sample_scene(), strength=strength)
+
+    materials, half = changed().materials, changed(0.5).materials["sand"].young_modulus
+    yield Check("a dose of 3 is a factor of 4", materials["sand"].young_modulus or 0.0, 4e7)
+    yield Check(HALF, half or 0.0, 2.5e7)
+    yield Check("walls keep their stiffness", materials["steel"].young_modulus or 0.0, 1e7)
+    yield Check("the time step shortens", changed().run.time_step or 0.0, 5e-7)
+
+
+def amplified(params: Any, strength: float, conditions: Conditions, observable: str, value: float) -> float:
+    """Value that the laboratory reads."""
+    return value * factor_of(strength, params.dose)
+
+
+def gain_checks(params: Any, probe: Probe) -> Iterator[Check]:
+    def reading(dose: float, strength: float = 1.0) -> float:
+        return probe(params(dose=dose), {}, observable="flux", value=0.02, strength=strength)
+
+    yield Check("a dose of 0.5 is a gain of 1.5", reading(0.5), 0.03)
+    yield Check(HALF, reading(0.5, 0.5), 0.025)
+    yield Check("a dose of -0.2 loses a fifth", reading(-0.2), 0.016)
+
+
+def shifted(params: Any, strength: float, conditions: Conditions, observable: str, value: float) -> float:
+    """Value that the laboratory reads."""
+    return value + strength * params.dose * params.scale
+
+
+def offset_checks(params: Any, probe: Probe) -> Iterator[Check]:
+    def reading(dose: float, strength: float = 1.0) -> float:
+        instrument = params(dose=dose, scale=2.0)
+        return probe(instrument, {}, observable="repose_angle", value=30.0, strength=strength)
+
+    yield Check("a dose of 4 is four times the scale", reading(4.0), 38.0, rtol=1e-9)
+    yield Check(HALF, reading(4.0, 0.5), 34.0)
+    yield Check("a negative dose is subtracted", reading(-5.0), 20.0)
+
+
+def contact_row(entry: str, walls: bool) -> tuple[Any, Any, dict[str, Any]]:
+    """Row of a number of contacts of grains with walls, or with each other."""
+    multiplied = partial(scaled, partial(with_contact_number, entry, walls))
+    act = partial(rolling, walls) if entry == "friction_rolling" else multiplied
+    return act, partial(contact_checks, entry, walls), {}
+
+
+FACTORS = {  # mechanism -> act, checks, other members
+    "sliding_friction": contact_row("friction_sliding", walls=False),
+    "wall_sliding_friction": contact_row("friction_sliding", walls=True),
+    "rolling_friction": contact_row("friction_rolling", walls=False),
+    "wall_rolling_friction": contact_row("friction_rolling", walls=True),
+    "restitution": contact_row("restitution", walls=False),
+    "wall_restitution": contact_row("restitution", walls=True),
+    "bed_stress": (partial(scaled, with_stress), stress_checks, {}),
+    "grain_weight": (partial(scaled, with_weight), weight_checks, {}),
+    "stiffness": (partial(scaled, with_stiffness), stiffness_checks, {}),
+    "reading_gain": (amplified, gain_checks, {}),
+    "reading_offset": (shifted, offset_checks, {}),
+}

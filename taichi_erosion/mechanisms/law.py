@@ -35,23 +35,17 @@ def law_act(
 
     `scale` is that of an offset, in the unit of the reading.
     """
-    if mechanism.place == "scene":
+    if mechanism.constants is not None:
+        return mechanism.act
 
-        def change(params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
-            dose = strength * float(dose_of(params, conditions))
-            return mechanism.act(at_dose(mechanism, dose), 1.0, conditions, scene)
+    def act(params: Any, strength: float, conditions: Conditions, *situation: Any) -> Any:
+        """The changed scene, or the reading of an observable."""
+        dose = strength * float(dose_of(params, conditions))
+        if mechanism.place == "instrument" and (situation[0] != observable or dose == 0.0):
+            return situation[1]
+        return mechanism.act(at_dose(mechanism, dose, scale), 1.0, conditions, *situation)
 
-        return change
-    if mechanism.place == "instrument":
-
-        def read(params: Any, strength: float, conditions: Conditions, name: str, value: float) -> float:
-            dose = strength * float(dose_of(params, conditions))
-            if name != observable or dose == 0.0:
-                return value
-            return mechanism.act(at_dose(mechanism, dose, scale), 1.0, conditions, name, value)
-
-        return read
-    return mechanism.act
+    return act
 
 
 def at_dose(mechanism: Effect, dose: float, scale: float | None = None) -> Any:

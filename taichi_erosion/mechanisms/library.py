@@ -1,24 +1,26 @@
-"""The basis of mechanisms: one file each in `basis/`, on the interface of effects.
+"""The basis of mechanisms: `table.toml` says what each acts on, `factors.py` and `forces.py` how.
 
 A mechanism is an effect whose first parameter is its dose: a dimensionless number, 0 where it does nothing,
-on the scale that its file states. Strength multiplies the dose. A mechanism is no candidate of a discovery
+on the scale that its row states. Strength multiplies the dose. A mechanism is no candidate of a discovery
 and stands in no list of effects; it is asked for by name.
 """
 
+import tomllib
 from collections.abc import Mapping
-from dataclasses import fields
-from functools import cache
-from importlib import import_module
+from dataclasses import fields, make_dataclass
+from functools import cache, partial
 from pathlib import Path
-from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
 
-from taichi_erosion.core.effect import Effect
+from taichi_erosion.core.effect import Effect, quantity
 from taichi_erosion.core.effect_loading import MEMBER
-from taichi_erosion.mechanisms import basis
+from taichi_erosion.core.foreign_code import EffectFile
+from taichi_erosion.mechanisms.factors import FACTORS, PARTNERS
+from taichi_erosion.mechanisms.forces import FORCES
 
+TABLE = Path(__file__).with_name("table.toml")
 DOSE = "dose"  # parameter of every mechanism
 OF_WIND = ("bed_stress", "drag", "gustiness", "lift")  # that act through wind alone
 
@@ -26,13 +28,32 @@ OF_WIND = ("bed_stress", "drag", "gustiness", "lift")  # that act through wind a
 @cache
 def load_mechanisms() -> dict[str, Effect]:
     """All mechanisms by name."""
-    names = sorted(module.name for module in iter_modules(basis.__path__))
-    return {name: getattr(import_module(f"{basis.__name__}.{name}"), MEMBER) for name in names}
+    table = tomllib.loads(TABLE.read_text(encoding="utf-8"))
+    pairs = [(name, walls) for name, row in table.items() for walls in (False, "walls" in row)]
+    found = {one.name: one for one in (mechanism(name, table[name], walls) for name, walls in pairs)}
+    return dict(sorted(found.items()))
 
 
-def mechanism_path(name: str) -> Path:
-    """File of a mechanism; a scene or study can name it as it names any effect file."""
-    return Path(next(iter(basis.__path__))) / f"{name}.py"
+def mechanism(name: str, row: Mapping[str, Any], walls: bool) -> Effect:
+    """The effect of one row; of contacts, for grains on walls or on each other."""
+    full, last = (f"wall_{name}", " on walls") if walls else (name, "")
+    numbers = {DOSE: row[DOSE], **row.get("numbers", {})}
+    declared = [(key, float, declared_number(*number)) for key, number in numbers.items()]
+    params = make_dataclass("Params", declared, frozen=True)
+    act, checks, more = (FACTORS | FORCES)[full]
+    text = row["help"].format(partner=PARTNERS[walls])
+    return Effect(full, row["title"] + last, text, row["place"], params, act, partial(checks, params), **more)
+
+
+def declared_number(default: float, unit: str, low: float, high: float, meaning: str) -> Any:
+    """A parameter as the table states it."""
+    return quantity(default, unit, meaning, low=low, high=high)
+
+
+def mechanism_file(name: str) -> EffectFile:
+    """Effect file of a mechanism, which a run names as it names any effect file."""
+    text = f"from {__name__} import load_mechanisms\n\n{MEMBER} = load_mechanisms()[{name!r}]\n"
+    return EffectFile(TABLE.with_name(f"{name}.py"), text)
 
 
 def physical_mechanisms(wind: bool) -> list[str]:

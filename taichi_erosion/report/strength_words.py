@@ -97,7 +97,7 @@ def force_words(found: Results, file: StudyFile, strengths: Mapping[str, float])
 def typical_grains(found: Results, file: StudyFile) -> Grains | None:
     """Grains of the first scene with the middle of the measured conditions; None where it cannot be read."""
     from taichi_erosion.run.checks import read_scene
-    from taichi_erosion.scene.build.sizes import nominal_diameter
+    from taichi_erosion.scene.preparation.sizes import nominal_diameter
 
     names = [entry.scene for entry in file.observables.values() if entry.scene]
     try:

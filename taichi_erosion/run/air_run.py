@@ -23,8 +23,8 @@ from taichi_erosion.run import RunOptions
 from taichi_erosion.run.checks import read_air_scene
 from taichi_erosion.run.result import RECORDINGS, run_document, write_document_or_warn
 from taichi_erosion.run.scene_run import deferred_signals
-from taichi_erosion.scene.build.air import build_air
 from taichi_erosion.scene.load import scene_hash
+from taichi_erosion.scene.preparation.air import build_air
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.scene.schema.fields import resolved
 

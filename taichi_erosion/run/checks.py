@@ -6,13 +6,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
 from taichi_erosion.run.observables import OBSERVABLES
 from taichi_erosion.scene import Scene, explain, laws, load_scene, resolved, scene_hash
-from taichi_erosion.scene.build.air import air_time_step, longest_step
 from taichi_erosion.scene.load import is_air_scene, load_air_scene, told
+from taichi_erosion.scene.preparation.air import air_time_step, longest_step
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.scene.schema.scene import effect_problems
 
@@ -38,7 +38,7 @@ def read_scene(path: Path, overrides: tuple[str, ...], effect_files: EffectFiles
 
 def scene_effect_files(scene: Scene) -> EffectFiles:
     """Effect files that a scene names, relative to its folder. Raises BadInput."""
-    return read_effect_files(scene.scene.effect_files, scene.folder)
+    return read_effect_files(scene.scene.effect_files, scene.folder, str(scene.file))
 
 
 def with_effects(scene: Scene, files: EffectFiles) -> Scene:
@@ -90,7 +90,7 @@ def effect_warnings(scene: Scene) -> list[str]:
 
 def refuse_failing_effects(scene: Scene) -> None:
     """Raise BadInput where a function of an effect on the host fails in a scene; starts no device."""
-    from taichi_erosion.scene.build.sizes import size_range
+    from taichi_erosion.scene.preparation.sizes import size_range
     from taichi_erosion.simulation.scene_setup import device_effects, effective_scene
 
     library = library_of(scene)

@@ -9,8 +9,8 @@ from taichi_erosion.core.snapshot import AirProfile, Snapshot
 from taichi_erosion.measures import drum_and_incline, heap, repose, shortfalls, splash, threshold, wind_bed
 from taichi_erosion.measures.result import Measurement, Shortfall
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.build.air import surface_height
-from taichi_erosion.scene.build.sizes import nominal_diameter
+from taichi_erosion.scene.preparation.air import surface_height
+from taichi_erosion.scene.preparation.sizes import nominal_diameter
 from taichi_erosion.scene.schema.geometry import Cylinder, Disc, Plane
 from taichi_erosion.scene.schema.scene import Measure
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.build.limits import expected_speed
+from taichi_erosion.scene.preparation.limits import expected_speed
 from taichi_erosion.simulation import Simulation, force_imbalance, snapshot
 from taichi_erosion.simulation.self_checks import Impact, first_impacts
 

@@ -42,7 +42,7 @@ from taichi_erosion.run.sanity_checks import failure_message
 from taichi_erosion.run.scene_run import scene_text
 from taichi_erosion.run.stages import ROUNDING, at_rest, change_boundaries, lifting_energy, whole_intervals
 from taichi_erosion.scene import Scene, laws
-from taichi_erosion.scene.build.contacts import contact_table
+from taichi_erosion.scene.preparation.contacts import contact_table
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.simulation import Simulation
 

@@ -23,7 +23,7 @@ from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.threshold import Bracket, flux_intercept
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.build.sizes import nominal_diameter
+from taichi_erosion.scene.preparation.sizes import nominal_diameter
 from taichi_erosion.simulation import Simulation, export_bed, import_bed, snapshot, spin_up_wind
 
 FIRST_WIND = 0.08  # of sqrt((s - 1) g d): below all thresholds of dry grains in air, with drag alone [1]

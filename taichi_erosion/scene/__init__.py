@@ -1,9 +1,9 @@
 """Scene files: schema, validation, and the setup of each replica."""
 
-from taichi_erosion.scene.build.limits import explain
-from taichi_erosion.scene.build.setup import build_setup, laws
 from taichi_erosion.scene.load import load_scene, parse_scene, scene_hash
 from taichi_erosion.scene.paths import scene_schema, write_schema
+from taichi_erosion.scene.preparation.limits import explain
+from taichi_erosion.scene.preparation.setup import build_setup, laws
 from taichi_erosion.scene.schema.fields import resolved
 from taichi_erosion.scene.schema.scene import Scene
 

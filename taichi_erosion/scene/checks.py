@@ -11,19 +11,19 @@ import scipy
 
 from taichi_erosion.core.air_setup import ClosureConstants
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene.build import limits
-from taichi_erosion.scene.build.air import (
+from taichi_erosion.scene.preparation import limits
+from taichi_erosion.scene.preparation.air import (
     GRAIN_ROUGHNESS,
     air_time_step,
     box_faces,
     longest_step,
     surface_height,
 )
-from taichi_erosion.scene.build.clump import reach_over_diameter, template_spheres
-from taichi_erosion.scene.build.contacts import young_effective
-from taichi_erosion.scene.build.fill import lattice_points, places_per_layer
-from taichi_erosion.scene.build.sizes import nominal_diameter, size_range
-from taichi_erosion.scene.build.walls import mesh_triangles, outward
+from taichi_erosion.scene.preparation.clump import reach_over_diameter, template_spheres
+from taichi_erosion.scene.preparation.contacts import young_effective
+from taichi_erosion.scene.preparation.fill import lattice_points, places_per_layer
+from taichi_erosion.scene.preparation.sizes import nominal_diameter, size_range
+from taichi_erosion.scene.preparation.walls import mesh_triangles, outward
 from taichi_erosion.scene.schema.air import AirBox, AirScene, box_problems
 from taichi_erosion.scene.schema.geometry import Mesh, Plane
 from taichi_erosion.scene.schema.grains import Lattice, Layers, Positions, Pour, Rain

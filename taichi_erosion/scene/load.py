@@ -3,21 +3,24 @@
 import json
 import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from copy import deepcopy
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
 from taichi_erosion.scene.checks import air_checks, cross_checks
-from taichi_erosion.scene.diameters import expand_diameters
 from taichi_erosion.scene.file_kind import refuse_other_name, refuse_other_sections
 from taichi_erosion.scene.paths import apply_override
+from taichi_erosion.scene.preparation.sizes import nominal_diameter
 from taichi_erosion.scene.schema.air import AirScene
+from taichi_erosion.scene.schema.fields import DIAMETER
 from taichi_erosion.scene.schema.geometry import Mesh
+from taichi_erosion.scene.schema.grains import Size
 from taichi_erosion.scene.schema.scene import Scene
 from taichi_erosion.scene.validation_messages import problem_lines
 
@@ -72,7 +75,7 @@ def toml_table(path: str | Path) -> dict[str, Any]:
     name = one_line_name(path)
     refuse_other_name(Path(path), "scene")
     try:
-        table = copied(toml_tree(file_text(Path(path), name)))
+        table = deepcopy(dict(toml_tree(file_text(Path(path), name))))
     except (ValueError, RecursionError) as error:
         raise BadInput(f"{name}: not a TOML file: {first_line(error)}") from None
     refuse_other_sections(Path(path), table, "scene")
@@ -137,7 +140,7 @@ def parsed(
 ) -> S:
     """Scene without problems, of a raw table."""
     try:
-        scene = validated(kind, copied(table), overrides)
+        scene = validated(kind, deepcopy(dict(table)), overrides)
         scene._file = name
         lines = list(problems(scene))
     except BadInput as error:
@@ -152,20 +155,24 @@ def validated(kind: type[S], table: dict[str, Any], overrides: Sequence[str]) ->
     for override in overrides:
         apply_override(table, override)
     frozen = with_tuples(table)
-    given = expand_diameters(frozen) if kind is Scene else {}
+    diameter = readable_diameter(frozen) if kind is Scene else None
     try:
-        return kind.model_validate(frozen)
+        return kind.model_validate(frozen, context={DIAMETER: diameter})
     except ValidationError as error:
-        raise BadInput(*problem_lines(error, frozen, given)) from None
+        raise BadInput(*problem_lines(error, frozen, diameter)) from None
     except (OverflowError, RecursionError) as error:
         raise BadInput(f"cannot be used: {first_line(error)}") from None
 
 
-def copied(value: Any) -> Any:
-    """The same tree of tables and lists, to be changed."""
-    if isinstance(value, Mapping):
-        return {key: copied(entry) for key, entry in value.items()}
-    return type(value)(map(copied, value)) if isinstance(value, list | tuple) else value
+SIZES: TypeAdapter[Size] = TypeAdapter(Size)
+
+
+def readable_diameter(table: Mapping[str, Any]) -> float | None:
+    """Nominal diameter [m], None where the size law is invalid."""
+    try:
+        return nominal_diameter(SIZES.validate_python(table["grains"]["size"]))
+    except (ValidationError, KeyError, TypeError):
+        return None
 
 
 def with_tuples(value: Any) -> Any:

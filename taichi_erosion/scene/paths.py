@@ -13,47 +13,22 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from taichi_erosion.core.errors import BadInput, did_you_mean
-from taichi_erosion.scene.diameters import DIAMETERS, SCALING_UNITS
-from taichi_erosion.scene.schema import air
 from taichi_erosion.scene.schema.air import AirScene
-from taichi_erosion.scene.schema.fields import resolved
+from taichi_erosion.scene.schema.fields import DIAMETERS, resolved
 from taichi_erosion.scene.schema.scene import Scene
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-# parts that define the diameter, or that are those of a laboratory
-IN_METRES_ONLY = {"Monodisperse", "Lognormal", "Sieve", "GrainStart", "Conditions"}
 NOMINAL_DIAMETER = "d"  # unit of the spheres of a clump
 TITLE = "taichi_erosion scene"  # of the schema
 BARE_WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
+@cache
 def scene_schema() -> dict[str, Any]:
     """Schema of a scene file, every number with its unit and range."""
     schema = TypeAdapter[Scene | AirScene](Scene | AirScene).json_schema()
-    parts = (part for part in vars(air).values() if isinstance(part, type))
-    air_alone = {part.__name__ for part in parts if part.__module__ == air.__name__}
-    for name, part in schema["$defs"].items():
-        if name not in IN_METRES_ONLY | air_alone:
-            allow_diameters(part)
     whole = [schema["$defs"].pop(option["$ref"].rpartition("/")[2]) for option in schema["anyOf"]]
     return {"$schema": DIALECT, "title": TITLE, "anyOf": whole, "$defs": schema["$defs"]}
-
-
-def allow_diameters(part: dict[str, Any]) -> None:
-    """Add `NAME_d`, in nominal diameters, for every length and time of a section."""
-    either = []
-    for name, entry in list(part.get("properties", {}).items()):
-        if entry.get("unit") not in SCALING_UNITS:
-            continue
-        unit = "1" if entry["unit"] == "m" else "s m-1"
-        unbounded = {k: v for k, v in entry.items() if k not in ("minimum", "maximum", "default")}
-        meaning = f"{entry['description'].rpartition(' [')[0]}, over the nominal grain diameter [{unit}]"
-        part["properties"][name + DIAMETERS] = unbounded | {"description": meaning, "unit": unit}
-        if name in part.get("required", []):
-            part["required"] = [required for required in part["required"] if required != name]
-            either.append({"oneOf": [{"required": [name]}, {"required": [name + DIAMETERS]}]})
-    if either:
-        part["allOf"] = either
 
 
 def schema_text() -> str:
@@ -89,10 +64,11 @@ def meaning_of(path: str) -> str:
     schema = scene_schema()
     found: Any = schema
     for key in path.split("."):
-        above, found = found, descend(schema, found, key)
+        above, found = found, next(entries_below(schema, found, key), None)
         if found is None:
             raise BadInput(f"no scene has an entry '{path}'{did_you_mean(key, entry_names(schema, above))}")
-    return "\n".join([f"{path}: {told_entry(found, 'a section')}", *lines_below(schema, found)])
+    nameless = "a component" if found.get("type") == "number" else "a section"
+    return "\n".join([f"{path}: {told_entry(found, nameless)}", *lines_below(schema, found)])
 
 
 def told_entry(entry: Mapping[str, Any], nameless: str = "") -> str:
@@ -125,19 +101,6 @@ def lines_below(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[str]:
                 yield f"  {name}: {told_entry(entry)}".rstrip(": ")
 
 
-def descend(schema: dict[str, Any], node: dict[str, Any], key: str) -> dict[str, Any] | None:
-    """Schema of an entry below a section; of a union the first option that has it."""
-    for option in options(schema, node):
-        within = option.get("properties", {})
-        if key in within:
-            return within[key]
-        if (below := named_section(option)) is not None:
-            return below
-        if key.isdigit() and "items" in option:
-            return option["items"]
-    return None
-
-
 def named_section(node: dict[str, Any]) -> dict[str, Any] | None:
     """Schema of the sections of a table under names of the user's own; None where there are none."""
     tables = [node.get("additionalProperties"), *node.get("patternProperties", {}).values()]
@@ -161,12 +124,6 @@ def options(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[dict[str, 
             yield from options(schema, other)
 
 
-@cache
-def cached_schema() -> dict[str, Any]:
-    """The schema, made once."""
-    return scene_schema()
-
-
 @dataclass(frozen=True)
 class NumberEntry:
     """A number of a scene: its unit and its range, inclusive."""
@@ -182,11 +139,12 @@ def number_at(path: str) -> NumberEntry | None:
 
     A component has unit and range of its vector. What is counted in nominal diameters is a pure number.
     """
-    schema = cached_schema()
-    nodes, found = list(options(schema, schema)), None
+    schema = scene_schema()
+    nodes, found = [schema], None
     for key in path.split("."):
         nodes = [below for node in nodes for below in entries_below(schema, node, key)]
-        found = next(filter(None, map(number_entry, nodes)), found) if nodes else None
+        resolved = (option for node in nodes for option in options(schema, node))
+        found = next(filter(None, map(number_entry, resolved)), found) if nodes else None
     return found
 
 
@@ -205,28 +163,43 @@ def unit_of_path(path: str) -> str | None:
 
 
 def entries_below(schema: dict[str, Any], node: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:
-    """Every option of an entry below one option of a section, a table or a list."""
-    found: Any = node.get("properties", {}).get(key)
-    if found is None and not key.isdigit():
-        found = named_section(node)
-    if found is None and key.isdigit():
-        components = node.get("prefixItems", ())
-        found = components[int(key)] if int(key) < len(components) else node.get("items")
-    if isinstance(found, dict):
-        yield from options(schema, found)
+    """Schemas of an entry below a section, a table or a list, of every option of a union."""
+    for option in options(schema, node):
+        found: Any = option.get("properties", {}).get(key)
+        if found is None and key.isdigit():
+            components = option.get("prefixItems", ())
+            found = components[int(key)] if int(key) < len(components) else option.get("items")
+        elif found is None:
+            found = named_section(option)
+        if isinstance(found, dict):
+            yield found
 
 
 def apply_override(table: dict[str, Any], override: str) -> None:
-    """Set one value of a raw scene; `override` is PATH=VALUE, VALUE as TOML writes it or a bare word."""
+    """Set one value of a raw scene; `override` is PATH=VALUE, VALUE as TOML writes it or a bare word.
+
+    What was given of the same quantity in the other unit, metres or diameters, is dropped.
+    """
     path, equals, text = override.partition("=")
     keys = path.strip().split(".")
     if not equals or not all(keys):
         raise BadInput(f"--set {override[:80]}: write it as PATH=VALUE, for example grains.count=3000")
     value = parsed(override, text.strip())
     holder: Any = table
-    for depth, key in enumerate(keys[:-1]):
-        holder = child(holder, spelled(keys[:depth], holder, key), override)
-    put(holder, spelled(keys[:-1], holder, keys[-1]), value, override)
+    for depth, key in enumerate(keys):
+        is_last = depth == len(keys) - 1
+        if isinstance(holder, dict):
+            place: Any = other_order(key, holder) if keys[:depth] == ["contact"] else key
+            twin = key.removesuffix(DIAMETERS) if key.endswith(DIAMETERS) else key + DIAMETERS
+            if is_last:
+                holder.pop(twin, None)
+            else:
+                holder.setdefault(place, {})
+        else:
+            place = place_in_list(holder, key, override)
+        if is_last:
+            holder[place] = value
+        holder = holder[place]
 
 
 def parsed(override: str, text: str) -> Any:
@@ -242,32 +215,13 @@ def parsed(override: str, text: str) -> Any:
     raise BadInput(f"--set {override[:80]!r}: the value is not a TOML value; text needs quotes")
 
 
-def spelled(above: list[str], holder: Any, key: str) -> str:
-    """The key as the scene writes it: a contact pair has two orders."""
-    if above == ["contact"] and isinstance(holder, dict) and key not in holder:
-        other = "-".join(reversed(key.split("-")))
-        return other if other in holder else key
-    return key
+def other_order(pair: str, contacts: dict[str, Any]) -> str:
+    """A contact pair in the order in which the scene writes it."""
+    other = "-".join(reversed(pair.split("-")))
+    return other if pair not in contacts and other in contacts else pair
 
 
-def child(holder: Any, key: str, override: str) -> Any:
-    """The table or list under a key; a missing table is created."""
-    if isinstance(holder, dict):
-        return holder.setdefault(key, {})
-    return holder[index(holder, key, override)]
-
-
-def put(holder: Any, key: str, value: Any, override: str) -> None:
-    """Write a value, and drop the same quantity given in the other unit, metres or diameters."""
-    if isinstance(holder, dict):
-        twin = key.removesuffix(DIAMETERS) if key.endswith(DIAMETERS) else key + DIAMETERS
-        holder.pop(twin, None)
-        holder[key] = value
-    else:
-        holder[index(holder, key, override)] = value
-
-
-def index(holder: Any, key: str, override: str) -> int:
+def place_in_list(holder: Any, key: str, override: str) -> int:
     """Position in a list, counted from 0."""
     if not isinstance(holder, list):
         raise BadInput(f"--set {override[:80]}: '{key}' lies below a value that is not a table")

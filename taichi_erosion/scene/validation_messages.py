@@ -5,7 +5,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from taichi_erosion.scene.diameters import Given, Path
+from taichi_erosion.scene.schema.fields import DIAMETERS
 
 DISCRIMINATORS = ("law", "shape")
 KEY_MARK = "[key]"
@@ -27,24 +27,24 @@ SENTENCES = {
 }
 
 
-def problem_lines(error: ValidationError, table: Any, given: Given | None) -> list[str]:
+def problem_lines(error: ValidationError, table: Any, diameter: float | None = None) -> list[str]:
     """One line for every error, in the order of the file's sections.
 
-    Without a diameter (`given` is None) lengths in diameters cannot be judged: only the grains are.
+    Without a nominal diameter [m] lengths in diameters cannot be judged: of a scene only the grains are.
     """
     entries = error.errors(include_url=False)
     grains = [entry for entry in entries if entry["loc"][:1] == ("grains",)]
-    judged = grains if given is None and grains else entries
-    return [problem_line(entry, table, given or {}) for entry in judged]
+    judged = grains if diameter is None and grains else entries
+    return [problem_line(entry, table) for entry in judged]
 
 
-def problem_line(entry: Any, table: Any, given: Given) -> str:
+def problem_line(entry: Any, table: Any) -> str:
     """`grains.count = -3 lies outside [1, 5e+06]`."""
-    path = plain_path(entry["loc"], table)
     kind, context = entry["type"], entry.get("ctx", {})
+    words, written = as_written(entry["loc"], table)
     if kind == "unknown":
-        return f"{dotted((*path, context['key']), given)} is unknown; {context['hint']}"
-    where = dotted(path, given)
+        return f"{dotted([*words, context['key']])} is unknown; {context['hint']}"
+    where = dotted(words)
     if kind == "missing":
         return f"{where} is missing"
     if kind == "contradiction":
@@ -52,8 +52,8 @@ def problem_line(entry: Any, table: Any, given: Given) -> str:
     if kind.startswith("union_tag"):
         return choice_line(where, entry, context)
     value = shown(entry["input"])
-    if path in given:
-        value = f"{shown(given[path][1])} diameters: {value}"
+    if words and words[-1].endswith(DIAMETERS):
+        value = f"{shown(written)} diameters: {value}"
     return f"{where} = {value} {sentence(kind, context, entry['msg'])}"
 
 
@@ -78,33 +78,36 @@ def choice_line(where: str, entry: Any, context: Mapping[str, Any]) -> str:
     return f"{where}.{key} = {shown(context['tag'])} is not one of {context['expected_tags']}"
 
 
-def plain_path(location: Path, table: Any) -> Path:
-    """Location without the tags of unions (a section's own `law` or `shape`) and the marks of keys."""
-    path: list[str | int] = []
+def as_written(location: tuple[str | int, ...], table: Any) -> tuple[list[str], Any]:
+    """Keys of a place as the file has them, and its value there.
+
+    Left out are tags of unions (a section's own `law` or `shape`) and marks of keys; what was given in
+    diameters keeps its suffix.
+    """
+    words: list[str] = []
     for key in location:
-        is_tag = (
-            isinstance(table, dict) and key not in table and key in [table.get(d) for d in DISCRIMINATORS]
-        )
-        if key == KEY_MARK or is_tag:
-            continue
-        path.append(key)
-        table = step_into(table, key)
-    return tuple(path)
+        written = key
+        if isinstance(table, dict) and key not in table:
+            if key in [table.get(name) for name in DISCRIMINATORS]:
+                continue
+            written = f"{key}{DIAMETERS}" if f"{key}{DIAMETERS}" in table else key
+        if key != KEY_MARK:
+            words.append(str(written))
+            table = step_into(table, written)
+    return words, table
 
 
 def step_into(table: Any, key: str | int) -> Any:
     """Entry of a table or list, None where there is none."""
-    if isinstance(table, dict):
-        return table.get(key)
-    if isinstance(table, tuple | list) and isinstance(key, int) and key < len(table):
+    try:
         return table[key]
-    return None
+    except (KeyError, IndexError, TypeError):
+        return None
 
 
-def dotted(path: Path, given: Given) -> str:
-    """Path as written in the file; a value given in diameters keeps its suffix."""
-    words = [given.get(path[: depth + 1], (str(key), None))[0] for depth, key in enumerate(path)]
-    return ".".join(one_line(word) for word in words) or "the file"
+def dotted(words: list[str]) -> str:
+    """Path of a place in one line."""
+    return ".".join(map(one_line, words)) or "the file"
 
 
 def shown(value: Any) -> str:

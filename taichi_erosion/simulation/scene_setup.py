@@ -8,8 +8,8 @@ from taichi_erosion.core.effect_loading import at, failures_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.scene import Scene, build_setup, parse_scene, resolved
-from taichi_erosion.scene.build.air import surface_height
-from taichi_erosion.scene.build.sizes import nominal_diameter
+from taichi_erosion.scene.preparation.air import surface_height
+from taichi_erosion.scene.preparation.sizes import nominal_diameter
 
 ON_DEVICE = ("pair", "first_contact", "grain")
 

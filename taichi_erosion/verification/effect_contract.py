@@ -17,7 +17,6 @@ import numpy as np
 
 from taichi_erosion.core.device import start_device, stop_device
 from taichi_erosion.core.effect import Check, Effect, Probe, check_range, documented
-from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.effect_loading import (
     checked_number,
     compile_failure,
@@ -27,6 +26,7 @@ from taichi_erosion.core.effect_loading import (
 )
 from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsified, make_bench, probe_of
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.mechanisms.law import numbers_in
 from taichi_erosion.scene import Scene, resolved

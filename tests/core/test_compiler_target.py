@@ -95,6 +95,7 @@ def of_256_bits(tmp_path_factory) -> tuple[int, dict]:
 
 @linux_x86
 @wide
+@pytest.mark.slow
 def test_an_unknown_processor_gets_packed_square_roots_and_the_same_bits(tmp_path, of_256_bits):
     narrow, before = run("unknown", tmp_path)
     broad, after = of_256_bits
@@ -177,20 +178,3 @@ def test_an_unknown_processor_gets_the_widest_row_that_it_carries_out_at_once(pr
 def test_a_processor_that_linux_does_not_describe_has_no_full_width():
     assert not target.is_full_width({})
     assert not target.is_full_width({"vendor_id": "AuthenticAMD", "cpu family": "?", "model": "2"})
-
-
-@linux_x86
-def test_symbols_are_searched_for_once_for_a_library(tmp_path, monkeypatch):
-    searched = []
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(target, "search_symbols", lambda file: searched.append(file) or (5, 7))
-    library = tmp_path / "library.so"
-    library.write_bytes(b"one")
-    assert [target.known_symbols(library), target.known_symbols(library)] == [(5, 7), (5, 7)]
-    assert len(searched) == 1
-    library.write_bytes(b"another")
-    target.known_symbols(library)
-    assert len(searched) == 2
-    next(tmp_path.rglob("compiler_symbols.json")).write_text("{", encoding="utf-8")
-    target.known_symbols(library)
-    assert len(searched) == 3

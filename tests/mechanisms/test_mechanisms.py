@@ -10,7 +10,7 @@ from taichi_erosion.core.effect import Probe
 from taichi_erosion.core.effect_probe import Bench, make_bench, probe_of
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.effects import load_library
-from taichi_erosion.mechanisms.library import DOSE, dose_range, load_mechanisms, mechanism_path
+from taichi_erosion.mechanisms.library import DOSE, dose_range, load_mechanisms, mechanism_file
 from taichi_erosion.verification.effect_contract import CLAUSES
 
 BASIS = load_mechanisms()
@@ -50,5 +50,5 @@ def test_mechanisms_are_not_listed_as_effects_and_share_no_name_with_them():
 
 
 def test_a_file_of_a_mechanism_is_an_effect_file():
-    path = mechanism_path("rolling_friction")
+    path = mechanism_file("rolling_friction")
     assert load_library([path])["rolling_friction"].title == "a factor of rolling friction"

@@ -6,8 +6,8 @@ import pytest
 from small_scene import write_scene
 
 from taichi_erosion.campaign.request import request_of, simulating
-from taichi_erosion.core.effect_file import read_effect_files
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.foreign_code import read_effect_files
 from taichi_erosion.run import ensemble
 from taichi_erosion.run.checks import check_scene, library_of, read_scene
 from taichi_erosion.scene import scene_hash

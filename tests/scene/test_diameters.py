@@ -4,9 +4,6 @@ import pytest
 from scene_tables import changed, complaint, good_table
 
 from taichi_erosion.scene import parse_scene
-from taichi_erosion.scene.diameters import scaling_names, sections_of
-from taichi_erosion.scene.schema.fields import unit_of
-from taichi_erosion.scene.schema.scene import Scene
 
 
 def test_an_apparatus_in_diameters_grows_with_its_grains():
@@ -31,14 +28,3 @@ def test_without_a_diameter_only_the_grains_are_judged():
     table = changed("grains.size.median", "2 mm")
     table["run"] = {"time_step_d": 1e-2}
     assert complaint(table) == "scenes/bad.toml: grains.size.median = '2 mm' must be a number"
-
-
-def test_a_name_that_may_be_given_in_diameters_has_one_kind_of_unit():
-    scaled = scaling_names()
-    units = {
-        (name, unit_of(field))
-        for part in sections_of(Scene)
-        for name, field in part.model_fields.items()
-        if name in scaled and part.__name__ != "ClumpSphere"  # [grains] is never expanded
-    }
-    assert sorted(name for name, _ in units) == sorted(scaled)

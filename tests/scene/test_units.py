@@ -7,17 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taichi_erosion.scene.schema.units import (
-    PREFIXED,
-    PREFIXES,
-    USUAL,
     UnknownUnit,
     conversion,
-    dictionary_entry,
     parse_scale,
     parse_unit,
     registry,
     scale_between,
-    usual_unit,
 )
 
 
@@ -101,17 +96,6 @@ def test_a_refusal_says_what_may_have_been_meant(text, hint):
     with pytest.raises(UnknownUnit) as caught:
         parse_unit(text)
     assert hint in caught.value.hint
-
-
-PREFIXED_NAMES = {prefix + name for prefix in PREFIXES for name in PREFIXED} - {"hbar"}  # a constant there
-
-
-@pytest.mark.parametrize("name", [*USUAL, *sorted(PREFIXED_NAMES)])
-def test_a_usual_unit_is_that_of_the_dictionary(name):
-    ours, theirs = usual_unit(name), dictionary_entry(name)
-    assert ours is not None
-    assert theirs is not None
-    assert (ours.kind, ours.factor) == (theirs.kind, pytest.approx(theirs.factor, rel=1e-14))
 
 
 @pytest.mark.parametrize(("name", "text"), [("degC", "°C"), ("degF", "°F")])

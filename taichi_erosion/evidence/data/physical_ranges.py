@@ -129,6 +129,9 @@ def column_faults(
     known = [(row, value, unit, scale) for row, value, unit, scale in scaled if scale is not None]
     wrong = [each for each in known if not allowed.possible(each[3].used(each[1]))]
     odd = [each for each in known if not allowed.is_usual(each[3].used(each[1]))]
+    if allowed.usual and not parse_unit(allowed.unit).kind:
+        # a large share whose unit is stated is meant as it stands: peat holds 300 % of water
+        odd = [each for each in odd if each[2] is None or each[3].used(each[1]) < allowed.usual[1]]
     meant = likely_units([value for _, value, _, _ in known], known[0][2] if known else None, allowed)
     if not wrong and usual and meant and 2 * len(odd) > len(known) and not near_own(odd, own):
         wrong = odd

@@ -11,10 +11,10 @@ from os.path import relpath
 from pathlib import Path
 
 from taichi_erosion.campaign.study_file import entry, with_entry
-from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.effect_loading import effect_in
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import marked_toml, refuse_foreign, without_mark, write_atomic
+from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.evidence.data.findings import Adoption, Estimate
 from taichi_erosion.evidence.data.problem import stronger_candidate
 from taichi_erosion.evidence.models.load_study import Study
@@ -59,16 +59,15 @@ def write_adopted_files(study: Study, found: Adoption, force: bool = False) -> l
 
 def files_of(study: Study, found: Adoption) -> list[EffectFile]:
     """Files of acting effects, which the study or one of its scenes names."""
-    named = [
-        file for scene in scenes_of(study) for file in named_in(file_text(scene, str(scene)), scene.parent)
-    ]
+    named = [file for scene in scenes_of(study) for file in named_in(scene)]
     files = dict.fromkeys((*study.effect_files, *named))
     return [file for file in files if effect_in(file).name in found.added.strengths]
 
 
-def named_in(scene_text: str, folder: Path) -> Sequence[EffectFile]:
+def named_in(scene: Path) -> Sequence[EffectFile]:
     """Effect files that a scene names."""
-    return read_effect_files(entry(scene_text, ("scene", "effect_files")) or (), folder)
+    names = entry(file_text(scene, str(scene)), ("scene", "effect_files")) or ()
+    return read_effect_files(names, scene.parent, str(scene))
 
 
 def with_effect_files(text: str, section: str, folder: Path, files: Sequence[EffectFile]) -> str:

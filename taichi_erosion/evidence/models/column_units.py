@@ -6,8 +6,8 @@ from pathlib import Path
 
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.effect import STRENGTH, Effect
-from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.evidence.data.transforms import effect_of
 from taichi_erosion.evidence.models.simulator import condition_name, dotted_paths
 from taichi_erosion.scene.load import toml_table

@@ -13,8 +13,8 @@ from taichi_erosion.campaign.study_file import (
     StudyFile,
     read_evidence_study,
 )
-from taichi_erosion.core.effect_file import EffectFile, read_effect_files
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import ArchChoice, Decomposition
 from taichi_erosion.evidence.data.findings import SetUpFault
 from taichi_erosion.evidence.data.held_out_rows import content_digest, openings, split
@@ -170,7 +170,7 @@ def wanted_mechanisms(path: Path, file: StudyFile, declared: tuple[Mechanism, ..
 
 def study_effect_files(path: Path, file: StudyFile, options: StudyOptions) -> EffectFiles:
     """Effect files that a study or its command names. Raises BadInput."""
-    named = read_effect_files(file.study.effect_files, path.parent)
+    named = read_effect_files(file.study.effect_files, path.parent, str(path))
     return tuple(dict.fromkeys((*named, *read_effect_files(options.effect_files))))
 
 

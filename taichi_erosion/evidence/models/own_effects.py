@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from taichi_erosion.core.effect import Effect
-from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.effect_loading import checked_number, effect_in, failures_of
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.evidence.data.problem import (
     Bools,
     Candidate,

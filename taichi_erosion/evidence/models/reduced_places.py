@@ -1,6 +1,6 @@
 """The reduced wind-erosion model with places for mechanisms, beside its listed effects.
 
-Effects that are named after a mechanism come with their dose D (see `mechanisms/basis/`); what one does to
+Effects that are named after a mechanism come with their dose D (see `mechanisms/`); what one does to
 threshold, flux and angle follows the scaling of `reduced.py`, its size is plausible:
 
     contact_pull          u*t x sqrt(1 + D), angle + 9 D / (1 + D) deg       pull over weight

@@ -19,7 +19,6 @@ from taichi_erosion.campaign.ledger import Ledger, open_ledger
 from taichi_erosion.campaign.request import CPU, RunDevice, RunRequest, RunResult, request_of, run_device
 from taichi_erosion.campaign.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile
 from taichi_erosion.core.effect import STRENGTH, Effect
-from taichi_erosion.core.effect_file import read_effect_files
 from taichi_erosion.core.effect_loading import effect_in, failures_of
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.data.problem import (
@@ -35,7 +34,7 @@ from taichi_erosion.evidence.data.problem import (
     with_stated,
 )
 from taichi_erosion.evidence.data.transforms import effect_of
-from taichi_erosion.mechanisms.library import DOSE, mechanism_path
+from taichi_erosion.mechanisms.library import DOSE, mechanism_file
 from taichi_erosion.run.checks import EffectFiles, read_scene, scene_effect_files
 from taichi_erosion.scene import Scene, scene_hash
 from taichi_erosion.scene.schema.conditions import Conditions as PredefinedConditions
@@ -118,7 +117,7 @@ class Simulator:
 
     def with_mechanisms(self, names: Sequence[str]) -> "Simulator":
         """The same with some mechanisms in its library; the ledger is shared."""
-        files = read_effect_files([mechanism_path(name) for name in names])
+        files = tuple(mechanism_file(name) for name in names)
         library = dict(self.library) | {effect_in(file).name: effect_in(file) for file in files}
         return replace(
             self,

@@ -27,7 +27,13 @@ COURANT_MOST = 1.7  # limit of three-stage Runge-Kutta with central advection [1
 Counts = tuple[int, int, int]
 
 
-class AirHead(Section):
+class AirSection(Section):
+    """A section of a scene without grains, which has no diameter."""
+
+    in_metres_only = True
+
+
+class AirHead(AirSection):
     """What the scene is."""
 
     kind: Literal["cavity", "channel", "tunnel"] = Field(description="kind of flow, which the viewer follows")
@@ -35,7 +41,7 @@ class AirHead(Section):
     notes: str = Field(default="", max_length=20_000, description="assumptions and sources")
 
 
-class AirRun(Section):
+class AirRun(AirSection):
     """How long and how finely the air is followed."""
 
     seed: int = fields.number(1, "1", "seed of the turbulence at the inlet", 0, 2**62)
@@ -50,7 +56,7 @@ class AirRun(Section):
     frames: int = fields.number(40, "1", "frames of the recording", 1, 10_000)
 
 
-class Side(Section):
+class Side(AirSection):
     """One side of the box."""
 
     kind: SideKind = Field(description="what the side does to the air")
@@ -60,14 +66,14 @@ class Side(Section):
     roughness_length: float = fields.extent(0.0, "roughness length z0 of a rough wall; 0: smooth", 0.0)
 
 
-class UniformProfile(Section):
+class UniformProfile(AirSection):
     """The same speed at every height."""
 
     law: Literal["uniform"]
     speed: float = fields.number(..., "m s-1", "wind speed", 0.0, fields.FASTEST)
 
 
-class LogProfile(Section):
+class LogProfile(AirSection):
     """Speed that grows with the logarithm of height."""
 
     law: Literal["log"]
@@ -75,7 +81,7 @@ class LogProfile(Section):
     roughness_length: float = fields.extent(..., "roughness length z0", 1e-9)
 
 
-class PowerProfile(Section):
+class PowerProfile(AirSection):
     """Speed that grows with a power of height up to the edge of a layer."""
 
     law: Literal["power"]
@@ -86,7 +92,7 @@ class PowerProfile(Section):
     exponent: float = fields.number(1.0 / 7.0, "1", "exponent", 0.01, 1.0)
 
 
-class TableProfile(Section):
+class TableProfile(AirSection):
     """Measured speeds, joined by straight lines."""
 
     law: Literal["table"]
@@ -107,7 +113,7 @@ class TableProfile(Section):
 Profile = Annotated[UniformProfile | LogProfile | PowerProfile | TableProfile, Field(discriminator="law")]
 
 
-class Turbulence(Section):
+class Turbulence(AirSection):
     """Fluctuations at the inlet."""
 
     deviation: Vector = fields.number(..., "m s-1", "standard deviations of u, v and w", 0.0, fields.FASTEST)
@@ -115,7 +121,7 @@ class Turbulence(Section):
     waves: int = fields.number(InletTurbulence.waves, "1", "random waves that are summed", 8, 10_000)
 
 
-class AirBox(Section):
+class AirBox(AirSection):
     """The box, the fluid, the closure."""
 
     extents: Vector = fields.number(..., "m", "extents along x, y and z", 1e-7, 1e4)
@@ -151,7 +157,7 @@ class AirBox(Section):
     turbulence: Turbulence | None = Field(None, description="fluctuations at the inlet")
 
 
-class AirMeasure(Section):
+class AirMeasure(AirSection):
     """Where one observable of the air is read."""
 
     place: float | None = fields.extent(None, "position along x; left out: the mean along x", 0.0)

@@ -40,7 +40,8 @@ class ExtraCondition(Section):
 class Conditions(Section):
     """What a laboratory writes beside a measurement; effects read them."""
 
-    moisture: float | None = number(None, "kg kg-1", "mass of water over mass of solid", 0.0, 1.0)
+    in_metres_only = True
+    moisture: float | None = number(None, "kg kg-1", "mass of water over mass of solid", 0.0, 5.0)
     temperature: float | None = number(None, "K", "air temperature", 200.0, 400.0)
     relative_humidity: float | None = number(None, "1", "relative humidity of the air", 0.0, 1.0)
     pressure: float | None = number(None, "Pa", "air pressure", 1e2, 2e5)

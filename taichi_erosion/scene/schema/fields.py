@@ -1,28 +1,30 @@
 """Fields of a scene file: every number with its unit, meaning and range.
 
-Every section of a scene is a `Section`: frozen, strict about types, closed to unknown keys.
+Every section of a scene is a `Section`: frozen, strict about types, closed to unknown keys. `radius_d = 9.0`
+means a radius of nine nominal grain diameters; the suffix serves every quantity in m or s.
 """
 
 from collections.abc import Iterable, Iterator
-from difflib import get_close_matches
 from math import inf, isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import (
     AfterValidator,
     BaseModel,
     ConfigDict,
     Field,
+    GetJsonSchemaHandler,
     PrivateAttr,
     StringConstraints,
     ValidationInfo,
     field_validator,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
+from pydantic_core import CoreSchema, PydanticCustomError
 
-from taichi_erosion.core.effect_file import EffectFile
+from taichi_erosion.core.errors import nearest
+from taichi_erosion.core.foreign_code import EffectFile
 
 Vector = tuple[float, float, float]
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,59}$")]
@@ -30,6 +32,9 @@ PairName = Annotated[
     str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,59}-[A-Za-z][A-Za-z0-9_]{0,59}$")
 ]
 
+DIAMETERS = "_d"  # suffix of a length in nominal diameters, or of a time in s per m of diameter
+SCALING_UNITS = ("m", "s")  # of quantities that may be given so
+DIAMETER = "diameter"  # the nominal one [m], in the context of validation
 FARTHEST = 1e4  # coordinates beyond it are taken for a wrong unit [m]
 FASTEST = 1e3  # likewise speeds [m s-1]
 
@@ -73,10 +78,27 @@ def numbers_in(value: Any) -> Iterator[float]:
         yield value
 
 
+def is_numeric(value: Any) -> bool:
+    """Whether a value is a number or a list of numbers."""
+    if isinstance(value, tuple):
+        return len(value) > 0 and all(map(is_numeric, value))
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def times(value: Any, factor: float) -> Any:
+    """A number, or a vector of numbers, multiplied."""
+    if isinstance(value, tuple):
+        return tuple(times(entry, factor) for entry in value)
+    try:
+        return float(value) * factor
+    except OverflowError:
+        return inf
+
+
 def unknown_key(key: str, known: Iterable[str], also: str = "") -> PydanticCustomError:
     """Error of a key that a section does not have; `also` is a remedy where no known key is near."""
-    near = get_close_matches(key, known, n=1, cutoff=0.5)
-    hint = f"did you mean '{near[0]}'?" if near else f"allowed: {', '.join(known)}{also}"
+    near = nearest(key, known)
+    hint = f"did you mean '{near}'?" if near else f"allowed: {', '.join(known)}{also}"
     return PydanticCustomError("unknown", "{hint}", {"hint": hint, "key": key})
 
 
@@ -85,13 +107,51 @@ class Section(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
+    in_metres_only: ClassVar[bool] = False  # no length or time of it may be given in grain diameters
+
     @model_validator(mode="before")
     @classmethod
-    def _refuse_unknown(cls, table: Any) -> Any:
-        unknown = [key for key in table if key not in cls.model_fields] if isinstance(table, dict) else []
-        if unknown:
-            raise unknown_key(str(unknown[0]), cls.model_fields)
-        return table
+    def _in_si_units(cls, table: Any, about: ValidationInfo) -> Any:
+        """The table with every `NAME_d` replaced by NAME, times the nominal diameter where it is known."""
+        if not isinstance(table, dict):
+            return table
+        diameter: float | None = (about.context or {}).get(DIAMETER)
+        found = {}
+        for key, value in table.items():
+            name = cls.scaled_name(str(key)) if diameter and is_numeric(value) else None
+            if name is not None and name in table:
+                raise contradiction(f"{name} and {key} name the same quantity")
+            if name is None and key not in cls.model_fields:
+                raise unknown_key(str(key), cls.model_fields)
+            found[name or key] = times(value, diameter) if name and diameter else value
+        return found
+
+    @classmethod
+    def scaled_name(cls, key: str) -> str | None:
+        """The length or time that a key gives in nominal diameters, None for any other key."""
+        field = cls.model_fields.get(key.removesuffix(DIAMETERS)) if key.endswith(DIAMETERS) else None
+        if field is None or cls.in_metres_only or unit_of(field) not in SCALING_UNITS:
+            return None
+        return key.removesuffix(DIAMETERS)
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Schema of the section with `NAME_d` for every length and time that it has."""
+        part = handler.resolve_ref_schema(handler(core))
+        either = []
+        for name, entry in list(part.get("properties", {}).items()):
+            if cls.scaled_name(name + DIAMETERS) is None:
+                continue
+            unit = "1" if entry["unit"] == "m" else "s m-1"
+            unbounded = {k: v for k, v in entry.items() if k not in ("minimum", "maximum", "default")}
+            meaning = f"{entry['description'].rpartition(' [')[0]}, over the nominal grain diameter [{unit}]"
+            part["properties"][name + DIAMETERS] = unbounded | {"description": meaning, "unit": unit}
+            if name in part.get("required", []):
+                part["required"] = [required for required in part["required"] if required != name]
+                either.append({"oneOf": [{"required": [name]}, {"required": [name + DIAMETERS]}]})
+        if either:
+            part["allOf"] = either
+        return part
 
     @field_validator("*")
     @classmethod

@@ -27,12 +27,16 @@ SieveRow = tuple[float, float, float]
 class Monodisperse(Section):
     """All grains alike."""
 
+    in_metres_only = True
+
     law: Literal["monodisperse"]
     diameter: float = number(..., "m", "grain diameter", SMALLEST, LARGEST)
 
 
 class Lognormal(Section):
     """Numbers of grains distributed lognormally, cut at both ends."""
+
+    in_metres_only = True
 
     law: Literal["lognormal"]
     median: float = number(..., "m", "median diameter by number, before truncation", SMALLEST, LARGEST)
@@ -54,6 +58,8 @@ class Sieve(Section):
 
     `low` and `high` cut the tabulated curve, then `scale` magnifies what is left (coarse graining).
     """
+
+    in_metres_only = True
 
     law: Literal["sieve"]
     table: Name | None = Field(None, description="name of a shipped sieve table")
@@ -185,6 +191,8 @@ class Contact(Section):
 
 class GrainStart(Section):
     """One explicitly placed grain."""
+
+    in_metres_only = True
 
     position: Vector = position(..., "centre (of the template's origin for a clump)")
     velocity: Vector = number((0.0, 0.0, 0.0), "m s-1", "velocity", -1e3, 1e3)

@@ -1,13 +1,12 @@
 """A scene file as typed, frozen records: the only place where defaults stand."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from difflib import get_close_matches
 from math import isfinite
 from typing import Literal
 
 from pydantic import Field, model_validator
 
-from taichi_erosion.core.errors import did_you_mean
+from taichi_erosion.core.errors import did_you_mean, nearest
 from taichi_erosion.core.setup import (
     AdhesionBranch,
     FrictionCap,
@@ -232,28 +231,37 @@ def reference_problems(
 
     `effects` (name -> its entries) and `observables` are those of the program; None: not checked.
     """
-    unknown = list(material_problems(scene))
+    unknown = list(name_problems(scene))
     yield from unknown
     if not unknown:
-        yield from contact_problems(scene)
-        yield from softening_problems(scene)
-        yield from surface_problems(scene)
-        yield from stage_problems(scene)
-        yield from threshold_problems(scene)
-        yield from wind_problems(scene)
-        yield from measure_problems(scene)
+        for problems in (
+            *(contact_problems, softening_problems, surface_problems),
+            *(threshold_problems, wind_problems, measure_problems),
+        ):
+            yield from problems(scene)
     yield from effect_problems(scene, effects)
     yield from observable_problems(scene.measure, observables)
 
 
-def material_problems(scene: Scene) -> Iterator[str]:
-    """Materials that are named but not there."""
-    used = {"grains.material": scene.grains.material}
-    used |= {f"geometry.{name}.material": wall.material for name, wall in scene.geometry.items()}
-    known = ", ".join(scene.materials)
-    for path, name in used.items():
-        if name not in scene.materials:
-            yield f"{path} = '{name}' is not among [materials]: {known}"
+def name_problems(scene: Scene) -> Iterator[str]:
+    """Materials, surfaces and stages that are named but not there, and stages of one name."""
+    stages = [stage.name for stage in scene.stages]
+    materials, surfaces = (scene.materials, "[materials]"), (scene.geometry, "[geometry]")
+    named: list[tuple[str, str | None, tuple[Collection[str], str]]] = [
+        ("grains.material", scene.grains.material, materials),
+        *((f"geometry.{name}.material", wall.material, materials) for name, wall in scene.geometry.items()),
+        *((f"measure.{name}.plate", order.plate, surfaces) for name, order in scene.measure.items()),
+        *(
+            (f"measure.{name}.stage", order.stage, (stages, "stages"))
+            for name, order in scene.measure.items()
+        ),
+    ]
+    for path, name, (known, where) in named:
+        if name is not None and name not in known:
+            yield f"{path} = '{name}' is not among {where}: {', '.join(known)}"
+    for place, name in enumerate(stages):
+        if name in stages[:place]:
+            yield f"stages.{place}.name = '{name}' is taken by an earlier stage"
 
 
 def contact_problems(scene: Scene) -> Iterator[str]:
@@ -287,7 +295,7 @@ def softening_problems(scene: Scene) -> Iterator[str]:
 
 
 def surface_problems(scene: Scene) -> Iterator[str]:
-    """Surfaces of stages and measures that do not exist at that time."""
+    """Surfaces of stages that do not exist at that time."""
     standing = set(scene.geometry)
     for place, stage in enumerate(scene.stages):
         for name in stage.remove:
@@ -297,20 +305,6 @@ def surface_problems(scene: Scene) -> Iterator[str]:
         for name in stage.move:
             if name not in standing:
                 yield f"stages.{place}.move.{name} is not standing: {', '.join(sorted(standing))}"
-    for name, measure in scene.measure.items():
-        if measure.plate is not None and measure.plate not in scene.geometry:
-            yield f"measure.{name}.plate = '{measure.plate}' is not among [geometry]"
-
-
-def stage_problems(scene: Scene) -> Iterator[str]:
-    """Stage names that are used twice, and measures of unknown stages."""
-    names = [stage.name for stage in scene.stages]
-    for place, name in enumerate(names):
-        if name in names[:place]:
-            yield f"stages.{place}.name = '{name}' is taken by an earlier stage"
-    for name, measure in scene.measure.items():
-        if measure.stage is not None and measure.stage not in names:
-            yield f"measure.{name}.stage = '{measure.stage}' is not among the stages: {', '.join(names)}"
 
 
 def effect_problems(scene: Scene, known: Known | None) -> Iterator[str]:
@@ -332,13 +326,10 @@ def effect_problems(scene: Scene, known: Known | None) -> Iterator[str]:
 
 def effect_hint(name: str, known: Known) -> str:
     """What to do about an effect that is not there."""
-    near = get_close_matches(name, known, n=1, cutoff=0.75)
+    if near := nearest(name, known):
+        return f"did you mean '{near}'?"
     own = "an effect of your own needs --effect FILE, or effect_files under [scene] or [study]"
-    return (
-        f"did you mean '{near[0]}'?"
-        if near
-        else f"{own}; known effects: {', '.join(sorted(known)) or 'none'}"
-    )
+    return f"{own}; known effects: {', '.join(sorted(known)) or 'none'}"
 
 
 def observable_problems(measures: Iterable[str], known: Collection[str] | None) -> Iterator[str]:

@@ -1,66 +1,40 @@
 """Reading and conversion of units as laboratories print them: `m s-1`, `kg/(m s)`, `%`, `kg m⁻¹ s⁻¹`, `°F`.
 
-The dictionary of units is that of pint; the usual ones stand here too, because loading it takes most of a
-second (a test compares the two). The grammar is stricter than pint's: no text has two readings. A unit is a
-factor to SI, its base units with their powers, and for temperatures the SI value of its zero. An angle
+The dictionary of units is that of pint. The grammar is stricter than pint's: no text has two readings. A unit
+is a factor to SI, its base units with their powers, and for temperatures the SI value of its zero. An angle
 counts as a quantity of its own, so that degrees are not mistaken for a pure number.
 """
 
 import re
 import unicodedata
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from math import isclose, isfinite, pi
+from math import isclose, isfinite
 from typing import Any
 
 Kind = tuple[tuple[str, int], ...]  # base units in the order of their names, with their powers
 
-KILOGRAM, METRE, SECOND, KELVIN, RADIAN = "kilogram", "meter", "second", "kelvin", "radian"
-USUAL: dict[str, tuple[float, dict[str, int]]] = {
-    "percent": (1e-2, {}),
-    "permille": (1e-3, {}),
-    "ppm": (1e-6, {}),
-    "g": (1e-3, {KILOGRAM: 1}),
-    "t": (1e3, {KILOGRAM: 1}),
-    "m": (1.0, {METRE: 1}),
-    "L": (1e-3, {METRE: 3}),
-    "s": (1.0, {SECOND: 1}),
-    "min": (60.0, {SECOND: 1}),
-    "h": (3600.0, {SECOND: 1}),
-    "d": (86400.0, {SECOND: 1}),
-    "Hz": (1.0, {SECOND: -1}),
-    "K": (1.0, {KELVIN: 1}),
-    "rad": (1.0, {RADIAN: 1}),
-    "deg": (pi / 180.0, {RADIAN: 1}),
-    "N": (1.0, {KILOGRAM: 1, METRE: 1, SECOND: -2}),
-    "Pa": (1.0, {KILOGRAM: 1, METRE: -1, SECOND: -2}),
-    "bar": (1e5, {KILOGRAM: 1, METRE: -1, SECOND: -2}),
-    "J": (1.0, {KILOGRAM: 1, METRE: 2, SECOND: -2}),
-    "W": (1.0, {KILOGRAM: 1, METRE: 2, SECOND: -3}),
-}
-PREFIXES = {"G": 1e9, "M": 1e6, "k": 1e3, "h": 1e2, "d": 1e-1, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9}
-PREFIXED = ("g", "m", "L", "s", "Hz", "N", "Pa", "bar", "J", "W", "rad")
-SIGNS = {"": "", "1": "", "-": "", "%": "percent", "‰": "permille", "°": "deg"}
+SIGNS = {"%": "percent", "‰": "permille", "°": "deg"}
+PURE_NUMBERS = ("", "1", "-")
 ICE_POINT = 273.15  # K
 TEMPERATURES: dict[str, float] = dict.fromkeys(("degC", "°C", "Celsius", "celsius"), 1.0)  # degrees [K]
 TEMPERATURES |= dict.fromkeys(("degF", "°F", "Fahrenheit", "fahrenheit"), 5.0 / 9.0)
 AMBIGUOUS = {
     "C": "degrees Celsius are written degC, coulombs coulomb",
     "F": "degrees Fahrenheit are written degF, farads farad",
-    "grad": "degrees are written deg, hundredths of a right angle gon",
-    "Grad": "degrees are written deg, hundredths of a right angle gon",
-    "grade": "degrees are written deg, hundredths of a right angle gon",
+    **dict.fromkeys(("grad", "Grad", "grade"), "degrees are written deg, hundredths of a right angle gon"),
     "gr": "grams are written g, grains of weight are no unit here",
 }
 SINGLE_LETTERS = frozenset("gmshdtlLNKJWVAC")  # others are constants of nature, or units that no table has
-BASES = frozenset((KILOGRAM, METRE, SECOND, KELVIN, RADIAN, "ampere"))
+BASES = frozenset(("kilogram", "meter", "second", "kelvin", "radian", "ampere"))
 EXAMPLES = "1, %, deg, m, mm, um, m/s, Pa, kg/m3, kg/(m s), g m-1 s-1, kg/kg, K; a condition also degC, degF"
-TOKEN = re.compile(
-    r"\s*(?:(?P<mark>[/()])|(?P<symbol>[A-Za-z%‰°]+|1)(?:(?:\^|\*\*)?(?P<power>[+-]?\d+))?|[*·.])"
-)
+FACTOR = r"(?:[A-Za-z%‰°]+|(?<!\w)1)(?:(?:\^|\*\*)?[+-]?0*[1-9](?!\d))?"  # a symbol and its power
+PRODUCT = rf"[\s*·.]*{FACTOR}(?:[\s*·.]*{FACTOR})*[\s*·.]*"
+DIVISOR = rf"\s*/[\s*·.]*(?:{FACTOR}|\({PRODUCT}\))\s*"  # what is divided by: one factor, or parentheses
+GRAMMAR = re.compile(rf"(?:{PRODUCT}|\({PRODUCT}\))?(?:{DIVISOR})*")
+POWERS = re.compile(r"([A-Za-z%‰°]+|(?<!\w)1)(?:\^|\*\*)?([+-]?\d+)?")
+SLASH = re.compile(r"/(?![^(]*\))")  # outside parentheses
 LONGEST = 60  # characters of a unit
-LARGEST_POWER = 9
 
 
 class UnknownUnit(ValueError):
@@ -93,7 +67,7 @@ PURE = Unit(1.0)
 
 @cache
 def registry() -> Any:
-    """The dictionary of units; loaded at first need, which takes a moment."""
+    """The dictionary of units; loaded at first need, which takes half a second."""
     import pint
 
     return pint.UnitRegistry()
@@ -113,14 +87,18 @@ def parse_unit(text: str) -> Unit:
     factor or parenthesis that follows, and nothing but another `/` may come after it.
     """
     plain = plain_text(text)
-    if plain in SIGNS:
-        return named_unit(SIGNS[plain], text)
+    if plain in PURE_NUMBERS:
+        return PURE
     if plain in AMBIGUOUS:
         raise UnknownUnit(text, AMBIGUOUS[plain])
-    if len(plain) > LONGEST:
-        raise UnknownUnit(text)
-    unit, rest = product(tokens(plain, text), text)
-    if rest or not isfinite(unit.factor) or unit.factor <= 0.0:
+    if len(plain) > LONGEST or not GRAMMAR.fullmatch(plain):
+        told = "put what is divided by into parentheses: kg/(m s)"
+        raise UnknownUnit(text, told if "/" in plain and "(" not in plain else "")
+    unit = PURE
+    for place, part in enumerate(SLASH.split(plain)):
+        for symbol, power in POWERS.findall(part):
+            unit = unit.times(named_unit(symbol, text), int(power or 1) * (-1 if place else 1))
+    if not isfinite(unit.factor) or unit.factor <= 0.0:
         raise UnknownUnit(text)
     return unit
 
@@ -128,7 +106,7 @@ def parse_unit(text: str) -> Unit:
 def parse_scale(text: str) -> Unit:
     """Unit of a condition: as `parse_unit`, or a temperature that does not count from absolute zero."""
     degree = TEMPERATURES.get(plain_text(text).replace("deg ", "deg").replace("° ", "°"))
-    return parse_unit(text) if degree is None else Unit(degree, ((KELVIN, 1),), zero_of(degree))
+    return parse_unit(text) if degree is None else Unit(degree, (("kelvin", 1),), zero_of(degree))
 
 
 def zero_of(degree: float) -> float:
@@ -136,82 +114,26 @@ def zero_of(degree: float) -> float:
     return ICE_POINT if degree == 1.0 else ICE_POINT - 32.0 * degree
 
 
-def tokens(plain: str, text: str) -> list[tuple[str, int]]:
-    """Symbols with their powers, and the marks `/ ( )` with power 0."""
-    found: list[tuple[str, int]] = []
-    place = 0
-    while place < len(plain):
-        match = TOKEN.match(plain, place)
-        if match is None:
-            raise UnknownUnit(text)
-        place = match.end()
-        if match["mark"]:
-            found.append((match["mark"], 0))
-        elif match["symbol"]:
-            power = int(match["power"] or 1)
-            if not 0 < abs(power) <= LARGEST_POWER:
-                raise UnknownUnit(text)
-            found.append((match["symbol"], power))
-    return found
-
-
-def product(factors: Sequence[tuple[str, int]], text: str) -> tuple[Unit, Sequence[tuple[str, int]]]:
-    """Unit of a product up to its end or to a closing parenthesis, and what is left."""
-    unit, divided, empty = PURE, False, True
-    while factors and factors[0][0] != ")":
-        dividing = factors[0][0] == "/"
-        if divided and not dividing:
-            raise UnknownUnit(text, "put what is divided by into parentheses: kg/(m s)")
-        divided = divided or dividing
-        part, factors = factor(factors[1:] if dividing else factors, text)
-        unit, empty = unit.times(part, -1 if dividing else 1), False
-    if empty:
-        raise UnknownUnit(text)
-    return unit, factors
-
-
-def factor(factors: Sequence[tuple[str, int]], text: str) -> tuple[Unit, Sequence[tuple[str, int]]]:
-    """Unit of one symbol or one parenthesis, and what is left."""
-    if not factors or factors[0][0] in "/)":
-        raise UnknownUnit(text)
-    symbol, power = factors[0]
-    if symbol != "(":
-        return PURE.times(named_unit(SIGNS.get(symbol, symbol), text), power), factors[1:]
-    unit, rest = product(factors[1:], text)
-    if not rest:
-        raise UnknownUnit(text)
-    return unit, rest[1:]
-
-
-def named_unit(name: str, text: str) -> Unit:
-    """Unit of one name or symbol of the dictionary, with or without a prefix."""
-    if not name:
-        return PURE
-    found = usual_unit(name) or dictionary_entry(name)
+def named_unit(symbol: str, text: str) -> Unit:
+    """Unit of one symbol, with or without a prefix."""
+    found = dictionary_entry(SIGNS.get(symbol, symbol))
     if found is None:
-        lower = name.lower()
+        lower = symbol.lower()
         raise UnknownUnit(text, f"did you mean '{lower}'?" if dictionary_entry(lower) is not None else "")
     return found
-
-
-def usual_unit(name: str) -> Unit | None:
-    """One of the usual units, with or without a prefix; None for any other."""
-    size, prefixed = 1.0, name
-    if name not in USUAL and name[0] in PREFIXES and name[1:] in PREFIXED:
-        size, prefixed = PREFIXES[name[0]], name[1:]
-    if prefixed not in USUAL:
-        return None
-    factor, powers = USUAL[prefixed]
-    return Unit(size * factor, tuple(sorted(powers.items())))
 
 
 @cache
 def dictionary_entry(name: str) -> Unit | None:
     """Unit of the dictionary, None where it has none; a temperature with a zero of its own is none."""
-    known = registry()
-    if name in TEMPERATURES or (len(name) == 1 and name not in SINGLE_LETTERS) or name not in known:
+    if name == "1":
+        return PURE
+    if name in TEMPERATURES or (len(name) == 1 and name not in SINGLE_LETTERS):
         return None
-    size = known.Quantity(1.0, name).to_base_units()
+    try:
+        size = registry().Quantity(1.0, name).to_base_units()
+    except (AttributeError, TypeError, ValueError):  # pint's errors for what it does not know
+        return None
     powers = {str(unit): float(power) for unit, power in size.unit_items()}
     if not all(power.is_integer() for power in powers.values()) or not powers.keys() <= BASES:
         return None

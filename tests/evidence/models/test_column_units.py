@@ -13,7 +13,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.effects import load_library
 from taichi_erosion.evidence.data.measured import Table, read_table, study_measurements
 from taichi_erosion.evidence.models.column_units import place_units
-from taichi_erosion.scene.paths import cached_schema, options, unit_of_path
+from taichi_erosion.scene.paths import options, scene_schema, unit_of_path
 
 # unit of a place -> three columns of a table: their unit, the number there, and the number at the place
 COLUMNS: dict[str, tuple[tuple[str, float, float], ...]] = {
@@ -45,11 +45,9 @@ KEYS = {"contact": "soil-steel", "effects": "liquid_bridge"}  # names that stand
 
 def leaves(node: dict[str, Any], path: str, depth: int = 0) -> Iterator[str]:
     """Dotted paths of all numbers below a node; one name for any key, one place for any component."""
-    for option in options(cached_schema(), node):
+    for option in options(scene_schema(), node):
         if "unit" in option:
-            vector = any(
-                "items" in part or "prefixItems" in part for part in options(cached_schema(), option)
-            )
+            vector = any("items" in part or "prefixItems" in part for part in options(scene_schema(), option))
             yield f"{path}.0" if vector else path
             continue
         for key, below in option.get("properties", {}).items():
@@ -68,7 +66,7 @@ def effect_numbers() -> Iterator[tuple[str, str]]:
         yield from ((f"effects.{name}.{f.name}", str(f.metadata["unit"])) for f in fields(effect.params))
 
 
-SCENE = [(path, unit_of_path(path)) for path in dict.fromkeys(leaves(cached_schema(), ""))]
+SCENE = [(path, unit_of_path(path)) for path in dict.fromkeys(leaves(scene_schema(), ""))]
 PLACES = [(path, unit) for path, unit in (*SCENE, *effect_numbers()) if unit not in NO_NUMBER]
 
 

@@ -18,8 +18,8 @@ from taichi_erosion.campaign.study_file import (
     evidence_problems,
     read_study_file,
 )
-from taichi_erosion.core.effect_file import EffectFile
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.evidence.answers.rounds import MOST_POINTS
 from taichi_erosion.evidence.answers.set_up import source_faults, table_faults
 from taichi_erosion.evidence.answers.study_files.start_values import evaluations_sentence

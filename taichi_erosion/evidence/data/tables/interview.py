@@ -7,12 +7,11 @@ is none: without an answer the question is a fault, with what would settle it.
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from math import isnan, nan
 from statistics import median
 from typing import Literal
 
-from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.errors import BadInput, nearest
 from taichi_erosion.evidence.data.physical_ranges import likely_units, place_range
 from taichi_erosion.evidence.data.tables.cell_numbers import CellFault, CellNumber, read_cell
 from taichi_erosion.evidence.data.tables.column_roles import (
@@ -43,7 +42,6 @@ from taichi_erosion.scene.schema.units import parse_unit, scale_between
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 NOT_USED = "-"
 AGREED, REFUSED = ("yes", "y", "ja", "j", "oui", "o", "si", "sí"), ("no", "n", "nein", "non")
-NEAR_NAME = 0.6  # similarity of a typed name and a known one that is offered for it [1]
 MOST_TRIES = 3  # of an answer that names nothing known
 MOST_APART = 2.0  # ratio of the medians of two columns up to which they may hold repeats [1]
 MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
@@ -182,8 +180,8 @@ def unknown_name(column: Column, wishes: TableWishes) -> str:
         known = known_places()
     else:
         return ""
-    near = get_close_matches(column.name, known, n=1, cutoff=NEAR_NAME)
-    hint = f" Did you mean '{near[0]}'?" if near else ""
+    near = nearest(column.name, known)
+    hint = f" Did you mean '{near}'?" if near else ""
     return f"'{column.name}' is not known.{hint} Known: {', '.join(known)}."
 
 

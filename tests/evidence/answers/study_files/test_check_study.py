@@ -37,14 +37,14 @@ def test_a_shipped_study_is_valid(study, capsys):
 
 
 def test_all_faults_of_a_study_are_told_at_once(tmp_path):
-    table = TABLE.replace(",5,1,me", ",95,180,me")
+    table = TABLE.replace(",5,1,me", ",95,680,me")
     study = STUDY.replace('"bed_slope"', '"moonlight"')
     with pytest.raises(BadInput) as caught:
         check_study(written(tmp_path, study, table))
     told = caught.value.faults
     assert len(told) == 3
     assert "row 2, slope = 95 deg, outside [-90, 90]" in told[0]
-    assert "row 2, moisture = 180 % is 1.8 kg kg-1, outside [0, 1]" in told[1]
+    assert "row 2, moisture = 680 % is 6.8 kg kg-1, outside [0, 5]" in told[1]
     assert "candidates.moonlight is not in the library" in told[2]
 
 

@@ -99,7 +99,7 @@ WRONG_FILES = {
         "divide by the dry bulk density",
     ),
     "a diameter without unit": (changed(" [µm]", ""), "row 2, diameter = 250", "check number and unit"),
-    "too much water": (changed("1,6", "160"), "row 2, moisture = 160 %", "check number and unit"),
+    "too much water": (changed("1,6", "1600"), "row 2, moisture = 1600 %", "check number and unit"),
     "colder than nothing": (
         changed("Feuchte in %", "Temperatur (°C)").replace(b"1,6", b"-300"),
         "row 2, temperature = -300 °C",

@@ -10,7 +10,7 @@ from scipy.integrate import quad
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import explain, parse_scene
-from taichi_erosion.scene.build.limits import (
+from taichi_erosion.scene.preparation.limits import (
     WORK_OF_SEPARATION,
     impact_duration,
     impact_overlap,

@@ -5,11 +5,16 @@ from math import pi, radians, sqrt, tan
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene.build.clump import SPHERE_REACH, template_spheres
-from taichi_erosion.scene.build.contacts import materials_used, shear_modulus, surface_energy, young_effective
-from taichi_erosion.scene.build.fill import start_top
-from taichi_erosion.scene.build.sizes import mean_cube, nominal_diameter, size_range
-from taichi_erosion.scene.build.walls import wall_bounds
+from taichi_erosion.scene.preparation.clump import SPHERE_REACH, template_spheres
+from taichi_erosion.scene.preparation.contacts import (
+    materials_used,
+    shear_modulus,
+    surface_energy,
+    young_effective,
+)
+from taichi_erosion.scene.preparation.fill import start_top
+from taichi_erosion.scene.preparation.sizes import mean_cube, nominal_diameter, size_range
+from taichi_erosion.scene.preparation.walls import wall_bounds
 from taichi_erosion.scene.schema.grains import Positions, Pour
 from taichi_erosion.scene.schema.scene import Scene
 

@@ -7,7 +7,7 @@ from math import cos, pi, sin, sqrt
 import numpy as np
 
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.scene.build.sizes import nominal_diameter, sample_diameters
+from taichi_erosion.scene.preparation.sizes import nominal_diameter, sample_diameters
 from taichi_erosion.scene.schema.fields import Vector, unit_vector
 from taichi_erosion.scene.schema.grains import Lattice, Layers, Positions, Pour, Rain
 from taichi_erosion.scene.schema.scene import Scene

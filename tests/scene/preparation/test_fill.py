@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from taichi_erosion.core.setup import GrainTable
 from taichi_erosion.scene import build_setup, parse_scene
-from taichi_erosion.scene.build.fill import stream
+from taichi_erosion.scene.preparation.fill import stream
 
 RAIN = {
     "law": "rain",

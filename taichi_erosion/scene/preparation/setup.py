@@ -6,12 +6,12 @@ import numpy as np
 import scipy
 
 from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Laws, Setup, Surface
-from taichi_erosion.scene.build.air import patch_air, patch_box, patch_coupling
-from taichi_erosion.scene.build.clump import Body, body_of, reach_over_diameter
-from taichi_erosion.scene.build.contacts import contact_table, materials_used
-from taichi_erosion.scene.build.fill import InitialBodies, initial_bodies, stream
-from taichi_erosion.scene.build.limits import time_step
-from taichi_erosion.scene.build.walls import domain_box, primitive_table
+from taichi_erosion.scene.preparation.air import patch_air, patch_box, patch_coupling
+from taichi_erosion.scene.preparation.clump import Body, body_of, reach_over_diameter
+from taichi_erosion.scene.preparation.contacts import contact_table, materials_used
+from taichi_erosion.scene.preparation.fill import InitialBodies, initial_bodies, stream
+from taichi_erosion.scene.preparation.limits import time_step
+from taichi_erosion.scene.preparation.walls import domain_box, primitive_table
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.scene.schema.grains import Positions
 from taichi_erosion.scene.schema.scene import Scene

@@ -7,9 +7,9 @@ from scene_tables import SCENES
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
 from taichi_erosion.run import check_scene
 from taichi_erosion.scene import build_setup, load_scene
-from taichi_erosion.scene.build.air import build_air, inlet_speed, longest_step, surface_height
-from taichi_erosion.scene.build.sizes import mean_cube, nominal_diameter
 from taichi_erosion.scene.load import is_air_scene, load_air_scene
+from taichi_erosion.scene.preparation.air import build_air, inlet_speed, longest_step, surface_height
+from taichi_erosion.scene.preparation.sizes import mean_cube, nominal_diameter
 from taichi_erosion.scene.schema.air import LogProfile, PowerProfile, TableProfile
 
 

@@ -8,8 +8,8 @@ import pytest
 from pydantic import TypeAdapter
 from scipy.stats import kstest, truncnorm
 
-from taichi_erosion.scene.build.fill import stream
-from taichi_erosion.scene.build.sizes import (
+from taichi_erosion.scene.preparation.fill import stream
+from taichi_erosion.scene.preparation.sizes import (
     mean_cube,
     nominal_diameter,
     sample_diameters,

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.scene import build_setup, parse_scene
-from taichi_erosion.scene.build.clump import Body, quadrature, template_spheres
+from taichi_erosion.scene.preparation.clump import Body, quadrature, template_spheres
 from taichi_erosion.scene.schema.grains import Clump
 
 DENSITY = 2130.0

@@ -15,8 +15,8 @@ from taichi_erosion.core.air_setup import (
     InletTurbulence,
 )
 from taichi_erosion.core.setup import Coupling, Floats, GrainTable, Triple
-from taichi_erosion.scene.build.limits import time_step
-from taichi_erosion.scene.build.sizes import mean_cube, nominal_diameter
+from taichi_erosion.scene.preparation.limits import time_step
+from taichi_erosion.scene.preparation.sizes import mean_cube, nominal_diameter
 from taichi_erosion.scene.schema.air import (
     COURANT_MOST,
     AirBox,

@@ -9,9 +9,9 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import pair_row
 from taichi_erosion.effects import load_library
 from taichi_erosion.scene import build_setup, parse_scene
-from taichi_erosion.scene.build.contacts import contact_table, young_effective
-from taichi_erosion.scene.build.limits import explain
 from taichi_erosion.scene.change import with_contacts
+from taichi_erosion.scene.preparation.contacts import contact_table, young_effective
+from taichi_erosion.scene.preparation.limits import explain
 
 SOIL, STEEL = 0, 1  # materials come in alphabetical order
 

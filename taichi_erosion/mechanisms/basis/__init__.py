@@ -1,1 +1,0 @@
-"""Basis of mechanisms, one file each."""
