@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from benchmarks.stage_times import copy_bandwidth, stage_times
 from taichi_erosion.benchmark.roofline import step_bytes
 from taichi_erosion.benchmark.setups import LAWS, SOIL, bed_setup, filled_funnel, lattice_bed
 from taichi_erosion.benchmark.wind_cases import blowing_patch
@@ -29,7 +30,6 @@ from taichi_erosion.simulation import (
     snapshot,
     totals,
 )
-from taichi_erosion.simulation.stage_times import copy_bandwidth, stage_times
 
 Precision = Literal["f32", "f64"]
 Size = Literal["quick", "usual", "large"]  # of the cases on a graphics processor

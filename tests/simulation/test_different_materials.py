@@ -9,7 +9,7 @@ from grain_worlds import FRICTION, contacts, fingerprint, heap
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import ContactTable, Laws, Numerics, Setup, Surface, pair_row, pair_rows
 from taichi_erosion.simulation import Simulation, advance, assemble, set_contacts, snapshot
-from taichi_erosion.simulation.self_checks import first_impacts
+from taichi_erosion.simulation.first_impacts import first_impacts
 
 LAWS, NUMERICS = Laws(rolling="elastic_plastic"), Numerics("cpu", 1)
 FALLEN = 0.01  # s, half way down
