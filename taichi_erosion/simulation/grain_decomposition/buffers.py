@@ -15,7 +15,7 @@ from taichi_erosion.simulation.capacities import Capacities
 
 NO_FAULT = 2**31 - 1  # of `faulty`
 
-Stages = tuple[tuple[Any, int], ...]  # device function of a stage, and how many threads it takes a replica
+Stages = tuple[tuple[Any, ...], ...]  # device functions of a stage, and how many threads it takes a replica
 
 
 @device_record
