@@ -13,8 +13,7 @@ from taichi_erosion.grains.state import REBUILD, STOP
 from taichi_erosion.simulation.grain_decomposition.buffers import NO_FAULT, GrainBuffers, Stages
 from taichi_erosion.simulation.grain_decomposition.exchange import exchange_stages, first_exchange_stages
 from taichi_erosion.simulation.grain_decomposition.forces import add_walls, evaluate_entry, move, sum_pairs
-from taichi_erosion.simulation.grain_decomposition.rebuild import rebuild_stages
-from taichi_erosion.simulation.grain_decomposition.reverse_lists import link_stages
+from taichi_erosion.simulation.grain_decomposition.rebuild import link_stages, rebuild_stages
 from taichi_erosion.simulation.step import OVERLAP, required_action, tick
 
 MISSING_FUNCTION = ("does not 64bits operation", "must <= 32bits")  # of Taichi's compiler for Vulkan
