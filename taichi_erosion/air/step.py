@@ -16,19 +16,19 @@ Reference: Spalart, Moser & Rogers (1991), J. Comput. Phys. 96, 297, appendix A.
 from dataclasses import dataclass
 
 from taichi_erosion.air.boundary import (
+    cell_ghosts,
     fill_cell_ghosts,
     fill_velocity_ghosts,
     fill_wall_viscosity,
-    serial_cell_ghosts,
-    serial_velocity_ghosts,
+    velocity_ghosts,
 )
 from taichi_erosion.air.exchange_budget import add_stage_exchange, reset_exchange
 from taichi_erosion.air.grid import (
     Air,
+    each_column,
+    each_stage_column,
     parallel_columns,
     parallel_stage_columns,
-    serial_columns,
-    serial_stage_columns,
     store_void_fraction,
 )
 from taichi_erosion.air.implicit_z import predict, predict_column
@@ -164,9 +164,9 @@ def open_step(air_out: ti.template(), r):
     void, coefficient, force = ti.static(
         air_out.void_fraction, air_out.exchange_coefficient, air_out.exchange_force
     )
-    serial_cell_ghosts(air_out, ti.static((void, coefficient, force, air_out.pressure)), r)
-    serial_velocity_ghosts(air_out, r)
-    serial_columns(reset_exchange, air_out, r)
+    cell_ghosts(1, air_out, ti.static((void, coefficient, force, air_out.pressure)), r, r + 1)
+    velocity_ghosts(air_out, r, r + 1)
+    each_column(reset_exchange, air_out, r, r + 1)
     air_out.mass_residual[r] = 0.0
 
 
@@ -176,15 +176,15 @@ def predict_stage(air_out: ti.template(), r, stage):
     if stage == 0:
         open_step(air_out, r)
     if ti.static(air_out.model.closure != "none"):
-        serial_columns(set_eddy_viscosity, air_out, r)
-        serial_cell_ghosts(air_out, ti.static((air_out.eddy_cell, air_out.eddy_face)), r)
-    serial_columns(set_explicit_rates, air_out, r)
+        each_column(set_eddy_viscosity, air_out, r, r + 1)
+        cell_ghosts(1, air_out, ti.static((air_out.eddy_cell, air_out.eddy_face)), r, r + 1)
+    each_column(set_explicit_rates, air_out, r, r + 1)
     share, now, before = stage_weights(air_out, stage)
     for axis in ti.static(range(3)):
         for i in range(air_out.cells[0]):
             for j in range(air_out.cells[1]):
                 predict_column(air_out, r, i, j, axis, share, now, before)
-    serial_velocity_ghosts(air_out, r)
+    velocity_ghosts(air_out, r, r + 1)
 
 
 @ti.func
@@ -192,7 +192,7 @@ def solve_stage(air_out: ti.template(), r, stage):
     """Change of pressure that makes the predicted velocities conserve air, and the worst divergence left."""
     share, _, _ = stage_weights(air_out, stage)
     set_replica_conductances(air_out, r, share)
-    serial_columns(set_right_side, air_out, r)
+    each_column(set_right_side, air_out, r, r + 1)
     subtract_mean_divergence(air_out, r)
     worst = solve_replica(air_out, r)
     air_out.mass_residual[r] = max_or_nan(air_out.mass_residual[r], worst)
@@ -202,12 +202,12 @@ def solve_stage(air_out: ti.template(), r, stage):
 def correct_stage(air_out: ti.template(), r, stage):
     """Velocities corrected by the pressure, and the exchange budget; the last closes the step."""
     share, _, _ = stage_weights(air_out, stage)
-    serial_stage_columns(correct_column, air_out, r, share)
-    serial_velocity_ghosts(air_out, r)
-    serial_cell_ghosts(air_out, ti.static((air_out.pressure,)), r)
-    serial_stage_columns(add_stage_exchange, air_out, r, share)
+    each_stage_column(correct_column, air_out, r, r + 1, share)
+    velocity_ghosts(air_out, r, r + 1)
+    cell_ghosts(1, air_out, ti.static((air_out.pressure,)), r, r + 1)
+    each_stage_column(add_stage_exchange, air_out, r, r + 1, share)
     if stage == ti.static(len(STAGES[air_out.model.scheme]) - 1):
-        serial_columns(store_void_fraction, air_out, r)
+        each_column(store_void_fraction, air_out, r, r + 1)
         tick(air_out, r)
 
 
