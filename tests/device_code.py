@@ -161,6 +161,11 @@ def written_members(place: Place) -> Paths:
         for name, *members in written_members(called):
             if name in given and (path := path_of(given[name], aliases)):
                 found.add((*path, *members))
+        for struct, task in called_arguments(called).items():
+            applied, path = names_in(module).get(ast.unparse(given[task])), path_of(given[struct], aliases)
+            if applied is not None and path:
+                first = device_functions()[applied].args.args[0].arg
+                found |= {(*path, *members) for name, *members in written_members(applied) if name == first}
     return frozenset(path for path in found if path[0] in arguments)
 
 
