@@ -207,8 +207,8 @@ def cell_start(cells: ti.template(), r, c):
 def cell_grid(setup: Setup, least: float, most: int) -> dict[str, Any]:
     """Members of Cells of one replica: around everything the scene names, not narrower than `least` [m].
 
-    That is the longest list distance. Where it makes more than `most`, they are widened; grains outside the box
-    belong to its border cells.
+    That is the longest list distance. Where it makes more than `most`, they are widened; grains outside the
+    box belong to its border cells.
     """
     low, high = scene_box(setup)
     span = np.maximum(high - low, least)
