@@ -157,7 +157,8 @@ def contact_sums(sim: Simulation, first: int, last: int) -> tuple[Integers, Floa
 def positions(sim: Simulation, replica: int, first: int, released: int) -> Floats:
     """Positions [m] of the grains from place `first` on, wrapped into the period."""
     setup = sim.setups[replica]
-    place = sum(download([sim.world.grains.origin, sim.world.grains.shift], first, released))
+    origin, shift = download([sim.world.grains.origin, sim.world.grains.shift], first, released)
+    place = origin + shift
     for axis, (low, period) in enumerate(zip(setup.domain[0], setup.period, strict=True)):
         if period > 0.0:
             place[:, axis] -= period * np.floor((place[:, axis] - low) / period)
