@@ -14,6 +14,7 @@ import numpy as np
 
 from benchmarks.roofline import step_bytes
 from benchmarks.setups import LAWS, SOIL, bed_setup, filled_funnel, lattice_bed
+from benchmarks.stage_times import copy_bandwidth, stage_times
 from benchmarks.wind_cases import blowing_patch
 from taichi_erosion.core.compiler_target import packed_width
 from taichi_erosion.core.setup import Arch, Floats, Numerics, Setup
@@ -29,7 +30,6 @@ from taichi_erosion.simulation import (
     snapshot,
     totals,
 )
-from taichi_erosion.simulation.stage_times import copy_bandwidth, stage_times
 
 Precision = Literal["f32", "f64"]
 Size = Literal["quick", "usual", "large"]  # of the cases on a graphics processor

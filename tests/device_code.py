@@ -161,20 +161,32 @@ def written_members(place: Place) -> Paths:
         for name, *members in written_members(called):
             if name in given and (path := path_of(given[name], aliases)):
                 found.add((*path, *members))
+        for struct, task in called_arguments(called).items():
+            applied, path = names_in(module).get(ast.unparse(given[task])), path_of(given[struct], aliases)
+            if applied is not None and path:
+                first = device_functions()[applied].args.args[0].arg
+                found |= {(*path, *members) for name, *members in written_members(applied) if name == first}
     return frozenset(path for path in found if path[0] in arguments)
 
 
 def called_arguments(place: Place) -> dict[str, str]:
-    """Struct by the argument that is called with it: `task(air_out, r)` gives air_out: task."""
+    """Struct by the argument called with it, here or further on: `task(air_out, r)` gives air_out: task."""
+    module, _ = place
     function = device_functions()[place]
     arguments = {argument.arg for argument in function.args.args}
-    return {
-        given.id: call.func.id
-        for call in ast.walk(function)
-        if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id in arguments
-        for given in call.args
-        if isinstance(given, ast.Name) and given.id.endswith("_out")
-    }
+    found: dict[str, str] = {}
+    for call in ast.walk(function):
+        if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name):
+            continue
+        names = [given.id if isinstance(given, ast.Name) else "" for given in call.args]
+        if call.func.id in arguments:
+            found |= {name: call.func.id for name in names if name.endswith("_out")}
+        elif (called := names_in(module).get(call.func.id)) not in {None, place}:
+            inner = [argument.arg for argument in device_functions()[called].args.args]
+            given = dict(zip(inner, names, strict=False))
+            passed = {given.get(struct): given.get(task) for struct, task in called_arguments(called).items()}
+            found |= {struct: task for struct, task in passed.items() if struct and task in arguments}
+    return found
 
 
 def written_sentences(place: Place) -> list[str]:

@@ -96,40 +96,31 @@ def fill_velocity_ghosts_z(air_out: ti.template(), r, i, j):
         air_out.velocity_z[r, i, j, n] = 0.0
 
 
+@ti.func
+def velocity_ghosts(air_out: ti.template(), first, last):
+    """Velocities in all ghosts of replicas from first to last; x first, since y and z read the corners."""
+    nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
+    ti.loop_config(serialize=air_out.serial)
+    for r, j, k in ti.ndrange((first, last), ny, nz):
+        fill_velocity_ghosts_across(air_out, 0, r, j, k)
+    ti.loop_config(serialize=air_out.serial)
+    for r, i, k in ti.ndrange((first, last), nx + 2, nz):
+        fill_velocity_ghosts_across(air_out, 1, r, i - 1, k)
+    ti.loop_config(serialize=air_out.serial)
+    for r, i, j in ti.ndrange((first, last), nx + 2, ny + 2):
+        fill_velocity_ghosts_z(air_out, r, i - 1, j - 1)
+
+
 @ti.kernel
 def fill_velocity_ghosts(
     # out
     air_out: ti.template(),
 ):
-    """Velocities in all ghosts; x first, since y and z read the corners.
+    """Velocities in all ghosts of all replicas.
 
     Writes `air_out`: velocities, velocity_z.
     """
-    nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
-    ti.loop_config(serialize=air_out.serial)
-    for r, j, k in ti.ndrange(air_out.count, ny, nz):
-        fill_velocity_ghosts_across(air_out, 0, r, j, k)
-    ti.loop_config(serialize=air_out.serial)
-    for r, i, k in ti.ndrange(air_out.count, nx + 2, nz):
-        fill_velocity_ghosts_across(air_out, 1, r, i - 1, k)
-    ti.loop_config(serialize=air_out.serial)
-    for r, i, j in ti.ndrange(air_out.count, nx + 2, ny + 2):
-        fill_velocity_ghosts_z(air_out, r, i - 1, j - 1)
-
-
-@ti.func
-def serial_velocity_ghosts(air_out: ti.template(), r):
-    """Velocities in all ghosts of one replica, on one thread."""
-    nx, ny, nz = ti.static(air_out.cells[0], air_out.cells[1], air_out.cells[2])
-    for j in range(ny):
-        for k in range(nz):
-            fill_velocity_ghosts_across(air_out, 0, r, j, k)
-    for i in range(-1, nx + 1):
-        for k in range(nz):
-            fill_velocity_ghosts_across(air_out, 1, r, i, k)
-    for i in range(-1, nx + 1):
-        for j in range(-1, ny + 1):
-            fill_velocity_ghosts_z(air_out, r, i, j)
+    velocity_ghosts(air_out, 0, air_out.count)
 
 
 @ti.func
@@ -166,6 +157,28 @@ def fill_cell_ghosts_z(air: ti.template(), values_out: ti.template(), outlet_sig
         values_out[r, i, j, n] = 0.0
 
 
+@ti.func
+def cell_ghosts(outlet_sign: ti.template(), air: ti.template(), quantities_out: ti.template(), first, last):
+    """Ghosts of several cell quantities of the replicas from first to last.
+
+    `outlet_sign` -1 makes them vanish on an outlet, as pressure does. All quantities share three loops: the
+    compiler takes much longer over more loops.
+    """
+    nx, ny, nz = ti.static(air.cells[0], air.cells[1], air.cells[2])
+    ti.loop_config(serialize=air.serial)
+    for r, j, k in ti.ndrange((first, last), ny, nz):
+        for values_out in ti.static(quantities_out):
+            fill_cell_ghosts_across(air, values_out, outlet_sign, 0, r, j, k)
+    ti.loop_config(serialize=air.serial)
+    for r, i, k in ti.ndrange((first, last), nx + 2, nz):
+        for values_out in ti.static(quantities_out):
+            fill_cell_ghosts_across(air, values_out, outlet_sign, 1, r, i - 1, k)
+    ti.loop_config(serialize=air.serial)
+    for r, i, j in ti.ndrange((first, last), nx + 2, ny + 2):
+        for values_out in ti.static(quantities_out):
+            fill_cell_ghosts_z(air, values_out, outlet_sign, r, i - 1, j - 1)
+
+
 @ti.kernel
 def fill_cell_ghosts(
     # parameters
@@ -175,45 +188,8 @@ def fill_cell_ghosts(
     # out
     values_out: ti.template(),
 ):
-    """Ghosts of a cell quantity; `outlet_sign` -1 makes it vanish on an outlet, as pressure does."""
-    nx, ny, nz = ti.static(air.cells[0], air.cells[1], air.cells[2])
-    ti.loop_config(serialize=air.serial)
-    for r, j, k in ti.ndrange(air.count, ny, nz):
-        fill_cell_ghosts_across(air, values_out, outlet_sign, 0, r, j, k)
-    ti.loop_config(serialize=air.serial)
-    for r, i, k in ti.ndrange(air.count, nx + 2, nz):
-        fill_cell_ghosts_across(air, values_out, outlet_sign, 1, r, i - 1, k)
-    ti.loop_config(serialize=air.serial)
-    for r, i, j in ti.ndrange(air.count, nx + 2, ny + 2):
-        fill_cell_ghosts_z(air, values_out, outlet_sign, r, i - 1, j - 1)
-
-
-@ti.func
-def fill_several_across(
-    air: ti.template(), quantities_out: ti.template(), across: ti.template(), r, other, k
-):
-    """Ghosts of several cell quantities beyond the sides along x or y (`across`), without outlets."""
-    for values_out in ti.static(quantities_out):
-        fill_cell_ghosts_across(air, values_out, 1, across, r, other, k)
-
-
-@ti.func
-def serial_cell_ghosts(air: ti.template(), quantities_out: ti.template(), r):
-    """Ghosts of several cell quantities of one replica without outlets, on one thread.
-
-    All quantities share three loops: the compiler takes much longer over more loops.
-    """
-    nx, ny, nz = ti.static(air.cells[0], air.cells[1], air.cells[2])
-    for j in range(ny):
-        for k in range(nz):
-            fill_several_across(air, quantities_out, 0, r, j, k)
-    for i in range(-1, nx + 1):
-        for k in range(nz):
-            fill_several_across(air, quantities_out, 1, r, i, k)
-    for i in range(-1, nx + 1):
-        for j in range(-1, ny + 1):
-            for values_out in ti.static(quantities_out):
-                fill_cell_ghosts_z(air, values_out, 1, r, i, j)
+    """Ghosts of a cell quantity of all replicas."""
+    cell_ghosts(outlet_sign, air, ti.static((values_out,)), 0, air.count)
 
 
 @ti.func

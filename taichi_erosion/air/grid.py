@@ -311,19 +311,23 @@ def store_void_fraction(air_out: ti.template(), r, i, j):
 
 
 @ti.func
-def serial_columns(task: ti.template(), air_out: ti.template(), r):
-    """One device function applied to every column of cells of one replica, in order."""
-    for i in range(air_out.cells[0]):
-        for j in range(air_out.cells[1]):
-            task(air_out, r, i, j)
+def each_column(task: ti.template(), air_out: ti.template(), first, last):
+    """One device function applied to every column of cells of the replicas from first to last.
+
+    As the outermost loop of a kernel it runs in parallel; inside the loop of a thread it visits column after
+    column in order.
+    """
+    ti.loop_config(serialize=air_out.serial)
+    for r, i, j in ti.ndrange((first, last), air_out.cells[0], air_out.cells[1]):
+        task(air_out, r, i, j)
 
 
 @ti.func
-def serial_stage_columns(task: ti.template(), air_out: ti.template(), r, share):
+def each_stage_column(task: ti.template(), air_out: ti.template(), first, last, share):
     """Likewise for a stage that takes so large a share of the step."""
-    for i in range(air_out.cells[0]):
-        for j in range(air_out.cells[1]):
-            task(air_out, r, i, j, share)
+    ti.loop_config(serialize=air_out.serial)
+    for r, i, j in ti.ndrange((first, last), air_out.cells[0], air_out.cells[1]):
+        task(air_out, r, i, j, share)
 
 
 @ti.kernel
@@ -337,9 +341,7 @@ def parallel_columns(
 
     Writes `air_out`: what `task` writes.
     """
-    ti.loop_config(serialize=air_out.serial)
-    for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        task(air_out, r, i, j)
+    each_column(task, air_out, 0, air_out.count)
 
 
 @ti.kernel
@@ -354,6 +356,4 @@ def parallel_stage_columns(
 
     Writes `air_out`: what `task` writes.
     """
-    ti.loop_config(serialize=air_out.serial)
-    for r, i, j in ti.ndrange(air_out.count, air_out.cells[0], air_out.cells[1]):
-        task(air_out, r, i, j, share)
+    each_stage_column(task, air_out, 0, air_out.count, share)

@@ -16,19 +16,19 @@ Reference: Spalart, Moser & Rogers (1991), J. Comput. Phys. 96, 297, appendix A.
 from dataclasses import dataclass
 
 from taichi_erosion.air.boundary import (
+    cell_ghosts,
     fill_cell_ghosts,
     fill_velocity_ghosts,
     fill_wall_viscosity,
-    serial_cell_ghosts,
-    serial_velocity_ghosts,
+    velocity_ghosts,
 )
-from taichi_erosion.air.exchange_budget import add_stage_exchange, reset_exchange
 from taichi_erosion.air.grid import (
     Air,
+    cell_velocity,
+    each_column,
+    each_stage_column,
     parallel_columns,
     parallel_stage_columns,
-    serial_columns,
-    serial_stage_columns,
     store_void_fraction,
 )
 from taichi_erosion.air.implicit_z import predict, predict_column
@@ -159,14 +159,55 @@ def stage_weights(air: ti.template(), number):
 
 
 @ti.func
+def cell_pressure_gradient(air: ti.template(), r, i, j, k):
+    """Mean gradient of the pressure in a cell [Pa m-1]; beside floor and lid that of its other face."""
+    (p,) = ti.static((air.pressure,))
+    width, height = air.numbers.width[r], air.height[r, k]
+    below, above = p[r, i, j, k] - p[r, i, j, k - 1], p[r, i, j, k + 1] - p[r, i, j, k]
+    if k == 0:
+        below = above
+    if k == air.cells[2] - 1:
+        above = below
+    along = (p[r, i + 1, j, k] - p[r, i - 1, j, k]) / width[0]
+    across = (p[r, i, j + 1, k] - p[r, i, j - 1, k]) / width[1]
+    return 0.5 * ti.Vector([along, across, (below + above) / height])
+
+
+@ti.func
+def add_stage_exchange(air_out: ti.template(), r, i, j, share):
+    """Momentum and pressure gradient of one column, plus those of a stage, for the side of the grains.
+
+    impulse   sum t (f - beta u)          with u the velocity at the end of a stage t of the step T
+    gradient  sum (t / T) grad p          with p likewise, so that both are to rounding what acted on the air
+
+    The share of a cell in a face is that of `momentum.grain_share`, halves by volume.
+    """
+    time = share * air_out.numbers.time_step[r]
+    for k in range(air_out.cells[2]):
+        drag = air_out.exchange_coefficient[r, i, j, k] * cell_velocity(air_out, r, i, j, k)
+        gained = time * (air_out.exchange_force[r, i, j, k] - drag)
+        slope = cell_pressure_gradient(air_out, r, i, j, k) + air_out.numbers.driving_gradient[r]
+        air_out.impulse[r, i, j, k] = air_out.impulse[r, i, j, k] + gained
+        air_out.gradient[r, i, j, k] = air_out.gradient[r, i, j, k] + share * slope
+
+
+@ti.func
+def reset_exchange(air_out: ti.template(), r, i, j):
+    """Zero impulse and pressure gradient of one column."""
+    for k in range(air_out.cells[2]):
+        air_out.impulse[r, i, j, k] = 0.0 * air_out.impulse[r, i, j, k]
+        air_out.gradient[r, i, j, k] = 0.0 * air_out.gradient[r, i, j, k]
+
+
+@ti.func
 def open_step(air_out: ti.template(), r):
     """Ghosts from the state of the grid, and a zero exchange budget."""
     void, coefficient, force = ti.static(
         air_out.void_fraction, air_out.exchange_coefficient, air_out.exchange_force
     )
-    serial_cell_ghosts(air_out, ti.static((void, coefficient, force, air_out.pressure)), r)
-    serial_velocity_ghosts(air_out, r)
-    serial_columns(reset_exchange, air_out, r)
+    cell_ghosts(1, air_out, ti.static((void, coefficient, force, air_out.pressure)), r, r + 1)
+    velocity_ghosts(air_out, r, r + 1)
+    each_column(reset_exchange, air_out, r, r + 1)
     air_out.mass_residual[r] = 0.0
 
 
@@ -176,15 +217,15 @@ def predict_stage(air_out: ti.template(), r, stage):
     if stage == 0:
         open_step(air_out, r)
     if ti.static(air_out.model.closure != "none"):
-        serial_columns(set_eddy_viscosity, air_out, r)
-        serial_cell_ghosts(air_out, ti.static((air_out.eddy_cell, air_out.eddy_face)), r)
-    serial_columns(set_explicit_rates, air_out, r)
+        each_column(set_eddy_viscosity, air_out, r, r + 1)
+        cell_ghosts(1, air_out, ti.static((air_out.eddy_cell, air_out.eddy_face)), r, r + 1)
+    each_column(set_explicit_rates, air_out, r, r + 1)
     share, now, before = stage_weights(air_out, stage)
     for axis in ti.static(range(3)):
         for i in range(air_out.cells[0]):
             for j in range(air_out.cells[1]):
                 predict_column(air_out, r, i, j, axis, share, now, before)
-    serial_velocity_ghosts(air_out, r)
+    velocity_ghosts(air_out, r, r + 1)
 
 
 @ti.func
@@ -192,7 +233,7 @@ def solve_stage(air_out: ti.template(), r, stage):
     """Change of pressure that makes the predicted velocities conserve air, and the worst divergence left."""
     share, _, _ = stage_weights(air_out, stage)
     set_replica_conductances(air_out, r, share)
-    serial_columns(set_right_side, air_out, r)
+    each_column(set_right_side, air_out, r, r + 1)
     subtract_mean_divergence(air_out, r)
     worst = solve_replica(air_out, r)
     air_out.mass_residual[r] = max_or_nan(air_out.mass_residual[r], worst)
@@ -202,12 +243,12 @@ def solve_stage(air_out: ti.template(), r, stage):
 def correct_stage(air_out: ti.template(), r, stage):
     """Velocities corrected by the pressure, and the exchange budget; the last closes the step."""
     share, _, _ = stage_weights(air_out, stage)
-    serial_stage_columns(correct_column, air_out, r, share)
-    serial_velocity_ghosts(air_out, r)
-    serial_cell_ghosts(air_out, ti.static((air_out.pressure,)), r)
-    serial_stage_columns(add_stage_exchange, air_out, r, share)
+    each_stage_column(correct_column, air_out, r, r + 1, share)
+    velocity_ghosts(air_out, r, r + 1)
+    cell_ghosts(1, air_out, ti.static((air_out.pressure,)), r, r + 1)
+    each_stage_column(add_stage_exchange, air_out, r, r + 1, share)
     if stage == ti.static(len(STAGES[air_out.model.scheme]) - 1):
-        serial_columns(store_void_fraction, air_out, r)
+        each_column(store_void_fraction, air_out, r, r + 1)
         tick(air_out, r)
 
 

@@ -137,7 +137,7 @@ def numerics_of(scene: Scene, device: RunDevice) -> tuple[Numerics, str]:
         arch = device.arch
     numerics = Numerics(arch, THREADS, scene.run.precision, device.decomposition)
     if numerics.by_grain:
-        from taichi_erosion.simulation.grain_decomposition.limits import refuse_grids
+        from taichi_erosion.simulation.capacities import refuse_grids
 
         refuse_grids(on_grid)
     return numerics, note

@@ -21,6 +21,7 @@ enters, and `update_state` advances them at every exchange with the air, once in
 restored beds. Pair effects read the state of both grains, grain effects that of the one.
 """
 
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import MISSING, Field, asdict, dataclass, field, fields
@@ -75,6 +76,9 @@ class Check:
     want: float
     rtol: float = 1e-5
     atol: float = 0.0
+
+
+Checks = Iterator[Check]
 
 
 def everywhere(conditions: Mapping[str, NDArray[np.float64]]) -> bool:
@@ -145,6 +149,17 @@ class Effect:
             for name in ("drag", "gust"):
                 if getattr(self, name) is not None:
                     raise ValueError(f"effect '{self.name}': place {self.place} has no {name}")
+
+
+def effect_of(module: str, **entries: Any) -> Effect:
+    """Effect of the file of a module: its name, its docstring, its `Params`, and entries.
+
+    What the file defines under the name of an entry (`checks`, `constants`, `reach`, ...) need not be stated.
+    """
+    file = sys.modules[module]
+    found = {"name": module.rpartition(".")[2], "doc": file.__doc__, "params": file.Params}
+    found |= {f.name: getattr(file, f.name) for f in fields(Effect) if hasattr(file, f.name)}
+    return Effect(**found | entries)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,6 @@ class Status(IntEnum):
     OVERFLOW = 5  # a list was too short; the host enlarges it and continues
     RESTITUTION = 6  # a first impact missed the stated coefficient of restitution
     COUNT = 7  # grains or mass are missing
-    MOMENTUM = 8  # contact forces did not conserve momentum
     AIR = 9  # the pressure solve did not converge
 
 

@@ -20,6 +20,7 @@ class PartitionSums:
     A part is a partition of the grains, or a chunk of equally many that one thread sums.
     """
 
+    parts: int  # most of a replica
     chunk: int  # grains of a chunk; 0: parts are partitions
     volume: Any  # of grains [m3]
     rate: Any  # sum of m b [kg s-1]
@@ -58,7 +59,9 @@ class CouplingState:
 
 def allocate_partition_sums(replicas: int, parts: int, chunk: int, cells: int) -> PartitionSums:
     shape = (replicas * parts, cells)
-    return PartitionSums(chunk, **block(shape, f64="volume rate volume_flow", f64x3="drag_source impulse"))
+    return PartitionSums(
+        parts, chunk, **block(shape, f64="volume rate volume_flow", f64x3="drag_source impulse")
+    )
 
 
 def allocate_exchange(replicas: int, cells: int, layers: int) -> Exchange:

@@ -28,20 +28,19 @@ continuity and the balance of drag and pressure give, layer by layer,
 from taichi_erosion.air.grid import cell_volume
 from taichi_erosion.air.single_column import advance_column
 from taichi_erosion.core.ti import ti
-from taichi_erosion.coupling.deposit import (
-    air_cell_index,
-    buffer_row,
-    deposit_part,
-    exchange_interval,
-    part_count,
-)
-from taichi_erosion.coupling.gather import gather_partition
-from taichi_erosion.coupling.weights import wind_of
+from taichi_erosion.coupling.coupling_state import CouplingState
+from taichi_erosion.coupling.deposit import buffer_row, deposit_part, exchange_interval, part_count, wind_of
+from taichi_erosion.coupling.gather import gather_grain, gather_partition
+from taichi_erosion.grains import World
 from taichi_erosion.grains.partition import barrier, owns_partition
 from taichi_erosion.grains.sleep import update_sleep
+from taichi_erosion.grains.state import side_block
 
 real = ti.f64
 
+ROUNDS = 40  # of a spin-up: updates of the drag rates
+STEPS = 10  # of the air in a round: its eddy viscosity lags the flow by one step
+LONGEST = 1.0  # step of the air while it develops [s]; implicit, so stable at any length
 VOID_LEAST = 0.05  # of a layer that grains of one height fill: keeps velocities between grains finite [1]
 
 
@@ -71,7 +70,14 @@ def exchanged_part(air: ti.template(), momentum):
 
 
 @ti.func
-def reduce_cell(world: ti.template(), coupling_out: ti.template(), r, c):
+def place_of(air: ti.template(), c):
+    """Indices (i, j, k) of cell c of a replica."""
+    (n,) = ti.static((air.cells,))
+    return c // (n[1] * n[2]), c // n[2] % n[1], c % n[2]
+
+
+@ti.func
+def reduce_residual(world: ti.template(), coupling_out: ti.template(), r, c):
     """Subtract the momentum that the grains in a cell have received from its residual."""
     sums, exchange_out = ti.static((coupling_out.sums, coupling_out.exchange))
     for p in range(part_count(world, coupling_out, r)):
@@ -80,20 +86,17 @@ def reduce_cell(world: ti.template(), coupling_out: ti.template(), r, c):
 
 
 @ti.func
-def reduce_residual(world: ti.template(), coupling_out: ti.template(), r):
-    """Subtract the momentum that the grains have received from the residual."""
-    for c in range(coupling_out.air.cell_count):
-        reduce_cell(world, coupling_out, r, c)
+def clear_residual(coupling_out: ti.template(), r, c):
+    """Zero residual momentum of one cell."""
+    coupling_out.exchange.residual_momentum[r, c] = 0.0 * coupling_out.exchange.residual_momentum[r, c]
 
 
 @ti.func
-def set_cell_load(world: ti.template(), coupling_out: ti.template(), r, column, k):
-    """Void fraction and drag terms of one cell."""
+def set_cell_load(world: ti.template(), coupling_out: ti.template(), r, c):
+    """Void fraction and drag terms of one cell for the coming steps of the air."""
     air_out, exchange_out = ti.static((coupling_out.air, coupling_out.exchange))
-    i, j = column[0], column[1]
-    volume, rate, drag_source, volume_flow = sum_parts(
-        world, coupling_out, r, air_cell_index(air_out, column, k)
-    )
+    i, j, k = place_of(air_out, c)
+    volume, rate, drag_source, volume_flow = sum_parts(world, coupling_out, r, c)
     cell = cell_volume(air_out, r, k)
     void = ti.max(1.0 - volume / cell, VOID_LEAST)
     air_out.void_fraction[r, i, j, k] = void
@@ -106,12 +109,27 @@ def set_cell_load(world: ti.template(), coupling_out: ti.template(), r, column, 
 
 
 @ti.func
-def set_air_load(world: ti.template(), coupling_out: ti.template(), r):
-    """Void fraction and drag terms of every cell for the coming steps of the air."""
-    for i in range(coupling_out.air.cells[0]):
-        for j in range(coupling_out.air.cells[1]):
-            for k in range(coupling_out.air.cells[2]):
-                set_cell_load(world, coupling_out, r, ti.Vector([i, j]), k)
+def receive_in_cell(world: ti.template(), coupling_out: ti.template(), r, c):
+    """Residual momentum, void fraction and drag terms of one cell, from the sums of all parts."""
+    reduce_residual(world, coupling_out, r, c)
+    set_cell_load(world, coupling_out, r, c)
+
+
+@ti.func
+def receive_in_air(world: ti.template(), coupling_out: ti.template(), r):
+    """Residual momentum, void fraction and drag terms of every cell."""
+    for c in range(coupling_out.air.cell_count):
+        receive_in_cell(world, coupling_out, r, c)
+
+
+@ti.func
+def return_residual(coupling_out: ti.template(), r, interval):
+    """Return the residual momentum to the air as a force over a step [s] of it."""
+    air_out, exchange = ti.static((coupling_out.air, coupling_out.exchange))
+    for c in range(air_out.cell_count):
+        i, j, k = place_of(air_out, c)
+        back = exchange.residual_momentum[r, c] / (interval * cell_volume(air_out, r, k))
+        air_out.exchange_force[r, i, j, k] = air_out.exchange_force[r, i, j, k] + back
 
 
 @ti.func
@@ -122,17 +140,24 @@ def column_drag(air: ti.template(), r, k):
 
 
 @ti.func
+def add_residual(coupling_out: ti.template(), r, interval):
+    """Add what the air has lost in its last step [s] to the residual momentum."""
+    air, exchange_out = ti.static((coupling_out.air, coupling_out.exchange))
+    for c in range(air.cell_count):
+        i, j, k = place_of(air, c)
+        gained = air.impulse[r, i, j, k] * cell_volume(air, r, k)
+        if ti.static(air.is_column):
+            gained = column_drag(air, r, k) * (interval * cell_volume(air, r, k))
+        exchange_out.residual_momentum[r, c] = exchange_out.residual_momentum[r, c] - gained
+
+
+@ti.func
 def advance_loaded_column(world: ti.template(), coupling_out: ti.template(), r):
     """Advance the column of replica r to the next exchange."""
-    air_out, exchange_out = ti.static((coupling_out.air, coupling_out.exchange))
     interval = exchange_interval(world, coupling_out, r)
-    for k in range(air_out.cells[2]):
-        back = exchange_out.residual_momentum[r, k] / (interval * cell_volume(air_out, r, k))
-        air_out.exchange_force[r, 0, 0, k] = air_out.exchange_force[r, 0, 0, k] + back
-    advance_column(air_out, r, interval)
-    for k in range(air_out.cells[2]):
-        gained = column_drag(air_out, r, k) * (interval * cell_volume(air_out, r, k))
-        exchange_out.residual_momentum[r, k] = exchange_out.residual_momentum[r, k] - gained
+    return_residual(coupling_out, r, interval)
+    advance_column(coupling_out.air, r, interval)
+    add_residual(coupling_out, r, interval)
 
 
 @ti.func
@@ -146,8 +171,7 @@ def deposit_and_advance(
             deposit_part(world_out, coupling_out, r, p)
     phase = barrier(replicas_out, r, size, phase)
     if member == 0:
-        reduce_residual(world_out, coupling_out, r)
-        set_air_load(world_out, coupling_out, r)
+        receive_in_air(world_out, coupling_out, r)
         if advances:
             advance_loaded_column(world_out, coupling_out, r)
     return barrier(replicas_out, r, size, phase)
@@ -171,3 +195,53 @@ def exchange_momentum(world_out: ti.template(), coupling_out: ti.template(), r, 
     if ti.static(world_out.sleeps):
         phase = update_sleep(world_out, r, member, size, phase)
     return phase
+
+
+@ti.func
+def set_held_load(world: ti.template(), coupling_out: ti.template(), r, c, number, anew):
+    """Drag terms of one cell in a round of a spin-up; the first brings its residual up to date."""
+    if number == 0:
+        reduce_residual(world, coupling_out, r, c)
+    if anew == 1:
+        clear_residual(coupling_out, r, c)
+    set_cell_load(world, coupling_out, r, c)
+
+
+@ti.kernel
+def spin_up_round(
+    # parameters
+    r: ti.i32,
+    number: ti.i32,
+    anew: ti.i32,
+    # out
+    world_out: ti.template(),
+    coupling_out: ti.template(),
+):
+    """Some steps of the column of replica r over grains that keep their places, and its drag; round 0: none.
+
+    Writes `coupling_out`: air, exchange, sums.
+    Writes `world_out`: frozen_drag.air_velocity, frozen_drag.drag_kick, frozen_drag.drag_rate,
+    frozen_drag.steady_acceleration, frozen_drag.steady_spin_rate, grain_effects.states, pair_effects.states.
+    """
+    ti.loop_config(serialize=True)
+    for _ in range(ti.select(number > 0, STEPS, 0)):
+        advance_column(coupling_out.air, r, LONGEST)
+    for rank in range(world_out.grains.capacity):
+        if number > 0 and rank < world_out.replicas.released[r]:
+            i = side_block(world_out.grains, r, world_out.replicas.side[r]) + rank
+            gather_grain(world_out, coupling_out, r, i, False)
+    for p in range(coupling_out.sums.parts):
+        if p < part_count(world_out, coupling_out, r):
+            deposit_part(world_out, coupling_out, r, p)
+    for c in range(coupling_out.air.cell_count):
+        set_held_load(world_out, coupling_out, r, c, number, anew)
+
+
+def spin_up(world: World, coupling: CouplingState, replica: int, anew: bool) -> None:
+    """Spin-up: steady profile of the column of a replica over grains that keep their places and velocities.
+
+    The residual momentum is brought up to date first and kept: it belongs to the time before. Where that time
+    does not count, because grains have been put back (`anew`), it is cleared.
+    """
+    for number in range(ROUNDS + 1):
+        spin_up_round(replica, number, int(anew), world, coupling)

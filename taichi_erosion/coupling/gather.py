@@ -15,14 +15,13 @@ from math import pi
 from taichi_erosion.core.effect_device import add_gusts, total_drag_factor, total_grain_force, update_states
 from taichi_erosion.core.engine.elementary import cosine, logarithm, sine
 from taichi_erosion.core.ti import ti
-from taichi_erosion.coupling.weights import column_share, layer_range, share_below, wind_of
+from taichi_erosion.coupling.deposit import SPHERE_VOLUME, column_share, layer_range, share_below, wind_of
 from taichi_erosion.grains.cells import position_of
 from taichi_erosion.grains.integrate import SPHERE
 from taichi_erosion.grains.state import partition_first, side_block
 
 real = ti.f64
 
-SPHERE_VOLUME = 4.0 * pi / 3.0  # of radius 1 [1]
 MULTIPLIER = 1664525
 INCREMENT = 1013904223
 UNIT = 2.0**-32  # of a 32-bit number

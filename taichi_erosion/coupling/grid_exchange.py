@@ -9,14 +9,14 @@ Each replica exchanges at its own times: those that are selected take part. An e
 of grains are rebuilt, and `last_exchange` is its step, so that none is done twice.
 """
 
-from taichi_erosion.air.grid import cell_volume, serial_columns, store_void_fraction
+from taichi_erosion.air.grid import each_column, store_void_fraction
 from taichi_erosion.air.pressure.conjugate_gradient import REPLICA_TOLERANCE
 from taichi_erosion.air.step import advance_active
 from taichi_erosion.core.snapshot import Status
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.coupling_state import CouplingState
 from taichi_erosion.coupling.deposit import deposit_part, part_count
-from taichi_erosion.coupling.exchange import reduce_residual, set_air_load
+from taichi_erosion.coupling.exchange import add_residual, clear_residual, receive_in_air, return_residual
 from taichi_erosion.coupling.gather import gather_partition
 from taichi_erosion.grains import World
 from taichi_erosion.grains.sleep import update_sleep
@@ -25,39 +25,11 @@ AIR = int(Status.AIR)
 
 
 @ti.func
-def place_of(air: ti.template(), c):
-    """Indices (i, j, k) of a cell."""
-    (n,) = ti.static((air.cells,))
-    return c // (n[1] * n[2]), c // n[2] % n[1], c % n[2]
-
-
-@ti.func
-def return_residual(coupling_out: ti.template(), r):
-    """Return the residual momentum to the air, spread over the coming step."""
-    air_out, exchange = ti.static((coupling_out.air, coupling_out.exchange))
-    for c in range(air_out.cell_count):
-        i, j, k = place_of(air_out, c)
-        back = exchange.residual_momentum[r, c] / (air_out.numbers.time_step[r] * cell_volume(air_out, r, k))
-        air_out.exchange_force[r, i, j, k] = air_out.exchange_force[r, i, j, k] + back
-
-
-@ti.func
-def add_residual(coupling_out: ti.template(), r):
-    """Add what the air has lost in the last step to the residual momentum."""
-    air, exchange_out = ti.static((coupling_out.air, coupling_out.exchange))
-    for c in range(air.cell_count):
-        i, j, k = place_of(air, c)
-        gained = air.impulse[r, i, j, k] * cell_volume(air, r, k)
-        exchange_out.residual_momentum[r, c] = exchange_out.residual_momentum[r, c] - gained
-
-
-@ti.func
 def deposit_all(world_out: ti.template(), coupling_out: ti.template(), r):
     """Deposit the grains of replica r, and set the drag terms of its air."""
     for p in range(part_count(world_out, coupling_out, r)):
         deposit_part(world_out, coupling_out, r, p)
-    reduce_residual(world_out, coupling_out, r)
-    set_air_load(world_out, coupling_out, r)
+    receive_in_air(world_out, coupling_out, r)
 
 
 @ti.func
@@ -71,27 +43,28 @@ def gather_all(world_out: ti.template(), coupling: ti.template(), r, updates_sta
 def match_air(world_out: ti.template(), coupling_out: ti.template(), r):
     """Void fraction, drag terms and frozen drag of replica r from its present state; nothing advances."""
     deposit_all(world_out, coupling_out, r)
-    serial_columns(store_void_fraction, coupling_out.air, r)
+    each_column(store_void_fraction, coupling_out.air, r, r + 1)
     gather_all(world_out, coupling_out, r, False)
 
 
 @ti.func
-def clear_residual(world_out: ti.template(), coupling_out: ti.template(), r):
+def clear_residuals_of(world_out: ti.template(), coupling_out: ti.template(), r):
+    """Zero residual momentum of replica r."""
     for c in range(coupling_out.air.cell_count):
-        coupling_out.exchange.residual_momentum[r, c] = 0.0 * coupling_out.exchange.residual_momentum[r, c]
+        clear_residual(coupling_out, r, c)
 
 
 @ti.func
 def begin_exchange(world_out: ti.template(), coupling_out: ti.template(), r):
     """Deposit the grains of replica r for the step of its air."""
     deposit_all(world_out, coupling_out, r)
-    return_residual(coupling_out, r)
+    return_residual(coupling_out, r, coupling_out.air.numbers.time_step[r])
 
 
 @ti.func
 def end_exchange(world_out: ti.template(), coupling_out: ti.template(), r):
     """Residual momentum and frozen terms of replica r after the step of its air."""
-    add_residual(coupling_out, r)
+    add_residual(coupling_out, r, coupling_out.air.numbers.time_step[r])
     gather_all(world_out, coupling_out, r, True)
     if ti.static(world_out.sleeps):
         update_sleep(world_out, r, 0, 1, 1)
@@ -127,7 +100,7 @@ def match_air_to_grains(world: World, coupling: CouplingState, count: int, chunk
 
 def clear_residuals(world: World, coupling: CouplingState, count: int, chunk: int) -> None:
     """Zero residual momentum of the selected replicas."""
-    each_selected_replica(clear_residual, count, chunk, world, coupling)
+    each_selected_replica(clear_residuals_of, count, chunk, world, coupling)
 
 
 def exchange_with_grids(world: World, coupling: CouplingState, count: int, chunk: int) -> None:

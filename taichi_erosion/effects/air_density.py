@@ -17,15 +17,14 @@ Reference: Sutherland (1893), Phil. Mag. 36, 507; mu_S and T_S of White (2006), 
 table 1-2; S of the US Standard Atmosphere (1976); Buck (1981), J. Appl. Meteorol. 20, 1527 (e_s over water).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import exp
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_section
 
@@ -75,13 +74,13 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     return with_section(scene, "wind", density=mixed, viscosity=viscosity)
 
 
-def can_act(conditions: Mapping[str, NDArray[np.float64]]) -> Any:
+def can_act(conditions: Mapping[str, Any]) -> Any:
     """Where pressure, temperature, altitude or humidity is stated."""
     stated = [np.isfinite(np.asarray(conditions[name])) for name in STATED if name in conditions]
     return np.any(stated, axis=0) if stated else np.False_
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     patch = {"length": 0.02, "width": 0.01, "height": 0.05, "density": 1.2, "viscosity": 1.5e-5}
     site = Params(pressure=1e5, temperature=300.0)
 
@@ -101,15 +100,11 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("a laboratory that states nothing changes nothing", air("density"), 1.2)
 
 
-EFFECT = Effect(
-    name="air_density",
+EFFECT = effect_of(
+    __name__,
     title="density and viscosity of the air of the site",
-    doc=__doc__,
     place="scene",
-    params=Params,
     act=change,
-    checks=checks,
     reads=STATED,
-    can_act=can_act,
     most=1.5,
 )

@@ -10,15 +10,14 @@ angle of repose. Strength multiplies the slope. Holds for slopes below the angle
 Reference: Iversen & Rasmussen (1994), Sedimentology 41, 721, eq. (12).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, radians, sin
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_section
 from taichi_erosion.scene.schema.fields import unit_vector
@@ -38,12 +37,12 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     return with_section(scene, "gravity", direction=direction)
 
 
-def can_act(conditions: Mapping[str, NDArray[np.float64]]) -> Any:
+def can_act(conditions: Mapping[str, Any]) -> Any:
     """A level bed has no slope."""
     return np.asarray(conditions.get("slope", 0.0)) != 0.0
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     def pull(axis: int, bearing: float, slope: float, strength: float = 1.0) -> float:
         changed = probe(Params(bearing), {"slope": slope}, scene=sample_scene(), strength=strength)
         return unit_vector(changed.gravity.direction)[axis]
@@ -56,15 +55,4 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("a level bed stays level", pull(0, 60.0, 0.0), 0.0)
 
 
-EFFECT = Effect(
-    name="bed_slope",
-    title="slope of the bed",
-    doc=__doc__,
-    place="scene",
-    params=Params,
-    act=change,
-    checks=checks,
-    reads=("slope",),
-    can_act=can_act,
-    most=1.5,
-)
+EFFECT = effect_of(__name__, title="slope of the bed", place="scene", act=change, reads=("slope",), most=1.5)

@@ -12,10 +12,9 @@ Reference: Nickling (1988), Sedimentology 35, 499 (grains that move against u*);
 Trans. ASAE 14, 563 (stages of motion).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ def read(params: Params, strength: float, conditions: Conditions, observable: st
     return value * params.criterion ** (power * strength / params.exponent)
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     camera = Params(criterion=16.0, exponent=4.0)
 
     def reading(observable: str, strength: float = 1.0) -> float:
@@ -44,14 +43,11 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("a flux is read as it is", reading("flux"), 0.2)
 
 
-EFFECT = Effect(
-    name="camera_threshold",
+EFFECT = effect_of(
+    __name__,
     title="criterion of the observer of a threshold (instrument)",
-    doc=__doc__,
     place="instrument",
-    params=Params,
     act=read,
-    checks=checks,
     most=2.0,
     expected={"threshold_u_star": 1},
 )

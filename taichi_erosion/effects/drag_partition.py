@@ -11,10 +11,9 @@ multiplies lambda. Holds for m s L < 1 and L < 0.5, obstacles much taller than g
 Reference: Raupach, Gillette & Leys (1993), J. Geophys. Res. 98, 3023, eq. (14).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import drag_partition, sample_scene, with_section
 
@@ -40,7 +39,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     return with_section(scene, "wind", partition=scene.wind.partition * share)
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     patch = {"length": 0.02, "width": 0.01, "height": 0.05}
     plants = Params(roughness_density=0.1, drag_ratio=80.0, basal_ratio=2.0, worst_spot=0.4)
 
@@ -56,14 +55,11 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("bare ground has all of the stress", partition(roughness_density=0.0), 1.0)
 
 
-EFFECT = Effect(
-    name="drag_partition",
+EFFECT = effect_of(
+    __name__,
     title="roughness and vegetation that shelter the ground (Raupach)",
-    doc=__doc__,
     place="scene",
-    params=Params,
     act=change,
-    checks=checks,
     reads=("roughness_density",),
     expected={"threshold_u_star": 1, "flux": -1},
 )

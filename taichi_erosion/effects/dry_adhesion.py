@@ -19,11 +19,10 @@ Geophys. Res. Lett. 33, L19S10 (beta); Kok & Renno (2009), J. Geophys. Res. 114,
 the weight (github.com/jfkok/COMSALT, `load_parameters.m`, `saltation_trajectory.m`).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import sqrt
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Constants, Probe, effect_of, quantity
 from taichi_erosion.core.ti import ti
 
 DIAMETER_OVER_EFFECTIVE = 4.0  # d / R* of two equal spheres [1]
@@ -54,7 +53,7 @@ def reach(constants: Constants, radius: float) -> float:
     return constants["range"] * radius
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     dry = Params(beta=3e-4, contacts=1.5, range=0.01)
     pulled = probe(Params(), {}, gap=0.0, radius_i=1e-4, radius_j=1e-4, radius_effective=5e-5)
 
@@ -70,15 +69,10 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("a plane wall pulls twice as hard", force(0.0, radius_j=0.0), 8e-8)
 
 
-EFFECT = Effect(
-    name="dry_adhesion",
+EFFECT = effect_of(
+    __name__,
     title="van der Waals adhesion of rough dry grains",
-    doc=__doc__,
     place="pair",
-    params=Params,
     act=pull,
-    checks=checks,
-    constants=constants,
-    reach=reach,
     expected={"repose_angle": 1, "threshold_u_star": 1},
 )

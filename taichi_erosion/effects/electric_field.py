@@ -24,15 +24,14 @@ field); Holstein-Rathlou et al. (2012), Icarus 220, 1 (less wind above 200 kV/m 
 on an insulating one).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Constants, Probe, effect_of, quantity
 from taichi_erosion.core.ti import ti
 
 DRY = 0.005  # moisture above which charge leaks away along the films of water [kg kg-1], plausible size
@@ -76,12 +75,12 @@ def push(constants, grain):
     return force, 0.0 * force
 
 
-def can_act(conditions: Mapping[str, NDArray[np.float64]]) -> Any:
+def can_act(conditions: Mapping[str, Any]) -> Any:
     """Moist grains hold no charge."""
     return np.asarray(conditions.get("moisture", 0.0)) <= DRY
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     charged = Params(charge=6e-5, field=1.66e5, scale_height=0.02)
 
     def lift(height: float, moisture: float = 0.0, bed: Conditions = UNDER_WIND) -> float:
@@ -101,16 +100,11 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("without wind there is no field", lift(1e-4, bed={}), 0.0)
 
 
-EFFECT = Effect(
-    name="electric_field",
+EFFECT = effect_of(
+    __name__,
     title="electric field of blowing sand: lift on the bed, pull in flight",
-    doc=__doc__,
     place="grain",
-    params=Params,
     act=push,
-    checks=checks,
-    constants=constants,
     reads=("moisture",),
-    can_act=can_act,
     expected={"threshold_u_star": -1},
 )

@@ -13,11 +13,10 @@ more slowly. Reads fluxes alone.
 Reference: Andreotti, Claudin & Pouliquen (2010), Geomorphology 123, 343 (L = 2.2 d rho_s / rho).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import exp
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 
 READ = "flux"  # observables of this name
 
@@ -42,7 +41,7 @@ def read(params: Params, strength: float, conditions: Conditions, observable: st
     return value * (1.0 - exp(-conditions.get("fetch", params.fetch) / length))
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     bed = Params(saturation=2.0, density_ratio=2500.0, fetch=1.5, diameter=3e-4)  # L = 1.5 m
 
     def reading(value: float, observable: str = "flux", strength: float = 1.0, **conditions: float) -> float:
@@ -57,14 +56,11 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("a threshold is read as it is", reading(0.3, "threshold_u_star"), 0.3)
 
 
-EFFECT = Effect(
-    name="finite_fetch",
+EFFECT = effect_of(
+    __name__,
     title="flux of a bed too short to saturate (instrument)",
-    doc=__doc__,
     place="instrument",
-    params=Params,
     act=read,
-    checks=checks,
     reads=("fetch", "diameter"),
     expected={"flux": -1},
 )

@@ -13,10 +13,9 @@ Reference: Lee & Baas (2012), Earth Surf. Process. Landforms 37, 1349 (u* from p
 (2009), J. Fluid Mech. 625, 47 (flux linear in stress).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ def read(params: Params, strength: float, conditions: Conditions, observable: st
     return value * factor**-params.exponent if "flux" in observable else value
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     gauge = Params(ratio=1.2, exponent=3.0)
 
     def reading(observable: str, strength: float = 1.0) -> float:
@@ -46,13 +45,10 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("an angle is read as it is", reading("repose_angle"), 1.0)
 
 
-EFFECT = Effect(
-    name="friction_velocity_calibration",
+EFFECT = effect_of(
+    __name__,
     title="calibration error of the friction velocity (instrument)",
-    doc=__doc__,
     place="instrument",
-    params=Params,
     act=read,
-    checks=checks,
     expected={"threshold_u_star": 1, "flux": -1},
 )

@@ -11,10 +11,9 @@ Reference: Lide (2004), CRC Handbook of Chemistry and Physics, 85th ed., sec. 4 
 Bagnold (1941), The Physics of Blown Sand, ch. 7 (threshold and density).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_grain_material, with_shorter_step
@@ -36,7 +35,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     return with_shorter_step(changed, (density / bare) ** 0.5)
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     porous = Params(solid_density=3000.0, porosity=0.4)  # 1800 kg/m3 in place of 2500
 
     def changed(strength: float) -> Scene:
@@ -52,13 +51,4 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("walls keep their density", changed(1.0).materials["steel"].density, 7850.0)
 
 
-EFFECT = Effect(
-    name="grain_density",
-    title="true density of the grains",
-    doc=__doc__,
-    place="scene",
-    params=Params,
-    act=change,
-    checks=checks,
-    most=1.5,
-)
+EFFECT = effect_of(__name__, title="true density of the grains", place="scene", act=change, most=1.5)

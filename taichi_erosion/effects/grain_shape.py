@@ -13,10 +13,9 @@ Reference: Cho, Dodds & Santamarina (2006), J. Geotech. Geoenviron. Eng. 132, 59
 to 0.9: width over length); Favier et al. (1999), Eng. Comput. 16, 467 (multi-sphere grains).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_section, with_shorter_step, with_wider_fill
@@ -46,7 +45,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     return with_shorter_step(with_wider_fill(longer, 2.0 * radius * (1.0 + elongation)), 2.0 * radius)
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     scene = sample_scene()
 
     def spheres(elongation: float, strength: float) -> tuple[ClumpSphere, ...]:
@@ -67,14 +66,11 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("the time step shrinks with the spheres", step, 2e-6 * first.radius)
 
 
-EFFECT = Effect(
-    name="grain_shape",
+EFFECT = effect_of(
+    __name__,
     title="elongated grains, as rigid pairs of spheres",
-    doc=__doc__,
     place="scene",
-    params=Params,
     act=change,
-    checks=checks,
     most=2.0,
     expected={"repose_angle": 1},
 )

@@ -13,11 +13,10 @@ Reference: Jackson (1999), Classical Electrodynamics, 3rd ed., sec. 2.1 (image o
 plane); Schmidt, Schmidt & Dent (1998), J. Geophys. Res. 103, 8997 (60 uC/kg on saltating sand).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import pi
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Constants, Probe, effect_of, quantity
 from taichi_erosion.core.ti import ti
 
 PERMITTIVITY = 8.8541878e-12  # of vacuum, eps0 [F m-1], CODATA 2018
@@ -51,7 +50,7 @@ def reach(constants: Constants, radius: float) -> float:
     return constants["range"] * radius
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     charged = Params(charge=1e-4, range=2.0)
     # q = 1e-12 C at 0.1 mm from the plane: (1e-12)^2 / (16 pi eps0 1e-8)
     touching = 1e-24 / (16.0 * pi * 8.8541878e-12 * 1e-8)
@@ -65,15 +64,4 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("between two grains there is none", force(0.0, radius_j=1e-4), 0.0)
 
 
-EFFECT = Effect(
-    name="image_charge",
-    title="image force of charged grains at walls",
-    doc=__doc__,
-    place="pair",
-    params=Params,
-    act=pull,
-    checks=checks,
-    constants=constants,
-    reach=reach,
-    most=2.0,
-)
+EFFECT = effect_of(__name__, title="image force of charged grains at walls", place="pair", act=pull, most=2.0)

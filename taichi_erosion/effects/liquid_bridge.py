@@ -27,15 +27,14 @@ Thornton & Adams (1993), J. Colloid Interface Sci. 161, 138 (rupture); Halsey & 
 Lett. 80, 3141 (roughness); Fecan, Marticorena & Bergametti (1999), Ann. Geophys. 17, 149 (adsorbed water).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, pi
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Constants, Probe, effect_of, quantity
 from taichi_erosion.core.ti import ti
 
 WATER_DENSITY = 998.0  # at 20 C [kg m-3]
@@ -111,12 +110,12 @@ def reach(constants: Constants, radius: float) -> float:
     return constants["rupture"] * constants["volume"] ** (1.0 / 3.0) * radius
 
 
-def can_act(conditions: Mapping[str, NDArray[np.float64]]) -> Any:
+def can_act(conditions: Mapping[str, Any]) -> Any:
     """Dry grains have no bridges, nor have those whose clay holds all water."""
     return free_water(Params(), conditions) > 0.0
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     radius, tension, angle = 1e-4, 0.07, pi / 3.0
     rough = {"wet_fraction": 0.02, "exponent": 0.5}
     water = Params(tension, angle, bridges=4.0, adsorbed=0.005, grain_density=2000.0, **rough)
@@ -145,19 +144,12 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("a wall pulls twice as hard as an equal grain", force(0.0, radius_j=0.0), 2.0 * touching)
 
 
-EFFECT = Effect(
-    name="liquid_bridge",
+EFFECT = effect_of(
+    __name__,
     title="capillary bridges between moist grains",
-    doc=__doc__,
     place="pair",
-    params=Params,
     act=pull,
-    checks=checks,
-    constants=constants,
-    reach=reach,
     reads=("moisture", "clay_fraction"),
-    can_act=can_act,
-    dose=dose,
     uncertain={"exponent": 0.5},  # measured rises of thresholds and heaps lie between a third and linear
     expected={"repose_angle": 1, "threshold_u_star": 1, "flux": -1},
 )

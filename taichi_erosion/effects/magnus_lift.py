@@ -14,11 +14,10 @@ Reference: Rubinow & Keller (1961), J. Fluid Mech. 11, 447 (creeping flow); Loth
 eqs (24)-(25).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import pi, tanh
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Constants, Probe, effect_of, quantity
 from taichi_erosion.core.ti import ti
 
 SLOWEST = 1e-9  # slip below which there is no lift [m s-1]
@@ -52,7 +51,7 @@ def push(constants, grain):
     return force, 0.0 * force
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     slow = Params(coefficient=0.4)
     air = {"air_density": 1.2, "air_viscosity": 1.8e-5, "radius": 1e-4}
 
@@ -70,14 +69,6 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("spin relative to sheared air counts", lift(3.0, -2.9e4, 2e3), curbed)
 
 
-EFFECT = Effect(
-    name="magnus_lift",
-    title="Magnus lift of spinning grains",
-    doc=__doc__,
-    place="grain",
-    params=Params,
-    act=push,
-    checks=checks,
-    constants=constants,
-    expected={"flux": 1},
+EFFECT = effect_of(
+    __name__, title="Magnus lift of spinning grains", place="grain", act=push, expected={"flux": 1}
 )

@@ -13,10 +13,9 @@ Reference: Carneiro, Araujo, Pahtz & Herrmann (2013), Phys. Rev. Lett. 111, 0580
 the flux); Sorensen & McEwan (1996), Sedimentology 43, 65 (how often grains collide).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Constants, Probe, effect_of, quantity
 from taichi_erosion.core.ti import ti
 
 DEEP = 0.25  # overlap over the effective radius that no first touch reaches in one step [1]
@@ -41,7 +40,7 @@ def passes(constants, contact):
     return ti.select(contact.chance < constants.share and airborne, 1.0, 0.0)
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     bed = {"bed_height": 2e-3, "grain_diameter": 2e-4}
 
     def free(height: float, chance: float = 0.5, depth: float = 0.01, **options: float) -> float:
@@ -55,15 +54,11 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("two inside each other do not explode in the bed", free(1e-3, depth=0.3), 1.0)
 
 
-EFFECT = Effect(
-    name="midair_passing",
+EFFECT = effect_of(
+    __name__,
     title="grains in the air pass through each other",
-    doc=__doc__,
     place="first_contact",
-    params=Params,
     act=passes,
-    checks=checks,
-    constants=constants,
     most=1.0,
     expected={"flux": -1},
 )

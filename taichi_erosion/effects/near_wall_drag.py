@@ -20,11 +20,10 @@ Reference: Zeng, Najjar, Balachandar & Fischer (2009), Phys. Fluids 21, 033302; 
 Sci. 23, 1293; Goldman, Cox & Brenner (1967), Chem. Eng. Sci. 22, 653.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import exp, pi
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Constants, Probe, effect_of, quantity
 from taichi_erosion.core.ti import ti
 
 
@@ -71,7 +70,7 @@ def push(constants, grain):
     return 0.0 * grain.velocity, 0.0 * grain.velocity
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     # probes have creeping flow, drag 3 pi mu d u
     air = {"air_density": 1.2, "air_viscosity": 1.8e-5, "radius": 1e-4}
 
@@ -99,15 +98,11 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("a diameter deeper it has none", gained(-3e-4, 1.5), 0.0)
 
 
-EFFECT = Effect(
-    name="near_wall_drag",
+EFFECT = effect_of(
+    __name__,
     title="more drag on grains on the bed and close above it",
-    doc=__doc__,
     place="grain",
-    params=Params,
     act=push,
-    checks=checks,
-    constants=constants,
     drag=factor,
     most=1.5,
     expected={"threshold_u_star": -1},

@@ -12,10 +12,9 @@ Reference: Knight, Fandrich, Lau, Jaeger & Nagel (1995), Phys. Rev. E 51, 3957 (
 (1990), Particle Technology, ch. 2 (packing and strength).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
@@ -50,7 +49,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     return scene.model_copy(update={"stages": (scene.stages[0], *taps, *scene.stages[1:])})
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     tapping = Params(taps=20.0, speed=0.5, stroke=2.0, rest=4.0)
     scene = sample_scene(gravity={"magnitude": 10.0})  # sqrt(g d) = 0.1 m/s, sqrt(d / g) = 0.01 s
     stages = probe(tapping, {}, scene=scene, strength=2.0).stages
@@ -63,14 +62,10 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("during which nothing moves", rest.move["plate"].velocity[2], 0.0)
 
 
-EFFECT = Effect(
-    name="packing_preparation",
+EFFECT = effect_of(
+    __name__,
     title="tapped instead of poured packing",
-    doc=__doc__,
     place="scene",
-    params=Params,
     act=change,
-    checks=checks,
-    most=3.0,
     expected={"repose_angle": 1},
 )

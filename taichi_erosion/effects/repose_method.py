@@ -11,10 +11,9 @@ are read as they are.
 Reference: Beakawi Al-Hashemi & Baghabra Al-Amoudi (2018), Powder Technology 330, 397 (methods compared).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 
 ANGLES = ("repose_angle", "angle_of_repose", "cone_angle", "dynamic_angle")  # observables that are meant
 
@@ -29,7 +28,7 @@ def read(params: Params, strength: float, conditions: Conditions, observable: st
     return value * (1.0 + strength * (params.ratio - 1.0)) if observable in ANGLES else value
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     def reading(observable: str, strength: float = 1.0) -> float:
         return probe(Params(ratio=0.8), {}, observable=observable, value=30.0, strength=strength)
 
@@ -38,13 +37,9 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("a height is read as it is", reading("pile_height"), 30.0)
 
 
-EFFECT = Effect(
-    name="repose_method",
+EFFECT = effect_of(
+    __name__,
     title="another method of measuring the angle of repose (instrument)",
-    doc=__doc__,
     place="instrument",
-    params=Params,
     act=read,
-    checks=checks,
-    prior_scale=1.0,
 )

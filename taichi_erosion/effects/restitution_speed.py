@@ -19,10 +19,9 @@ Reference: Kuwabara & Kono (1987), Jpn J. Appl. Phys. 26, 1230; Brilliantov, Spa
 v).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Constants, Probe, effect_of, quantity
 from taichi_erosion.core.ti import ti
 
 LOSS_FACTOR = 1.5 * 1.15344  # (1 - e) / (A (K / m*)^(2/5) v^(1/5)) as A goes to 0; Ramirez et al. (1999) [1]
@@ -52,7 +51,7 @@ def pull(constants, pair):
     return attraction
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     lossy = Params(loss=0.2, speed=32.0)  # 32^(1/5) = 2
     # d = 1 um and k = 3000 N/m: K = 2e6; m* = 6.4e-5 of two grains twice as heavy, so (m* / K)^(2/5) = 2^-14
     touch = {"gap": -1e-6, "stiffness": 3000.0, "mass_i": 2e6 * 2.0**-34, "mass_j": 2e6 * 2.0**-34}
@@ -69,15 +68,11 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("grains that do not touch lose nothing", force(0.5, gap=1e-9, stiffness=0.0), 0.0)
 
 
-EFFECT = Effect(
-    name="restitution_speed",
+EFFECT = effect_of(
+    __name__,
     title="restitution that falls with impact speed",
-    doc=__doc__,
     place="pair",
-    params=Params,
     act=pull,
-    checks=checks,
-    constants=constants,
     most=2.0,
     expected={"flux": -1},
 )

@@ -15,14 +15,13 @@ Powder Technology 217, 409 (rolling friction in place of shape); Zhou, Xu, Yu & 
 64, 021301 (repose angle).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_contacts, with_section
 
@@ -58,12 +57,12 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     )
 
 
-def can_act(conditions: Mapping[str, NDArray[np.float64]]) -> Any:
+def can_act(conditions: Mapping[str, Any]) -> Any:
     """Round grains roll."""
     return np.asarray(conditions.get("angularity", 1.0)) > 0.0
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     shape = Params(friction_rolling=0.4, angularity=0.5, exponent=2.0)
     bare, rolling = sample_scene(), sample_scene(laws={"rolling": "constant_torque"})
 
@@ -81,17 +80,12 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("round grains roll on freely", friction("sand-sand", bare, angularity=0.0), 0.0)
 
 
-EFFECT = Effect(
-    name="rolling_resistance",
+EFFECT = effect_of(
+    __name__,
     title="rolling resistance of angular grains (type C)",
-    doc=__doc__,
     place="scene",
-    params=Params,
     act=change,
-    checks=checks,
     reads=("angularity",),
-    can_act=can_act,
-    dose=dose,
     uncertain={"exponent": 0.35},
     expected={"repose_angle": 1, "threshold_u_star": 1},
 )

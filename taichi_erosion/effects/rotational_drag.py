@@ -14,11 +14,10 @@ Reference: Dennis, Singh & Ingham (1980), J. Fluid Mech. 101, 257; in this form 
 Theoretical and Experimental Modelling of Particulate Flows, von Karman Institute, sec. 4.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import pi
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Constants, Probe, effect_of, quantity
 from taichi_erosion.core.ti import ti
 
 
@@ -49,7 +48,7 @@ def push(constants, grain):
     return 0.0 * torque, torque
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     slowed = Params(coefficient=1.5)
     air = {"air_density": 1.2, "air_viscosity": 1.8e-5, "radius": 1e-4}
 
@@ -66,13 +65,4 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("a grain that turns with the air keeps its spin", torque(500.0, 1000.0), 0.0)
 
 
-EFFECT = Effect(
-    name="rotational_drag",
-    title="drag of the air on spin",
-    doc=__doc__,
-    place="grain",
-    params=Params,
-    act=push,
-    checks=checks,
-    constants=constants,
-)
+EFFECT = effect_of(__name__, title="drag of the air on spin", place="grain", act=push)

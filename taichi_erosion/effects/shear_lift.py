@@ -18,11 +18,10 @@ Reference: Saffman (1965), J. Fluid Mech. 22, 385; Mei (1992), Int. J. Multiphas
 (1985), Z. Angew. Math. Phys. 36, 174.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import exp, pi
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Constants, Probe, effect_of, quantity
 from taichi_erosion.core.ti import ti
 
 SLOWEST = 1e-9  # slip below which there is no lift [m s-1]
@@ -84,7 +83,7 @@ def push(constants, grain):
     return force, 0.0 * force
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     air = {"air_density": 1.2, "air_viscosity": 1.8e-5, "radius": 1e-4}
     lifted = Params(coefficient=1.7, wall_coefficient=3.5, wall_range=2.0)
 
@@ -106,14 +105,10 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("creeping flow: 0.576 rho G^2 d^4", lift(0.01, 100.0, 1e-4), still, rtol=0.05)
 
 
-EFFECT = Effect(
-    name="shear_lift",
+EFFECT = effect_of(
+    __name__,
     title="shear lift, free (Saffman) and on the bed",
-    doc=__doc__,
     place="grain",
-    params=Params,
     act=push,
-    checks=checks,
-    constants=constants,
     expected={"threshold_u_star": -1, "flux": 1},
 )

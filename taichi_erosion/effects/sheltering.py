@@ -13,11 +13,10 @@ Reference: Egiazaroff (1965), J. Hydraul. Div. 91, 225 (hiding); Nickling & McKe
 Sedimentology 42, 247 (lag surfaces in a tunnel).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_section, with_wider_fill
@@ -54,7 +53,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     return with_wider_fill(lagged, (1.0 + SCATTER) * params.ratio)
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     scene = with_section(sample_scene(), "grains", count=50000)
 
     def changed(strength: float = 1.0) -> Any:
@@ -70,13 +69,10 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("fewer grains hold the mass", changed().grains.count, numbers, rtol=5e-3)
 
 
-EFFECT = Effect(
-    name="sheltering",
+EFFECT = effect_of(
+    __name__,
     title="coarse lag that shelters the sand",
-    doc=__doc__,
     place="scene",
-    params=Params,
     act=change,
-    checks=checks,
     expected={"threshold_u_star": 1, "flux": -1},
 )

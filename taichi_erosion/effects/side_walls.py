@@ -13,10 +13,9 @@ Reference: Courrech du Pont, Gondret, Perrin & Rabaud (2003), Europhys. Lett. 61
 Nowak, Samadani & Kudrolli (2005), Nature Physics 1, 50 (walls of a drum).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene
@@ -59,7 +58,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     )
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     narrow = Params(width=30.0, friction=0.8)
     scene = probe(narrow, {}, scene=sample_scene(), strength=0.5)
     left, right = scene.geometry["side_left"], scene.geometry["side_right"]
@@ -69,14 +68,11 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("other contacts stay", scene.contact["sand-sand"].friction_sliding, 0.5)
 
 
-EFFECT = Effect(
-    name="side_walls",
+EFFECT = effect_of(
+    __name__,
     title="side walls of a narrow apparatus",
-    doc=__doc__,
     place="scene",
-    params=Params,
     act=change,
-    checks=checks,
     most=2.0,
     expected={"repose_angle": 1, "flux": -1},
 )

@@ -12,11 +12,10 @@ Reference: Fernlund (1998), Eng. Geol. 50, 279 (shape and sieving); ISO 9276-6 (
 volume).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_section, with_shorter_step, with_wider_fill
 from taichi_erosion.scene.schema.grains import Size
@@ -45,7 +44,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     return with_shorter_step(with_wider_fill(resized, factor), factor)
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     spread = {"law": "lognormal", "median": 1e-3, "sigma_log": 0.1, "low": 8e-4, "high": 1.05e-3}
     table = {"law": "sieve", "rows": [[9e-4, 1.05e-3, 1.0]]}
 
@@ -59,14 +58,11 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("a sieve curve is magnified", size(size=table).scale, 1.2)
 
 
-EFFECT = Effect(
-    name="sieve_diameter",
+EFFECT = effect_of(
+    __name__,
     title="sieve against true diameter (instrument)",
-    doc=__doc__,
     place="scene",
-    params=Params,
     act=change,
-    checks=checks,
     prior_scale=0.5,
     most=2.0,
 )

@@ -13,7 +13,6 @@ below 20, beyond which the neighbour search costs more than the contacts.
 Reference: Folk & Ward (1957), J. Sediment. Petrol. 27, 3 (spread of sands).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import exp, log
 from statistics import NormalDist
@@ -21,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_section, with_shorter_step, with_wider_fill
@@ -67,7 +66,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     return with_shorter_step(with_wider_fill(spread, widest), 1.0 / widest)
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     scene = with_section(sample_scene(), "grains", count=50000)
 
     def changed(strength: float = 1.0) -> Any:
@@ -101,13 +100,6 @@ def checks(probe: Probe) -> Iterator[Check]:
     )
 
 
-EFFECT = Effect(
-    name="size_distribution",
-    title="lognormal grain sizes in place of the median",
-    doc=__doc__,
-    place="scene",
-    params=Params,
-    act=change,
-    checks=checks,
-    most=2.0,
+EFFECT = effect_of(
+    __name__, title="lognormal grain sizes in place of the median", place="scene", act=change, most=2.0
 )

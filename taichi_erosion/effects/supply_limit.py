@@ -14,10 +14,9 @@ Reference: Nickling & McKenna Neuman (2009), in Geomorphology of Desert Environm
 (flux over a rigid bed).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_section
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
@@ -37,7 +36,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     return with_section(scene, "grains", count=max(1, round(before * (covered / before) ** strength)))
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     patch = {"length": 0.04, "width": 0.025, "height": 0.05}  # 1000 squares of 1 mm
 
     def count(strength: float) -> int:
@@ -49,13 +48,6 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("at strength 1.5 a quarter of the cover", count(1.5), 100)
 
 
-EFFECT = Effect(
-    name="supply_limit",
-    title="thin cover of loose grains on a hard floor",
-    doc=__doc__,
-    place="scene",
-    params=Params,
-    act=change,
-    checks=checks,
-    most=1.5,
+EFFECT = effect_of(
+    __name__, title="thin cover of loose grains on a hard floor", place="scene", act=change, most=1.5
 )

@@ -24,11 +24,10 @@ Potyondy & Cundall (2004), Int. J. Rock Mech. Min. Sci. 41, 1329, eq. (15) (bond
 which do not heal).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import pi
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Constants, Probe, effect_of, quantity
 from taichi_erosion.core.periodic import nearest_image
 from taichi_erosion.core.ti import ti
 
@@ -110,7 +109,7 @@ WALL = State()
 FULL = 2e4 * pi * (0.05 * 1e-4) ** 2  # two grains of 0.1 mm radius: R = 0.1 mm [N]
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     beside = replace(SET, x=0.01 - 2e-4)  # of two grains that touched when they set
 
     def force(
@@ -148,7 +147,7 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield from memory_checks(probe)
 
 
-def memory_checks(probe: Probe) -> Iterator[Check]:
+def memory_checks(probe: Probe) -> Checks:
     def after(before: State | None, speed: float = 0.0, x: float = 0.01, **members: object) -> State:
         moving = {"position": (x, 0.0, 0.0), "velocity": (0.0, speed, 0.0), "interval": 1e-3}
         return probe(CRUST, {}, state_before=before, radius=1e-4, **(moving | members))
@@ -165,18 +164,12 @@ def memory_checks(probe: Probe) -> Iterator[Check]:
     yield Check("the same place of a periodic box is the same", across.calm, 0.0101)
 
 
-EFFECT = Effect(
-    name="surface_crust",
+EFFECT = effect_of(
+    __name__,
     title="crust of cemented grains",
-    doc=__doc__,
     place="pair",
-    params=Params,
     act=bond,
-    checks=checks,
-    constants=constants,
-    reach=reach,
     vector=True,
     grain_state=State,
-    update_state=update_state,
     expected={"threshold_u_star": 1, "flux": -1, "repose_angle": 1},
 )

@@ -16,11 +16,10 @@ Reference: Raupach, Gillette & Leys (1993), J. Geophys. Res. 98, 3023, eq. (14),
 VDI Forschungsheft 361 (z_0 = d / 30).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import log
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import drag_partition, sample_scene, with_section
@@ -54,7 +53,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     return with_section(scene, "wind", partition=scene.wind.partition * share)
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     patch = {"length": 0.02, "width": 0.01, "height": 0.05}
     # 1 mm sand and stones of 0.1 m: ln(h / z_0) = ln 3000 = 8.00637, so C_0 = 0.002496 and b = 100.2
     stones = Params(cover=0.2, height=0.1, stone_drag=0.25, worst_spot=0.4)
@@ -71,14 +70,11 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("bare sand has all of the stress", partition(roughness_density=0.0), 1.0)
 
 
-EFFECT = Effect(
-    name="surface_roughness",
+EFFECT = effect_of(
+    __name__,
     title="fixed stones that shelter the sand between them",
-    doc=__doc__,
     place="scene",
-    params=Params,
     act=change,
-    checks=checks,
     reads=("roughness_density",),
     most=2.0,
     expected={"threshold_u_star": 1, "flux": -1},

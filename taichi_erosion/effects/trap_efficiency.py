@@ -13,11 +13,10 @@ Reference: Goossens, Offer & London (2000), Geomorphology 35, 299 (five sand tra
 Shao, McTainsh, Leys & Raupach (1993), Aust. J. Soil Res. 31, 519.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import exp
 
-from taichi_erosion.core.effect import Check, Conditions, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_of, quantity
 
 READ = "flux"  # observables of this name
 
@@ -38,7 +37,7 @@ def read(params: Params, strength: float, conditions: Conditions, observable: st
     return value * max(0.0, 1.0 - strength * params.loss * exp(1.0 - size) * wind)
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     trap = Params(loss=0.3, diameter=2e-4, friction_velocity=0.5)
 
     def reading(observable: str = "flux", strength: float = 1.0, **conditions: float) -> float:
@@ -52,14 +51,11 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield Check("an angle is read as it is", reading("repose_angle"), 0.02)
 
 
-EFFECT = Effect(
-    name="trap_efficiency",
+EFFECT = effect_of(
+    __name__,
     title="efficiency of the sand trap (instrument)",
-    doc=__doc__,
     place="instrument",
-    params=Params,
     act=read,
-    checks=checks,
     reads=("diameter", "friction_velocity"),
     expected={"flux": -1},
 )

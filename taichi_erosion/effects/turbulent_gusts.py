@@ -33,11 +33,10 @@ Dehbi (2008), Int. J. Multiphase Flow 34, 819 (T+); Anfossi et al. (2006), Bound
 Deodatis (1991), Appl. Mech. Rev. 44, 191 (processes as sums of waves).
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import cos, exp, log, pi, sqrt, tan
 
-from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe, quantity
+from taichi_erosion.core.effect import Check, Checks, Conditions, Constants, Probe, effect_of, quantity
 from taichi_erosion.core.ti import ti
 
 WAVES = 24  # K; correlations are then right to 0.04 [1]
@@ -146,7 +145,7 @@ def lognormal(intensity: float, time: float) -> float:
     return exp(sqrt(variance) * wave(0, time) - 0.5 * variance) - 1.0
 
 
-def checks(probe: Probe) -> Iterator[Check]:
+def checks(probe: Probe) -> Checks:
     def blown(axis: int, time: float, wind: float = 4.0, layers: float = 1e3, strength: float = 1.0) -> float:
         """Gust felt in a mean wind [m s-1] at a height over mu / (rho u*) [1]."""
         carried = {"air_velocity": (wind, 0.0, 0.0), "velocity": (wind, 0.0, 0.0)}
@@ -166,7 +165,7 @@ def checks(probe: Probe) -> Iterator[Check]:
     yield from checks_at_wall(probe)
 
 
-def checks_at_wall(probe: Probe) -> Iterator[Check]:
+def checks_at_wall(probe: Probe) -> Checks:
     """Gusts where mu / (rho u*^2) is 10 ms, after 0.03 s."""
     thin = {"air_density": 1e-2, "air_viscosity": 4e-6, "height": 1.0}
     carried = {"air_velocity": (4.0, 0.0, 0.0), "velocity": (4.0, 0.0, 0.0)}
@@ -184,15 +183,10 @@ def checks_at_wall(probe: Probe) -> Iterator[Check]:
     yield Check("at most T_o", felt(0.2, longest=0.05), short, rtol=3e-3)
 
 
-EFFECT = Effect(
-    name="turbulent_gusts",
+EFFECT = effect_of(
+    __name__,
     title="gusts of the wind (log-normal, Langevin statistics)",
-    doc=__doc__,
     place="grain",
-    params=Params,
     act=push,
-    checks=checks,
-    constants=constants,
-    gust=gust,
     expected={"threshold_u_star": -1, "flux": 1},
 )

@@ -7,7 +7,6 @@ last: layers of cells are small, and grains in contact lie near in memory. The b
 rebuild to rebuild; under wind, where some fly far above a bed, it is that of the scene.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -205,21 +204,11 @@ def cell_start(cells: ti.template(), r, c):
     return cells.first[row_of_cells(cells, r) + c + 1]
 
 
-@dataclass(frozen=True)
-class CellGrid:
-    """Cells of one replica."""
+def cell_grid(setup: Setup, least: float, most: int) -> dict[str, Any]:
+    """Members of Cells of one replica: around everything the scene names, not narrower than `least` [m].
 
-    most: int  # cells
-    width_least: float  # m
-    low: Floats  # [3] m
-    inverse_width: Floats  # [3] m-1
-    number: tuple[int, int, int]
-
-
-def cell_grid(setup: Setup, least: float, most: int) -> CellGrid:
-    """Cells around everything the scene names, not narrower than `least`, the longest list distance [m].
-
-    Where that makes more than `most`, they are widened; grains outside the box belong to its border cells.
+    That is the longest list distance. Where it makes more than `most`, they are widened; grains outside the
+    box belong to its border cells.
     """
     low, high = scene_box(setup)
     span = np.maximum(high - low, least)
@@ -227,7 +216,7 @@ def cell_grid(setup: Setup, least: float, most: int) -> CellGrid:
     while np.prod(np.maximum(np.floor(span / width), 1.0)) > most:
         width *= WIDER
     number = np.maximum(np.floor(span / width), 1.0)
-    return CellGrid(most, least, low, number / span, (int(number[0]), int(number[1]), int(number[2])))
+    return {"most": most, "width_least": least, "low": low, "inverse_width": number / span, "number": number}
 
 
 def scene_box(setup: Setup) -> tuple[Floats, Floats]:

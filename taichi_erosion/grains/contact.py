@@ -70,7 +70,7 @@ def compile_contact_laws(laws: Laws) -> ContactLaws:
     branch = jkr.compile_jkr(laws.adhesion_branch, laws.friction_cap) if adhesive else hertz.normal_force
     return ContactLaws(
         normal_force=branch,
-        normal_energy=normal.normal_energy,
+        normal_energy=hertz.normal_energy,  # of the repulsive spring alone: that of a neck is not counted
         rolling_torque=rolling.rolling_torque,
         rolling_constant=rolling.rolling_constant,
         rolling_energy=rolling.rolling_energy,

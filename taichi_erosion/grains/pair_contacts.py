@@ -39,55 +39,65 @@ def report_overlap(replicas_out: ti.template(), r, p, rank, partner, overlap, si
 
 
 @ti.func
-def hertz_stiffness(materials: ti.template(), row, root_radius, overlap):
-    """Stiffness of a Hertz contact, 2 E* a [N m-1]."""
-    return 2.0 * materials.young[row] * root_radius * ti.sqrt(ti.max(overlap, 0.0))
-
-
-@ti.func
 def effects_act(materials: ti.template(), entries: ti.template(), e):
     """Whether pair effects act between the materials of entry e."""
     return materials.effects[entries.label[e] >> ROW_SHIFT] > 0.0
 
 
 @ti.func
-def pair_attraction(bound: ti.template(), entries_out: ti.template(), r, e, pair_out: ti.template(), i, j):
-    """Attraction of places i and j by the effects [N]; MET holds from touch until attraction ends."""
-    if pair_out.gap <= 0.0:
+def effect_force(
+    world_out: ti.template(),
+    entries_out: ti.template(),
+    batch: ti.template(),
+    n,
+    r,
+    i,
+    j,
+    normal,
+    offset,
+    closing_speed,
+    radius_effective,
+    mass_j,
+):
+    """Force of the pair effects on place i of the contact in lane n [N]; MET holds until attraction ends."""
+    (bound,) = ti.static((world_out.pair_effects,))
+    e, overlap, root = batch.entry[n], batch.overlap[n], batch.root_radius[n]
+    if overlap >= 0.0:
         entries_out.label[e] = entries_out.label[e] | MET
-    pair_out.touched = ti.cast((entries_out.label[e] & MET) / MET, float)
-    pull = total_attraction(bound, r, pair_out, i, j)
-    if pair_out.gap > 0.0 and pull == 0.0:
+    row = entries_out.label[e] >> ROW_SHIFT
+    pair = world_out.pair_type(
+        gap=-overlap,
+        radius_i=batch.radius_i[n],
+        radius_j=batch.radius_j[n],
+        radius_effective=radius_effective,
+        mass_i=1.0 / world_out.grains.mass_inverse[i],
+        mass_j=mass_j,
+        closing_speed=closing_speed,
+        # of a Hertz contact, 2 E* a
+        stiffness=2.0 * world_out.materials.young[row] * root * ti.sqrt(ti.max(overlap, 0.0)),
+        touched=ti.cast((entries_out.label[e] & MET) / MET, float),
+        normal=normal,
+        offset=offset,
+        period=ti.cast(world_out.replicas.period[r], float),
+    )
+    pull = total_attraction(bound, r, pair, i, j)
+    if pair.gap > 0.0 and pull == 0.0:
         entries_out.label[e] = entries_out.label[e] & ~MET
-    return pull
+    force = -pull * normal
+    if ti.static(bound.any_vector):
+        force += total_vector_force(bound, r, pair, i, j)
+    return force
 
 
 @ti.func
 def pair_effect_force(world_out: ti.template(), batch: ti.template(), n, r, base):
     """Force of the pair effects on the first grain of lane n [N]; the second has its opposite."""
-    grains, pairs_out = ti.static((world_out.grains, world_out.pairs))
-    e, root = batch.entry[n], batch.root_radius[n]
-    i, j = base + batch.owner[n], base + batch.partner[n]
-    normal = lane(batch.offset, n).normalized()
-    row = pairs_out.label[e] >> ROW_SHIFT
-    pair = world_out.pair_type(
-        gap=-batch.overlap[n],
-        radius_i=batch.radius_i[n],
-        radius_j=batch.radius_j[n],
-        radius_effective=root * root,
-        mass_i=1.0 / grains.mass_inverse[i],
-        mass_j=1.0 / grains.mass_inverse[j],
-        closing_speed=-lane(batch.velocity, n).dot(normal),
-        stiffness=hertz_stiffness(world_out.materials, row, root, batch.overlap[n]),
-        touched=0.0,
-        normal=normal,
-        offset=lane(batch.offset, n),
-        period=ti.cast(world_out.replicas.period[r], float),
+    i, j, offset = base + batch.owner[n], base + batch.partner[n], lane(batch.offset, n)
+    normal, root = offset.normalized(), batch.root_radius[n]
+    closing, mass_j = -lane(batch.velocity, n).dot(normal), 1.0 / world_out.grains.mass_inverse[j]
+    return effect_force(
+        world_out, world_out.pairs, batch, n, r, i, j, normal, offset, closing, root * root, mass_j
     )
-    force = -pair_attraction(world_out.pair_effects, pairs_out, r, e, pair, i, j) * normal
-    if ti.static(world_out.pair_effects.any_vector):
-        force += total_vector_force(world_out.pair_effects, r, pair, i, j)
-    return force
 
 
 @ti.func

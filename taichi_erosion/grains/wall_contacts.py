@@ -8,7 +8,6 @@ of a surface to the next, the contact history moves to the next entry.
 
 from typing import Any
 
-from taichi_erosion.core.effect_device import total_vector_force
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import device_record
 from taichi_erosion.grains.contact import ROLLING_INERTIA
@@ -21,7 +20,7 @@ from taichi_erosion.grains.neighbour_list import (
     entry_block,
     partition_entries,
 )
-from taichi_erosion.grains.pair_contacts import effects_act, hertz_stiffness, pair_attraction, report_overlap
+from taichi_erosion.grains.pair_contacts import effect_force, effects_act, report_overlap
 from taichi_erosion.grains.simd_batch import (
     evaluate_contact,
     lane,
@@ -142,28 +141,13 @@ def transfer_history(world_out: ti.template(), i):
 @ti.func
 def wall_effect_force(world_out: ti.template(), r, batch: ti.template(), n, i):
     """Force of the pair effects on the grain of lane n, at place i [N]; the wall counts as at rest."""
-    grains, entries_out = ti.static((world_out.grains, world_out.wall_pairs))
-    e, radius, normal = batch.entry[n], batch.radius_i[n], lane(batch.offset, n)
-    row = entries_out.label[e] >> ROW_SHIFT
-    pair = world_out.pair_type(
-        gap=-batch.overlap[n],
-        radius_i=radius,
-        radius_j=0.0,
-        radius_effective=radius,
-        mass_i=1.0 / grains.mass_inverse[i],
-        mass_j=0.0,
-        closing_speed=-grains.velocity[i].dot(normal),
-        stiffness=hertz_stiffness(world_out.materials, row, batch.root_radius[n], batch.overlap[n]),
-        touched=0.0,
-        normal=normal,
-        offset=ti.cast(position_at(grains, i), float),
-        period=ti.cast(world_out.replicas.period[r], float),
+    (grains,) = ti.static((world_out.grains,))
+    normal, radius = lane(batch.offset, n), batch.radius_i[n]
+    place, closing = ti.cast(position_at(grains, i), float), -grains.velocity[i].dot(normal)
+    j = world_out.pair_effects.wall_place
+    return effect_force(
+        world_out, world_out.wall_pairs, batch, n, r, i, j, normal, place, closing, radius, 0.0
     )
-    (bound,) = ti.static((world_out.pair_effects,))
-    force = -pair_attraction(bound, entries_out, r, e, pair, i, bound.wall_place) * normal
-    if ti.static(bound.any_vector):
-        force += total_vector_force(bound, r, pair, i, bound.wall_place)
-    return force
 
 
 @ti.func

@@ -9,13 +9,7 @@ import numpy as np
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.run import Report
-from taichi_erosion.run.sanity_checks import (
-    MOMENTUM_AFTER,
-    count_failure,
-    impacts_of,
-    momentum_failure,
-    restitution_failure,
-)
+from taichi_erosion.run.sanity_checks import count_failure, impacts_of, restitution_failure
 from taichi_erosion.run.stages import (
     ROUNDING,
     ReplicaState,
@@ -28,7 +22,7 @@ from taichi_erosion.run.stages import (
 )
 from taichi_erosion.scene import Scene
 from taichi_erosion.simulation import Simulation, advance, energies, failure, statuses
-from taichi_erosion.simulation.self_checks import Impact
+from taichi_erosion.simulation.first_impacts import Impact
 
 ENERGY_RISE = 0.05  # of the mechanical energy above rest, in one check interval, that stops a replica [1]
 PROGRESS_INTERVAL = 0.2  # s of wall time
@@ -102,8 +96,6 @@ def check_replica(ensemble: EnsembleRun, replica: int, state: ReplicaState) -> N
     kinetic = float(ensemble.sums[replica, 0] / ensemble.lifting_energies[replica])
     if stage_is_over(sim, scene, replica, state, now, kinetic):
         state.failure = count_failure(sim, replica, now)
-        if state.failure is None and ensemble.grain_steps > MOMENTUM_AFTER:
-            state.failure = momentum_failure(sim, replica, now)
         if state.failure is None:
             measure_stage(sim, scene, replica, state)
             begin_stage(sim, scene, replica, state, now)

@@ -1,17 +1,15 @@
-"""Sanity checks of a running replica: restitution, grain count, mass, momentum; messages of failures."""
+"""Sanity checks of a running replica: restitution, grain count, mass; messages of failures."""
 
 import numpy as np
 
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.preparation.limits import expected_speed
-from taichi_erosion.simulation import Simulation, force_imbalance, snapshot
-from taichi_erosion.simulation.self_checks import Impact, first_impacts
+from taichi_erosion.simulation import Simulation, snapshot
+from taichi_erosion.simulation.first_impacts import Impact, first_impacts
 
 RESTITUTION_ERROR = 0.1  # that stops a run: four times the largest of the shipped scenes, 0.024 [1]
 SPEED_LEAST = 1e-2  # m s-1, of an impact where nothing falls
-MOMENTUM_ERROR = 1e-5  # of the forces between grains: a dozen contacts, each rounded to 6e-8, ten times [1]
-MOMENTUM_AFTER = 1e8  # grain-steps: loading the check takes half a second, a tenth of that run
 MASS_ERROR = 1e-5  # of the sum of all masses; they are stored in single precision [1]
 
 
@@ -53,12 +51,6 @@ def count_failure(sim: Simulation, replica: int, time: float) -> Failure | None:
     return None
 
 
-def momentum_failure(sim: Simulation, replica: int, time: float) -> Failure | None:
-    """Failure where the forces between grains do not cancel."""
-    residual = force_imbalance(sim, replica)
-    return None if residual <= MOMENTUM_ERROR else Failure(Status.MOMENTUM, time, -1, -1, residual)
-
-
 LIKELY_CAUSES = {
     Status.OVERLAP: "the time step is too long, the material too soft for these speeds, "
     "or grains start inside each other",
@@ -68,7 +60,6 @@ LIKELY_CAUSES = {
     Status.OVERFLOW: "lists could not grow: out of memory",
     Status.RESTITUTION: "the time step is too long for impacts at this speed",
     Status.COUNT: "an error of this program: please report it",
-    Status.MOMENTUM: "an error of this program: please report it",
     Status.AIR: "the wind crosses more than a cell between two exchanges: lower wind.look_steps",
     Status.RUNNING: "",
 }
@@ -84,7 +75,6 @@ def failure_message(failure: Failure, seed: int) -> str:
         Status.NOT_FINITE: f"grain {failure.grain} has a coordinate that is not a number",
         Status.ENERGY: f"mechanical energy grew by {failure.value:.3g} of itself between two checks",
         Status.RESTITUTION: f"an impact gave back {failure.value:.3g} of its speed, not what is stated",
-        Status.MOMENTUM: f"forces between grains do not cancel ({failure.value:.3g} of them is left)",
         Status.COUNT: f"grain {failure.grain} is missing, or not all mass is there ({failure.value:.3g})",
     }.get(failure.status, failure.status.name.lower())
     likely = LIKELY_CAUSES[failure.status]

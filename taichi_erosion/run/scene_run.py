@@ -42,7 +42,7 @@ from taichi_erosion.run.sanity_checks import failure_message
 from taichi_erosion.run.stages import ReplicaState, whole_intervals
 from taichi_erosion.scene import Scene, laws, resolved, scene_hash
 from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare
-from taichi_erosion.simulation.grain_decomposition.limits import GRIDS, has_grids
+from taichi_erosion.simulation.capacities import GRIDS, has_grids
 from taichi_erosion.simulation.team import mean_threads
 
 CROSSOVER = 50_000  # grains of all replicas from which `auto` takes a graphics processor: not measured yet

@@ -20,7 +20,6 @@ from taichi_erosion.simulation.readback import (
 )
 from taichi_erosion.simulation.saved_state import export_bed, export_state, import_bed, import_state
 from taichi_erosion.simulation.scene_setup import conditions_of, device_effects, effective_scene, prepare
-from taichi_erosion.simulation.self_checks import force_imbalance
 from taichi_erosion.simulation.wind_driver import (
     air_profile,
     friction_velocity,
@@ -42,7 +41,6 @@ __all__ = [
     "export_bed",
     "export_state",
     "failure",
-    "force_imbalance",
     "friction_velocity",
     "import_bed",
     "import_state",

@@ -27,13 +27,15 @@ from taichi_erosion.grains.wall_contacts import allocate_wall_list
 from taichi_erosion.grains.walls import allocate_walls
 from taichi_erosion.simulation.capacities import (
     Capacities,
+    has_grids,
     initial_capacities,
     padded_with_copies,
     partition_count,
+    refuse_grids,
+    refuse_too_large,
 )
 from taichi_erosion.simulation.grain_decomposition.buffers import GrainBuffers, allocate_buffers
 from taichi_erosion.simulation.grain_decomposition.exchange import CHUNK, chunk_count
-from taichi_erosion.simulation.grain_decomposition.limits import refuse_too_large, refuse_unsupported
 from taichi_erosion.simulation.schedule import Schedule, allocate_schedule
 from taichi_erosion.simulation.step import release_first
 from taichi_erosion.simulation.team import Team
@@ -164,9 +166,10 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
     All setups share the laws and the kind of grain (spheres or clumps). Raises BadInput for what cannot run.
     """
     listed = checked(setups)
-    if numerics.by_grain:
-        refuse_unsupported(listed)
     capacities = initial_capacities(listed, numerics.by_grain)
+    if numerics.by_grain:
+        refuse_grids(has_grids(listed))
+        refuse_too_large(capacities)
     threads = start_device(numerics, POOL_LEAST)
     on_cpu = numerics.arch == "cpu"
     workers = threads if on_cpu else len(listed)

@@ -4,13 +4,18 @@ Everything here that can affect a result (partitions, margins, cells) depends on
 replica gives the same bits whatever runs beside it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import prod
 
 import numpy as np
 
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Setup
 
+PLACES_MOST = 2**31 - 1  # of a field: places are counted in 32 bits
+GRIDS = "one thread per grain has no grids of air: one thread solves the pressure of a whole grid"
+REMEDY = "use --arch cpu, or --decomposition partitions"
 PARTITION_GRAINS = 4000  # grains per partition above which a barrier costs little
 PAIR_GRAINS = 1000  # the same for two workers
 PARTITIONS_MOST = 16
@@ -126,3 +131,24 @@ def verlet_skin(setup: Setup) -> VerletSkin:
     large = float(radius[-1 - min(LARGE_MOST, len(radius) - 1)])
     most = SKIN_FLIGHT * float(np.median(radius))
     return VerletSkin(setup.skin, most, FLIGHT_STEPS * setup.time_step, (1.0 + SKIN_IN_CELLS) * large)
+
+
+def has_grids(setups: Sequence[Setup]) -> bool:
+    """Whether any replica has air in more than one column of cells."""
+    return any(setup.air is not None and setup.air.cells[:2] != (1, 1) for setup in setups)
+
+
+def refuse_grids(present: bool) -> None:
+    """Raise BadInput for grids of air with one thread per grain: their kernels exist for partitions only."""
+    if present:
+        raise BadInput(f"{GRIDS}; {REMEDY}")
+
+
+def refuse_too_large(capacities: Capacities) -> None:
+    """Raise BadInput where the list entries of all replicas are more than 32 bits count."""
+    places = 2 * capacities.replicas * max(capacities.pairs, capacities.cells)
+    if places > PLACES_MOST:
+        raise BadInput(
+            f"{capacities.replicas} replicas of {capacities.grains} grains need {places} list entries; "
+            f"at most {PLACES_MOST} can be counted: run fewer replicas at once"
+        )

@@ -38,8 +38,8 @@ def wall_poses(sim: Simulation, replica: int) -> dict[str, WallPose]:
     }
 
 
-ELASTIC, CONTACTS, OVERLAP = range(3)  # sums of `read_contacts`
-TRANSLATION, ROTATION, POTENTIAL, STORED, SPEED, RELEASED = range(6)  # columns of `sum_replicas`
+# columns of the sums of `read_replicas`
+TRANSLATION, ROTATION, POTENTIAL, STORED, SPEED, RELEASED, CONTACTS, OVERLAP = range(8)
 SPHERE_INERTIA = 0.4  # moment of inertia over m R^2 of a solid sphere [1]
 
 
@@ -77,60 +77,66 @@ def wall_overlap(world: ti.template(), i, e):
 
 
 @ti.func
-def add(numbers_out: ti.template(), n, number):
+def add(numbers_out: ti.template(), row, column, number):
     """Add to a number that no other thread writes."""
-    numbers_out[n] = numbers_out[n] + number
+    numbers_out[row, column] = numbers_out[row, column] + number
+
+
+@ti.func
+def add_motion(world: ti.template(), sums_out: ti.template(), r, row, rank):
+    """Kinetic and potential energy [J] and speed [m s-1] of one grain."""
+    i, place = side_block(world.grains, r, world.replicas.side[r]) + rank, r * world.grains.capacity + rank
+    half = ti.select(world.replicas.step[r] > 0, 0.5 * world.replicas.time_step[r], 0.0)
+    mass = 1.0 / world.grains.mass_inverse[i]
+    inertia = SPHERE_INERTIA * mass * world.grains.radius[i] ** 2
+    velocity = world.grains.velocity[i] + half * world.grains.acceleration[place]
+    spin = world.grains.spin[i] + half * world.grains.spin_rate[place]
+    position = position_of(world.grains, world.replicas, r, i)
+    add(sums_out, row, TRANSLATION, 0.5 * mass * velocity.norm_sqr())
+    add(sums_out, row, ROTATION, 0.5 * inertia * spin.norm_sqr())
+    add(sums_out, row, POTENTIAL, -mass * position.dot(ti.cast(world.replicas.gravity[r], ti.f64)))
+    sums_out[row, SPEED] = ti.max(sums_out[row, SPEED], ti.cast(velocity.norm(), ti.f64))
+
+
+@ti.func
+def add_contact(
+    world: ti.template(), entries: ti.template(), sums_out: ti.template(), row, e, overlap, radius
+):
+    """Stored energy [J] of a contact that acts, and its overlap over a radius [1]."""
+    add(sums_out, row, STORED, entry_energy(world, entries, e, overlap))
+    add(sums_out, row, CONTACTS, 1.0)
+    sums_out[row, OVERLAP] = ti.max(sums_out[row, OVERLAP], ti.cast(overlap / radius, ti.f64))
 
 
 @ti.kernel
-def read_contacts(
+def read_replicas(
     # parameters
-    r: ti.i32,
+    first: ti.i32,
+    last: ti.i32,
     # in
     world: ti.template(),
     # out
-    contacts_out: ti.types.ndarray(dtype=ti.i32, ndim=1),
-    sums_out: ti.types.ndarray(dtype=ti.f64, ndim=1),
+    contacts_out: ti.types.ndarray(dtype=ti.i32, ndim=2),
+    sums_out: ti.types.ndarray(dtype=ti.f64, ndim=2),
 ):
-    """Touching partners of every grain by rank; sums are stored energy [J], contacts, largest overlap [1]."""
-    ti.loop_config(serialize=True)
-    for rank in range(world.replicas.released[r]):
-        base = side_block(world.grains, r, world.replicas.side[r])
-        i = base + rank
-        for e in range(world.pairs.start[i], world.pairs.stop[i]):
-            if world.pairs.label[e] & ENGAGED == ENGAGED:
-                root, overlap = world.pairs.root_radius[e], pair_overlap(world, base, i, e)
-                add(contacts_out, rank, 1)
-                add(contacts_out, world.pairs.neighbour[e], 1)
-                add(sums_out, ELASTIC, entry_energy(world, world.pairs, e, overlap))
-                add(sums_out, CONTACTS, 1.0)
-                share = ti.cast(overlap / (2.0 * root * root), ti.f64)
-                sums_out[OVERLAP] = ti.max(sums_out[OVERLAP], share)
-        for e in range(world.wall_pairs.start[i], world.wall_pairs.stop[i]):
-            if world.wall_pairs.label[e] & ENGAGED == ENGAGED:
-                overlap = wall_overlap(world, i, e)
-                add(contacts_out, rank, 1)
-                add(sums_out, ELASTIC, entry_energy(world, world.wall_pairs, e, overlap))
-                add(sums_out, CONTACTS, 1.0)
-                share = ti.cast(overlap / world.grains.radius[i], ti.f64)
-                sums_out[OVERLAP] = ti.max(sums_out[OVERLAP], share)
-
-
-@ti.kernel
-def read_positions(
-    # parameters
-    r: ti.i32,
-    # in
-    world: ti.template(),
-    # out
-    position_out: ti.types.ndarray(dtype=ti.f64, ndim=2),
-):
-    """Positions by rank [m]."""
-    for rank in range(world.replicas.released[r]):
-        base = side_block(world.grains, r, world.replicas.side[r])
-        position = position_of(world.grains, world.replicas, r, base + rank)
-        for k in ti.static(range(3)):
-            position_out[rank, k] = position[k]
+    """Touching partners of every grain by rank, and energies [J] and extremes of replicas first to last."""
+    for r in range(first, last):
+        row, base = r - first, side_block(world.grains, r, world.replicas.side[r])
+        for rank in range(world.replicas.released[r]):
+            i = base + rank
+            add_motion(world, sums_out, r, row, rank)
+            for e in range(world.pairs.start[i], world.pairs.stop[i]):
+                if world.pairs.label[e] & ENGAGED == ENGAGED:
+                    root, overlap = world.pairs.root_radius[e], pair_overlap(world, base, i, e)
+                    add(contacts_out, row, rank, 1)
+                    add(contacts_out, row, world.pairs.neighbour[e], 1)
+                    add_contact(world, world.pairs, sums_out, row, e, overlap, 2.0 * root * root)
+            for e in range(world.wall_pairs.start[i], world.wall_pairs.stop[i]):
+                if world.wall_pairs.label[e] & ENGAGED == ENGAGED:
+                    overlap, radius = wall_overlap(world, i, e), world.grains.radius[i]
+                    add(contacts_out, row, rank, 1)
+                    add_contact(world, world.wall_pairs, sums_out, row, e, overlap, radius)
+        sums_out[row, RELEASED] = world.replicas.released[r]
 
 
 def replica_row(sim: Simulation, replica: int) -> tuple[int, int, int, int]:
@@ -141,11 +147,22 @@ def replica_row(sim: Simulation, replica: int) -> tuple[int, int, int, int]:
     return side, released, step, rebuilds
 
 
-def contact_sums(sim: Simulation, replica: int, released: int) -> tuple[Integers, Floats]:
-    """Contacts by rank, and the sums of `read_contacts`."""
-    contacts, sums = np.zeros(max(released, 1), np.int32), np.zeros(3)
-    read_contacts(replica, sim.world, contacts, sums)
-    return contacts[:released], sums
+def contact_sums(sim: Simulation, first: int, last: int) -> tuple[Integers, Floats]:
+    """Contacts by replica and rank, and the sums of `read_replicas`, of replicas first to last."""
+    contacts, sums = np.zeros((last - first, sim.capacities.grains), np.int32), np.zeros((last - first, 8))
+    read_replicas(first, last, sim.world, contacts, sums)
+    return contacts, sums
+
+
+def positions(sim: Simulation, replica: int, first: int, released: int) -> Floats:
+    """Positions [m] of the grains from place `first` on, wrapped into the period."""
+    setup = sim.setups[replica]
+    origin, shift = download([sim.world.grains.origin, sim.world.grains.shift], first, released)
+    place = origin + shift
+    for axis, (low, period) in enumerate(zip(setup.domain[0], setup.period, strict=True)):
+        if period > 0.0:
+            place[:, axis] -= period * np.floor((place[:, axis] - low) / period)
+    return place
 
 
 def snapshot(sim: Simulation, replica: int) -> Snapshot:
@@ -158,20 +175,18 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
     rate, spin_rate = download([grains.acceleration, grains.spin_rate], replica * rows, released)
     kept = effect_memory(sim)
     states = download([numbers for numbers, _ in kept.values()], first, released) if kept else []
-    position = np.zeros((max(released, 1), 3))
-    read_positions(replica, sim.world, position)
-    contacts, _ = contact_sums(sim, replica, released)
+    contacts, _ = contact_sums(sim, replica, replica + 1)
     order = np.argsort(ident, kind="stable")
     half = 0.5 * sim.setups[replica].time_step * (step > 0)
     return Snapshot(
         time=step * sim.setups[replica].time_step,
         step=step,
-        position=position[:released][order],
+        position=positions(sim, replica, first, released)[order],
         velocity=(velocity + half * rate)[order],
         spin=(spin + half * spin_rate)[order],
         radius=radius[order],
         mass=1.0 / inverse[order],
-        contacts=contacts[order],
+        contacts=contacts[0, order],
         ident=ident[order].astype(np.int32),
         waiting=len(sim.setups[replica].grains.radius) - released,
         effect_state={name: values[order] for name, values in zip(kept, states, strict=True)},
@@ -182,7 +197,7 @@ def totals(sim: Simulation, replica: int) -> Totals:
     """Energies and extremes of one replica, summed over spheres: a clump counts once for every sphere."""
     state = snapshot(sim, replica)
     _, released, step, rebuilds = replica_row(sim, replica)
-    _, sums = contact_sums(sim, replica, released)
+    _, (sums,) = contact_sums(sim, replica, replica + 1)
     gravity = download([sim.world.replicas.gravity], replica, 1)[0][0]
     squared = (state.velocity**2).sum(axis=1)
     inertia = SPHERE_INERTIA * state.mass * state.radius**2
@@ -192,7 +207,7 @@ def totals(sim: Simulation, replica: int) -> Totals:
         kinetic_translation=float(0.5 * (state.mass * squared).sum()),
         kinetic_rotation=float(0.5 * (inertia * (state.spin**2).sum(axis=1)).sum()),
         potential=float(-(state.mass * (state.position @ gravity)).sum()),
-        elastic=float(sums[ELASTIC]),
+        elastic=float(sums[STORED]),
         contacts=int(sums[CONTACTS]),
         overlap_largest=float(sums[OVERLAP]),
         speed_largest=float(np.sqrt(squared.max(initial=0.0))),
@@ -201,50 +216,13 @@ def totals(sim: Simulation, replica: int) -> Totals:
     )
 
 
-@ti.kernel
-def sum_replicas(
-    # in
-    world: ti.template(),
-    # out
-    sums_out: ti.types.ndarray(dtype=ti.f64, ndim=2),
-):
-    """Per replica translational, rotational, potential, stored energy [J], top speed [m s-1], released."""
-    for r in range(world.replicas.count):
-        base = side_block(world.grains, r, world.replicas.side[r])
-        half = ti.select(world.replicas.step[r] > 0, 0.5 * world.replicas.time_step[r], 0.0)
-        for rank in range(world.replicas.released[r]):
-            i = base + rank
-            mass = 1.0 / world.grains.mass_inverse[i]
-            inertia = SPHERE_INERTIA * mass * world.grains.radius[i] ** 2
-            place = r * world.grains.capacity + rank
-            velocity = world.grains.velocity[i] + half * world.grains.acceleration[place]
-            spin = world.grains.spin[i] + half * world.grains.spin_rate[place]
-            position = position_of(world.grains, world.replicas, r, i)
-            lifted = mass * position.dot(ti.cast(world.replicas.gravity[r], ti.f64))
-            sums_out[r, TRANSLATION] = sums_out[r, TRANSLATION] + 0.5 * mass * velocity.norm_sqr()
-            sums_out[r, ROTATION] = sums_out[r, ROTATION] + 0.5 * inertia * spin.norm_sqr()
-            sums_out[r, POTENTIAL] = sums_out[r, POTENTIAL] - lifted
-            sums_out[r, SPEED] = ti.max(sums_out[r, SPEED], ti.cast(velocity.norm(), ti.f64))
-            for e in range(world.pairs.start[i], world.pairs.stop[i]):
-                if world.pairs.label[e] & ENGAGED == ENGAGED:
-                    stored = entry_energy(world, world.pairs, e, pair_overlap(world, base, i, e))
-                    sums_out[r, STORED] = sums_out[r, STORED] + stored
-            for e in range(world.wall_pairs.start[i], world.wall_pairs.stop[i]):
-                if world.wall_pairs.label[e] & ENGAGED == ENGAGED:
-                    stored = entry_energy(world, world.wall_pairs, e, wall_overlap(world, i, e))
-                    sums_out[r, STORED] = sums_out[r, STORED] + stored
-        sums_out[r, RELEASED] = world.replicas.released[r]
-
-
 def energies(sim: Simulation) -> Floats:
-    """Sums of `sum_replicas`, [replicas, 6], in one launch, for sanity checks and checks of rest."""
-    sums = np.zeros((sim.capacities.replicas, RELEASED + 1))
-    sum_replicas(sim.world, sums)
-    return sums[: len(sim.setups)]
+    """Sums of `read_replicas` up to `RELEASED`, [replicas, 6], for sanity checks and checks of rest."""
+    return contact_sums(sim, 0, len(sim.setups))[1][:, : RELEASED + 1]
 
 
 def share_touching(sim: Simulation, replica: int) -> float:
     """Share of the released grains with at least one contact [1]."""
     _, released, _, _ = replica_row(sim, replica)
-    contacts, _ = contact_sums(sim, replica, released)
-    return float(np.mean(contacts > 0)) if released else 0.0
+    contacts, _ = contact_sums(sim, replica, replica + 1)
+    return float(np.mean(contacts[0, :released] > 0)) if released else 0.0

@@ -92,6 +92,28 @@ def swap_sides(replicas_out: ti.template(), r):
 
 
 @ti.func
+def list_neighbours(world_out: ti.template(), r, p):
+    """Lists of one partition."""
+    list_partition(world_out, r, p)
+    list_walls(world_out, r, p)
+
+
+@ti.func
+def add_forces(world_out: ti.template(), r, p):
+    """Forces of one partition, while its grains are in the cache."""
+    add_pair_forces(world_out, r, p)
+    add_wall_forces(world_out, r, p)
+
+
+@ti.func
+def each_owned(task: ti.template(), world_out: ti.template(), r, member, size):
+    """One device function applied to every partition that a member of the team owns."""
+    for p in range(world_out.replicas.partitions[r]):
+        if owns_partition(world_out.replicas, r, p, member, size):
+            task(world_out, r, p)
+
+
+@ti.func
 def rebuild(world_out: ti.template(), r, member, size, phase):
     """Sort the grains and rebuild all lists; returns the next barrier."""
     # no worker may change what another still reads to decide on this rebuild
@@ -100,14 +122,9 @@ def rebuild(world_out: ti.template(), r, member, size, phase):
         prepare_rebuild(world_out, r)
     phase = barrier(world_out.replicas, r, size, phase)
     if world_out.replicas.status[r] == 0:
-        for p in range(world_out.replicas.partitions[r]):
-            if owns_partition(world_out.replicas, r, p, member, size):
-                move_grains(world_out, r, p)
+        each_owned(move_grains, world_out, r, member, size)
         phase = barrier(world_out.replicas, r, size, phase)
-        for p in range(world_out.replicas.partitions[r]):
-            if owns_partition(world_out.replicas, r, p, member, size):
-                list_partition(world_out, r, p)
-                list_walls(world_out, r, p)
+        each_owned(list_neighbours, world_out, r, member, size)
         phase = barrier(world_out.replicas, r, size, phase)
         if member == 0:
             finish_rebuild(world_out, r)
@@ -129,15 +146,6 @@ def required_action(world: ti.template(), r):
     if replicas.wall_travel[r] > replicas.skin_most[r]:
         wanted = ti.max(wanted, REBUILD)
     return wanted
-
-
-@ti.func
-def add_forces(world_out: ti.template(), r, member, size):
-    """Forces of the member's partitions."""
-    for p in range(world_out.replicas.partitions[r]):
-        if owns_partition(world_out.replicas, r, p, member, size):
-            add_pair_forces(world_out, r, p)
-            add_wall_forces(world_out, r, p)
 
 
 @ti.func
@@ -171,7 +179,7 @@ def step_replica(world_out: ti.template(), coupling_out: ti.template(), r, membe
     if ti.static((world_out.driven or world_out.has_state) and not coupling_out.host_driven):
         if step % coupling_out.exchange.look_steps[r] == 0:
             phase = exchange_momentum(world_out, coupling_out, r, member, size, phase)
-    add_forces(world_out, r, member, size)
+    each_owned(add_forces, world_out, r, member, size)
     phase = step_barrier(replicas_out, r, size, phase)
     integrate(world_out, r, member, size, step, is_last)
     if member == 0:

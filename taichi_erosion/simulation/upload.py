@@ -100,8 +100,7 @@ def upload_cells(world: World, setups: list[Setup], reaches: list[float]) -> Non
     least = [2.0 * verlet_skin(s).cell_reach + reach for s, reach in zip(setups, reaches, strict=True)]
     most = [min(world.cells.capacity, cell_count(len(s.grains.radius))) for s in setups]
     grids = [cell_grid(*one) for one in zip(setups, least, most, strict=True)]
-    names = ("most", "width_least", "low", "inverse_width", "number")
-    upload([(getattr(world.cells, name), [getattr(grid, name) for grid in grids]) for name in names])
+    upload([(getattr(world.cells, name), [grid[name] for grid in grids]) for name in grids[0]])
 
 
 def upload_walls(walls: Walls, setups: list[Setup]) -> None:

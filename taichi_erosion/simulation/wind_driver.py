@@ -12,10 +12,9 @@ from taichi_erosion.core.air_setup import AirSetup, bed_gradient, initial_wind
 from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.core.snapshot import AirProfile
 from taichi_erosion.core.transfer import download, read, upload, write
+from taichi_erosion.coupling.exchange import spin_up
 from taichi_erosion.coupling.grid_exchange import clear_residuals, exchange_with_grids, match_air_to_grains
-from taichi_erosion.coupling.spin_up import spin_up_column
 from taichi_erosion.simulation.assemble import Simulation
-from taichi_erosion.simulation.grain_decomposition.exchange import spin_up
 
 
 def air_of(sim: Simulation, replica: int) -> tuple[Air, AirSetup]:
@@ -107,10 +106,8 @@ def spin_up_wind(sim: Simulation, replica: int, value: float, anew: bool = False
     """
     before = friction_velocity(sim, replica)
     set_friction_velocity(sim, replica, value)
-    if sim.buffers is not None:
-        spin_up(sim.world, sim.coupling, sim.buffers, replica, anew)
-    elif air_of(sim, replica)[0].is_column:
-        spin_up_column(replica, int(anew), sim.world, sim.coupling)
+    if air_of(sim, replica)[0].is_column:
+        spin_up(sim.world, sim.coupling, replica, anew)
     else:
         part = sim.setups[replica].coupling.partition
         change_grid_wind(sim, replica, part * before, part * value, anew)

@@ -24,6 +24,7 @@ from taichi_erosion.simulation import (
     export_state,
     import_bed,
     import_state,
+    reuse_or_assemble,
     set_gravity,
     snapshot,
 )
@@ -68,12 +69,6 @@ MARK = replace(
 )
 
 
-@pytest.fixture(autouse=True)
-def device() -> Iterator[None]:
-    yield
-    stop_device()
-
-
 def on(bare: Setup, effect: Effect, **parameters: float) -> Setup:
     one: ReplicaEffect = replica_effect(effect, effect.params(**parameters), 1.0, {}, RADIUS)
     return replace(bare, effects=(one,))
@@ -90,8 +85,57 @@ def unlike() -> Setup:
     return on(replace(bare, grains=replace(bare.grains, mass=MASS * (1.0 + 1e-3 * np.arange(GRAINS)))), MARK)
 
 
+def lying(count: int = 1) -> Setup:
+    """Grains that lie on a plate, cemented to it as soon as they have lain still."""
+    place = [[3.0 * RADIUS * k, 0.0, 0.9999 * RADIUS] for k in range(count)]
+    return on(setup(grains(place), law=contacts()), CRUST, **STRONG)
+
+
+def triangle() -> Setup:
+    """Three grains that touch, without weight."""
+    place = [[0.0, 0.0, 0.0], [2.0 * RADIUS, 0.0, 0.0], [1.0 * RADIUS, 1.732 * RADIUS, 0.0]]
+    return setup(grains(place), NONE, law=contacts(0.5), gravity=(0.0, 0.0, 0.0))
+
+
+SETUPS = {
+    "unlike": unlike(),
+    "sticky": sticky(),
+    "bare": heap(GRAINS, 1),
+    "other": heap(GRAINS, 2),
+    "lying": lying(),
+    "beside": lying(2),
+    "cemented": on(triangle(), CRUST, **STRONG),
+    "free": triangle(),
+}
+PLACE = {name: replica for replica, name in enumerate(SETUPS)}
+
+
 def start(setups: list[Setup], threads: int = 1) -> Simulation:
     return assemble(setups, LAWS, Numerics("cpu", threads, "f64"))
+
+
+@pytest.fixture(scope="module")
+def compiled() -> Iterator[Simulation]:
+    """All setups in one ensemble: kernels compile once."""
+    yield start(list(SETUPS.values()))
+    stop_device()
+
+
+@pytest.fixture
+def sim(compiled: Simulation) -> Simulation:
+    """The ensemble at its start."""
+    return begun(compiled)
+
+
+def begun(sim: Simulation) -> Simulation:
+    """The ensemble in empty fields, as a new one would have them."""
+    assert reuse_or_assemble(sim, list(SETUPS.values()), sim.laws, sim.numerics) is sim
+    return sim
+
+
+def go(sim: Simulation, time: float, *names: str) -> None:
+    """Advance these replicas to a time [s]."""
+    advance(sim, [time if name in names else 0.0 for name in SETUPS])
 
 
 def state_of(sim: Simulation, name: str, replica: int = 0) -> Any:
@@ -100,9 +144,12 @@ def state_of(sim: Simulation, name: str, replica: int = 0) -> Any:
     return bed[f"memory_{name}"][np.argsort(bed["ident"])]
 
 
-def test_a_memory_goes_where_its_grain_goes():
-    sim = start([unlike()])
-    advance(sim, [WHOLE])
+def calm(sim: Simulation, name: str) -> Any:
+    return state_of(sim, "surface_crust.calm", PLACE[name])
+
+
+def test_a_memory_goes_where_its_grain_goes(sim):
+    go(sim, WHOLE, "unlike")
     assert int(export_state(sim)["rebuilds"][0]) > 5, "must have been sorted"
     assert state_of(sim, "mark.mass") == pytest.approx(unlike().grains.mass, rel=1e-15)
     assert list(snapshot(sim, 0).effect_state["mark.mass"]) == list(state_of(sim, "mark.mass"))
@@ -112,20 +159,17 @@ def test_a_memory_goes_where_its_grain_goes():
 
 @pytest.mark.slow
 def test_a_replica_without_a_memory_moves_as_the_bare_model_beside_one_with_it():
-    sim = start([heap(GRAINS, 1)])
-    advance(sim, [HALF])
-    bare = fingerprint(snapshot(sim, 0))
-    stop_device()
-    sim = start([sticky()])
-    advance(sim, [HALF])
-    alone, age = fingerprint(snapshot(sim, 0)), list(state_of(sim, "ageing_pull.age"))
-    stop_device()
-    sim = start([heap(GRAINS, 1), sticky(), heap(GRAINS, 2)])
-    advance(sim, [HALF] * 3)
-    assert [fingerprint(snapshot(sim, r)) for r in (0, 1)] == [bare, alone]
-    assert list(state_of(sim, "ageing_pull.age", 1)) == age
+    found = []
+    for setups in ([heap(GRAINS, 1)], [sticky()], [heap(GRAINS, 1), sticky(), heap(GRAINS, 2)]):
+        sim = start(setups)
+        advance(sim, [HALF] * len(setups))
+        found.append([fingerprint(snapshot(sim, r)) for r in range(len(setups))])
+        if len(setups) != 1:
+            assert not state_of(sim, "ageing_pull.age", 2).any()
+        stop_device()
+    (bare,), (alone,), together = found
+    assert together[:2] == [bare, alone]
     assert bare != alone, "must have acted"
-    assert not state_of(sim, "ageing_pull.age", 2).any()
 
 
 @pytest.mark.slow
@@ -142,82 +186,69 @@ def test_workers_that_share_grains_with_a_memory_change_no_bit(monkeypatch, requ
     assert prints[0] == prints[1]
 
 
-def test_a_resumed_run_remembers_to_the_last_bit():
-    sim = start([sticky()])
-    advance(sim, [HALF])
+def test_a_resumed_run_remembers_to_the_last_bit(sim):
+    go(sim, HALF, "sticky")
     kept = export_state(sim)
-    advance(sim, [WHOLE])
-    end = fingerprint(snapshot(sim, 0)), list(state_of(sim, "ageing_pull.age"))
-    stop_device()
-    resumed = start([sticky()])
-    import_state(resumed, kept)
-    advance(resumed, [WHOLE])
-    assert (fingerprint(snapshot(resumed, 0)), list(state_of(resumed, "ageing_pull.age"))) == end
+    ends = []
+    for _ in range(2):
+        go(sim, WHOLE, "sticky")
+        ends.append((fingerprint(snapshot(sim, 1)), list(state_of(sim, "ageing_pull.age", 1))))
+        import_state(begun(sim), kept)
+    assert ends[0] == ends[1]
 
 
-def test_grains_of_a_state_that_knew_no_memory_enter_now():
-    sim = start([heap(GRAINS, 1)])
-    advance(sim, [HALF])
-    kept = export_state(sim)
-    stop_device()
-    later = start([on(heap(GRAINS, 1), CRUST)])
-    import_state(later, kept)
-    assert not state_of(later, "surface_crust.calm").any()
-
-
-def lying(count: int = 1) -> Setup:
-    """Grains that lie on a plate, cemented to it as soon as they have lain still."""
-    place = [[3.0 * RADIUS * k, 0.0, 0.9999 * RADIUS] for k in range(count)]
-    return on(setup(grains(place), law=contacts()), CRUST, **STRONG)
+def test_grains_of_a_state_that_knew_no_memory_enter_now(sim):
+    go(sim, 0.01, "lying", "beside")
+    assert calm(sim, "beside").any()
+    kept = {name: values for name, values in export_state(sim).items() if "_memory_" not in name}
+    import_state(begun(sim), kept)
+    assert not calm(sim, "beside").any()
 
 
 def drawn(sim: Simulation, pull: float, time: float) -> float:
-    """Height of the first grain over the plate [m] after gravity has drawn it upwards with a force [N]."""
-    set_gravity(sim, 0, (0.0, 0.0, pull / MASS))
-    advance(sim, [time])
-    return float(snapshot(sim, 0).position[0, 2])
+    """Height of the grain over the plate [m] after gravity has drawn it upwards with a force [N]."""
+    set_gravity(sim, PLACE["lying"], (0.0, 0.0, pull / MASS))
+    go(sim, time, "lying")
+    return float(snapshot(sim, PLACE["lying"]).position[0, 2])
 
 
-def test_a_cemented_grain_holds_a_force_and_a_grain_that_has_broken_out_none():
-    sim = start([lying()])
-    advance(sim, [0.01])
-    bed = export_bed(sim, 0)
+def test_a_cemented_grain_holds_a_force_and_a_grain_that_has_broken_out_none(sim):
+    go(sim, 0.01, "lying")
+    bed = export_bed(sim, PLACE["lying"])
     # a force that begins at once stretches a bond without loss to twice its length at rest
     assert drawn(sim, 0.45 * STRENGTH, 0.03) < 1.02 * RADIUS
     assert drawn(sim, 1.1 * STRENGTH, 0.033) > 1.1 * RADIUS
-    assert state_of(sim, "surface_crust.calm")[0] == -1.0
+    assert calm(sim, "lying")[0] == -1.0
     assert drawn(sim, -100.0 * MASS, 0.08) < RADIUS, "must lie on the plate again"
     assert drawn(sim, 0.01 * STRENGTH, 0.1) > 1.1 * RADIUS
-    import_bed(sim, 0, bed)
+    import_bed(sim, PLACE["lying"], bed)
     assert drawn(sim, 0.45 * STRENGTH, 0.12) < 1.02 * RADIUS
 
 
-def test_a_broken_crust_frees_the_grain_that_moved_and_no_other():
-    sim = start([lying(2)])
-    advance(sim, [0.01])
-    state = export_state(sim)
-    row = int(np.flatnonzero(state["replica0_ident"] == 1)[0])
-    state["replica0_velocity"][row] = (0.0, 1.0, 0.0)
-    import_state(sim, state)
-    advance(sim, [0.02])
-    assert list(state_of(sim, "surface_crust.calm") < 0.0) == [False, True]
+def pushed(sim: Simulation, name: str, ident: int, velocity: tuple[float, float, float]) -> dict[str, Any]:
+    """The present state with another velocity of one grain [m s-1]."""
+    state, prefix = export_state(sim), f"replica{PLACE[name]}"
+    state[f"{prefix}_velocity"][np.flatnonzero(state[f"{prefix}_ident"] == ident)[0]] = velocity
+    return state
 
 
-def test_a_cement_pulls_both_partners_alike():
-    place = [[0.0, 0.0, 0.0], [2.0 * RADIUS, 0.0, 0.0], [1.0 * RADIUS, 1.732 * RADIUS, 0.0]]
-    bare = setup(grains(place), NONE, law=contacts(0.5), gravity=(0.0, 0.0, 0.0))
-    sim = start([on(bare, CRUST, **STRONG), bare])
-    advance(sim, [1e-5] * 2)
-    state = export_state(sim)
-    for name, values in zip("xyz", state["replica0_origin"].T, strict=True):
-        state[f"replica0_memory_surface_crust.{name}"] = values
-    state["replica0_memory_surface_crust.calm"] = np.ones(3)
-    for replica in (0, 1):
-        row = int(np.flatnonzero(state[f"replica{replica}_ident"] == 0)[0])
-        state[f"replica{replica}_velocity"][row] = (-0.01, 0.0, 0.0)
+def test_a_broken_crust_frees_the_grain_that_moved_and_no_other(sim):
+    go(sim, 0.01, "beside")
+    import_state(sim, pushed(sim, "beside", 1, (0.0, 1.0, 0.0)))
+    go(sim, 0.02, "beside")
+    assert list(calm(sim, "beside") < 0.0) == [False, True]
+
+
+def test_a_cement_pulls_both_partners_alike(sim):
+    go(sim, 1e-5, "cemented", "free")
+    import_state(sim, pushed(sim, "free", 0, (-0.01, 0.0, 0.0)))
+    state, prefix = pushed(sim, "cemented", 0, (-0.01, 0.0, 0.0)), f"replica{PLACE['cemented']}"
+    for name, values in zip("xyz", state[f"{prefix}_origin"].T, strict=True):
+        state[f"{prefix}_memory_surface_crust.{name}"] = values
+    state[f"{prefix}_memory_surface_crust.calm"] = np.ones(3)
     import_state(sim, state)
-    advance(sim, [1e-3] * 2)
-    cemented, free = (snapshot(sim, r).velocity for r in (0, 1))
+    go(sim, 1e-3, "cemented", "free")
+    cemented, free = (snapshot(sim, PLACE[name]).velocity for name in ("cemented", "free"))
     # f64 sums of a hundred steps
-    assert cemented.sum(axis=0) == pytest.approx(state["replica0_velocity"].sum(axis=0), abs=1e-12)
+    assert cemented.sum(axis=0) == pytest.approx(state[f"{prefix}_velocity"].sum(axis=0), abs=1e-12)
     assert np.abs(cemented - free).max() > 1e-3, "must have acted"

@@ -1,15 +1,16 @@
 """Replicas with different numbers of materials beside each other: each has its own contact parameters."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
-from grain_worlds import FRICTION, contacts, fingerprint, heap
+from grain_worlds import contacts, fingerprint, heap
 
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import ContactTable, Laws, Numerics, Setup, Surface, pair_row, pair_rows
-from taichi_erosion.simulation import Simulation, advance, assemble, set_contacts, snapshot
-from taichi_erosion.simulation.self_checks import first_impacts
+from taichi_erosion.simulation import Simulation, advance, reuse_or_assemble, set_contacts, snapshot
+from taichi_erosion.simulation.first_impacts import first_impacts
 
 LAWS, NUMERICS = Laws(rolling="elastic_plastic"), Numerics("cpu", 1)
 FALLEN = 0.01  # s, half way down
@@ -44,6 +45,35 @@ def ends(sim: Simulation) -> list[str]:
     return [fingerprint(snapshot(sim, r)) for r in range(len(sim.setups))]
 
 
+MIXED = {
+    "few": heap(40, 1),
+    "three": three_materials(50, 2),
+    "other few": heap(30, 3),
+    "other three": three_materials(20, 4),
+}
+SLIPPERY = contacts(0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[str, Any]:
+    """Ends of replicas alone and beside each other; kernels compile once for each number of materials."""
+    alone: dict[str, str] = {}
+    for count in (2, 3):
+        sim = None
+        for name, setup in MIXED.items():
+            if len(setup.materials) == count:
+                sim = reuse_or_assemble(sim, [setup], LAWS, NUMERICS)
+                (alone[name],) = ends(sim)
+        sim = reuse_or_assemble(sim, list(MIXED.values()) if count == 3 else [MIXED["few"]], LAWS, NUMERICS)
+        impacts = first_impacts(sim, [SPEED] * len(sim.setups))
+        beside = ends(sim)
+        sim = reuse_or_assemble(sim, sim.setups, LAWS, NUMERICS)
+        set_contacts(sim, 0, SLIPPERY)
+        alone[f"slippery beside {count}"] = ends(sim)[0]
+        stop_device()
+    return locals()
+
+
 @pytest.mark.parametrize("own", [1, 2, 3, 5])
 def test_rows_of_the_first_materials_are_those_of_their_pairs(own):
     found = iter(pair_rows(own, 5))
@@ -52,29 +82,13 @@ def test_rows_of_the_first_materials_are_those_of_their_pairs(own):
             assert next(found) == pair_row(i, j, 5)
 
 
-def test_replicas_with_few_and_with_three_materials_come_out_as_alone():
-    mixed = [heap(40, 1), three_materials(50, 2), heap(30, 3), three_materials(20, 4)]
-    assert len({len(setup.materials) for setup in mixed}) > 1
-    alone = []
-    for setup in mixed:
-        alone += ends(assemble([setup], LAWS, NUMERICS))
-        stop_device()
-    beside = assemble(mixed, LAWS, NUMERICS)
-    impacts = first_impacts(beside, [SPEED] * len(mixed))
+def test_replicas_with_few_and_with_three_materials_come_out_as_alone(found):
+    impacts = found["impacts"]
     assert {impact.replica for impact in impacts} == {0, 1, 2, 3}
     assert [impact.found for impact in impacts] == pytest.approx([i.stated for i in impacts], abs=0.03)
-    assert ends(beside) == alone
-    stop_device()
+    assert found["beside"] == [found["alone"][name] for name in MIXED]
 
 
-def test_contacts_of_one_replica_change_beside_another_with_more_materials():
-    slippery = contacts(0.0, 0.0)
-    assert FRICTION > 0.0
-    sim = assemble([heap(40, 1)], LAWS, NUMERICS)
-    set_contacts(sim, 0, slippery)
-    (alone,) = ends(sim)
-    stop_device()
-    sim = assemble([three_materials(20, 2), heap(40, 1)], LAWS, NUMERICS)
-    set_contacts(sim, 1, slippery)
-    assert ends(sim)[1] == alone
-    stop_device()
+def test_contacts_of_one_replica_change_beside_others_with_more_materials(found):
+    alone = found["alone"]
+    assert alone["slippery beside 2"] == alone["slippery beside 3"] != alone["few"]

@@ -15,7 +15,7 @@ from taichi_erosion.core.snapshot import Status
 from taichi_erosion.run import sanity_checks
 from taichi_erosion.run.sanity_checks import count_failure, restitution_failure
 from taichi_erosion.simulation import Simulation, assemble
-from taichi_erosion.simulation.self_checks import Impact, first_impacts
+from taichi_erosion.simulation.first_impacts import Impact, first_impacts
 
 pytestmark = pytest.mark.engine
 

@@ -10,7 +10,7 @@ replica on one thread.
 Reference: Saad (2003), Iterative Methods for Sparse Linear Systems, 2nd ed., algorithm 9.1.
 """
 
-from taichi_erosion.air.grid import Air, parallel_columns, serial_columns
+from taichi_erosion.air.grid import Air, each_column, parallel_columns
 from taichi_erosion.air.pressure.multigrid import cycle, cycle_replica, negative_laplacian, neighbour_columns
 from taichi_erosion.air.pressure.projection import relative_divergence, sum_over_columns
 from taichi_erosion.core.errors import SimulationStopped
@@ -108,12 +108,12 @@ def solve_replica(air_out: ti.template(), r):
     worst, done = worst_cell(air_out, r), 0
     while worst > REPLICA_TOLERANCE and done < ITERATIONS_MOST:
         cycle_replica(air_out.levels, r)
-        serial_columns(sum_residual_product, air_out, r)
+        each_column(sum_residual_product, air_out, r, r + 1)
         set_direction_weight(air_out, r)
-        serial_columns(set_direction, air_out, r)
-        serial_columns(set_curvature, air_out, r)
+        each_column(set_direction, air_out, r, r + 1)
+        each_column(set_curvature, air_out, r, r + 1)
         set_step_length(air_out, r)
-        serial_columns(update_solution, air_out, r)
+        each_column(update_solution, air_out, r, r + 1)
         worst = worst_cell(air_out, r)
         done += 1
     return worst

@@ -314,20 +314,27 @@ def coarsest_sweeps(levels: MultigridLevels) -> int:
 
 
 @ti.func
-def serial_lines(task: ti.template(), levels_out: ti.template(), level, r):
-    """One device function applied to every line of one level of one replica, in order."""
-    for i in range(levels_out.shape[level, 1]):
-        for j in range(levels_out.shape[level, 2]):
-            task(levels_out, level, r, i, j)
+def each_line(task: ti.template(), serial: ti.template(), levels_out: ti.template(), level, first, last):
+    """One device function applied to every line of one level of the replicas from first to last.
+
+    As the outermost loop of a kernel it runs in parallel unless it is to be `serial`.
+    """
+    nx, ny = levels_out.shape[level, 1], levels_out.shape[level, 2]
+    ti.loop_config(serialize=serial)
+    for r, i, j in ti.ndrange((first, last), nx, ny):
+        task(levels_out, level, r, i, j)
 
 
 @ti.func
-def serial_relax(levels_out: ti.template(), level, first, r):
-    """Relaxation of one level of one replica in order, colour `first` before the other."""
-    for turn in range(2):
-        for i in range(levels_out.shape[level, 1]):
-            for j in range(levels_out.shape[level, 2]):
-                relax_colour(levels_out, level, (first + turn) % 2, r, i, j)
+def relax(serial: ti.template(), levels_out: ti.template(), level, colour, first, last):
+    """Relaxation of one level of the replicas from first to last, a colour (0 or 1) before the other."""
+    nx, ny = levels_out.shape[level, 1], levels_out.shape[level, 2]
+    ti.loop_config(serialize=serial)
+    for r, i, j in ti.ndrange((first, last), nx, ny):
+        relax_colour(levels_out, level, colour, r, i, j)
+    ti.loop_config(serialize=serial)
+    for r, i, j in ti.ndrange((first, last), nx, ny):
+        relax_colour(levels_out, level, 1 - colour, r, i, j)
 
 
 @ti.func
@@ -335,15 +342,15 @@ def cycle_replica(levels_out: ti.template(), r):
     """One V-cycle of one replica on one thread, from a zero solution."""
     last = ti.static(levels_out.number - 1)
     for level in range(last):
-        serial_lines(clear_line, levels_out, level, r)
-        serial_relax(levels_out, level, 0, r)
-        serial_lines(set_residual, levels_out, level, r)
-        serial_lines(restrict_line, levels_out, level + 1, r)
-    serial_lines(clear_line, levels_out, last, r)
+        each_line(clear_line, True, levels_out, level, r, r + 1)
+        relax(True, levels_out, level, 0, r, r + 1)
+        each_line(set_residual, True, levels_out, level, r, r + 1)
+        each_line(restrict_line, True, levels_out, level + 1, r, r + 1)
+    each_line(clear_line, True, levels_out, last, r, r + 1)
     sweep_symmetrically(levels_out, last, ti.static(coarsest_sweeps(levels_out)), r)
     for up in range(last):
-        serial_lines(prolong_line, levels_out, last - 1 - up, r)
-        serial_relax(levels_out, last - 1 - up, 1, r)
+        each_line(prolong_line, True, levels_out, last - 1 - up, r, r + 1)
+        relax(True, levels_out, last - 1 - up, 1, r, r + 1)
 
 
 @ti.kernel
@@ -359,10 +366,7 @@ def parallel_lines(
 
     Writes `levels_out`: what `task` writes.
     """
-    nx, ny = levels_out.shape[level, 1], levels_out.shape[level, 2]
-    ti.loop_config(serialize=serial)
-    for r, i, j in ti.ndrange(levels_out.right_side.shape[0], nx, ny):
-        task(levels_out, level, r, i, j)
+    each_line(task, serial, levels_out, level, 0, levels_out.right_side.shape[0])
 
 
 @ti.kernel
@@ -378,13 +382,7 @@ def parallel_relax(
 
     Writes `levels_out`: solution.
     """
-    replicas, nx, ny = levels_out.right_side.shape[0], levels_out.shape[level, 1], levels_out.shape[level, 2]
-    ti.loop_config(serialize=serial)
-    for r, i, j in ti.ndrange(replicas, nx, ny):
-        relax_colour(levels_out, level, first, r, i, j)
-    ti.loop_config(serialize=serial)
-    for r, i, j in ti.ndrange(replicas, nx, ny):
-        relax_colour(levels_out, level, 1 - first, r, i, j)
+    relax(serial, levels_out, level, first, 0, levels_out.right_side.shape[0])
 
 
 @ti.kernel

@@ -11,14 +11,14 @@ repeat to the bit on any number of threads.
 Reference: Chorin (1968), Math. Comput. 22, 745; van Kan (1986), SIAM J. Sci. Stat. Comput. 7, 870.
 """
 
-from taichi_erosion.air.grid import Air, parallel_stage_columns, serial_stage_columns
+from taichi_erosion.air.grid import Air, each_stage_column, parallel_stage_columns
 from taichi_erosion.air.momentum import UNIT, drag_rate, face_void, is_solved, volume_flux
 from taichi_erosion.air.pressure.multigrid import (
     coarsen_conductances,
+    each_line,
     factor_line,
     neighbour_columns,
     parallel_lines,
-    serial_lines,
 )
 from taichi_erosion.core.ti import ti
 
@@ -86,11 +86,11 @@ def set_finest_conductances(air_out: ti.template(), r, i, j, share):
 @ti.func
 def set_replica_conductances(air_out: ti.template(), r, share):
     """Conductances of all levels of one replica, on one thread."""
-    serial_stage_columns(set_finest_conductances, air_out, r, share)
+    each_stage_column(set_finest_conductances, air_out, r, r + 1, share)
     for level in range(1, air_out.levels.number):
-        serial_lines(coarsen_conductances, air_out.levels, level, r)
+        each_line(coarsen_conductances, True, air_out.levels, level, r, r + 1)
     for level in range(air_out.levels.number):
-        serial_lines(factor_line, air_out.levels, level, r)
+        each_line(factor_line, True, air_out.levels, level, r, r + 1)
 
 
 def set_conductances(air: Air, share: float) -> None:

@@ -113,13 +113,6 @@ def compile_jkr(branch: str, cap: str) -> Any:
     return normal_force
 
 
-@ti.func
-def normal_energy(materials: ti.template(), row, overlap, root_radius):
-    """Energy stored in the repulsive spring alone [J]; the neck's energy is not counted."""
-    depth = ti.max(overlap, 0.0)
-    return (8.0 / 15.0) * materials.young[row] * root_radius * ti.sqrt(depth) * depth * depth
-
-
 def gap_reach(adhesion: Floats, young: Floats, radius: float) -> float:
     """Gap beyond which the force vanishes [m], 1.190551 L^2/R* for the largest effective radius."""
     length = np.cbrt(adhesion * radius**2 / young)

@@ -11,6 +11,9 @@ Reference: Ai, Chen, Rotter & Ooi (2011), Powder Technology 206, 269, model A; Z
 """
 
 from taichi_erosion.core.ti import ti
+from taichi_erosion.grains.laws.rolling_none import rolling_constant, rolling_energy
+
+__all__ = ["rolling_constant", "rolling_energy", "rolling_torque"]  # it has no spring
 
 SPIN_LEAST = 1e-12  # below it there is no direction to oppose [rad s-1]
 
@@ -21,15 +24,3 @@ def rolling_torque(materials: ti.template(), row, contact: ti.template(), displa
     limit = materials.friction_rolling[row] * contact.root_radius * contact.root_radius * contact.cap_force
     speed = contact.rolling_velocity.norm()
     return contact.rolling_velocity * (-limit / ti.max(speed, SPIN_LEAST)), displacement
-
-
-@ti.func
-def rolling_constant(materials: ti.template(), row, root_radius, inertia):
-    """Rolling damping constant over sqrt(a) [N m s m-0.5]."""
-    return 0.0 * root_radius
-
-
-@ti.func
-def rolling_energy(materials: ti.template(), row, contact_radius, root_radius, displacement):
-    """Energy stored in the rolling spring [J]."""
-    return 0.0

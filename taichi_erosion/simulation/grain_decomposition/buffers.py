@@ -15,7 +15,7 @@ from taichi_erosion.simulation.capacities import Capacities
 
 NO_FAULT = 2**31 - 1  # of `faulty`
 
-Stages = tuple[tuple[Any, int], ...]  # device function of a stage, and how many threads it takes a replica
+Stages = tuple[tuple[Any, ...], ...]  # device functions of a stage, and how many threads it takes a replica
 
 
 @device_record
@@ -84,24 +84,12 @@ def sum_chunk(numbers: ti.template(), sums_out: ti.template(), first, count, pla
 
 
 @ti.func
-def sum_chunks_before(sums_out: ti.template(), place, chunks):
-    """Turn sums of chunks into sums of all chunks before; returns the sum of all."""
+def sum_before(sums: ti.template(), place, k):
+    """Sum of the first k sums of chunks from `place` on."""
     total = 0
-    for k in range(chunks):
-        part = sums_out[place + k]
-        sums_out[place + k] = total
-        total += part
+    for n in range(place, place + k):
+        total += sums[n]
     return total
-
-
-@ti.func
-def chunk_bounds(numbers_out: ti.template(), sums: ti.template(), first, count, place, k, size, base):
-    """Turn the numbers of chunk k into bounds: `base` plus the sum of all numbers before."""
-    running = base + sums[place + k]
-    for n in range(k * size, ti.min((k + 1) * size, count)):
-        number = numbers_out[first + n]
-        numbers_out[first + n] = running
-        running += number
 
 
 @ti.func

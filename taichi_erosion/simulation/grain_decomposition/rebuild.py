@@ -1,8 +1,10 @@
-"""Rebuild of the neighbour lists of the queued replicas: a chain of stages over their grains and cells.
+"""Rebuild of the lists of the queued replicas: a chain of stages over their grains, cells and entries.
 
 Release, checks of positions, the grid of cells, a counting sort, moves, two searches (the first counts the
 entries, the second writes them), and the swap of sides. Counts are added by atomic operations on integers,
 and what they scatter is sorted afterwards: lists are those of `grains.neighbour_search`, entry for entry.
+Reverse lists follow: for every grain the entries in which it is the second of the pair. Where numbers become
+bounds (a prefix sum), one stage sums each chunk, and the next adds the sums of the chunks before.
 """
 
 from taichi_erosion.core.ti import ti
@@ -28,12 +30,12 @@ from taichi_erosion.grains.neighbour_search import (
 from taichi_erosion.grains.state import side_block
 from taichi_erosion.grains.wall_contacts import list_grain
 from taichi_erosion.simulation.grain_decomposition.buffers import (
+    NO_FAULT,
     GrainBuffers,
     Stages,
-    chunk_bounds,
     sort_run,
+    sum_before,
     sum_chunk,
-    sum_chunks_before,
 )
 from taichi_erosion.simulation.step import position_fault, stop_at, swap_sides
 
@@ -141,17 +143,15 @@ def sum_cells(world: ti.template(), buffers_out: ti.template(), r, k):
 
 
 @ti.func
-def join_cells(world: ti.template(), buffers_out: ti.template(), r, _):
-    """Grains before every chunk of cells."""
-    sum_chunks_before(buffers_out.cell_sums, r * buffers_out.cell_chunks, buffers_out.cell_chunks)
-
-
-@ti.func
 def bound_cells(world_out: ti.template(), buffers: ti.template(), r, k):
     """Rank of the first grain of every cell of one chunk."""
-    first, place = row_of_cells(world_out.cells, r) + 2, r * buffers.cell_chunks
-    count, size = buffers.cells[r], buffers.cell_chunk
-    chunk_bounds(world_out.cells.first, buffers.cell_sums, first, count, place, k, size, 0)
+    (numbers_out,) = ti.static((world_out.cells.first,))
+    first = row_of_cells(world_out.cells, r) + 2
+    rank = sum_before(buffers.cell_sums, r * buffers.cell_chunks, k)
+    for c in range(k * buffers.cell_chunk, ti.min((k + 1) * buffers.cell_chunk, buffers.cells[r])):
+        number = numbers_out[first + c]
+        numbers_out[first + c] = rank
+        rank += number
 
 
 @ti.func
@@ -206,31 +206,26 @@ def sum_lists(world: ti.template(), buffers_out: ti.template(), r, k):
 
 
 @ti.func
-def join_lists(world_out: ti.template(), buffers_out: ti.template(), r, _):
-    """Entries before every chunk of grains, and how many do not fit."""
-    (replicas_out,) = ti.static((world_out.replicas,))
-    place = r * buffers_out.grain_chunks
-    wanted = sum_chunks_before(buffers_out.pair_sums, place, buffers_out.grain_chunks)
-    walls = sum_chunks_before(buffers_out.wall_sums, place, buffers_out.grain_chunks)
-    replicas_out.short[r, 0] = ti.max(wanted - world_out.pairs.capacity, 0)
-    replicas_out.wall_short[r, 0] = ti.max(walls - world_out.wall_pairs.capacity, 0)
-
-
-@ti.func
 def bound_lists(world_out: ti.template(), buffers: ti.template(), r, k):
-    """First and last entries of the grains of one chunk."""
-    side, base = 1 - world_out.replicas.side[r], new_side(world_out, r)
-    count, size = world_out.replicas.released[r], buffers.grain_chunk
-    place = r * buffers.grain_chunks
-    for lists_out, sums in ti.static(
-        ((world_out.pairs, buffers.pair_sums), (world_out.wall_pairs, buffers.wall_sums))
+    """First and last entries of the grains of one chunk; the last notes how many of all do not fit."""
+    (replicas_out,) = ti.static((world_out.replicas,))
+    base, place = new_side(world_out, r), r * buffers.grain_chunks
+    begin, end = k * buffers.grain_chunk, ti.min((k + 1) * buffers.grain_chunk, replicas_out.released[r])
+    for lists_out, sums, short_out in ti.static(
+        (
+            (world_out.pairs, buffers.pair_sums, replicas_out.short),
+            (world_out.wall_pairs, buffers.wall_sums, replicas_out.wall_short),
+        )
     ):
-        end = entry_block(lists_out, r, side) + sums[place + k]
-        for rank in range(k * size, ti.min((k + 1) * size, count)):
-            end += lists_out.start[base + rank]
-            lists_out.stop[base + rank] = end
-        first = entry_block(lists_out, r, side)
-        chunk_bounds(lists_out.start, sums, base, count, place, k, size, first)
+        first = entry_block(lists_out, r, 1 - replicas_out.side[r])
+        entry = first + sum_before(sums, place, k)
+        for i in range(base + begin, base + end):
+            number = lists_out.start[i]
+            lists_out.start[i] = entry
+            entry += number
+            lists_out.stop[i] = entry
+        if k == buffers.grain_chunks - 1:
+            short_out[r, 0] = ti.max(entry - first - lists_out.capacity, 0)
 
 
 @ti.func
@@ -276,9 +271,94 @@ def rebuild_stages(world: World, buffers: GrainBuffers) -> tuple[Stages, ...]:
     grains, cells = world.grains.capacity, world.cells.capacity
     chunks, cell_chunks = buffers.grain_chunks, buffers.cell_chunks
     begin = ((begin_rebuild, 1), (release, grains), (survey_chunk, chunks), (prepare_sort, 1))
-    count = ((clear_cell, cells + 2), (count_in_cell, grains), (sum_cells, cell_chunks), (join_cells, 1))
+    count = ((clear_cell, cells + 2), (count_in_cell, grains), (sum_cells, cell_chunks))
     sort = ((bound_cells, cell_chunks), (put_in_cell, grains), (sort_cell, cells), (move_sorted, grains))
-    bound = ((sum_lists, chunks), (join_lists, 1), (bound_lists, chunks))
+    bound = ((sum_lists, chunks), (bound_lists, chunks))
     end: Stages = ((write_lists, grains), (end_rebuild, 1))
     end = (*end, (locate_sphere, grains)) if world.clumped else end
     return (*begin, *count, *sort), ((count_entries, grains),), (*bound, *end)
+
+
+@ti.func
+def clear_partners(world: ti.template(), buffers_out: ti.template(), r, rank):
+    """Empty the reverse list of a grain."""
+    buffers_out.start[r * world.grains.capacity + rank] = 0
+
+
+@ti.func
+def begin_link(world: ti.template(), buffers_out: ti.template(), r, _):
+    """Number of entries of replica r."""
+    side, released = world.replicas.side[r], world.replicas.released[r]
+    listed = 0
+    if released > 0:
+        last = side_block(world.grains, r, side) + released - 1
+        listed = world.pairs.stop[last] - entry_block(world.pairs, r, side)
+    buffers_out.listed[r] = listed
+
+
+@ti.func
+def second_grain(world: ti.template(), r, k):
+    """Place of the second grain of entry k among those of the reverse lists."""
+    e = entry_block(world.pairs, r, world.replicas.side[r]) + k
+    return r * world.grains.capacity + world.pairs.neighbour[e]
+
+
+@ti.func
+def count_partner(world: ti.template(), buffers_out: ti.template(), r, k):
+    """Count an entry at its second grain."""
+    if k < buffers_out.listed[r]:
+        ti.atomic_add(buffers_out.start[second_grain(world, r, k)], 1)
+
+
+@ti.func
+def sum_partners(world: ti.template(), buffers_out: ti.template(), r, k):
+    """Entries of the reverse lists of one chunk of grains."""
+    first, place = r * world.grains.capacity, r * buffers_out.grain_chunks
+    count, size = world.replicas.released[r], buffers_out.grain_chunk
+    sum_chunk(buffers_out.start, buffers_out.pair_sums, first, count, place, k, size)
+
+
+@ti.func
+def bound_partners(world: ti.template(), buffers_out: ti.template(), r, k):
+    """First places in the reverse lists of one chunk of grains, which end where they begin."""
+    row, size = r * world.grains.capacity, buffers_out.grain_chunk
+    place = r * world.pairs.capacity + sum_before(buffers_out.pair_sums, r * buffers_out.grain_chunks, k)
+    for i in range(row + k * size, row + ti.min((k + 1) * size, world.replicas.released[r])):
+        number = buffers_out.start[i]
+        buffers_out.start[i], buffers_out.stop[i] = place, place
+        place += number
+
+
+@ti.func
+def note_partner(world: ti.template(), buffers_out: ti.template(), r, k):
+    """Write an entry to the reverse list of its second grain."""
+    if k < buffers_out.listed[r]:
+        place = ti.atomic_add(buffers_out.stop[second_grain(world, r, k)], 1)
+        buffers_out.partner_entry[place] = k
+
+
+@ti.func
+def sort_partners(world: ti.template(), buffers_out: ti.template(), r, rank):
+    """Order the reverse list of a grain by entry."""
+    place = r * world.grains.capacity + rank
+    if rank < world.replicas.released[r]:
+        sort_run(buffers_out.partner_entry, buffers_out.start[place], buffers_out.stop[place])
+
+
+@ti.func
+def end_link(world: ti.template(), buffers_out: ti.template(), r, _):
+    """From here on the reverse lists of replica r are valid."""
+    buffers_out.faulty[r] = NO_FAULT
+    buffers_out.linked[r] = 1
+
+
+def link_stages(world: World, buffers: GrainBuffers) -> Stages:
+    """Stages that make reverse lists.
+
+    Entries are counted one by one, not grain by grain: an atomic operation in a loop of a thread is wrong on
+    Mesa's software Vulkan driver (22.3.6).
+    """
+    grains, entries, chunks = world.grains.capacity, world.pairs.capacity, buffers.grain_chunks
+    counted = ((begin_link, 1), (clear_partners, grains), (count_partner, entries))
+    bounded = ((sum_partners, chunks), (bound_partners, chunks))
+    return (*counted, *bounded, (note_partner, entries), (sort_partners, grains), (end_link, 1))

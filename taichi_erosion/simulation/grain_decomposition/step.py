@@ -11,14 +11,9 @@ from taichi_erosion.grains import World
 from taichi_erosion.grains.clumps import advance_clump, released_bodies
 from taichi_erosion.grains.state import REBUILD, STOP
 from taichi_erosion.simulation.grain_decomposition.buffers import NO_FAULT, GrainBuffers, Stages
-from taichi_erosion.simulation.grain_decomposition.exchange import (
-    exchange_stages,
-    first_exchange_stages,
-    is_moving,
-)
+from taichi_erosion.simulation.grain_decomposition.exchange import exchange_stages, first_exchange_stages
 from taichi_erosion.simulation.grain_decomposition.forces import add_walls, evaluate_entry, move, sum_pairs
-from taichi_erosion.simulation.grain_decomposition.rebuild import rebuild_stages
-from taichi_erosion.simulation.grain_decomposition.reverse_lists import link_stages
+from taichi_erosion.simulation.grain_decomposition.rebuild import link_stages, rebuild_stages
 from taichi_erosion.simulation.step import OVERLAP, required_action, tick
 
 MISSING_FUNCTION = ("does not 64bits operation", "must <= 32bits")  # of Taichi's compiler for Vulkan
@@ -62,16 +57,22 @@ def note_fault(world_out: ti.template(), buffers_out: ti.template(), r):
 
 
 @ti.func
+def is_stepping(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
+    """Whether the coming step advances replica r."""
+    return buffers.stepping[r] == 1
+
+
+@ti.func
 def evaluate(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
     """Force of one pair."""
-    if buffers_out.stepping[r] == 1 and k < buffers_out.listed[r]:
+    if k < buffers_out.listed[r]:
         evaluate_entry(world_out, buffers_out, r, k)
 
 
 @ti.func
 def integrate_grain(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
     """Forces on one grain, and its motion; a sphere of a clump moves with its body."""
-    if is_moving(world_out, buffers_out, r, rank):
+    if rank < world_out.replicas.released[r]:
         sum_pairs(world_out, buffers_out, r, rank)
         add_walls(world_out, buffers_out, r, rank)
         if ti.static(not world_out.clumped):
@@ -81,7 +82,7 @@ def integrate_grain(world_out: ti.template(), coupling: ti.template(), buffers_o
 @ti.func
 def integrate_body(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, k):
     """Motion of one clump: the forces on its spheres are summed in their order."""
-    if buffers.stepping[r] == 1 and k < released_bodies(world_out, r):
+    if k < released_bodies(world_out, r):
         need = advance_clump(world_out, r, k, world_out.replicas.step[r])
         if need != 0:
             ti.atomic_max(world_out.replicas.need[r, 0], need)
@@ -90,18 +91,19 @@ def integrate_body(world_out: ti.template(), coupling: ti.template(), buffers: t
 @ti.func
 def end_step(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, _):
     """Clock, walls and faults of replica r, and whether it goes on."""
-    if buffers_out.stepping[r] == 1:
-        note_fault(world_out, buffers_out, r)
-        tick(world_out, r)
-        world_out.replicas.steps_left[r] = world_out.replicas.steps_left[r] - 1
-        judge(world_out, buffers_out, r)
+    note_fault(world_out, buffers_out, r)
+    tick(world_out, r)
+    world_out.replicas.steps_left[r] = world_out.replicas.steps_left[r] - 1
+    judge(world_out, buffers_out, r)
 
 
 def step_stages(world: World, coupling: CouplingState) -> Stages:
     """Stages of one step."""
-    forces = ((evaluate, world.pairs.capacity), (integrate_grain, world.grains.capacity))
-    bodies: Stages = ((integrate_body, world.clumps.capacity),) if world.clumped else ()
-    return (*exchange_stages(world, coupling), *forces, *bodies, (end_step, 1))
+    tasks = [(evaluate, world.pairs.capacity), (integrate_grain, world.grains.capacity)]
+    if world.clumped:
+        tasks.append((integrate_body, world.clumps.capacity))
+    steps = ((is_stepping, task, width) for task, width in [*tasks, (end_step, 1)])
+    return (*exchange_stages(world, coupling), *steps)
 
 
 @ti.kernel
@@ -135,12 +137,13 @@ def run_part(
 ):
     """Run stages one after the other, from thread `first` on; it writes what they write."""
     for stage in ti.static(stages):
-        task, width = ti.static(stage)
+        acts, task, width = ti.static(stage)
         wanted = ti.static(world_out.replicas.count * width)
         for thread in range(ti.static(min(wanted, LAUNCH_MOST))):
             n = first + thread
             if n < wanted:
-                task(world_out, coupling_out, buffers_out, n // width, n % width)
+                if acts(world_out, coupling_out, buffers_out, n // width):
+                    task(world_out, coupling_out, buffers_out, n // width, n % width)
 
 
 def launches(stages: Stages, replicas: int) -> Iterator[tuple[Stages, int]]:
@@ -148,11 +151,11 @@ def launches(stages: Stages, replicas: int) -> Iterator[tuple[Stages, int]]:
 
     One, or several for each stage where one of them has more threads than a device need start at once.
     """
-    if all(replicas * width <= LAUNCH_MOST for _, width in stages):
+    if all(replicas * width <= LAUNCH_MOST for *_, width in stages):
         yield stages, 0
         return
     for stage in stages:
-        for first in range(0, replicas * stage[1], LAUNCH_MOST):
+        for first in range(0, replicas * stage[-1], LAUNCH_MOST):
             yield (stage,), first
 
 
