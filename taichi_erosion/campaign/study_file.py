@@ -303,8 +303,18 @@ class CalibrationStudy:
         """Scene that answers an observable."""
         return self.path.parent / str(self.study.observables[observable].scene)
 
+    @property
+    def scenes(self) -> list[Path]:
+        """Scenes that answer the targets."""
+        return list(dict.fromkeys(self.scene(name) for name in self.study.targets))
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """Names of the parameters for people, by path."""
+        return {path: entry.label or path for path, entry in self.study.parameters.items()}
+
     def measure(self, observable: str) -> str:
-        """Measure of that scene."""
+        """Measure that answers an observable."""
         return self.study.observables[observable].measure or observable
 
 

@@ -166,7 +166,7 @@ def print_analysis(document: Record) -> None:
     """Print the effects on every response, largest first."""
     for response, found in document["analyse"]["responses"].items():
         rows = (
-            [rounded(effect[key]) for key in ("name", "value", "share", "p")] for effect in found["effects"]
+            [rounded(effect[key]) for key in ("label", "value", "share", "p")] for effect in found["effects"]
         )
         output.print_table(f"effects on {response}", ("factor", "effect", "share", "p"), rows)
     typer.echo(f"factors of the next steps: {', '.join(document['analyse']['kept'])}")
@@ -180,11 +180,17 @@ def print_climb(document: Record) -> None:
 
 def print_surface(document: Record) -> None:
     """Print the analysis of variance and the equation of every response."""
-    keys = ("source", "sum_of_squares", "df", "mean_square", "f", "p")
+    keys = ("sum_of_squares", "df", "mean_square", "f", "p")
     for response, found in document["surface"]["responses"].items():
-        rows = ([rounded(row[key]) for key in keys] for row in found["anova"])
-        output.print_table(f"response surface of {response}", keys, rows)
+        rows = ([rounded(row[key]) for key in ("label", *keys)] for row in found["anova"])
+        output.print_table(f"response surface of {response}", ("source", *keys), rows)
         typer.echo(found["natural_reduced"])
+        fit = found["quality_reduced"]
+        typer.echo(
+            f"R2 {fit['r2']:.3f}, adjusted {fit['r2_adjusted']:.3f}, predicted {fit['r2_predicted']:.3f}"
+        )
+        if found["warning"]:
+            typer.echo(found["warning"])
 
 
 def print_optimum(document: Record) -> None:

@@ -53,7 +53,7 @@ def publish(found: Calibration) -> Path:
         scenes=[Path(path).name for path in document.get("calibrated_scenes", [])],
         scatter=with_scatter_of,
         symbols=symbols(found),
-        kept=", ".join(labels(found)[path] for path in document["analyse"]["kept"]),
+        kept=", ".join(found.file.labels[path] for path in document["analyse"]["kept"]),
         effects={name: effect_table(found, name) for name in targets},
         climb=climb_table(found),
         variance={name: variance_table(document["surface"]["responses"][name]) for name in targets},
@@ -85,7 +85,7 @@ def save(found: Calibration, figure: Figure, name: str) -> None:
 def response_figures(found: Calibration, name: str) -> dict[str, Figure]:
     """Figures of one response, by kind."""
     assert found.surface is not None
-    document, names, target = found.document, labels(found), found.file.study.targets[name]
+    document, names, target = found.document, found.file.labels, found.file.study.targets[name]
     analysed, fit = document["analyse"], found.surface.fits[name]
     best, values = document["optimise"]["optima"][0], document["confirm"]["values"][name]
     at = np.array([(best["settings"][f.path] - f.centre) / f.half for f in fit.factors])
@@ -100,11 +100,6 @@ def response_figures(found: Calibration, name: str) -> dict[str, Figure]:
     }
 
 
-def labels(found: Calibration) -> dict[str, str]:
-    """Readable names of the parameters, by path."""
-    return {path: entry.label or path for path, entry in found.file.study.parameters.items()}
-
-
 def effect_table(found: Calibration, name: str) -> str:
     """Effects, largest first, with the published values where the study has any."""
     rows, target = [], found.file.study.targets[name]
@@ -112,7 +107,7 @@ def effect_table(found: Calibration, name: str) -> str:
     published = any(entry.published for entry in found.file.study.parameters.values())
     for effect in screened["effects"]:
         entry = found.file.study.parameters[effect["name"]]
-        label = f"{labels(found)[effect['name']]} {entry.symbol}".strip()
+        label = f"{effect['label']} {entry.symbol}".strip()
         limits = f"{entry.low:g} to {entry.high:g} {'' if entry.unit == '1' else entry.unit}".rstrip()
         value = with_scatter_of(
             effect["value"], standard_error(effect, screened["quality"]["sd"]), signed=True
@@ -168,7 +163,7 @@ def climb_table(found: Calibration) -> str:
         mark = " (nearest)" if step == document["best"] - 1 else ""
         values = [row["settings"][path] for path in paths] + [row["responses"][name] for name in names]
         rows.append((f"{step}{mark}", *(number(value) for value in values)))
-    return markdown_table(("step", *(labels(found)[path] for path in paths), *names), rows)
+    return markdown_table(("step", *(found.file.labels[path] for path in paths), *names), rows)
 
 
 def number(value: float) -> str:
@@ -178,7 +173,7 @@ def number(value: float) -> str:
 
 def variance_table(document: Mapping[str, Any]) -> str:
     """Analysis of variance."""
-    rows = [(row["source"], *(number(row[key]) for key in VARIANCE)) for row in document["anova"]]
+    rows = [(row["label"], *(number(row[key]) for key in VARIANCE)) for row in document["anova"]]
     return markdown_table(("source", "sum of squares", "df", "mean square", "F", "p"), rows)
 
 
@@ -207,7 +202,7 @@ def optimum_table(found: Calibration) -> str:
         predicted = (one["predicted"][name] for name in targets)
         intervals = (interval_words(each) for each in predicted)
         rows.append((*(number(one["settings"][path]) for path in paths), *intervals))
-    header = (*(labels(found)[path] for path in paths), *(f"{name}, predicted" for name in targets))
+    header = (*(found.file.labels[path] for path in paths), *(f"{name}, predicted" for name in targets))
     return markdown_table(header, rows)
 
 
@@ -275,7 +270,7 @@ def write_recording(study: Path) -> Path:
 def run_table(file: CalibrationStudy, rows: Sequence[Row]) -> str:
     """Settings and responses of every run."""
     paths, targets = list(file.study.parameters), list(file.study.targets)
-    header = ["run", *(file.study.parameters[path].label or path for path in paths), *targets]
+    header = ["run", *file.labels.values(), *targets]
     cells = [[run_name(row), *(row[key] for key in (*paths, *targets))] for row in rows]
     return markdown_table(header, cells)
 

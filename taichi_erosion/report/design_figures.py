@@ -18,10 +18,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy import stats
+from statsmodels.stats.outliers_influence import OLSInfluence
 
 from taichi_erosion.campaign.study_file import Target
 from taichi_erosion.experiments.design_table import Design, to_natural
-from taichi_erosion.experiments.fit import Fit, diagnostics
+from taichi_erosion.experiments.fit import Fit
 from taichi_erosion.report import figure_style
 
 Floats = NDArray[np.float64]
@@ -46,12 +47,6 @@ def panels(count: int, columns: int, projection: str | None = None) -> Iterator[
         yield figure_style.panels(count, columns, PANEL, projection)
 
 
-def label(term: str, names: Names) -> str:
-    """Axis label of a factor, a power, or a product of factors."""
-    words = (factor.partition("^") for factor in term.split("*"))
-    return " \N{MULTIPLICATION SIGN} ".join(names.get(path, path) + hat + power for path, hat, power in words)
-
-
 def response_surfaces(fit: Fit, names: Names, unit: str, at: Floats | None = None) -> Figure:
     """Fitted surface over every pair of factors, the others at a coded point (default: the centre)."""
     pairs = list(combinations(range(len(fit.factors)), 2))
@@ -60,7 +55,7 @@ def response_surfaces(fit: Fit, names: Names, unit: str, at: Floats | None = Non
             across, up, height = grid(fit, i, j, at)
             axes.plot_surface(across, up, height, cmap=MAP, rstride=2, cstride=2, edgecolor="black", lw=0.15)
             for side, factor in ((axes.xaxis, fit.factors[i]), (axes.yaxis, fit.factors[j])):
-                side.set_label_text(label(factor.path, names).replace(", ", ",\n"), fontsize=7.5)
+                side.set_label_text(names.get(factor.path, factor.path).replace(", ", ",\n"), fontsize=7.5)
                 side.labelpad = 6.0
             axes.tick_params(labelsize=7)
             axes.set_box_aspect(None, zoom=0.8)  # leaves room for the names
@@ -88,7 +83,7 @@ def contours(
             runs = to_natural(fit.factors, fit.coded)
             axes.plot(runs[:, i], runs[:, j], "o", color="black", ms=3, clip_on=False)
             axes.plot(place[i], place[j], "x", color=POINT, ms=8, mew=2, clip_on=False)
-            axes.set(xlabel=label(fit.factors[i].path, names), ylabel=label(fit.factors[j].path, names))
+            axes.set(xlabel=names.get(fit.factors[i].path, fit.factors[i].path), ylabel=names.get(fit.factors[j].path, fit.factors[j].path))
         figure.suptitle(f"{fit.response} [{unit}]", fontsize=9)
     return figure
 
@@ -112,7 +107,7 @@ def perturbation(fit: Fit, names: Names, unit: str, at: Floats | None = None) ->
         for k, factor in enumerate(fit.factors):
             points = np.tile(np.zeros(len(fit.factors)) if at is None else at, (TICKS, 1))
             points[:, k] = ticks
-            name, dash = label(factor.path, names), DASHES[k % len(DASHES)]
+            name, dash = names.get(factor.path, factor.path), DASHES[k % len(DASHES)]
             axes.plot(ticks, fit.predict(points), linestyle=dash, label=name)
         axes.set(xlabel="coded level of the factor [1]", ylabel=f"{fit.response} [{unit}]")
         axes.legend(frameon=False, fontsize=8)
@@ -132,12 +127,15 @@ def predicted_against_actual(fit: Fit, unit: str) -> Figure:
 def residuals(fit: Fit, run_order: NDArray[np.int64]) -> Figure:
     """Studentized residuals against normal scores, fitted values and run order; Cook's distance.
 
-    `run_order` is the position of each design row in the sequence of runs.
+    Each residual's own run is left out of its error; dashed: the Bonferroni limit at 5 %. `run_order` is the position of each design row in the sequence of runs.
     """
-    found = diagnostics(fit)
-    known = np.isfinite(found.deleted)
-    left, fitted, when = found.deleted[known], fit.fitted[known], run_order[fit.rows][known]
-    with panels(4, 2) as (figure, (normal, level, order, influence)):
+    influence = OLSInfluence(fit.results)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a run that alone fixes a coefficient
+        deleted, cook = np.asarray(influence.resid_studentized_external), influence.cooks_distance[0]
+    limit = float(stats.t.isf(0.025 / len(deleted), fit.df_error - 1)) if fit.df_error > 1 else np.nan
+    known = np.isfinite(deleted)
+    left, fitted, when = deleted[known], fit.fitted[known], run_order[fit.rows][known]
+    with panels(4, 2) as (figure, (normal, level, order, distance)):
         scores = stats.norm.ppf((np.arange(1, len(left) + 1) - 0.5) / len(left))
         normal.plot(np.sort(left), scores, "o", color=LINE)
         normal.plot(scores, scores, color=NEUTRAL, lw=1.0)
@@ -148,10 +146,10 @@ def residuals(fit: Fit, run_order: NDArray[np.int64]) -> Figure:
         order.set(xlabel="run order", ylabel="studentized residual [1]")
         for axes in (level, order):
             axes.axhline(0.0, color=NEUTRAL, lw=1.0)
-            for side in (-found.limit, found.limit):
+            for side in (-limit, limit):
                 axes.axhline(side, color=POINT, linestyle="--", lw=1.0)
-        influence.stem(run_order[fit.rows], found.cook, basefmt=" ")
-        influence.set(xlabel="run order", ylabel="Cook's distance [1]")
+        distance.stem(run_order[fit.rows], cook, basefmt=" ")
+        distance.set(xlabel="run order", ylabel="Cook's distance [1]")
     return figure
 
 

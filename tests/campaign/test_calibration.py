@@ -6,6 +6,7 @@ from pathlib import Path
 
 import closed_form
 import numpy as np
+import pandas as pd
 import pytest
 import tomli_w
 from run.small_scene import SCENE
@@ -16,7 +17,7 @@ from taichi_erosion.campaign.calibration_steps import surface_design
 from taichi_erosion.campaign.study_file import read_calibration_study
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.experiments.design_table import Factor, read_design
+from taichi_erosion.experiments.design_table import Factor
 from taichi_erosion.report import write_report
 from taichi_erosion.report.calibration_page import publish, verdict
 from taichi_erosion.run.checks import read_scene
@@ -169,9 +170,9 @@ def test_no_two_runs_share_their_noise(found, folder):
 
 def test_the_tables_hold_the_designs_with_their_responses(found, folder):
     for name, design in (("screen", found.screening.design), ("surface", found.surface.design)):
-        kept = read_design(folder / "study" / f"{name}.csv")
-        assert kept.coded == pytest.approx(design.coded)
-        assert kept.responses["repose_angle"] == pytest.approx(design.responses["repose_angle"])
+        kept = pd.read_csv(folder / "study" / f"{name}.csv")
+        assert kept.filter(like="coded ").to_numpy() == pytest.approx(design.coded)
+        assert kept["repose_angle"].to_numpy() == pytest.approx(design.responses["repose_angle"])
 
 
 def test_a_step_called_again_runs_nothing_and_says_the_same(found, folder, monkeypatch):
