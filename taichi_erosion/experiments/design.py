@@ -120,7 +120,7 @@ def central_composite(
 
 
 def latin_hypercube(factors: Sequence[Factor], runs: int, seed: int, centre_points: int = 0) -> Design:
-    """Space-filling runs of low centred discrepancy, one in each of `runs` slices of every factor, and centre.
+    """Space-filling runs, one in each slice of every factor, of low centred discrepancy, and centre points.
 
     The seed draws the points and the order of the runs.
 

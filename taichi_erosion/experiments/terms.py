@@ -52,7 +52,9 @@ def term_name(term: Term, names: Sequence[str]) -> str:
 def term_label(name: str, labels: Mapping[str, str]) -> str:
     """A term's name with labels for the factors, "sliding friction × restitution^2"."""
     words = (factor.partition("^") for factor in name.split("*"))
-    return " \N{MULTIPLICATION SIGN} ".join(labels.get(path, path) + hat + power for path, hat, power in words)
+    return " \N{MULTIPLICATION SIGN} ".join(
+        labels.get(path, path) + hat + power for path, hat, power in words
+    )
 
 
 def parents(term: Term) -> set[Term]:

@@ -83,7 +83,10 @@ def contours(
             runs = to_natural(fit.factors, fit.coded)
             axes.plot(runs[:, i], runs[:, j], "o", color="black", ms=3, clip_on=False)
             axes.plot(place[i], place[j], "x", color=POINT, ms=8, mew=2, clip_on=False)
-            axes.set(xlabel=names.get(fit.factors[i].path, fit.factors[i].path), ylabel=names.get(fit.factors[j].path, fit.factors[j].path))
+            across_name, up_name = (
+                names.get(path, path) for path in (fit.factors[i].path, fit.factors[j].path)
+            )
+            axes.set(xlabel=across_name, ylabel=up_name)
         figure.suptitle(f"{fit.response} [{unit}]", fontsize=9)
     return figure
 
@@ -127,7 +130,8 @@ def predicted_against_actual(fit: Fit, unit: str) -> Figure:
 def residuals(fit: Fit, run_order: NDArray[np.int64]) -> Figure:
     """Studentized residuals against normal scores, fitted values and run order; Cook's distance.
 
-    Each residual's own run is left out of its error; dashed: the Bonferroni limit at 5 %. `run_order` is the position of each design row in the sequence of runs.
+    Each residual's own run is left out of its error; dashed: the Bonferroni limit at 5 %. `run_order` is the
+    position of each design row in the sequence of runs.
     """
     influence = OLSInfluence(fit.results)
     with np.errstate(divide="ignore", invalid="ignore"):  # a run that alone fixes a coefficient
