@@ -13,6 +13,7 @@ from math import isfinite
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
 from taichi_erosion.core.errors import BadInput
@@ -134,7 +135,7 @@ def latin_hypercube(factors: Sequence[Factor], runs: int, seed: int, centre_poin
 
 def steepest_path(
     factors: Sequence[Factor],
-    slopes: Sequence[float],
+    slopes: ArrayLike,
     steps: int = 6,
     step: float = 0.4,
     limits: Mapping[str, tuple[float, float]] | None = None,

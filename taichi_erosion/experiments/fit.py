@@ -243,7 +243,7 @@ def press_sum(fit: Fit) -> float:
     influence = OLSInfluence(fit.results)
     if np.any(1.0 - np.asarray(influence.hat_matrix_diag) < CERTAIN):
         return nan  # a run that alone fixes a coefficient cannot be predicted from the others
-    return float(influence.ess_press)
+    return float(np.sum(np.asarray(influence.resid_press) ** 2))
 
 
 def overfitted(fit: Fit) -> str:

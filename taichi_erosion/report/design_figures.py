@@ -135,7 +135,9 @@ def residuals(fit: Fit, run_order: NDArray[np.int64]) -> Figure:
     """
     influence = OLSInfluence(fit.results)
     with np.errstate(divide="ignore", invalid="ignore"):  # a run that alone fixes a coefficient
-        deleted, cook = np.asarray(influence.resid_studentized_external), influence.cooks_distance[0]
+        deleted, (cook, _) = (
+            np.asarray(each) for each in (influence.resid_studentized_external, influence.cooks_distance)
+        )
     limit = float(stats.t.isf(0.025 / len(deleted), fit.df_error - 1)) if fit.df_error > 1 else np.nan
     known = np.isfinite(deleted)
     left, fitted, when = deleted[known], fit.fitted[known], run_order[fit.rows][known]

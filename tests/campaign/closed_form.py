@@ -16,7 +16,7 @@ def angle(contact: dict[str, Any]) -> float:
     return base + 10.0 * (soil["friction_rolling"] - 0.7) - 6.0 * soil["restitution"]
 
 
-def answer(payloads: list[dict[str, Any]], tell: Any, share: Any) -> None:
+def answer(payloads: list[dict[str, Any]], tell: Any) -> None:
     for place, payload in enumerate(payloads):
         value = angle(payload["scene"]["contact"]) + random.Random(payload["seed"]).gauss(0.0, NOISE)
         measures = {"repose_angle": {"value": value, "sd": None, "unit": "deg", "n": 1}}

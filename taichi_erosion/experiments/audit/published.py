@@ -188,8 +188,9 @@ def column_numbers(columns: Columns, heading: str, file: Path) -> Floats:
     if heading not in columns:
         raise BadInput(f"{file}: column '{heading}' is missing; there are: {', '.join(columns)}")
     values = np.array([as_number(text) for text in columns[heading]])
-    for row in np.flatnonzero(~np.isfinite(values)):
-        raise BadInput(f"{file}: row {row + 1}, {heading} = '{columns[heading][row]}' must be a number")
+    for row, (text, value) in enumerate(zip(columns[heading], values, strict=True), start=1):
+        if not isfinite(value):
+            raise BadInput(f"{file}: row {row}, {heading} = '{text}' must be a number")
     return values
 
 

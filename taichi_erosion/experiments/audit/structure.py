@@ -147,7 +147,7 @@ def not_orthogonal(table: PublishedTable) -> Iterator[Finding]:
         worst = max(set(named), key=named.count)
         left, left_out = [pair for pair in left if worst not in pair], left_out + 1
     if left_out > MOST_NONORTHOGONAL:
-        correlation = np.corrcoef(table.coded, rowvar=False)
+        correlation = np.atleast_2d(np.corrcoef(table.coded, rowvar=False))
         one, other = max(pairs, key=lambda pair: abs(correlation[pair]))
         most = float(correlation[one, other])
         sentence = f"{len(pairs)} pairs of factors are not orthogonal; most of all {names[one]} and "
