@@ -308,7 +308,8 @@ def find_optimum(runner: DesignRunner, surface: ResponseSurface) -> Optimisation
     goals = [Goal(name, "target", target.value) for name, target in runner.file.study.targets.items()]
     fits = list(surface.fits.values())
     found, warnings = optimise(fits, goals), [line for fit in fits if (line := overfitted(fit))]
-    return replace(found, sentences=(*found.sentences, *warnings))
+    remedy = "; a larger surface_half in [design] lets the factors stand out"
+    return replace(found, sentences=(*found.sentences, *(line + remedy for line in warnings)))
 
 
 def confirm_optimum(runner: DesignRunner, surface: ResponseSurface, found: Optimisation) -> Confirmed:

@@ -1,27 +1,29 @@
 """Page of a calibration: README.md with figures in the study's folder, the same as HTML, and a recording."""
 
-import csv
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markdown_it import MarkdownIt
 from matplotlib.figure import Figure
 
 from taichi_erosion import __version__
 from taichi_erosion.campaign.calibration import PAGE, PICTURES, Calibration
+from taichi_erosion.campaign.calibration_steps import STAGES
 from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import ListedFolder, marked_html, refuse_foreign, write_atomic
+from taichi_erosion.experiments.confirm import SIGNIFICANCE
 from taichi_erosion.recording.study_recording import RecordedRun, StudyPage, record_study
 from taichi_erosion.report import design_figures as figures
 from taichi_erosion.report.html import address_of, made, render
 from taichi_erosion.report.markdown import markdown_table, with_scatter_of, with_spread
 
-Row = Mapping[str, str]
+Row = Mapping[str, Any]
 
 PAGE_TEMPLATE, TEMPLATE = "calibration.md", "calibration.html"
 RECORDING = "study.rrd"
@@ -32,8 +34,6 @@ PICTURE = re.compile(r'<img src="([^":]+)"')
 HEADING = re.compile("<h2>(.+?)</h2>")
 VERDICT = re.compile(r"<p><strong>(Yes\.|No\.|Not known\.)</strong>")
 MOST_RUNS = 9  # recorded runs side by side
-SIGNIFICANCE = 0.05  # of the test of the confirmation runs
-STAGES = ("confirm", "surface", "climb", "screen")  # order of the recorded runs
 
 
 def publish(found: Calibration) -> Path:
@@ -252,8 +252,8 @@ def write_report(study: Path, to: Path | None = None, force: bool = False) -> Pa
 def write_recording(study: Path) -> Path:
     """Write the recording of a calibration. Raises BadInput where the calibration is not finished."""
     file = finished(study)
-    with (file.folder / "runs.csv").open(encoding="utf-8", newline="") as text:
-        rows = list(csv.DictReader(text))
+    table = pd.read_csv(file.folder / "runs.csv", dtype={"failure": str}).fillna({"failure": ""})
+    rows = [{str(name): cell for name, cell in row.items()} for row in table.to_dict("records")]
     pictures = {path.stem.replace("_", " "): path for path in sorted((file.folder / PICTURES).glob("*.png"))}
     lines = (file.folder / PAGE).read_text(encoding="utf-8").splitlines()
     page = StudyPage(
@@ -263,16 +263,18 @@ def write_recording(study: Path) -> Path:
         figures={name: path.read_bytes() for name, path in pictures.items()},
         runs=list(recorded_runs(file, rows))[:MOST_RUNS],
         properties={f"target_{name}": target.value for name, target in file.study.targets.items()},
+        columns={str(name): column.to_list() for name, column in table.items()},
     )
     return record_study(file.folder / RECORDING, page)
 
 
 def run_table(file: CalibrationStudy, rows: Sequence[Row]) -> str:
     """Settings and responses of every run."""
-    paths, targets = list(file.study.parameters), list(file.study.targets)
-    header = ["run", *file.labels.values(), *targets]
-    cells = [[run_name(row), *(row[key] for key in (*paths, *targets))] for row in rows]
-    return markdown_table(header, cells)
+    keys = (*file.study.parameters, *map(file.measure, file.study.targets))
+    cells = [
+        [run_name(row), *("" if row[key] != row[key] else f"{row[key]}" for key in keys)] for row in rows
+    ]
+    return markdown_table(["run", *file.labels.values(), *file.study.targets], cells)
 
 
 def run_name(row: Row) -> str:
@@ -281,12 +283,13 @@ def run_name(row: Row) -> str:
 
 
 def recorded_runs(file: CalibrationStudy, rows: Sequence[Row]) -> Iterator[RecordedRun]:
-    """Runs with an existing recording, in the order of STAGES."""
-    for row in sorted(rows, key=lambda row: STAGES.index(row["stage"])):
+    """Runs with an existing recording, those of the last stage first."""
+    for row in sorted(rows, key=lambda row: -STAGES.index(row["stage"])):
         recording = file.folder / "recordings" / f"{run_name(row)}-{row['seed']}.rrd"
         if recording.is_file():
-            responses = {name: float(row[name]) for name in file.study.targets if row[name]}
+            found = {name: row[file.measure(name)] for name in file.study.targets}
+            responses = {name: value for name, value in found.items() if value == value}
             texts = (f"{name} {y:.3g} {file.study.targets[name].unit}" for name, y in responses.items())
-            settings = {re.sub(r"[.-]", "_", path): float(row[path]) for path in file.study.parameters}
+            settings = {re.sub(r"[.-]", "_", path): row[path] for path in file.study.parameters}
             caption = f"{run_name(row)}: {', '.join(texts)}"
             yield RecordedRun(run_name(row), caption, recording, settings | responses)
