@@ -67,27 +67,27 @@ def replicate_error(fit: Fit) -> Row:
     counts = np.bincount(groups)
     means = np.bincount(groups, weights=fit.values) / counts
     scatter = float(np.sum((fit.values - means[groups]) ** 2))
-    return tested_row("Pure error", scatter, len(groups) - len(counts))
+    return variance_row("Pure error", scatter, len(groups) - len(counts))
 
 
 def anova(fit: Fit) -> list[Row]:
     """The table: model, terms, residual, lack of fit, pure error, total; terms against residuals."""
     pure, total, against = replicate_error(fit), fit.ss_total, (fit.ms_error, fit.df_error)
-    rows = [tested_row("Model", total - fit.ss_error, len(fit.terms), *against)]
+    rows = [variance_row("Model", total - fit.ss_error, len(fit.terms), *against)]
     rows += [
-        tested_row(name, float(ss), 1, *against) for name, ss in zip(fit.names, term_sums(fit), strict=True)
+        variance_row(name, float(ss), 1, *against) for name, ss in zip(fit.names, term_sums(fit), strict=True)
     ]
-    rows.append(tested_row("Residual", fit.ss_error, fit.df_error))
+    rows.append(variance_row("Residual", fit.ss_error, fit.df_error))
     if pure.df:
         lack, lack_df = fit.ss_error - pure.sum_of_squares, fit.df_error - pure.df
         if lack_df:
             lack = 0.0 if lack < EXACT * total else lack
-            rows.append(tested_row("Lack of fit", lack, lack_df, pure.mean_square, pure.df))
+            rows.append(variance_row("Lack of fit", lack, lack_df, pure.mean_square, pure.df))
         rows.append(pure)
-    return [*rows, tested_row("Total", total, len(fit.values) - 1)]
+    return [*rows, variance_row("Total", total, len(fit.values) - 1)]
 
 
-def tested_row(source: str, sum_of_squares: float, df: int, error: float = nan, df_error: int = 0) -> Row:
+def variance_row(source: str, sum_of_squares: float, df: int, error: float = nan, df_error: int = 0) -> Row:
     """A line with its F test against a mean square; with df_error = 0 there is none."""
     if not df:
         return Row(source, sum_of_squares, df, nan)
@@ -118,7 +118,7 @@ def curvature(fit: Fit) -> Curvature | None:
     if np.linalg.matrix_rank(matrix) < matrix.shape[1] or len(matrix) == matrix.shape[1]:
         return None
     bent = OLS(fit.values, matrix).fit()
-    row = tested_row("Curvature", fit.ss_error - bent.ssr, 1, bent.mse_resid, int(bent.df_resid))
+    row = variance_row("Curvature", fit.ss_error - bent.ssr, 1, bent.mse_resid, int(bent.df_resid))
     difference, error = float(bent.params[-1]), float(bent.mse_resid)
     return Curvature(difference, row.sum_of_squares, row.f, row.p, int(bent.df_resid), error)
 

@@ -133,7 +133,7 @@ def compare(claims: Claims, folder: Path, fit: Fit) -> tuple[list[Comparison], l
 
 
 def parse_term(text: str, fit: Fit) -> Term:
-    """Term of up to three factors that a paper prints as `A^2`, `A2` or `AB`, in any order. Raises BadInput."""
+    """Term of up to three factors that a paper prints as `A^2`, `A2` or `AB`. Raises BadInput."""
     names, count = [factor.path for factor in fit.factors], len(fit.factors)
     plain = "".join(c for c in text if c not in " *^.\u00b7\u00d7").replace("\u00b2", "2")
     for term in ((0,) * count, *model_terms(count, "quadratic"), *interaction_terms(count, 3)):
@@ -230,24 +230,8 @@ def fit_findings(fit: Fit, comparisons: Sequence[Comparison]) -> Iterator[Findin
     yield Finding("curvature", sentence, found=found.sum_of_squares)
 
 
-@dataclass(frozen=True)
-class Coding:
-    """Natural value = centre + step * coded."""
-
-    centre: Floats
-    step: Floats
-
-    def natural(self, coded: Floats) -> Floats:
-        """Natural values."""
-        return self.centre + self.step * coded
-
-    def coded(self, natural: Floats) -> Floats:
-        """Coded levels."""
-        return (natural - self.centre) / self.step
-
-
 def surface_findings(claims: Claims, folder: Path, fit: Fit) -> Iterator[Finding]:
-    """Findings on target, optimum, coding and other tables."""
+    """Findings on target, optimum, coding and other tables; natural value = centre + step * coded."""
     best = None
     if claims.target is not None:
         best = optimise([fit], [Goal(fit.response, "target", claims.target.value)])
@@ -256,16 +240,16 @@ def surface_findings(claims: Claims, folder: Path, fit: Fit) -> Iterator[Finding
     if claims.levels is None:
         return
     path = folder / claims.levels
-    coding = right = read_levels(path, fit)
+    columns = read_columns(path)
+    levels = np.column_stack([column_numbers(columns, f.path, path) for f in fit.factors])
+    step, centre = np.polyfit(column_numbers(columns, LEVEL, path), levels, 1)
     if best is not None and claims.optimum:
-        place = np.array(
-            [claims.optimum[f.path].value if f.path in claims.optimum else np.nan for f in fit.factors]
-        )
-        right = right_coding(coding, claims.optimum, best, fit)
-        yield from coding_findings(path.name, coding, right, place, fit)
-        yield optimum_finding(right, claims.optimum, best, fit)
+        right = step * turns(centre, step, claims.optimum, best, fit)
+        yield from coding_findings(path.name, centre, step, right, claims.optimum, fit)
+        yield optimum_finding(centre, right, claims.optimum, best, fit)
+        step = right
     for other in claims.others:
-        yield from same_point_findings(folder / other, right, fit)
+        yield from same_point_findings(folder / other, centre, step, fit)
         yield from relative_errors(folder / other, claims.target, fit)
 
 
@@ -274,58 +258,54 @@ def nearest(best: Optimisation, fit: Fit) -> float:
     return best.optima[0].predictions[fit.response].value
 
 
-def read_levels(path: Path, fit: Fit) -> Coding:
-    """The printed coding of every factor: a straight line through its levels -1, 0 and 1."""
-    columns = read_columns(path)
-    levels = column_numbers(columns, LEVEL, path)
-    natural = np.column_stack([column_numbers(columns, f.path, path) for f in fit.factors])
-    step, centre = np.polyfit(levels, natural, 1)
-    return Coding(centre, step)
-
-
-def right_coding(coding: Coding, optimum: Mapping[str, Printed], best: Optimisation, fit: Fit) -> Coding:
-    """The coding, turned round for factors whose published optimum fits the opposite coding.
+def turns(
+    centre: Floats, step: Floats, optimum: Mapping[str, Printed], best: Optimisation, fit: Fit
+) -> Floats:
+    """-1 for every factor whose published optimum fits the opposite coding, 1 for the others.
 
     Only a single best point decides: where the target is met along a line, nothing is decided.
     """
-    turn, point = np.ones(len(fit.factors)), best.optima[0].coded
-    as_said, mirrored = coding.natural(point), coding.natural(-point)
+    found, away = np.ones(len(step)), step * best.optima[0].coded
     for k, factor in enumerate(fit.factors):
         cell = optimum.get(factor.path)
         if cell is not None and not best.met:
-            closer = abs(mirrored[k] - cell.value) + 0.5 * cell.last_digit < abs(as_said[k] - cell.value)
-            turn[k] = -1.0 if closer else 1.0
-    return Coding(coding.centre, coding.step * turn)
+            off, mirrored = abs(centre[k] + away[k] - cell.value), abs(centre[k] - away[k] - cell.value)
+            found[k] = -1.0 if mirrored + 0.5 * cell.last_digit < off else 1.0
+    return found
 
 
-def coding_findings(table: str, coding: Coding, right: Coding, place: Floats, fit: Fit) -> Iterator[Finding]:
+def coding_findings(
+    table: str, centre: Floats, step: Floats, right: Floats, optimum: Mapping[str, Printed], fit: Fit
+) -> Iterator[Finding]:
     """A sentence for every factor whose levels are printed the wrong way round."""
-    said, meant = (float(fit.predict(way.coded(place)[None, :])[0]) for way in (coding, right))
-    for k, factor in enumerate(fit.factors):
-        if right.step[k] != coding.step[k]:
-            low, high = coding.centre[k] - coding.step[k], coding.centre[k] + coding.step[k]
-            sentence = (
-                f"{table}: {factor.path} is printed -1 = {low:g}, +1 = {high:g}; the published optimum needs "
-                f"it reversed (there the surface gives {meant:.4g}, in the printed coding {said:.4g})"
-            )
-            yield Finding("coding", sentence, table, factor.path, found=meant)
+    place = np.array([optimum[f.path].value if f.path in optimum else np.nan for f in fit.factors])
+    said, meant = (float(fit.predict((place - centre)[None, :] / each)[0]) for each in (step, right))
+    for k in np.flatnonzero(right != step):
+        name, low, high = fit.factors[k].path, centre[k] - step[k], centre[k] + step[k]
+        sentence = (
+            f"{table}: {name} is printed -1 = {low:g}, +1 = {high:g}; the published optimum needs it "
+            f"reversed (there the surface gives {meant:.4g}, in the printed coding {said:.4g})"
+        )
+        yield Finding("coding", sentence, table, name, found=meant)
 
 
-def optimum_finding(right: Coding, optimum: Mapping[str, Printed], best: Optimisation, fit: Fit) -> Finding:
+def optimum_finding(
+    centre: Floats, step: Floats, optimum: Mapping[str, Printed], best: Optimisation, fit: Fit
+) -> Finding:
     """The published optimum beside the recomputed one."""
-    found, value = right.natural(best.optima[0].coded), nearest(best, fit)
+    found, value = centre + step * best.optima[0].coded, nearest(best, fit)
     said = ", ".join(f"{f.path} = {optimum[f.path].text}" for f in fit.factors if f.path in optimum)
     ours = ", ".join(f"{f.path} = {level:.5g}" for f, level in zip(fit.factors, found, strict=True))
     sentence = f"published {said}; recomputed {ours} with {fit.response} = {value:.4g}"
     return Finding("optimum", sentence, printed=said, found=value)
 
 
-def same_point_findings(path: Path, coding: Coding, fit: Fit) -> Iterator[Finding]:
+def same_point_findings(path: Path, centre: Floats, step: Floats, fit: Fit) -> Iterator[Finding]:
     """Runs of another table that contradict this one: at a point of the design, or inside it."""
     columns = read_columns(path)
     natural = np.column_stack([column_numbers(columns, f.path, path) for f in fit.factors])
-    points, values = coding.coded(natural), column_numbers(columns, fit.response, path)
-    for row, (point, value) in enumerate(zip(points, values, strict=True)):
+    values = column_numbers(columns, fit.response, path)
+    for row, (point, value) in enumerate(zip((natural - centre) / step, values, strict=True)):
         place = ", ".join(f"{f.path} = {v:g}" for f, v in zip(fit.factors, natural[row], strict=True))
         if (finding := contradiction(fit, point, float(value))) is not None:
             kind, here, p = finding
@@ -377,8 +357,8 @@ def test_findings(claim: TestClaim | None) -> Iterator[Finding]:
     student = float(pooled.pvalue)
     if not (claim.p.agrees(welch.p) or claim.p.agrees(student)):
         sentence = (
-            f"t-test: p is printed {claim.p.text}; Student's test gives {student:.4g}, Welch's {welch.p:.4g}; "
-            f"{len(runs)} runs notice a difference of {welch.resolve:.3g} with a power of {welch.power:.2f}"
+            f"t-test: p is printed {claim.p.text}; Student's test gives {student:.4g}, Welch's "
+            f"{welch.p:.4g}; {len(runs)} runs notice a difference of {welch.resolve:.3g} with a power of {welch.power:.2f}"
         )
         yield Finding("number", sentence, printed=claim.p.text, found=welch.p)
 
