@@ -29,18 +29,16 @@ import numpy as np
 from taichi_erosion.campaign.execute import SIMULATE, execute
 from taichi_erosion.campaign.ledger import Ledger
 from taichi_erosion.campaign.request import Report, RunRequest, RunResult, run_device, scene_request
-from taichi_erosion.campaign.study_file import CalibrationStudy, DesignSizes, WorkersEntry
+from taichi_erosion.campaign.study_file import CalibrationStudy, WorkersEntry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.experiments.anova import Effect, EffectLimits, curvature, effect_limits, effects, reduced
 from taichi_erosion.experiments.confirm import Confirmation, Sample, confirm
 from taichi_erosion.experiments.design import (
     box_behnken,
-    box_behnken_points,
     central_composite,
     latin_hypercube,
     plackett_burman,
-    plackett_burman_points,
     steepest_path,
 )
 from taichi_erosion.experiments.design_table import SAME_POINT, Design, Factor, arranged
@@ -87,15 +85,9 @@ class DesignRunner:
 
 def planned_runs(file: CalibrationStudy) -> dict[str, int]:
     """Runs of every stage before any is made; a climb may end earlier, at a limit."""
-    sizes: DesignSizes = file.study.design
-    count = sizes.surface_factors
-    surface = {
-        "box_behnken": lambda: len(box_behnken_points(count)),
-        "central_composite": lambda: 2**count + 2 * count,
-        "latin_hypercube": lambda: sizes.hypercube_runs,
-    }[sizes.surface]()
-    screening = len(plackett_burman_points(len(file.study.parameters))) + sizes.screen_centre
-    runs = (screening, sizes.climb_steps + 1, surface + sizes.surface_centre, sizes.confirm)
+    screening, sizes = screening_design(file), file.study.design
+    surface = surface_design(file, screening.factors[: sizes.surface_factors])
+    runs = (len(screening), sizes.climb_steps + 1, len(surface), sizes.confirm)
     return dict(zip(STAGES, runs, strict=True))
 
 
@@ -265,18 +257,13 @@ def surface_factors(runner: DesignRunner, screening: Screening, path: Climb) -> 
     return found
 
 
-def surface_design(file: CalibrationStudy, factors: list[Factor]) -> Design:
-    """The study's choice of a design over these ranges, in random order.
-
-    Raises BadInput for a star point beyond the limits of its parameter.
-    """
+def surface_design(file: CalibrationStudy, factors: Sequence[Factor]) -> Design:
+    """The study's choice of a design over these ranges, in random order."""
     sizes, seed = file.study.design, file.study.study.seed
     if sizes.surface == "latin_hypercube":
         return latin_hypercube(factors, sizes.hypercube_runs, seed, sizes.surface_centre)
     if sizes.surface == "central_composite":
-        design = central_composite(factors, sizes.surface_centre, sizes.surface_axial, seed)
-        refuse_star_outside_limits(file, design)
-        return design
+        return central_composite(factors, sizes.surface_centre, sizes.surface_axial, seed)
     return box_behnken(factors, centre_points=sizes.surface_centre, seed=seed)
 
 
@@ -295,7 +282,9 @@ def refuse_star_outside_limits(file: CalibrationStudy, design: Design) -> None:
 
 def fit_response_surface(runner: DesignRunner, factors: list[Factor]) -> ResponseSurface:
     """Run the design of the surface and fit its quadratics."""
-    design = run_design(runner, "surface", surface_design(runner.file, factors))
+    planned = surface_design(runner.file, factors)
+    refuse_star_outside_limits(runner.file, planned)
+    design = run_design(runner, "surface", planned)
     full = {name: fit_model(design, name, "quadratic") for name in runner.file.study.targets}
     smaller = {name: reduced(fit) for name, fit in full.items()}
     return ResponseSurface(

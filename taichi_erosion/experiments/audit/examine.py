@@ -358,7 +358,8 @@ def test_findings(claim: TestClaim | None) -> Iterator[Finding]:
     if not (claim.p.agrees(welch.p) or claim.p.agrees(student)):
         sentence = (
             f"t-test: p is printed {claim.p.text}; Student's test gives {student:.4g}, Welch's "
-            f"{welch.p:.4g}; {len(runs)} runs notice a difference of {welch.resolve:.3g} with a power of {welch.power:.2f}"
+            f"{welch.p:.4g}; {len(runs)} runs notice a difference of {welch.resolve:.3g} with a power of "
+            f"{welch.power:.2f}"
         )
         yield Finding("number", sentence, printed=claim.p.text, found=welch.p)
 
