@@ -1,7 +1,6 @@
 """A calibration on a model whose answer is known finds what matters and hits the target."""
 
 import re
-import shutil
 from pathlib import Path
 
 import closed_form
@@ -9,28 +8,30 @@ import numpy as np
 import pandas as pd
 import pytest
 import tomli_w
+from recorded_heaps import read_chunks
 from run.small_scene import SCENE
 
-from taichi_erosion.campaign import execute
+from taichi_erosion.campaign import calibration_steps, execute
 from taichi_erosion.campaign.calibration import calibrate
-from taichi_erosion.campaign.calibration_steps import refuse_star_outside_limits, surface_design
+from taichi_erosion.campaign.calibration_steps import STAGES, refuse_star_outside_limits, surface_design
 from taichi_erosion.campaign.study_file import read_calibration_study
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.design_table import Factor
 from taichi_erosion.report import write_report
-from taichi_erosion.report.calibration_page import publish, verdict
+from taichi_erosion.report.calibration_page import publish, verdict, write_recording
 from taichi_erosion.run.checks import read_scene
 from tests.report.browser import assert_readable
 
 TARGET = 31.0  # deg
+STIFFNESS = "materials.soil.shear_modulus"
 STUDY = {
     "study": {"seed": 5},
     "observables": {"repose_angle": {"scene": "few.toml"}},
     "targets": {"repose_angle": {"value": TARGET, "sd": 0.5, "n": 10, "unit": "deg"}},
     "parameters": {
-        "materials.soil.shear_modulus": {"low": 1e6, "high": 2e6, "unit": "Pa"},
-        "contact.soil-soil.restitution": {"low": 0.2, "high": 0.6},
+        STIFFNESS: {"low": 1e6, "high": 2e6, "unit": "Pa"},
+        "contact.soil-soil.restitution": {"low": 0.2, "high": 0.6, "label": "restitution of soil"},
         "contact.soil-soil.friction_sliding": {"low": 0.3, "high": 0.7},
         "contact.soil-soil.friction_rolling": {"low": 0.5, "high": 0.9, "most": 1.5},
         "contact.soil-steel.friction_sliding": {"low": 0.15, "high": 0.55, "most": 1.0},
@@ -69,8 +70,31 @@ def folder(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(folder):
-    return calibrate(write_study(folder), stated={"workers": 1}, function=closed_form.FUNCTION)
+def told() -> list[tuple[float, str]]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def found(folder, told):
+    report = lambda *words: told.append(words)  # noqa: E731
+    return calibrate(
+        write_study(folder), stated={"workers": 1}, progress=report, function=closed_form.FUNCTION
+    )
+
+
+def test_progress_never_falls_from_stage_to_stage(found, told):
+    shares = [share for share, _ in told]
+    assert shares == sorted(shares)
+    assert 0.0 < shares[0] < 0.3
+    assert 0.8 < shares[-1] <= 1.0
+    assert {words.partition(":")[0] for _, words in told} <= set(STAGES)
+
+
+def test_rows_of_effects_and_of_the_analysis_of_variance_carry_labels(found):
+    effects = found.document["analyse"]["responses"]["repose_angle"]["effects"]
+    rows = found.document["surface"]["responses"]["repose_angle"]["anova"]
+    assert {effect["label"] for effect in effects} >= {"restitution of soil", STIFFNESS}
+    assert {"restitution of soil^2", "Residual"} <= {row["label"] for row in rows}
 
 
 def test_the_screening_keeps_the_parameters_that_matter(found):
@@ -97,13 +121,16 @@ def test_fresh_seeds_confirm_the_optimum(found):
 
 
 @pytest.fixture(scope="module")
-def found_by(found, folder, tmp_path_factory):
-    """The calibration by another design, on the screening and the climb that are in the ledger."""
+def found_by(tmp_path_factory):
+    """The calibration by another design of its surface."""
 
     def again(**entries):
-        copied = shutil.copytree(folder, tmp_path_factory.mktemp("surface"), dirs_exist_ok=True)
-        study = write_study(copied, design=STUDY["design"] | entries, parameters=WIDE)
-        return calibrate(study, stated={"workers": 1}, function=closed_form.FUNCTION)
+        study = write_study(
+            tmp_path_factory.mktemp("surface"), design=STUDY["design"] | entries, parameters=WIDE
+        )
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setattr(calibration_steps, "execute", closed_form.execute_here)
+            return calibrate(study)
 
     return again
 
@@ -256,6 +283,14 @@ def test_the_report_is_the_page_with_its_pictures_inside(found, page):
     assert text.count("data:image/png;base64,") == len(list((page.parent / "pictures").glob("*.png")))
     assert "<table>" in text
     assert 'src="pictures' not in text
+
+
+def test_the_recording_holds_the_table_of_all_runs(found, page):
+    chunks = read_chunks(write_recording(found.file.path))
+    (table,) = [chunk.to_record_batch() for chunk in chunks if chunk.entity_path == "/design"]
+    columns = dict(zip(table.schema.names, table.columns, strict=True))
+    assert {"stage", "row", "seed", "repose_angle", *STUDY["parameters"]} <= set(columns)
+    assert len(columns["repose_angle"][0]) == found.document["runs"]
 
 
 def test_a_browser_shows_the_page_on_a_desk_and_on_a_phone(found, page, tmp_path):
