@@ -15,7 +15,6 @@ from taichi_erosion.campaign.calibrated_scene import refuse_foreign_scenes, writ
 from taichi_erosion.campaign.calibration_steps import (
     STAGES,
     Climb,
-    Confirmed,
     DesignRun,
     DesignRunner,
     ResponseSurface,
@@ -58,7 +57,6 @@ class Calibration:
     climb: Climb | None = None
     surface: ResponseSurface | None = None
     optimum: Optimisation | None = None
-    confirmed: Confirmed | None = None
 
 
 def calibrate(
@@ -120,31 +118,32 @@ def run_steps(found: Calibration, runner: DesignRunner, steps: tuple[Step, ...])
     document["screen"] = path_document(screening.design)
     if "analyse" in steps:
         document["analyse"] = screening_document(screening, labels)
-    if "climb" in steps:
-        path = found.climb = calculate.climb(runner, screening)
-        write_design(found, "climb", path.design)
-        document["climb"] = path_document(path.design) | {"best": path.best + 1}
-        if "surface" in steps:
-            factors = calculate.surface_factors(runner, screening, path)
-            surface = found.surface = calculate.fit_response_surface(runner, factors)
-            write_design(found, "surface", surface.design)
-            document["surface"] = surface_document(surface, labels)
-            run_last_steps(found, runner, surface, steps)
-
-
-def run_last_steps(
-    found: Calibration, runner: DesignRunner, surface: ResponseSurface, steps: tuple[Step, ...]
-) -> None:
-    """Optimum and confirmation."""
-    if "optimise" in steps:
-        optimum = found.optimum = calculate.find_optimum(runner, surface)
-        found.document["optimise"] = optimum_document(optimum)
-        if "confirm" in steps:
-            confirmed = found.confirmed = calculate.confirm_optimum(runner, surface, optimum)
-            write_design(found, "confirm", confirmed.design)
-            found.document["confirm"] = confirmed_document(confirmed)
-            written = write_calibrated_scenes(found.file, confirmed.optimum.settings)
-            found.document["calibrated_scenes"] = [str(path) for path in written]
+    if "climb" not in steps:
+        return
+    path = found.climb = calculate.climb(runner, screening)
+    write_design(found, "climb", path.design)
+    document["climb"] = path_document(path.design) | {"best": path.best + 1}
+    if "surface" not in steps:
+        return
+    factors = calculate.surface_factors(runner, screening, path)
+    surface = found.surface = calculate.fit_response_surface(runner, factors)
+    write_design(found, "surface", surface.design)
+    document["surface"] = surface_document(surface, labels)
+    if "optimise" not in steps:
+        return
+    optimum = found.optimum = calculate.find_optimum(runner, surface)
+    document["optimise"] = optimum_document(optimum)
+    if "confirm" not in steps:
+        return
+    design, tests = calculate.confirm_optimum(runner, surface, optimum)
+    write_design(found, "confirm", design)
+    document["confirm"] = {
+        "settings": design.settings(0),
+        "values": {name: column.tolist() for name, column in design.responses.items()},
+        "tests": {name: asdict(test) for name, test in tests.items()},
+    }
+    written = write_calibrated_scenes(found.file, design.settings(0))
+    document["calibrated_scenes"] = [str(path) for path in written]
 
 
 def is_written(table: Path, planned: Design) -> bool:
@@ -195,8 +194,7 @@ def screening_document(screening: Screening, labels: Mapping[str, str]) -> Docum
 
 def effect_document(fit: Fit, labels: Mapping[str, str]) -> Document:
     """Effects of one response with their limits, curvature and figures of merit."""
-    bent = curvature(fit)
-    found, limits = calculate.screened_effects(fit)
+    bent, (found, limits) = curvature(fit), calculate.screened_effects(fit)
     ordered = sorted(found, key=lambda effect: -abs(effect.value))
     return {
         "effects": [asdict(effect) | {"label": term_label(effect.name, labels)} for effect in ordered],
@@ -235,10 +233,3 @@ def optimum_document(found: Optimisation) -> Document:
     ]
     reach = {name: asdict(one) for name, one in found.reach.items()}
     return {"optima": optima, "reach": reach, "met": found.met, "sentences": list(found.sentences)}
-
-
-def confirmed_document(confirmed: Confirmed) -> Document:
-    """Settings, fresh values and tests."""
-    tests = {name: asdict(test) for name, test in confirmed.tests.items()}
-    values = {name: column.tolist() for name, column in confirmed.design.responses.items()}
-    return {"settings": confirmed.optimum.settings, "values": values, "tests": tests}

@@ -43,7 +43,7 @@ from taichi_erosion.experiments.design import (
 )
 from taichi_erosion.experiments.design_table import SAME_POINT, Design, Factor, arranged
 from taichi_erosion.experiments.fit import Fit, fit_model, overfitted
-from taichi_erosion.experiments.optimise import Goal, Optimisation, Optimum, optimise
+from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
 from taichi_erosion.experiments.terms import linear_terms, model_matrix
 
 SEEDS_APART = 1000  # seeds reserved for one stage: no two runs of a study share their noise
@@ -186,15 +186,6 @@ class ResponseSurface:
     fits: dict[str, Fit]
 
 
-@dataclass(frozen=True, eq=False)
-class Confirmed:
-    """Fresh runs at one optimum, and their tests by target."""
-
-    design: Design
-    optimum: Optimum
-    tests: dict[str, Confirmation]
-
-
 def screening_design(file: CalibrationStudy) -> Design:
     """Plackett-Burman design in all parameters of the study, in random order."""
     study = file.study
@@ -301,14 +292,16 @@ def find_optimum(runner: DesignRunner, surface: ResponseSurface) -> Optimisation
     return replace(found, sentences=(*found.sentences, *(line + remedy for line in warnings)))
 
 
-def confirm_optimum(runner: DesignRunner, surface: ResponseSurface, found: Optimisation) -> Confirmed:
-    """Run fresh seeds at the most certain optimum and test them against the measurements."""
-    study, optimum = runner.file.study, found.optima[0]
-    points = np.tile(optimum.coded, (study.design.confirm, 1))
-    design = arranged("confirmation", surface.design.factors, [("added", points)])
-    design = run_design(runner, "confirm", design)
+def confirm_optimum(
+    runner: DesignRunner, surface: ResponseSurface, found: Optimisation
+) -> tuple[Design, dict[str, Confirmation]]:
+    """Fresh seeds at the most certain optimum, and their tests against the measurements."""
+    study = runner.file.study
+    points = np.tile(found.optima[0].coded, (study.design.confirm, 1))
+    planned = arranged("confirmation", surface.design.factors, [("added", points)])
+    design = run_design(runner, "confirm", planned)
     tests = {
         name: confirm(design.responses[name].tolist(), Sample(target.value, target.sd, target.n))
         for name, target in study.targets.items()
     }
-    return Confirmed(design, optimum, tests)
+    return design, tests

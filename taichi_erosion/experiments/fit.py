@@ -91,12 +91,12 @@ class Fit:
     @property
     def ss_error(self) -> float:
         """Sum of squares of the residuals."""
-        return float(np.sum(self.residuals**2))
+        return float(self.results.ssr)
 
     @property
     def ss_total(self) -> float:
         """Sum of squares about the mean."""
-        return float(np.sum((self.values - self.values.mean()) ** 2))
+        return float(self.results.centered_tss)
 
     @property
     def ms_error(self) -> float:
@@ -107,11 +107,6 @@ class Fit:
     def fitted(self) -> Floats:
         """Fitted values."""
         return np.asarray(self.results.fittedvalues)
-
-    @property
-    def residuals(self) -> Floats:
-        """Response less fitted value."""
-        return self.values - self.fitted
 
     def predict(self, coded: ArrayLike) -> Floats:
         """Response at coded points, [points]."""
