@@ -210,8 +210,10 @@ def print_confirmation(document: Record) -> None:
 
 
 def rounded(value: Any) -> str:
-    """Number in DIGITS digits."""
-    return f"{value:.{DIGITS}g}" if isinstance(value, float) else output.significant(value)
+    """Number in DIGITS digits; nothing for NaN."""
+    if not isinstance(value, float):
+        return output.significant(value)
+    return "" if value != value else f"{value:.{DIGITS}g}"
 
 
 PRINT = {

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markdown_it import MarkdownIt
+from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from taichi_erosion import __version__
@@ -33,6 +34,7 @@ VARIANCE = ("sum_of_squares", "df", "mean_square", "f", "p")
 PICTURE = re.compile(r'<img src="([^":]+)"')
 HEADING = re.compile("<h2>(.+?)</h2>")
 VERDICT = re.compile(r"<p><strong>(Yes\.|No\.|Not known\.)</strong>")
+RESOLUTION = 130  # of pictures [dots per inch]
 MOST_RUNS = 9  # recorded runs side by side
 
 
@@ -78,7 +80,10 @@ def draw(found: Calibration) -> None:
 
 def save(found: Calibration, figure: Figure, name: str) -> None:
     """Write one figure, and list it."""
-    figures.save(figure, found.file.folder / PICTURES / name)
+    path = found.file.folder / PICTURES / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=RESOLUTION, metadata={"Software": None})  # equal figures give equal bytes
+    plt.close(figure)
     ListedFolder(found.file.folder).record(f"{PICTURES}/{name}")
 
 
@@ -90,7 +95,7 @@ def response_figures(found: Calibration, name: str) -> dict[str, Figure]:
     best, values = document["optimise"]["optima"][0], document["confirm"]["values"][name]
     at = np.array([(best["settings"][f.path] - f.centre) / f.half for f in fit.factors])
     return {
-        "effects": figures.effect_bars(analysed["responses"][name], names, analysed["kept"], target.unit),
+        "effects": figures.effect_bars(analysed["responses"][name], analysed["kept"], target.unit),
         "surface": figures.contours(fit, names, target.unit, at, target.value),
         "hills": figures.response_surfaces(fit, names, target.unit, at),
         "perturbation": figures.perturbation(fit, names, target.unit, at),

@@ -7,7 +7,6 @@ Lines differ by dash as well as by colour and maps by lightness, for prints with
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -36,7 +35,6 @@ TICKS = 41  # points along an edge of a surface
 LEVELS = 9  # contour lines
 STYLE: dict[Any, Any] = {"font.size": 9.0, "axes.spines.top": False, "axes.spines.right": False}
 CALIBRATION_STYLE: dict[Any, Any] = STYLE | {"font.size": 8.5}
-RESOLUTION = 130  # of a calibration's pictures [dots per inch]
 PANEL = (3.3, 0.9 * 3.3)  # in
 
 
@@ -159,21 +157,13 @@ def residuals(fit: Fit, run_order: NDArray[np.int64]) -> Figure:
     return figure
 
 
-def save(figure: Figure, path: Path) -> Path:
-    """Write a PNG; equal figures give equal bytes."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=RESOLUTION, metadata={"Software": None})
-    plt.close(figure)
-    return path
-
-
-def effect_bars(found: Record, names: Mapping[str, str], kept: Sequence[str], unit: str) -> Figure:
+def effect_bars(found: Record, kept: Sequence[str], unit: str) -> Figure:
     """Effects by size with their significance limits; dark: factors that the calibration keeps."""
     effects = found["effects"][::-1]
     with plt.rc_context(CALIBRATION_STYLE):
         figure, axes = plt.subplots(figsize=(6.4, 0.32 * len(effects) + 1.0), layout="constrained")
         colours = [LINE if effect["name"] in kept else PALE for effect in effects]
-        axes.barh([names[e["name"]] for e in effects], [e["value"] for e in effects], color=colours)
+        axes.barh([e["label"] for e in effects], [e["value"] for e in effects], color=colours)
         for limit, style, label in (
             (found["limits"]["single"], "--", "t limit, 95 %"),
             (found["limits"]["bonferroni"], ":", "Bonferroni limit"),
