@@ -193,7 +193,7 @@ def enter_batch(campaign: Campaign, ended: Ended) -> None:
         campaign.work.begun.pop(key, None)
     if ended.reason and not ended.died and len(keys) == 1 and without_record:
         ledgers.record_result(ledger, keys[0], {"failure": ended.reason})
-    else:
+    elif without_record:
         ledgers.record_worker_death(ledger, without_record, ended.reason or "it gave no result")
 
 

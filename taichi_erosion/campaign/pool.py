@@ -121,7 +121,7 @@ class Pool:
 
     def free(self) -> int:
         """Batches that could be submitted now."""
-        return (QUEUE if self.client else 1) * self.workers - len(self.in_flight)
+        return max((QUEUE if self.client else 1) * self.workers - len(self.in_flight), 0)
 
     def start(self) -> None:
         """Spawn a worker."""
