@@ -150,7 +150,10 @@ def verdict(test: Mapping[str, Any], name: str, unit: str) -> str:
     power += f"{with_scatter_of(test['resolve'], scatter)} {unit} with a power of {test['power']:.2f}."
     if test["p"] < SIGNIFICANCE:
         words = f"{name} differs by {difference} {unit} from the measurement (p = {test['p']:.2g})"
-        return f"**No.** In the calibrated scene {words}. {power}"
+        remedy = (
+            "Another range of the surface (surface_half in [design]), then the same command, may come nearer."
+        )
+        return f"**No.** In the calibrated scene {words}. {power} {remedy}"
     if test["power"] < LEAST_POWER:
         words = f"no difference of {name} from the measurement is told ({difference} {unit}, "
         words += f"p = {test['p']:.2g}), but the test would more often miss one than see it"
