@@ -12,7 +12,8 @@ from scipy import stats
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.experiments.anova import effect_limits, effects
 from taichi_erosion.experiments.fit import Fit
-from taichi_erosion.report.design_figures import LINE, NEUTRAL, POINT, Names, label, panels
+from taichi_erosion.experiments.terms import term_label
+from taichi_erosion.report.design_figures import LINE, NEUTRAL, POINT, Names, panels
 
 LABEL_BOX: dict[str, Any] = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
 OFFSET: dict[str, Any] = {"textcoords": "offset points"}
@@ -37,7 +38,7 @@ def half_normal(fit: Fit, names: Names, unit: str) -> Figure:
         for effect, size, score in zip(ordered, sizes, scores, strict=True):
             if size > limit:
                 sign = "+" if effect.value > 0.0 else "\N{MINUS SIGN}"
-                text = f"{label(effect.name, names)} ({sign}) "
+                text = f"{term_label(effect.name, names)} ({sign}) "
                 axes.annotate(text, (size, score), (-6, 3), ha="right", fontsize=8, bbox=LABEL_BOX, **OFFSET)
         mark_limits(axes, fit, axes.axvline)
         axes.set(xlabel=f"size of the effect [{unit}]", ylabel="half-normal score [1]", xlim=(0.0, None))
@@ -53,7 +54,7 @@ def pareto(fit: Fit, names: Names, unit: str) -> Figure:
         for place, effect in enumerate(ordered):
             fill = LINE if effect.value > 0.0 else "white"
             axes.barh(place, abs(effect.value), color=fill, edgecolor=LINE)
-        axes.set_yticks(range(len(ordered)), [label(effect.name, names) for effect in ordered])
+        axes.set_yticks(range(len(ordered)), [term_label(effect.name, names) for effect in ordered])
         mark_limits(axes, fit, axes.axvline)
         axes.set_xlabel(f"size of the effect [{unit}]\nhollow: lowers")
         axes.legend(fontsize=7.5, loc="lower right", edgecolor="none", framealpha=1.0)

@@ -9,8 +9,7 @@ import matplotlib.pyplot as plt
 from doe.common.pages import write_pages
 from doe.hao2022.figures import half_normal, pareto
 from taichi_erosion.experiments.anova import anova
-from taichi_erosion.experiments.audit.comparisons import Comparison
-from taichi_erosion.experiments.audit.examine import Audit, audit
+from taichi_erosion.experiments.audit.examine import Audit, Comparison, audit
 from taichi_erosion.experiments.design_table import Factor
 from taichi_erosion.experiments.fit import Fit
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise

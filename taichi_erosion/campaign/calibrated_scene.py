@@ -1,10 +1,10 @@
 """Scene of a calibration with its numbers set: the settings of its confirmation runs as a file to run."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from taichi_erosion.campaign.design_runs import complete_settings
+from taichi_erosion.campaign.calibration_steps import changes_of, complete_settings
 from taichi_erosion.campaign.study_file import CalibrationStudy, set_comment
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import marked_toml, refuse_foreign, without_mark, write_atomic
@@ -19,23 +19,16 @@ SCHEMA_LINE = "#:schema"  # a relative path, which another folder breaks
 DIGITS = 6  # of a calibrated number
 
 
-def write_calibrated_scenes(file: CalibrationStudy, settings: Mapping[str, float]) -> list[Path]:
+def write_calibrated_scenes(file: CalibrationStudy, settings: dict[str, float]) -> list[Path]:
     """Write every scene of a calibration with its calibrated numbers."""
-    values = complete_settings(file, dict(settings))
-    linked = {path: value for main, value in values.items() for path in file.study.parameters[main].also}
-    numbers = {path: float(f"{value:.{DIGITS}g}") for path, value in (values | linked).items()}
-    overrides = [*file.study.study.settings, *(f"{path}={value!r}" for path, value in numbers.items())]
-    return [write_calibrated_scene(file, scene, overrides) for scene in scenes_of(file)]
-
-
-def scenes_of(file: CalibrationStudy) -> list[Path]:
-    """Scenes that a calibration changes."""
-    return list(dict.fromkeys(file.scene(name) for name in file.study.targets))
+    values = complete_settings(file, settings).items()
+    overrides = changes_of(file, {path: float(f"{value:.{DIGITS}g}") for path, value in values})
+    return [write_calibrated_scene(file, scene, overrides) for scene in file.scenes]
 
 
 def refuse_foreign_scenes(file: CalibrationStudy, force: bool) -> None:
     """Raise BadInput where a calibrated scene would replace a file of the user, or of another study."""
-    for scene in scenes_of(file):
+    for scene in file.scenes:
         refuse_foreign(calibrated_path(file, scene), file.path, force)
 
 

@@ -1,6 +1,5 @@
 """A calibration up to a step: its tables, written as soon as each step has ended, and its JSON document."""
 
-import csv
 import io
 import time
 from collections.abc import Mapping
@@ -9,28 +8,42 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, get_args
 
-import numpy as np
+import pandas as pd
 
 from taichi_erosion.campaign import calibration_steps as calculate
 from taichi_erosion.campaign.calibrated_scene import refuse_foreign_scenes, write_calibrated_scenes
-from taichi_erosion.campaign.calibration_steps import Climb, Confirmed, ResponseSurface, Screening
-from taichi_erosion.campaign.design_runs import DesignRun, DesignRunner
+from taichi_erosion.campaign.calibration_steps import (
+    STAGES,
+    Climb,
+    DesignRun,
+    DesignRunner,
+    ResponseSurface,
+    Screening,
+)
 from taichi_erosion.campaign.execute import SIMULATE
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.campaign.request import Report
 from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import ListedFolder
 from taichi_erosion.experiments.anova import anova, curvature
-from taichi_erosion.experiments.design_table import Design, design_text, read_design
-from taichi_erosion.experiments.fit import Fit, coded_polynomial, equation, natural_polynomial, quality
+from taichi_erosion.experiments.design_table import Design, design_text
+from taichi_erosion.experiments.fit import (
+    Fit,
+    coded_polynomial,
+    equation,
+    natural_polynomial,
+    overfitted,
+    quality,
+)
 from taichi_erosion.experiments.optimise import Optimisation
+from taichi_erosion.experiments.terms import term_label
 
 Document = dict[str, Any]
 Step = Literal["design", "run", "analyse", "climb", "surface", "optimise", "confirm"]
 STEPS: tuple[Step, ...] = get_args(Step)
 NOTHING: Mapping[str, Any] = MappingProxyType({})
-TABLES = ("screen.csv", "climb.csv", "surface.csv", "confirm.csv", "runs.csv")
+LAST_STEP = {"screen": "run", "climb": "climb", "surface": "surface", "confirm": "confirm"}  # by stage
+TABLES = (*(f"{stage}.csv" for stage in STAGES), "runs.csv")
 PAGE, PICTURES = "README.md", "pictures"  # page of a calibration, and the folder of its figures
 
 
@@ -44,7 +57,6 @@ class Calibration:
     climb: Climb | None = None
     surface: ResponseSurface | None = None
     optimum: Optimisation | None = None
-    confirmed: Confirmed | None = None
 
 
 def calibrate(
@@ -71,10 +83,12 @@ def calibrate(
     if not is_kept:
         write_design(found, "screen", planned)
     if until != "design":
+        steps = STEPS[: STEPS.index(until) + 1]
         ledger, where = open_ledger(file.folder), file.study.campaign.model_copy(update=stated)
-        runner = DesignRunner(file, ledger, where, progress, function)
+        stages = [stage for stage in STAGES if LAST_STEP[stage] in steps]
+        runner = DesignRunner(file, ledger, where, progress, function, stages)
         try:
-            run_steps(found, runner, STEPS[: STEPS.index(until) + 1])
+            run_steps(found, runner, steps)
         finally:
             close_ledger(ledger)
         write_runs(file, runner.runs)
@@ -98,46 +112,47 @@ def refuse_foreign_files(file: CalibrationStudy, until: Step, force: bool) -> No
 
 def run_steps(found: Calibration, runner: DesignRunner, steps: tuple[Step, ...]) -> None:
     """Screen, then every further step that was asked for."""
-    document = found.document
+    document, labels = found.document, found.file.labels
     screening = found.screening = calculate.screen(runner)
     write_design(found, "screen", screening.design)
     document["screen"] = path_document(screening.design)
     if "analyse" in steps:
-        document["analyse"] = screening_document(screening)
-    if "climb" in steps:
-        path = found.climb = calculate.climb(runner, screening)
-        write_design(found, "climb", path.design)
-        document["climb"] = path_document(path.design, path.best)
-        if "surface" in steps:
-            factors = calculate.surface_factors(runner, screening, path)
-            surface = found.surface = calculate.fit_response_surface(runner, factors)
-            write_design(found, "surface", surface.design)
-            document["surface"] = surface_document(surface)
-            run_last_steps(found, runner, surface, steps)
-
-
-def run_last_steps(
-    found: Calibration, runner: DesignRunner, surface: ResponseSurface, steps: tuple[Step, ...]
-) -> None:
-    """Optimum and confirmation."""
-    if "optimise" in steps:
-        optimum = found.optimum = calculate.find_optimum(runner, surface)
-        found.document["optimise"] = optimum_document(optimum)
-        if "confirm" in steps:
-            confirmed = found.confirmed = calculate.confirm_optimum(runner, surface, optimum)
-            write_design(found, "confirm", confirmed.design)
-            found.document["confirm"] = confirmed_document(confirmed)
-            written = write_calibrated_scenes(found.file, confirmed.optimum.settings)
-            found.document["calibrated_scenes"] = [str(path) for path in written]
+        document["analyse"] = screening_document(screening, labels)
+    if "climb" not in steps:
+        return
+    path = found.climb = calculate.climb(runner, screening)
+    write_design(found, "climb", path.design)
+    document["climb"] = path_document(path.design) | {"best": path.best + 1}
+    if "surface" not in steps:
+        return
+    factors = calculate.surface_factors(runner, screening, path)
+    surface = found.surface = calculate.fit_response_surface(runner, factors)
+    write_design(found, "surface", surface.design)
+    document["surface"] = surface_document(surface, labels)
+    if "optimise" not in steps:
+        return
+    optimum = found.optimum = calculate.find_optimum(runner, surface)
+    document["optimise"] = optimum_document(optimum)
+    if "confirm" not in steps:
+        return
+    design, tests = calculate.confirm_optimum(runner, surface, optimum)
+    write_design(found, "confirm", design)
+    document["confirm"] = {
+        "settings": design.settings(0),
+        "values": {name: column.tolist() for name, column in design.responses.items()},
+        "tests": {name: asdict(test) for name, test in tests.items()},
+    }
+    written = write_calibrated_scenes(found.file, design.settings(0))
+    document["calibrated_scenes"] = [str(path) for path in written]
 
 
 def is_written(table: Path, planned: Design) -> bool:
     """Whether a table holds this very design: then its responses are kept."""
+    wanted = pd.read_csv(io.StringIO(design_text(planned)), dtype=str)
     try:
-        found = read_design(table)
-    except BadInput:
+        return wanted.equals(pd.read_csv(table, dtype=str)[list(wanted)])
+    except (OSError, ValueError, KeyError):
         return False
-    return found.factors == planned.factors and np.array_equal(found.coded, planned.coded)
 
 
 def write_design(found: Calibration, name: str, design: Design) -> Path:
@@ -147,21 +162,19 @@ def write_design(found: Calibration, name: str, design: Design) -> Path:
 
 def write_runs(file: CalibrationStudy, runs: list[DesignRun]) -> Path:
     """Write the table of every run: settings, all measures, reason of a failure, cost."""
-    paths = list(file.study.parameters)
     measures = dict.fromkeys(name for run in runs for name in run.result.record.get("measures", {}))
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["stage", "row", "seed", "key", *paths, *measures, "failure", "cpu_s"])
-    for run in runs:
-        values = (run.result.value(name) for name in measures)
-        settings = (f"{run.settings[path]:.6g}" for path in paths)
-        cells = ("" if value != value else f"{value:.7g}" for value in values)
-        ends = (run.result.failure or "", f"{run.result.record.get('cpu_s', 0.0):.1f}")
-        writer.writerow([run.stage, run.row, run.seed, run.result.key, *settings, *cells, *ends])
-    return ListedFolder(file.folder).write("runs.csv", text.getvalue().encode())
+    table = pd.DataFrame(
+        {"stage": run.stage, "row": run.row, "seed": run.seed, "key": run.result.key}
+        | {path: f"{run.settings[path]:.6g}" for path in file.study.parameters}
+        | {name: "" if (y := run.result.value(name)) != y else f"{y:.7g}" for name in measures}
+        | {"failure": run.result.failure, "cpu_s": f"{run.result.record.get('cpu_s', 0.0):.1f}"}
+        for run in runs
+    )
+    text = table.to_csv(index=False, lineterminator="\n")
+    return ListedFolder(file.folder).write("runs.csv", text.encode())
 
 
-def path_document(design: Design, best: int | None = None) -> Document:
+def path_document(design: Design) -> Document:
     """Settings and responses row by row."""
     rows = [
         {
@@ -170,40 +183,40 @@ def path_document(design: Design, best: int | None = None) -> Document:
         }
         for row in range(len(design))
     ]
-    return {"rows": rows} if best is None else {"rows": rows, "best": best + 1}
+    return {"rows": rows}
 
 
-def screening_document(screening: Screening) -> Document:
+def screening_document(screening: Screening, labels: Mapping[str, str]) -> Document:
     """Effects, largest first, their limits, and which factors go on."""
-    found = {name: effect_document(fit) for name, fit in screening.fits.items()}
+    found = {name: effect_document(fit, labels) for name, fit in screening.fits.items()}
     return {"responses": found, "kept": [factor.path for factor in screening.kept]}
 
 
-def effect_document(fit: Fit) -> Document:
+def effect_document(fit: Fit, labels: Mapping[str, str]) -> Document:
     """Effects of one response with their limits, curvature and figures of merit."""
-    bent = curvature(fit)
-    found, limits = calculate.screened_effects(fit)
+    bent, (found, limits) = curvature(fit), calculate.screened_effects(fit)
     ordered = sorted(found, key=lambda effect: -abs(effect.value))
     return {
-        "effects": [asdict(effect) for effect in ordered],
+        "effects": [asdict(effect) | {"label": term_label(effect.name, labels)} for effect in ordered],
         "limits": asdict(limits),
         "curvature": None if bent is None else asdict(bent),
         "quality": asdict(quality(fit)),
     }
 
 
-def surface_document(surface: ResponseSurface) -> Document:
+def surface_document(surface: ResponseSurface, labels: Mapping[str, str]) -> Document:
     """Variance, figures of merit and equations of every response."""
     found = {}
     for name, full in surface.full.items():
         smaller = surface.fits[name]
         found[name] = {
-            "anova": [asdict(row) for row in anova(full)],
+            "anova": [asdict(row) | {"label": term_label(row.source, labels)} for row in anova(full)],
             "quality": asdict(quality(full)),
             "quality_reduced": asdict(quality(smaller)),
             "coded": equation(full, coded_polynomial(full)),
             "coded_reduced": equation(smaller, coded_polynomial(smaller)),
             "natural_reduced": equation(smaller, natural_polynomial(smaller)),
+            "warning": overfitted(smaller),
         }
     return {"ranges": {f.path: (f.low, f.high) for f in surface.design.factors}, "responses": found}
 
@@ -220,10 +233,3 @@ def optimum_document(found: Optimisation) -> Document:
     ]
     reach = {name: asdict(one) for name, one in found.reach.items()}
     return {"optima": optima, "reach": reach, "met": found.met, "sentences": list(found.sentences)}
-
-
-def confirmed_document(confirmed: Confirmed) -> Document:
-    """Settings, fresh values and tests."""
-    tests = {name: asdict(test) for name, test in confirmed.tests.items()}
-    values = {name: column.tolist() for name, column in confirmed.design.responses.items()}
-    return {"settings": confirmed.optimum.settings, "values": values, "tests": tests}

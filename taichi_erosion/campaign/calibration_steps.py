@@ -19,24 +19,20 @@ Surface Methodology, 4th ed., ch. 5 and 6; Montgomery (2017), Design and Analysi
 6.8 (curvature and the corners).
 """
 
-from dataclasses import dataclass, replace
-from math import nan
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from scipy import stats
 
-from taichi_erosion.campaign.design_runs import DesignRunner, run_design
-from taichi_erosion.campaign.study_file import CalibrationStudy
+from taichi_erosion.campaign.execute import SIMULATE, execute
+from taichi_erosion.campaign.ledger import Ledger
+from taichi_erosion.campaign.request import Report, RunRequest, RunResult, run_device, scene_request
+from taichi_erosion.campaign.study_file import CalibrationStudy, WorkersEntry
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.experiments.anova import (
-    CONFIDENCE,
-    Effect,
-    EffectLimits,
-    curvature,
-    effect_limits,
-    effects,
-    reduced,
-)
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.experiments.anova import Effect, EffectLimits, curvature, effect_limits, effects, reduced
 from taichi_erosion.experiments.confirm import Confirmation, Sample, confirm
 from taichi_erosion.experiments.design import (
     box_behnken,
@@ -45,45 +41,123 @@ from taichi_erosion.experiments.design import (
     plackett_burman,
     steepest_path,
 )
-from taichi_erosion.experiments.design_table import SAME_POINT, Design, Factor, Floats, arranged
-from taichi_erosion.experiments.fit import Fit, fit_model
-from taichi_erosion.experiments.optimise import Goal, Optimisation, Optimum, optimise
-from taichi_erosion.experiments.terms import linear_terms
+from taichi_erosion.experiments.design_table import SAME_POINT, Design, Factor, arranged
+from taichi_erosion.experiments.fit import Fit, fit_model, overfitted
+from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
+from taichi_erosion.experiments.terms import linear_terms, model_matrix
+
+SEEDS_APART = 1000  # seeds reserved for one stage: no two runs of a study share their noise
+STAGES = ("screen", "climb", "surface", "confirm")
+
+
+@dataclass(frozen=True)
+class DesignRun:
+    """One run of a stage, as the table of all runs shows it."""
+
+    stage: str
+    row: int  # of its design, from 1
+    seed: int
+    settings: dict[str, float]
+    result: RunResult
+
+
+@dataclass
+class DesignRunner:
+    """How the runs of a study are made, and all that were requested so far."""
+
+    file: CalibrationStudy
+    ledger: Ledger
+    where: WorkersEntry = field(default_factory=WorkersEntry)
+    progress: Report | None = None
+    function: str = SIMULATE
+    stages: Sequence[str] = STAGES  # to be made
+    runs: list[DesignRun] = field(default_factory=list)
+
+    def stage_progress(self, stage: str) -> Report | None:
+        """Progress of one stage as a share of all planned runs, which never falls from stage to stage."""
+        report, planned = self.progress, planned_runs(self.file)
+        if report is None:
+            return None
+        total = sum(planned[name] for name in self.stages)
+        before = sum(planned[name] for name in self.stages[: self.stages.index(stage)])
+        return lambda share, words: report((before + share * planned[stage]) / total, f"{stage}: {words}")
+
+
+def planned_runs(file: CalibrationStudy) -> dict[str, int]:
+    """Runs of every stage before any is made; a climb may end earlier, at a limit."""
+    screening, sizes = screening_design(file), file.study.design
+    surface = surface_design(file, screening.factors[: sizes.surface_factors])
+    runs = (len(screening), sizes.climb_steps + 1, len(surface), sizes.confirm)
+    return dict(zip(STAGES, runs, strict=True))
+
+
+def run_design(runner: DesignRunner, stage: str, design: Design) -> Design:
+    """The design with the values of all targets; NaN where a run gave none."""
+    file, observables = runner.file, list(runner.file.study.targets)
+    first = file.study.study.seed + SEEDS_APART * STAGES.index(stage)
+    plan = [(int(row), scene) for row in design.by_turn for scene in file.scenes]
+    settings = [complete_settings(file, design.settings(row)) for row in range(len(design))]
+    requests = [design_request(runner, scene, settings[row], stage, row, first + row) for row, scene in plan]
+    results = execute(
+        requests,
+        runner.ledger,
+        workers=runner.where.workers,
+        scheduler=runner.where.scheduler,
+        progress=runner.stage_progress(stage),
+        function=runner.function,
+    )
+    found = dict(zip(plan, results, strict=True))
+    runner.runs += [
+        DesignRun(stage, row + 1, first + row, settings[row], found[row, scene])
+        for row in range(len(design))
+        for scene in file.scenes
+    ]
+    columns = {
+        name: [found[row, file.scene(name)].value(file.measure(name)) for row in range(len(design))]
+        for name in observables
+    }
+    return design.with_responses(**columns)
+
+
+def complete_settings(file: CalibrationStudy, settings: dict[str, float]) -> dict[str, float]:
+    """Value of every parameter of the study; one that a design does not vary stays at its centre."""
+    centres = {path: 0.5 * (entry.low + entry.high) for path, entry in file.study.parameters.items()}
+    return centres | settings
+
+
+def changes_of(file: CalibrationStudy, settings: dict[str, float]) -> list[str]:
+    """PATH=VALUE changes of a scene, those that hold for all runs first."""
+    entries = file.study.parameters
+    linked = {path: value for main, value in settings.items() for path in entries[main].also}
+    return [*file.study.study.settings, *(f"{path}={value!r}" for path, value in (settings | linked).items())]
+
+
+def design_request(
+    runner: DesignRunner, scene: Path, settings: dict[str, float], stage: str, row: int, seed: int
+) -> RunRequest:
+    """Request of one row of a design at one scene."""
+    file = runner.file
+    extra: dict[str, Any] = {"device": run_device(runner.where)}
+    if file.study.design.record in (stage, "all"):
+        columns = {path.replace(".", "_").replace("-", "_"): value for path, value in settings.items()}
+        extra |= {
+            "record": file.folder / "recordings" / f"{stage}-{row + 1}-{seed}.rrd",
+            "properties": {"doe": {"stage": stage, "row": row + 1} | columns},
+        }
+    return scene_request(scene, changes_of(file, settings), seed, file.effect_files, **extra)
 
 
 def screened_effects(fit: Fit) -> tuple[list[Effect], EffectLimits]:
-    """Effects in the order of the terms, and their limits; without centre points those of the plain model."""
-    corners, bent = corner_fit(fit), curvature(fit)
-    if corners is None or bent is None:
+    """Effects in the order of the terms, and their limits; without centre points those of the plain model.
+
+    With a centre: the same model on the corners alone, its error that of the model with the curvature.
+    """
+    corner, bent = np.any(np.abs(fit.coded) > SAME_POINT, axis=1), curvature(fit)
+    part = replace(fit, coded=fit.coded[corner], values=fit.values[corner], rows=fit.rows[corner])
+    if bent is None or np.linalg.matrix_rank(model_matrix(part.coded, fit.terms)) <= len(fit.terms):
         return effects(fit), effect_limits(fit)
-    # standard error of every effect, in the response's unit
-    spread = 2.0 * np.sqrt(bent.ms_error * np.diag(corners.unscaled_covariance)[1:])
-    found = [tested(one, error, bent.df_error) for one, error in zip(effects(corners), spread, strict=True)]
-    tail, largest = 0.5 * (1.0 - CONFIDENCE), float(spread.max())
-    limits = EffectLimits(
-        single=float(stats.t.isf(tail, bent.df_error)) * largest,
-        bonferroni=float(stats.t.isf(tail / len(found), bent.df_error)) * largest,
-        lenth_margin=nan,
-        lenth_simultaneous=nan,
-    )
-    return found, limits
-
-
-def corner_fit(fit: Fit) -> Fit | None:
-    """The same model on the corners alone; None without a centre, or where too few corners have a result."""
-    corner = np.any(np.abs(fit.coded) > SAME_POINT, axis=1)
-    part = replace(
-        fit, **{name: getattr(fit, name)[corner] for name in ("coded", "values", "blocks", "rows")}
-    )
-    coefficients = len(fit.terms) + len(np.unique(fit.blocks))
-    full_rank = np.linalg.matrix_rank(part.results.model.exog) == coefficients
-    return part if full_rank and not corner.all() else None
-
-
-def tested(effect: Effect, error: float, df: int) -> Effect:
-    """The effect with t and p for a standard error."""
-    t = effect.value / float(error) if error > 0.0 else nan
-    return replace(effect, t=t, p=2.0 * float(stats.t.sf(abs(t), df)))
+    error = bent.ms_error, bent.df_error
+    return effects(part, error), effect_limits(part, error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,15 +186,6 @@ class ResponseSurface:
     fits: dict[str, Fit]
 
 
-@dataclass(frozen=True, eq=False)
-class Confirmed:
-    """Fresh runs at one optimum, and their tests by target."""
-
-    design: Design
-    optimum: Optimum
-    tests: dict[str, Confirmation]
-
-
 def screening_design(file: CalibrationStudy) -> Design:
     """Plackett-Burman design in all parameters of the study, in random order."""
     study = file.study
@@ -135,14 +200,14 @@ def screen(runner: DesignRunner) -> Screening:
     terms = linear_terms(len(design.factors))
     fits = {name: fit_model(design, name, terms) for name in study.targets}
     # effects of different responses are compared in standard deviations of their own runs
-    sizes = [effect_sizes(fit) / (fit.values.std() or 1.0) for fit in fits.values()]
+    sizes = [np.abs(slopes(fit)) / (fit.values.std() or 1.0) for fit in fits.values()]
     order = np.argsort(-np.max(sizes, axis=0), kind="stable")[: study.design.surface_factors]
     return Screening(design, fits, tuple(design.factors[place] for place in order))
 
 
-def effect_sizes(fit: Fit) -> Floats:
-    """Sizes of the effects, in the response's unit."""
-    return np.abs([effect.value for effect in screened_effects(fit)[0]])
+def slopes(fit: Fit) -> Floats:
+    """Response to one coded unit of every factor."""
+    return np.array([0.5 * effect.value for effect in screened_effects(fit)[0]])
 
 
 def climb(runner: DesignRunner, screening: Screening) -> Climb:
@@ -150,11 +215,10 @@ def climb(runner: DesignRunner, screening: Screening) -> Climb:
     study = runner.file.study
     name, target = next(iter(study.targets.items()))
     fit = screening.fits[name]
-    slopes = {effect.name: 0.5 * effect.value for effect in screened_effects(fit)[0]}
     upwards = target.value >= centre_value(screening.design, name, float(fit.coefficients[0]))
     design = steepest_path(
         screening.kept,
-        {factor.path: slopes[factor.path] for factor in screening.kept},
+        slopes(fit)[[fit.factors.index(factor) for factor in screening.kept]],
         steps=study.design.climb_steps + 1,
         step=study.design.climb_step if upwards else -study.design.climb_step,
         limits={path: entry.limits for path, entry in study.parameters.items()},
@@ -168,8 +232,8 @@ def climb(runner: DesignRunner, screening: Screening) -> Climb:
 
 def centre_value(design: Design, name: str, otherwise: float) -> float:
     """Mean response of the centre points, where the path begins; a curved surface lies far from its plane."""
-    centre = np.array([kind == "centre" for kind in design.kinds])
-    known = design.responses[name][centre & np.isfinite(design.responses[name])]
+    known = design.responses[name][np.array(design.kinds) == "centre"]
+    known = known[np.isfinite(known)]
     return float(known.mean()) if len(known) else otherwise
 
 
@@ -184,18 +248,13 @@ def surface_factors(runner: DesignRunner, screening: Screening, path: Climb) -> 
     return found
 
 
-def surface_design(file: CalibrationStudy, factors: list[Factor]) -> Design:
-    """The study's choice of a design over these ranges, in random order.
-
-    Raises BadInput for a star point beyond the limits of its parameter.
-    """
+def surface_design(file: CalibrationStudy, factors: Sequence[Factor]) -> Design:
+    """The study's choice of a design over these ranges, in random order."""
     sizes, seed = file.study.design, file.study.study.seed
     if sizes.surface == "latin_hypercube":
         return latin_hypercube(factors, sizes.hypercube_runs, seed, sizes.surface_centre)
     if sizes.surface == "central_composite":
-        design = central_composite(factors, sizes.surface_centre, sizes.surface_axial, seed)
-        refuse_star_outside_limits(file, design)
-        return design
+        return central_composite(factors, sizes.surface_centre, sizes.surface_axial, seed)
     return box_behnken(factors, centre_points=sizes.surface_centre, seed=seed)
 
 
@@ -214,29 +273,35 @@ def refuse_star_outside_limits(file: CalibrationStudy, design: Design) -> None:
 
 def fit_response_surface(runner: DesignRunner, factors: list[Factor]) -> ResponseSurface:
     """Run the design of the surface and fit its quadratics."""
-    study = runner.file.study
-    design = run_design(runner, "surface", surface_design(runner.file, factors))
-    full = {name: fit_model(design, name, "quadratic") for name in study.targets}
-    smaller = {name: reduced(fit).fit for name, fit in full.items()}
+    planned = surface_design(runner.file, factors)
+    refuse_star_outside_limits(runner.file, planned)
+    design = run_design(runner, "surface", planned)
+    full = {name: fit_model(design, name, "quadratic") for name in runner.file.study.targets}
+    smaller = {name: reduced(fit) for name, fit in full.items()}
     return ResponseSurface(
         design, full, {name: fit if fit.terms else full[name] for name, fit in smaller.items()}
     )
 
 
 def find_optimum(runner: DesignRunner, surface: ResponseSurface) -> Optimisation:
-    """Settings that meet all targets."""
+    """Settings that meet all targets, with a warning where a surface does not predict new runs."""
     goals = [Goal(name, "target", target.value) for name, target in runner.file.study.targets.items()]
-    return optimise(list(surface.fits.values()), goals)
+    fits = list(surface.fits.values())
+    found, warnings = optimise(fits, goals), [line for fit in fits if (line := overfitted(fit))]
+    remedy = "; a larger surface_half in [design] lets the factors stand out"
+    return replace(found, sentences=(*found.sentences, *(line + remedy for line in warnings)))
 
 
-def confirm_optimum(runner: DesignRunner, surface: ResponseSurface, found: Optimisation) -> Confirmed:
-    """Run fresh seeds at the most certain optimum and test them against the measurements."""
-    study, optimum = runner.file.study, found.optima[0]
-    points = np.tile(optimum.coded, (study.design.confirm, 1))
-    design = arranged("confirmation", surface.design.factors, [("added", points)])
-    design = run_design(runner, "confirm", design)
+def confirm_optimum(
+    runner: DesignRunner, surface: ResponseSurface, found: Optimisation
+) -> tuple[Design, dict[str, Confirmation]]:
+    """Fresh seeds at the most certain optimum, and their tests against the measurements."""
+    study = runner.file.study
+    points = np.tile(found.optima[0].coded, (study.design.confirm, 1))
+    planned = arranged("confirmation", surface.design.factors, [("added", points)])
+    design = run_design(runner, "confirm", planned)
     tests = {
         name: confirm(design.responses[name].tolist(), Sample(target.value, target.sd, target.n))
         for name, target in study.targets.items()
     }
-    return Confirmed(design, optimum, tests)
+    return design, tests

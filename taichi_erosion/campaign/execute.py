@@ -1,21 +1,28 @@
 """Execution of a campaign: lease runs, submit them in batches, record results, wait for other parents.
 
-Local worker processes by default; the workers of a Dask cluster where a scheduler is named. This is the only
-module that imports Dask.
+Local worker processes by default; the workers of a Dask cluster where a scheduler is named.
 
 A free worker takes 1/W of what is left of one group (guided self-scheduling): long batches first, where the
 start of an ensemble costs little, short ones at the end, so that all workers finish together. A batch is not
 larger than WORK_MOST, for that is what a killed worker loses, and holds enough to be worth its start. On a
 graphics processor one worker holds the device, and its batches are as large as memory allows.
 
+Progress counts the runs that are under way by time. If ln T is normal with mean ln T_e and standard deviation
+s, a run that has taken t without an end has done, on average over the possible T,
+
+    E[t / T | T > t] = x exp(s^2 / 2) Phi(-(ln x + s^2) / s) / Phi(-ln x / s),    x = t / T_e
+
+T_e is the work of its batch times the pace: seconds of one worker per grain-step, of the runs that have
+ended. Before the first of them s is larger: the pace is then a usual one.
+
 Reference: Polychronopoulos & Kuck (1987), IEEE Trans. Comput. C-36, 1425.
 """
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from math import erfc, exp, log, sqrt
 
 import numpy as np
 
@@ -23,15 +30,14 @@ from taichi_erosion.campaign import ledger as ledgers
 from taichi_erosion.campaign.ledger import Ledger, finished_runs, unfinished
 from taichi_erosion.campaign.pool import (
     Batch,
-    Event,
-    Payloads,
+    Ended,
     Pool,
+    join_cluster,
     named_work,
     refuse_missing_devices,
     start_pool,
 )
-from taichi_erosion.campaign.request import WORTH_A_START, Report, RunRequest, RunResult
-from taichi_erosion.campaign.work_done import WorkDone
+from taichi_erosion.campaign.request import START, WORTH_A_START, Report, RunRequest, RunResult
 from taichi_erosion.core.device import usable_cores
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Arch
@@ -40,9 +46,9 @@ WORK_MOST = 3e9  # grain-steps of a batch: about ten minutes of one core
 SIMULATE = "taichi_erosion.campaign.request:simulating"
 HEARTBEAT = ledgers.LEASE / 6.0  # s between two renewals of the leases
 POLL = 0.2  # s that a poll of the workers takes at most
-END_READ = 1.0  # s for the last message of a batch, whose runs another parent may have made
-CONNECT = 20.0  # s until a scheduler that does not answer is an error
-QUEUE = 2  # batches in flight per Dask worker: one runs, one waits beside it
+GUESSED = 0.7  # sd of ln T before a run has ended: a factor of two to either side [1]
+KNOWN = 0.3  # once runs have ended [1]
+LONGEST = 5.0  # T / T_e beyond which a run counts as good as ended [1]
 
 
 def next_batch(waiting: Sequence[RunRequest], deaths: dict[str, int], workers: int) -> list[RunRequest]:
@@ -56,6 +62,49 @@ def next_batch(waiting: Sequence[RunRequest], deaths: dict[str, int], workers: i
     least = int(np.searchsorted(work, WORTH_A_START)) + 1
     most = int(np.searchsorted(work, WORK_MOST, side="right")) if first.arch == "cpu" else len(fellows)
     return fellows[: max(min(max(share, least), most, first.most), 1)]
+
+
+def pace(wanted: Mapping[str, RunRequest], ended: Mapping[str, float]) -> float:
+    """Seconds of one worker per unit of work, of runs that ended; without any as fast as usual."""
+    work, spent = sum(wanted[key].work for key in ended), sum(ended.values())
+    return spent / work if work > 0.0 and spent > 0.0 else START / WORTH_A_START
+
+
+def share_by_time(elapsed: float, spread: float) -> float:
+    """Share of its work that a run has done after so many times its expected duration, not yet ended [1].
+
+    `spread`: standard deviation of the logarithm of its duration.
+    """
+    if elapsed <= 0.0:
+        return 0.0
+    x = min(elapsed, LONGEST)
+    longer, weighted = (erfc(z / sqrt(2.0)) for z in (log(x) / spread, log(x) / spread + spread))
+    return x * exp(0.5 * spread**2) * weighted / longer
+
+
+@dataclass
+class WorkDone:
+    """Work of a campaign: what there is, and what is under way here."""
+
+    wanted: Mapping[str, RunRequest]  # by key
+    work: float  # grain-steps of the runs that did not stand in the ledger
+    begun: dict[str, tuple[float, float]] = field(default_factory=dict)  # clock [s], work of the batch
+    reported: float = 0.0  # largest share reported; a batch that dies does not take it back
+
+    def begin(self, keys: Sequence[str]) -> None:
+        """Runs start as one batch."""
+        whole = sum(self.wanted[key].work for key in keys)
+        self.begun |= dict.fromkeys(keys, (time.monotonic(), whole))
+
+    def share(self, left: Iterable[str], ended: Mapping[str, float]) -> float:
+        """Share that is done [1], given the runs that are left and the wall times [s] of those that ended."""
+        now, second, rest = time.monotonic(), pace(self.wanted, ended), 0.0
+        for key in left:
+            start, whole = self.begun.get(key, (now, 0.0))
+            by_time = share_by_time((now - start) / (START + second * whole), KNOWN if ended else GUESSED)
+            rest += self.wanted[key].work * (1.0 - by_time)
+        self.reported = max(self.reported, 1.0 - rest / self.work)
+        return self.reported
 
 
 @dataclass
@@ -88,19 +137,17 @@ def execute(
     named_work(function)
     ledgers.add_requests(ledger, list(wanted.values()))
     ledgers.release_stale_leases(ledger)
-    left = unfinished(ledger, list(wanted))
-    if left:
+    if left := unfinished(ledger, list(wanted)):
+        archs: set[Arch] = {wanted[key].arch for key in left if wanted[key].arch != "cpu"}
         if scheduler:
-            pool: Pool = DaskPool.connect(scheduler, function)
+            pool = join_cluster(function, ledger.folder, scheduler)
         else:
-            archs: set[Arch] = {wanted[key].arch for key in left if wanted[key].arch != "cpu"}
             refuse_missing_devices(archs)
-            pool = start_pool(function, 1 if archs else min(len(left), workers or usable_cores()))
-        work = sum(wanted[key].work for key in left)
-        done = WorkDone(wanted, work, finished_runs(ledger, list(wanted)))
-        campaign = Campaign(wanted, ledger, pool, progress, done)
+            count = 1 if archs else min(len(left), workers or usable_cores())
+            pool = start_pool(function, ledger.folder, count)
+        work = WorkDone(wanted, sum(wanted[key].work for key in left))
         try:
-            run_all(campaign)
+            run_all(Campaign(wanted, ledger, pool, progress, work))
         finally:
             pool.close()
             with suppress(BadInput):  # a ledger that cannot be written has raised before; its leases lapse
@@ -112,21 +159,13 @@ def run_all(campaign: Campaign) -> None:
     """Go on until every run has ended, here or at another parent."""
     while left := unfinished(campaign.ledger, list(campaign.requests)):
         submit_batches(campaign, left)
-        for event in campaign.pool.events(POLL):
-            handle_event(campaign, event)
+        for ended in campaign.pool.ended(POLL):
+            enter_batch(campaign, ended)
         if time.monotonic() - campaign.renewed > HEARTBEAT:
             campaign.renewed = time.monotonic()
             ledgers.renew_leases(campaign.ledger)
             ledgers.release_stale_leases(campaign.ledger)
-        report_progress(campaign, left)
-    read_ends(campaign.pool)
-
-
-def read_ends(pool: Pool) -> None:
-    """Read that batches have ended whose runs are recorded, so that their workers end by themselves."""
-    until = time.monotonic() + END_READ
-    while pool.free() < pool.workers and time.monotonic() < until:
-        pool.events(POLL)
+        report_progress(campaign, list(left))
 
 
 def submit_batches(campaign: Campaign, left: dict[str, tuple[str, int]]) -> None:
@@ -144,102 +183,26 @@ def submit_batches(campaign: Campaign, left: dict[str, tuple[str, int]]) -> None
             campaign.work.begin(keys)
 
 
-def handle_event(campaign: Campaign, event: Event) -> None:
-    """Enter a message of the pool in the ledger; runs of a batch that ended without a record go back."""
-    ledger, keys = campaign.ledger, event.batch.keys
-    if event.kind == "record":
-        ledgers.record_result(ledger, keys[event.place], event.record)
-        campaign.work.end(keys[event.place], event.record.get("wall_s"))
-        return
+def enter_batch(campaign: Campaign, ended: Ended) -> None:
+    """Enter what came of a batch in the ledger; runs that ended without a record go back."""
+    ledger, keys = campaign.ledger, ended.batch.keys
+    for place, record in ended.records:
+        ledgers.record_result(ledger, keys[place], record)
     without_record = list(unfinished(ledger, keys))
-    if event.kind == "share":
-        campaign.work.limits |= dict.fromkeys(without_record, event.share)
-        return
-    for key in keys:
-        campaign.work.end(key)
-    if event.kind == "raised" and len(keys) == 1 and without_record:
-        ledgers.record_result(ledger, keys[0], {"failure": event.reason})
-    else:
-        ledgers.record_worker_death(ledger, without_record, event.reason or "it gave no result")
+    for key in without_record:
+        campaign.work.begun.pop(key, None)
+    if ended.reason and not ended.died and len(keys) == 1 and without_record:
+        ledgers.record_result(ledger, keys[0], {"failure": ended.reason})
+    elif without_record:
+        ledgers.record_worker_death(ledger, without_record, ended.reason or "it gave no result")
 
 
-def report_progress(campaign: Campaign, left: Iterable[str]) -> None:
+def report_progress(campaign: Campaign, left: Sequence[str]) -> None:
     """Report how many runs have ended, what they say of their device, and the share of the work done."""
     if campaign.progress is None:
         return
-    rest, total = list(left), len(campaign.requests)
-    notes = sorted({campaign.requests[key].note for key in rest} - {""})
-    words = "; ".join([f"{total - len(rest)} of {total} runs", *notes])
-    campaign.progress(campaign.work.share(rest), words)
-
-
-def run_on_dask(function: str, payloads: Payloads) -> list[tuple[int, dict[str, Any]]]:
-    """A batch on a Dask worker: all records at the end, with their places."""
-    records: list[tuple[int, dict[str, Any]]] = []
-    with named_work(function)() as run:
-        run(payloads, lambda place, record: records.append((place, record)), lambda _: None)
-    return records
-
-
-@dataclass
-class DaskPool:
-    """Workers of a Dask cluster; the scheduler replaces one that is lost."""
-
-    function: str
-    client: Any
-    in_flight: dict[Any, Batch] = field(default_factory=dict)  # by future
-
-    @classmethod
-    def connect(cls, scheduler: str, function: str) -> "DaskPool":
-        """Join a cluster. Raises BadInput where no scheduler answers."""
-        try:
-            from distributed import Client
-        except ImportError:
-            raise BadInput("scheduler: needs Dask; pip install 'taichi-erosion[cluster]'") from None
-        try:
-            client = Client(scheduler, timeout=CONNECT, set_as_default=False)
-        except (OSError, ValueError, TimeoutError) as error:
-            raise BadInput(f"scheduler {scheduler}: does not answer ({error})") from None
-        return cls(function, client)
-
-    @property
-    def workers(self) -> int:
-        """Workers of the cluster; at least one is expected to come."""
-        return max(len(self.client.nthreads()), 1)
-
-    def free(self) -> int:
-        """Batches that could be submitted."""
-        return max(QUEUE * self.workers - len(self.in_flight), 0)
-
-    def submit(self, batch: Batch) -> None:
-        """Submit a batch; each is a task of its own even if its payload is not."""
-        future = self.client.submit(run_on_dask, self.function, list(batch.payloads), pure=False)
-        self.in_flight[future] = batch
-
-    def events(self, timeout: float) -> list[Event]:
-        """Messages of the batches that have come back."""
-        if not any(future.done() for future in self.in_flight):
-            time.sleep(timeout)
-        done = [future for future in self.in_flight if future.done()]
-        return [event for future in done for event in batch_events(future, self.in_flight.pop(future))]
-
-    def close(self) -> None:
-        """Leave the cluster; it goes on without this client's tasks."""
-        self.client.cancel(list(self.in_flight), force=True)
-        self.client.close()
-
-
-def batch_events(future: Any, batch: Batch) -> list[Event]:
-    """Messages of a batch that a Dask worker has finished or lost."""
-    from distributed import CancelledError, KilledWorker
-
-    try:
-        records = future.result()
-    except (KilledWorker, CancelledError) as error:
-        return [Event("died", batch, reason=f"lost by the cluster ({type(error).__name__})")]
-    except Exception as error:
-        return [Event("raised", batch, reason=f"{type(error).__name__}: {error}")]
-    return [
-        *(Event("record", batch, place=place, record=record) for place, record in records),
-        Event("ended", batch),
-    ]
+    total = len(campaign.requests)
+    notes = sorted({campaign.requests[key].note for key in left} - {""})
+    words = "; ".join([f"{total - len(left)} of {total} runs", *notes])
+    ended = finished_runs(campaign.ledger, list(campaign.requests))
+    campaign.progress(campaign.work.share(left, ended), words)

@@ -137,6 +137,11 @@ class Ledger:
     owner: str  # machine:process of this parent
     heartbeats: dict[str, tuple[float, float]] = field(default_factory=dict)  # by owner: beat, s
 
+    @property
+    def folder(self) -> Path:
+        """Folder of the file."""
+        return self.database.path.parent
+
 
 def open_ledger(folder: Path) -> Ledger:
     """Open the ledger of a folder, made where there is none. Raises BadInput where that is impossible."""
@@ -221,17 +226,16 @@ def record_worker_death(ledger: Ledger, keys: Sequence[str], reason: str) -> Non
     """Put runs back whose worker died; a run in which DEATHS_MOST workers died has failed."""
     died = f"{DEATHS_MOST} workers died of it; the last: {reason}"
     with ledger.database.transaction() as sql:
-        for key in keys:
-            sql.execute(
-                "UPDATE run SET state = 'waiting', owner = NULL, deaths = deaths + 1 "
-                "WHERE key = ? AND state = 'leased' AND owner = ?",
-                (key, ledger.owner),
-            )
-            sql.execute(
-                "UPDATE run SET state = 'failed', failure = ?, ended = ? "
-                "WHERE key = ? AND state = 'waiting' AND deaths >= ?",
-                (died, time.time(), key, DEATHS_MOST),
-            )
+        sql.executemany(
+            "UPDATE run SET state = 'waiting', owner = NULL, deaths = deaths + 1 "
+            "WHERE key = ? AND state = 'leased' AND owner = ?",
+            [(key, ledger.owner) for key in keys],
+        )
+        sql.executemany(
+            "UPDATE run SET state = 'failed', failure = ?, ended = ? "
+            "WHERE key = ? AND state = 'waiting' AND deaths >= ?",
+            [(died, time.time(), key, DEATHS_MOST) for key in keys],
+        )
 
 
 def unfinished(ledger: Ledger, keys: Sequence[str]) -> dict[str, tuple[str, int]]:
@@ -251,8 +255,8 @@ def finished_runs(ledger: Ledger, keys: Sequence[str]) -> dict[str, float]:
 def read_results(ledger: Ledger, keys: Sequence[str]) -> list[RunResult]:
     """Results of runs that have ended, in the order of the keys."""
     query = "SELECT record, failure, wall_s FROM run WHERE key = ? AND state IN ('done', 'failed')"
-    found = {}
-    for key in dict.fromkeys(keys):
-        for record, failure, wall_s in ledger.database.rows(query, (key,)):
-            found[key] = RunResult(key, json.loads(record) if record else {}, failure, wall_s or 0.0)
-    return [found[key] for key in keys if key in found]
+    rows = ((key, row) for key in keys for row in ledger.database.rows(query, (key,)))
+    return [
+        RunResult(key, json.loads(record) if record else {}, failure, wall_s or 0.0)
+        for key, (record, failure, wall_s) in rows
+    ]

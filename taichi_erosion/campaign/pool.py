@@ -1,8 +1,9 @@
-"""Local worker processes: each takes batches through a pipe and sends every record as soon as it is there.
+"""Workers that run batches: processes of this machine, or those of a Dask cluster.
 
-Workers are spawned, never forked: Taichi does not survive a fork. A worker whose parent has died ends at
-once. The work of a worker is named "module:function": a context manager that gives a `RunFunction`, entered
-when the worker starts and left when it has nothing more to do.
+A local worker enters every record in the ledger as soon as it is there; a Dask worker, which may not see the
+file, returns all of a batch at its end. Processes are spawned, never forked: Taichi does not survive a fork.
+A process whose parent has died ends at once. The work of a worker is named "module:function": a context
+manager that gives a `RunFunction`, entered when the worker starts and left when it has nothing more to do.
 """
 
 import multiprocessing
@@ -11,23 +12,28 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import AbstractContextManager, suppress
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import dataclass, field
 from importlib import import_module
-from multiprocessing.connection import Connection, wait
-from typing import Any, Literal, Protocol
+from multiprocessing import connection
+from multiprocessing.util import Finalize
+from pathlib import Path
+from typing import Any
 
+from taichi_erosion.campaign.ledger import Ledger, open_ledger, record_result
+from taichi_erosion.campaign.request import Payloads, RunFunction
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Arch, Numerics
 
-Payloads = list[dict[str, Any]]
-SendRecord = Callable[[int, dict[str, Any]], None]  # (place in the batch, record)
-SendShare = Callable[[float], None]  # share of the batch that is done [1]
-RunFunction = Callable[[Payloads, SendRecord, SendShare], None]
-Work = Callable[[], AbstractContextManager[RunFunction]]
+Records = list[tuple[int, dict[str, Any]]]  # place in the batch, record
 
 END_WAIT = 20.0  # s that a worker is given to end
+LAST_BATCH = 1.0  # s for the end of a batch whose runs are all recorded
+CONNECT = 20.0  # s until a scheduler that does not answer is an error
+QUEUE = 2  # batches in flight per Dask worker: one runs, one waits beside it
+SPAWN = multiprocessing.get_context("spawn")
 
 
 @dataclass(frozen=True)
@@ -35,47 +41,20 @@ class Batch:
     """Runs that one worker does together."""
 
     keys: tuple[str, ...]
-    payloads: tuple[dict[str, Any], ...]
+    payloads: Payloads
 
 
 @dataclass(frozen=True)
-class Event:
-    """Message of a pool about a batch.
+class Ended:
+    """A batch that has ended, the records that it returned, and why it broke off, if it did."""
 
-    record: of the run at `place`; share: of the batch that is done; ended: all records are sent;
-    raised: the run function raised an error (`reason`); died: the worker is gone (`reason`).
-    """
-
-    kind: Literal["record", "share", "ended", "raised", "died"]
     batch: Batch
-    place: int = 0
-    record: dict[str, Any] = field(default_factory=dict)
-    share: float = 0.0
+    records: Records = field(default_factory=list)
     reason: str = ""
+    died: bool = False  # the worker is gone
 
 
-class Pool(Protocol):
-    """Workers that run batches."""
-
-    @property
-    def workers(self) -> int: ...
-
-    def free(self) -> int:
-        """Batches that could be submitted now."""
-        ...
-
-    def submit(self, batch: Batch) -> None: ...
-
-    def events(self, timeout: float) -> list[Event]:
-        """New messages, after a wait of up to `timeout` seconds for the first."""
-        ...
-
-    def close(self) -> None:
-        """End all workers; unfinished batches are dropped."""
-        ...
-
-
-def named_work(name: str) -> Work:
+def named_work(name: str) -> Callable[[], AbstractContextManager[RunFunction]]:
     """The context manager of "module:function". Raises BadInput where there is none."""
     module, _, function = name.partition(":")
     try:
@@ -84,132 +63,148 @@ def named_work(name: str) -> Work:
         raise BadInput(f"work '{name}' must be MODULE:FUNCTION ({error})") from None
 
 
-def worker_main(connection: Connection, name: str) -> None:
-    """Main loop of a worker: batches in, records out, until the pipe or the parent is gone."""
+WORKER: list[tuple[RunFunction, Ledger]] = []  # of this process, where it is a local worker
+
+
+def start_work(name: str, folder: Path) -> None:
+    """First call in a local worker."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to decide
     threading.Thread(target=end_with_parent, daemon=True).start()
-    with named_work(name)() as run:
-        while True:
-            try:
-                payloads = connection.recv()
-            except (EOFError, OSError):
-                return
-            run_batch(connection, run, payloads)
-
-
-def run_batch(connection: Connection, run: RunFunction, payloads: Payloads) -> None:
-    """Run one batch and send its records."""
-    try:
-        run(
-            payloads,
-            lambda place, record: connection.send(("record", place, record)),
-            lambda share: connection.send(("share", share)),
-        )
-        connection.send(("ended", ""))
-    except Exception as error:
-        with suppress(OSError):  # the parent may be gone
-            connection.send(("raised", f"{type(error).__name__}: {error}"))
+    left_at_end = ExitStack()
+    WORKER.append((left_at_end.enter_context(named_work(name)()), open_ledger(folder)))
+    Finalize(None, left_at_end.close, exitpriority=0)
 
 
 def end_with_parent() -> None:
-    """Leave when the parent is gone: nobody would read the results."""
+    """Leave when the parent is gone: nobody would go on with the results."""
     parent = multiprocessing.parent_process()
     if parent is not None:
-        wait([parent.sentinel])
+        connection.wait([parent.sentinel])
         os._exit(1)
 
 
+def run_here(batch: Batch) -> Records:
+    """A batch in a local worker."""
+    ((run, ledger),), records = WORKER, Records()
+
+    def keep(place: int, record: dict[str, Any]) -> None:
+        records.append((place, record))
+        with suppress(BadInput):  # the parent enters it again and says why that fails
+            record_result(ledger, batch.keys[place], record)
+
+    run(batch.payloads, keep)
+    return records
+
+
+def run_on_dask(name: str, batch: Batch) -> Records:
+    """A batch on a Dask worker."""
+    records: Records = []
+    with named_work(name)() as run:
+        run(batch.payloads, lambda place, record: records.append((place, record)))
+    return records
+
+
 @dataclass
-class Worker:
-    """One worker process, seen from its parent."""
-
-    process: Any
-    connection: Any  # end of a pipe
-    batch: Batch | None = None
-
-
-def start_worker(function: str) -> Worker:
-    """Spawn a worker."""
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=worker_main, args=(theirs, function), daemon=True)
-    process.start()
-    theirs.close()
-    return Worker(process, ours)
-
-
-@dataclass
-class LocalPool:
-    """Worker processes of this machine; one that dies is replaced."""
+class Pool:
+    """Workers, and the batches that they are at: local processes, or the cluster of a Dask client."""
 
     function: str
-    processes: list[Worker]
+    folder: Path  # of the ledger
+    client: Any = None
+    processes: dict[Executor, Any] = field(default_factory=dict)  # one an executor
+    in_flight: dict[Future[Records], tuple[Batch, Executor | None]] = field(default_factory=dict)
 
     @property
     def workers(self) -> int:
-        return len(self.processes)
+        """Number of workers; of a cluster at least one is expected to come."""
+        return max(len(self.client.nthreads()), 1) if self.client else len(self.processes)
 
     def free(self) -> int:
-        """Workers without a batch."""
-        return sum(worker.batch is None for worker in self.processes)
+        """Batches that could be submitted now."""
+        return max((QUEUE if self.client else 1) * self.workers - len(self.in_flight), 0)
+
+    def start(self) -> None:
+        """Spawn a worker."""
+        before = set(multiprocessing.active_children())
+        executor = ProcessPoolExecutor(1, SPAWN, start_work, (self.function, self.folder))
+        executor.submit(os.getpid)  # an executor starts its process with its first task
+        (self.processes[executor],) = set(multiprocessing.active_children()) - before
 
     def submit(self, batch: Batch) -> None:
         """Send a batch to a free worker."""
-        worker = next(worker for worker in self.processes if worker.batch is None)
-        worker.batch = batch
-        with suppress(OSError):  # it has died since; `events` reports it
-            worker.connection.send(list(batch.payloads))
-
-    def events(self, timeout: float) -> list[Event]:
-        """Messages of all workers; a worker counts as dead once all it had sent is read."""
-        busy = {worker.connection: worker for worker in self.processes if worker.batch is not None}
-        if not busy:
-            time.sleep(timeout)
-        return [event for pipe in wait(list(busy), timeout) for event in self.pending_events(busy[pipe])]
-
-    def pending_events(self, worker: Worker) -> list[Event]:
-        """All messages that wait in the pipe of one worker."""
-        events = [self.next_event(worker)]
-        while worker.batch is not None and events[-1].kind != "died" and worker.connection.poll():
-            events.append(self.next_event(worker))
-        return events
-
-    def next_event(self, worker: Worker) -> Event:
-        """Next message of one worker; its death where the pipe is closed."""
-        batch = worker.batch
-        assert batch is not None
+        if self.client:  # a task of its own, even if its payload is not
+            future = self.client.get_executor(pure=False).submit(run_on_dask, self.function, batch)
+            self.in_flight[future] = batch, None
+            return
+        busy = {executor for _, executor in self.in_flight.values()}
+        executor = next(each for each in self.processes if each not in busy)
         try:
-            kind, *content = worker.connection.recv()
-        except (EOFError, OSError):
-            return self.replace_worker(worker, batch)
-        if kind == "record":
-            return Event(kind, batch, place=content[0], record=content[1])
-        if kind == "share":
-            return Event(kind, batch, share=content[0])
-        worker.batch = None
-        return Event(kind, batch, reason=content[0])
+            future = executor.submit(run_here, batch)
+        except BrokenProcessPool as error:  # it has died since
+            future = Future[Records]()
+            future.set_exception(error)
+        self.in_flight[future] = batch, executor
 
-    def replace_worker(self, worker: Worker, batch: Batch) -> Event:
-        """Put a new worker in the place of a dead one."""
-        worker.process.join(END_WAIT)
-        code = worker.process.exitcode or 0
-        reason = f"killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
-        worker.connection.close()
-        self.processes[self.processes.index(worker)] = start_worker(self.function)
-        return Event("died", batch, reason=reason)
+    def ended(self, timeout: float) -> list[Ended]:
+        """Batches that have ended, after a wait of up to `timeout` seconds for the first."""
+        if not self.in_flight:
+            time.sleep(timeout)
+        done, _ = wait(self.in_flight, timeout, FIRST_COMPLETED)
+        return [self.end_of(future, *self.in_flight.pop(future)) for future in done]
+
+    def end_of(self, future: Future[Records], batch: Batch, executor: Executor | None) -> Ended:
+        """What came of one batch; a local worker that died is replaced."""
+        try:
+            return Ended(batch, future.result())
+        except BrokenProcessPool:
+            process = self.processes.pop(executor) if executor else None
+            assert process is not None
+            process.join(END_WAIT)
+            code = process.exitcode or 0
+            self.start()
+            reason = f"killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
+            return Ended(batch, reason=reason, died=True)
+        except Exception as error:
+            name = type(error).__name__
+            died = name in ("KilledWorker", "CancelledError", "FutureCancelledError")  # of Dask
+            reason = f"lost by the cluster ({name})" if died else f"{name}: {error}"
+            return Ended(batch, reason=reason, died=died)
 
     def close(self) -> None:
         """End all workers; those without a batch by themselves, since they may have something to put away."""
-        for worker in self.processes:
-            if worker.batch is None:
-                worker.connection.close()
-            else:
-                worker.process.terminate()
-        for worker in self.processes:
-            worker.process.join(END_WAIT)
-            if worker.process.is_alive():
-                worker.process.kill()
-            worker.connection.close()
+        wait(self.in_flight, LAST_BATCH)
+        busy = {executor for future, (_, executor) in self.in_flight.items() if not future.done()}
+        for executor, process in self.processes.items():
+            if executor in busy:
+                process.terminate()
+            executor.shutdown(wait=False, cancel_futures=True)
+        for process in self.processes.values():
+            process.join(END_WAIT)
+            process.kill()
+        if self.client:  # the cluster goes on without this client's tasks
+            for future in self.in_flight:
+                future.cancel()
+            self.client.close()
+
+
+def start_pool(function: str, folder: Path, workers: int) -> Pool:
+    """Spawn the workers."""
+    pool = Pool(function, folder)
+    for _ in range(workers):
+        pool.start()
+    return pool
+
+
+def join_cluster(function: str, folder: Path, scheduler: str) -> Pool:
+    """Workers of a cluster. Raises BadInput where no scheduler answers."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise BadInput("scheduler: needs Dask; pip install 'taichi-erosion[cluster]'") from None
+    try:
+        return Pool(function, folder, Client(scheduler, timeout=CONNECT, set_as_default=False))
+    except (OSError, ValueError, TimeoutError) as error:
+        raise BadInput(f"scheduler {scheduler}: does not answer ({error})") from None
 
 
 def device_fault(arch: Arch) -> str | None:
@@ -230,11 +225,6 @@ def refuse_missing_devices(archs: Iterable[Arch]) -> None:
     Another process looks: a device that is started here would end what this process has on one.
     """
     for arch in archs:
-        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as looking:
+        with ProcessPoolExecutor(1, SPAWN) as looking:
             if fault := looking.submit(device_fault, arch).result():
                 raise BadInput(fault)
-
-
-def start_pool(function: str, workers: int) -> LocalPool:
-    """Spawn the workers."""
-    return LocalPool(function, [start_worker(function) for _ in range(workers)])

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion import __version__
-from taichi_erosion.campaign.pool import Payloads, RunFunction, SendRecord, SendShare
 from taichi_erosion.campaign.study_file import WorkersEntry
 from taichi_erosion.core.engine.choice import engine_mark
 from taichi_erosion.core.errors import BadInput
@@ -27,6 +26,9 @@ from taichi_erosion.scene import Scene, resolved, scene_hash
 from taichi_erosion.scene.preparation.limits import time_step
 
 Report = Callable[[float, str], None]  # (share done [1], sentence)
+Payloads = Sequence[dict[str, Any]]
+SendRecord = Callable[[int, dict[str, Any]], None]  # (place in the batch, record)
+RunFunction = Callable[[Payloads, SendRecord], None]
 
 WORTH_A_START = 2e7  # grain-steps that take as long as to start an ensemble
 START = 4.0  # s of one core that the start of an ensemble takes
@@ -177,16 +179,14 @@ def simulating() -> Iterator[RunFunction]:
             properties=payload["properties"],
         )
 
-    def simulate_batch(payloads: Payloads, send_record: SendRecord, send_share: SendShare) -> None:
+    def simulate_batch(payloads: Payloads, send_record: SendRecord) -> None:
         nonlocal previous
         parts = [replica(payload) for payload in payloads]
         precision, way = parts[0].scene.run.precision, payloads[0]
         numerics = Numerics(way["arch"], THREADS, precision, way["decomposition"])
         reused, previous = previous, None  # fields of an ensemble that breaks off are not used again
         try:
-            previous = run_replicas_after(
-                reused, parts, numerics, send_record, lambda done, _: send_share(done)
-            )
+            previous = run_replicas_after(reused, parts, numerics, send_record)
         except Exception as error:
             if (reason := compile_failure(error)) is None:
                 raise

@@ -5,6 +5,7 @@ A calibration needs [design] and [targets] and varies [parameters] over their ra
 alone.
 """
 
+import json
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import ArchChoice, Decomposition
 from taichi_erosion.scene.file_kind import refuse_other_name, refuse_other_sections
 from taichi_erosion.scene.load import file_text, first_line, with_tuples
+from taichi_erosion.scene.paths import DIALECT
 from taichi_erosion.scene.schema.fields import Name, Section, contradiction, number
 from taichi_erosion.scene.validation_messages import problem_lines
 
@@ -303,8 +305,18 @@ class CalibrationStudy:
         """Scene that answers an observable."""
         return self.path.parent / str(self.study.observables[observable].scene)
 
+    @property
+    def scenes(self) -> list[Path]:
+        """Scenes that answer the targets."""
+        return list(dict.fromkeys(self.scene(name) for name in self.study.targets))
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """Names of the parameters for people, by path."""
+        return {path: entry.label or path for path, entry in self.study.parameters.items()}
+
     def measure(self, observable: str) -> str:
-        """Measure of that scene."""
+        """Measure that answers an observable."""
         return self.study.observables[observable].measure or observable
 
 
@@ -433,3 +445,31 @@ def entry(text: str, path: Sequence[str]) -> Any:
     for key in path:
         holder = holder.get(key) if isinstance(holder, dict) else None
     return holder
+
+
+def study_schema() -> dict[str, Any]:
+    """Schema of a study file as it is written: single candidates stand beside the list of their names."""
+    schema: dict[str, Any] = {"$schema": DIALECT} | StudyFile.model_json_schema()
+    schema["title"] = "taichi_erosion study"
+    candidates = schema["$defs"]["Candidates"]
+    tables = candidates["properties"].pop("tables")
+    names = candidates["properties"]["effects"]
+    listed = {key: names[key] for key in ("type", "items")}
+    candidates["properties"]["effects"] = {
+        "anyOf": [{"const": ALL}, listed],
+        "description": names["description"],
+        "default": [],
+    }
+    candidates["additionalProperties"] = next(iter(tables["patternProperties"].values()))
+    del schema["$defs"]["ParameterEntry"]["properties"]["start"]["default"]  # no number
+    return schema
+
+
+def study_schema_text() -> str:
+    """The schema as `write_study_schema` writes it."""
+    return json.dumps(study_schema(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def write_study_schema(path: Path) -> None:
+    """Write the schema file that study files name on their first line."""
+    path.write_text(study_schema_text(), encoding="utf-8")

@@ -433,7 +433,7 @@ def schema(
     ] = None,
 ) -> None:
     """Write the JSON schema of scene or study files, for completion and checks in editors."""
-    from taichi_erosion.campaign.study_schema import write_study_schema
+    from taichi_erosion.campaign.study_file import write_study_schema
     from taichi_erosion.scene import write_schema
     from taichi_erosion.scene.paths import meaning_of
 

@@ -5,7 +5,7 @@ Each step first completes the steps before it. Runs in the study's ledger are no
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -21,13 +21,14 @@ Record = Mapping[str, Any]
 
 OPTIMA = 3  # printed
 DIGITS = 5  # of a number in a table
-STEPS: "dict[Step, str]" = {
+STEPS: 'dict[Step | Literal["calibrate"], str]' = {
     "run": "Make the runs of the screening design.",
     "analyse": "Show which parameters matter in the screening.",
     "climb": "Follow the path of steepest ascent towards the target.",
     "surface": "Fit a response surface around the best point of the path.",
     "optimise": "Find the settings that reach the target, or report that none does.",
     "confirm": "Test the optimum with new seeds against the measurement.",
+    "calibrate": "Make all steps, and write a page with their tables and figures.",
 }
 
 doe = typer.Typer(help="Calibrate a scene by designed experiments.", no_args_is_help=True)
@@ -88,7 +89,7 @@ def design(study: StudyPath, force: Force = False, as_json: AsJson = False) -> N
     run_steps("design", study, {}, as_json, force)
 
 
-def add_step(step: "Step", summary: str) -> None:
+def add_step(step: 'Step | Literal["calibrate"]', summary: str) -> None:
     """Register the command `doe STEP`."""
 
     def command(
@@ -101,7 +102,9 @@ def add_step(step: "Step", summary: str) -> None:
         as_json: AsJson = False,
     ) -> None:
         where = {"workers": workers, "scheduler": scheduler, "arch": arch, "decomposition": decomposition}
-        run_steps(step, study, where, as_json, force)
+        found = run_steps("confirm" if step == "calibrate" else step, study, where, as_json, force)
+        if step == "calibrate":
+            publish_page(found, as_json)
 
     doe.command(step, help=summary, **help_of(f"doe {step}"))(command)
 
@@ -110,19 +113,8 @@ for _step, _summary in STEPS.items():
     add_step(_step, _summary)
 
 
-@doe.command(**help_of("doe calibrate"))
-def calibrate(
-    study: StudyPath,
-    workers: Workers = None,
-    scheduler: Scheduler = None,
-    arch: Arch = None,
-    decomposition: Decomposition = None,
-    force: Force = False,
-    as_json: AsJson = False,
-) -> None:
-    """Make all steps, and write a page with their tables and figures."""
-    where = {"workers": workers, "scheduler": scheduler, "arch": arch, "decomposition": decomposition}
-    found = run_steps("confirm", study, where, as_json, force)
+def publish_page(found: "Calibration", as_json: bool) -> None:
+    """Write the page of a whole calibration; print its verdict and what may come next."""
     from taichi_erosion.report.calibration_page import publish, verdict
 
     page, targets = publish(found), found.file.study.targets
@@ -166,7 +158,7 @@ def print_analysis(document: Record) -> None:
     """Print the effects on every response, largest first."""
     for response, found in document["analyse"]["responses"].items():
         rows = (
-            [rounded(effect[key]) for key in ("name", "value", "share", "p")] for effect in found["effects"]
+            [rounded(effect[key]) for key in ("label", "value", "share", "p")] for effect in found["effects"]
         )
         output.print_table(f"effects on {response}", ("factor", "effect", "share", "p"), rows)
     typer.echo(f"factors of the next steps: {', '.join(document['analyse']['kept'])}")
@@ -180,11 +172,17 @@ def print_climb(document: Record) -> None:
 
 def print_surface(document: Record) -> None:
     """Print the analysis of variance and the equation of every response."""
-    keys = ("source", "sum_of_squares", "df", "mean_square", "f", "p")
+    keys = ("sum_of_squares", "df", "mean_square", "f", "p")
     for response, found in document["surface"]["responses"].items():
-        rows = ([rounded(row[key]) for key in keys] for row in found["anova"])
-        output.print_table(f"response surface of {response}", keys, rows)
+        rows = ([rounded(row[key]) for key in ("label", *keys)] for row in found["anova"])
+        output.print_table(f"response surface of {response}", ("source", *keys), rows)
         typer.echo(found["natural_reduced"])
+        fit = found["quality_reduced"]
+        typer.echo(
+            f"R2 {fit['r2']:.3f}, adjusted {fit['r2_adjusted']:.3f}, predicted {fit['r2_predicted']:.3f}"
+        )
+        if found["warning"]:
+            typer.echo(found["warning"])
 
 
 def print_optimum(document: Record) -> None:
@@ -212,8 +210,10 @@ def print_confirmation(document: Record) -> None:
 
 
 def rounded(value: Any) -> str:
-    """Number in DIGITS digits."""
-    return f"{value:.{DIGITS}g}" if isinstance(value, float) else output.significant(value)
+    """Number in DIGITS digits; nothing for NaN."""
+    if not isinstance(value, float):
+        return output.significant(value)
+    return "" if value != value else f"{value:.{DIGITS}g}"
 
 
 PRINT = {

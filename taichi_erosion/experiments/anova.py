@@ -26,10 +26,12 @@ from math import inf, nan
 
 import numpy as np
 from scipy import stats
+from statsmodels.regression.linear_model import OLS
 
-from taichi_erosion.experiments.design_table import SAME_POINT, Floats, replicate_groups
-from taichi_erosion.experiments.fit import EXACT, Fit, block_sum
-from taichi_erosion.experiments.terms import Term, model_matrix, parents, term_name
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.experiments.design_table import SAME_POINT
+from taichi_erosion.experiments.fit import EXACT, Fit
+from taichi_erosion.experiments.terms import Term, model_matrix, parents
 
 
 @dataclass(frozen=True)
@@ -45,19 +47,6 @@ class Row:
 
 
 @dataclass(frozen=True)
-class PureError:
-    """Scatter of runs that differ in nothing but the noise."""
-
-    sum_of_squares: float
-    df: int
-
-    @property
-    def mean_square(self) -> float:
-        """Variance of a run."""
-        return self.sum_of_squares / self.df if self.df else nan
-
-
-@dataclass(frozen=True)
 class Curvature:
     """Mean at the corners less mean in the centre, tested against an error that is free of it."""
 
@@ -69,36 +58,36 @@ class Curvature:
     ms_error: float
 
 
-def replicate_error(fit: Fit) -> PureError:
-    """Pure error of the runs that stand at one point of one block."""
-    groups = replicate_groups(fit.coded, fit.blocks)
+def replicate_error(fit: Fit) -> Row:
+    """Pure error: scatter of the runs that stand at one point."""
+    keys = (
+        np.round(fit.coded / SAME_POINT) + 0.0
+    )  # -0.0 is the same point; a misprint may lie beyond integers
+    groups = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
     counts = np.bincount(groups)
     means = np.bincount(groups, weights=fit.values) / counts
-    return PureError(float(np.sum((fit.values - means[groups]) ** 2)), int(len(groups) - len(counts)))
+    scatter = float(np.sum((fit.values - means[groups]) ** 2))
+    return variance_row("Pure error", scatter, len(groups) - len(counts))
 
 
 def anova(fit: Fit) -> list[Row]:
-    """The table: block, model, terms, residual, lack of fit, pure error, total; terms against residuals."""
-    pure, against = replicate_error(fit), (fit.ms_error, fit.df_error)
-    total = float(np.sum((fit.values - fit.values.mean()) ** 2))
-    blocks = block_sum(fit)
-    block_df = len(np.unique(fit.blocks)) - 1
-    rows = [tested("Block", blocks, block_df, nan, 0)] if block_df else []
-    model = total - blocks - fit.ss_error
-    rows.append(tested("Model", model, len(fit.terms), *against))
-    sums = term_sums(fit)
-    rows += [tested(name, float(ss), 1, *against) for name, ss in zip(fit.names, sums, strict=True)]
-    rows.append(tested("Residual", fit.ss_error, fit.df_error, nan, 0))
+    """The table: model, terms, residual, lack of fit, pure error, total; terms against residuals."""
+    pure, total, against = replicate_error(fit), fit.ss_total, (fit.ms_error, fit.df_error)
+    rows = [variance_row("Model", total - fit.ss_error, len(fit.terms), *against)]
+    rows += [
+        variance_row(name, float(ss), 1, *against) for name, ss in zip(fit.names, term_sums(fit), strict=True)
+    ]
+    rows.append(variance_row("Residual", fit.ss_error, fit.df_error))
     if pure.df:
-        lack, lack_df = max(fit.ss_error - pure.sum_of_squares, 0.0), fit.df_error - pure.df
-        lack = 0.0 if lack < EXACT * total else lack
+        lack, lack_df = fit.ss_error - pure.sum_of_squares, fit.df_error - pure.df
         if lack_df:
-            rows.append(tested("Lack of fit", lack, lack_df, pure.mean_square, pure.df))
-        rows.append(tested("Pure error", pure.sum_of_squares, pure.df, nan, 0))
-    return [*rows, tested("Total", total, len(fit.values) - 1, nan, 0)]
+            lack = 0.0 if lack < EXACT * total else lack
+            rows.append(variance_row("Lack of fit", lack, lack_df, pure.mean_square, pure.df))
+        rows.append(pure)
+    return [*rows, variance_row("Total", total, len(fit.values) - 1)]
 
 
-def tested(source: str, sum_of_squares: float, df: int, error: float, df_error: int) -> Row:
+def variance_row(source: str, sum_of_squares: float, df: int, error: float = nan, df_error: int = 0) -> Row:
     """A line with its F test against a mean square; with df_error = 0 there is none."""
     if not df:
         return Row(source, sum_of_squares, df, nan)
@@ -125,41 +114,23 @@ def curvature(fit: Fit) -> Curvature | None:
     centre = np.all(np.abs(fit.coded) < SAME_POINT, axis=1)
     if not centre.any() or centre.all():
         return None
-    full = np.column_stack([model_matrix(fit.coded, fit.terms), ~centre, *block_dummies(fit)])
-    coefficients, _, rank, _ = np.linalg.lstsq(full, fit.values, rcond=None)
-    df_error = len(fit.values) - int(rank)
-    if rank < full.shape[1] or not df_error:
+    matrix = np.column_stack([model_matrix(fit.coded, fit.terms), ~centre])
+    if np.linalg.matrix_rank(matrix) < matrix.shape[1] or len(matrix) == matrix.shape[1]:
         return None
-    ss_error = float(np.sum((fit.values - full @ coefficients) ** 2))
-    row = tested("Curvature", fit.ss_error - ss_error, 1, ss_error / df_error, df_error)
-    difference = float(coefficients[1 + len(fit.terms)])
-    return Curvature(difference, row.sum_of_squares, row.f, row.p, df_error, ss_error / df_error)
-
-
-def block_dummies(fit: Fit) -> list[Floats]:
-    """One indicator for every block but the first."""
-    return [(fit.blocks == block).astype(float) for block in np.unique(fit.blocks)[1:]]
+    bent = OLS(fit.values, matrix).fit()
+    row = variance_row("Curvature", fit.ss_error - bent.ssr, 1, bent.mse_resid, int(bent.df_resid))
+    difference, error = float(bent.params[-1]), float(bent.mse_resid)
+    return Curvature(difference, row.sum_of_squares, row.f, row.p, int(bent.df_resid), error)
 
 
 STAY = 0.1  # largest p value of a term that stays, as in Design-Expert's backward elimination [1]
 
 
-@dataclass(frozen=True)
-class Reduction:
-    """The model that is left, and what left it: (term, p value at that time), in that order."""
-
-    fit: Fit
-    removed: tuple[tuple[str, float], ...]
-
-
-def reduced(fit: Fit) -> Reduction:
+def reduced(fit: Fit) -> Fit:
     """Backward elimination down to terms with p <= STAY and their parents."""
-    removed: list[tuple[str, float]] = []
-    names = [factor.path for factor in fit.factors]
     while (worst := least_significant(fit)) is not None and worst[1] > STAY:
-        removed.append((term_name(worst[0], names), worst[1]))
         fit = replace(fit, terms=tuple(term for term in fit.terms if term != worst[0]))
-    return Reduction(fit, tuple(removed))
+    return fit
 
 
 def least_significant(fit: Fit) -> tuple[Term, float] | None:
@@ -185,6 +156,9 @@ CONFIDENCE = 0.95  # [1]
 LENTH_INFLATION, LENTH_TRIM = 1.5, 2.5  # Lenth (1989): 1.5 makes the median of |N(0, s)| an estimate of s [1]
 
 
+Error = tuple[float, int]  # mean square and degrees of freedom, where not those of the fit
+
+
 @dataclass(frozen=True)
 class Effect:
     """One effect, in the response's unit."""
@@ -206,36 +180,28 @@ class EffectLimits:
     lenth_simultaneous: float  # SME
 
 
-def effects(fit: Fit) -> list[Effect]:
+def effects(fit: Fit, error: Error | None = None) -> list[Effect]:
     """Effects of a linear or interaction model, in the order of its terms."""
-    sums = term_sums(fit)
-    spread = effect_errors(fit)
+    _, df = error or (fit.ms_error, fit.df_error)
+    sums, values = term_sums(fit), 2.0 * fit.coefficients[1:]
     with np.errstate(divide="ignore", invalid="ignore"):
-        t = 2.0 * fit.coefficients[1:] / spread
-    p = 2.0 * stats.t.sf(np.abs(t), fit.df_error)
-    return [
-        Effect(name, 2.0 * float(b), float(ss / sums.sum()) if sums.sum() else nan, float(t_k), float(p_k))
-        for name, b, ss, t_k, p_k in zip(fit.names, fit.coefficients[1:], sums, t, p, strict=True)
-    ]
+        t, shares = values / effect_errors(fit, error), sums / sums.sum()
+    columns = np.column_stack([values, shares, t, 2.0 * stats.t.sf(np.abs(t), df)]).tolist()
+    return [Effect(name, *line) for name, line in zip(fit.names, columns, strict=True)]
 
 
-def effect_errors(fit: Fit) -> Floats:
+def effect_errors(fit: Fit, error: Error | None = None) -> Floats:
     """Standard error of every effect, in the response's unit."""
-    return 2.0 * np.sqrt(fit.ms_error * np.diag(fit.unscaled_covariance)[1:])
+    mean_square, _ = error or (fit.ms_error, fit.df_error)
+    return 2.0 * np.sqrt(mean_square * np.diag(fit.unscaled_covariance)[1:])
 
 
-def effect_limits(fit: Fit) -> EffectLimits:
+def effect_limits(fit: Fit, error: Error | None = None) -> EffectLimits:
     """Limits for the effects of a fit; the t limits hold for the least certain of them."""
-    count, df = len(fit.terms), fit.df_error
-    spread = float(effect_errors(fit).max()) if df else nan
-    tail = 0.5 * (1.0 - CONFIDENCE)
-    margin, simultaneous = lenth_limits(2.0 * fit.coefficients[1:])
-    return EffectLimits(
-        single=float(stats.t.isf(tail, df)) * spread if df else nan,
-        bonferroni=float(stats.t.isf(tail / count, df)) * spread if df else nan,
-        lenth_margin=margin,
-        lenth_simultaneous=simultaneous,
-    )
+    _, df = error or (fit.ms_error, fit.df_error)
+    spread, tail = float(effect_errors(fit, error).max()), 0.5 * (1.0 - CONFIDENCE)
+    single, bonferroni = stats.t.isf([tail, tail / len(fit.terms)], df) * spread
+    return EffectLimits(float(single), float(bonferroni), *lenth_limits(2.0 * fit.coefficients[1:]))
 
 
 def lenth_limits(values: Floats) -> tuple[float, float]:

@@ -13,18 +13,18 @@ References: Welch (1947), Biometrika 34, 28; Cohen (1988), Statistical Power Ana
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import exp, inf, isfinite, log, nan, sqrt
+from math import inf, nan, sqrt
 
 import numpy as np
 from scipy import stats
-from scipy.integrate import quad
+from scipy.integrate import tanhsinh
 from scipy.optimize import brentq
-from scipy.special import chdtri, gammaln, ndtr
+from scipy.special import chdtri, ndtr
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Floats
 
 SIGNIFICANCE = 0.05  # of the two-sided test [1]
-TAIL = 1e-12  # probability left out at the ends of an integral [1]
 WANTED_POWER = 0.8  # Cohen's convention [1]
 
 
@@ -35,11 +35,6 @@ class Sample:
     mean: float
     sd: float = 0.0
     n: float = inf
-
-    @property
-    def variance_of_mean(self) -> float:
-        """Square of the standard error."""
-        return self.sd**2 / self.n
 
 
 @dataclass(frozen=True)
@@ -68,19 +63,18 @@ def sample(values: Sequence[float]) -> Sample:
     return Sample(float(known.mean()), float(known.std(ddof=1)), len(known))
 
 
-def confirm(values: Sequence[float], wanted: Sample | float, pooled: bool = False) -> Confirmation:
-    """Test fresh runs against a number or a measurement.
+def confirm(values: Sequence[float], wanted: Sample | float) -> Confirmation:
+    """Welch's test of fresh runs against a number or a measurement.
 
     The difference that would matter is the standard deviation of a single measurement, or of a run where that
-    is exact. `pooled` takes both spreads for one (Student) instead of two (Welch).
+    is exact.
     """
     runs = sample(values)
     goal = wanted if isinstance(wanted, Sample) else Sample(float(wanted))
-    matter = goal.sd or runs.sd
-    spread, df = pooled_error(runs, goal) if pooled else welch_error(runs, goal)
-    difference = runs.mean - goal.mean
-    t = difference / spread if spread > 0.0 else nan
-    reach = float(stats.t.isf(0.5 * SIGNIFICANCE, df)) * spread if spread > 0.0 else nan
+    matter, difference = goal.sd or runs.sd, runs.mean - goal.mean
+    spread, df = welch_error(runs, goal)
+    reach = critical(df) * spread
+    t = difference / spread
     return Confirmation(
         runs=runs,
         wanted=goal,
@@ -97,47 +91,37 @@ def confirm(values: Sequence[float], wanted: Sample | float, pooled: bool = Fals
 
 
 def welch_error(one: Sample, other: Sample) -> tuple[float, float]:
-    """Standard error of the difference and its degrees of freedom, spreads unequal."""
-    first, second = one.variance_of_mean, other.variance_of_mean
+    """Standard error of the difference, NaN without any spread, and its degrees of freedom."""
+    first, second = one.sd**2 / one.n, other.sd**2 / other.n
     if first + second <= 0.0:
-        return 0.0, nan
-    share = first**2 / (one.n - 1.0) + (second**2 / (other.n - 1.0) if isfinite(other.n) else 0.0)
+        return nan, nan
+    share = first**2 / (one.n - 1.0) + second**2 / (other.n - 1.0)
     return sqrt(first + second), (first + second) ** 2 / share
 
 
-def pooled_error(one: Sample, other: Sample) -> tuple[float, float]:
-    """The same, spreads equal; an exact number adds nothing."""
-    if not isfinite(other.n):
-        return welch_error(one, other)
-    df = one.n + other.n - 2.0
-    variance = ((one.n - 1.0) * one.sd**2 + (other.n - 1.0) * other.sd**2) / df
-    return sqrt(variance * (1.0 / one.n + 1.0 / other.n)), df
+def critical(df: float) -> float:
+    """Limit of |t|."""
+    return float(stats.t.isf(0.5 * SIGNIFICANCE, df))
 
 
 def power(difference: float, spread: float, df: float) -> float:
     """Chance that a true difference is noticed.
 
-    1 - P(|Z + shift| < limit s) with Z normal and s^2 = chi^2 / df, integrated over s: the series of the
-    non-central t fails for few degrees of freedom.
+    1 - P(|Z + shift| < limit s) with Z normal and s^2 = chi^2 / df, integrated over the probability of s: the
+    series of the non-central t fails for few degrees of freedom.
     """
-    if not spread > 0.0:
-        return nan
-    shift, limit = abs(difference) / spread, float(stats.t.isf(0.5 * SIGNIFICANCE, df))
-    constant = log(2.0) + 0.5 * df * log(0.5 * df) - gammaln(0.5 * df)
+    shift, limit = abs(difference) / spread, critical(df)
 
-    def missed(s: float) -> float:
-        density = exp(constant + (df - 1.0) * log(s) - 0.5 * df * s**2)  # of s
-        return float(ndtr(limit * s - shift) - ndtr(-limit * s - shift)) * density
+    def missed(probability: Floats) -> Floats:
+        s = np.sqrt(chdtri(df, probability) / df)
+        return ndtr(limit * s - shift) - ndtr(-limit * s - shift)
 
-    ends = np.sqrt(chdtri(df, [1.0 - TAIL, TAIL]) / df)
-    turn = float(np.clip(shift / limit, *ends))  # where the integrand rises
-    below, above = (quad(missed, *part, epsabs=TAIL)[0] for part in ((ends[0], turn), (turn, ends[1])))
-    return 1.0 - below - above
+    return 1.0 - float(tanhsinh(missed, 0.0, 1.0).integral)
 
 
 def detectable(spread: float, df: float) -> float:
     """Smallest true difference that is noticed with the wanted power."""
-    if not spread > 0.0:
+    if spread != spread:
         return nan
     enough = 1.0
     while power(enough, 1.0, df) < WANTED_POWER:

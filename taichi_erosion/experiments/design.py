@@ -17,13 +17,13 @@ from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.experiments.design_table import (
+    SAME_POINT,
     Design,
     Factor,
-    Floats,
     PointKind,
     arranged,
-    refuse_bad_factors,
     to_natural,
 )
 
@@ -72,28 +72,6 @@ def box_behnken_points(count: int) -> Floats:
     return np.concatenate(blocks)
 
 
-def axial_points(count: int, distance: float) -> Floats:
-    """Low and high star point of every factor, at a coded distance from the centre."""
-    from pyDOE3.doe_star import star
-
-    return distance * np.asarray(star(count)[0], dtype=float)
-
-
-def latin_hypercube_points(count: int, runs: int, seed: int) -> Floats:
-    """Latin hypercube of low centred discrepancy: every factor has one run in each of `runs` equal slices."""
-    sampler = qmc.LatinHypercube(d=count, optimization="random-cd", rng=np.random.default_rng(seed))
-    return 2.0 * sampler.random(runs) - 1.0
-
-
-def sobol_points(count: int, runs: int, seed: int) -> Floats:
-    """Scrambled Sobol sequence; only a power of two keeps its balance."""
-    power = runs.bit_length() - 1
-    if runs < 1 or runs != 2**power:
-        raise BadInput(f"Sobol: {runs} runs; must be a power of two such as {2 ** (power + 1)}")
-    sampler = qmc.Sobol(d=count, rng=np.random.default_rng(seed))
-    return 2.0 * sampler.random_base2(power) - 1.0
-
-
 def grid_points(count: int, levels: int = 3) -> Floats:
     """All combinations of `levels` equidistant levels between -1 and +1."""
     ticks = np.linspace(-1.0, 1.0, levels)
@@ -109,9 +87,8 @@ def plackett_burman(factors: Sequence[Factor], centre_points: int = 1, seed: int
 
     Reference: Plackett & Burman (1946), Biometrika 33, 305.
     """
-    refuse_bad_factors(factors, 1, "Plackett-Burman")
     corners: Part = ("factorial", plackett_burman_points(len(factors)))
-    return arranged("Plackett-Burman", factors, [corners, *centres(len(factors), centre_points)], seed)
+    return arranged("Plackett-Burman", factors, [corners, centres(len(factors), centre_points)], seed)
 
 
 def box_behnken(factors: Sequence[Factor], centre_points: int = 5, seed: int | None = None) -> Design:
@@ -119,9 +96,8 @@ def box_behnken(factors: Sequence[Factor], centre_points: int = 5, seed: int | N
 
     Reference: Box & Behnken (1960), Technometrics 2, 455.
     """
-    refuse_bad_factors(factors, 3, "Box-Behnken")
     edges: Part = ("edge", box_behnken_points(len(factors)))
-    return arranged("Box-Behnken", factors, [edges, *centres(len(factors), centre_points)], seed)
+    return arranged("Box-Behnken", factors, [edges, centres(len(factors), centre_points)], seed)
 
 
 def central_composite(
@@ -136,77 +112,57 @@ def central_composite(
 
     Reference: Box & Wilson (1951), J. R. Stat. Soc. B 13, 1; Box & Hunter (1957), Ann. Math. Stat. 28, 195.
     """
-    from pyDOE3 import fullfact
-
-    refuse_bad_factors(factors, 2, "central composite")
     count = len(factors)
-    corners: Floats = 2.0 * fullfact([2] * count) - 1.0
+    corners = grid_points(count, 2)
     alpha = {"rotatable": len(corners) ** 0.25, "spherical": count**0.5, "faced": 1.0}[axial]
-    parts: list[Part] = [("factorial", corners), ("axial", axial_points(count, alpha))]
-    return arranged("central composite", factors, [*parts, *centres(count, centre_points)], seed)
+    star = alpha * np.stack([-np.eye(count), np.eye(count)], axis=1).reshape(2 * count, count)
+    parts: list[Part] = [("factorial", corners), ("axial", star), centres(count, centre_points)]
+    return arranged("central composite", factors, parts, seed)
 
 
 def latin_hypercube(factors: Sequence[Factor], runs: int, seed: int, centre_points: int = 0) -> Design:
-    """Space-filling runs, one in each slice of every factor, and repeats of the centre.
+    """Space-filling runs, one in each slice of every factor, of low centred discrepancy, and centre points.
 
     The seed draws the points and the order of the runs.
 
     Reference: McKay, Beckman & Conover (1979), Technometrics 21, 239.
     """
-    refuse_bad_factors(factors, 1, "Latin hypercube")
-    if runs < 1:
-        raise BadInput(f"Latin hypercube: {runs} runs; needs at least 1")
-    points: Part = ("space", latin_hypercube_points(len(factors), runs, seed))
-    return arranged("Latin hypercube", factors, [points, *centres(len(factors), centre_points)], seed)
+    count = len(factors)
+    sampler = qmc.LatinHypercube(d=count, optimization="random-cd", rng=np.random.default_rng(seed))
+    points: Part = ("space", 2.0 * sampler.random(runs) - 1.0)
+    return arranged("Latin hypercube", factors, [points, centres(count, centre_points)], seed)
 
 
 def steepest_path(
     factors: Sequence[Factor],
-    slopes: Mapping[str, float] | Sequence[float],
+    slopes: ArrayLike,
     steps: int = 6,
     step: float = 0.4,
-    start: ArrayLike | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> Design:
-    """Runs along the gradient of a first-order model: steepest climb, or descent with a negative step.
+    """Runs from the centre along the gradient of a first-order model: climb, or descent with a negative step.
 
-        x_k = x_0 + k step b / max |b|,   k = 0 ... steps - 1
+        x_k = k step b / max |b|,   k = 0 ... steps - 1
 
-    with b the coded slopes and x the coded levels [1]; `start` is coded and the centre where left out.
-    Factors without a slope stay where they start. `limits` hold natural values (a friction below 0 is none);
-    a path that meets one ends there, for beyond it the direction would be another.
+    with b the coded slopes and x the coded levels [1]. `limits` hold natural values by path (a friction below
+    0 is none); a path that meets one ends there, for beyond it the direction would be another.
 
     Reference: Box & Wilson (1951), J. R. Stat. Soc. B 13, 1; Myers, Montgomery & Anderson-Cook (2016), ch. 5.
     """
-    refuse_bad_factors(factors, 1, "steepest path")
-    named = (
-        slopes if isinstance(slopes, Mapping) else dict(zip((f.path for f in factors), slopes, strict=True))
-    )
-    gradient = np.array([named.get(factor.path, 0.0) for factor in factors])
+    gradient = np.asarray(slopes, dtype=float)
     largest = float(np.max(np.abs(gradient)))
     if not (isfinite(largest) and largest > 0.0):
         raise BadInput("steepest path: every slope is 0; there is no direction to climb")
-    origin = np.zeros(len(factors)) if start is None else np.asarray(start, dtype=float)
-    points: Floats = origin + np.outer(np.arange(steps, dtype=float), step * gradient / largest)
-    inside = within(factors, points, limits or {})
-    if not inside.any():
-        raise BadInput("steepest path: the start lies outside the limits")
-    return arranged("steepest path", factors, [("path", points[inside])])
-
-
-def within(
-    factors: Sequence[Factor], points: Floats, limits: Mapping[str, tuple[float, float]]
-) -> np.ndarray:
-    """Points, from the first on, up to where a limit is passed."""
+    points: Floats = np.outer(np.arange(steps, dtype=float), step * gradient / largest)
+    bounds = np.array([(limits or {}).get(factor.path, (-np.inf, np.inf)) for factor in factors])
+    slack = SAME_POINT * np.array([factor.half for factor in factors])  # on the limit is inside
     natural = to_natural(factors, points)
-    inside = np.ones(len(points), dtype=bool)
-    for column, factor in enumerate(factors):
-        low, high = limits.get(factor.path, (-np.inf, np.inf))
-        slack = 1e-9 * factor.half  # a point on the limit is inside, rounding apart
-        inside &= (natural[:, column] >= low - slack) & (natural[:, column] <= high + slack)
-    return np.logical_and.accumulate(inside)
+    inside = np.all((natural >= bounds[:, 0] - slack) & (natural <= bounds[:, 1] + slack), axis=1)
+    if not inside[0]:
+        raise BadInput("steepest path: the start lies outside the limits")
+    return arranged("steepest path", factors, [("path", points[np.logical_and.accumulate(inside)])])
 
 
-def centres(count: int, repeats: int) -> list[Part]:
-    """Repeats of the centre as a part of a design, or no part."""
-    return [("centre", np.zeros((repeats, count)))] if repeats else []
+def centres(count: int, repeats: int) -> Part:
+    """Repeats of the centre."""
+    return "centre", np.zeros((repeats, count))

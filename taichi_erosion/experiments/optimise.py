@@ -2,12 +2,12 @@
 
 Goals are combined into one number between 0 and 1, the overall desirability D:
 
-    maximise   d = ((y - low) / (high - low))^w,   0 below low, 1 above high
-    minimise   d = ((high - y) / (high - low))^w
-    target     d = 1 - |y - T| / (T - low) below and / (high - T) above T, to the power w
-    D = (prod d_i^r_i)^(1 / sum r_i)
+    maximise   d = (y - low) / (high - low)
+    minimise   d = (high - y) / (high - low)
+    target     d = 1 - |y - T| / (high - low)
+    D = (prod d_i)^(1 / n)
 
-with w the weight and r the importance [1]; D = 0 as soon as one response lies outside its limits. The search
+with low and high the smallest and the largest value of all runs and of the model in the design. The search
 starts from a grid and climbs D. A target that the surface does reach is met along a whole line or face of the
 design, not in a point: well separated points of it are listed, the most certain prediction first. A target
 that it does not reach is reported as out of reach, with the nearest value.
@@ -19,15 +19,16 @@ Anderson-Cook (2016), Response Surface Methodology, 4th ed., ch. 6 and 7.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import isfinite, nan
+from math import nan
 from typing import Literal
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.stats import qmc
 
-from taichi_erosion.core.errors import BadInput
-from taichi_erosion.experiments.design import grid_points, sobol_points
-from taichi_erosion.experiments.design_table import Floats, to_natural
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.experiments.design import grid_points
+from taichi_erosion.experiments.design_table import settings_at
 from taichi_erosion.experiments.fit import Fit
 
 Aim = Literal["target", "maximise", "minimise"]
@@ -35,66 +36,32 @@ Aim = Literal["target", "maximise", "minimise"]
 
 @dataclass(frozen=True)
 class Goal:
-    """Goal of one response, in its unit; limits that are left out follow from runs and model."""
+    """Goal of one response, in its unit, and the limits between which its share is counted."""
 
     response: str
     aim: Aim
     target: float = nan
     low: float = nan
     high: float = nan
-    weight: float = 1.0
-    importance: float = 1.0
-
-    def __post_init__(self) -> None:
-        """Refuse a goal without a target, a weight or an importance."""
-        if (self.aim == "target") != isfinite(self.target):
-            raise BadInput(f"goal {self.response}: a target is stated with aim = 'target', and only then")
-        if not (self.weight > 0.0 and self.importance > 0.0):
-            raise BadInput(f"goal {self.response}: weight and importance must be above 0")
-
-
-def completed(goal: Goal, smallest: float, largest: float) -> Goal:
-    """The goal with its missing limits, for a response between the smallest and the largest.
-
-    To maximise or minimise they are these two; around a target, it and their distance either way.
-    """
-    spread = max(largest - smallest, abs(goal.target) * np.finfo(float).eps)
-    defaults = (goal.target - spread, goal.target + spread) if goal.aim == "target" else (smallest, largest)
-    low = goal.low if isfinite(goal.low) else defaults[0]
-    high = goal.high if isfinite(goal.high) else defaults[1]
-    middle = goal.target if goal.aim == "target" else 0.5 * (low + high)
-    if not low < middle < high:
-        raise BadInput(
-            f"goal {goal.response}: needs low < high with the target between, got {low:g}, {high:g}"
-        )
-    return replace(goal, low=low, high=high)
 
 
 def single_share(goal: Goal, value: Floats, softness: float = 0.0) -> Floats:
-    """Share d before its power is taken: 1 where the goal is met, 0 at the limit, negative beyond it [1].
+    """Share d: 1 where the goal is met, 0 at the limit, negative beyond it [1].
 
     `softness` rounds off the tip at a target, |s| -> sqrt(s^2 + softness^2), so that a search by gradients
     finds it.
     """
+    width = goal.high - goal.low
     if goal.aim == "maximise":
-        return np.minimum((value - goal.low) / (goal.high - goal.low), 1.0)
+        return (value - goal.low) / width
     if goal.aim == "minimise":
-        return np.minimum((goal.high - value) / (goal.high - goal.low), 1.0)
-    width = np.where(value < goal.target, goal.target - goal.low, goal.high - goal.target)
+        return (goal.high - value) / width
     return 1.0 - np.sqrt(((value - goal.target) / width) ** 2 + softness**2)
 
 
-def desirability(goals: Sequence[Goal], values: Floats) -> Floats:
-    """D of predicted responses, values [points, goals]."""
-    shares = np.column_stack([single_share(goal, values[:, k]) for k, goal in enumerate(goals)])
-    return combined(goals, shares)
-
-
-def combined(goals: Sequence[Goal], shares: Floats) -> Floats:
-    """Weighted geometric mean of the shares, 0 where one of them is not above 0."""
-    importance = np.array([goal.importance for goal in goals])
-    powers = np.array([goal.weight for goal in goals]) * importance / importance.sum()
-    return np.prod(np.maximum(shares, 0.0) ** powers, axis=1)
+def desirability(shares: Floats) -> Floats:
+    """D of shares [points, goals]."""
+    return np.prod(np.maximum(shares, 0.0) ** (1.0 / shares.shape[1]), axis=1)
 
 
 SOFTNESS = (1e-1, 1e-3, 1e-6)  # the tip at a target becomes sharper from search to search [1]
@@ -152,11 +119,6 @@ class Optimisation:
 def optimise(fits: Sequence[Fit], goals: Sequence[Goal]) -> Optimisation:
     """Best settings within the design, coded levels from -1 to +1; fits share their factors."""
     known = {fit.response: fit for fit in fits}
-    if not goals:
-        raise BadInput("optimise: no goal; name a response and its aim")
-    for goal in goals:
-        if goal.response not in known:
-            raise BadInput(f"goal {goal.response}: no such response; there are: {', '.join(known)}")
     models = [known[goal.response] for goal in goals]
     reach = {fit.response: reachable(fit) for fit in models}
     limited = [with_limits(goal, fit, reach[fit.response]) for goal, fit in zip(goals, models, strict=True)]
@@ -170,8 +132,9 @@ def optimise(fits: Sequence[Fit], goals: Sequence[Goal]) -> Optimisation:
 
 def with_limits(goal: Goal, fit: Fit, reach: Reach) -> Goal:
     """The goal with limits that hold all runs and all that the model predicts."""
-    smallest, largest = float(fit.values.min()), float(fit.values.max())
-    return completed(goal, min(smallest, reach.low), max(largest, reach.high))
+    low, high = min(float(fit.values.min()), reach.low), max(float(fit.values.max()), reach.high)
+    least = abs(goal.target) * np.finfo(float).eps  # of the width, where the response is the same everywhere
+    return replace(goal, low=low, high=low + max(high - low, least))
 
 
 def local_optima(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[Optimum]:
@@ -181,9 +144,8 @@ def local_optima(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[Optimum]:
         loss = partial(shortfall, fits, goals, softness=softness)
         found = np.array([descend(loss, end) for end in ends])
         ends = found[np.unique(np.round(found / ALIKE), axis=0, return_index=True)[1]]
-    overall = desirability(goals, predictions(fits, ends))
+    overall, missing = desirability(shares(fits, goals, ends)), shortfall(fits, goals, ends)
     certainty = sum((fit.leverage(ends) for fit in fits), np.zeros(len(ends)))
-    missing = shortfall(fits, goals, ends)
     kept: list[int] = []
     for place in np.lexsort((certainty, np.round(missing / MET), -np.round(overall / MET))):
         if all(np.max(np.abs(ends[place] - ends[other])) > SEPARATE for other in kept):
@@ -192,10 +154,11 @@ def local_optima(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[Optimum]:
 
 
 def starts(count: int) -> Floats:
-    """Coded points from which the search starts: corners, midpoints and centre, and points in between."""
+    """Coded points from which the search starts: corners, midpoints, centre; a Sobol sequence between."""
     small = 3**count <= MOST_GRID_STARTS
-    spread = sobol_points(count, SPREAD_STARTS if small else MANY_STARTS, SOBOL_SEED)
-    return np.concatenate([grid_points(count) if small else np.zeros((1, count)), spread])
+    sobol = qmc.Sobol(d=count, rng=np.random.default_rng(SOBOL_SEED))
+    between = 2.0 * sobol.random(SPREAD_STARTS if small else MANY_STARTS) - 1.0
+    return np.concatenate([grid_points(count) if small else np.zeros((1, count)), between])
 
 
 def descend(loss: Callable[[Floats], Floats], start: Floats) -> Floats:
@@ -215,16 +178,16 @@ def descend(loss: Callable[[Floats], Floats], start: Floats) -> Floats:
     return np.asarray(found.x)
 
 
+def shares(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softness: float = 0.0) -> Floats:
+    """Share d of every goal at coded points, [points, goals]."""
+    pairs = zip(goals, fits, strict=True)
+    return np.column_stack([single_share(goal, fit.predict(coded), softness) for goal, fit in pairs])
+
+
 def shortfall(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softness: float = 0.0) -> Floats:
     """Objective to minimise, [points]: 1 - D inside all limits, 1 and the excess over them outside."""
-    values = predictions(fits, coded)
-    shares = np.column_stack([single_share(goal, values[:, k], softness) for k, goal in enumerate(goals)])
-    return 1.0 - combined(goals, shares) + np.sum(np.maximum(-shares, 0.0), axis=1)
-
-
-def predictions(fits: Sequence[Fit], coded: Floats) -> Floats:
-    """Predicted responses, [points, fits]."""
-    return np.column_stack([fit.predict(coded) for fit in fits])
+    each = shares(fits, goals, coded, softness)
+    return 1.0 - desirability(each) + np.sum(np.maximum(-each, 0.0), axis=1)
 
 
 def as_optimum(fits: Sequence[Fit], coded: Floats, worth: float) -> Optimum:
@@ -233,14 +196,7 @@ def as_optimum(fits: Sequence[Fit], coded: Floats, worth: float) -> Optimum:
     for fit in fits:
         low, high = fit.interval(coded[None, :])[0]
         predicted[fit.response] = Prediction(float(fit.predict(coded[None, :])[0]), float(low), float(high))
-    return Optimum(coded, settings_at(fits[0], coded), predicted, worth)
-
-
-def settings_at(fit: Fit, coded: Floats) -> dict[str, float]:
-    """Natural values of a coded point, by path."""
-    return {
-        f.path: float(value) for f, value in zip(fit.factors, to_natural(fit.factors, coded), strict=True)
-    }
+    return Optimum(coded, settings_at(fits[0].factors, coded), predicted, worth)
 
 
 def reachable(fit: Fit) -> Reach:
@@ -255,7 +211,7 @@ def reachable(fit: Fit) -> Reach:
         found = np.array([descend(signed, start) for start in best])
         ends.append(found[np.argmin(signed(found))])
     low, high = (float(fit.predict(end[None, :])[0]) for end in ends)
-    return Reach(low, high, settings_at(fit, ends[0]), settings_at(fit, ends[1]))
+    return Reach(low, high, *(settings_at(fit.factors, end) for end in ends))
 
 
 def explain(

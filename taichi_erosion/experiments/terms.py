@@ -8,14 +8,13 @@ Plackett-Burman design fractions such as +-1/3.
 Reference: Box & Wilson (1951); Montgomery (2017), 8.2 and 10.7.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Literal
 
 import numpy as np
 
-from taichi_erosion.core.errors import BadInput
-from taichi_erosion.experiments.design_table import Floats
+from taichi_erosion.core.setup import Floats
 
 Term = tuple[int, ...]  # exponent of every factor; (1, 0, 1) is A C, (0, 2, 0) is B^2
 Order = Literal["linear", "interactions", "quadratic"]
@@ -23,17 +22,13 @@ Order = Literal["linear", "interactions", "quadratic"]
 
 def linear_terms(count: int) -> tuple[Term, ...]:
     """A, B, C ..."""
-    return tuple(exponents(count, {k: 1}) for k in range(count))
+    return interaction_terms(count, 1)
 
 
 def interaction_terms(count: int, order: int = 2) -> tuple[Term, ...]:
     """Products of `order` different factors: A B, A C, B C ..."""
-    return tuple(exponents(count, dict.fromkeys(chosen, 1)) for chosen in combinations(range(count), order))
-
-
-def square_terms(count: int) -> tuple[Term, ...]:
-    """A^2, B^2 ..."""
-    return tuple(exponents(count, {k: 2}) for k in range(count))
+    chosen = combinations(range(count), order)
+    return tuple(tuple(int(k in factors) for k in range(count)) for factors in chosen)
 
 
 def model_terms(count: int, order: Order) -> tuple[Term, ...]:
@@ -42,13 +37,8 @@ def model_terms(count: int, order: Order) -> tuple[Term, ...]:
     if order in ("interactions", "quadratic"):
         terms += interaction_terms(count)
     if order == "quadratic":
-        terms += square_terms(count)
+        terms += tuple(tuple(2 * power for power in term) for term in linear_terms(count))
     return terms
-
-
-def exponents(count: int, powers: dict[int, int]) -> Term:
-    """The term with the given powers of some of `count` factors."""
-    return tuple(powers.get(k, 0) for k in range(count))
 
 
 def term_name(term: Term, names: Sequence[str]) -> str:
@@ -59,48 +49,25 @@ def term_name(term: Term, names: Sequence[str]) -> str:
     return "*".join(parts) or "1"
 
 
-def parse_term(text: str, names: Sequence[str]) -> Term:
-    """The term that `term_name` wrote, or that a paper prints as `A2` or `AB`."""
-    for term in candidate_terms(len(names)):
-        if same_letters(term, text, names):
-            return term
-    raise BadInput(f"term '{text}': must be a product of {', '.join(names)}, such as {names[0]}^2")
-
-
-def candidate_terms(count: int) -> Iterable[Term]:
-    """Terms that a parsed name may stand for, up to three factors."""
-    yield exponents(count, {})
-    yield from model_terms(count, "quadratic")
-    yield from interaction_terms(count, 3)
-
-
-def same_letters(term: Term, text: str, names: Sequence[str]) -> bool:
-    """Whether a printed name is this term, whatever sign of multiplication or power it uses."""
-    plain = "".join(c for c in text if c not in " *^.\u00b7\u00d7").replace("\u00b2", "2")
-    used = [name + ("2" if power == 2 else "") for name, power in zip(names, term, strict=True) if power]
-    return plain in ("".join(used), "".join(reversed(used)), *(("1", "Intercept") if not used else ()))
+def term_label(name: str, labels: Mapping[str, str]) -> str:
+    """A term's name with labels for the factors, "sliding friction × restitution^2"."""
+    words = (factor.partition("^") for factor in name.split("*"))
+    return " \N{MULTIPLICATION SIGN} ".join(
+        labels.get(path, path) + hat + power for path, hat, power in words
+    )
 
 
 def parents(term: Term) -> set[Term]:
     """Terms that hierarchy requires beside this one: each exponent lowered, down to single factors."""
-    found: set[Term] = set()
-    for k, power in enumerate(term):
-        if power:
-            lower = (*term[:k], power - 1, *term[k + 1 :])
-            if any(lower):
-                found |= {lower} | parents(lower)
-    return found
+    lower = [(*term[:k], power - 1, *term[k + 1 :]) for k, power in enumerate(term) if power]
+    return set[Term]().union(*({each} | parents(each) for each in lower if any(each)))
 
 
 def columns(coded: Floats, terms: Sequence[Term]) -> Floats:
     """Values of the terms at coded points, [runs, terms]."""
     points = np.atleast_2d(np.asarray(coded, dtype=float))
-    found = np.ones((len(points), len(terms)))
-    for place, term in enumerate(terms):
-        for factor, power in enumerate(term):
-            for _ in range(power):
-                found[:, place] *= points[:, factor]
-    return found
+    powers = np.array(terms, dtype=int).reshape(len(terms), points.shape[1])
+    return np.prod(points[:, None, :] ** powers, axis=2)
 
 
 def model_matrix(coded: Floats, terms: Sequence[Term]) -> Floats:

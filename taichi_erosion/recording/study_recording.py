@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
 APPLICATION = "taichi_erosion_study"  # apart from single runs, which have another layout
+DESIGN = "design"  # entity with one component for each column of the table of all runs
 MOST_FRAMES = 40  # of each run, evenly spread
 MOST_BESIDE = 4  # runs side by side
 RUN_DISTANCE = 1.35  # of the eye, over the radius that it frames: heaps are low and views wide [1]
@@ -44,6 +45,7 @@ class StudyPage:
     figures: Mapping[str, bytes]  # PNG by name
     runs: Sequence[RecordedRun] = ()
     properties: Mapping[str, Any] | None = None  # of the study as a whole
+    columns: Mapping[str, Sequence[Any]] | None = None  # of all runs: design, settings, results
 
 
 def record_study(path: Path, page: StudyPage) -> Path:
@@ -61,6 +63,8 @@ def record_study(path: Path, page: StudyPage) -> Path:
     for name, content in page.figures.items():
         stream.log(figure_entity(name), rr.EncodedImage(contents=content, media_type="image/png"))
     set_properties(recording, "study", page.properties or {})
+    if page.columns:
+        stream.log(DESIGN, rr.AnyValues(False, **page.columns), static=True)
     for run in page.runs:
         log_scale(recording, f"runs/{run.name}/scale", common_focus(films))
         set_properties(recording, run.name, run.properties)

@@ -1,27 +1,30 @@
 """Page of a calibration: README.md with figures in the study's folder, the same as HTML, and a recording."""
 
-import csv
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markdown_it import MarkdownIt
+from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from taichi_erosion import __version__
 from taichi_erosion.campaign.calibration import PAGE, PICTURES, Calibration
+from taichi_erosion.campaign.calibration_steps import STAGES
 from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import ListedFolder, marked_html, refuse_foreign, write_atomic
+from taichi_erosion.experiments.confirm import SIGNIFICANCE
 from taichi_erosion.recording.study_recording import RecordedRun, StudyPage, record_study
 from taichi_erosion.report import design_figures as figures
 from taichi_erosion.report.html import address_of, made, render
 from taichi_erosion.report.markdown import markdown_table, with_scatter_of, with_spread
 
-Row = Mapping[str, str]
+Row = Mapping[str, Any]
 
 PAGE_TEMPLATE, TEMPLATE = "calibration.md", "calibration.html"
 RECORDING = "study.rrd"
@@ -31,9 +34,8 @@ VARIANCE = ("sum_of_squares", "df", "mean_square", "f", "p")
 PICTURE = re.compile(r'<img src="([^":]+)"')
 HEADING = re.compile("<h2>(.+?)</h2>")
 VERDICT = re.compile(r"<p><strong>(Yes\.|No\.|Not known\.)</strong>")
+RESOLUTION = 130  # of pictures [dots per inch]
 MOST_RUNS = 9  # recorded runs side by side
-SIGNIFICANCE = 0.05  # of the test of the confirmation runs
-STAGES = ("confirm", "surface", "climb", "screen")  # order of the recorded runs
 
 
 def publish(found: Calibration) -> Path:
@@ -53,7 +55,7 @@ def publish(found: Calibration) -> Path:
         scenes=[Path(path).name for path in document.get("calibrated_scenes", [])],
         scatter=with_scatter_of,
         symbols=symbols(found),
-        kept=", ".join(labels(found)[path] for path in document["analyse"]["kept"]),
+        kept=", ".join(found.file.labels[path] for path in document["analyse"]["kept"]),
         effects={name: effect_table(found, name) for name in targets},
         climb=climb_table(found),
         variance={name: variance_table(document["surface"]["responses"][name]) for name in targets},
@@ -78,19 +80,22 @@ def draw(found: Calibration) -> None:
 
 def save(found: Calibration, figure: Figure, name: str) -> None:
     """Write one figure, and list it."""
-    figures.save(figure, found.file.folder / PICTURES / name)
+    path = found.file.folder / PICTURES / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=RESOLUTION, metadata={"Software": None})  # equal figures give equal bytes
+    plt.close(figure)
     ListedFolder(found.file.folder).record(f"{PICTURES}/{name}")
 
 
 def response_figures(found: Calibration, name: str) -> dict[str, Figure]:
     """Figures of one response, by kind."""
     assert found.surface is not None
-    document, names, target = found.document, labels(found), found.file.study.targets[name]
+    document, names, target = found.document, found.file.labels, found.file.study.targets[name]
     analysed, fit = document["analyse"], found.surface.fits[name]
     best, values = document["optimise"]["optima"][0], document["confirm"]["values"][name]
     at = np.array([(best["settings"][f.path] - f.centre) / f.half for f in fit.factors])
     return {
-        "effects": figures.effect_bars(analysed["responses"][name], names, analysed["kept"], target.unit),
+        "effects": figures.effect_bars(analysed["responses"][name], analysed["kept"], target.unit),
         "surface": figures.contours(fit, names, target.unit, at, target.value),
         "hills": figures.response_surfaces(fit, names, target.unit, at),
         "perturbation": figures.perturbation(fit, names, target.unit, at),
@@ -100,11 +105,6 @@ def response_figures(found: Calibration, name: str) -> dict[str, Figure]:
     }
 
 
-def labels(found: Calibration) -> dict[str, str]:
-    """Readable names of the parameters, by path."""
-    return {path: entry.label or path for path, entry in found.file.study.parameters.items()}
-
-
 def effect_table(found: Calibration, name: str) -> str:
     """Effects, largest first, with the published values where the study has any."""
     rows, target = [], found.file.study.targets[name]
@@ -112,7 +112,7 @@ def effect_table(found: Calibration, name: str) -> str:
     published = any(entry.published for entry in found.file.study.parameters.values())
     for effect in screened["effects"]:
         entry = found.file.study.parameters[effect["name"]]
-        label = f"{labels(found)[effect['name']]} {entry.symbol}".strip()
+        label = f"{effect['label']} {entry.symbol}".strip()
         limits = f"{entry.low:g} to {entry.high:g} {'' if entry.unit == '1' else entry.unit}".rstrip()
         value = with_scatter_of(
             effect["value"], standard_error(effect, screened["quality"]["sd"]), signed=True
@@ -150,7 +150,10 @@ def verdict(test: Mapping[str, Any], name: str, unit: str) -> str:
     power += f"{with_scatter_of(test['resolve'], scatter)} {unit} with a power of {test['power']:.2f}."
     if test["p"] < SIGNIFICANCE:
         words = f"{name} differs by {difference} {unit} from the measurement (p = {test['p']:.2g})"
-        return f"**No.** In the calibrated scene {words}. {power}"
+        remedy = (
+            "Another range of the surface (surface_half in [design]), then the same command, may come nearer."
+        )
+        return f"**No.** In the calibrated scene {words}. {power} {remedy}"
     if test["power"] < LEAST_POWER:
         words = f"no difference of {name} from the measurement is told ({difference} {unit}, "
         words += f"p = {test['p']:.2g}), but the test would more often miss one than see it"
@@ -168,7 +171,7 @@ def climb_table(found: Calibration) -> str:
         mark = " (nearest)" if step == document["best"] - 1 else ""
         values = [row["settings"][path] for path in paths] + [row["responses"][name] for name in names]
         rows.append((f"{step}{mark}", *(number(value) for value in values)))
-    return markdown_table(("step", *(labels(found)[path] for path in paths), *names), rows)
+    return markdown_table(("step", *(found.file.labels[path] for path in paths), *names), rows)
 
 
 def number(value: float) -> str:
@@ -178,7 +181,7 @@ def number(value: float) -> str:
 
 def variance_table(document: Mapping[str, Any]) -> str:
     """Analysis of variance."""
-    rows = [(row["source"], *(number(row[key]) for key in VARIANCE)) for row in document["anova"]]
+    rows = [(row["label"], *(number(row[key]) for key in VARIANCE)) for row in document["anova"]]
     return markdown_table(("source", "sum of squares", "df", "mean square", "F", "p"), rows)
 
 
@@ -207,7 +210,7 @@ def optimum_table(found: Calibration) -> str:
         predicted = (one["predicted"][name] for name in targets)
         intervals = (interval_words(each) for each in predicted)
         rows.append((*(number(one["settings"][path]) for path in paths), *intervals))
-    header = (*(labels(found)[path] for path in paths), *(f"{name}, predicted" for name in targets))
+    header = (*(found.file.labels[path] for path in paths), *(f"{name}, predicted" for name in targets))
     return markdown_table(header, rows)
 
 
@@ -257,8 +260,8 @@ def write_report(study: Path, to: Path | None = None, force: bool = False) -> Pa
 def write_recording(study: Path) -> Path:
     """Write the recording of a calibration. Raises BadInput where the calibration is not finished."""
     file = finished(study)
-    with (file.folder / "runs.csv").open(encoding="utf-8", newline="") as text:
-        rows = list(csv.DictReader(text))
+    table = pd.read_csv(file.folder / "runs.csv", dtype={"failure": str}).fillna({"failure": ""})
+    rows = [{str(name): cell for name, cell in row.items()} for row in table.to_dict("records")]
     pictures = {path.stem.replace("_", " "): path for path in sorted((file.folder / PICTURES).glob("*.png"))}
     lines = (file.folder / PAGE).read_text(encoding="utf-8").splitlines()
     page = StudyPage(
@@ -268,16 +271,18 @@ def write_recording(study: Path) -> Path:
         figures={name: path.read_bytes() for name, path in pictures.items()},
         runs=list(recorded_runs(file, rows))[:MOST_RUNS],
         properties={f"target_{name}": target.value for name, target in file.study.targets.items()},
+        columns={str(name): column.to_list() for name, column in table.items()},
     )
     return record_study(file.folder / RECORDING, page)
 
 
 def run_table(file: CalibrationStudy, rows: Sequence[Row]) -> str:
     """Settings and responses of every run."""
-    paths, targets = list(file.study.parameters), list(file.study.targets)
-    header = ["run", *(file.study.parameters[path].label or path for path in paths), *targets]
-    cells = [[run_name(row), *(row[key] for key in (*paths, *targets))] for row in rows]
-    return markdown_table(header, cells)
+    keys = (*file.study.parameters, *map(file.measure, file.study.targets))
+    cells = [
+        [run_name(row), *("" if row[key] != row[key] else f"{row[key]}" for key in keys)] for row in rows
+    ]
+    return markdown_table(["run", *file.labels.values(), *file.study.targets], cells)
 
 
 def run_name(row: Row) -> str:
@@ -286,12 +291,13 @@ def run_name(row: Row) -> str:
 
 
 def recorded_runs(file: CalibrationStudy, rows: Sequence[Row]) -> Iterator[RecordedRun]:
-    """Runs with an existing recording, in the order of STAGES."""
-    for row in sorted(rows, key=lambda row: STAGES.index(row["stage"])):
+    """Runs with an existing recording, those of the last stage first."""
+    for row in sorted(rows, key=lambda row: -STAGES.index(row["stage"])):
         recording = file.folder / "recordings" / f"{run_name(row)}-{row['seed']}.rrd"
         if recording.is_file():
-            responses = {name: float(row[name]) for name in file.study.targets if row[name]}
+            found = {name: row[file.measure(name)] for name in file.study.targets}
+            responses = {name: value for name, value in found.items() if value == value}
             texts = (f"{name} {y:.3g} {file.study.targets[name].unit}" for name, y in responses.items())
-            settings = {re.sub(r"[.-]", "_", path): float(row[path]) for path in file.study.parameters}
+            settings = {re.sub(r"[.-]", "_", path): row[path] for path in file.study.parameters}
             caption = f"{run_name(row)}: {', '.join(texts)}"
             yield RecordedRun(run_name(row), caption, recording, settings | responses)

@@ -7,7 +7,6 @@ Lines differ by dash as well as by colour and maps by lightness, for prints with
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -18,10 +17,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy import stats
+from statsmodels.stats.outliers_influence import OLSInfluence
 
 from taichi_erosion.campaign.study_file import Target
 from taichi_erosion.experiments.design_table import Design, to_natural
-from taichi_erosion.experiments.fit import Fit, diagnostics
+from taichi_erosion.experiments.fit import Fit
 from taichi_erosion.report import figure_style
 
 Floats = NDArray[np.float64]
@@ -35,7 +35,6 @@ TICKS = 41  # points along an edge of a surface
 LEVELS = 9  # contour lines
 STYLE: dict[Any, Any] = {"font.size": 9.0, "axes.spines.top": False, "axes.spines.right": False}
 CALIBRATION_STYLE: dict[Any, Any] = STYLE | {"font.size": 8.5}
-RESOLUTION = 130  # of a calibration's pictures [dots per inch]
 PANEL = (3.3, 0.9 * 3.3)  # in
 
 
@@ -46,12 +45,6 @@ def panels(count: int, columns: int, projection: str | None = None) -> Iterator[
         yield figure_style.panels(count, columns, PANEL, projection)
 
 
-def label(term: str, names: Names) -> str:
-    """Axis label of a factor, a power, or a product of factors."""
-    words = (factor.partition("^") for factor in term.split("*"))
-    return " \N{MULTIPLICATION SIGN} ".join(names.get(path, path) + hat + power for path, hat, power in words)
-
-
 def response_surfaces(fit: Fit, names: Names, unit: str, at: Floats | None = None) -> Figure:
     """Fitted surface over every pair of factors, the others at a coded point (default: the centre)."""
     pairs = list(combinations(range(len(fit.factors)), 2))
@@ -60,7 +53,7 @@ def response_surfaces(fit: Fit, names: Names, unit: str, at: Floats | None = Non
             across, up, height = grid(fit, i, j, at)
             axes.plot_surface(across, up, height, cmap=MAP, rstride=2, cstride=2, edgecolor="black", lw=0.15)
             for side, factor in ((axes.xaxis, fit.factors[i]), (axes.yaxis, fit.factors[j])):
-                side.set_label_text(label(factor.path, names).replace(", ", ",\n"), fontsize=7.5)
+                side.set_label_text(names.get(factor.path, factor.path).replace(", ", ",\n"), fontsize=7.5)
                 side.labelpad = 6.0
             axes.tick_params(labelsize=7)
             axes.set_box_aspect(None, zoom=0.8)  # leaves room for the names
@@ -88,7 +81,10 @@ def contours(
             runs = to_natural(fit.factors, fit.coded)
             axes.plot(runs[:, i], runs[:, j], "o", color="black", ms=3, clip_on=False)
             axes.plot(place[i], place[j], "x", color=POINT, ms=8, mew=2, clip_on=False)
-            axes.set(xlabel=label(fit.factors[i].path, names), ylabel=label(fit.factors[j].path, names))
+            across_name, up_name = (
+                names.get(path, path) for path in (fit.factors[i].path, fit.factors[j].path)
+            )
+            axes.set(xlabel=across_name, ylabel=up_name)
         figure.suptitle(f"{fit.response} [{unit}]", fontsize=9)
     return figure
 
@@ -112,7 +108,7 @@ def perturbation(fit: Fit, names: Names, unit: str, at: Floats | None = None) ->
         for k, factor in enumerate(fit.factors):
             points = np.tile(np.zeros(len(fit.factors)) if at is None else at, (TICKS, 1))
             points[:, k] = ticks
-            name, dash = label(factor.path, names), DASHES[k % len(DASHES)]
+            name, dash = names.get(factor.path, factor.path), DASHES[k % len(DASHES)]
             axes.plot(ticks, fit.predict(points), linestyle=dash, label=name)
         axes.set(xlabel="coded level of the factor [1]", ylabel=f"{fit.response} [{unit}]")
         axes.legend(frameon=False, fontsize=8)
@@ -132,12 +128,18 @@ def predicted_against_actual(fit: Fit, unit: str) -> Figure:
 def residuals(fit: Fit, run_order: NDArray[np.int64]) -> Figure:
     """Studentized residuals against normal scores, fitted values and run order; Cook's distance.
 
-    `run_order` is the position of each design row in the sequence of runs.
+    Each residual's own run is left out of its error; dashed: the Bonferroni limit at 5 %. `run_order` is the
+    position of each design row in the sequence of runs.
     """
-    found = diagnostics(fit)
-    known = np.isfinite(found.deleted)
-    left, fitted, when = found.deleted[known], fit.fitted[known], run_order[fit.rows][known]
-    with panels(4, 2) as (figure, (normal, level, order, influence)):
+    influence = OLSInfluence(fit.results)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a run that alone fixes a coefficient
+        deleted, (cook, _) = (
+            np.asarray(each) for each in (influence.resid_studentized_external, influence.cooks_distance)
+        )
+    limit = float(stats.t.isf(0.025 / len(deleted), fit.df_error - 1)) if fit.df_error > 1 else np.nan
+    known = np.isfinite(deleted)
+    left, fitted, when = deleted[known], fit.fitted[known], run_order[fit.rows][known]
+    with panels(4, 2) as (figure, (normal, level, order, distance)):
         scores = stats.norm.ppf((np.arange(1, len(left) + 1) - 0.5) / len(left))
         normal.plot(np.sort(left), scores, "o", color=LINE)
         normal.plot(scores, scores, color=NEUTRAL, lw=1.0)
@@ -148,28 +150,20 @@ def residuals(fit: Fit, run_order: NDArray[np.int64]) -> Figure:
         order.set(xlabel="run order", ylabel="studentized residual [1]")
         for axes in (level, order):
             axes.axhline(0.0, color=NEUTRAL, lw=1.0)
-            for side in (-found.limit, found.limit):
+            for side in (-limit, limit):
                 axes.axhline(side, color=POINT, linestyle="--", lw=1.0)
-        influence.stem(run_order[fit.rows], found.cook, basefmt=" ")
-        influence.set(xlabel="run order", ylabel="Cook's distance [1]")
+        distance.stem(run_order[fit.rows], cook, basefmt=" ")
+        distance.set(xlabel="run order", ylabel="Cook's distance [1]")
     return figure
 
 
-def save(figure: Figure, path: Path) -> Path:
-    """Write a PNG; equal figures give equal bytes."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=RESOLUTION, metadata={"Software": None})
-    plt.close(figure)
-    return path
-
-
-def effect_bars(found: Record, names: Mapping[str, str], kept: Sequence[str], unit: str) -> Figure:
+def effect_bars(found: Record, kept: Sequence[str], unit: str) -> Figure:
     """Effects by size with their significance limits; dark: factors that the calibration keeps."""
     effects = found["effects"][::-1]
     with plt.rc_context(CALIBRATION_STYLE):
         figure, axes = plt.subplots(figsize=(6.4, 0.32 * len(effects) + 1.0), layout="constrained")
         colours = [LINE if effect["name"] in kept else PALE for effect in effects]
-        axes.barh([names[e["name"]] for e in effects], [e["value"] for e in effects], color=colours)
+        axes.barh([e["label"] for e in effects], [e["value"] for e in effects], color=colours)
         for limit, style, label in (
             (found["limits"]["single"], "--", "t limit, 95 %"),
             (found["limits"]["bonferroni"], ":", "Bonferroni limit"),

@@ -4,6 +4,8 @@ import random
 from contextlib import nullcontext
 from typing import Any
 
+from taichi_erosion.campaign.request import RunRequest, RunResult
+
 FUNCTION = "closed_form:answering"
 NOISE = 0.3  # deg
 
@@ -16,7 +18,7 @@ def angle(contact: dict[str, Any]) -> float:
     return base + 10.0 * (soil["friction_rolling"] - 0.7) - 6.0 * soil["restitution"]
 
 
-def answer(payloads: list[dict[str, Any]], tell: Any, share: Any) -> None:
+def answer(payloads: list[dict[str, Any]], tell: Any) -> None:
     for place, payload in enumerate(payloads):
         value = angle(payload["scene"]["contact"]) + random.Random(payload["seed"]).gauss(0.0, NOISE)
         measures = {"repose_angle": {"value": value, "sd": None, "unit": "deg", "n": 1}}
@@ -25,3 +27,11 @@ def answer(payloads: list[dict[str, Any]], tell: Any, share: Any) -> None:
 
 def answering() -> Any:
     return nullcontext(answer)
+
+
+def execute_here(requests: list[RunRequest], *_: Any, **__: Any) -> list[RunResult]:
+    """Results of all requests, in this process and without a ledger."""
+    results: list[RunResult] = []
+    for request in requests:
+        answer([request.payload], lambda _, record, key=request.key: results.append(RunResult(key, record)))
+    return results

@@ -1,35 +1,37 @@
 """A calibration on a model whose answer is known finds what matters and hits the target."""
 
 import re
-import shutil
 from pathlib import Path
 
 import closed_form
 import numpy as np
+import pandas as pd
 import pytest
 import tomli_w
+from recorded_heaps import read_chunks
 from run.small_scene import SCENE
 
-from taichi_erosion.campaign import execute
+from taichi_erosion.campaign import calibration_steps, execute
 from taichi_erosion.campaign.calibration import calibrate
-from taichi_erosion.campaign.calibration_steps import surface_design
+from taichi_erosion.campaign.calibration_steps import STAGES, refuse_star_outside_limits, surface_design
 from taichi_erosion.campaign.study_file import read_calibration_study
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.experiments.design_table import Factor, read_design
+from taichi_erosion.experiments.design_table import Factor
 from taichi_erosion.report import write_report
-from taichi_erosion.report.calibration_page import publish, verdict
+from taichi_erosion.report.calibration_page import publish, verdict, write_recording
 from taichi_erosion.run.checks import read_scene
 from tests.report.browser import assert_readable
 
 TARGET = 31.0  # deg
+STIFFNESS = "materials.soil.shear_modulus"
 STUDY = {
     "study": {"seed": 5},
     "observables": {"repose_angle": {"scene": "few.toml"}},
     "targets": {"repose_angle": {"value": TARGET, "sd": 0.5, "n": 10, "unit": "deg"}},
     "parameters": {
-        "materials.soil.shear_modulus": {"low": 1e6, "high": 2e6, "unit": "Pa"},
-        "contact.soil-soil.restitution": {"low": 0.2, "high": 0.6},
+        STIFFNESS: {"low": 1e6, "high": 2e6, "unit": "Pa"},
+        "contact.soil-soil.restitution": {"low": 0.2, "high": 0.6, "label": "restitution of soil"},
         "contact.soil-soil.friction_sliding": {"low": 0.3, "high": 0.7},
         "contact.soil-soil.friction_rolling": {"low": 0.5, "high": 0.9, "most": 1.5},
         "contact.soil-steel.friction_sliding": {"low": 0.15, "high": 0.55, "most": 1.0},
@@ -68,8 +70,31 @@ def folder(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(folder):
-    return calibrate(write_study(folder), stated={"workers": 1}, function=closed_form.FUNCTION)
+def told() -> list[tuple[float, str]]:
+    return []
+
+
+@pytest.fixture(scope="module")
+def found(folder, told):
+    report = lambda *words: told.append(words)  # noqa: E731
+    return calibrate(
+        write_study(folder), stated={"workers": 1}, progress=report, function=closed_form.FUNCTION
+    )
+
+
+def test_progress_never_falls_from_stage_to_stage(found, told):
+    shares = [share for share, _ in told]
+    assert shares == sorted(shares)
+    assert 0.0 < shares[0] < 0.3
+    assert 0.8 < shares[-1] <= 1.0
+    assert {words.partition(":")[0] for _, words in told} <= set(STAGES)
+
+
+def test_rows_of_effects_and_of_the_analysis_of_variance_carry_labels(found):
+    effects = found.document["analyse"]["responses"]["repose_angle"]["effects"]
+    rows = found.document["surface"]["responses"]["repose_angle"]["anova"]
+    assert {effect["label"] for effect in effects} >= {"restitution of soil", STIFFNESS}
+    assert {"restitution of soil^2", "Residual"} <= {row["label"] for row in rows}
 
 
 def test_the_screening_keeps_the_parameters_that_matter(found):
@@ -85,24 +110,27 @@ def test_the_climb_ends_nearer_to_the_target_than_it_begins(found):
 
 def test_the_optimum_meets_the_target_in_truth_and_not_only_on_the_fitted_surface(found):
     # the surface rests on 17 runs: its prediction is good to about 2 sd / sqrt(17 / 10) of the noise
-    settings = found.confirmed.optimum.settings
+    settings = found.optimum.optima[0].settings
     assert true_angle(settings) == pytest.approx(TARGET, abs=2.0 * closed_form.NOISE)
 
 
 def test_fresh_seeds_confirm_the_optimum(found):
-    test = found.confirmed.tests["repose_angle"]
-    assert test.runs.n == STUDY["design"]["confirm"]
-    assert abs(test.difference) < 3.0 * closed_form.NOISE
+    test = found.document["confirm"]["tests"]["repose_angle"]
+    assert test["runs"]["n"] == STUDY["design"]["confirm"]
+    assert abs(test["difference"]) < 3.0 * closed_form.NOISE
 
 
 @pytest.fixture(scope="module")
-def found_by(found, folder, tmp_path_factory):
-    """The calibration by another design, on the screening and the climb that are in the ledger."""
+def found_by(tmp_path_factory):
+    """The calibration by another design of its surface."""
 
     def again(**entries):
-        copied = shutil.copytree(folder, tmp_path_factory.mktemp("surface"), dirs_exist_ok=True)
-        study = write_study(copied, design=STUDY["design"] | entries, parameters=WIDE)
-        return calibrate(study, stated={"workers": 1}, function=closed_form.FUNCTION)
+        study = write_study(
+            tmp_path_factory.mktemp("surface"), design=STUDY["design"] | entries, parameters=WIDE
+        )
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setattr(calibration_steps, "execute", closed_form.execute_here)
+            return calibrate(study)
 
     return again
 
@@ -122,9 +150,9 @@ def test_every_design_of_the_surface_finds_the_same_optimum(found, found_by, ent
     assert np.abs(other.surface.design.coded).max() == furthest
     assert other.surface.design.factors == found.surface.design.factors
     # settings that meet the target form a face: what agrees is the value, here and at the other's optimum
-    settings = other.confirmed.optimum.settings
+    settings = other.optimum.optima[0].settings
     assert true_angle(settings) == pytest.approx(TARGET, abs=2.0 * closed_form.NOISE)
-    there = found.confirmed.optimum.coded[None, :]
+    there = found.optimum.optima[0].coded[None, :]
     (low, high), (other_low, other_high) = (
         calibration.surface.fits["repose_angle"].interval(there)[0] for calibration in (found, other)
     )
@@ -152,10 +180,9 @@ def test_a_star_point_beyond_a_limit_is_refused_with_the_remedy(tmp_path, place,
     }
     ranges = [Factor("friction", *place), Factor("b", 0.4, 0.6), Factor("c", 0.4, 0.6)]
     design = {"surface": "central_composite"}
+    study = read_calibration_study(write_study(tmp_path, design=design, parameters=parameters))
     with pytest.raises(BadInput) as refusal:
-        surface_design(
-            read_calibration_study(write_study(tmp_path, design=design, parameters=parameters)), ranges
-        )
+        refuse_star_outside_limits(study, surface_design(study, ranges))
     assert str(refusal.value).endswith(f'{said}; set surface_axial = "faced" in [design]')
     faced = write_study(tmp_path, design=design | {"surface_axial": "faced"}, parameters=parameters)
     assert len(surface_design(read_calibration_study(faced), ranges)) == 19
@@ -169,9 +196,9 @@ def test_no_two_runs_share_their_noise(found, folder):
 
 def test_the_tables_hold_the_designs_with_their_responses(found, folder):
     for name, design in (("screen", found.screening.design), ("surface", found.surface.design)):
-        kept = read_design(folder / "study" / f"{name}.csv")
-        assert kept.coded == pytest.approx(design.coded)
-        assert kept.responses["repose_angle"] == pytest.approx(design.responses["repose_angle"])
+        kept = pd.read_csv(folder / "study" / f"{name}.csv")
+        assert kept.filter(like="coded ").to_numpy() == pytest.approx(design.coded)
+        assert kept["repose_angle"].to_numpy() == pytest.approx(design.responses["repose_angle"])
 
 
 def test_a_step_called_again_runs_nothing_and_says_the_same(found, folder, monkeypatch):
@@ -258,6 +285,14 @@ def test_the_report_is_the_page_with_its_pictures_inside(found, page):
     assert 'src="pictures' not in text
 
 
+def test_the_recording_holds_the_table_of_all_runs(found, page):
+    chunks = read_chunks(write_recording(found.file.path))
+    (table,) = [chunk.to_record_batch() for chunk in chunks if chunk.entity_path == "/design"]
+    columns = dict(zip(table.schema.names, table.columns, strict=True))
+    assert {"stage", "row", "seed", "repose_angle", *STUDY["parameters"]} <= set(columns)
+    assert len(columns["repose_angle"][0]) == found.document["runs"]
+
+
 def test_a_browser_shows_the_page_on_a_desk_and_on_a_phone(found, page, tmp_path):
     assert_readable({"calibration": write_report(found.file.path, tmp_path / "calibration.html")}, tmp_path)
 
@@ -286,7 +321,7 @@ def test_the_calibrated_scene_runs_with_the_numbers_of_the_confirmation_runs(fou
     (written,) = map(Path, found.document["calibrated_scenes"])
     assert written == found.file.folder / "few_calibrated.toml"
     scene = read_scene(written, ())
-    for path, value in found.confirmed.optimum.settings.items():
+    for path, value in found.optimum.optima[0].settings.items():
         _, pair, name = path.split(".")
         assert getattr(scene.contact[pair], name) == pytest.approx(value, rel=1e-5)
     centre = STUDY["parameters"]["materials.soil.shear_modulus"]

@@ -60,6 +60,6 @@ def test_a_cluster_gives_the_table_of_local_processes_and_survives_the_loss_of_a
 
 
 def test_a_scheduler_that_does_not_answer_gives_one_clear_line(tmp_path, monkeypatch):
-    monkeypatch.setattr("taichi_erosion.campaign.execute.CONNECT", 1.0)
+    monkeypatch.setattr("taichi_erosion.campaign.pool.CONNECT", 1.0)
     with pytest.raises(BadInput, match=r"scheduler tcp://127\.0\.0\.1:9: does not answer"):
         carry_out(tmp_path, "tcp://127.0.0.1:9")

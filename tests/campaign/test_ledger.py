@@ -101,7 +101,7 @@ def test_a_full_disk_is_named_and_a_second_call_goes_on(tmp_path, undisturbed):
     # SQLite answers a file that may not grow with the error it gives for a disk that is full
     store.database.connection.execute(f"PRAGMA max_page_count = {pages + 1}")
     with pytest.raises(BadInput, match=r"ledger\.sqlite: the disk is full; finished runs are kept"):
-        execute(requests(tmp_path, RUNS), store, workers=2, function=FUNCTION)
+        execute(requests(tmp_path, RUNS), store, workers=2, function="stand_in:without_ledger")
     close_ledger(store)
     kept, before = done(tmp_path), Counter(starts(tmp_path))
     assert 0 < len(kept) < RUNS
@@ -209,7 +209,7 @@ def test_a_file_that_is_no_ledger_gives_one_clear_line(tmp_path):
         open_ledger(tmp_path)
 
 
-@pytest.mark.parametrize("share", [0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
+@pytest.mark.parametrize("share", [0.02, 0.5, 0.99])
 def test_a_ledger_cut_anywhere_is_refused_in_one_line_or_read_rightly(tmp_path, share):
     store = open_ledger(tmp_path)
     listed = requests(tmp_path, RUNS)

@@ -6,10 +6,9 @@ import pytest
 from recorded_heaps import read_properties
 from run.small_scene import write_scene
 
-from taichi_erosion.campaign.execute import Campaign, execute, report_progress
+from taichi_erosion.campaign.execute import Campaign, WorkDone, execute, report_progress
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.campaign.request import DEVICE_GRAINS, RUNS_MOST, RunDevice, scene_request
-from taichi_erosion.campaign.work_done import WorkDone
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.run import RunOptions, run_scene, scene_run
@@ -129,9 +128,11 @@ def test_auto_leaves_a_scene_that_the_device_cannot_run_to_the_cpu_and_says_why(
     assert on_grid.key == scene_request(GRID, (), 3).key
     told, unused = list[str](), cast(Any, None)
     both = {request.key: request for request in (on_grid, usual)}
-    left = Campaign(both, unused, unused, lambda _, line: told.append(line), WorkDone(both, 1.0, {}))
+    ledger = open_ledger(folder / "told")
+    left = Campaign(both, ledger, unused, lambda _, line: told.append(line), WorkDone(both, 1.0))
     report_progress(left, [on_grid.key, usual.key])
     report_progress(left, [usual.key])
+    close_ledger(ledger)
     assert told == [f"0 of 2 runs; {on_grid.note}", "1 of 2 runs"]
 
 

@@ -1,11 +1,19 @@
-"""One schema for calibrations and evidence studies; one number of a file changes, and nothing else."""
+"""One schema for calibrations and evidence studies, in a file; one number of a study changes alone."""
 
+import json
 import tomllib
 from pathlib import Path
 
+import jsonschema
 import pytest
 
-from taichi_erosion.campaign.study_file import read_calibration_study, read_evidence_study, with_entry
+from taichi_erosion.campaign.study_file import (
+    read_calibration_study,
+    read_evidence_study,
+    study_schema,
+    study_schema_text,
+    with_entry,
+)
 from taichi_erosion.core.errors import BadInput
 
 SCENE = (Path(__file__).parents[2] / "scenes" / "column_collapse.toml").read_text("utf-8")
@@ -163,3 +171,28 @@ def test_a_table_on_one_line_stays_on_it():
 def test_a_file_that_cannot_be_changed_so_is_told():
     with pytest.raises(BadInput, match="set it by hand"):
         with_entry("a = 1.0\n", ("a", "c"), 2.0)
+
+
+ROOT = Path(__file__).parents[2]
+STUDIES = sorted((ROOT / "doe").glob("*.toml"))
+
+
+def test_the_schema_beside_the_studies_is_fresh():
+    assert (ROOT / "doe" / "study.schema.json").read_text("utf-8") == study_schema_text(), (
+        "./erosion schema --study writes it"
+    )
+
+
+@pytest.mark.parametrize("study", STUDIES, ids=lambda path: path.stem)
+def test_a_shipped_study_has_the_form_of_the_schema(study):
+    jsonschema.validate(json.loads(json.dumps(tomllib.loads(study.read_text("utf-8")))), study_schema())
+
+
+@pytest.mark.parametrize(
+    ("section", "entry"),
+    [("vault", {"fraktion": 0.3}), ("budget", {"runs": "many"}), ("candidates", {"effects": 3})],
+)
+def test_a_slip_in_a_study_is_seen_by_the_schema(section, entry):
+    study = tomllib.loads((ROOT / "doe" / "my_lab.toml").read_text("utf-8")) | {section: entry}
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(study, study_schema())

@@ -11,15 +11,13 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments.confirm import Sample, confirm, detectable, power
 
 
-def test_welch_and_student_agree_with_scipy():
+def test_welchs_test_agrees_with_scipy():
     values = [33.02, 32.52, 33.18]
-    wanted = Sample(33.52, 0.68, 10)
-    for pooled in (False, True):
-        theirs = stats.ttest_ind_from_stats(
-            np.mean(values), np.std(values, ddof=1), 3, 33.52, 0.68, 10, equal_var=pooled
-        )
-        found = confirm(values, wanted, pooled=pooled)
-        assert (found.t, found.p) == pytest.approx((theirs.statistic, theirs.pvalue), rel=1e-12)
+    theirs = stats.ttest_ind_from_stats(
+        np.mean(values), np.std(values, ddof=1), 3, 33.52, 0.68, 10, equal_var=False
+    )
+    found = confirm(values, Sample(33.52, 0.68, 10))
+    assert (found.t, found.p) == pytest.approx((theirs.statistic, theirs.pvalue), rel=1e-12)
 
 
 def test_a_bare_number_is_tested_with_one_sample():

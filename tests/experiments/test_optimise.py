@@ -1,16 +1,12 @@
 """Optima and unreachable targets, against answers known beforehand."""
 
-from math import inf
-
 import numpy as np
 import pytest
 from textbook import central_composite, unit_factors
 
-from taichi_erosion.core.errors import BadInput
-from taichi_erosion.experiments.confirm import Sample
 from taichi_erosion.experiments.design import Factor, box_behnken
 from taichi_erosion.experiments.fit import Fit, fit_model
-from taichi_erosion.experiments.optimise import SEPARATE, Goal, completed, desirability, optimise
+from taichi_erosion.experiments.optimise import SEPARATE, Goal, desirability, optimise, single_share
 
 RANGES = [Factor("a", 0.0, 2.0), Factor("b", 10.0, 30.0)]
 
@@ -98,39 +94,12 @@ def test_two_wishes_that_agree_are_both_met():
 
 
 def test_desirability_is_that_of_derringer_and_suich():
-    goals = [Goal("y", "maximise", low=0.0, high=10.0, weight=2.0), Goal("z", "target", 5.0, 0.0, 10.0)]
-    worth = desirability(goals, np.array([[5.0, 2.5], [11.0, 5.0], [-1.0, 5.0]]))
-    # 0.5^2 and 0.5, geometric mean; both met; the first below its limit
-    assert worth == pytest.approx([np.sqrt(0.25 * 0.5), 1.0, 0.0], rel=1e-12)
-
-
-def test_importance_is_an_exponent():
-    goals = [
-        Goal("y", "minimise", low=0.0, high=1.0, importance=3.0),
-        Goal("z", "minimise", low=0.0, high=1.0),
-    ]
-    assert desirability(goals, np.array([[0.4, 0.9]]))[0] == pytest.approx((0.6**3 * 0.1) ** 0.25, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: Goal("y", "target"), "a target is stated"),
-        (lambda: Goal("y", "maximise", 3.0), "a target is stated"),
-        (lambda: Goal("y", "maximise", weight=0.0), "above 0"),
-        (lambda: completed(Goal("y", "target", 5.0, 6.0, 7.0), 0.0, 9.0), "target between"),
-        (lambda: optimise([surface("y", hill)], [Goal("z", "maximise")]), "no such response"),
-        (lambda: optimise([surface("y", hill)], []), "no goal"),
-    ],
-)
-def test_wishes_that_make_no_sense_are_refused(make, words):
-    with pytest.raises(BadInput, match=words):
-        make()
-
-
-def test_an_exact_number_has_no_variance():
-    assert Sample(2.0).variance_of_mean == 0.0
-    assert Sample(2.0).n == inf
+    high, aimed = Goal("y", "maximise", low=0.0, high=10.0), Goal("z", "target", 5.0, 0.0, 5.0)
+    shares = np.column_stack(
+        [single_share(high, np.array([2.5, 10.0, -1.0])), single_share(aimed, np.array([2.5, 5.0, 5.0]))]
+    )
+    # geometric mean of 0.25 and 0.5; both met; the first below its limit
+    assert desirability(shares) == pytest.approx([np.sqrt(0.25 * 0.5), 1.0, 0.0], rel=1e-12)
 
 
 def test_three_factors_are_searched_as_two():

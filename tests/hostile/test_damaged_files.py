@@ -32,7 +32,6 @@ from taichi_erosion.campaign.study_file import read_calibration_study, read_evid
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.measured import read_table
-from taichi_erosion.experiments.design_table import read_design
 from taichi_erosion.scene.load import MOST_FAULTS
 
 FEW, MANY = 12, 300  # files of a kind by default, and when asked for all: eight kinds
@@ -118,7 +117,6 @@ def test_a_damaged_study(example: tuple[str, bytes], folder: Path, capsys: Any) 
 def test_a_damaged_table_of_measurements(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
     path = put(folder, "measured.csv", example[1])
     read_or_refused(read_table, path)
-    read_or_refused(read_design, path)
 
 
 @tried(damaged_file(PUBLISHED) | st.tuples(st.just("table.csv"), tables))

@@ -17,7 +17,7 @@ from taichi_erosion.experiments.audit.examine import Audit, audit
 from taichi_erosion.experiments.design import grid_points
 from taichi_erosion.experiments.design_table import Factor, arranged
 from taichi_erosion.experiments.fit import Fit, fit_model
-from taichi_erosion.experiments.terms import model_terms
+from taichi_erosion.experiments.terms import model_terms, term_label
 from taichi_erosion.report import design_figures as figures
 
 ROOT = Path(__file__).parents[2]
@@ -103,7 +103,7 @@ def test_residual_panels_and_predictions_show_every_run():
 
 
 def test_names_replace_whole_factors_only():
-    assert figures.label("a*ab^2", {"a": "x"}) == "x \N{MULTIPLICATION SIGN} ab^2"
+    assert term_label("a*ab^2", {"a": "x"}) == "x \N{MULTIPLICATION SIGN} ab^2"
 
 
 def test_a_fit_in_natural_units_predicts_as_in_coded_ones():

@@ -54,7 +54,7 @@ def test_a_worker_without_the_file_runs_the_text_that_was_hashed(scene, monkeypa
     received = []
     monkeypatch.setattr(ensemble, "run_replicas_after", lambda _, parts, *rest: received.extend(parts))
     with simulating() as run:
-        run([asked.payload], lambda place, record: None, lambda share: None)
+        run([asked.payload], lambda place, record: None)
     (part,) = received
     assert asked.key.startswith(scene_hash(part.scene))
     assert scene_hash(part.scene) == hashed

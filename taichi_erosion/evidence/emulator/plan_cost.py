@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
 
+from taichi_erosion.campaign.execute import pace
 from taichi_erosion.campaign.ledger import finished_runs
 from taichi_erosion.campaign.request import START
-from taichi_erosion.campaign.work_done import pace
 from taichi_erosion.core.device import usable_cores
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, requested, room_left
 

@@ -1,33 +1,79 @@
-"""The audit of one table: read it, look at its design, fit it, compare with what is printed about it."""
+"""The audit of one table: its design, the fitted model, printed numbers and conclusions against both.
 
-from collections.abc import Sequence
+Compared are sums of squares, tests, figures of merit and coefficients; then coding, optimum, target, and
+runs at the same point. The coding -1, 0, +1 of a table can be read in two ways, factor by factor. The
+published optimum decides: in one of them the surface has its best point where the study says so, in the
+other at the mirror image.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from math import sqrt
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from scipy import stats
+
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.experiments.anova import anova
-from taichi_erosion.experiments.audit.comparisons import (
-    Comparison,
-    compare_anova,
-    compare_equation,
-    compare_quality,
-    examine_surface,
-    fit_findings,
-    number_findings,
-    test_findings,
-)
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.experiments.anova import anova, curvature, replicate_error
 from taichi_erosion.experiments.audit.published import (
     Claims,
+    Columns,
     Finding,
+    Kind,
+    Printed,
     PublishedTable,
+    TestClaim,
     claims_of,
+    column_numbers,
+    parse_printed,
+    read_columns,
     read_published,
 )
-from taichi_erosion.experiments.audit.structure import Structure, examine_structure, structure_findings
-from taichi_erosion.experiments.design_table import Floats
-from taichi_erosion.experiments.fit import Fit, coefficient_table, fit_model, quality
-from taichi_erosion.experiments.terms import Order
+from taichi_erosion.experiments.audit.structure import Cell, Structure, examine_structure, structure_findings
+from taichi_erosion.experiments.confirm import Sample, confirm
+from taichi_erosion.experiments.fit import Fit, coded_polynomial, coefficient_table, fit_model, quality
+from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
+from taichi_erosion.experiments.terms import Order, Term, interaction_terms, model_terms, term_name
+
+HEADINGS = {
+    "sum_of_squares": ("sum of squares", "sum of square", "sum sq", "ss"),
+    "df": ("degree of freedom", "degrees of freedom", "df"),
+    "mean_square": ("mean square", "mean sq", "ms"),
+    "f": ("f value", "f"),
+    "p": ("p value", "p"),
+}
+SOURCES = {
+    "Residual": ("residual", "error"),
+    "Lack of fit": ("lack of fit", "lackoffit"),
+    "Pure error": ("pure error",),
+    "Total": ("total", "sum", "cor total", "corrected total"),
+    "Model": ("model", "regression"),
+}
+SHARE_TO_SWAP = 0.8  # of a column's numbers that agree with another quantity where its heading is wrong [1]
+SIGNIFICANT = 0.05  # p value of a lack of fit [1]
+SAME_PLACE = 1e-6  # coded levels closer than this are one point [1]
+UNLIKELY = 0.01  # two-sided p value from which two results of one point cannot both be right [1]
+LEVEL = "level"  # first column of a table of levels
+ERROR = "relative_error"  # column of 100 |y - target| / target [%]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One printed number beside the recomputed one."""
+
+    table: str
+    source: str  # the line it stands in
+    quantity: str
+    printed: Printed
+    found: float
+
+    @property
+    def agrees(self) -> bool:
+        """To the printed digits."""
+        return self.printed.agrees(self.found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,62 +82,291 @@ class Audit:
 
     table: PublishedTable
     structure: Structure
-    fit: Fit | None
-    comparisons: tuple[Comparison, ...]
-    agree_as_printed: int  # of the comparisons, with the levels as printed
-    findings: tuple[Finding, ...]
+    fit: Fit | None = None
+    comparisons: tuple[Comparison, ...] = ()
+    agree_as_printed: int = 0  # of the comparisons, with the levels as printed
+    findings: tuple[Finding, ...] = ()
 
 
 def audit(path: Path, response: str | None = None, claims_file: Path | None = None) -> Audit:
     """Audit a table and the claims beside it."""
     table = read_published(path, response)
-    claims = claims_of(path, claims_file)
-    structure = examine_structure(table)
-    findings = list(structure_findings(table, structure))
-    restored = structure.restored(table.coded)
+    claims, folder = claims_of(path, claims_file)
+    structure = examine_structure(table.coded)
+    found = Audit(table, structure, findings=tuple(structure_findings(table, structure)))
     try:
         as_printed = fit_table(table, claims, structure, table.coded)
-        fit = as_printed if restored is None else fit_table(table, claims, structure, restored)
+        fit = fit_table(table, claims, structure, structure.restored(table.coded))
     except BadInput as fault:
-        findings.append(Finding("setting", f"no model can be fitted: {fault}"))
-        return Audit(table, structure, None, (), 0, tuple(named(findings, path)))
-    comparisons, said = compare(claims, fit)
-    first, _ = (comparisons, said) if fit is as_printed else compare(claims, as_printed)
-    surface, _ = examine_surface(claims, fit)
-    findings += [*said, *number_findings(comparisons), *fit_findings(fit, comparisons), *surface]
-    findings += test_findings(claims)
-    agree = sum(comparison.agrees for comparison in first)
-    return Audit(table, structure, fit, tuple(comparisons), agree, tuple(named(findings, path)))
+        findings = [*found.findings, Finding("setting", f"no model can be fitted: {fault}")]
+    else:
+        comparisons, said = compare(claims, folder, fit)
+        findings = [*found.findings, *said, *number_findings(comparisons), *fit_findings(fit, comparisons)]
+        findings += [*surface_findings(claims, folder, fit), *test_findings(claims.t_test)]
+        agree = sum(comparison.agrees for comparison in compare(claims, folder, as_printed)[0])
+        found = replace(found, fit=fit, comparisons=tuple(comparisons), agree_as_printed=agree)
+    return replace(found, findings=tuple(replace(f, table=f.table or path.name) for f in findings))
 
 
 def fit_table(table: PublishedTable, claims: Claims, structure: Structure, coded: Floats) -> Fit:
     """The model that the study fits, or the largest that its levels suggest and its runs determine."""
     guesses: tuple[Order, ...] = ("linear",) if structure.two_level else ("quadratic", "linear")
-    orders: tuple[Order, ...] = guesses if claims.model is None else (claims.model,)
-    design = table.design(coded)
-    for order in orders[:-1]:
+    *larger, last = guesses if claims.model is None else (claims.model,)
+    for order in larger:
         try:
-            return fit_model(design, table.response, order)
+            return fit_model(table.design(coded), table.response, order)
         except BadInput:
             continue  # too few runs for it: the next guess is smaller
-    return fit_model(design, table.response, orders[-1])
+    return fit_model(table.design(coded), table.response, last)
 
 
-def compare(claims: Claims, fit: Fit) -> tuple[list[Comparison], list[Finding]]:
-    """All printed numbers beside the recomputed ones."""
-    comparisons, findings = compare_anova(claims.anova, fit) if claims.anova else ([], [])
-    return [*comparisons, *compare_quality(claims, fit), *compare_equation(claims, fit)], findings
+def compare(claims: Claims, folder: Path, fit: Fit) -> tuple[list[Comparison], list[Finding]]:
+    """All printed numbers beside the recomputed ones; and what is wrong with headings and sums."""
+    comparisons, findings = compare_anova(folder / claims.anova, fit) if claims.anova else ([], [])
+    figures, known = asdict(quality(fit)), coded_polynomial(fit)
+    for name, cell in claims.quality.items():
+        comparisons.append(Comparison("quality", name, name, cell, figures.get(name, float("nan"))))
+    for name, cell in claims.equation.items():
+        value = known.get(parse_term(name, fit), 0.0)
+        comparisons.append(Comparison("equation", name, "coefficient", cell, value))
+    return comparisons, findings
 
 
-def named(findings: Sequence[Finding], path: Path) -> list[Finding]:
-    """Findings, each with the table it is about."""
-    return [finding if finding.table else replace(finding, table=path.name) for finding in findings]
+def parse_term(text: str, fit: Fit) -> Term:
+    """Term of up to three factors that a paper prints as `A^2`, `A2` or `AB`. Raises BadInput."""
+    names, count = [factor.path for factor in fit.factors], len(fit.factors)
+    plain = "".join(c for c in text if c not in " *^.\u00b7\u00d7").replace("\u00b2", "2")
+    for term in ((0,) * count, *model_terms(count, "quadratic"), *interaction_terms(count, 3)):
+        used = [name + ("2" if power == 2 else "") for name, power in zip(names, term, strict=True) if power]
+        if plain in (("".join(used), "".join(reversed(used))) if used else ("1", "Intercept")):
+            return term
+    raise BadInput(f"term '{text}': must be a product of {', '.join(names)}, such as {names[0]}^2")
+
+
+def compare_anova(path: Path, fit: Fit) -> tuple[list[Comparison], list[Finding]]:
+    """Every number of a printed analysis of variance; and what is wrong with its headings and sums."""
+    columns, lines, findings = read_columns(path), dict[int, str](), list[Finding]()
+    for place, text in enumerate(next(iter(columns.values()))):
+        known = [source for source, words in SOURCES.items() if text.strip().lower() in words]
+        try:
+            names = [factor.path for factor in fit.factors]
+            lines[place] = known[0] if known else term_name(parse_term(text, fit), names)
+        except BadInput as fault:  # a line that is not understood is said, not dropped
+            findings.append(Finding("setting", f"{path.name}: {fault}", path.name, row=place + 1))
+    rows = {row.source: asdict(row) for row in anova(fit)}
+    lines = {place: source for place, source in lines.items() if source in rows}
+    quantities = {heading: quantity_of(heading, columns, lines, rows) for heading in list(columns)[1:]}
+    for heading, (said, meant) in quantities.items():
+        if said and meant != said:
+            sentence = f"{path.name}: column '{heading}' holds the {meant.replace('_', ' ')}"
+            findings.append(Finding("heading", sentence, path.name, heading, printed=heading))
+    comparisons = [
+        Comparison(path.name, source, meant, cell, float(rows[source][meant]))
+        for place, source in lines.items()
+        for heading, (_, meant) in quantities.items()
+        if meant and (cell := parse_printed(columns[heading][place])) is not None
+    ]
+    return comparisons, [*findings, *broken_sums(comparisons, path)]
+
+
+def quantity_of(
+    heading: str, columns: Columns, lines: Mapping[int, str], rows: Mapping[str, Mapping[str, Any]]
+) -> tuple[str, str]:
+    """Quantity that a column's heading says, and that with which nearly all its numbers agree, if better."""
+    plain = heading.strip().lower().removeprefix("column_headed_").replace("_", " ")
+    said = next((quantity for quantity, words in HEADINGS.items() if plain in words), "")
+    cells = [(parse_printed(columns[heading][place]), rows[source]) for place, source in lines.items()]
+    shares = {
+        quantity: float(np.mean([cell.agrees(float(row[quantity])) for cell, row in cells if cell] or [0.0]))
+        for quantity in HEADINGS
+    }
+    best = max(shares, key=lambda quantity: shares[quantity])
+    better = shares[best] >= SHARE_TO_SWAP and shares[best] > shares.get(said, 0.0)
+    return said, best if better else said
+
+
+def broken_sums(comparisons: Sequence[Comparison], path: Path) -> Iterator[Finding]:
+    """Printed lack of fit and pure error that do not add up to the printed residual."""
+    sums = {c.source: c.printed for c in comparisons if c.quantity == "sum_of_squares"}
+    parts = [sums.get(name) for name in ("Residual", "Lack of fit", "Pure error")]
+    residual, lack, pure = parts
+    if residual is None or lack is None or pure is None:
+        return
+    rounding = 0.5 * (residual.last_digit + lack.last_digit + pure.last_digit)
+    total = lack.value + pure.value
+    if abs(total - residual.value) > rounding:
+        sentence = f"{path.name}: lack of fit {lack.text} and pure error {pure.text} add up to {total:.4g}, "
+        sentence += f"the residual is printed {residual.text}"
+        yield Finding("sum", sentence, path.name, "Lack of fit", printed=lack.text, found=total)
+
+
+def number_findings(comparisons: Sequence[Comparison]) -> Iterator[Finding]:
+    """A sentence for every printed number that does not come out."""
+    for c in (each for each in comparisons if not each.agrees):
+        kind: Kind = "sign" if c.quantity == "coefficient" and c.printed.agrees(-c.found) else "number"
+        what = f"{c.source}, {c.quantity.replace('_', ' ')}" if c.source != c.quantity else c.source
+        sentence = f"{c.table}: {what} is printed {c.printed.text}; the table gives {c.found:.5g}"
+        sentence += ", the opposite sign" if kind == "sign" else ""
+        yield Finding(kind, sentence, c.table, c.source, printed=c.printed.text, found=c.found)
+
+
+def fit_findings(fit: Fit, comparisons: Sequence[Comparison]) -> Iterator[Finding]:
+    """Lack of fit, and curvature that is counted as noise."""
+    for row in anova(fit):
+        if row.source == "Lack of fit" and row.p < SIGNIFICANT:
+            sentence = (
+                f"the model misses the means of its points: lack of fit F = {row.f:.3g}, p = {row.p:.2g}"
+            )
+            yield Finding("lack of fit", sentence, found=row.p)
+    if (found := curvature(fit)) is None:
+        return
+    hidden = any(c.agrees and c.quantity == "f" for c in comparisons)
+    sentence = (
+        f"the corners lie {abs(found.difference):.4g} {'below' if found.difference < 0.0 else 'above'} the "
+        f"centre (p = {found.p:.2g}): {found.sum_of_squares:.4g} of the residual {fit.ss_error:.4g} is "
+        f"curvature; without it the mean square is {found.ms_error:.4g} with {found.df_error} degree(s) of "
+        f"freedom{'; the printed F values count it as noise' if hidden else ''}"
+    )
+    yield Finding("curvature", sentence, found=found.sum_of_squares)
+
+
+def surface_findings(claims: Claims, folder: Path, fit: Fit) -> Iterator[Finding]:
+    """Findings on target, optimum, coding and other tables; natural value = centre + step * coded."""
+    best = None
+    if claims.target is not None:
+        best = optimise([fit], [Goal(fit.response, "target", claims.target.value)])
+        for sentence in best.sentences:
+            yield Finding("target", sentence, found=nearest(best, fit))
+    if claims.levels is None:
+        return
+    path = folder / claims.levels
+    columns = read_columns(path)
+    levels = np.column_stack([column_numbers(columns, f.path, path) for f in fit.factors])
+    step, centre = np.polyfit(column_numbers(columns, LEVEL, path), levels, 1)
+    if best is not None and claims.optimum:
+        right = step * turns(centre, step, claims.optimum, best, fit)
+        yield from coding_findings(path.name, centre, step, right, claims.optimum, fit)
+        yield optimum_finding(centre, right, claims.optimum, best, fit)
+        step = right
+    for other in claims.others:
+        yield from same_point_findings(folder / other, centre, step, fit)
+        yield from relative_errors(folder / other, claims.target, fit)
+
+
+def nearest(best: Optimisation, fit: Fit) -> float:
+    """What the surface predicts at its best point."""
+    return best.optima[0].predictions[fit.response].value
+
+
+def turns(
+    centre: Floats, step: Floats, optimum: Mapping[str, Printed], best: Optimisation, fit: Fit
+) -> Floats:
+    """-1 for every factor whose published optimum fits the opposite coding, 1 for the others.
+
+    Only a single best point decides: where the target is met along a line, nothing is decided.
+    """
+    found, away = np.ones(len(step)), step * best.optima[0].coded
+    for k, factor in enumerate(fit.factors):
+        cell = optimum.get(factor.path)
+        if cell is not None and not best.met:
+            off, mirrored = abs(centre[k] + away[k] - cell.value), abs(centre[k] - away[k] - cell.value)
+            found[k] = -1.0 if mirrored + 0.5 * cell.last_digit < off else 1.0
+    return found
+
+
+def coding_findings(
+    table: str, centre: Floats, step: Floats, right: Floats, optimum: Mapping[str, Printed], fit: Fit
+) -> Iterator[Finding]:
+    """A sentence for every factor whose levels are printed the wrong way round."""
+    place = np.array([optimum[f.path].value if f.path in optimum else np.nan for f in fit.factors])
+    said, meant = (float(fit.predict((place - centre)[None, :] / each)[0]) for each in (step, right))
+    for k in np.flatnonzero(right != step):
+        name, low, high = fit.factors[k].path, centre[k] - step[k], centre[k] + step[k]
+        sentence = (
+            f"{table}: {name} is printed -1 = {low:g}, +1 = {high:g}; the published optimum needs it "
+            f"reversed (there the surface gives {meant:.4g}, in the printed coding {said:.4g})"
+        )
+        yield Finding("coding", sentence, table, name, found=meant)
+
+
+def optimum_finding(
+    centre: Floats, step: Floats, optimum: Mapping[str, Printed], best: Optimisation, fit: Fit
+) -> Finding:
+    """The published optimum beside the recomputed one."""
+    found, value = centre + step * best.optima[0].coded, nearest(best, fit)
+    said = ", ".join(f"{f.path} = {optimum[f.path].text}" for f in fit.factors if f.path in optimum)
+    ours = ", ".join(f"{f.path} = {level:.5g}" for f, level in zip(fit.factors, found, strict=True))
+    sentence = f"published {said}; recomputed {ours} with {fit.response} = {value:.4g}"
+    return Finding("optimum", sentence, printed=said, found=value)
+
+
+def same_point_findings(path: Path, centre: Floats, step: Floats, fit: Fit) -> Iterator[Finding]:
+    """Runs of another table that contradict this one: at a point of the design, or inside it."""
+    columns = read_columns(path)
+    natural = np.column_stack([column_numbers(columns, f.path, path) for f in fit.factors])
+    values = column_numbers(columns, fit.response, path)
+    for row, (point, value) in enumerate(zip((natural - centre) / step, values, strict=True)):
+        place = ", ".join(f"{f.path} = {v:g}" for f, v in zip(fit.factors, natural[row], strict=True))
+        if (finding := contradiction(fit, point, float(value))) is not None:
+            kind, here, p = finding
+            sentence = f"{place} gives {value:g} in {path.name} (row {row + 1}) and {here} (p = {p:.1g})"
+            yield Finding(kind, sentence, path.name, row=row + 1, printed=f"{value:g}", found=p)
+
+
+def contradiction(fit: Fit, point: Floats, value: float) -> tuple[Kind, str, float] | None:
+    """Value of this table at the point of another's run, and the p value, where the two contradict."""
+    same = np.all(np.abs(fit.coded - point) < SAME_PLACE, axis=1)
+    kind: Kind = "same point" if same.any() else "prediction"
+    if same.any():
+        pure, here = replicate_error(fit), float(fit.values[same].mean())
+        variance, df = pure.mean_square * (1.0 + 1.0 / same.sum()), pure.df
+        words = f"{', '.join(f'{v:.2f}' for v in fit.values[same])} here, mean {here:.2f}"
+    elif np.all(np.abs(point) <= 1.0 + SAME_PLACE):
+        here, df = float(fit.predict(point[None, :])[0]), fit.df_error
+        variance = fit.ms_error * (1.0 + float(fit.leverage(point[None, :])[0]))
+        words = f"{here:.2f} by the surface fitted here"
+    else:
+        return None
+    if not variance > 0.0:
+        return None
+    p = 2.0 * float(stats.t.sf(abs(value - here) / sqrt(variance), df))
+    return (kind, words, p) if p < UNLIKELY else None
+
+
+def relative_errors(path: Path, target: Printed | None, fit: Fit) -> Iterator[Finding]:
+    """Printed relative errors of another table's runs against the target."""
+    columns = read_columns(path)
+    if target is None or ERROR not in columns:
+        return
+    values = column_numbers(columns, fit.response, path)
+    for row, (text, value) in enumerate(zip(columns[ERROR], values, strict=True), start=1):
+        found, printed = 100.0 * abs(float(value) - target.value) / target.value, parse_printed(text)
+        if printed is not None and not printed.agrees(found):
+            sentence = f"{path.name}: row {row}, relative error is printed {text}; the run gives {found:.4g}"
+            sentence += ", cut off instead of rounded" if printed.cut_off(found) else ""
+            yield Finding("number", sentence, path.name, ERROR, row, text, found)
+
+
+def test_findings(claim: TestClaim | None) -> Iterator[Finding]:
+    """The printed p value of the confirmation runs against both t-tests."""
+    if claim is None:
+        return
+    mean, sd, runs = claim.mean.value, claim.sd.value, [run.value for run in claim.runs]
+    welch = confirm(runs, Sample(mean, sd, claim.n))
+    pooled = stats.ttest_ind_from_stats(welch.runs.mean, welch.runs.sd, len(runs), mean, sd, claim.n)
+    student = float(pooled.pvalue)
+    if not (claim.p.agrees(welch.p) or claim.p.agrees(student)):
+        sentence = (
+            f"t-test: p is printed {claim.p.text}; Student's test gives {student:.4g}, Welch's "
+            f"{welch.p:.4g}; {len(runs)} runs notice a difference of {welch.resolve:.3g} with a power of "
+            f"{welch.power:.2f}"
+        )
+        yield Finding("number", sentence, printed=claim.p.text, found=welch.p)
 
 
 def as_document(result: Audit) -> dict[str, Any]:
     """The audit as one JSON document."""
     table, structure, fit = result.table, result.structure, result.fit
-    cell = structure.chosen
     return {
         "table": table.name,
         "runs": len(table.values),
@@ -102,8 +377,8 @@ def as_document(result: Audit) -> dict[str, Any]:
         "two_level": structure.two_level,
         "balanced": structure.balanced,
         "orthogonal": structure.orthogonal,
-        "cell": None if cell is None else cell_record(table, cell.row, cell.column, cell.level),
-        "cells": [cell_record(table, c.row, c.column, c.level) for c in structure.cells],
+        "cell": None if structure.chosen is None else cell_record(table, structure.chosen),
+        "cells": [cell_record(table, cell) for cell in structure.cells],
         "model": None if fit is None else model_record(fit),
         "printed_numbers": {
             "compared": len(result.comparisons),
@@ -114,14 +389,14 @@ def as_document(result: Audit) -> dict[str, Any]:
     }
 
 
-def cell_record(table: PublishedTable, row: int, column: int, level: float) -> dict[str, Any]:
+def cell_record(table: PublishedTable, cell: Cell) -> dict[str, Any]:
     """A restoring cell by column name and row number."""
-    factor = table.factors[column]
+    factor = table.factors[cell.column]
     return {
-        "row": row + 1,
+        "row": cell.row + 1,
         "column": factor.path,
-        "printed": float(table.levels[row, column]),
-        "restored_by": factor.centre + factor.half * level,
+        "printed": float(table.levels[cell.row, cell.column]),
+        "restored_by": factor.centre + factor.half * cell.level,
     }
 
 

@@ -15,20 +15,23 @@ before the response are the factors, but for one that counts the runs and for th
 stands behind the response, other responses or the same levels in other units, is set aside.
 """
 
+import csv
+import io
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from math import isfinite, nan
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file
-from taichi_erosion.experiments import design_table
-from taichi_erosion.experiments.design_table import Design, Factor, Floats
+from taichi_erosion.core.setup import Floats
+from taichi_erosion.experiments.design_table import Design, Factor, arranged, to_coded
 from taichi_erosion.experiments.terms import Order
 
 Kind = Literal[
@@ -81,8 +84,6 @@ class Printed:
 
     def agrees(self, found: float) -> bool:
         """Whether the found number could have been printed like this."""
-        if not isfinite(found):
-            return False
         if self.bound:
             return found < self.value if self.bound == "<" else found > self.value
         return abs(found - self.value) <= HALF * self.last_digit + 1e-12 * abs(self.value)
@@ -90,11 +91,6 @@ class Printed:
     def cut_off(self, found: float) -> bool:
         """Whether the found number would be printed like this if its further digits were cut off."""
         return 0.0 <= abs(found) - abs(self.value) < self.last_digit and found * self.value >= 0.0
-
-    def opposite(self, found: float) -> bool:
-        """Whether it would agree with the opposite sign, and only then."""
-        flipped = Printed(self.text, -self.value, self.last_digit, self.bound)
-        return not self.agrees(found) and flipped.agrees(found)
 
 
 def parse_printed(text: str) -> Printed | None:
@@ -107,100 +103,103 @@ def parse_printed(text: str) -> Printed | None:
     return Printed(text.strip(), float(match["number"]), 10.0 ** (power - decimals), match["bound"])
 
 
-ENDING = ".claims.toml"
-
-
-@dataclass(frozen=True)
-class TestClaim:
-    """Confirmation runs against a measurement, and the p value that is printed for them."""
-
-    runs: tuple[float, ...]
-    mean: float
-    sd: float
-    n: int
-    p: Printed
-
-
-@dataclass(frozen=True)
-class Claims:
-    """What is printed about one table; files are beside it."""
-
-    model: Order | None = None
-    anova: Path | None = None
-    levels: Path | None = None
-    others: tuple[Path, ...] = ()
-    target: Printed | None = None
-    equation: Mapping[str, Printed] = field(default_factory=dict)
-    quality: Mapping[str, Printed] = field(default_factory=dict)
-    optimum: Mapping[str, Printed] = field(default_factory=dict)
-    t_test: TestClaim | None = None
-
-
-def claims_of(table: Path, file: Path | None = None) -> Claims:
-    """Claims of a table, from the named file or from the one beside it; none where there is none."""
-    path = file or table.with_suffix("").with_name(table.stem + ENDING)
-    if file is None and not path.exists():
-        return Claims()
-    try:
-        # a number keeps its printed digits: its text, not its value, says how exact it is
-        document = tomllib.loads(read_text_file(path), parse_float=str)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise BadInput(f"{path}: {error}") from None
-    unknown = [key for key in document if key not in {f.name for f in fields(Claims)}]
-    if unknown:
-        allowed = ", ".join(f.name for f in fields(Claims))
-        raise BadInput(f"{path}: unknown field {unknown[0]}; allowed: {allowed}")
-    return parsed(document, path)
-
-
-def parsed(document: Mapping[str, Any], path: Path) -> Claims:
-    """Claims of a TOML document."""
-    model = document.get("model")
-    if model is not None and model not in get_args(Order):
-        raise BadInput(f"{path}: model = '{model}'; allowed: {', '.join(get_args(Order))}")
-
-    def beside(name: str | None) -> Path | None:
-        return None if name is None else path.parent / name
-
-    return Claims(
-        model=model,
-        anova=beside(document.get("anova")),
-        levels=beside(document.get("levels")),
-        others=tuple(path.parent / name for name in document.get("others", ())),
-        target=printed(document["target"], path, "target") if "target" in document else None,
-        equation=printed_table(document, "equation", path),
-        quality=printed_table(document, "quality", path),
-        optimum=printed_table(document, "optimum", path),
-        t_test=read_test(document["t_test"], path) if "t_test" in document else None,
-    )
-
-
-def printed(value: object, path: Path, name: str) -> Printed:
-    """A printed number."""
+def as_printed(value: Any) -> Printed:
+    """Number of a claim."""
     found = parse_printed(str(value))
     if found is None:
-        raise BadInput(f"{path}: {name} = {value!r} must be a number")
+        raise ValueError("must be a number")
     return found
 
 
-def printed_table(document: Mapping[str, Any], name: str, path: Path) -> dict[str, Printed]:
-    """Printed numbers by name."""
-    return {key: printed(value, path, f"{name}.{key}") for key, value in document.get(name, {}).items()}
+Number = Annotated[Printed, BeforeValidator(as_printed)]
+CLOSED = ConfigDict(frozen=True, extra="forbid")
 
 
-def read_test(entry: Mapping[str, Any], path: Path) -> TestClaim:
-    """The t-test of confirmation runs."""
-    missing = [key for key in ("runs", "mean", "sd", "n", "p") if key not in entry]
-    if missing:
-        raise BadInput(f"{path}: t_test.{missing[0]} is missing")
-    runs = tuple(printed(value, path, "t_test.runs").value for value in entry["runs"])
-    mean, sd, n = (printed(entry[key], path, f"t_test.{key}").value for key in ("mean", "sd", "n"))
-    return TestClaim(runs, mean, sd, int(n), printed(entry["p"], path, "t_test.p"))
+class TestClaim(BaseModel):
+    """Confirmation runs against a measurement, and the p value that is printed for them."""
+
+    model_config = CLOSED
+    runs: tuple[Number, ...]
+    mean: Number
+    sd: Number
+    n: int
+    p: Number
+
+
+class Claims(BaseModel):
+    """What is printed about one table; files are beside it."""
+
+    model_config = CLOSED
+    model: Order | None = None
+    anova: str | None = None
+    levels: str | None = None
+    others: tuple[str, ...] = ()
+    target: Number | None = None
+    equation: dict[str, Number] = {}
+    quality: dict[str, Number] = {}
+    optimum: dict[str, Number] = {}
+    t_test: TestClaim | None = None
+
+
+def claims_of(table: Path, file: Path | None = None) -> tuple[Claims, Path]:
+    """Claims of a table and their folder: of the named file or of the one beside it; none without a file."""
+    path = file or table.with_suffix(".claims.toml")
+    if file is None and not path.exists():
+        return Claims(), table.parent
+    try:
+        # a number keeps its printed digits: its text, not its value, says how exact it is
+        return Claims.model_validate(tomllib.loads(read_text_file(path), parse_float=str)), path.parent
+    except ValidationError as error:
+        fault = error.errors()[0]
+        value = "" if fault["type"] == "missing" else f" = {fault['input']!r}"
+        place = ".".join(map(str, fault["loc"]))
+        raise BadInput(f"{path}: {place}{value}: {fault['msg'].removeprefix('Value error, ')}") from None
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{path}: {error}") from None
 
 
 FEWEST_RUNS = 3
 COUNTER_NAMES = ("run", "no", "n", "nr", "std", "order", "test", "trial", "number", "row", "experiment")
 MOST_LEVELS = 6  # of a factor in a designed experiment; a central composite has 5, a misprint adds one
+Columns = Mapping[str, Sequence[str]]  # cells by heading
+
+
+def read_columns(path: Path) -> dict[str, list[str]]:
+    """Cells of a CSV table by heading; raises BadInput."""
+    try:
+        text = read_text_file(path, "utf-8-sig")
+        lines = [line for line in csv.reader(io.StringIO(text, newline=""), strict=True) if any(line)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise BadInput(f"{path}: cannot be read as a CSV table: {error}") from None
+    if not lines:
+        raise BadInput(f"{path}: is empty; the first row names the columns")
+    headings = [cell.strip() for cell in lines[0]]
+    if len(set(headings)) != len(headings):
+        shown = ", ".join(" ".join(heading.split()) for heading in headings)
+        raise BadInput(f"{path}: a heading stands twice in {shown}")
+    for number, line in enumerate(lines[1:], start=1):
+        if len(line) != len(headings):
+            raise BadInput(f"{path}: row {number} has {len(line)} cells, the heading {len(headings)}")
+    return {heading: [line[k].strip() for line in lines[1:]] for k, heading in enumerate(headings)}
+
+
+def column_numbers(columns: Columns, heading: str, file: Path) -> Floats:
+    """One column of finite numbers. Raises BadInput."""
+    if heading not in columns:
+        raise BadInput(f"{file}: column '{heading}' is missing; there are: {', '.join(columns)}")
+    values = np.array([as_number(text) for text in columns[heading]])
+    for row, (text, value) in enumerate(zip(columns[heading], values, strict=True), start=1):
+        if not isfinite(value):
+            raise BadInput(f"{file}: row {row}, {heading} = '{text}' must be a number")
+    return values
+
+
+def as_number(text: str) -> float:
+    """A number with any of the signs that print uses for minus; NaN for anything else."""
+    try:
+        return float(text.replace("\N{MINUS SIGN}", "-").replace("\N{EN DASH}", "-"))
+    except ValueError:
+        return nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,72 +214,49 @@ class PublishedTable:
     values: Floats  # [runs]
     set_aside: tuple[str, ...]  # columns that are neither
 
-    def design(self, coded: Floats | None = None) -> Design:
-        """The table as a design, its levels as printed or as given."""
-        points = self.coded if coded is None else coded
-        plain = design_table.arranged(self.name, self.factors, [("factorial", points)])
+    def design(self, coded: Floats) -> Design:
+        """The table as a design of these levels."""
+        plain = arranged(self.name, self.factors, [("factorial", coded)])
         return plain.with_responses(**{self.response: self.values})
 
 
 def read_published(path: Path, response: str | None = None) -> PublishedTable:
     """A table of runs; the response is the last column where it is not named."""
-    columns = design_table.read_columns(path)
+    columns = read_columns(path)
     names = list(columns)
     wanted = response or names[-1]
-    if wanted not in columns:
-        raise BadInput(f"{path}: no column '{wanted}'; there are: {', '.join(names)}")
-    values = design_table.column_numbers(columns, wanted, str(path))
+    values = column_numbers(columns, wanted, path)
     if len(values) < FEWEST_RUNS:
         raise BadInput(f"{path}: {len(values)} run(s); needs at least {FEWEST_RUNS}")
-    chosen, aside = factor_columns(columns, wanted, str(path))
+    place = names.index(wanted)
+    # a table may begin with its response
+    chosen = factor_columns(columns, names[:place], path) or factor_columns(columns, names[place + 1 :], path)
     if not chosen:
         raise BadInput(f"{path}: no column of factor levels beside the response '{wanted}'")
     levels = np.column_stack(list(chosen.values()))
     factors = tuple(factor_of(name, column) for name, column in chosen.items())
-    coded = np.round(design_table.to_coded(factors, levels), 9) + 0.0
-    return PublishedTable(str(path), factors, levels, coded, wanted, values, tuple(aside))
+    coded = np.round(to_coded(factors, levels), 9) + 0.0
+    aside = tuple(name for name in names if name not in chosen and name != wanted)
+    return PublishedTable(str(path), factors, levels, coded, wanted, values, aside)
 
 
-def factor_columns(
-    columns: Mapping[str, Sequence[str]], response: str, file: str
-) -> tuple[dict[str, Floats], list[str]]:
-    """Columns of levels by name, and the names of what is set aside."""
-    names = list(columns)
-    place = names.index(response)
-    for side in (names[:place], names[place + 1 :]):  # a table may begin with its response
-        found = {
-            name: design_table.column_numbers(columns, name, file)
-            for name in side
-            if not is_text(columns[name])
-        }
-        levels = {
-            name: column
-            for name, column in found.items()
-            if not is_counter(name, column) and np.ptp(column) > 0.0
-        }
-        chosen = without_responses(levels)
-        if chosen:
-            return chosen, [name for name in names if name not in chosen and name != response]
-    return {}, []
-
-
-def is_text(cells: Sequence[str]) -> bool:
-    """Whether a column holds words only."""
-    return all(design_table.as_number(text) != design_table.as_number(text) for text in cells)
-
-
-def without_responses(levels: Mapping[str, Floats]) -> dict[str, Floats]:
-    """The columns of few levels, where there are any; the others are then results, not levels."""
+def factor_columns(columns: Columns, names: Sequence[str], file: Path) -> dict[str, Floats]:
+    """Columns of levels by name: not of words, no counter, and of few levels where there are such columns."""
+    written = [name for name in names if any(isfinite(as_number(text)) for text in columns[name])]
+    numbers = {name: column_numbers(columns, name, file) for name in written}
+    levels = {k: x for k, x in numbers.items() if not is_counter(k, x) and np.ptp(x) > 0.0}
     few = {name: column for name, column in levels.items() if len(np.unique(column)) <= MOST_LEVELS}
     runs = max((len(column) for column in levels.values()), default=0)
-    return dict(few if few and runs > 2 * MOST_LEVELS else levels)
+    return few if few and runs > 2 * MOST_LEVELS else levels
 
 
 def is_counter(name: str, column: Floats) -> bool:
     """Whether a column numbers the runs."""
+    counts = np.arange(1, len(column) + 1)
     plain = "".join(c for c in name.lower() if c.isalpha())
-    counts = np.array_equal(np.sort(column), np.arange(1, len(column) + 1))
-    return counts and (plain in COUNTER_NAMES or np.array_equal(column, np.arange(1, len(column) + 1)))
+    return np.array_equal(column, counts) or (
+        plain in COUNTER_NAMES and np.array_equal(np.sort(column), counts)
+    )
 
 
 def factor_of(name: str, column: Floats) -> Factor:

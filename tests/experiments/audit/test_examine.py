@@ -10,9 +10,10 @@ from textbook import full_factorial, spread_design, unit_factors
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments import design
-from taichi_erosion.experiments.audit.examine import as_document, audit
+from taichi_erosion.experiments.audit.examine import as_document, audit, parse_term
 from taichi_erosion.experiments.audit.published import parse_printed
 from taichi_erosion.experiments.design_table import Factor
+from taichi_erosion.experiments.fit import fit_model
 
 LAW = np.array([3.0, -8.0, 0.5, 1.0, -2.0, 0.1, 4.0])
 
@@ -154,6 +155,17 @@ def test_a_printed_number_is_as_exact_as_its_last_digit(text, found, agrees):
     assert printed.agrees(found) is agrees
 
 
+@pytest.mark.parametrize(
+    ("text", "term"),
+    [(text, (1, 0, 1)) for text in ("A*C", "AC", "CA", "A C")]
+    + [(text, (0, 2, 0)) for text in ("B^2", "B2", "B\u00b2")],
+)
+def test_a_term_is_read_however_it_is_printed(text, term):
+    made = design.box_behnken(unit_factors("ABC"))
+    fit = fit_model(made.with_responses(y=made.coded[:, 0]), "y", "linear")
+    assert parse_term(text, fit) == term
+
+
 def test_words_are_no_numbers():
     assert parse_printed("n.s.") is None
     assert parse_printed("") is None
@@ -188,10 +200,10 @@ def test_a_table_that_cannot_be_audited_is_refused_in_one_line(tmp_path, text, w
 @pytest.mark.parametrize(
     ("claims", "words"),
     [
-        ("modle = 'linear'", "unknown field modle"),
-        ("model = 'cubic'", "allowed: linear"),
-        ("target = 'high'", "must be a number"),
-        ("[t_test]\nmean = 3.0", "t_test.runs is missing"),
+        ("modle = 'linear'", "modle = 'linear': Extra inputs"),
+        ("model = 'cubic'", "model = 'cubic': Input should be 'linear'"),
+        ("target = 'high'", "target = 'high': must be a number"),
+        ("[t_test]\nmean = 3.0", "t_test.runs: Field required"),
         ("x = ", "Invalid value"),
     ],
 )
@@ -215,4 +227,4 @@ def test_the_command_prints_one_json_document_with_row_and_column(tmp_path, caps
 def test_the_command_refuses_an_unknown_response_with_exit_code_2(tmp_path, capsys):
     path = write(tmp_path / "t.csv", *screening())
     assert main(["audit", str(path), "--response", "colour"]) == 2
-    assert "no column 'colour'" in capsys.readouterr().err
+    assert "column 'colour' is missing" in capsys.readouterr().err
