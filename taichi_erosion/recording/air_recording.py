@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from PIL import Image
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import AirSnapshot
 from taichi_erosion.recording import pictures, stream
 from taichi_erosion.recording.blueprint import image_view, with_time_panel
-from taichi_erosion.recording.pictures import Image
+from taichi_erosion.recording.pictures import Colours, Picture
 from taichi_erosion.recording.stream import Recording
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def log_wind(recording: Recording, state: AirSnapshot, step: int, curves: Mappin
     stream.log_values(recording, "air", curves)
 
 
-def speed_slice(state: AirSnapshot) -> Image:
+def speed_slice(state: AirSnapshot) -> Picture:
     """Picture of the speed in the vertical plane along the wind through the middle of the box."""
     middle = state.velocity.shape[1] // 2
     speed = np.linalg.norm(state.velocity[:, middle], axis=-1)
@@ -83,15 +84,14 @@ def speed_slice(state: AirSnapshot) -> Image:
     heights = state.faces_z[0] + height * (np.arange(rows)[::-1] + 0.5) / rows
     up = np.clip(np.searchsorted(state.faces_z, heights) - 1, 0, speed.shape[1] - 1)
     fastest = max(float(speed.max()), np.finfo(float).tiny)
-    image = wind_colours(speed[across[None, :], up[:, None]] / fastest)
-    legend = (pictures.MARGIN, pictures.MARGIN)
-    if min(image.shape[0] // 4, image.shape[1] // 2) > pictures.COLOUR_BAR[1]:
+    picture = Image.fromarray(wind_colours(speed[across[None, :], up[:, None]] / fastest))
+    if min(rows // 4, columns // 2) > pictures.COLOUR_BAR[1]:
         bar = wind_colours(np.linspace(0.0, 1.0, pictures.COLOUR_BAR[0]))
-        pictures.draw_colour_bar(image, legend, bar, (0.0, fastest))
-    return image
+        pictures.draw_colour_bar(picture, (pictures.MARGIN, pictures.MARGIN), bar, (0.0, fastest))
+    return picture
 
 
-def wind_colours(share: Floats) -> Image:
+def wind_colours(share: Floats) -> Colours:
     """Colour of a share of the fastest wind [1]."""
     anchors = np.vstack([STILL_AIR, FAST])
     return pictures.interpolate_colours(np.clip(share, 0.0, 1.0), anchors)

@@ -241,8 +241,7 @@ def is_static(grains: StaticGrains, snapshot: Snapshot) -> NDArray[np.bool_]:
 def log_grains(
     recording: Recording, entity: str, snapshot: Snapshot, rows: NDArray[np.bool_], colours: NDArray[np.uint8]
 ) -> None:
-    """Write some of the grains: identity, position, radius, colour and the state of effects."""
-    import pyarrow as pa
+    """Write some of the grains: position, radius and colour as points, and the columns of `grain_columns`."""
     import rerun as rr
 
     points = rr.Points3D.from_fields(
@@ -250,13 +249,29 @@ def log_grains(
         radii=snapshot.radius[rows].astype(np.float32),
         colors=colours,
     )
-    # an Arrow array has a type even where it is empty, which rerun cannot guess
-    ident = pa.array(snapshot.ident[rows], type=pa.int32())
-    effect_state = {
-        name.replace(".", "_"): pa.array(values[rows], type=pa.float32())
-        for name, values in snapshot.effect_state.items()
+    recording.stream.log(entity, points, rr.AnyValues(**grain_columns(snapshot, rows)))
+
+
+def grain_columns(snapshot: Snapshot, rows: NDArray[np.bool_]) -> dict[str, Any]:
+    """Columns of some grains beside position and radius, as Arrow arrays, which have a type even where empty.
+
+    ident (row of the GrainTable), contacts (touching partners), velocity [m s-1], spin [rad s-1], force [N],
+    and the state variables of effects under EFFECT_NUMBER.
+    """
+    import pyarrow as pa
+
+    vectors = {"velocity": snapshot.velocity, "spin": snapshot.spin, "force": snapshot.force}
+    columns = {
+        "ident": pa.array(snapshot.ident[rows], type=pa.int32()),
+        "contacts": pa.array(snapshot.contacts[rows], type=pa.int16()),
     }
-    recording.stream.log(entity, points, rr.AnyValues(ident=ident, **effect_state))
+    for name, values in vectors.items():
+        if values is not None:
+            flat = pa.array(values[rows].ravel(), type=pa.float32())
+            columns[name] = pa.FixedSizeListArray.from_arrays(flat, 3)
+    for name, values in snapshot.effect_state.items():
+        columns[name.replace(".", "_")] = pa.array(values[rows], type=pa.float32())
+    return columns
 
 
 def log_totals(recording: Recording, totals: Totals) -> None:
@@ -275,12 +290,12 @@ def log_values(recording: Recording, folder: str, values: Mapping[str, float]) -
         recording.stream.log(f"{folder}/{entry}", rr.Scalars(value))
 
 
-def log_image(recording: Recording, entity: str, image: NDArray[np.uint8], timeless: bool = False) -> None:
-    """Write a colour picture [height, width, 3], at the time of the latest frame or for all times."""
+def log_image(recording: Recording, entity: str, picture: pictures.Picture, timeless: bool = False) -> None:
+    """Write a colour picture, at the time of the latest frame or for all times."""
     import rerun as rr
 
-    picture = rr.Image(image, color_model="RGB").compress(jpeg_quality=JPEG_QUALITY)
-    recording.stream.log(entity, picture, static=timeless)
+    image = rr.Image(np.asarray(picture), color_model="RGB").compress(jpeg_quality=JPEG_QUALITY)
+    recording.stream.log(entity, image, static=timeless)
 
 
 def log_text(recording: Recording, level: Literal["INFO", "WARN", "ERROR"], text: str) -> None:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from taichi_erosion import simulation
 from taichi_erosion.core.errors import BadInput
@@ -19,7 +18,14 @@ from taichi_erosion.measures.wind_bed import Patch, flux_of
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.air_recording import log_profile
 from taichi_erosion.recording.disk_space import is_disk_nearly_full
-from taichi_erosion.recording.pictures import SideView, film_frame, silhouette_grid, write_gif, write_png
+from taichi_erosion.recording.pictures import (
+    Picture,
+    SideView,
+    film_frame,
+    silhouette_grid,
+    write_gif,
+    write_png,
+)
 from taichi_erosion.recording.wall_mesh import WallMesh, wall_meshes
 from taichi_erosion.run.ensemble_loop import EnsembleRun
 from taichi_erosion.run.observables import patch_of
@@ -27,7 +33,6 @@ from taichi_erosion.run.stages import ROUNDING, whole_intervals
 from taichi_erosion.scene import Scene
 from taichi_erosion.simulation import Simulation, WallPose
 
-Image = NDArray[np.uint8]
 Properties = Mapping[str, Mapping[str, Any]]  # by group: columns of rerun's table of runs
 
 RESTING_SHARE = 0.02  # of sqrt(g d): slower grains are drawn as bed [1]
@@ -58,7 +63,7 @@ class Recorder:
     interval: float  # s between frames; infinite once the recording is closed
     frames: int = 0  # frames written
     stage: int = 0
-    film: list[Image] = field(default_factory=list)
+    film: list[Picture] = field(default_factory=list)
     film_every: int = 1  # frames for one picture of the film
 
 
@@ -262,7 +267,7 @@ def finish_recording(
     return files
 
 
-def silhouettes(state: Snapshot, details: dict[str, Any], base_height: float) -> Image:
+def silhouettes(state: Snapshot, details: dict[str, Any], base_height: float) -> Picture:
     """Silhouettes of a heap from all measured azimuths, with the fitted flanks."""
     grain = 2.0 * float(np.median(state.radius))
     masks, flanks, captions = [], [], []

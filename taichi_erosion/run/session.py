@@ -25,11 +25,10 @@ from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.recording import pictures, stream
-from taichi_erosion.recording.pictures import SideView, png_bytes
+from taichi_erosion.recording.pictures import Picture, SideView, png_bytes
 from taichi_erosion.run.checks import EffectFiles, effect_warnings, library_of, named_effects, read_scene
 from taichi_erosion.run.observables import MeasureInput, measure
 from taichi_erosion.run.recorder import (
-    Image,
     Recorder,
     log_frame,
     meshes_of,
@@ -259,7 +258,7 @@ def session_status(session: Session) -> dict[str, float | int | str]:
     }
 
 
-def side_picture(session: Session, is_lettered: bool) -> Image:
+def side_picture(session: Session, is_lettered: bool) -> Picture:
     """The grains seen from the side, with time and scale if they can be read."""
     setup, now = session.sim.setups[0], simulation.snapshot(session.sim, 0)
     walls = present_walls(meshes_of(session.scene, setup), session.sim, 0)
