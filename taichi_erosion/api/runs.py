@@ -66,7 +66,8 @@ class Run:
         """Recorded grains by time and grain, NaN before release.
 
         Position [m], velocity [m s-1], spin [rad s-1] and force [N] also by axis; radius [m], contacts, and
-        what effects keep of a grain. Grains at rest keep the state with which the bed was last written. Raises BadInput for a run without a recording.
+        what effects keep of a grain. Grains at rest keep the state with which the bed was last written.
+        Raises BadInput for a run without a recording.
         """
         import numpy as np
         import xarray as xr
@@ -83,7 +84,8 @@ class Run:
             table = np.full((len(frames), grains, *first.shape[1:]), np.nan, dtype=np.float32)
             for row, one, frame_columns in zip(table, frames, columns, strict=True):
                 row[one.ident] = frame_columns[name]
-            variables[name] = (("time", "grain", "axis")[: table.ndim], table, {"units": UNITS.get(name, "1")})
+            axes = ("time", "grain", "axis")[: table.ndim]
+            variables[name] = (axes, table, {"units": UNITS.get(name, "1")})
         return xr.Dataset(
             variables,
             {

@@ -126,7 +126,7 @@ def is_component(column: "pa.Field") -> bool:
 
 
 def values(column: "pa.Array") -> Iterator[Any]:
-    """Every row of a list column as one array, vectors as rows of that array; None where nothing was logged."""
+    """Every row of a list column as one array, vectors as its rows; None where nothing was logged."""
     import pyarrow as pa
 
     for row in column:

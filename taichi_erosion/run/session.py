@@ -26,7 +26,14 @@ from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.recording import pictures, stream
 from taichi_erosion.recording.pictures import Picture, SideView, png_bytes
-from taichi_erosion.run.checks import EffectFiles, effect_warnings, library_of, named_effects, read_scene
+from taichi_erosion.run.checks import (
+    EffectFiles,
+    explained,
+    idle_effects,
+    library_of,
+    named_effects,
+    read_scene,
+)
 from taichi_erosion.run.observables import MeasureInput, measure
 from taichi_erosion.run.recorder import (
     Recorder,
@@ -79,7 +86,7 @@ class Session:
     saved: dict[str, SavedState] = field(default_factory=dict)
     callbacks: list[Callable[["Session"], object]] = field(default_factory=list)  # after each check interval
     samples: list[dict[str, float]] = field(default_factory=list)  # numbers by name, at each check so far
-    watched: list[str] = field(default_factory=list)  # names of numbers that are printed at each check
+    watched: dict[str, str] = field(default_factory=dict)  # units of the numbers that are printed, by name
     effect_files: EffectFiles = ()  # beside those that the scene names
 
     @property
@@ -165,8 +172,9 @@ def set_entry(session: Session, path: str, value: str) -> str:
 
 
 def warnings_now(session: Session) -> list[str]:
-    """What to know about the present strengths of effects."""
-    return effect_warnings(session.scene)
+    """What a run of the present scene would warn of."""
+    scene = session.scene
+    return [*explained(scene)["warnings"], *idle_effects(scene, session.effect_files)]
 
 
 def changed_fields(before: Any, after: Any) -> list[str]:
