@@ -37,7 +37,7 @@ from doe.wind.blown_sand import (
     simulated_thresholds,
 )
 from doe.wind.saturated_sand import saturated_thresholds, winds_of
-from taichi_erosion.measures.extremes import Watch, criterion_threshold
+from doe.wind.extremes import Watch, criterion_threshold
 from taichi_erosion.measures.threshold import CONFIDENCE, vanishing_wind
 from taichi_erosion.report.markdown import markdown_table
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import gammainc, ndtr, ndtri
 
-from taichi_erosion.measures.extremes import (
+from doe.wind.extremes import (
     SHAPES,
     Watch,
     best_slope,
