@@ -29,7 +29,7 @@ from taichi_erosion.recording.blueprint import (
     blueprint,
     choose_focus,
 )
-from taichi_erosion.recording.disk_space import abandon_writer, lock_part_file
+from taichi_erosion.recording.outputs import abandon_writer, lock_part_file
 from taichi_erosion.recording.wall_mesh import WallMesh
 
 if TYPE_CHECKING:
@@ -364,8 +364,10 @@ def flush(recording: Recording) -> None:
         raise BadInput(f"{recording.path}: cannot be written to its end; {kept}") from None
 
 
-def close(recording: Recording) -> Path:
-    """Finish the file and give it its name; closing twice does no harm."""
+def close(recording: Recording, properties: Mapping[str, Mapping[str, Any]] | None = None) -> Path:
+    """Write properties by group, finish the file and give it its name; closing twice does no harm."""
+    for group, values in (properties or {}).items():
+        set_properties(recording, group, values)
     part = part_path(recording.path)
     if part.exists():
         flush(recording)

@@ -17,7 +17,7 @@ from taichi_erosion.measures.silhouette import draw_silhouette, largest_body
 from taichi_erosion.measures.wind_bed import Patch, flux_of
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.air_recording import log_profile
-from taichi_erosion.recording.disk_space import is_disk_nearly_full
+from taichi_erosion.recording.outputs import is_disk_nearly_full
 from taichi_erosion.recording.pictures import (
     Picture,
     SideView,
@@ -260,10 +260,9 @@ def finish_recording(
         files["film"] = str(write_gif(path.with_suffix(".gif"), recorder.film, FILM_DURATION))
     for warning in record["warnings"]:
         stream.log_text(recording, "WARN", warning)
-    stream.set_properties(recording, "result", {name: m["value"] for name, m in record["measures"].items()})
-    stream.set_properties(recording, "scene", {"seed": state.seed} | dict(properties.get("scene", {})))
-    stream.set_properties(recording, "doe", properties.get("doe", {}))
-    stream.close(recording)
+    result = {name: measured["value"] for name, measured in record["measures"].items()}
+    scene = {"seed": state.seed} | dict(properties.get("scene", {}))
+    stream.close(recording, {"result": result, "scene": scene, "doe": properties.get("doe", {})})
     return files
 
 
