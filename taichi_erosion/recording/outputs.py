@@ -35,7 +35,7 @@ def refuse_unwritable(output: Path, scene: Path) -> None:
     if output.is_dir():
         raise BadInput(f"{output}: is a folder; name a file")
     check_writable(output)
-    if output.exists() and output.samefile(scene):
+    if output.resolve() == scene.resolve():
         raise BadInput(f"{output}: is the scene itself; give another name to what is written")
 
 
