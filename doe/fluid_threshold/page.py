@@ -33,8 +33,8 @@ from doe.fluid_threshold.leaving import SIZE as FOLLOWED
 from doe.fluid_threshold.leaving import Watch as Watched
 from doe.fluid_threshold.leaving import departing, leaving_table, read_watches
 from doe.wind.blown_sand import OURS, THEIRS
-from doe.wind.shares import paired_ratio, shown
 from doe.wind.extremes import Watch, criterion_threshold
+from doe.wind.shares import paired_ratio, shown
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket, bracketed, pool_beds
 from taichi_erosion.report.markdown import fill_tables, markdown_table

@@ -24,8 +24,8 @@ from scipy.stats import t as student
 from doe.common.cases import ROOT, Case, command, settings
 from doe.common.command import words
 from doe.common.tables import read_table, write_table
-from taichi_erosion.core.errors import BadInput
 from doe.wind.extremes import Watch, criterion_threshold
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import CONFIDENCE, Bracket, bracketed, pool_beds
 from taichi_erosion.report.markdown import markdown_table
