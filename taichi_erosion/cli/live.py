@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 
 import numpy as np
@@ -154,7 +154,7 @@ def watch(session: Session, words: list[str]) -> str:
 class Sampler:
     """Callback that keeps the numbers of every check for `plot`, and prints those that are watched."""
 
-    printed: float = -WATCH_INTERVAL  # s of the monotonic clock, at the latest print
+    printed: float = -inf  # s of the monotonic clock, at the latest print
 
     def __call__(self, session: Session) -> None:
         now = queries.keep_sample(session)

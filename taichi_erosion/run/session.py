@@ -63,6 +63,7 @@ WINDOW = (480, 240)  # px: a line of a terminal is twice as high as a character 
 class SavedState:
     """What a session returns to: the grains, and all that was set and kept until then."""
 
+    sim: Simulation  # whose state it is
     state: dict[str, Any]
     time: float  # s
     stage: int
@@ -228,20 +229,24 @@ def measure_now(session: Session) -> dict[str, Measurement]:
 
 
 def save(session: Session, name: str) -> None:
-    state = simulation.export_state(session.sim)
-    kept = tuple(session.samples)
-    session.saved[name] = SavedState(state, session.time, session.stage, session.overrides, kept)
+    sim, kept = session.sim, tuple(session.samples)
+    state = simulation.export_state(sim)
+    session.saved[name] = SavedState(sim, state, session.time, session.stage, session.overrides, kept)
 
 
 def restore(session: Session, name: str) -> None:
     """Restore a saved state, its parameters and samples included. Raises BadInput for an unknown name."""
     saved = saved_state(session, name)
-    session.time, session.stage, session.overrides = saved.time, saved.stage, saved.overrides
-    session.samples[:] = saved.samples
-    session.scene = read_scene(session.path, session.overrides, session.effect_files)
-    session.library = library_of(session.scene)
-    session.sim = build(session.scene, session.seed, session.library)
+    scene = read_scene(session.path, saved.overrides, session.effect_files)
+    library = library_of(scene)
+    if session.sim is saved.sim:
+        apply_change(session, scene, library, {"wind", "effects"})
+    else:  # an effect has been built in since
+        session.sim = build(scene, session.seed, library)
     simulation.import_state(session.sim, saved.state)
+    session.scene, session.library, session.overrides = scene, library, saved.overrides
+    session.time, session.stage = saved.time, saved.stage
+    session.samples[:] = saved.samples
 
 
 def saved_state(session: Session, name: str) -> SavedState:
