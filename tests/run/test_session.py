@@ -184,37 +184,6 @@ def test_a_session_on_a_terminal_completes_says_mistakes_and_goes_on(
     assert complete("contact.grain-grain.friction_rol", 0) == "contact.grain-grain.friction_rolling"
 
 
-SMALL_PATCH = (
-    "grains.count=160",
-    "wind.length_d=10",
-    "wind.width_d=8",
-    "wind.height=0.02",
-    "run.check_interval=2e-3",
-    "record.every=2e-3",
-)
-
-
-def flux(session) -> float:
-    return transport_values(snapshot(session.sim, 0), patch_of(session.scene))["flux"]
-
-
-def test_wind_that_is_raised_while_it_blows_carries_more_and_compiles_nothing(tmp_path: Path) -> None:
-    session = open_session(SCENES / "saltation.toml", SMALL_PATCH)
-    recorder = record_session(session, tmp_path / "wind.rrd")
-    set_entry(session, "wind.friction_velocity", "0.05")  # far below the threshold of such sand
-    run_for(session, 0.004)
-    world, calm = session.sim.world, flux(session)
-    assert set_entry(session, "wind.friction_velocity", "1.0").endswith("at once")
-    assert friction_velocity(session.sim, 0) == pytest.approx(1.0, rel=1e-6)  # kept in single precision
-    run_for(session, 0.004)
-    assert session.sim.world is world
-    # what moves in the calm are grains that still settle, which dies away; the wind pulls on
-    assert flux(session) > 3.0 * abs(calm)
-    times, recorded = read_series(close(recorder.recording), "transport/flux")
-    assert recorded[-1] == recorded.max() > 0.0
-    assert times[-1] == pytest.approx(0.008, abs=2.0 * session.time_step)
-
-
 def test_watched_numbers_are_printed_with_units_and_kept_for_a_plot(
     session, capsys, tmp_path, monkeypatch
 ) -> None:
@@ -326,3 +295,34 @@ def test_a_line_of_a_script_is_named(session, tmp_path) -> None:
     script.write_text("status\nset nonsense 1\n", encoding="utf-8")
     with pytest.raises(BadInput, match=r"orders\.txt: line 2: "):
         prompt.execute(session, f"script {script}")
+
+
+SMALL_PATCH = (
+    "grains.count=160",
+    "wind.length_d=10",
+    "wind.width_d=8",
+    "wind.height=0.02",
+    "run.check_interval=2e-3",
+    "record.every=2e-3",
+)
+
+
+def flux(session) -> float:
+    return transport_values(snapshot(session.sim, 0), patch_of(session.scene))["flux"]
+
+
+def test_wind_that_is_raised_while_it_blows_carries_more_and_compiles_nothing(tmp_path: Path) -> None:
+    session = open_session(SCENES / "saltation.toml", SMALL_PATCH)  # ends the session of the tests above
+    recorder = record_session(session, tmp_path / "wind.rrd")
+    set_entry(session, "wind.friction_velocity", "0.05")  # far below the threshold of such sand
+    run_for(session, 0.004)
+    world, calm = session.sim.world, flux(session)
+    assert set_entry(session, "wind.friction_velocity", "1.0").endswith("at once")
+    assert friction_velocity(session.sim, 0) == pytest.approx(1.0, rel=1e-6)  # kept in single precision
+    run_for(session, 0.004)
+    assert session.sim.world is world
+    # what moves in the calm are grains that still settle, which dies away; the wind pulls on
+    assert flux(session) > 3.0 * abs(calm)
+    times, recorded = read_series(close(recorder.recording), "transport/flux")
+    assert recorded[-1] == recorded.max() > 0.0
+    assert times[-1] == pytest.approx(0.008, abs=2.0 * session.time_step)
