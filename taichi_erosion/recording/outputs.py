@@ -31,9 +31,7 @@ FREE_SPACE_LEAST = 50 * MEGABYTE  # bytes left free for documents, pictures and 
 
 
 def refuse_unwritable(output: Path, scene: Path) -> None:
-    """Raise BadInput where an output cannot be written, is a folder, or is the scene itself."""
-    if output.is_dir():
-        raise BadInput(f"{output}: is a folder; name a file")
+    """Raise BadInput where an output cannot be written, is no file, or is the scene itself."""
     check_writable(output)
     if output.resolve() == scene.resolve():
         raise BadInput(f"{output}: is the scene itself; give another name to what is written")
@@ -41,10 +39,11 @@ def refuse_unwritable(output: Path, scene: Path) -> None:
 
 def refuse_foreign_outputs(record: Path, scene: Path, force: bool = False) -> None:
     """Raise BadInput where a run cannot write its files, or would replace what none of its scene wrote."""
+    refuse_unwritable(record, scene)
     if record.suffix != RECORDING:
         raise BadInput(f"{record}: is no name of a recording, which ends in {RECORDING}")
     present = [path for suffix in SUFFIXES if (path := record.with_suffix(suffix)).exists()]
-    for path in (record, *present):
+    for path in present:
         refuse_unwritable(path, scene)
     if force or not present:
         return

@@ -42,22 +42,12 @@ OPEN_MARGIN = 0.25  # share by which an endless plate is drawn beyond the appara
 
 
 @dataclass
-class WallRecording:
-    """Walls of one replica as they were last written to its recording."""
-
-    walls: tuple[WallMesh, ...]  # in their starting positions
-    removed: set[str] = field(default_factory=set)  # cleared in the recording
-    poses: dict[str, tuple[Floats, Floats]] = field(default_factory=dict)  # rotation, translation [m]
-    is_rewritten: bool = False  # a session was restored: entries of later times no longer hold
-
-
-@dataclass
 class Recorder:
     """Open recording of one replica, and the pictures of its film."""
 
     replica: int
     recording: stream.Recording
-    walls: WallRecording
+    walls: tuple[WallMesh, ...]  # in their starting positions
     view: SideView
     resting_speed: float  # m s-1
     interval: float  # s between frames; infinite once the recording is closed
@@ -65,6 +55,9 @@ class Recorder:
     stage: int = 0
     film: list[Picture] = field(default_factory=list)
     film_every: int = 1  # frames for one picture of the film
+    removed: set[str] = field(default_factory=set)  # walls cleared in the recording
+    poses: dict[str, tuple[Floats, Floats]] = field(default_factory=dict)  # rotation, translation [m] written
+    is_rewritten: bool = False  # a session was restored: what was written for later times no longer holds
 
 
 def open_recorder(
@@ -75,8 +68,8 @@ def open_recorder(
     `text` is the scene as it is run. Raises BadInput where the file cannot be written.
     """
     setup = sim.setups[replica]
-    walls = WallRecording(meshes_of(scene, setup))
-    header = stream.RunHeader(path.stem, title, scene.scene.kind, text, setup.grains.radius, walls.walls)
+    walls = meshes_of(scene, setup)
+    header = stream.RunHeader(path.stem, title, scene.scene.kind, text, setup.grains.radius, walls)
     recording = stream.open_recording(path, header, viewer)
     stream.log_colours(recording, resting_speed(setup))
     return Recorder(replica, recording, walls, side_view(setup), resting_speed(setup), scene.record.every)
@@ -158,7 +151,7 @@ def record_frame(recorder: Recorder, ensemble: EnsembleRun) -> None:
     now = log_frame(recorder, ensemble.sim, ensemble.scenes[recorder.replica])
     if recorder.frames % recorder.film_every == 0:
         speeds = (recorder.resting_speed, stream.FASTEST_COLOUR)
-        walls = present_walls(recorder.walls.walls, ensemble.sim, recorder.replica)
+        walls = present_walls(recorder.walls, ensemble.sim, recorder.replica)
         recorder.film.append(film_frame(now, recorder.view, walls, speeds))
     if len(recorder.film) > FILM_FRAMES:
         recorder.film = recorder.film[::2]
@@ -202,31 +195,28 @@ def at_pose(wall: WallMesh, pose: WallPose) -> WallMesh:
 
 def log_walls(recorder: Recorder, sim: Simulation) -> None:
     """Write walls that have moved or were removed since the last call, at the present time."""
-    written = recorder.walls
-    movable = [wall for wall in written.walls if wall.moving]
+    movable = [wall for wall in recorder.walls if wall.moving]
     poses = simulation.wall_poses(sim, recorder.replica) if movable else {}
     for wall in movable:
         if poses[wall.name].present:
-            log_present_wall(recorder.recording, written, wall, poses[wall.name])
-        elif wall.name not in written.removed:
+            log_present_wall(recorder, wall, poses[wall.name])
+        elif wall.name not in recorder.removed:
             stream.log_wall_removed(recorder.recording, wall.name)
-            written.removed.add(wall.name)
+            recorder.removed.add(wall.name)
 
 
-def log_present_wall(
-    recording: stream.Recording, written: WallRecording, wall: WallMesh, pose: WallPose
-) -> None:
+def log_present_wall(recorder: Recorder, wall: WallMesh, pose: WallPose) -> None:
     """Write the pose of a wall unless it is the one last written."""
-    rotation, translation = written.poses.get(wall.name, (np.eye(3), np.zeros(3)))
-    if written.is_rewritten:
-        stream.log_wall(recording, wall)
-        written.removed.discard(wall.name)
+    rotation, translation = recorder.poses.get(wall.name, (np.eye(3), np.zeros(3)))
+    if recorder.is_rewritten:
+        stream.log_wall(recorder.recording, wall)
+        recorder.removed.discard(wall.name)
     elif np.array_equal(rotation, pose.rotation) and np.array_equal(translation, pose.translation):
         return
     x, y, z, w = scipy.spatial.transform.Rotation.from_matrix(pose.rotation).as_quat().tolist()
     along, across, up = pose.translation.tolist()
-    stream.log_wall_pose(recording, wall.name, (along, across, up), (w, x, y, z))
-    written.poses[wall.name] = (pose.rotation, pose.translation)
+    stream.log_wall_pose(recorder.recording, wall.name, (along, across, up), (w, x, y, z))
+    recorder.poses[wall.name] = (pose.rotation, pose.translation)
 
 
 def finish_recording_or_warn(

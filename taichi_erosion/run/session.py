@@ -315,7 +315,7 @@ def log_session_frame(recorder: Recorder, session: Session) -> None:
     """Write a frame when one is due; after `restore` the frames of later times are written anew."""
     due = recorder.frames * recorder.interval * (1.0 - ROUNDING)
     was_restored = session.time < due - recorder.interval
-    recorder.walls.is_rewritten |= was_restored
+    recorder.is_rewritten |= was_restored
     if session.time >= due or was_restored:
         log_frame(recorder, session.sim, session.scene)
         recorder.frames = whole_intervals(session.time, recorder.interval) + 1

@@ -49,9 +49,9 @@ def test_a_folder_and_a_name_of_another_kind_are_refused_even_by_force(tmp_path)
     (tmp_path / "heap.rrd").mkdir()
     (tmp_path / "pile.gif").mkdir()
     for name, told in (
-        ("heap.rrd", "is a folder"),
-        ("pile.rrd", "is a folder"),
-        ("heap.json", "ends in .rrd"),
+        ("heap.rrd", "is not the name of a file"),
+        ("pile.rrd", "is not the name of a file"),
+        ("next.json", "ends in .rrd"),
     ):
         with pytest.raises(BadInput, match=told):
             refuse_foreign_outputs(tmp_path / name, SCENE, force=True)

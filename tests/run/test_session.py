@@ -115,13 +115,13 @@ def test_the_recording_follows_walls_that_move_vanish_and_come_back(session, tmp
     save(session, "tube stands")
     move_surface(session.sim, 0, "tube", Motion((0.0, 0.0, 0.5), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
     run_for(session, 0.006)
-    (tube,) = [wall for wall in present_walls(recorder.walls.walls, session.sim, 0) if wall.name == "tube"]
-    before = next(wall for wall in recorder.walls.walls if wall.name == "tube")
+    (tube,) = [wall for wall in present_walls(recorder.walls, session.sim, 0) if wall.name == "tube"]
+    before = next(wall for wall in recorder.walls if wall.name == "tube")
     rise = tube.vertices[:, 2] - before.vertices[:, 2]
     np.testing.assert_allclose(rise, 0.5 * 0.006, rtol=1e-6)  # time steps are in single precision
     next_stage(session)
     run_for(session, 0.006)
-    assert "tube" not in {wall.name for wall in present_walls(recorder.walls.walls, session.sim, 0)}
+    assert "tube" not in {wall.name for wall in present_walls(recorder.walls, session.sim, 0)}
     restore(session, "tube stands")
     run_for(session, 0.006)
     path, entity = close(recorder.recording), "world/walls/tube"
