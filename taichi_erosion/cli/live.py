@@ -3,11 +3,11 @@
 import os
 import shlex
 import sys
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
 from pathlib import Path
+from time import monotonic
 
 import numpy as np
 import typer
@@ -103,17 +103,17 @@ def plot(session: Session, words: list[str]) -> str:
         usage = f"usage: {COMMANDS['plot'].usage}"
         raise BadInput(f"{usage}; NAME is one of {', '.join(queries.number_names(session))}")
     name, *files = words
-    times, value = queries.curve(session, name)
+    time, value = queries.curve(session, name)
     if not files:
-        return text_plot(times, value, name)
+        return text_plot(time, value, name)
     from taichi_erosion.report.pictures.session import curve_png
 
-    return str(live.write_file(session, Path(files[0]), curve_png(times, value, name)))
+    return str(live.write_file(session, Path(files[0]), curve_png(time, value, name)))
 
 
-def text_plot(times: Sequence[float], value: Sequence[float], name: str) -> str:
+def text_plot(time: Sequence[float], value: Sequence[float], name: str) -> str:
     """Curve with its range on the left and the time [s] below; values that are not finite leave gaps."""
-    t, y = np.asarray(times, dtype=float), np.asarray(value, dtype=float)
+    t, y = np.asarray(time, dtype=float), np.asarray(value, dtype=float)
     known = np.isfinite(y)
     if not known.any():
         return f"{name}: no value yet"
@@ -158,8 +158,8 @@ class Sampler:
 
     def __call__(self, session: Session) -> None:
         now = queries.keep_sample(session)
-        if session.watched and time.monotonic() - self.printed >= WATCH_INTERVAL:
-            self.printed = time.monotonic()
+        if session.watched and monotonic() - self.printed >= WATCH_INTERVAL:
+            self.printed = monotonic()
             told = (f"{name} {now[name]:.5g} {unit}".rstrip() for name, unit in session.watched.items())
             typer.echo(f"{now['time_s']:.6g} s  {'  '.join(told)}")
 
