@@ -102,12 +102,11 @@ class Detection:
 
 
 def measure_photograph(
-    path: str | Path, crop: Box | None = None, background: Background = "auto", grain: float = 0.0
+    path: str | Path, crop: Box | None = None, background: Background = "auto"
 ) -> dict[str, Any]:
     """Angle of repose of a heap photographed from the side [deg], as a JSON-able record.
 
-    `crop` is (left, top, right, bottom) in pixels; without a visible plate its lower edge is the base.
-    `grain` is the diameter in pixels, if known: it keeps a monolayer of rolled-off grains out of the fit. The
+    `crop` is (left, top, right, bottom) in pixels; without a visible plate its lower edge is the base. The
     angles are those to the base line. `sd` joins the errors of both fits, the difference of the flanks and
     the change by other thresholds: hypot(hypot(e_l, e_r) / 2, |left - right| / 2, (max - min) / 2). Raises
     BadInput where the picture shows no heap, or where the detection is not certain.
@@ -116,11 +115,10 @@ def measure_photograph(
     grey = read_grey(path)
     left, top, right, bottom = box = checked_crop(path, grey, crop)
     calm = evened(scipy.ndimage.median_filter(grey[top:bottom, left:right], size=3))
-    found = detect(path, calm, background, grain)
-    steadiness = steadiness_of(path, calm, found, grain)
+    found = detect(path, calm, background)
+    steadiness = steadiness_of(path, calm, found)
     refuse_uncertain(path, found, steadiness)
-    flags = raise_flags(found.heap, found.flanks, float(found.outline.height.max()), grain)
-    record = as_record(summarise(found, flags, steadiness))
+    record = as_record(summarise(found, steadiness))
     record["details"] |= {
         "height_pixels": int(found.outline.height.max()),
         "base_row": top + found.heap.body.shape[0],
@@ -135,19 +133,17 @@ def measure_photograph(
     return record
 
 
-def detect(
-    path: Path, calm: Grey, background: Background, grain: float, threshold: float | None = None
-) -> Detection:
+def detect(path: Path, calm: Grey, background: Background, threshold: float | None = None) -> Detection:
     """Heap, outline and flanks; Otsu's threshold unless one is given. Raises BadInput where there is none."""
     heap = find_heap(path, calm, background, threshold)
     outline = silhouette.extract_outline(heap.body, 1.0)
-    flanks = silhouette.fit_flanks(outline, grain, max(SHORTEST_FLANK, 3.0 * grain))
+    flanks = silhouette.fit_flanks(outline, 0.0, SHORTEST_FLANK)
     if not any(flanks):
         raise BadInput(f"{path}: no flank found; give --crop around the heap or --background dark|light")
     return Detection(heap, outline, flanks)
 
 
-def steadiness_of(path: Path, calm: Grey, found: Detection, grain: float) -> tuple[float, float]:
+def steadiness_of(path: Path, calm: Grey, found: Detection) -> tuple[float, float]:
     """Least and largest angle with thresholds to either side of the chosen one; infinite where one fails."""
     dark = float(np.mean(calm[calm <= found.heap.threshold]))
     light = float(np.mean(calm[calm > found.heap.threshold]))
@@ -155,7 +151,7 @@ def steadiness_of(path: Path, calm: Grey, found: Detection, grain: float) -> tup
     for side in (-THRESHOLD_SHIFT, THRESHOLD_SHIFT):
         moved = found.heap.threshold + side * (light - dark)
         try:
-            angles.append(detect(path, calm, found.heap.background, grain, moved).angle)
+            angles.append(detect(path, calm, found.heap.background, moved).angle)
         except BadInput:
             angles.append(inf)
     return min(angles), max(angles)
@@ -416,11 +412,10 @@ def plate_row(scene: Mask) -> int:
     return int(np.argmax(width >= PLATE_SHARE * width.max()))
 
 
-def raise_flags(
-    heap: Heap, flanks: tuple[Flank | None, Flank | None], height: float, grain: float
-) -> list[str]:
+def raise_flags(found: Detection) -> list[str]:
     """Flags of the angle; the keys of SENTENCES."""
-    left, right = flanks
+    (left, right), body = found.flanks, found.heap.body
+    height = float(found.outline.height.max())
     raised = {
         "curved_left": left is not None and silhouette.is_bent(left.bend, left.bend_error),
         "curved_right": right is not None and silhouette.is_bent(right.bend, right.bend_error),
@@ -429,15 +424,15 @@ def raise_flags(
         "flat_top": left is not None
         and right is not None
         and min(left.angle, right.angle) > 0.0
-        and silhouette.is_flat_topped(height, silhouette.meeting_height(left, right), grain),
-        "cut_by_frame": bool(heap.body[0].any() or heap.body[:, 0].any() or heap.body[:, -1].any()),
+        and silhouette.is_flat_topped(height, silhouette.meeting_height(left, right), 0.0),
+        "cut_by_frame": bool(body[0].any() or body[:, 0].any() or body[:, -1].any()),
     }
     return [flag for flag, is_raised in raised.items() if is_raised]
 
 
-def summarise(found: Detection, flags: list[str], steadiness: tuple[float, float]) -> Measurement:
+def summarise(found: Detection, steadiness: tuple[float, float]) -> Measurement:
     """One angle from the flanks that were found."""
-    flanks = [flank for flank in found.flanks if flank is not None]
+    flanks, flags = [flank for flank in found.flanks if flank is not None], raise_flags(found)
     angles = [flank.angle for flank in flanks]
     errors = hypot(*(flank.error for flank in flanks)) / len(flanks)
     spread = 0.5 * (steadiness[1] - steadiness[0])
