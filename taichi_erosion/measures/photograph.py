@@ -219,17 +219,13 @@ def read_grey(path: Path) -> Grey:
     """Luminance of a picture, 0 to 1, turned upright; its opacity where the picture is partly transparent."""
     try:
         with Image.open(regular_file(path)) as opened:
-            picture = np.asarray(ImageOps.exif_transpose(without_palette(opened)))
+            coloured = opened.convert("RGBA") if opened.mode == "P" else opened  # numbered colours
+            picture = np.asarray(ImageOps.exif_transpose(coloured))
     except FileNotFoundError as error:
         raise BadInput(f"{path}: no such file") from error
     except Exception as error:  # decoders raise whatever a damaged file makes them raise
         raise BadInput(f"{path}: not a readable PNG or JPEG picture") from error
     return grey_levels(picture)
-
-
-def without_palette(picture: Image.Image) -> Image.Image:
-    """A picture of numbered colours as one of colours with opacity; others as they are."""
-    return picture.convert("RGBA") if picture.mode == "P" else picture
 
 
 def grey_levels(picture: NDArray[Any]) -> Grey:

@@ -36,15 +36,15 @@ class Focus:
     radius: float  # m
 
 
-def heap_focus(radii: Floats, foot: Triple = (0.0, 0.0, 0.0)) -> Focus:
-    """Ball about the heap that grains of these radii [m] will form on the point `foot` [m].
+def heap_focus(radii: Floats) -> Focus:
+    """Ball about the heap that grains of these radii [m] will form on the origin.
 
     A cone of slope a and base radius R holds  V = (pi / 3) R^3 tan a,  and the grains of radii r fill
     V = sum (4 / 3) pi r^3 / bed fraction.
     """
     volume = 4.0 / 3.0 * pi * float((radii**3).sum()) / BED_FRACTION
     radius = (3.0 * volume / (pi * tan(HEAP_SLOPE))) ** (1.0 / 3.0)
-    return Focus((foot[0], foot[1], foot[2] + radius * tan(HEAP_SLOPE)), HEAP_MARGIN * radius)
+    return Focus((0.0, 0.0, radius * tan(HEAP_SLOPE)), HEAP_MARGIN * radius)
 
 
 def choose_focus(kind: str, radii: Floats, walls: Sequence[WallMesh]) -> Focus:
