@@ -170,7 +170,7 @@ def test_every_field_of_a_replica_is_in_the_checkpoint(windy, tmp_path):
     for record in (before, before.search, before.search.trial, before.frames[0]):
         for field in fields(record):
             if field.name == "force":
-                continue  # no measure reads it
+                continue  # frames of a stage are kept without it
             assert np.any(getattr(record, field.name)), f"{field.name} is not tested"
     scenes = [before.search.scene]
     saved = run_state(SimpleNamespace(states=[before], checks=80, grain_steps=1e3))  # type: ignore[arg-type]
