@@ -3,20 +3,16 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import AirSnapshot
-from taichi_erosion.recording import pictures, stream
+from taichi_erosion.recording import pictures, rr, rrb, stream
 from taichi_erosion.recording.blueprint import image_view, with_time_panel
 from taichi_erosion.recording.pictures import Colours, Picture
 from taichi_erosion.recording.stream import Recording
-
-if TYPE_CHECKING:
-    import rerun.blueprint as rrb
 
 SLICE_PIXELS = 900  # longer side of a slice [px]
 SLICE_LEAST = 160  # shorter side; thin boxes are drawn thicker than they are [px]
@@ -50,8 +46,6 @@ def open_wind_recording(path: Path, header: WindHeader) -> Recording:
 
 def wind_blueprint(curves: Mapping[str, str]) -> "rrb.Blueprint":
     """Slice above, profile and curves below."""
-    import rerun.blueprint as rrb
-
     series = [
         rrb.TimeSeriesView(name=legend, origin="/air", contents=[f"$origin/{curve}"])
         for curve, legend in curves.items()
@@ -99,8 +93,6 @@ def wind_colours(share: Floats) -> Colours:
 
 def log_profile(recording: Recording, speed: Floats, faces: Floats) -> None:
     """Write speeds [n] m s-1 between faces [n + 1] m as a curve of height against speed, with axes."""
-    import rerun as rr
-
     height, top = 0.5 * (faces[1:] + faces[:-1]) - faces[0], float(np.ptp(faces))
     high = max(float(speed.max()), np.finfo(float).tiny)
     low = float(speed.min()) if speed.min() < -BACKFLOW * high else 0.0

@@ -21,6 +21,7 @@ from typing import Any
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import REMEDY, check_writable
+from taichi_erosion.recording import rr
 
 RECORDING = ".rrd"
 SUFFIXES = (RECORDING, ".json", ".png", ".gif")
@@ -120,7 +121,5 @@ def lock_part_file(part: Path) -> BufferedWriter:
 
 def abandon_writer(stream: Any) -> None:
     """Let the program leave without waiting for a writer that has ended: at exit, and with its stream."""
-    import rerun
-
-    atexit.unregister(rerun.rerun_shutdown)
+    atexit.unregister(rr.rerun_shutdown)
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
