@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 from rich.console import Console
 from rich.text import Text
 
@@ -67,9 +68,10 @@ def draw_heap() -> None:
     reach = float(np.abs(position[:, 0]).max()) + MARGIN
     view = SideView((-reach, 0.0), (reach, float(position[:, 2].max()) + MARGIN), HEAP_SIZE)
     soil = (DARK * resting_colours(heap.ident)).astype(np.uint8)
-    drawn, empty = render_side(position, radius, view, soil), render_side(position[:0], radius[:0], view)
+    drawn = np.array(render_side(position, radius, view, soil))
+    empty = np.asarray(render_side(position[:0], radius[:0], view))
     drawn[(drawn == empty).all(axis=-1)] = PAPER
-    write_png(PICTURES / "heap.png", drawn)
+    write_png(PICTURES / "heap.png", Image.fromarray(drawn))
 
 
 def draw_study() -> None:

@@ -19,8 +19,8 @@ from taichi_erosion.core.device import start_device
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.measures.boundary_layer import (
     Profile,
+    coles_speed,
     displacement,
-    flat_plate_friction,
     flat_plate_thickness,
     momentum,
     profile_at,
@@ -39,6 +39,14 @@ CELLS, COARSE = (96, 1, 40), (48, 1, 20)
 SHARES = (0.075, 0.10)  # outer mixing length over the thickness, beside the scene's 0.09
 ROUGHNESS_FACTORS = (0.5, 2.0)
 PLANE = ("air.sides.y_low.kind=symmetry", "air.sides.y_high.kind=symmetry")
+
+
+def flat_plate_friction(speed: float, thick: float, roughness: float, viscosity: float) -> float:
+    """Friction velocity under a wind aloft [m s-1]: the inverse of `coles_speed`."""
+    friction = 0.04 * speed
+    for _ in range(50):  # gains a digit a round
+        friction *= speed / coles_speed(friction, thick, roughness, viscosity)
+    return friction
 
 
 def setup_at(speed: float, cells: tuple[int, int, int] = CELLS, *more: str) -> AirSetup:

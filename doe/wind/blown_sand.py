@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from doe.common.cases import Found, Row, by_case, read_rows
-from taichi_erosion.measures.flux_law import CUBIC, LINEAR, flux_power
+from doe.wind.flux_law import CUBIC, LINEAR, flux_power
 from taichi_erosion.measures.threshold import Bracket, flux_intercept
 from taichi_erosion.report.markdown import magnitude, markdown_table
 

@@ -36,9 +36,10 @@ from doe.wind.blown_sand import (
     predicted,
     simulated_thresholds,
 )
+from doe.wind.extremes import Watch, criterion_threshold
+from doe.wind.flux_law import vanishing_wind
 from doe.wind.saturated_sand import saturated_thresholds, winds_of
-from taichi_erosion.measures.extremes import Watch, criterion_threshold
-from taichi_erosion.measures.threshold import CONFIDENCE, vanishing_wind
+from taichi_erosion.measures.threshold import CONFIDENCE
 from taichi_erosion.report.markdown import markdown_table
 
 UNIFORM = "Bagnold 1937"  # of quartz, as the simulated sands

@@ -6,7 +6,7 @@ from math import isfinite, nan
 import numpy as np
 
 from doe.wind.blown_sand import AIR, BARE, MILLI, STRESS_LINE, Found, known, shown
-from taichi_erosion.measures.threshold import vanishing_wind
+from doe.wind.flux_law import vanishing_wind
 from taichi_erosion.report.markdown import markdown_table
 
 APART = " mm, "  # between the diameter and the wind in the label of a case

@@ -18,7 +18,7 @@ from doe.common.beds import simulate as beds_of_scene
 from doe.common.cases import ROOT, Case, settings
 from doe.common.command import words
 from doe.common.tables import read_table, write_table
-from taichi_erosion.measures.extremes import Watch, criterion_threshold
+from doe.wind.extremes import Watch, criterion_threshold
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.report.markdown import markdown_table

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 PathLike = str | Path
 SceneLike = PathLike | Mapping[str, Any]
 
+# of recorded grains
+UNITS = {"position": "m", "radius": "m", "velocity": "m s-1", "spin": "rad s-1", "force": "N"}
 # of a run beside its scene
 OPTIONS = ("seed", "replicas", "threads", "precision", "arch", "decomposition", "force")
 
@@ -61,8 +63,10 @@ class Run:
 
     @property
     def grains(self) -> "xr.Dataset":
-        """Recorded grains: position (time, grain, axis) [m] and radius (time, grain) [m], NaN before release.
+        """Recorded grains by time and grain, NaN before release.
 
+        Position [m], velocity [m s-1], spin [rad s-1] and force [N] also by axis; radius [m], contacts, and
+        what effects keep of a grain. Grains at rest keep the state with which the bed was last written.
         Raises BadInput for a run without a recording.
         """
         import numpy as np
@@ -74,15 +78,16 @@ class Run:
             raise BadInput("the run has no recording; run it with record=True")
         frames = read_grains(self.recording)
         grains = max((int(one.ident.max(initial=-1)) for one in frames), default=-1) + 1
-        position = np.full((len(frames), grains, 3), np.nan, dtype=np.float32)
-        radius = np.full((len(frames), grains), np.nan, dtype=np.float32)
-        for k, one in enumerate(frames):
-            position[k, one.ident], radius[k, one.ident] = one.position, one.radius
+        columns = [{"position": one.position, "radius": one.radius, **one.state} for one in frames]
+        variables = {}
+        for name, first in columns[0].items() if columns else ():
+            table = np.full((len(frames), grains, *first.shape[1:]), np.nan, dtype=np.float32)
+            for row, one, frame_columns in zip(table, frames, columns, strict=True):
+                row[one.ident] = frame_columns[name]
+            axes = ("time", "grain", "axis")[: table.ndim]
+            variables[name] = (axes, table, {"units": UNITS.get(name, "1")})
         return xr.Dataset(
-            {
-                "position": (("time", "grain", "axis"), position, {"units": "m"}),
-                "radius": (("time", "grain"), radius, {"units": "m"}),
-            },
+            variables,
             {
                 "time": ("time", [one.time for one in frames], {"units": "s"}),
                 "grain": np.arange(grains),

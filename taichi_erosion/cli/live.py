@@ -5,8 +5,9 @@ import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
+from time import monotonic
 
 import numpy as np
 import typer
@@ -23,6 +24,7 @@ from taichi_erosion.scene.paths import scene_paths
 PROMPT = "erosion> "
 PICTURE_COLUMNS = 72
 TIME_SUFFIX = "s"
+WATCH_INTERVAL = 1.0  # s of wall time between two lines of watched numbers
 WIDTH, HEIGHT = 64, 12  # characters of the curve
 MARK, EMPTY = "*", " "
 
@@ -82,7 +84,9 @@ def get_entry(session: Session, words: list[str]) -> str:
 
 
 def measure(session: Session, words: list[str]) -> str:
-    lines = [spoken(each) for each in live.measure_now(session).values()]
+    found = live.measure_now(session).values()
+    lines = [spoken(each) for each in found]
+    lines += [f"warning: {each.name}: {lack.sentence}" for each in found for lack in each.shortfalls]
     return "\n".join(lines) or "the scene has no measures"
 
 
@@ -138,7 +142,7 @@ def diff(session: Session, words: list[str]) -> str:
 
 
 def watch(session: Session, words: list[str]) -> str:
-    """Print numbers while the scene runs, at every check, until `watch off`."""
+    """Print numbers while the scene runs, once a second, until `watch off`."""
     if words == ["off"]:
         session.watched.clear()
         return "watching nothing"
@@ -146,12 +150,18 @@ def watch(session: Session, words: list[str]) -> str:
     return f"watching {', '.join(session.watched) or 'nothing'}"
 
 
-def sample(session: Session) -> None:
-    """Keep the numbers of this check for `plot`, and print those that are watched."""
-    now = queries.keep_sample(session)
-    if session.watched:
-        values = "  ".join(f"{name} {now[name]:.5g}" for name in session.watched)
-        typer.echo(f"{now['time_s']:.6g} s  {values}")
+@dataclass
+class Sampler:
+    """Callback that keeps the numbers of every check for `plot`, and prints those that are watched."""
+
+    printed: float = -inf  # s of the monotonic clock, at the latest print
+
+    def __call__(self, session: Session) -> None:
+        now = queries.keep_sample(session)
+        if session.watched and monotonic() - self.printed >= WATCH_INTERVAL:
+            self.printed = monotonic()
+            told = (f"{name} {now[name]:.5g} {unit}".rstrip() for name, unit in session.watched.items())
+            typer.echo(f"{now['time_s']:.6g} s  {'  '.join(told)}")
 
 
 def status(session: Session) -> str:
@@ -211,7 +221,7 @@ COMMANDS = {
     "get": LiveCommand("get PATH", "show an entry of the scene", get_entry),
     "measure": LiveCommand("measure", "evaluate the scene's measures now", measure),
     "plot": LiveCommand("plot NAME [FILE]", "curve of a number so far, here or as PNG", plot),
-    "watch": LiveCommand("watch NAME... | watch off", "print numbers while the scene runs", watch),
+    "watch": LiveCommand("watch NAME... | watch off", "print numbers once a second while it runs", watch),
     "diff": LiveCommand(
         "diff [NAME [NAME]]", "entries changed since the scene file or a saved state, or between two", diff
     ),
@@ -298,7 +308,9 @@ def read_commands(session: Session, lines: Iterable[str], is_strict: bool) -> No
 def run_prompt(session: Session, path: Path, viewer: str | None) -> None:
     """Run commands to the end of the input, with a growing recording for a viewer."""
     recorder = live.record_session(session, path, viewer)
-    session.callbacks.append(sample)
+    session.callbacks.append(Sampler())
+    for sentence in live.warnings_now(session):
+        typer.echo(f"warning: {sentence}")
     try:
         read_commands(session, input_lines(session), is_strict=not sys.stdin.isatty())
     finally:

@@ -40,6 +40,8 @@ class Snapshot:
     waiting: int  # spheres not released yet
     # by `effect.number`: [n] state variables that effects keep of every sphere, in their own units
     effect_state: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    # [n, 3] N, resultant of contacts, air, effects and gravity at the last step; None where it is not known
+    force: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,6 @@ from taichi_erosion.measures.result import Measurement, no_measurement
 KARMAN, WAKE = 0.40, 0.55  # kappa and Pi of Coles' profile [1]
 GROWTH = 0.37  # of a turbulent layer on a flat plate [1]
 SMOOTH = 0.11  # z0 u* / nu of a smooth wall [1]
-GUESS = 0.04  # first u* / U of an iteration [1]
-ROUNDS = 50  # of an iteration that gains a digit a round
 EDGE = 0.99  # of the speed aloft: where the layer ends, by convention [1]
 LOG_LOW = 30.0  # wall distance u* z / nu at which the logarithmic part begins [1]
 LOG_HIGH = 0.2  # of the layer's thickness, where it ends [1]
@@ -182,11 +180,3 @@ def coles_speed(friction: float, thick: float, roughness: float, viscosity: floa
     """
     effective = roughness + SMOOTH * viscosity / friction
     return friction / KARMAN * (log(thick / effective) + 2.0 * WAKE)
-
-
-def flat_plate_friction(speed: float, thick: float, roughness: float, viscosity: float) -> float:
-    """Friction velocity under a wind aloft [m s-1]: the inverse of `coles_speed`."""
-    friction = GUESS * speed
-    for _ in range(ROUNDS):
-        friction *= speed / coles_speed(friction, thick, roughness, viscosity)
-    return friction

@@ -3,27 +3,33 @@
 Uneven light is divided out and a tilted picture turned before the fit. What cannot be trusted is refused: an
 outline that depends on the threshold, flanks that differ or that the outline leaves, a heap too flat for one.
 
-Reference: Hao et al. (2022), angle of repose test; outline and fit are those of simulated silhouettes.
+The base line, of the plate beside the heap or of the heap's lower edge, is found by a Hough transform over
+small tilts: of all lines below which hardly any point of the outline lies, the one with most points on it.
+Its tilt is that of the camera about its line of sight, or of the plate.
+
+Reference: Hao et al. (2022), angle of repose test; outline and fit are those of simulated silhouettes. Duda &
+Hart (1972), Commun. ACM 15, 11 (lines in pictures by angle and distance).
 """
 
-from dataclasses import dataclass
-from math import hypot, inf
+from dataclasses import dataclass, replace
+from math import atan, cos, degrees, hypot, inf, radians, sin
 from pathlib import Path
 from typing import Any, Literal
 
-import imageio.v3 as imageio
 import numpy as np
 import scipy
 from numpy.typing import NDArray
+from PIL import Image, ImageOps
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import regular_file
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.measures import silhouette
-from taichi_erosion.measures.base_line import Turn, find_base_line
 from taichi_erosion.measures.result import Measurement, as_record
 from taichi_erosion.measures.silhouette import Flank, Outline
 
 Grey = NDArray[np.float64]  # [rows, columns], 0 black to 1 white
+Mask = NDArray[np.bool_]  # [rows, columns]
 Background = Literal["auto", "dark", "light"]
 Box = tuple[int, int, int, int]  # left, top, right, bottom [px], right and bottom excluded
 
@@ -45,6 +51,16 @@ MOST_DIFFERENCE = 12.0  # deg between the flanks; one pile poured from above has
 LEAST_ANGLE = 8.0  # deg; spheres without rolling friction heap at 18
 MOST_DEVIATION = 0.12  # rms distance of outline and lines over the height [1]; round tops stay below 0.05
 DRAWN_POINTS = 200  # of an outline
+LARGEST_TILT = 15.0  # deg; beyond it a base line is not told from a flat flank
+TILT_STEP = 0.25  # deg, of the search
+NEAR = 1.5  # px from the line within which a point lies on it
+BELOW = 3.0  # px under the line from which a point lies below it
+BELOW_SHARE = 0.03  # of the columns that may lie below: dust, corners
+LEAST_SHARE = 0.03  # of the columns that must lie on a line of the plate
+LOWER_PLATE_SHARE = 0.1  # the same where a lower edge is seen: a foot alone looks like a short plate
+LOWER_EDGE_SHARE = 0.5  # of the columns that must lie on a line of the lower edge
+PARALLEL = 2.0  # deg between plate and lower edge, within which they are one object
+FRAME_SHARE = 0.5  # of the columns that reach the frame, from which the lower edge is that of the picture
 SENTENCES = {
     "curved_left": "left flank not straight",
     "curved_right": "right flank not straight",
@@ -59,11 +75,11 @@ SENTENCES = {
 class Heap:
     """Foreground above the base line."""
 
-    body: NDArray[np.bool_]  # last row just above the base line
+    body: Mask  # last row just above the base line
     threshold: float  # grey level between heap and background [1]
     background: Literal["dark", "light"]
     base: Literal["seen", "not seen"]  # whether a base line was found
-    turn: Turn  # of the picture, by which its base line became horizontal
+    tilt: float  # deg, by which the picture was turned so that its base line became horizontal
 
 
 @dataclass(frozen=True)
@@ -86,12 +102,11 @@ class Detection:
 
 
 def measure_photograph(
-    path: str | Path, crop: Box | None = None, background: Background = "auto", grain: float = 0.0
+    path: str | Path, crop: Box | None = None, background: Background = "auto"
 ) -> dict[str, Any]:
     """Angle of repose of a heap photographed from the side [deg], as a JSON-able record.
 
-    `crop` is (left, top, right, bottom) in pixels; without a visible plate its lower edge is the base.
-    `grain` is the diameter in pixels, if known: it keeps a monolayer of rolled-off grains out of the fit. The
+    `crop` is (left, top, right, bottom) in pixels; without a visible plate its lower edge is the base. The
     angles are those to the base line. `sd` joins the errors of both fits, the difference of the flanks and
     the change by other thresholds: hypot(hypot(e_l, e_r) / 2, |left - right| / 2, (max - min) / 2). Raises
     BadInput where the picture shows no heap, or where the detection is not certain.
@@ -100,11 +115,10 @@ def measure_photograph(
     grey = read_grey(path)
     left, top, right, bottom = box = checked_crop(path, grey, crop)
     calm = evened(scipy.ndimage.median_filter(grey[top:bottom, left:right], size=3))
-    found = detect(path, calm, background, grain)
-    steadiness = steadiness_of(path, calm, found, grain)
+    found = detect(path, calm, background)
+    steadiness = steadiness_of(path, calm, found)
     refuse_uncertain(path, found, steadiness)
-    flags = raise_flags(found.heap, found.flanks, float(found.outline.height.max()), grain)
-    record = as_record(summarise(found, flags, steadiness))
+    record = as_record(summarise(found, steadiness))
     record["details"] |= {
         "height_pixels": int(found.outline.height.max()),
         "base_row": top + found.heap.body.shape[0],
@@ -112,26 +126,24 @@ def measure_photograph(
         "threshold": found.heap.threshold,
         "background": found.heap.background,
         "base_line": found.heap.base,
-        "tilt": found.heap.turn.tilt,
+        "tilt": found.heap.tilt,
         "crop": list(box),
-        "drawing": drawing(found, left, top),
+        "drawing": drawing(found, calm.shape, (left, top)),
     }
     return record
 
 
-def detect(
-    path: Path, calm: Grey, background: Background, grain: float, threshold: float | None = None
-) -> Detection:
+def detect(path: Path, calm: Grey, background: Background, threshold: float | None = None) -> Detection:
     """Heap, outline and flanks; Otsu's threshold unless one is given. Raises BadInput where there is none."""
     heap = find_heap(path, calm, background, threshold)
     outline = silhouette.extract_outline(heap.body, 1.0)
-    flanks = silhouette.fit_flanks(outline, grain, max(SHORTEST_FLANK, 3.0 * grain))
+    flanks = silhouette.fit_flanks(outline, 0.0, SHORTEST_FLANK)
     if not any(flanks):
         raise BadInput(f"{path}: no flank found; give --crop around the heap or --background dark|light")
     return Detection(heap, outline, flanks)
 
 
-def steadiness_of(path: Path, calm: Grey, found: Detection, grain: float) -> tuple[float, float]:
+def steadiness_of(path: Path, calm: Grey, found: Detection) -> tuple[float, float]:
     """Least and largest angle with thresholds to either side of the chosen one; infinite where one fails."""
     dark = float(np.mean(calm[calm <= found.heap.threshold]))
     light = float(np.mean(calm[calm > found.heap.threshold]))
@@ -139,7 +151,7 @@ def steadiness_of(path: Path, calm: Grey, found: Detection, grain: float) -> tup
     for side in (-THRESHOLD_SHIFT, THRESHOLD_SHIFT):
         moved = found.heap.threshold + side * (light - dark)
         try:
-            angles.append(detect(path, calm, found.heap.background, grain, moved).angle)
+            angles.append(detect(path, calm, found.heap.background, moved).angle)
         except BadInput:
             angles.append(inf)
     return min(angles), max(angles)
@@ -178,13 +190,17 @@ def deviation(found: Detection) -> float:
     return float(np.sqrt(np.mean(np.concatenate(gaps) ** 2))) / height
 
 
-def drawing(found: Detection, left: int, top: int) -> dict[str, Any]:
-    """What was detected, in pixels (column, row) of the photograph: outline, base line, fitted lines."""
+def drawing(found: Detection, shape: tuple[int, ...], corner: tuple[int, int]) -> dict[str, Any]:
+    """What was detected, in pixels (column, row) of the photograph: outline, base line, fitted lines.
+
+    `shape` is that of the crop, (column, row) of whose upper left is `corner`.
+    """
     base, axis, position = found.heap.body.shape[0], found.axis, found.outline.position
+    middle, c, s = 0.5 * np.array(shape[1::-1]), cos(radians(found.heap.tilt)), sin(radians(found.heap.tilt))
 
     def there(points: Any) -> list[list[float]]:
-        placed = found.heap.turn.back(np.asarray(points, dtype=float)) + np.array([left, top])
-        return [[round(float(column), 2), round(float(row), 2)] for column, row in placed]
+        turned = (np.asarray(points, dtype=float) - middle) @ np.array([[c, s], [-s, c]])
+        return (turned + middle + np.array(corner)).round(2).tolist()
 
     covered = np.flatnonzero(found.outline.height > 0.0)
     drawn = covered[:: max(1, covered.size // DRAWN_POINTS)]
@@ -202,7 +218,9 @@ def drawing(found: Detection, left: int, top: int) -> dict[str, Any]:
 def read_grey(path: Path) -> Grey:
     """Luminance of a picture, 0 to 1, turned upright; its opacity where the picture is partly transparent."""
     try:
-        picture = np.asarray(imageio.imread(regular_file(path), plugin="pillow", index=0, rotate=True))
+        with Image.open(regular_file(path)) as opened:
+            coloured = opened.convert("RGBA") if opened.mode == "P" else opened  # numbered colours
+            picture = np.asarray(ImageOps.exif_transpose(coloured))
     except FileNotFoundError as error:
         raise BadInput(f"{path}: no such file") from error
     except Exception as error:  # decoders raise whatever a damaged file makes them raise
@@ -243,10 +261,11 @@ def find_heap(path: Path, grey: Grey, background: Background, threshold: float |
     threshold = chosen if threshold is None else threshold
     side = border_side(grey, threshold) if background == "auto" else background
     scene = foreground(grey, threshold, side)
-    line, turn = find_base_line(scene), Turn(0.0, grey.shape)
+    line, tilt = find_base_line(scene), 0.0
     if line is not None and abs(line.tilt) > max(TILT_SEEN, line.error):
-        turn = Turn(line.tilt, grey.shape)
-        scene = foreground(turn.picture(grey), threshold, side)
+        tilt = line.tilt
+        turned = scipy.ndimage.rotate(grey, tilt, reshape=False, order=1, mode="nearest")
+        scene = foreground(turned, threshold, side)
         line = find_base_line(scene)
     base = plate_row(scene) if line is None else min(max(round(line.row), 1), scene.shape[0])
     if base < LOWEST_HEAP:
@@ -255,7 +274,62 @@ def find_heap(path: Path, grey: Grey, background: Background, threshold: float |
     height = base - int(np.argmax(body.any(axis=1)))
     if not body.any() or height < LOWEST_HEAP:
         raise BadInput(f"{path}: no heap: nothing rises {LOWEST_HEAP} pixels above the base at row {base}")
-    return Heap(body, threshold, side, "not seen" if line is None else "seen", turn)
+    return Heap(body, threshold, side, "not seen" if line is None else "seen", tilt)
+
+
+@dataclass(frozen=True)
+class BaseLine:
+    """Straight line in a picture: row = middle row + tan(tilt) (column - middle column)."""
+
+    tilt: float  # deg; positive: falls to the right
+    row: float  # px, at the middle column
+    columns: int  # of the outline that lie on it
+    error: float  # deg, of the tilt: NEAR over the length of the line
+
+
+def find_base_line(scene: Mask) -> BaseLine | None:
+    """Base line of the largest foreground body; None where neither plate nor lower edge is seen.
+
+    Where both are seen and are parallel, the level is that of the plate, the tilt that of the longer line.
+    """
+    columns = np.flatnonzero(scene.any(axis=0))
+    if columns.size == 0:
+        return None
+    across = columns + 0.5 - 0.5 * scene.shape[1]
+    bottom = (scene.shape[0] - np.argmax(scene[::-1, columns], axis=0)).astype(float)
+    is_cut = np.mean(bottom >= scene.shape[0]) > FRAME_SHARE
+    lower = None if is_cut else best_line(across, bottom, LOWER_EDGE_SHARE)
+    top = np.argmax(scene[:, columns], axis=0).astype(float)
+    plate = best_line(across, top, LEAST_SHARE if lower is None else LOWER_PLATE_SHARE)
+    if plate is None or lower is None or plate.columns >= lower.columns:
+        return plate or lower
+    parallel = abs(plate.tilt - lower.tilt) < PARALLEL
+    return replace(plate, tilt=lower.tilt, error=lower.error) if parallel else lower
+
+
+def best_line(across: Floats, row: Floats, least_share: float) -> BaseLine | None:
+    """Line that most points lie on and hardly any below; refined by least squares through these points."""
+    best = np.zeros(row.size, dtype=bool)
+    for tilt in np.arange(-LARGEST_TILT, LARGEST_TILT + 0.5 * TILT_STEP, TILT_STEP):
+        on = points_on_line(row * cos(radians(tilt)) - across * sin(radians(tilt)))
+        best = on if on.sum() > best.sum() else best
+    if best.sum() < max(least_share * row.size, 2.0):
+        return None
+    slope, middle = np.polyfit(across[best], row[best], 1)
+    error = degrees(NEAR / float(np.ptp(across[best])))
+    return BaseLine(degrees(atan(float(slope))), float(middle), int(best.sum()), error)
+
+
+def points_on_line(level: Floats) -> NDArray[np.bool_]:
+    """Points within NEAR of the level that most points have, of levels that hardly any point lies below.
+
+    Levels count downwards: the lowest points of the outline have the largest.
+    """
+    lowest = float(np.quantile(level, 1.0 - BELOW_SHARE))
+    counts, edges = np.histogram(level, bins=max(int(np.ceil(np.ptp(level))), 1))
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    counts = np.where(middle >= lowest - BELOW, counts, 0)
+    return np.asarray(np.abs(level - middle[int(np.argmax(counts))]) <= NEAR)
 
 
 def powers_of(column: Grey, row: Grey) -> tuple[Any, ...]:
@@ -263,7 +337,7 @@ def powers_of(column: Grey, row: Grey) -> tuple[Any, ...]:
     return 1.0, column, row, column**2, row**2, row * column
 
 
-def foreground(grey: Grey, threshold: float, side: Literal["dark", "light"]) -> NDArray[np.bool_]:
+def foreground(grey: Grey, threshold: float, side: Literal["dark", "light"]) -> Mask:
     """Largest body that differs from the background, without specks."""
     different = grey > threshold if side == "dark" else grey <= threshold
     opened = scipy.ndimage.binary_opening(different, structure=silhouette.EIGHT_NEIGHBOURS)
@@ -276,27 +350,21 @@ def evened(grey: Grey) -> Grey:
     The background is a quadratic in column and row through the upper border of the picture and the sides of
     its upper half, fitted twice, the second time without what is far off (other objects).
     """
-    rows, columns = grey.shape
-    row, column = np.arange(rows)[:, np.newaxis] / rows, np.arange(columns)[np.newaxis, :] / columns
-    outer = (column < FRAME_COLUMNS) | (column > 1.0 - FRAME_COLUMNS)
+    row, column = (np.arange(n) / n for n in grey.shape)
+    row, column = row[:, np.newaxis], column[np.newaxis, :]
+    outer = np.abs(column - 0.5) > 0.5 - FRAME_COLUMNS
     at = np.nonzero((row < FRAME_ROWS) | (outer & (row < 0.5)))
     at = tuple(index[:: max(1, at[0].size // BORDER_SAMPLES)] for index in at)
-    samples, level = (
-        np.stack(np.broadcast_arrays(*powers_of(at[1] / columns, at[0] / rows)), axis=-1),
-        grey[at],
-    )
-    kept = np.ones(level.size, dtype=bool)
-    coefficients = np.zeros(samples.shape[-1])
+    samples = np.column_stack(np.broadcast_arrays(*powers_of(column[0, at[1]], row[at[0], 0])))
+    level, kept = grey[at], np.ones(at[0].size, dtype=bool)
+    coefficients = np.zeros(samples.shape[1])
     for _ in range(2):
         coefficients = np.linalg.lstsq(samples[kept], level[kept], rcond=None)[0]
         gap = np.abs(level - samples @ coefficients)
         kept = gap <= 3.0 * max(float(np.median(gap)), 1.0 / GREY_LEVELS)
-    light = np.maximum(
-        sum(c * power for c, power in zip(coefficients, powers_of(column, row), strict=True)), DARKEST
-    )
-    even = np.clip(grey / light * float(np.median(level[kept])), 0.0, 1.0)
-    gain = otsu_threshold(even)[1] - otsu_threshold(grey)[1]
-    return even if gain > LIGHT_GAIN else grey
+    light = sum(c * power for c, power in zip(coefficients, powers_of(column, row), strict=True))
+    even = np.clip(grey / np.maximum(light, DARKEST) * float(np.median(level[kept])), 0.0, 1.0)
+    return even if otsu_threshold(even)[1] - otsu_threshold(grey)[1] > LIGHT_GAIN else grey
 
 
 def otsu_threshold(grey: Grey) -> tuple[float, float]:
@@ -312,18 +380,15 @@ def otsu_threshold(grey: Grey) -> tuple[float, float]:
     Reference: Otsu (1979), IEEE Trans. Syst. Man Cybern. 9, 62, eq. (18) and (15).
     """
     counts, edges = np.histogram(grey, bins=GREY_LEVELS, range=(0.0, 1.0))
-    level = 0.5 * (edges[1:] + edges[:-1])
-    share = np.cumsum(counts) / grey.size
-    moment = np.cumsum(counts * level) / grey.size
+    chance, level = counts / grey.size, 0.5 * (edges[1:] + edges[:-1])
+    share, moment = np.cumsum(chance), np.cumsum(chance * level)
     within = share * (1.0 - share)
-    between = np.divide(
-        (moment[-1] * share - moment) ** 2, within, out=np.zeros(GREY_LEVELS), where=within > 0.0
-    )
-    variance = float(np.sum(counts * (level - moment[-1]) ** 2)) / grey.size
+    gap = moment[-1] * share - moment
+    between = np.divide(gap**2, within, out=np.zeros(GREY_LEVELS), where=within > 0.0)
+    variance = float(chance @ (level - moment[-1]) ** 2)
     best = np.flatnonzero(between >= between.max() * (1.0 - 1e-9))
     # empty levels between two clean classes all serve alike: the middle one leaves room on both sides
-    threshold = float(edges[1:][best].mean())
-    return threshold, float(between.max()) / variance if variance > 0.0 else 0.0
+    return float(edges[1:][best].mean()), float(between.max()) / variance if variance > 0.0 else 0.0
 
 
 def border_side(grey: Grey, threshold: float) -> Literal["dark", "light"]:
@@ -333,7 +398,7 @@ def border_side(grey: Grey, threshold: float) -> Literal["dark", "light"]:
     return "dark" if np.median(frame) <= threshold else "light"
 
 
-def plate_row(scene: NDArray[np.bool_]) -> int:
+def plate_row(scene: Mask) -> int:
     """Row just below the foot of the heap: the highest one almost as wide as the widest.
 
     A plate or table that belongs to the foreground is wider than the heap at once; without one the widest row
@@ -343,11 +408,10 @@ def plate_row(scene: NDArray[np.bool_]) -> int:
     return int(np.argmax(width >= PLATE_SHARE * width.max()))
 
 
-def raise_flags(
-    heap: Heap, flanks: tuple[Flank | None, Flank | None], height: float, grain: float
-) -> list[str]:
+def raise_flags(found: Detection) -> list[str]:
     """Flags of the angle; the keys of SENTENCES."""
-    left, right = flanks
+    (left, right), body = found.flanks, found.heap.body
+    height = float(found.outline.height.max())
     raised = {
         "curved_left": left is not None and silhouette.is_bent(left.bend, left.bend_error),
         "curved_right": right is not None and silhouette.is_bent(right.bend, right.bend_error),
@@ -356,15 +420,15 @@ def raise_flags(
         "flat_top": left is not None
         and right is not None
         and min(left.angle, right.angle) > 0.0
-        and silhouette.is_flat_topped(height, silhouette.meeting_height(left, right), grain),
-        "cut_by_frame": bool(heap.body[0].any() or heap.body[:, 0].any() or heap.body[:, -1].any()),
+        and silhouette.is_flat_topped(height, silhouette.meeting_height(left, right), 0.0),
+        "cut_by_frame": bool(body[0].any() or body[:, 0].any() or body[:, -1].any()),
     }
     return [flag for flag, is_raised in raised.items() if is_raised]
 
 
-def summarise(found: Detection, flags: list[str], steadiness: tuple[float, float]) -> Measurement:
+def summarise(found: Detection, steadiness: tuple[float, float]) -> Measurement:
     """One angle from the flanks that were found."""
-    flanks = [flank for flank in found.flanks if flank is not None]
+    flanks, flags = [flank for flank in found.flanks if flank is not None], raise_flags(found)
     angles = [flank.angle for flank in flanks]
     errors = hypot(*(flank.error for flank in flanks)) / len(flanks)
     spread = 0.5 * (steadiness[1] - steadiness[0])
@@ -374,7 +438,7 @@ def summarise(found: Detection, flags: list[str], steadiness: tuple[float, float
         "residual_pixels": float(np.sqrt(np.mean([flank.residual**2 for flank in flanks]))),
         "flags": flags,
     }
-    tilt = found.heap.turn.tilt
+    tilt = found.heap.tilt
     turned = f"the base line falls by {abs(tilt):.1f} deg to the {'right' if tilt > 0 else 'left'}: corrected"
     notes = [turned] if tilt else []
     if found.heap.base == "not seen":

@@ -97,16 +97,6 @@ def flux_intercept(trials: Sequence[tuple[float, float]]) -> Bracket | None:
     return Bracket(sqrt(start - error), sqrt(start + error))
 
 
-def vanishing_wind(left: Floats, borne: Floats, measure: Floats, density: float) -> Bracket | None:
-    """Friction velocity at which a measure of saturated transport in steady winds would vanish.
-
-    `left` and `borne` are the stresses of air and grains at the bed [Pa], wind by wind, `density` that of the
-    air [kg m-3]. Both stresses together count, not that of the lid: the air above stores momentum. Fitted,
-    and None, as by `flux_intercept`.
-    """
-    return flux_intercept(list(zip(np.sqrt((left + borne) / density), measure, strict=True)))
-
-
 def ratio(name: str, impact: Bracket | None, fluid: Bracket | None) -> Measurement:
     """Impact over fluid threshold of one bed [1]."""
     if impact is None or fluid is None:

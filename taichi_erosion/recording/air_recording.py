@@ -3,19 +3,16 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from PIL import Image
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import AirSnapshot
-from taichi_erosion.recording import pictures, stream
+from taichi_erosion.recording import pictures, rr, rrb, stream
 from taichi_erosion.recording.blueprint import image_view, with_time_panel
-from taichi_erosion.recording.pictures import Image
+from taichi_erosion.recording.pictures import Colours, Picture
 from taichi_erosion.recording.stream import Recording
-
-if TYPE_CHECKING:
-    import rerun.blueprint as rrb
 
 SLICE_PIXELS = 900  # longer side of a slice [px]
 SLICE_LEAST = 160  # shorter side; thin boxes are drawn thicker than they are [px]
@@ -49,8 +46,6 @@ def open_wind_recording(path: Path, header: WindHeader) -> Recording:
 
 def wind_blueprint(curves: Mapping[str, str]) -> "rrb.Blueprint":
     """Slice above, profile and curves below."""
-    import rerun.blueprint as rrb
-
     series = [
         rrb.TimeSeriesView(name=legend, origin="/air", contents=[f"$origin/{curve}"])
         for curve, legend in curves.items()
@@ -71,7 +66,7 @@ def log_wind(recording: Recording, state: AirSnapshot, step: int, curves: Mappin
     stream.log_values(recording, "air", curves)
 
 
-def speed_slice(state: AirSnapshot) -> Image:
+def speed_slice(state: AirSnapshot) -> Picture:
     """Picture of the speed in the vertical plane along the wind through the middle of the box."""
     middle = state.velocity.shape[1] // 2
     speed = np.linalg.norm(state.velocity[:, middle], axis=-1)
@@ -83,15 +78,14 @@ def speed_slice(state: AirSnapshot) -> Image:
     heights = state.faces_z[0] + height * (np.arange(rows)[::-1] + 0.5) / rows
     up = np.clip(np.searchsorted(state.faces_z, heights) - 1, 0, speed.shape[1] - 1)
     fastest = max(float(speed.max()), np.finfo(float).tiny)
-    image = wind_colours(speed[across[None, :], up[:, None]] / fastest)
-    legend = (pictures.MARGIN, pictures.MARGIN)
-    if min(image.shape[0] // 4, image.shape[1] // 2) > pictures.COLOUR_BAR[1]:
+    picture = Image.fromarray(wind_colours(speed[across[None, :], up[:, None]] / fastest))
+    if min(rows // 4, columns // 2) > pictures.COLOUR_BAR[1]:
         bar = wind_colours(np.linspace(0.0, 1.0, pictures.COLOUR_BAR[0]))
-        pictures.draw_colour_bar(image, legend, bar, (0.0, fastest))
-    return image
+        pictures.draw_colour_bar(picture, (pictures.MARGIN, pictures.MARGIN), bar, (0.0, fastest))
+    return picture
 
 
-def wind_colours(share: Floats) -> Image:
+def wind_colours(share: Floats) -> Colours:
     """Colour of a share of the fastest wind [1]."""
     anchors = np.vstack([STILL_AIR, FAST])
     return pictures.interpolate_colours(np.clip(share, 0.0, 1.0), anchors)
@@ -99,8 +93,6 @@ def wind_colours(share: Floats) -> Image:
 
 def log_profile(recording: Recording, speed: Floats, faces: Floats) -> None:
     """Write speeds [n] m s-1 between faces [n + 1] m as a curve of height against speed, with axes."""
-    import rerun as rr
-
     height, top = 0.5 * (faces[1:] + faces[:-1]) - faces[0], float(np.ptp(faces))
     high = max(float(speed.max()), np.finfo(float).tiny)
     low = float(speed.min()) if speed.min() < -BACKFLOW * high else 0.0

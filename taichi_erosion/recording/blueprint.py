@@ -3,16 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi, radians, tan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from taichi_erosion.core.setup import Floats, Triple
-from taichi_erosion.recording import pictures
+from taichi_erosion.recording import pictures, rrb
 from taichi_erosion.recording.wall_mesh import WallMesh
-
-if TYPE_CHECKING:
-    import rerun.blueprint as rrb
 
 BED_FRACTION = 0.55  # solid volume over volume of a loose heap [1], to guess its size before it exists
 HEAP_SLOPE = radians(30.0)  # flank of the guessed heap [rad]
@@ -36,15 +33,15 @@ class Focus:
     radius: float  # m
 
 
-def heap_focus(radii: Floats, foot: Triple = (0.0, 0.0, 0.0)) -> Focus:
-    """Ball about the heap that grains of these radii [m] will form on the point `foot` [m].
+def heap_focus(radii: Floats) -> Focus:
+    """Ball about the heap that grains of these radii [m] will form on the origin.
 
     A cone of slope a and base radius R holds  V = (pi / 3) R^3 tan a,  and the grains of radii r fill
     V = sum (4 / 3) pi r^3 / bed fraction.
     """
     volume = 4.0 / 3.0 * pi * float((radii**3).sum()) / BED_FRACTION
     radius = (3.0 * volume / (pi * tan(HEAP_SLOPE))) ** (1.0 / 3.0)
-    return Focus((foot[0], foot[1], foot[2] + radius * tan(HEAP_SLOPE)), HEAP_MARGIN * radius)
+    return Focus((0.0, 0.0, radius * tan(HEAP_SLOPE)), HEAP_MARGIN * radius)
 
 
 def choose_focus(kind: str, radii: Floats, walls: Sequence[WallMesh]) -> Focus:
@@ -59,8 +56,6 @@ def choose_focus(kind: str, radii: Floats, walls: Sequence[WallMesh]) -> Focus:
 
 def with_time_panel(layout: Any, frames_per_second: float = FRAMES_PER_SECOND) -> "rrb.Blueprint":
     """Blueprint of a layout: time panel collapsed, other panels hidden, nothing added by the viewer."""
-    import rerun.blueprint as rrb
-
     return rrb.Blueprint(
         layout,
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, fps=frames_per_second),
@@ -73,8 +68,6 @@ def with_time_panel(layout: Any, frames_per_second: float = FRAMES_PER_SECOND) -
 
 def blueprint(kind: str, focus: Focus) -> "rrb.Blueprint":
     """Blueprint of a run: grains large on the left; on the right measure, curves and texts."""
-    import rerun.blueprint as rrb
-
     right = rrb.Vertical(
         *kind_views(kind),
         rrb.Tabs(
@@ -90,8 +83,6 @@ def blueprint(kind: str, focus: Focus) -> "rrb.Blueprint":
 
 def kind_views(kind: str) -> "list[rrb.View]":
     """Views for a kind of scene: outline of a heap, wind and transport, or speeds."""
-    import rerun.blueprint as rrb
-
     energy = rrb.TimeSeriesView(
         name="Energy, decades of J", origin="/decades", plot_legend=rrb.Corner2D.LeftBottom
     )
@@ -109,15 +100,11 @@ def kind_views(kind: str) -> "list[rrb.View]":
 
 def image_view(name: str, origin: str) -> "rrb.Spatial2DView":
     """Picture or plane drawing on the dark background."""
-    import rerun.blueprint as rrb
-
     return rrb.Spatial2DView(name=name, origin=origin, background=pictures.NIGHT)
 
 
 def curve_view(name: str, origin: str, *entries: str) -> "rrb.TimeSeriesView":
     """Curves of some entries below an entity."""
-    import rerun.blueprint as rrb
-
     contents = [f"$origin/{entry}" for entry in entries]
     return rrb.TimeSeriesView(name=name, origin=origin, contents=contents, plot_legend=rrb.Corner2D.LeftTop)
 
@@ -126,8 +113,6 @@ def grain_view(
     focus: Focus, name: str = "Grains", below: str = "/world", distance: float = DISTANCE
 ) -> "rrb.Spatial3DView":
     """Grains and walls of an entity from the front, a little from above and from the right."""
-    import rerun.blueprint as rrb
-
     towards_eye = np.array(VIEW_DIRECTION) / np.linalg.norm(VIEW_DIRECTION)
     centre = MAGNIFICATION * np.array(focus.centre)
     eye = centre + MAGNIFICATION * distance * focus.radius * towards_eye

@@ -13,7 +13,7 @@ COLLECTION = "grains.pvd"
 
 
 def export_vtk(recording: Path, folder: Path, force: bool = False) -> Path:
-    """Write every frame of a recording as points with radius and identity; returns the list of frames.
+    """Write every frame of a recording as points with all their columns; returns the list of frames.
 
     Open the list in ParaView and draw the points as spheres scaled by `radius` [m]. Raises BadInput where the
     recording holds no frame, the folder cannot be written, or it holds frames of something else.
@@ -40,9 +40,8 @@ def write_frame(frame: GrainFrame, folder: Path, number: int) -> str:
 
     name = f"grains_{number:05d}.vtu"
     points = np.arange(len(frame.ident))[:, None]
-    mesh = meshio.Mesh(
-        frame.position, [("vertex", points)], point_data={"radius": frame.radius, "ident": frame.ident}
-    )
+    columns = {"radius": frame.radius, "ident": frame.ident, **frame.state}
+    mesh = meshio.Mesh(frame.position, [("vertex", points)], point_data=columns)
     mesh.write(folder / name, file_format="vtu")
     return name
 

@@ -1,25 +1,51 @@
-"""Files of a run beside its recording, and the refusal to replace those of another run.
+"""Files of a run: whether they may be written, whether the disk has room, and who writes a recording.
 
 A run of a scene replaces the recording, document, silhouettes and film of an earlier run of the same scene
 under the same name. The document names its scene and the other files; a recording without a document, which
 an interruption leaves, is known by the name of the program at its beginning.
+
+rerun writes from a thread of its own. At the first byte that the disk refuses the thread ends, what is logged
+afterwards goes nowhere, and the program would wait for that thread for ever when it leaves. A recording is
+therefore closed, whole, while there still is room for the results; where the disk refuses even so, the wait
+is called off.
 """
 
+import atexit
+import ctypes
+import fcntl
 import json
+import shutil
+from io import BufferedWriter
 from pathlib import Path
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import REMEDY
+from taichi_erosion.core.files import REMEDY, check_writable
+from taichi_erosion.recording import rr
 
-SUFFIXES = (".rrd", ".json", ".png", ".gif")
+RECORDING = ".rrd"
+SUFFIXES = (RECORDING, ".json", ".png", ".gif")
 HEAD = 4096  # bytes of a recording in which the name of its program stands
 PROGRAM = b"taichi_erosion"
+MEGABYTE = 10**6  # bytes
+FREE_SPACE_LEAST = 50 * MEGABYTE  # bytes left free for documents, pictures and a checkpoint
+
+
+def refuse_unwritable(output: Path, scene: Path) -> None:
+    """Raise BadInput where an output cannot be written, is no file, or is the scene itself."""
+    check_writable(output)
+    if output.resolve() == scene.resolve():
+        raise BadInput(f"{output}: is the scene itself; give another name to what is written")
 
 
 def refuse_foreign_outputs(record: Path, scene: Path, force: bool = False) -> None:
-    """Raise BadInput where a run would replace a file that no run of this scene wrote."""
+    """Raise BadInput where a run cannot write its files, or would replace what none of its scene wrote."""
+    refuse_unwritable(record, scene)
+    if record.suffix != RECORDING:
+        raise BadInput(f"{record}: is no name of a recording, which ends in {RECORDING}")
     present = [path for suffix in SUFFIXES if (path := record.with_suffix(suffix)).exists()]
+    for path in present:
+        refuse_unwritable(path, scene)
     if force or not present:
         return
     document = document_of(record)
@@ -51,7 +77,7 @@ def document_of(record: Path) -> dict[str, Any]:
 
 def is_recording(path: Path) -> bool:
     """Whether a file is a recording of this program."""
-    if path.suffix != ".rrd" or not path.is_file():
+    if path.suffix != RECORDING or not path.is_file():
         return False
     with path.open("rb") as file:
         return PROGRAM in file.read(HEAD)
@@ -64,3 +90,36 @@ def unused_name(path: Path) -> Path:
         number += 1
         free = path.with_name(f"{path.stem}-{number}{path.suffix}")
     return free
+
+
+def is_disk_nearly_full(path: Path) -> bool:
+    """Whether the disk of a file is so full that a recording should not grow on it."""
+    try:
+        return shutil.disk_usage(path.parent).free < FREE_SPACE_LEAST
+    except OSError:
+        return False  # a file system that does not tell
+
+
+def lock_part_file(part: Path) -> BufferedWriter:
+    """The right to write a part file, held while what is returned stays open. Raises BadInput.
+
+    A process that is killed holds nothing any more.
+    """
+    if is_disk_nearly_full(part):
+        least = f"a recording leaves {FREE_SPACE_LEAST // MEGABYTE} MB free"
+        raise BadInput(f"{part}: the disk is nearly full: {least}; make room, or give --no-record")
+    file = part.open("ab")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        raise BadInput(f"{part}: another process is writing it; give --record another FILE") from None
+    except OSError:
+        pass  # a file system without locks
+    return file
+
+
+def abandon_writer(stream: Any) -> None:
+    """Let the program leave without waiting for a writer that has ended: at exit, and with its stream."""
+    atexit.unregister(rr.rerun_shutdown)
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))

@@ -11,7 +11,7 @@ import warnings
 from bisect import bisect_right
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +33,7 @@ SUFFIX = ".rrd"
 MAGIC = b"RRF2"  # first bytes of a recording
 HEADER_SIZE = 12  # bytes
 MESSAGE_HEAD = struct.Struct("<QQ")  # kind and length
+POSITION, RADIUS, COLOUR = "Points3D:positions", "Points3D:radii", "Points3D:colors"
 END = 0  # kind of the message that closes a recording
 
 
@@ -80,6 +81,8 @@ class GrainFrame:
     ident: Integers  # [n]
     position: Singles  # [n, 3] m; of a static grain to within stream.CREEP of its radius
     radius: Singles  # [n] m
+    # by name, [n] or [n, 3]: the other columns of `stream.grain_columns`, of a static grain as last written
+    state: dict[str, NDArray[Any]] = field(default_factory=dict)
 
 
 def read_chunks(path: Path) -> Iterator["Chunk"]:
@@ -102,25 +105,35 @@ def read_chunks(path: Path) -> Iterator["Chunk"]:
             raise BadInput(f"{path}: the recording is damaged ({reason})") from None
 
 
-def read_rows(path: Path, entity: str, *components: str) -> list[tuple[Any, ...]]:
-    """Rows (time [ns], value of each component) of an entity, in order of time."""
-    rows: list[tuple[Any, ...]] = []
+def read_rows(path: Path, entity: str, component: str) -> list[tuple[int, dict[str, NDArray[Any]]]]:
+    """Rows (time [ns], values by component) of an entity that hold one component, in order of time."""
+    rows = []
     for chunk in read_chunks(path):
         if chunk.entity_path == "/" + entity and not chunk.is_static:
             batch = chunk.to_record_batch()
-            if set(components) <= set(batch.schema.names):
+            if component in batch.schema.names:
                 times = batch.column(TIMELINE).to_numpy(zero_copy_only=False).astype(np.int64).tolist()
-                rows.extend(zip(times, *(values(batch.column(name)) for name in components), strict=True))
-    return sorted(rows, key=lambda row: row[0])
+                names = [name for name in batch.schema.names if is_component(batch.schema.field(name))]
+                columns = zip(*(values(batch.column(name)) for name in names), strict=True)
+                tables = (dict(zip(names, row, strict=True)) for row in columns)
+                rows += zip(times, tables, strict=True)
+    return sorted((row for row in rows if row[1][component] is not None), key=lambda row: row[0])
 
 
-def values(column: "pa.Array") -> Iterator[NDArray[Any]]:
-    """Every row of a list column as one array; vectors as rows of that array."""
+def is_component(column: "pa.Field") -> bool:
+    """Whether a column of a chunk holds data, not times or numbers of rows."""
+    return (column.metadata or {}).get(b"rerun:kind") == b"data"
+
+
+def values(column: "pa.Array") -> Iterator[Any]:
+    """Every row of a list column as one array, vectors as its rows; None where nothing was logged."""
     import pyarrow as pa
 
     for row in column:
         inner = row.values
-        if pa.types.is_fixed_size_list(inner.type):
+        if inner is None:
+            yield None
+        elif pa.types.is_fixed_size_list(inner.type):
             yield inner.flatten().to_numpy(zero_copy_only=False).reshape(-1, inner.type.list_size)
         else:
             yield inner.to_numpy(zero_copy_only=False)
@@ -128,15 +141,17 @@ def values(column: "pa.Array") -> Iterator[NDArray[Any]]:
 
 def read_grains(path: Path) -> list[GrainFrame]:
     """Every frame of a run, static and mobile grains put together."""
-    components = ("ident", "Points3D:positions", "Points3D:radii")
-    beds = read_rows(path, "world/bed", *components)
-    bed_times = [bed[0] for bed in beds]
+    beds = read_rows(path, "world/bed", POSITION)
+    bed_times = [time for time, _ in beds]
     frames = []
-    for time, *mobile in read_rows(path, "world/mobile", *components):
+    for time, mobile in read_rows(path, "world/mobile", POSITION):
         latest = bisect_right(bed_times, time) - 1
         if latest < 0:
             continue  # the bed of this frame was lost with the killed writer
-        parts = [np.concatenate(part) for part in zip(beds[latest][1:], mobile, strict=True)]
-        order = np.argsort(parts[0])
-        frames.append(GrainFrame(time * NANOSECOND, *(part[order] for part in parts)))
+        bed = beds[latest][1]
+        order = np.argsort(np.concatenate([bed["ident"], mobile["ident"]]))
+        columns = {name: np.concatenate([bed[name], mobile[name]])[order] for name in mobile}
+        del columns[COLOUR]
+        ident, position, radius = (columns.pop(name) for name in ("ident", POSITION, RADIUS))
+        frames.append(GrainFrame(time * NANOSECOND, ident, position, radius, columns))
     return frames

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from math import log10
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import make_parent, part_path
 from taichi_erosion.core.setup import Floats, Triple
 from taichi_erosion.core.snapshot import Snapshot, Totals
-from taichi_erosion.recording import pictures
+from taichi_erosion.recording import pictures, rr, rrb
 from taichi_erosion.recording.blueprint import (
     MAGNIFICATION,
     TIMELINE,
@@ -29,12 +29,8 @@ from taichi_erosion.recording.blueprint import (
     blueprint,
     choose_focus,
 )
-from taichi_erosion.recording.disk_space import abandon_writer, lock_part_file
+from taichi_erosion.recording.outputs import abandon_writer, lock_part_file
 from taichi_erosion.recording.wall_mesh import WallMesh
-
-if TYPE_CHECKING:
-    import rerun as rr
-    import rerun.blueprint as rrb
 
 APPLICATION = "taichi_erosion"
 FLUSH_INTERVAL = 1.0  # s of wall time between writes; more often costs 1 kB per entity and write
@@ -114,8 +110,6 @@ def open_stream(
 
     Raises BadInput where the file cannot be written.
     """
-    import rerun as rr
-
     make_parent(path)
     batches = rr.ChunkBatcherConfig(flush_tick=FLUSH_INTERVAL)
     stream = rr.RecordingStream(application, recording_id=recording_id, batcher_config=batches)
@@ -136,8 +130,6 @@ def open_stream(
 
 def open_recording(path: Path, header: RunHeader, viewer: str | None = None) -> Recording:
     """Begin the recording of a run with its scene, walls and names of curves. Raises BadInput."""
-    import rerun as rr
-
     focus = choose_focus(header.kind, header.radii, header.walls)
     layout = blueprint(header.kind, focus)
     recording = open_stream(path, header.name, layout, header.recording_id, viewer=viewer)
@@ -157,8 +149,6 @@ def open_recording(path: Path, header: RunHeader, viewer: str | None = None) -> 
 
 def log_scale(recording: Recording, entity: str, focus: Focus) -> None:
     """Write a scale bar with its length, on the ground in front of what the camera frames; static."""
-    import rerun as rr
-
     length = 1e-3 * pictures.scale_length(1e3 * SCALE_SHARE * focus.radius)
     x, y, z = focus.centre[0], focus.centre[1] - focus.radius, max(focus.centre[2] - focus.radius, 0.0)
     ends = [[x - 0.5 * length, y, z], [x + 0.5 * length, y, z]]
@@ -180,16 +170,12 @@ def log_colours(recording: Recording, moving_speed: float) -> None:
 
 def log_scene(recording: Recording, name: str, text: str) -> None:
     """Write the scene file (TOML) as a static text."""
-    import rerun as rr
-
     page = f"# {name}\n\n```toml\n{text}\n```\n"
     recording.stream.log("scene", rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
 
 
 def log_legend(recording: Recording, entity: str, legend: str, colour: pictures.Colour) -> None:
     """Write legend and colour of a curve."""
-    import rerun as rr
-
     curve = rr.SeriesLines(names=legend, colors=[colour], widths=CURVE_WIDTH)
     recording.stream.log(entity, curve, static=True)
 
@@ -241,22 +227,35 @@ def is_static(grains: StaticGrains, snapshot: Snapshot) -> NDArray[np.bool_]:
 def log_grains(
     recording: Recording, entity: str, snapshot: Snapshot, rows: NDArray[np.bool_], colours: NDArray[np.uint8]
 ) -> None:
-    """Write some of the grains: identity, position, radius, colour and the state of effects."""
-    import pyarrow as pa
-    import rerun as rr
-
+    """Write some of the grains: position, radius and colour as points, and the columns of `grain_columns`."""
     points = rr.Points3D.from_fields(
         positions=snapshot.position[rows].astype(np.float32),
         radii=snapshot.radius[rows].astype(np.float32),
         colors=colours,
     )
-    # an Arrow array has a type even where it is empty, which rerun cannot guess
-    ident = pa.array(snapshot.ident[rows], type=pa.int32())
-    effect_state = {
-        name.replace(".", "_"): pa.array(values[rows], type=pa.float32())
-        for name, values in snapshot.effect_state.items()
+    recording.stream.log(entity, points, rr.AnyValues(**grain_columns(snapshot, rows)))
+
+
+def grain_columns(snapshot: Snapshot, rows: NDArray[np.bool_]) -> dict[str, Any]:
+    """Columns of some grains beside position and radius, as Arrow arrays, which have a type even where empty.
+
+    ident (row of the GrainTable), contacts (touching partners), velocity [m s-1], spin [rad s-1], force [N],
+    and the state variables of effects under EFFECT_NUMBER.
+    """
+    import pyarrow as pa
+
+    vectors = {"velocity": snapshot.velocity, "spin": snapshot.spin, "force": snapshot.force}
+    columns = {
+        "ident": pa.array(snapshot.ident[rows], type=pa.int32()),
+        "contacts": pa.array(snapshot.contacts[rows], type=pa.int16()),
     }
-    recording.stream.log(entity, points, rr.AnyValues(ident=ident, **effect_state))
+    for name, values in vectors.items():
+        if values is not None:
+            flat = pa.array(values[rows].ravel(), type=pa.float32())
+            columns[name] = pa.FixedSizeListArray.from_arrays(flat, 3)
+    for name, values in snapshot.effect_state.items():
+        columns[name.replace(".", "_")] = pa.array(values[rows], type=pa.float32())
+    return columns
 
 
 def log_totals(recording: Recording, totals: Totals) -> None:
@@ -269,38 +268,28 @@ def log_totals(recording: Recording, totals: Totals) -> None:
 
 def log_values(recording: Recording, folder: str, values: Mapping[str, float]) -> None:
     """Write one value to each of the curves of a folder, at the time of the latest frame."""
-    import rerun as rr
-
     for entry, value in values.items():
         recording.stream.log(f"{folder}/{entry}", rr.Scalars(value))
 
 
-def log_image(recording: Recording, entity: str, image: NDArray[np.uint8], timeless: bool = False) -> None:
-    """Write a colour picture [height, width, 3], at the time of the latest frame or for all times."""
-    import rerun as rr
-
-    picture = rr.Image(image, color_model="RGB").compress(jpeg_quality=JPEG_QUALITY)
-    recording.stream.log(entity, picture, static=timeless)
+def log_image(recording: Recording, entity: str, picture: pictures.Picture, timeless: bool = False) -> None:
+    """Write a colour picture, at the time of the latest frame or for all times."""
+    image = rr.Image(np.asarray(picture), color_model="RGB").compress(jpeg_quality=JPEG_QUALITY)
+    recording.stream.log(entity, image, static=timeless)
 
 
 def log_text(recording: Recording, level: Literal["INFO", "WARN", "ERROR"], text: str) -> None:
     """Write a line to the log at the time of the latest frame or totals."""
-    import rerun as rr
-
     recording.stream.log("log", rr.TextLog(text, level=level))
 
 
 def wall_entity(name: str) -> str:
     """Entity of a wall, its name escaped for paths."""
-    import rerun as rr
-
     return rr.new_entity_path(["world", "walls", name])
 
 
 def log_wall(recording: Recording, wall: WallMesh) -> None:
     """Write a wall. One that may be removed is not static: static data cannot be cleared."""
-    import rerun as rr
-
     mesh = rr.Mesh3D(
         vertex_positions=wall.vertices.astype(np.float32),
         triangle_indices=wall.triangles.astype(np.uint32),
@@ -313,8 +302,6 @@ def log_wall_pose(
     recording: Recording, name: str, translation: Triple, quaternion: tuple[float, float, float, float]
 ) -> None:
     """Write the pose of a wall: rotated by `quaternion` (w, x, y, z), then shifted by `translation` [m]."""
-    import rerun as rr
-
     w, x, y, z = quaternion
     pose = rr.Transform3D(translation=translation, quaternion=rr.Quaternion(xyzw=(x, y, z, w)))
     recording.stream.log(wall_entity(name), pose)
@@ -322,15 +309,11 @@ def log_wall_pose(
 
 def log_wall_removed(recording: Recording, name: str) -> None:
     """Clear a wall from now on; only one whose mesh says `moving`."""
-    import rerun as rr
-
     recording.stream.log(wall_entity(name), rr.Clear(recursive=False))
 
 
 def set_properties(recording: Recording, group: str, values: Mapping[str, Any]) -> None:
     """Write properties of the run (groups result, scene, doe): columns of rerun's table of runs. No None."""
-    import rerun as rr
-
     known = {name: value for name, value in values.items() if value is not None}
     if known:
         recording.stream.send_property(group, rr.AnyValues(**known))
@@ -349,8 +332,10 @@ def flush(recording: Recording) -> None:
         raise BadInput(f"{recording.path}: cannot be written to its end; {kept}") from None
 
 
-def close(recording: Recording) -> Path:
-    """Finish the file and give it its name; closing twice does no harm."""
+def close(recording: Recording, properties: Mapping[str, Mapping[str, Any]] | None = None) -> Path:
+    """Write properties by group, finish the file and give it its name; closing twice does no harm."""
+    for group, values in (properties or {}).items():
+        set_properties(recording, group, values)
     part = part_path(recording.path)
     if part.exists():
         flush(recording)

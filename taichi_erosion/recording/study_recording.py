@@ -4,17 +4,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, sqrt
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from taichi_erosion.recording import blueprint, pictures
+from taichi_erosion.recording import blueprint, pictures, rr, rrb
 from taichi_erosion.recording.blueprint import Focus
 from taichi_erosion.recording.readback import GrainFrame, read_grains
 from taichi_erosion.recording.stream import close, log_scale, open_stream, set_properties
-
-if TYPE_CHECKING:
-    import rerun.blueprint as rrb
 
 APPLICATION = "taichi_erosion_study"  # apart from single runs, which have another layout
 DESIGN = "design"  # entity with one component for each column of the table of all runs
@@ -50,8 +47,6 @@ class StudyPage:
 
 def record_study(path: Path, page: StudyPage) -> Path:
     """Write the recording of a study. Raises BadInput where it cannot be written."""
-    import rerun as rr
-
     films = {run.name: thin_out(read_grains(run.recording)) for run in page.runs}
     recording = open_stream(path, page.title, study_blueprint(page, films), path.stem, APPLICATION)
     stream = recording.stream
@@ -83,8 +78,6 @@ def thin_out(frames: list[GrainFrame]) -> list[GrainFrame]:
 
 def study_blueprint(page: StudyPage, films: Films) -> "rrb.Blueprint":
     """Runs side by side above, figures and texts below; without runs the figures have the room."""
-    import rerun.blueprint as rrb
-
     texts = rrb.Tabs(
         rrb.TextDocumentView(name="What was found", origin="/summary"),
         rrb.TextDocumentView(name="All runs", origin="/table"),
@@ -99,8 +92,6 @@ def study_blueprint(page: StudyPage, films: Films) -> "rrb.Blueprint":
 
 def run_views(page: StudyPage, focus: Focus) -> "rrb.Container":
     """Runs side by side, few enough at once to be read on a small screen; the others in further tabs."""
-    import rerun.blueprint as rrb
-
     views = [blueprint.grain_view(focus, run.caption, f"/runs/{run.name}", RUN_DISTANCE) for run in page.runs]
     parts = [views[k : k + MOST_BESIDE] for k in range(0, len(views), MOST_BESIDE)]
     grids = [

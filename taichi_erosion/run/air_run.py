@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from taichi_erosion.air.grid import Air, allocate_air
 from taichi_erosion.air.readback import air_snapshot
@@ -15,14 +15,13 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.snapshot import AirSnapshot
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES, AirMeasureInput
-from taichi_erosion.measures.result import Measurement, as_record, pool
+from taichi_erosion.measures.result import as_record, pool
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.air_recording import WindHeader, log_wind, open_wind_recording
-from taichi_erosion.recording.outputs import refuse_foreign_outputs
 from taichi_erosion.run import RunOptions
 from taichi_erosion.run.checks import read_air_scene
-from taichi_erosion.run.result import RECORDINGS, run_document, write_document_or_warn
-from taichi_erosion.run.scene_run import deferred_signals
+from taichi_erosion.run.result import run_document, write_document_or_warn
+from taichi_erosion.run.scene_run import deferred_signals, record_of, refuse_unwritable_outputs
 from taichi_erosion.scene.load import scene_hash
 from taichi_erosion.scene.preparation.air import build_air
 from taichi_erosion.scene.schema.air import AirScene
@@ -48,15 +47,6 @@ class AirRun:
     frames: list[list[AirSnapshot]] = field(default_factory=list)  # for the measures, by replica
 
 
-def arch_of_air(arch: str) -> Literal["cpu", "cuda"]:
-    """Device of a run of air alone. Raises BadInput for Vulkan, where its functions of 64-bit floats lack."""
-    if arch == "vulkan":
-        raise BadInput(
-            "--arch vulkan: air alone needs functions of 64-bit floats that Vulkan lacks; use --arch cpu"
-        )
-    return "cuda" if arch == "cuda" else "cpu"
-
-
 def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     """Simulate, measure and record a flow; returns the document of `run --json`.
 
@@ -68,12 +58,15 @@ def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     first = scene.run.seed if options.seed is None else options.seed
     seeds = [first + k for k in range(options.replicas or 1)]
     setups = [build_air(scene, seed) for seed in seeds]
-    threads = start_device(Numerics(arch_of_air(options.arch), options.threads, "f64"))
-    run = AirRun(scene, allocate_air(setups), seeds, setups[0].time_step)
-    record = options.record or RECORDINGS / f"{path.stem}-{scene_hash(scene)}-{first}.rrd"
+    record = record_of(path, scene, first, options)
+    refuse_unwritable_outputs(path, options, record)
+    arch = "cuda" if options.arch == "cuda" else "cpu"
+    threads = start_device(Numerics(arch, options.threads, "f64"))
+    run, recording = AirRun(scene, allocate_air(setups), seeds, setups[0].time_step), None
     if not options.no_record:
-        refuse_foreign_outputs(record, path, options.force)
-    recording = None if options.no_record else open_recording(path, record, scene)
+        text = path.read_text(encoding="utf-8")
+        header = WindHeader(record.stem, scene.scene.title or path.stem, text, CURVES)
+        recording = open_wind_recording(record, header)
     try:
         with deferred_signals() as pending:
             advance_to_end(run, recording, options, pending.raise_pending)
@@ -93,12 +86,10 @@ def refuse_options(options: RunOptions) -> None:
         raise BadInput("--checkpoint and --resume: scenes of air alone start anew each time")
     if options.precision == "f32":
         raise BadInput("--precision f32: air is always followed in f64")
-
-
-def open_recording(path: Path, record: Path, scene: AirScene) -> stream.Recording:
-    """Begin the recording of the first replica."""
-    header = WindHeader(record.stem, scene.scene.title or path.stem, path.read_text(encoding="utf-8"), CURVES)
-    return open_wind_recording(record, header)
+    if options.arch == "vulkan":
+        raise BadInput(
+            "--arch vulkan: air alone needs functions of 64-bit floats that Vulkan lacks; use --arch cpu"
+        )
 
 
 def advance_to_end(
@@ -119,7 +110,12 @@ def advance_to_end(
             for stored, state in zip(run.frames, states, strict=True):
                 stored.append(state)
         if recording and steps:
-            log_wind(recording, states[0], run.steps, curves_of(states[0], (run.iterations - before) / steps))
+            curves = {
+                "speed_largest": float(abs(states[0].velocity).max()),
+                "friction_velocity": float(states[0].friction_velocity.mean()),
+                "iterations": (run.iterations - before) / steps,
+            }
+            log_wind(recording, states[0], run.steps, curves)
         if options.progress:
             options.progress(frame / settings.frames, f"{states[0].time:.3g} s simulated")
 
@@ -133,19 +129,16 @@ def advance(run: AirRun, steps: int) -> None:
     run.steps += steps
 
 
-def curves_of(state: AirSnapshot, iterations: float) -> dict[str, float]:
-    """Values of CURVES; a step of three stages solves for the pressure three times."""
-    return {
-        "speed_largest": float(abs(state.velocity).max()),
-        "friction_velocity": float(state.friction_velocity.mean()),
-        "iterations": iterations,
-    }
-
-
 def air_document(path: Path, run: AirRun, threads: int, seconds: float) -> dict[str, Any]:
     """The result document of a scene of air alone."""
     scene = run.scene
-    measured = [measure_air(scene, frames) for frames in run.frames]
+    measured = [
+        {
+            name: AIR_OBSERVABLES[name](AirMeasureInput(frames, request.place, scene.air.karman))
+            for name, request in scene.measure.items()
+        }
+        for frames in run.frames
+    ]
     cells = run.air.cells[0] * run.air.cells[1] * run.air.cells[2]
     replicas = [
         {
@@ -173,20 +166,12 @@ def air_document(path: Path, run: AirRun, threads: int, seconds: float) -> dict[
     )
 
 
-def measure_air(scene: AirScene, frames: list[AirSnapshot]) -> dict[str, Measurement]:
-    return {
-        name: AIR_OBSERVABLES[name](AirMeasureInput(frames, request.place, scene.air.karman))
-        for name, request in scene.measure.items()
-    }
-
-
 def finish_recording(recording: stream.Recording, document: dict[str, Any]) -> None:
     """Write properties, close the recording, write the document beside it; disk errors become warnings."""
-    values = {name: record["value"] for name, record in document["measures"].items()}
+    result = {name: record["value"] for name, record in document["measures"].items()}
+    scene = {"hash": document["hash"], "seed": document["seed"]}
     try:
-        stream.set_properties(recording, "result", values)
-        stream.set_properties(recording, "scene", {"hash": document["hash"], "seed": document["seed"]})
-        document["recording"] = str(stream.close(recording))
+        document["recording"] = str(stream.close(recording, {"result": result, "scene": scene}))
     except BadInput as error:
         document["replicas"][0]["warnings"].insert(0, str(error))
         return

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from taichi_erosion import simulation
 from taichi_erosion.core.errors import BadInput
@@ -18,8 +17,15 @@ from taichi_erosion.measures.silhouette import draw_silhouette, largest_body
 from taichi_erosion.measures.wind_bed import Patch, flux_of
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.air_recording import log_profile
-from taichi_erosion.recording.disk_space import is_disk_nearly_full
-from taichi_erosion.recording.pictures import SideView, film_frame, silhouette_grid, write_gif, write_png
+from taichi_erosion.recording.outputs import is_disk_nearly_full
+from taichi_erosion.recording.pictures import (
+    Picture,
+    SideView,
+    film_frame,
+    silhouette_grid,
+    write_gif,
+    write_png,
+)
 from taichi_erosion.recording.wall_mesh import WallMesh, wall_meshes
 from taichi_erosion.run.ensemble_loop import EnsembleRun
 from taichi_erosion.run.observables import patch_of
@@ -27,7 +33,6 @@ from taichi_erosion.run.stages import ROUNDING, whole_intervals
 from taichi_erosion.scene import Scene
 from taichi_erosion.simulation import Simulation, WallPose
 
-Image = NDArray[np.uint8]
 Properties = Mapping[str, Mapping[str, Any]]  # by group: columns of rerun's table of runs
 
 RESTING_SHARE = 0.02  # of sqrt(g d): slower grains are drawn as bed [1]
@@ -37,29 +42,22 @@ OPEN_MARGIN = 0.25  # share by which an endless plate is drawn beyond the appara
 
 
 @dataclass
-class WallRecording:
-    """Walls of one replica as they were last written to its recording."""
-
-    walls: tuple[WallMesh, ...]  # in their starting positions
-    removed: set[str] = field(default_factory=set)  # cleared in the recording
-    poses: dict[str, tuple[Floats, Floats]] = field(default_factory=dict)  # rotation, translation [m]
-    is_rewritten: bool = False  # a session was restored: entries of later times no longer hold
-
-
-@dataclass
 class Recorder:
     """Open recording of one replica, and the pictures of its film."""
 
     replica: int
     recording: stream.Recording
-    walls: WallRecording
+    walls: tuple[WallMesh, ...]  # in their starting positions
     view: SideView
     resting_speed: float  # m s-1
     interval: float  # s between frames; infinite once the recording is closed
     frames: int = 0  # frames written
     stage: int = 0
-    film: list[Image] = field(default_factory=list)
+    film: list[Picture] = field(default_factory=list)
     film_every: int = 1  # frames for one picture of the film
+    removed: set[str] = field(default_factory=set)  # walls cleared in the recording
+    poses: dict[str, tuple[Floats, Floats]] = field(default_factory=dict)  # rotation, translation [m] written
+    is_rewritten: bool = False  # a session was restored: what was written for later times no longer holds
 
 
 def open_recorder(
@@ -70,8 +68,8 @@ def open_recorder(
     `text` is the scene as it is run. Raises BadInput where the file cannot be written.
     """
     setup = sim.setups[replica]
-    walls = WallRecording(meshes_of(scene, setup))
-    header = stream.RunHeader(path.stem, title, scene.scene.kind, text, setup.grains.radius, walls.walls)
+    walls = meshes_of(scene, setup)
+    header = stream.RunHeader(path.stem, title, scene.scene.kind, text, setup.grains.radius, walls)
     recording = stream.open_recording(path, header, viewer)
     stream.log_colours(recording, resting_speed(setup))
     return Recorder(replica, recording, walls, side_view(setup), resting_speed(setup), scene.record.every)
@@ -153,7 +151,7 @@ def record_frame(recorder: Recorder, ensemble: EnsembleRun) -> None:
     now = log_frame(recorder, ensemble.sim, ensemble.scenes[recorder.replica])
     if recorder.frames % recorder.film_every == 0:
         speeds = (recorder.resting_speed, stream.FASTEST_COLOUR)
-        walls = present_walls(recorder.walls.walls, ensemble.sim, recorder.replica)
+        walls = present_walls(recorder.walls, ensemble.sim, recorder.replica)
         recorder.film.append(film_frame(now, recorder.view, walls, speeds))
     if len(recorder.film) > FILM_FRAMES:
         recorder.film = recorder.film[::2]
@@ -197,31 +195,28 @@ def at_pose(wall: WallMesh, pose: WallPose) -> WallMesh:
 
 def log_walls(recorder: Recorder, sim: Simulation) -> None:
     """Write walls that have moved or were removed since the last call, at the present time."""
-    written = recorder.walls
-    movable = [wall for wall in written.walls if wall.moving]
+    movable = [wall for wall in recorder.walls if wall.moving]
     poses = simulation.wall_poses(sim, recorder.replica) if movable else {}
     for wall in movable:
         if poses[wall.name].present:
-            log_present_wall(recorder.recording, written, wall, poses[wall.name])
-        elif wall.name not in written.removed:
+            log_present_wall(recorder, wall, poses[wall.name])
+        elif wall.name not in recorder.removed:
             stream.log_wall_removed(recorder.recording, wall.name)
-            written.removed.add(wall.name)
+            recorder.removed.add(wall.name)
 
 
-def log_present_wall(
-    recording: stream.Recording, written: WallRecording, wall: WallMesh, pose: WallPose
-) -> None:
+def log_present_wall(recorder: Recorder, wall: WallMesh, pose: WallPose) -> None:
     """Write the pose of a wall unless it is the one last written."""
-    rotation, translation = written.poses.get(wall.name, (np.eye(3), np.zeros(3)))
-    if written.is_rewritten:
-        stream.log_wall(recording, wall)
-        written.removed.discard(wall.name)
+    rotation, translation = recorder.poses.get(wall.name, (np.eye(3), np.zeros(3)))
+    if recorder.is_rewritten:
+        stream.log_wall(recorder.recording, wall)
+        recorder.removed.discard(wall.name)
     elif np.array_equal(rotation, pose.rotation) and np.array_equal(translation, pose.translation):
         return
     x, y, z, w = scipy.spatial.transform.Rotation.from_matrix(pose.rotation).as_quat().tolist()
     along, across, up = pose.translation.tolist()
-    stream.log_wall_pose(recording, wall.name, (along, across, up), (w, x, y, z))
-    written.poses[wall.name] = (pose.rotation, pose.translation)
+    stream.log_wall_pose(recorder.recording, wall.name, (along, across, up), (w, x, y, z))
+    recorder.poses[wall.name] = (pose.rotation, pose.translation)
 
 
 def finish_recording_or_warn(
@@ -255,14 +250,13 @@ def finish_recording(
         files["film"] = str(write_gif(path.with_suffix(".gif"), recorder.film, FILM_DURATION))
     for warning in record["warnings"]:
         stream.log_text(recording, "WARN", warning)
-    stream.set_properties(recording, "result", {name: m["value"] for name, m in record["measures"].items()})
-    stream.set_properties(recording, "scene", {"seed": state.seed} | dict(properties.get("scene", {})))
-    stream.set_properties(recording, "doe", properties.get("doe", {}))
-    stream.close(recording)
+    result = {name: measured["value"] for name, measured in record["measures"].items()}
+    scene = {"seed": state.seed} | dict(properties.get("scene", {}))
+    stream.close(recording, {"result": result, "scene": scene, "doe": properties.get("doe", {})})
     return files
 
 
-def silhouettes(state: Snapshot, details: dict[str, Any], base_height: float) -> Image:
+def silhouettes(state: Snapshot, details: dict[str, Any], base_height: float) -> Picture:
     """Silhouettes of a heap from all measured azimuths, with the fitted flanks."""
     grain = 2.0 * float(np.median(state.radius))
     masks, flanks, captions = [], [], []

@@ -1,4 +1,4 @@
-"""State of a run beside that of the device: written to checkpoints, restored by `--resume FILE`.
+"""Checkpoints of a run (`--checkpoint FILE --every T`), and what `--resume FILE` restores beside the device.
 
 A resumed run ends bit for bit as one that was never interrupted, wherever in a stage that was. Arrays of
 replica r begin with `run{r}_`; among them are frames and air profiles of the stage so far, the bed at rest of
@@ -6,20 +6,25 @@ a search for thresholds, and its trial under way.
 """
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot, Status
-from taichi_erosion.measures.result import Measurement, Shortfall
+from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket
+from taichi_erosion.recording.checkpoint import save_checkpoint
 from taichi_erosion.run.ensemble_loop import EnsembleRun
 from taichi_erosion.run.result import plain
-from taichi_erosion.run.stages import ReplicaState
+from taichi_erosion.run.stages import ROUNDING, ReplicaState, whole_intervals
 from taichi_erosion.run.threshold_search import ThresholdSearch, Trial
 from taichi_erosion.scene import Scene
+from taichi_erosion.simulation import export_state
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -31,6 +36,31 @@ AIR_COLUMNS = ("face", "velocity", "void_fraction", "eddy_viscosity", "drag", "l
 SEARCH_FIELDS = ("phase", "low", "high", "flux_at_start", "trials")
 TRIAL_FIELDS = ("friction_velocity", "began", "largest_motion", "flux")
 TRIAL_COLUMNS = ("start", "last", "rolled", "risen")
+MEASUREMENTS = TypeAdapter(dict[str, Measurement])
+
+
+@dataclass
+class Checkpointer:
+    """Writer of the checkpoints of a run; as a callback it saves whenever an interval is over."""
+
+    path: Path
+    interval: float  # simulated s; see run.CHECKPOINT_INTERVAL
+    meta: dict[str, Any]
+    saved: int = 0  # intervals that have a checkpoint
+
+    def __call__(self, ensemble: EnsembleRun) -> None:
+        """Save when due; where that fails the checkpoint before stays, and the run goes on with a warning."""
+        if ensemble.time >= (self.saved + 1) * self.interval * (1.0 - ROUNDING):
+            self.saved = whole_intervals(ensemble.time, self.interval)
+            try:
+                self.save(ensemble)
+            except BadInput as error:
+                ensemble.states[0].warn(str(error))
+
+    def save(self, ensemble: EnsembleRun) -> None:
+        """Write device state and run state. Raises BadInput where the disk refuses."""
+        arrays, meta = run_state(ensemble)
+        save_checkpoint(self.path, export_state(ensemble.sim) | arrays, self.meta | meta)
 
 
 def run_state(ensemble: EnsembleRun) -> tuple[Arrays, dict[str, Any]]:
@@ -95,20 +125,12 @@ def restore_replica(state_out: ReplicaState, record: dict[str, Any], arrays: Arr
         setattr(state_out, name, record[name])
     failed = record["failure"]
     state_out.failure = failed and Failure(**failed | {"status": Status(failed["status"])})
-    state_out.measurements = {
-        name: restored_measurement(fields) for name, fields in record["measurements"].items()
-    }
+    state_out.measurements = MEASUREMENTS.validate_python(record["measurements"])
     state_out.frames = unpack_frames(without_prefix("frame_", arrays))
     airs = without_prefix("air_", arrays)
     rows = zip(*(airs[name] for name in AIR_COLUMNS), strict=True) if airs else ()
     state_out.airs = [AirProfile(**dict(zip(AIR_COLUMNS, row, strict=True))) for row in rows]
     state_out.search = record["search"] and restored_search(record["search"], arrays, scene)
-
-
-def restored_measurement(fields: dict[str, Any]) -> Measurement:
-    """Inverse of `asdict` on a measurement."""
-    lacking = tuple(Shortfall(**each) for each in fields.get("shortfalls", ()))
-    return Measurement(**fields | {"notes": tuple(fields["notes"]), "shortfalls": lacking})
 
 
 def restored_search(record: dict[str, Any], arrays: Arrays, scene: Scene) -> ThresholdSearch:

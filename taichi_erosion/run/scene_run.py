@@ -14,14 +14,13 @@ from typing import Any
 from taichi_erosion.core.device import has_cuda
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-from taichi_erosion.core.files import REMEDY, check_writable
+from taichi_erosion.core.files import REMEDY
 from taichi_erosion.core.setup import Arch, ArchChoice, Decomposition, Numerics
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.checkpoint import is_checkpoint, load_checkpoint
-from taichi_erosion.recording.outputs import refuse_foreign_outputs
+from taichi_erosion.recording.outputs import refuse_foreign_outputs, refuse_unwritable
 from taichi_erosion.run import CHECKPOINT_INTERVAL, RunOptions
-from taichi_erosion.run.checkpointer import Checkpointer
 from taichi_erosion.run.checks import explained, idle_effects, library_of, named_effects, read_scene
 from taichi_erosion.run.ensemble_loop import Callback, EnsembleRun, ProgressReporter, run_ensemble
 from taichi_erosion.run.recorder import (
@@ -37,10 +36,11 @@ from taichi_erosion.run.result import (
     run_document,
     write_document_or_warn,
 )
-from taichi_erosion.run.resume import restore_run, seeds_of
+from taichi_erosion.run.resume import Checkpointer, restore_run, seeds_of
 from taichi_erosion.run.sanity_checks import failure_message
 from taichi_erosion.run.stages import ReplicaState, whole_intervals
 from taichi_erosion.scene import Scene, laws, resolved, scene_hash
+from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare
 from taichi_erosion.simulation.capacities import GRIDS, has_grids
 from taichi_erosion.simulation.team import mean_threads
@@ -97,7 +97,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     named = named_effects(options.effect_files)
     scene = read_scene(path, scene_overrides(options), named)
     hashed = scene_hash(scene)
-    record = options.record or RECORDINGS / f"{path.stem}-{hashed}-{scene.run.seed}.rrd"
+    record = record_of(path, scene, scene.run.seed, options)
     library = library_of(scene)
     ensemble = assemble_run(path, scene, library, options, record)
     recorder = None
@@ -160,19 +160,19 @@ def arch_of(
     return "cuda", ""
 
 
+def record_of(path: Path, scene: Scene | AirScene, seed: int, options: RunOptions) -> Path:
+    """Recording of a run: as named, or after scene, hash and seed."""
+    return options.record or RECORDINGS / f"{path.stem}-{scene_hash(scene)}-{seed}.rrd"
+
+
 def refuse_unwritable_outputs(path: Path, options: RunOptions, record: Path) -> None:
     """Raise BadInput where an output cannot be written, or would replace the scene or a file of others."""
-    for output in (options.checkpoint, None if options.no_record else record):
-        if output is None:
-            continue
-        check_writable(output)
-        if output.exists() and output.samefile(path):
-            raise BadInput(f"{output}: is the scene itself; give another name to what is written")
     if not options.no_record:
         refuse_foreign_outputs(record, path, options.force)
-    saved = options.checkpoint
-    if saved and saved.exists() and not options.force and not is_checkpoint(saved):
-        raise BadInput(f"{saved}: exists, and is no checkpoint; {REMEDY}")
+    if saved := options.checkpoint:
+        refuse_unwritable(saved, path)
+        if saved.exists() and not options.force and not is_checkpoint(saved):
+            raise BadInput(f"{saved}: exists, and is no checkpoint; {REMEDY}")
 
 
 def scene_text(path: Path, overrides: tuple[str, ...]) -> str:

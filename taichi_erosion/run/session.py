@@ -25,11 +25,17 @@ from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.recording import pictures, stream
-from taichi_erosion.recording.pictures import SideView, png_bytes
-from taichi_erosion.run.checks import EffectFiles, effect_warnings, library_of, named_effects, read_scene
+from taichi_erosion.recording.pictures import Picture, SideView, png_bytes
+from taichi_erosion.run.checks import (
+    EffectFiles,
+    explained,
+    idle_effects,
+    library_of,
+    named_effects,
+    read_scene,
+)
 from taichi_erosion.run.observables import MeasureInput, measure
 from taichi_erosion.run.recorder import (
-    Image,
     Recorder,
     log_frame,
     meshes_of,
@@ -57,6 +63,7 @@ WINDOW = (480, 240)  # px: a line of a terminal is twice as high as a character 
 class SavedState:
     """What a session returns to: the grains, and all that was set and kept until then."""
 
+    sim: Simulation  # whose state it is
     state: dict[str, Any]
     time: float  # s
     stage: int
@@ -80,7 +87,7 @@ class Session:
     saved: dict[str, SavedState] = field(default_factory=dict)
     callbacks: list[Callable[["Session"], object]] = field(default_factory=list)  # after each check interval
     samples: list[dict[str, float]] = field(default_factory=list)  # numbers by name, at each check so far
-    watched: list[str] = field(default_factory=list)  # names of numbers that are printed at each check
+    watched: dict[str, str] = field(default_factory=dict)  # units of the numbers that are printed, by name
     effect_files: EffectFiles = ()  # beside those that the scene names
 
     @property
@@ -166,8 +173,9 @@ def set_entry(session: Session, path: str, value: str) -> str:
 
 
 def warnings_now(session: Session) -> list[str]:
-    """What to know about the present strengths of effects."""
-    return effect_warnings(session.scene)
+    """What a run of the present scene would warn of."""
+    scene = session.scene
+    return [*explained(scene)["warnings"], *idle_effects(scene, session.effect_files)]
 
 
 def changed_fields(before: Any, after: Any) -> list[str]:
@@ -221,20 +229,24 @@ def measure_now(session: Session) -> dict[str, Measurement]:
 
 
 def save(session: Session, name: str) -> None:
-    state = simulation.export_state(session.sim)
-    kept = tuple(session.samples)
-    session.saved[name] = SavedState(state, session.time, session.stage, session.overrides, kept)
+    sim, kept = session.sim, tuple(session.samples)
+    state = simulation.export_state(sim)
+    session.saved[name] = SavedState(sim, state, session.time, session.stage, session.overrides, kept)
 
 
 def restore(session: Session, name: str) -> None:
     """Restore a saved state, its parameters and samples included. Raises BadInput for an unknown name."""
     saved = saved_state(session, name)
-    session.time, session.stage, session.overrides = saved.time, saved.stage, saved.overrides
-    session.samples[:] = saved.samples
-    session.scene = read_scene(session.path, session.overrides, session.effect_files)
-    session.library = library_of(session.scene)
-    session.sim = build(session.scene, session.seed, session.library)
+    scene = read_scene(session.path, saved.overrides, session.effect_files)
+    library = library_of(scene)
+    if session.sim is saved.sim:
+        apply_change(session, scene, library, {"wind", "effects"})
+    else:  # an effect has been built in since
+        session.sim = build(scene, session.seed, library)
     simulation.import_state(session.sim, saved.state)
+    session.scene, session.library, session.overrides = scene, library, saved.overrides
+    session.time, session.stage = saved.time, saved.stage
+    session.samples[:] = saved.samples
 
 
 def saved_state(session: Session, name: str) -> SavedState:
@@ -259,7 +271,7 @@ def session_status(session: Session) -> dict[str, float | int | str]:
     }
 
 
-def side_picture(session: Session, is_lettered: bool) -> Image:
+def side_picture(session: Session, is_lettered: bool) -> Picture:
     """The grains seen from the side, with time and scale if they can be read."""
     setup, now = session.sim.setups[0], simulation.snapshot(session.sim, 0)
     walls = present_walls(meshes_of(session.scene, setup), session.sim, 0)
@@ -303,7 +315,7 @@ def log_session_frame(recorder: Recorder, session: Session) -> None:
     """Write a frame when one is due; after `restore` the frames of later times are written anew."""
     due = recorder.frames * recorder.interval * (1.0 - ROUNDING)
     was_restored = session.time < due - recorder.interval
-    recorder.walls.is_rewritten |= was_restored
+    recorder.is_rewritten |= was_restored
     if session.time >= due or was_restored:
         log_frame(recorder, session.sim, session.scene)
         recorder.frames = whole_intervals(session.time, recorder.interval) + 1

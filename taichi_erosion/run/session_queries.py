@@ -13,6 +13,7 @@ from taichi_erosion.scene.paths import meaning_of
 
 NOT_SET = "not set"  # an entry that a scene lacks
 EFFECTS = "effects"  # section of a scene
+STATUS_UNITS = {"time_s": "s", "kinetic_J": "J", "speed_largest_m_s": "m/s", "overlap_largest": "radii"}
 
 
 def entry(session: Session, path: str) -> Any:
@@ -68,26 +69,26 @@ def number_names(session: Session) -> list[str]:
     return [*status_numbers(session), *session.scene.measure]
 
 
-def number_now(session: Session, name: str) -> float:
-    """A number of the status, or a measure, in the present state. Raises BadInput for an unknown name."""
+def refuse_unknown_number(session: Session, name: str) -> None:
+    """Raise BadInput for a name that is no number of the status and no measure."""
     known = number_names(session)
     if name not in known:
         raise BadInput(f"no number '{name}'{did_you_mean(name, known)}; there are {', '.join(known)}")
-    numbers = status_numbers(session)
-    return numbers[name] if name in numbers else measure_now(session)[name].value
 
 
 def watch(session: Session, *names: str) -> None:
     """Keep measures too at every check, beside the status. Raises BadInput for an unknown name."""
     for name in names:
-        number_now(session, name)
-    session.watched[:] = dict.fromkeys([*session.watched, *names])
+        refuse_unknown_number(session, name)
+    units = {name: found.unit for name, found in measure_now(session).items()}
+    session.watched |= {name: units.get(name) or STATUS_UNITS.get(name, "") for name in names}
 
 
 def keep_sample(session: Session) -> dict[str, float]:
     """Keep the numbers of this check; those of a later time, from before a return, go."""
     now = status_numbers(session)
-    now |= {name: number_now(session, name) for name in session.watched if name not in now}
+    if not set(session.watched) <= set(now):
+        now |= {name: found.value for name, found in measure_now(session).items() if name in session.watched}
     session.samples[:] = [each for each in session.samples if each["time_s"] < now["time_s"]]
     session.samples.append(now)
     return now
@@ -95,7 +96,7 @@ def keep_sample(session: Session) -> dict[str, float]:
 
 def curve(session: Session, name: str) -> tuple[list[float], list[float]]:
     """Times [s] and values of a number at the checks so far. Raises BadInput without any."""
-    number_now(session, name)
+    refuse_unknown_number(session, name)
     samples = [sample for sample in session.samples if name in sample]
     if not samples and name in session.scene.measure:
         raise BadInput(f"'{name}' has no samples: `watch {name}` before the run keeps them")

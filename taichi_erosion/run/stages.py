@@ -1,6 +1,6 @@
 """Stages of an experiment: state of each replica, start and end of a stage, frames and measurements in it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import radians
 
 import numpy as np
@@ -105,7 +105,7 @@ def store_frame(sim: Simulation, scene: Scene, replica: int, state: ReplicaState
     intervals = [scene.measure[name].every for name in measured_in(scene, state.stage)]
     shortest = min((interval for interval in intervals if interval), default=None)
     if shortest and time - state.began >= len(state.frames) * shortest * (1.0 - ROUNDING):
-        state.frames.append(simulation.snapshot(sim, replica))
+        state.frames.append(replace(simulation.snapshot(sim, replica), force=None))  # no measure reads it
         state.tilts.append(tilt_of(stage, time - state.began))
         if scene.wind is not None:
             state.airs.append(simulation.air_profile(sim, replica))

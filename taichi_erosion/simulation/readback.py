@@ -190,6 +190,7 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
         ident=ident[order].astype(np.int32),
         waiting=len(sim.setups[replica].grains.radius) - released,
         effect_state={name: values[order] for name, values in zip(kept, states, strict=True)},
+        force=(rate / inverse[:, np.newaxis])[order],
     )
 
 

@@ -1,5 +1,6 @@
 """Heaps whose angle is known because they were built, not poured."""
 
+from functools import cache
 from math import radians, tan
 
 import numpy as np
@@ -43,6 +44,7 @@ def packing(half_width: float, height: float, rng: np.random.Generator) -> NDArr
     return centres[inside & (centres[:, 2] >= 0.5) & (centres[:, 2] <= height)]
 
 
+@cache
 def cone(angle: float, radius: float = 22.0, top: float = np.inf, seed: int = 1) -> NDArray[np.float64]:
     """Centres [m] of a cone of the given angle [deg], base radius and height of a flat top in diameters."""
     rng = np.random.default_rng(seed)
@@ -52,6 +54,7 @@ def cone(angle: float, radius: float = 22.0, top: float = np.inf, seed: int = 1)
     return centres[inside & (centres[:, 2] - 0.5 <= top)] * DIAMETER
 
 
+@cache
 def skirt(inner: float, outer: float, seed: int = 2) -> NDArray[np.float64]:
     """Centres [m] of a monolayer of touching grains between two radii in diameters."""
     rng = np.random.default_rng(seed)

@@ -1,6 +1,7 @@
 """The surface in a drum, and the tilt at which grains slide."""
 
 from dataclasses import replace
+from functools import cache
 from math import cos, isnan, radians, sin, sqrt
 
 import numpy as np
@@ -12,10 +13,16 @@ from tests.measures.heaps import DIAMETER, packing, snapshot_of
 DRUM = 16.0 * DIAMETER
 
 
+@cache
+def packed(seed):
+    """A box of grains as wide and high as the drum."""
+    return packing(16.0, 32.0, np.random.default_rng(seed))
+
+
 def drum(angle, seed=1, flying=0):
     """Half-filled drum about the y axis with a plane surface, some grains in flight above it."""
     rng = np.random.default_rng(seed)
-    box = packing(16.0, 32.0, rng) - (0.0, 0.0, 16.0)
+    box = packed(seed) - (0.0, 0.0, 16.0)
     slope = radians(angle)
     inside = (np.hypot(box[:, 0], box[:, 2]) < 15.5) & (box[:, 2] * cos(slope) < box[:, 0] * sin(slope))
     bed = box[inside & (np.abs(box[:, 1]) < 6.0)]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot, Totals
-from taichi_erosion.recording.readback import NANOSECOND, read_chunks, read_rows
+from taichi_erosion.recording.readback import NANOSECOND, POSITION, read_chunks, read_rows
 from taichi_erosion.recording.stream import Recording, RunHeader, close, log_frame, log_totals, open_recording
 from taichi_erosion.recording.wall_mesh import WallMesh
 
@@ -56,6 +56,8 @@ def heap_snapshot(frame: int = 0) -> Snapshot:
         contacts=np.full(count, 6, dtype=np.int32),
         ident=np.arange(count, dtype=np.int32),
         waiting=0,
+        effect_state={"ageing.age": np.linspace(0.0, 1.0, count)},
+        force=np.tile([0.0, 0.0, -1e-5 * 9.81], (count, 1)),
     )
 
 
@@ -112,14 +114,14 @@ def moved(snapshot: Snapshot, grain: int, distance: float = 0.0, speed: float = 
 
 def read_frames(path: Path, entity: str) -> list[tuple[float, NDArray[np.float32]]]:
     """Positions [n, 3] m that an entity was given, each with its time [s]."""
-    return [(time * NANOSECOND, points) for time, points in read_rows(path, entity, "Points3D:positions")]
+    return [(time * NANOSECOND, row[POSITION]) for time, row in read_rows(path, entity, POSITION)]
 
 
 def read_series(path: Path, entity: str) -> tuple[Floats, Floats]:
     """Times [s] and values of a curve, such as ledger/contacts."""
     rows = read_rows(path, entity, "Scalars:scalars")
     times = np.array([time for time, _ in rows], dtype=np.float64) * NANOSECOND
-    return times, np.array([value[0] for _, value in rows], dtype=np.float64)
+    return times, np.array([row["Scalars:scalars"][0] for _, row in rows], dtype=np.float64)
 
 
 def read_properties(path: Path) -> dict[str, dict[str, Any]]:

@@ -15,7 +15,7 @@ from recorded_heaps import FLOOR, MOVING, heap_snapshot, recorded
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.recording import disk_space
+from taichi_erosion.recording import outputs
 from taichi_erosion.recording.checkpoint import load_checkpoint, save_checkpoint
 from taichi_erosion.recording.readback import read_grains
 from taichi_erosion.recording.stream import RunHeader, log_frame, open_recording
@@ -27,11 +27,11 @@ WRITER = """
 import resource, sys
 from pathlib import Path
 from recorded_heaps import heap_snapshot
-from taichi_erosion.recording import disk_space, stream
+from taichi_erosion.recording import outputs, stream
 from test_disk_space import HEADER, MOVING
 
 limit, path = int(sys.argv[1]), Path(sys.argv[2])
-disk_space.FREE_SPACE_LEAST = 0  # as if another program had filled the disk since
+outputs.FREE_SPACE_LEAST = 0  # as if another program had filled the disk since
 stream.FLUSH_LIMIT = 1.0  # s
 if limit:
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
@@ -114,7 +114,7 @@ def test_a_full_disk_leaves_the_document_before(small_disk: Path):
 
 
 def test_a_nearly_full_disk_is_told_before_anything_is_recorded(tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=disk_space.FREE_SPACE_LEAST - 1))
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=outputs.FREE_SPACE_LEAST - 1))
     with pytest.raises(BadInput, match="the disk is nearly full: a recording leaves 50 MB free"):
         open_recording(tmp_path / "heap.rrd", HEADER)
     assert list(tmp_path.iterdir()) == []

@@ -23,6 +23,9 @@ def test_every_frame_is_written_with_its_time_and_its_grains(tmp_path: Path) -> 
     last = meshio.read(listing.parent / entries[-1].attrib["file"])
     np.testing.assert_array_equal(last.points, frames[-1].position)
     np.testing.assert_array_equal(last.point_data["radius"], frames[-1].radius)
+    assert {"velocity", "spin", "force", "contacts"} <= set(last.point_data)
+    for name, values in frames[-1].state.items():
+        np.testing.assert_array_equal(last.point_data[name], values)
 
 
 def test_a_file_in_the_place_of_the_folder_is_refused_in_one_line(tmp_path: Path) -> None:

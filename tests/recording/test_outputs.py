@@ -45,6 +45,18 @@ def test_a_run_of_another_scene_is_refused_with_its_name(tmp_path):
         refuse_foreign_outputs(record, SCENE)
 
 
+def test_a_folder_and_a_name_of_another_kind_are_refused_even_by_force(tmp_path):
+    (tmp_path / "heap.rrd").mkdir()
+    (tmp_path / "pile.gif").mkdir()
+    for name, told in (
+        ("heap.rrd", "is not the name of a file"),
+        ("pile.rrd", "is not the name of a file"),
+        ("next.json", "ends in .rrd"),
+    ):
+        with pytest.raises(BadInput, match=told):
+            refuse_foreign_outputs(tmp_path / name, SCENE, force=True)
+
+
 def test_sessions_count_their_recordings(tmp_path):
     path = tmp_path / "heap-live-1.rrd"
     assert unused_name(path) == path

@@ -52,6 +52,13 @@ def test_grains_are_read_back_as_they_were_written_to_single_precision(tmp_path:
         np.testing.assert_array_equal(frame.ident, snapshot.ident)
         np.testing.assert_array_equal(frame.position, snapshot.position.astype(np.float32))
         np.testing.assert_array_equal(frame.radius, snapshot.radius.astype(np.float32))
+    mobile = snapshots[-1]
+    written = {"velocity": mobile.velocity, "spin": mobile.spin, "force": mobile.force}
+    written |= {"contacts": mobile.contacts, "ageing_age": mobile.effect_state["ageing.age"]}
+    assert frames[-1].state.keys() == written.keys()
+    for name, column in written.items():
+        assert column is not None
+        np.testing.assert_array_equal(frames[-1].state[name][-1], column[-1].astype(np.float32))
 
 
 @pytest.mark.parametrize("death", DEATHS)

@@ -54,7 +54,7 @@ def test_it_holds_a_heap_of_a_thousand_grains_and_what_was_measured_on_it() -> N
 
 def test_the_tube_rises_in_it() -> None:
     moves = read_rows(SAMPLE, "world/walls/tube", "Transform3D:translation")
-    heights = [float(place[0][2]) for _, place in moves]
+    heights = [float(row["Transform3D:translation"][0][2]) for _, row in moves]
     assert heights == sorted(heights)
     assert heights[-1] == pytest.approx(0.03, abs=0.005)  # 1.5 s at 20 mm/s
 

@@ -5,8 +5,6 @@ import os
 import random
 import signal
 import time
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,33 +13,13 @@ from small_scene import PATIENCE, start, write_scene
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.recording.readback import read_grains
-from taichi_erosion.run import RunOptions, run_scene, scene_run
+from taichi_erosion.run import RunOptions, scene_run
 from taichi_erosion.run.checks import library_of, read_scene
 from taichi_erosion.run.scene_run import assemble_run, deferred_signals
 from taichi_erosion.scene.shipped import SCENES
 
 DURATION = 0.12  # s, of both stages
-CUT = 0.08  # s, within the second stage: measures of the first are known by then
 COLOURS = 3  # channels of a film
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory) -> Path:
-    return tmp_path_factory.mktemp("runs")
-
-
-@pytest.fixture(scope="module")
-def scene(folder) -> Path:
-    """Two replicas, seeds 3 and 4."""
-    return write_scene(folder)
-
-
-@pytest.fixture(scope="module")
-def whole(folder) -> dict[str, Any]:
-    """The document of a run that went through."""
-    document = run_scene(write_scene(folder), RunOptions(threads=1, record=folder / "whole.rrd"))
-    stop_device()
-    return document
 
 
 def test_a_run_leaves_document_recording_and_film(whole, folder):
@@ -105,9 +83,9 @@ def test_an_output_folder_that_cannot_be_written_is_told_before_the_device_start
     monkeypatch.setattr("taichi_erosion.run.scene_run.assemble", lambda *_: pytest.fail("too late"))
     for option in ("--record", "--checkpoint"):
         record = ["--no-record"] if option == "--checkpoint" else []
-        assert main(["run", str(scene), option, str(unwritable / "few"), *record]) == ExitCode.BAD_INPUT
+        assert main(["run", str(scene), option, str(unwritable / "few.rrd"), *record]) == ExitCode.BAD_INPUT
         said = capsys.readouterr().err
-        assert "few: cannot be written (" in said
+        assert "few.rrd: cannot be written (" in said
         assert said.count("\n") == 1
 
 

@@ -1,9 +1,7 @@
 """Interactive sessions: what is set acts on the grains at once."""
 
-import os
-import pty
-import subprocess
-import sys
+import io
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +11,6 @@ from recorded_heaps import read_series
 from taichi_erosion.cli import live as prompt
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Motion
-from taichi_erosion.recording.pictures import terminal_colours, terminal_shades
 from taichi_erosion.recording.readback import read_rows
 from taichi_erosion.recording.stream import close
 from taichi_erosion.run.observables import patch_of
@@ -37,9 +34,24 @@ SCENES = Path(__file__).parents[2] / "scenes"
 FEW = ("grains.count=60",)
 
 
+@pytest.fixture(scope="module")
+def opened():
+    """A session whose kernels are compiled once, with its state at the beginning."""
+    session = open_session(SCENES / "column_collapse.toml", FEW)
+    save(session, "begin")
+    return session
+
+
 @pytest.fixture
-def session():
-    return open_session(SCENES / "column_collapse.toml", FEW)
+def session(opened):
+    """The session at its beginning, as if it had just been opened."""
+    restore(opened, "begin")
+    save(opened, "begin")  # of the present buffers: an effect may have been built in
+    for kept in (opened.history, opened.callbacks, opened.watched):
+        kept.clear()
+    for name in set(opened.saved) - {"begin"}:
+        del opened.saved[name]
+    return opened
 
 
 def test_a_session_plays_the_scene_to_its_measured_end(session) -> None:
@@ -103,19 +115,20 @@ def test_the_recording_follows_walls_that_move_vanish_and_come_back(session, tmp
     save(session, "tube stands")
     move_surface(session.sim, 0, "tube", Motion((0.0, 0.0, 0.5), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
     run_for(session, 0.006)
-    (tube,) = [wall for wall in present_walls(recorder.walls.walls, session.sim, 0) if wall.name == "tube"]
-    before = next(wall for wall in recorder.walls.walls if wall.name == "tube")
+    (tube,) = [wall for wall in present_walls(recorder.walls, session.sim, 0) if wall.name == "tube"]
+    before = next(wall for wall in recorder.walls if wall.name == "tube")
     rise = tube.vertices[:, 2] - before.vertices[:, 2]
     np.testing.assert_allclose(rise, 0.5 * 0.006, rtol=1e-6)  # time steps are in single precision
     next_stage(session)
     run_for(session, 0.006)
-    assert "tube" not in {wall.name for wall in present_walls(recorder.walls.walls, session.sim, 0)}
+    assert "tube" not in {wall.name for wall in present_walls(recorder.walls, session.sim, 0)}
     restore(session, "tube stands")
     run_for(session, 0.006)
     path, entity = close(recorder.recording), "world/walls/tube"
     assert len(read_rows(path, entity, "Clear:is_recursive")) == 1
     assert len(read_rows(path, entity, "Mesh3D:vertex_positions")) > 1  # at the start, and back again
-    heights = {place[0][2]: time for time, place in read_rows(path, entity, "Transform3D:translation")}
+    rows = read_rows(path, entity, "Transform3D:translation")
+    heights = {row["Transform3D:translation"][0][2]: time for time, row in rows}
     # what the session wrote before it went back has been written over
     assert heights[0.0] == max(heights.values())
 
@@ -134,105 +147,53 @@ def test_help_states_meaning_unit_and_range() -> None:
     assert "radius_d" not in walls
 
 
-def test_pictures_for_terminals_show_light_where_the_image_is_light() -> None:
-    image = np.zeros((40, 40, 3), np.uint8)
-    image[20:, 20:] = 255
-    rows = terminal_shades(image, 10).split("\n")
-    assert rows[0].strip() == ""
-    assert rows[-1][-1] == "@"
-    assert "38;2;255;255;255" in terminal_colours(image, 10)
+def read_input(session, monkeypatch, tmp_path: Path, lines: list[str], is_terminal: bool) -> Path:
+    """Feed lines to the prompt of a session, from a terminal or a pipe; returns its recording."""
+    monkeypatch.setattr(prompt.sys, "stdin", io.StringIO("\n".join(lines)))
+    monkeypatch.setattr(prompt.sys.stdin, "isatty", lambda: is_terminal, raising=False)
+    monkeypatch.setattr("builtins.input", lambda _: lines.pop(0))
+    prompt.run_prompt(session, tmp_path / "live.rrd", None)
+    return tmp_path / "live.rrd"
 
 
-def test_a_piped_session_stops_at_the_first_mistake_and_keeps_the_recording(tmp_path: Path) -> None:
-    orders = "run 0.002s\nstatus\nset nonsense 1\nrun 0.002s\n"
-    record = tmp_path / "live.rrd"
-    words = ["live", str(SCENES / "column_collapse.toml"), "--set", FEW[0], "--record", str(record)]
-    done = subprocess.run(
-        [sys.executable, "-m", "taichi_erosion", *words],
-        input=orders,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert "nonsense" in done.stderr
-    assert "time_s 0.002" in done.stdout
+def test_a_piped_session_stops_at_the_first_mistake_and_keeps_the_recording(
+    session, tmp_path, monkeypatch, capsys
+) -> None:
+    orders = ["# begin", "run 0.002s", "status", "set nonsense 1", "run 0.002s"]
+    with pytest.raises(BadInput, match="nonsense"):
+        read_input(session, monkeypatch, tmp_path, orders, is_terminal=False)
+    out = capsys.readouterr().out
+    assert "erosion> # begin\nerosion> run 0.002s\n" in out, "commands of a pipe are echoed, comments kept"
+    assert "time_s 0.002" in out
+    assert session.time == pytest.approx(0.002)
+    assert (tmp_path / "live.rrd").exists()
+
+
+def test_a_session_on_a_terminal_completes_says_mistakes_and_goes_on(
+    session, tmp_path, monkeypatch, capsys
+) -> None:
+    readline = pytest.importorskip("readline")
+    orders = ["fly", "run 0.001s", "quit"]
+    record = read_input(session, monkeypatch, tmp_path, orders, is_terminal=True)
     assert record.exists()
+    out = capsys.readouterr().out
+    assert "'fly' is not a command" in out
+    assert "time_s 0.001" in out
+    complete = readline.get_completer()
+    assert complete("statu", 0) == "status"
+    assert complete("contact.grain-grain.friction_rol", 0) == "contact.grain-grain.friction_rolling"
 
 
-def test_a_session_on_a_terminal_prompts_says_mistakes_and_goes_on(tmp_path: Path) -> None:
-    master, slave = pty.openpty()
-    words = [
-        "live",
-        str(SCENES / "column_collapse.toml"),
-        "--set",
-        FEW[0],
-        "--record",
-        str(tmp_path / "l.rrd"),
-    ]
-    child = subprocess.Popen(
-        [sys.executable, "-m", "taichi_erosion", *words], stdin=slave, stdout=slave, stderr=slave
-    )
-    os.close(slave)
-    os.write(master, b"fly\nstatu\t\nget contact.grain-grain.friction_rol\t\nrun 0.001s\nquit\n")
-    said = b""
-    while True:
-        try:
-            part = os.read(master, 4096)
-        except OSError:  # the child closed its end
-            break
-        if not part:
-            break
-        said += part
-    assert child.wait(timeout=600) == 0
-    os.close(master)
-    text = said.decode()
-    assert "'fly' is not a command" in text
-    assert "time_s 0  stage settle" in text  # the tab key has completed the command
-    assert "contact.grain-grain.friction_rolling = 0.12" in text  # and the dotted path
-    assert "time_s 0.001" in text
-    assert prompt.PROMPT in text
-
-
-SMALL_PATCH = (
-    "grains.count=160",
-    "wind.length_d=10",
-    "wind.width_d=8",
-    "wind.height=0.02",
-    "run.check_interval=2e-3",
-    "record.every=2e-3",
-)
-
-
-def flux(session) -> float:
-    return transport_values(snapshot(session.sim, 0), patch_of(session.scene))["flux"]
-
-
-def test_wind_that_is_raised_while_it_blows_carries_more_and_compiles_nothing(tmp_path: Path) -> None:
-    session = open_session(SCENES / "saltation.toml", SMALL_PATCH)
-    recorder = record_session(session, tmp_path / "wind.rrd")
-    set_entry(session, "wind.friction_velocity", "0.05")  # far below the threshold of such sand
-    run_for(session, 0.004)
-    world, calm = session.sim.world, flux(session)
-    assert set_entry(session, "wind.friction_velocity", "1.0").endswith("at once")
-    assert friction_velocity(session.sim, 0) == pytest.approx(1.0, rel=1e-6)  # kept in single precision
-    run_for(session, 0.004)
-    assert session.sim.world is world
-    # what moves in the calm are grains that still settle, which dies away; the wind pulls on
-    assert flux(session) > 3.0 * abs(calm)
-    times, recorded = read_series(close(recorder.recording), "transport/flux")
-    assert recorded[-1] == recorded.max() > 0.0
-    assert times[-1] == pytest.approx(0.008, abs=2.0 * session.time_step)
-
-
-def test_watched_numbers_are_printed_and_kept_for_a_plot(session, capsys, tmp_path) -> None:
+def test_watched_numbers_are_printed_with_units_and_kept_for_a_plot(
+    session, capsys, tmp_path, monkeypatch
+) -> None:
     assert prompt.execute(session, "watch kinetic_J pile_height") == "watching kinetic_J, pile_height"
-    session.callbacks.append(prompt.sample)
+    session.callbacks.append(prompt.Sampler())
+    monkeypatch.setattr(prompt, "WATCH_INTERVAL", 3600.0)  # s
     run_for(session, 3.0 * session.scene.run.check_interval)
-    lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == 3
-    assert "kinetic_J" in lines[0]
-    assert "pile_height" in lines[0]
+    (line,) = capsys.readouterr().out.splitlines()  # once an interval of wall time
+    assert re.fullmatch(r"[\d.e-]+ s  kinetic_J [\d.e-]+ J  pile_height [\d.e-]+ m", line)
+    assert len(session.samples) == 3, "what is kept for plots is kept at every check"
     drawn = prompt.execute(session, "plot kinetic_J")
     assert drawn.startswith("kinetic_J")
     assert "*" in drawn
@@ -277,14 +238,8 @@ def test_a_measure_without_a_value_says_why(session) -> None:
     assert ": no value, " in told
 
 
-def test_commands_of_a_pipe_are_echoed_and_comments_are_kept(session, capsys) -> None:
-    prompt.read_commands(session, ["# begin", "", "get grains.count", "quit"], is_strict=True)
-    out = capsys.readouterr().out.splitlines()
-    assert out == ["erosion> # begin", "erosion> get grains.count", "grains.count = 60", "erosion> quit"]
-
-
 def test_a_plot_shows_the_branch_of_the_saved_state(session) -> None:
-    session.callbacks.append(prompt.sample)
+    session.callbacks.append(prompt.Sampler())
     with pytest.raises(BadInput, match="nothing has run yet"):
         prompt.execute(session, "plot kinetic_J")
     interval = session.scene.run.check_interval
@@ -340,3 +295,34 @@ def test_a_line_of_a_script_is_named(session, tmp_path) -> None:
     script.write_text("status\nset nonsense 1\n", encoding="utf-8")
     with pytest.raises(BadInput, match=r"orders\.txt: line 2: "):
         prompt.execute(session, f"script {script}")
+
+
+SMALL_PATCH = (
+    "grains.count=160",
+    "wind.length_d=10",
+    "wind.width_d=8",
+    "wind.height=0.02",
+    "run.check_interval=2e-3",
+    "record.every=2e-3",
+)
+
+
+def flux(session) -> float:
+    return transport_values(snapshot(session.sim, 0), patch_of(session.scene))["flux"]
+
+
+def test_wind_that_is_raised_while_it_blows_carries_more_and_compiles_nothing(tmp_path: Path) -> None:
+    session = open_session(SCENES / "saltation.toml", SMALL_PATCH)  # ends the session of the tests above
+    recorder = record_session(session, tmp_path / "wind.rrd")
+    set_entry(session, "wind.friction_velocity", "0.05")  # far below the threshold of such sand
+    run_for(session, 0.004)
+    world, calm = session.sim.world, flux(session)
+    assert set_entry(session, "wind.friction_velocity", "1.0").endswith("at once")
+    assert friction_velocity(session.sim, 0) == pytest.approx(1.0, rel=1e-6)  # kept in single precision
+    run_for(session, 0.004)
+    assert session.sim.world is world
+    # what moves in the calm are grains that still settle, which dies away; the wind pulls on
+    assert flux(session) > 3.0 * abs(calm)
+    times, recorded = read_series(close(recorder.recording), "transport/flux")
+    assert recorded[-1] == recorded.max() > 0.0
+    assert times[-1] == pytest.approx(0.008, abs=2.0 * session.time_step)

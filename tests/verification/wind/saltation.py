@@ -18,7 +18,7 @@ viscous sublayer; so it is judged too by that of one grain that hops by a measur
 (`reference.hopping`) in the wind over the bed at rest (`bed_wind`), of which nothing is ejected or caught.
 
 Flux. Q = a (u*^2 - u_t^2) (u* + u_t)^m, with m = 0 in a law linear in the stress and 1 in Kawamura's with
-the cube of the wind (`measures.flux_law`). Six winds tell them apart: the line must not be refuted, the cube
+the cube of the wind (`doe.wind.flux_law`). Six winds tell them apart: the line must not be refuted, the cube
 must.
 
 Stress at the bed. Grains take from the air near the bed all but about the stress of the impact threshold
@@ -51,11 +51,11 @@ from typing import Any
 
 import numpy as np
 
+from doe.wind.flux_law import CUBIC, LINEAR, flux_power, vanishing_wind
 from taichi_erosion.core.setup import DragLaw, Floats
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.measures.flux_law import CUBIC, LINEAR, flux_power
 from taichi_erosion.measures.result import Measurement
-from taichi_erosion.measures.threshold import Bracket, pool_beds, vanishing_wind
+from taichi_erosion.measures.threshold import Bracket, pool_beds
 from taichi_erosion.scene import Scene, parse_scene
 from taichi_erosion.scene.change import with_section
 from taichi_erosion.simulation import Simulation, snapshot

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taichi_erosion.measures.flux_law import CUBIC, LINEAR, flux_power
+from doe.wind.flux_law import CUBIC, LINEAR, flux_power
 from taichi_erosion.measures.threshold import Bracket
 
 WINDS = np.array([0.28, 0.34, 0.40, 0.46, 0.52, 0.60])  # m s-1

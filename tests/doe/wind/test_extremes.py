@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import gammainc, ndtr, ndtri
 
-from taichi_erosion.measures.extremes import (
-    SHAPES,
-    Watch,
-    best_slope,
-    criterion_threshold,
-    lognormal_rate,
-    weibull_rate,
-)
+from doe.wind.extremes import SHAPES, Watch, best_slope, criterion_threshold, lognormal_rate, weibull_rate
 from taichi_erosion.measures.threshold import Bracket
 
 PATCH = Watch(area=1.2e-5, time=0.3)  # m2, s

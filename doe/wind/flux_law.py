@@ -21,7 +21,7 @@ import numpy as np
 import scipy
 
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.measures.threshold import Bracket
+from taichi_erosion.measures.threshold import Bracket, flux_intercept
 
 LINEAR, CUBIC = 0.0, 1.0  # m of both laws [1]
 LEAST_WINDS = 4  # two more than a line needs
@@ -59,3 +59,13 @@ def flux_power(winds: Floats, flux: Floats, threshold: Bracket) -> FluxPower | N
     slope, scatter = line(threshold.middle)
     open_end = 0.5 * abs(line(threshold.high)[0] - line(threshold.low)[0])
     return FluxPower(slope, hypot(scatter, open_end), int(np.count_nonzero(carried)) - 2)
+
+
+def vanishing_wind(left: Floats, borne: Floats, measure: Floats, density: float) -> Bracket | None:
+    """Friction velocity at which a measure of saturated transport in steady winds would vanish.
+
+    `left` and `borne` are the stresses of air and grains at the bed [Pa], wind by wind, `density` that of the
+    air [kg m-3]. Both stresses together count, not that of the lid: the air above stores momentum. Fitted,
+    and None, as by `flux_intercept`.
+    """
+    return flux_intercept(list(zip(np.sqrt((left + borne) / density), measure, strict=True)))
