@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Union, Unpack
 
 from taichi_erosion.api.notebook import frame, html, progress
 from taichi_erosion.api.runs import PathLike
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 Document = Mapping[str, Any]
 Progress = Callable[[str, float], None]  # (words, share done [1])
+TableLike = Union[PathLike, Mapping[str, Sequence[Any]], "pd.DataFrame"]
 
 
 class StatedGrains(TypedDict, total=False):
@@ -295,11 +296,12 @@ class Study:
         return ExperimentsResult(self.path, self.answered("planning", next_study))
 
     @in_python
-    def predict(self, table: "PathLike | pd.DataFrame", *, bare: bool = False) -> PredictionResult:
+    def predict(self, table: TableLike, *, bare: bool = False) -> PredictionResult:
         """What the calibrated model says at the conditions of a table, with 90 % intervals.
 
-        `table` is a file (.csv, .xlsx) or a DataFrame with one column for each condition. The adopted model
-        answers where effects have been adopted, unless `bare`. Raises BadInput with all faults of the table.
+        `table` is a file (.csv, .xlsx), or a DataFrame or dict with a column for each condition. The adopted
+        model answers where effects have been adopted, unless `bare`. Raises BadInput with all faults of
+        the table.
         """
         from taichi_erosion.evidence.prediction.commands import predict_study
 
@@ -352,7 +354,7 @@ def study(
 
 @in_python
 def new_study(
-    table: "PathLike | pd.DataFrame",
+    table: TableLike,
     out: PathLike | None = None,
     *,
     observables: Mapping[str, str] | None = None,
@@ -364,9 +366,9 @@ def new_study(
 ) -> Study:
     """A study, its tidy table and its scene from a laboratory's table; every guess is taken.
 
-    `table` is a file (.csv, .xlsx) or a DataFrame whose column names carry units; `out` is the folder to
-    write, which a DataFrame needs. `units` are those of columns. What no column states of the grains:
-    `diameter="0.4 mm"`, `density="2650 kg/m3"`, `grains=5000` in a run. Raises BadInput with
+    `table` is a file (.csv, .xlsx), or a DataFrame or dict whose column names carry units; `out` is the
+    folder to write, which columns in memory need. `units` are those of columns. What no column states of
+    the grains: `diameter="0.4 mm"`, `density="2650 kg/m3"`, `grains=5000` in a run. Raises BadInput with
     all faults of the table.
     """
     from taichi_erosion.evidence.answers.study_files.new_study import Wishes
@@ -384,14 +386,25 @@ def new_study(
     return study(document["written"][0])
 
 
-def table_file(table: "PathLike | pd.DataFrame", out: PathLike | None) -> Path:
-    """File of a table; a DataFrame is written beside the folder of the study."""
+def table_file(table: TableLike, out: PathLike | None) -> Path:
+    """File of a table; columns in memory are written beside the folder of the study. Raises BadInput."""
     if isinstance(table, (str, Path)):
         return Path(table)
+    import pandas as pd
+
+    try:
+        columns = pd.DataFrame(table) if isinstance(table, Mapping) else table
+    except ValueError as error:
+        raise BadInput(
+            f"the columns of the table: {error}; give a list for each, all of one length"
+        ) from None
+    if not isinstance(columns, pd.DataFrame):
+        given = type(table).__name__
+        raise BadInput(f"a table is a file (.csv, .xlsx), a DataFrame or a dict of columns, not a {given}")
     if out is None:
         raise BadInput("new_study: name the folder to write for a DataFrame, out=FOLDER")
     folder = Path(out)
     folder.parent.mkdir(parents=True, exist_ok=True)
     file = folder.with_name(f"{folder.name}.csv")
-    table.to_csv(file, index=False)
+    columns.to_csv(file, index=False)
     return file

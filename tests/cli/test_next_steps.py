@@ -12,7 +12,6 @@ from taichi_erosion.cli.next_steps import (
     after_discovery,
     after_next,
     after_run,
-    effect_options,
     studies_of,
 )
 
@@ -92,8 +91,7 @@ def test_a_discovery_leads_on_by_its_verdict():
 
 
 def test_the_next_command_names_the_effect_files_again():
-    options = effect_options([Path("roots.py"), Path("pores.py")])
-    assert effect_options(None) == effect_options([]) == ""
+    options = [Path("roots.py"), Path("pores.py")]
     found = {"study": "a.toml", "verdict": "present", "named": ["x"], "rows_hidden": 5, "clues": []}
     lines = [
         *after_discovery(found, options),
@@ -110,6 +108,14 @@ def test_the_next_command_names_the_effect_files_again():
     assert next(after_discovery(found, options)).startswith(
         "`./erosion adopt a.toml x --effect roots.py --effect pores.py` adds x"
     )
+
+
+def test_the_next_command_quotes_names_with_spaces():
+    told = next(after_comparison(COMPARED | {"study": "my lab/a.toml", "p": 1e-6}, [Path("my pull.py")]))
+    assert told.startswith("`./erosion discover 'my lab/a.toml' --effect 'my pull.py'` asks")
+    (_, view, report) = after_run(run_document(33.6) | {"recording": Path("my runs/a.rrd")})
+    assert "view 'my runs/a.rrd'`" in view
+    assert "report 'my runs/a.rrd'`" in report
 
 
 def adoption(before: float | None, after: float | None, opened: int = 1, height: float = 1.0) -> dict:

@@ -73,10 +73,11 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     Where the table has a study already, the table is corrected and the study stays, unless `wishes.anew`.
     Raises BadInput with all faults of the table, or where a file of another origin would be replaced.
     """
+    folder = wishes.folder or table.with_name(table.stem)
+    refuse_file(folder)
     interview = Interview(ask)
     tidy, measured, columns = read_laboratory_table(table, wishes, interview)
     names = list(dict.fromkeys(row.observable for row in measured.rows))
-    folder = wishes.folder or table.with_name(table.stem)
     earlier = earlier_study(folder, table.stem)
     places = condition_places(measured, columns, wishes.told)
     if wishes.closed_form:
@@ -102,6 +103,15 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
         "assumed": list(interview.assumed),
         **found,
     }
+
+
+def refuse_file(folder: Path) -> None:
+    """Raise BadInput where a file stands in the place of a folder to write."""
+    for path in (folder, *folder.parents):
+        if path.exists():
+            if not path.is_dir():
+                raise BadInput(f"{path}: is a file, and no folder; name another one with --out")
+            return
 
 
 def read_laboratory_table(
