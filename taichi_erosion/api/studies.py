@@ -1,14 +1,14 @@
 """Studies from Python: compare, discover, adopt, next, predict, report."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, Union, Unpack
 
 from taichi_erosion.api.notebook import frame, html, progress
 from taichi_erosion.api.runs import PathLike
-from taichi_erosion.api.wording import in_python, python_words
+from taichi_erosion.api.wording import all_in_python, in_python, python_words
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.number_words import heading
 
@@ -138,24 +138,12 @@ class DiscoveryResult(Result):
     @property
     def table(self) -> "pd.DataFrame":
         """Candidates, the likeliest first: status, strength [1] with its 90 % interval, probability [1]."""
-        keys = (
-            "status",
-            "strength",
-            "strength_low",
-            "strength_high",
-            "probability",
-            "log_bayes_factor",
-            "power",
-        )
-        rows = (
-            {"effect": name, **{key: each.get(key) for key in keys}}
-            for name, each in self.document["effects"].items()
-        )
-        return (
-            frame(rows, dict.fromkeys(keys[1:], "1"))
-            .set_index("effect")
-            .sort_values("probability", ascending=False)
-        )
+        strength = ("strength", "strength_low", "strength_high")
+        keys = ("status", *strength, "probability", "log_bayes_factor", "power")
+        found = self.document["effects"].items()
+        rows = ({"effect": name, **{key: each.get(key) for key in keys}} for name, each in found)
+        table = frame(rows, dict.fromkeys(keys[1:], "1")).set_index("effect")
+        return table.sort_values("probability", ascending=False)
 
     effects = table
 
@@ -171,14 +159,13 @@ class AdoptionResult(Result):
     @property
     def table(self) -> "pd.DataFrame":
         """chi2 per row of every model, and the error of the held-out rows in the units of the table."""
+        units = self.units
         labels = {"base": "before", "added": "after", "with_all": "with all that was named"}
         labels |= {"best_wrong": "control: best other effect", "random_wrong": "control: drawn at random"}
         rows = (
             {"model": label, "fitted": fit["chi2_per_row"], "held_out": fit["vault_chi2_per_row"]}
             | {
-                f"rmse of held-out {heading(name, self.units.value_unit(name))}": self.units.value(
-                    name, error
-                )
+                f"rmse of held-out {heading(name, units.value_unit(name))}": units.value(name, error)
                 for name, error in (fit["vault_rmse"] or {}).items()
             }
             for key, label in labels.items()
@@ -229,6 +216,7 @@ class PredictionResult(Result):
         )
 
 
+@all_in_python
 @dataclass(frozen=True)
 class Study:
     """An evidence study: its file, and what its runs may cost."""
@@ -246,32 +234,28 @@ class Study:
         """What the commands take beside the file."""
         from taichi_erosion.evidence.models.load_study import StudyOptions, stated_budget
 
-        named, runs = stated_budget(self.budget)
-        found = StudyOptions(named, runs, self.workers, self.seed, self.effect_files)
-        return replace(found, arch=self.arch, decomposition=self.decomposition)
+        stated = {name: getattr(self, name) for name in ("workers", "seed", "effect_files")}
+        stated |= {"arch": self.arch, "decomposition": self.decomposition}
+        return StudyOptions(*stated_budget(self.budget), **stated)
 
-    @in_python
     def check(self) -> Document:
         """Validate study, table, scenes and model; run nothing. Raises BadInput with all faults."""
         from taichi_erosion.evidence.answers.study_files.check_study import check_study
 
         return check_study(self.path, self.options)
 
-    @in_python
     def compare(self) -> ComparisonResult:
         """Calibrate the model, and find where it still fails."""
         from taichi_erosion.evidence.answers.commands import compare_study
 
         return ComparisonResult(self.path, self.answered("comparing", compare_study))
 
-    @in_python
     def discover(self) -> DiscoveryResult:
         """Find the missing effect."""
         from taichi_erosion.evidence.answers.commands import discover_study
 
         return DiscoveryResult(self.path, self.answered("discovering", discover_study))
 
-    @in_python
     def adopt(self, *effects: str | Sequence[str], force: bool = False) -> AdoptionResult:
         """Add effects, by names or lists of names; calibrate again, open the vault.
 
@@ -283,19 +267,15 @@ class Study:
         if not names:
             raise BadInput("adopt: name the effects to add")
 
-        def adopted(path: Path, progress: Progress, options: "StudyOptions") -> Document:
-            return adopt_study(path, names, progress, options, force)
+        document = self.answered("adopting", lambda path, *given: adopt_study(path, names, *given, force))
+        return AdoptionResult(self.path, document)
 
-        return AdoptionResult(self.path, self.answered("adopting", adopted))
-
-    @in_python
     def next(self) -> ExperimentsResult:
         """Find the cheapest experiments that tell the named explanation from its rivals."""
         from taichi_erosion.evidence.answers.commands import next_study
 
         return ExperimentsResult(self.path, self.answered("planning", next_study))
 
-    @in_python
     def predict(self, table: TableLike, *, bare: bool = False) -> PredictionResult:
         """What the calibrated model says at the conditions of a table, with 90 % intervals.
 
@@ -308,12 +288,11 @@ class Study:
         with TemporaryDirectory() as folder:
             file = table_file(table, Path(folder) / "conditions")
 
-            def predicted(path: Path, progress: Progress, options: "StudyOptions") -> Document:
-                return predict_study(path, file, progress, options, bare)
+            document = self.answered(
+                "predicting", lambda path, *given: predict_study(path, file, *given, bare)
+            )
+            return PredictionResult(self.path, document)
 
-            return PredictionResult(self.path, self.answered("predicting", predicted))
-
-    @in_python
     def report(self, to: PathLike | None = None) -> Path:
         """Write the page of all answers (HTML). Raises BadInput before the first answer."""
         from taichi_erosion.report import write_report
