@@ -103,7 +103,7 @@ class LiveSession:
 
     def plot(self, name: str) -> "Figure":
         """Figure of a number over the simulated time. Raises BadInput before the first sample."""
-        from taichi_erosion.report.pictures.session import curve_figure
+        from taichi_erosion.report.figure_style import curve_figure
 
         return curve_figure(*queries.curve(self.session, name), name)
 

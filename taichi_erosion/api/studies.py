@@ -267,7 +267,9 @@ class Study:
         if not names:
             raise BadInput("adopt: name the effects to add")
 
-        document = self.answered("adopting", lambda path, *given: adopt_study(path, names, *given, force))
+        document = self.answered(
+            "adopting", lambda path, report, options: adopt_study(path, names, report, options, force)
+        )
         return AdoptionResult(self.path, document)
 
     def next(self) -> ExperimentsResult:
@@ -289,7 +291,7 @@ class Study:
             file = table_file(table, Path(folder) / "conditions")
 
             document = self.answered(
-                "predicting", lambda path, *given: predict_study(path, file, *given, bare)
+                "predicting", lambda path, report, options: predict_study(path, file, report, options, bare)
             )
             return PredictionResult(self.path, document)
 

@@ -22,16 +22,14 @@ from taichi_erosion.evidence.inference.verdict_levels import ABSORBED, PLAUSIBLE
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.recording.study_recording import StudyPage, record_study
 from taichi_erosion.report import figure_style, study_figures
-from taichi_erosion.report.evidence_results import CONTROLS, Document, Layer, Results, layers, stored_results
 from taichi_erosion.report.figure_style import Picture
 from taichi_erosion.report.html import made, number, render
-from taichi_erosion.report.lead import LEVEL, lead, worst_place
 from taichi_erosion.report.markdown import markdown_table
 from taichi_erosion.report.pictures import answers as answers_drawn
-from taichi_erosion.report.pictures.doses import draw_doses
-from taichi_erosion.report.plain_words import effect_words, listed, words_of
-from taichi_erosion.report.strength_words import strength_words
+from taichi_erosion.report.results import CONTROLS, Document, Layer, Results, layers, stored_results
+from taichi_erosion.report.sentences import LEVEL, lead, strength_words, worst_place
 from taichi_erosion.report.study_figures import Panel
+from taichi_erosion.report.words import effect_words, listed, words_of
 
 TEMPLATE = "evidence.html"
 RECORDING = "study.rrd"
@@ -59,16 +57,12 @@ def write_recording(study: Path) -> Path:
     found = stored_results(study)
     folder, first = results_folder(study, read_evidence_study(study)), found.first
     title = title_of(first)
-    drawn = pictures(found)
-    every = {
-        "agreement": first_panels(found)[0]["picture"],
-        **{name: one for name, one in drawn.items() if one},
-    }
+    drawn = {"agreement": first_panels(found)[0]["picture"], **pictures(found)}
     page = StudyPage(
         title=title,
         summary="\n\n".join([f"# {title}", *lead(found)]),
         table=row_table(found),
-        figures={name: figure_style.raster(one) for name, one in every.items()},
+        figures={name: figure_style.raster(one.figure) for name, one in drawn.items() if one},
         properties={"rows": first["rows_visible"], "held_out": first["rows_hidden"], "seed": first["seed"]},
     )
     return record_study(folder / f"{study.stem}.{RECORDING}", page)
@@ -231,7 +225,7 @@ def beyond_section(found: Results) -> dict[str, Any] | None:
         return None
     return {
         "title": BEYOND,
-        "pictures": draw_doses(found.discovery, found.adoption, found.table),
+        "pictures": answers_drawn.draw_doses(found.discovery, found.adoption, found.table),
         "told": told,
     }
 
