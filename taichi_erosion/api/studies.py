@@ -99,7 +99,7 @@ class ComparisonResult(Result):
 
     @property
     def found(self) -> list[str]:
-        from taichi_erosion.evidence.answers.words.agreement import comparison_sentences
+        from taichi_erosion.evidence.answers.agreement_words import comparison_sentences
 
         return comparison_sentences(self.document)
 

@@ -10,8 +10,11 @@ from taichi_erosion.cli import next_steps, output
 from taichi_erosion.cli.output import MARK_MISSING, Record, print_table
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
-from taichi_erosion.evidence.answers.words.agreement import comparison_sentences
-from taichi_erosion.evidence.answers.words.held_out import FITTED_ERRORS, HELD_OUT_ERRORS
+from taichi_erosion.evidence.answers.agreement_words import (
+    FITTED_ERRORS,
+    HELD_OUT_ERRORS,
+    comparison_sentences,
+)
 from taichi_erosion.evidence.data.number_words import heading, plain
 from taichi_erosion.evidence.inference.verdict_levels import CORRELATED, p_number
 

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion.core.files import read_text_file
-from taichi_erosion.evidence.answers.words.agreement import is_untested
-from taichi_erosion.evidence.answers.words.held_out import by_observable, unseen_words
+from taichi_erosion.evidence.answers.agreement_words import by_observable, is_untested, unseen_words
 from taichi_erosion.evidence.inference.verdict_levels import HELD_OUT_SHARE, fails
 
 Record = Mapping[str, Any]

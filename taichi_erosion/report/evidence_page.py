@@ -10,13 +10,14 @@ from typing import Any
 
 from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.files import marked_html, refuse_foreign, write_atomic
-from taichi_erosion.evidence.answers.words.agreement import (
+from taichi_erosion.evidence.answers.agreement_words import (
+    FITTED_ERRORS,
+    HELD_OUT_ERRORS,
     NO_MISFIT,
     is_untested,
     row_sentences,
     untested_sentence,
 )
-from taichi_erosion.evidence.answers.words.held_out import FITTED_ERRORS, HELD_OUT_ERRORS
 from taichi_erosion.evidence.data.number_words import heading
 from taichi_erosion.evidence.inference.verdict_levels import ABSORBED, PLAUSIBLE, STABLE, fails
 from taichi_erosion.evidence.models.load_study import results_folder

@@ -14,8 +14,13 @@ from typing import Any
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.words.agreement import is_untested, row_sentences, untested_sentence
-from taichi_erosion.evidence.answers.words.held_out import open_words, unseen_words
+from taichi_erosion.evidence.answers.agreement_words import (
+    is_untested,
+    open_words,
+    row_sentences,
+    unseen_words,
+    untested_sentence,
+)
 from taichi_erosion.evidence.data.number_words import counted, short, with_unit
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.inference.verdict_levels import fails

@@ -15,12 +15,18 @@ from math import inf
 import numpy as np
 from scipy import interpolate, special
 
-from taichi_erosion.evidence.data.least_squares import ColumnRows
-from taichi_erosion.evidence.data.linear_algebra import Whitening, log_box, log_sum_exp, projection, stack
+from taichi_erosion.evidence.data.linear_algebra import (
+    ColumnRows,
+    Whitening,
+    log_box,
+    log_sum_exp,
+    projection,
+    stack,
+)
 from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.inference.map_fit import Fit, Objective, deviance
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.inference.robustness.free_levels import log_level_share
+from taichi_erosion.evidence.inference.robustness.linear_steps import log_level_share
 from taichi_erosion.evidence.models.predictor import paired_change
 
 GRIDS = (33, 21, 11, 7)  # strengths per effect at which sets of one, two, three, four effects are integrated

@@ -12,8 +12,6 @@ from statistics import median
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers import closed_form
-from taichi_erosion.evidence.answers.study_files.corrected_study import corrected_study, earlier_study
 from taichi_erosion.evidence.answers.study_files.scene_templates import (
     LENGTHS,
     SIZES,
@@ -25,8 +23,13 @@ from taichi_erosion.evidence.answers.study_files.scene_templates import (
     scene_text,
     templates_for,
 )
-from taichi_erosion.evidence.answers.study_files.study_text import StudyText
-from taichi_erosion.evidence.answers.study_files.written_files import StudyFiles, written_files
+from taichi_erosion.evidence.answers.study_files.study_text import StudyText, closed_form_study
+from taichi_erosion.evidence.answers.study_files.written_files import (
+    StudyFiles,
+    corrected_study,
+    earlier_study,
+    written_files,
+)
 from taichi_erosion.evidence.data.physical_ranges import (
     condition_faults,
     observable_faults,
@@ -81,7 +84,7 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     earlier = earlier_study(folder, table.stem)
     places = condition_places(measured, columns, wishes.told)
     if wishes.closed_form:
-        text, scenes = closed_form.study(measured, names, places), {}
+        text, scenes = closed_form_study(measured, names, places), {}
         for name in places.keys() - text.conditions.keys():
             interview.assume(f"column '{name}' is not used: the closed form does not read it")
     else:

@@ -26,7 +26,7 @@ from taichi_erosion.evidence.inference.posterior import Posterior, mixed
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, level_shape
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 from taichi_erosion.evidence.inference.robustness.error_accounts import with_variances, worst_row
-from taichi_erosion.evidence.inference.robustness.reweighing import reweighed, without_rows
+from taichi_erosion.evidence.inference.robustness.linear_steps import reweighed, without_rows
 
 SCALES = (0.5, 2.0)  # of the priors of all strengths
 TOLERANCES = (0.0, 2.0)  # of declared tolerances and shared errors

@@ -10,7 +10,7 @@ from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.data.problem import Observable, Problem
 from taichi_erosion.evidence.inference.pipeline import account, analyse
 from taichi_erosion.evidence.inference.prepared_problem import prepare
-from taichi_erosion.evidence.inference.robustness.reweighing import without_rows
+from taichi_erosion.evidence.inference.robustness.linear_steps import without_rows
 from taichi_erosion.evidence.inference.robustness.variants import (
     all_variants,
     averaged_variants,
