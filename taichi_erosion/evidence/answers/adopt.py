@@ -42,7 +42,7 @@ from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
 from taichi_erosion.evidence.inference.pipeline import enough_for_levels, level_share
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.inference.screen import Screen, screen
-from taichi_erosion.evidence.inference.search.enumeration import stronger_fit
+from taichi_erosion.evidence.inference.search.effect_sets import stronger_fit
 from taichi_erosion.evidence.inference.verdict_levels import LEVEL_ODDS, fails
 
 

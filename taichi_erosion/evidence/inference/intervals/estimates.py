@@ -13,9 +13,9 @@ from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.data.transforms import Axis, axis_value, effect_of
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.goodness_of_fit import calibration_covariance
+from taichi_erosion.evidence.inference.intervals.mixtures import Mixture
 from taichi_erosion.evidence.inference.intervals.model_averaging import (
     Average,
-    Mixture,
     Weighed,
     WeighedHypothesis,
     WeighedSignature,

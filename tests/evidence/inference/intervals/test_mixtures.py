@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from taichi_erosion.evidence.inference.intervals.model_averaging import Mixture, joined, tabulated
+from taichi_erosion.evidence.inference.intervals.mixtures import Mixture, joined, tabulated
 
 
 def one(weight: float, mean: float, sd: float, low: float = -np.inf, high: float = np.inf) -> Mixture:

@@ -10,9 +10,9 @@ from taichi_erosion.evidence.data.problem import Observable, Problem
 from taichi_erosion.evidence.inference.pipeline import FittedHypotheses, account
 from taichi_erosion.evidence.inference.prepared_problem import prepare
 from taichi_erosion.evidence.inference.refit import total_evidence
-from taichi_erosion.evidence.inference.robustness.linear_steps import (
+from taichi_erosion.evidence.inference.robustness.linear_steps import evidence_by_factor
+from taichi_erosion.evidence.inference.robustness.variants import (
     Change,
-    evidence_by_factor,
     expansion_after,
     reweighed,
     shortened,
