@@ -11,6 +11,8 @@ from math import isfinite, pi
 from types import SimpleNamespace
 from typing import Any
 
+from matplotlib.ticker import EngFormatter
+
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
@@ -31,7 +33,6 @@ MOST_TOLD = 3  # observables whose errors a sentence lists
 LEVEL = "level"  # axis of a misfit of an observable as a whole
 AGREES = "The calibrated model agrees with the measurements."
 GRAVITY = 9.81  # m s-2
-PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"), (1e-12, "p"))
 MOST_CHANGES = 3  # changed entries of a scene that are told
 
 
@@ -350,8 +351,5 @@ def leaves(table: Any, above: str) -> Iterator[tuple[str, float]]:
 
 
 def engineering(value: float, unit: str) -> str:
-    """`36 µN`: number with the prefix that makes it readable."""
-    for size, prefix in PREFIXES:
-        if value >= size:
-            return f"{short(value / size)} {prefix}{unit}"
-    return f"{value:.2g} {unit}"
+    """`36 µN`: number in two digits with the prefix that makes it readable."""
+    return str(EngFormatter(unit)(float(f"{value:.2g}")))

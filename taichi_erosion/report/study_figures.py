@@ -47,13 +47,11 @@ from taichi_erosion.report.figure_style import (
 from taichi_erosion.report.pictures.measured_marks import (
     DOTS,
     EDGES,
-    Bools,
     ValueRange,
     draw_edge_texts,
     draw_intervals,
     draw_marks,
     edge_of,
-    kinds,
     value_range,
 )
 from taichi_erosion.report.results import Condition, Layer, MeasuredTable
@@ -261,7 +259,7 @@ def draw_measured(
     for number, mark, own in marks(points, names, shown):
         marker = MARKERS[number] if len(names) <= MOST_SERIES else MARKERS[0]
         style = DOTS | {"marker": marker, "mfc": INK if kind == "fitted" else PAPER}
-        x, y = (points[key].to_numpy()[own] for key in ("x", "measured"))
+        x, y = own["x"].to_numpy(), own["measured"].to_numpy()
         draw_marks(frame, x, edge_of(shown, mark, y), mark, style, f"rows:{kind}#{number}{mark}")
         if mark in EDGES:
             draw_edge_texts(frame, x, [plain(each) for each in y], mark)
@@ -278,13 +276,20 @@ def draw_errors(frame: Axes, points: pd.DataFrame, shown: ValueRange, colour: st
     frame.errorbar(known["x"], known["measured"], known["error"], **style)
 
 
-def marks(points: pd.DataFrame, names: Sequence[str], shown: ValueRange) -> Iterator[tuple[int, str, Bools]]:
-    """Measured values by set of the other conditions and by kind of mark, in the order of drawing."""
+def marks(
+    points: pd.DataFrame, names: Sequence[str], shown: ValueRange
+) -> Iterator[tuple[int, str, pd.DataFrame]]:
+    """Measured values by set of the other conditions and by kind of mark, in the order of drawing.
+
+    A mark is that of a dot (""), of a limit, of an interval, or of a value beyond an edge of the axis.
+    """
+    values = points["measured"]
+    mark = points["limit"].mask(values > shown.high, "high").mask(values < shown.low, "low")
     for number, name in enumerate(names):
-        own = (points["series"] == name).to_numpy()
-        for mark, chosen in kinds(points["measured"].to_numpy(), list(points["limit"]), shown):
-            if (own & chosen).any():
-                yield number, mark, own & chosen
+        for kind in ("", "below", "above", "between", *EDGES):
+            own = points.loc[(points["series"] == name) & (mark == kind)]
+            if len(own):
+                yield number, kind, own
 
 
 def draw_model(frame: Axes, panel: Panel, layer: Layer, names: Sequence[str]) -> None:
@@ -328,7 +333,7 @@ def hover_texts(panel: Panel) -> dict[str, list[str]]:
     """Texts of the measured points, by layer and set of the other conditions, in the order of drawing."""
     names, shown = panel.series, panel.shown
     return {
-        f"{kind}#{number}{mark}": [row_text(panel, kind, rows, place) for place in points["row"][own]]
+        f"{kind}#{number}{mark}": [row_text(panel, kind, rows, place) for place in own["row"]]
         for kind, rows in panel.sources.items()
         for points in [points_of(panel, rows)]
         for number, mark, own in marks(points, names, shown)
@@ -380,7 +385,7 @@ def residual_pictures(panels: Sequence[Panel]) -> list[Picture]:
         words = f"{panel.value_label}, measured less model, against {panel.condition.label}"
         rows = {layer.key: layer.fitted for layer in panel.layers[:2]}
         texts = {
-            f"{key}#{mark}": [row_text(panel, "fitted", rows[key], place) for place in points["row"][own]]
+            f"{key}#{mark}": [row_text(panel, "fitted", rows[key], place) for place in own["row"]]
             for key, points in gaps.items()
             for _, mark, own in marks(points, [""], shown)
         }
@@ -398,7 +403,7 @@ def draw_residuals(panel: Panel, gaps: Mapping[str, pd.DataFrame], shown: ValueR
         colour = COLOURS[layer]
         draw_errors(frame, points, shown, colour, f"layer:{layer}")
         for _, mark, own in marks(points, [""], shown):
-            x, y = (points[key].to_numpy()[own] for key in ("x", "measured"))
+            x, y = own["x"].to_numpy(), own["measured"].to_numpy()
             style = DOTS | {"marker": "o", "ms": 4.0, "color": colour, "mfc": colour}
             draw_marks(frame, x, edge_of(shown, mark, y), mark, style, f"rows:{layer}#{mark}")
     scale_axis(frame, "x", next(iter(gaps.values()))["x"].to_numpy())

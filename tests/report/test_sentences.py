@@ -54,7 +54,7 @@ def test_conditions_stand_in_the_unit_of_the_table():
 
 
 @pytest.mark.parametrize(
-    ("value", "text"), [(3.6e-5, "36 µN"), (0.0, "0 N"), (6.5e-8, "65 nN"), (2.0, "2.0 N")]
+    ("value", "text"), [(3.6e-5, "36 µN"), (0.0, "0 N"), (6.5e-8, "65 nN"), (2.0, "2 N")]
 )
 def test_forces_have_a_prefix(value, text):
     assert engineering(value, "N") == text
