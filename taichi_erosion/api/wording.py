@@ -15,7 +15,8 @@ from taichi_erosion.core.errors import BadInput, SimulationStopped
 Given = ParamSpec("Given")
 Found = TypeVar("Found")
 Kind = TypeVar("Kind", bound=type)
-TOML = r"(?:'[^']+\.toml'|\S+\.toml)"  # a file as a shell takes it
+FILE = r"'?((?<=')[^']+|[^\s']+?)'?(?=;|$)"  # a file as a shell takes it
+TOML = r"(?:'[^']+\.toml'|\S+\.toml)"  # a study, likewise
 
 KEYWORDS = {  # option of the command line with its value -> keyword of the call
     r"--set (\S+?)=([^\s;,]+)(?=$|[\s;,])": r'changes={"\1": \2}',
@@ -40,8 +41,8 @@ CALLS = {  # command -> call
     r"`(compare|discover|next|report)`": r"study.\1()",
     r"`?(?:\./erosion )?\badopt " + TOML + r" (\w+)`?": r'study.adopt("\1")',
     r"`adopt`": "study.adopt(...)",
-    r"\./erosion run (\S+?)(?=;|$)": r'te.run("\1")',
-    r"\./erosion study new (\S+?)(?=;|$)": r'te.new_study("\1")',
+    rf"\./erosion run {FILE}": r'te.run("\1")',
+    rf"\./erosion study new {FILE}": r'te.new_study("\1")',
     r"`run ([\d.]+)s`": r"session.run(\1)",
     r"`watch (\w+)`": r'session.watch("\1")',
     r"`help effects`": "te.effects()",

@@ -76,11 +76,11 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     Where the table has a study already, the table is corrected and the study stays, unless `wishes.anew`.
     Raises BadInput with all faults of the table, or where a file of another origin would be replaced.
     """
-    folder = wishes.folder or table.with_name(table.stem)
-    refuse_file(folder)
     interview = Interview(ask)
     tidy, measured, columns = read_laboratory_table(table, wishes, interview)
     names = list(dict.fromkeys(row.observable for row in measured.rows))
+    folder = wishes.folder or table.with_name(table.stem)
+    refuse_file(folder)
     earlier = earlier_study(folder, table.stem)
     places = condition_places(measured, columns, wishes.told)
     if wishes.closed_form:

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -64,7 +65,12 @@ ANGLES = ("repose_angle", "cone_angle", "angle_of_repose", "dynamic_angle", "sli
 
 def study_text(study: StudyText) -> str:
     """A study file."""
-    lines = [f"# ./erosion compare {study.title}.toml", "", "[study]", f"title = {quoted(study.title)}"]
+    lines = [
+        f"# ./erosion compare {shlex.quote(f'{study.title}.toml')}",
+        "",
+        "[study]",
+        f"title = {quoted(study.title)}",
+    ]
     lines += [f"measurements = {quoted(study.measurements)}"]
     if study.made_from:
         lines += [f"made_from = {quoted(study.made_from)}"]
