@@ -65,12 +65,8 @@ ANGLES = ("repose_angle", "cone_angle", "angle_of_repose", "dynamic_angle", "sli
 
 def study_text(study: StudyText) -> str:
     """A study file."""
-    lines = [
-        f"# ./erosion compare {shlex.quote(f'{study.title}.toml')}",
-        "",
-        "[study]",
-        f"title = {quoted(study.title)}",
-    ]
+    command = shlex.join(["./erosion", "compare", f"{study.title}.toml"])
+    lines = [f"# {command}", "", "[study]", f"title = {quoted(study.title)}"]
     lines += [f"measurements = {quoted(study.measurements)}"]
     if study.made_from:
         lines += [f"made_from = {quoted(study.made_from)}"]
