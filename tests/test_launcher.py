@@ -194,6 +194,19 @@ def test_two_set_ups_do_not_run_at_once(tree):
     assert out == "taichi-erosion run\n"
 
 
+def test_a_user_who_cannot_lock_the_environment_is_told_what_to_do(tree):
+    (tree.root / ".venv.lock").mkdir()  # refuses to be opened for everybody, root too
+    refused = tree.call("run")
+    assert (refused.returncode, refused.stdout, refused.stderr.count("\n")) == (1, "", 1)
+    assert ".venv.lock cannot be written" in refused.stderr
+    assert "clone of your own" in refused.stderr
+    tree.root.joinpath(".venv.lock").rmdir()
+    tree.call("run")
+    (tree.root / ".venv.lock").unlink()
+    (tree.root / ".venv.lock").mkdir()
+    assert tree.call("run").returncode == 0, "a complete environment needs no lock"
+
+
 def test_every_gate_runs_and_the_first_failure_is_the_exit_code(tree):
     answer = tree.call("test", FAILING="ruff lint-imports")
     assert answer.returncode == 4

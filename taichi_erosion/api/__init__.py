@@ -15,9 +15,10 @@ A file is a path as text or `pathlib.Path`; a scene may be a mapping with the se
 input raises `BadInput`, a run that its guards stop `SimulationStopped`. Results show themselves in notebooks.
 """
 
-from taichi_erosion.api.library import effects
-from taichi_erosion.api.runs import Run, open_run, run
-from taichi_erosion.api.sessions import LiveSession, live
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from taichi_erosion.api.runs import Run, effects, open_run, run
 from taichi_erosion.api.studies import (
     AdoptionResult,
     ComparisonResult,
@@ -28,6 +29,9 @@ from taichi_erosion.api.studies import (
     study,
 )
 from taichi_erosion.core.errors import BadInput, SimulationStopped
+
+if TYPE_CHECKING:
+    from taichi_erosion.api.sessions import LiveSession, live
 
 __all__ = [
     "AdoptionResult",
@@ -46,3 +50,10 @@ __all__ = [
     "run",
     "study",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Sessions import the simulation, so they are loaded when they are used."""
+    if name in ("LiveSession", "live"):
+        return getattr(import_module("taichi_erosion.api.sessions"), name)
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

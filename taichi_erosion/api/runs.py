@@ -1,4 +1,4 @@
-"""Runs of scenes from Python."""
+"""Runs of scenes, and the effects that they can have, from Python."""
 
 import json
 import tempfile
@@ -190,3 +190,22 @@ def override(path: str, value: Any) -> str:
     import tomlkit
 
     return f"{path}={tomlkit.item(value).as_string()}"
+
+
+@in_python
+def effects(effect_files: Sequence[PathLike] = ()) -> "pd.DataFrame":
+    """All effects, those of own files too: name, title, place, conditions, largest strength [1]."""
+    from taichi_erosion.effects import load_library
+
+    library = load_library([Path(file) for file in effect_files])
+    rows = (
+        {
+            "effect": name,
+            "title": effect.title,
+            "place": effect.place,
+            "reads": ", ".join(effect.reads),
+            "largest_strength": effect.most,
+        }
+        for name, effect in sorted(library.items())
+    )
+    return frame(rows, {"largest_strength": "1"}).set_index("effect")

@@ -6,7 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_erosion.api.notebook import frame, html
 from taichi_erosion.api.runs import PathLike, override, stated_changes
-from taichi_erosion.api.wording import in_python
+from taichi_erosion.api.wording import all_in_python
+from taichi_erosion.run import session as sessions
+from taichi_erosion.run import session_queries as queries
+from taichi_erosion.verification.effect_contract import refuse_unusable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -14,23 +17,18 @@ if TYPE_CHECKING:
     from taichi_erosion.report.figure_style import Figure
 
 
+@all_in_python
 class LiveSession:
     """One replica of a scene under the caller's control; times in s of the simulation."""
 
-    @in_python
     def __init__(
         self, scene: PathLike, seed: int | None, effect_files: Sequence[PathLike], changes: Mapping[str, Any]
     ) -> None:
-        from taichi_erosion.run.session import open_session
-        from taichi_erosion.run.session_queries import keep_sample
-        from taichi_erosion.verification.effect_contract import refuse_unusable
-
         files = [Path(file) for file in effect_files]
         refuse_unusable(files)
-        self.session = open_session(
-            Path(scene), tuple(override(*one) for one in changes.items()), seed, files
-        )
-        self.session.callbacks.append(keep_sample)
+        overrides = tuple(override(*one) for one in changes.items())
+        self.session = sessions.open_session(Path(scene), overrides, seed, files)
+        self.session.callbacks.append(queries.keep_sample)
 
     @property
     def time(self) -> float:
@@ -40,93 +38,62 @@ class LiveSession:
     @property
     def status(self) -> Mapping[str, float | int | str]:
         """Time, stage and totals over the grains."""
-        from taichi_erosion.run.session import session_status
-
-        return session_status(self.session)
+        return sessions.session_status(self.session)
 
     @property
     def table(self) -> "pd.DataFrame":
         """All measures in the present state."""
-        from taichi_erosion.run.session import measure_now
-
         rows = (
             {"measure": name, "value": found.value, "unit": found.unit, "notes": "; ".join(found.notes)}
-            for name, found in measure_now(self.session).items()
+            for name, found in sessions.measure_now(self.session).items()
         )
         return frame(rows).set_index("measure")
 
-    @in_python
     def run(self, seconds: float) -> "LiveSession":
         """Run for a simulated time [s]. Raises SimulationStopped."""
-        from taichi_erosion.run.session import run_for
-
-        run_for(self.session, seconds)
+        sessions.run_for(self.session, seconds)
         return self
 
-    @in_python
     def run_until_rest(self) -> "LiveSession":
         """Run until the grains rest or the stage's time is over. Raises SimulationStopped."""
-        from taichi_erosion.run.session import run_until_rest
-
-        run_until_rest(self.session)
+        sessions.run_until_rest(self.session)
         return self
 
-    @in_python
     def step(self, count: int = 1) -> "LiveSession":
         """Run time steps."""
-        from taichi_erosion.run.session import step
-
-        step(self.session, count)
+        sessions.step(self.session, count)
         return self
 
-    @in_python
     def next_stage(self) -> "LiveSession":
         """Begin the next stage of the scene. Raises BadInput after the last one."""
-        from taichi_erosion.run.session import next_stage
-
-        next_stage(self.session)
+        sessions.next_stage(self.session)
         return self
 
-    @in_python
     def set(self, path: str, value: Any) -> "LiveSession":
         """Change an entry of the scene by its dotted path. Raises BadInput where it is fixed."""
-        from taichi_erosion.run.session import set_entry
-
-        set_entry(self.session, path, override(path, value).partition("=")[2])
+        sessions.set_entry(self.session, path, override(path, value).partition("=")[2])
         return self
 
-    @in_python
     def get(self, path: str) -> Any:
         """Value of an entry of the scene by its dotted path, or a mapping of those below. Raises BadInput."""
-        from taichi_erosion.run.session_queries import entry
+        return queries.entry(self.session, path)
 
-        return entry(self.session, path)
-
-    @in_python
     def help(self, path: str) -> str:
         """Meaning, unit, default and range of an entry, of effects too. Raises BadInput."""
-        from taichi_erosion.run.session_queries import meaning
+        return queries.meaning(self.session, path)
 
-        return meaning(self.session, path)
-
-    @in_python
     def diff(self, before: str | None = None, after: str | None = None) -> "pd.DataFrame":
         """Entries that differ: from the scene file, or a saved state, to the present, or another saved state.
 
         Raises BadInput for an unknown state.
         """
-        from taichi_erosion.run.session_queries import differences
-
-        pairs = differences(self.session, before, after).items()
+        pairs = queries.differences(self.session, before, after).items()
         rows = [{"entry": path, "before": old, "after": new} for path, (old, new) in pairs]
-        return frame(rows or [], columns=("entry", "before", "after")).set_index("entry")
+        return frame(rows, columns=("entry", "before", "after")).set_index("entry")
 
-    @in_python
     def watch(self, *names: str) -> "LiveSession":
         """Keep measures for `samples` and `plot` from now on, beside the numbers of the status."""
-        from taichi_erosion.run.session_queries import watch
-
-        watch(self.session, *names)
+        queries.watch(self.session, *names)
         return self
 
     @property
@@ -134,43 +101,30 @@ class LiveSession:
         """Numbers of the status, and watched measures, at every check so far, by time [s]."""
         return frame(self.session.samples, columns=("time_s",)).set_index("time_s")
 
-    @in_python
     def plot(self, name: str) -> "Figure":
         """Figure of a number over the simulated time. Raises BadInput before the first sample."""
-        from taichi_erosion.report.pictures.session import curve_figure
-        from taichi_erosion.run.session_queries import curve
+        from taichi_erosion.report.figure_style import curve_figure
 
-        return curve_figure(*curve(self.session, name), name)
+        return curve_figure(*queries.curve(self.session, name), name)
 
     @property
     def warnings(self) -> list[str]:
         """What to know about the present strengths of effects."""
-        from taichi_erosion.run.session import warnings_now
+        return sessions.warnings_now(self.session)
 
-        return warnings_now(self.session)
-
-    @in_python
     def save(self, name: str) -> "LiveSession":
         """Keep the present state under a name."""
-        from taichi_erosion.run.session import save
-
-        save(self.session, name)
+        sessions.save(self.session, name)
         return self
 
-    @in_python
     def restore(self, name: str) -> "LiveSession":
         """Return to a saved state, bit for bit. Raises BadInput for an unknown name."""
-        from taichi_erosion.run.session import restore
-
-        restore(self.session, name)
+        sessions.restore(self.session, name)
         return self
 
-    @in_python
     def snapshot(self, to: PathLike) -> Path:
         """Write a picture from the side (PNG)."""
-        from taichi_erosion.run.session import write_picture
-
-        return write_picture(self.session, Path(to))
+        return sessions.write_picture(self.session, Path(to))
 
     def __repr__(self) -> str:
         return f"LiveSession({self.session.path}, {self.time:.6g} s, stage {self.status['stage']})"

@@ -1,14 +1,14 @@
 """Studies from Python: compare, discover, adopt, next, predict, report."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Union, Unpack
 
 from taichi_erosion.api.notebook import frame, html, progress
 from taichi_erosion.api.runs import PathLike
-from taichi_erosion.api.wording import in_python, python_words
+from taichi_erosion.api.wording import all_in_python, in_python, python_words
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.number_words import heading
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 Document = Mapping[str, Any]
 Progress = Callable[[str, float], None]  # (words, share done [1])
+TableLike = Union[PathLike, Mapping[str, Sequence[Any]], "pd.DataFrame"]
 
 
 class StatedGrains(TypedDict, total=False):
@@ -98,7 +99,7 @@ class ComparisonResult(Result):
 
     @property
     def found(self) -> list[str]:
-        from taichi_erosion.evidence.answers.words.agreement import comparison_sentences
+        from taichi_erosion.evidence.answers.agreement_words import comparison_sentences
 
         return comparison_sentences(self.document)
 
@@ -137,24 +138,12 @@ class DiscoveryResult(Result):
     @property
     def table(self) -> "pd.DataFrame":
         """Candidates, the likeliest first: status, strength [1] with its 90 % interval, probability [1]."""
-        keys = (
-            "status",
-            "strength",
-            "strength_low",
-            "strength_high",
-            "probability",
-            "log_bayes_factor",
-            "power",
-        )
-        rows = (
-            {"effect": name, **{key: each.get(key) for key in keys}}
-            for name, each in self.document["effects"].items()
-        )
-        return (
-            frame(rows, dict.fromkeys(keys[1:], "1"))
-            .set_index("effect")
-            .sort_values("probability", ascending=False)
-        )
+        strength = ("strength", "strength_low", "strength_high")
+        keys = ("status", *strength, "probability", "log_bayes_factor", "power")
+        found = self.document["effects"].items()
+        rows = ({"effect": name, **{key: each.get(key) for key in keys}} for name, each in found)
+        table = frame(rows, dict.fromkeys(keys[1:], "1")).set_index("effect")
+        return table.sort_values("probability", ascending=False)
 
     effects = table
 
@@ -170,14 +159,13 @@ class AdoptionResult(Result):
     @property
     def table(self) -> "pd.DataFrame":
         """chi2 per row of every model, and the error of the held-out rows in the units of the table."""
+        units = self.units
         labels = {"base": "before", "added": "after", "with_all": "with all that was named"}
         labels |= {"best_wrong": "control: best other effect", "random_wrong": "control: drawn at random"}
         rows = (
             {"model": label, "fitted": fit["chi2_per_row"], "held_out": fit["vault_chi2_per_row"]}
             | {
-                f"rmse of held-out {heading(name, self.units.value_unit(name))}": self.units.value(
-                    name, error
-                )
+                f"rmse of held-out {heading(name, units.value_unit(name))}": units.value(name, error)
                 for name, error in (fit["vault_rmse"] or {}).items()
             }
             for key, label in labels.items()
@@ -228,6 +216,7 @@ class PredictionResult(Result):
         )
 
 
+@all_in_python
 @dataclass(frozen=True)
 class Study:
     """An evidence study: its file, and what its runs may cost."""
@@ -245,32 +234,28 @@ class Study:
         """What the commands take beside the file."""
         from taichi_erosion.evidence.models.load_study import StudyOptions, stated_budget
 
-        named, runs = stated_budget(self.budget)
-        found = StudyOptions(named, runs, self.workers, self.seed, self.effect_files)
-        return replace(found, arch=self.arch, decomposition=self.decomposition)
+        stated = {name: getattr(self, name) for name in ("workers", "seed", "effect_files")}
+        stated |= {"arch": self.arch, "decomposition": self.decomposition}
+        return StudyOptions(*stated_budget(self.budget), **stated)
 
-    @in_python
     def check(self) -> Document:
         """Validate study, table, scenes and model; run nothing. Raises BadInput with all faults."""
         from taichi_erosion.evidence.answers.study_files.check_study import check_study
 
         return check_study(self.path, self.options)
 
-    @in_python
     def compare(self) -> ComparisonResult:
         """Calibrate the model, and find where it still fails."""
         from taichi_erosion.evidence.answers.commands import compare_study
 
         return ComparisonResult(self.path, self.answered("comparing", compare_study))
 
-    @in_python
     def discover(self) -> DiscoveryResult:
         """Find the missing effect."""
         from taichi_erosion.evidence.answers.commands import discover_study
 
         return DiscoveryResult(self.path, self.answered("discovering", discover_study))
 
-    @in_python
     def adopt(self, *effects: str | Sequence[str], force: bool = False) -> AdoptionResult:
         """Add effects, by names or lists of names; calibrate again, open the vault.
 
@@ -282,36 +267,34 @@ class Study:
         if not names:
             raise BadInput("adopt: name the effects to add")
 
-        def adopted(path: Path, progress: Progress, options: "StudyOptions") -> Document:
-            return adopt_study(path, names, progress, options, force)
+        document = self.answered(
+            "adopting", lambda path, report, options: adopt_study(path, names, report, options, force)
+        )
+        return AdoptionResult(self.path, document)
 
-        return AdoptionResult(self.path, self.answered("adopting", adopted))
-
-    @in_python
     def next(self) -> ExperimentsResult:
         """Find the cheapest experiments that tell the named explanation from its rivals."""
         from taichi_erosion.evidence.answers.commands import next_study
 
         return ExperimentsResult(self.path, self.answered("planning", next_study))
 
-    @in_python
-    def predict(self, table: "PathLike | pd.DataFrame", *, bare: bool = False) -> PredictionResult:
+    def predict(self, table: TableLike, *, bare: bool = False) -> PredictionResult:
         """What the calibrated model says at the conditions of a table, with 90 % intervals.
 
-        `table` is a file (.csv, .xlsx) or a DataFrame with one column for each condition. The adopted model
-        answers where effects have been adopted, unless `bare`. Raises BadInput with all faults of the table.
+        `table` is a file (.csv, .xlsx), or a DataFrame or dict with a column for each condition. The adopted
+        model answers where effects have been adopted, unless `bare`. Raises BadInput with all faults of
+        the table.
         """
         from taichi_erosion.evidence.prediction.commands import predict_study
 
         with TemporaryDirectory() as folder:
             file = table_file(table, Path(folder) / "conditions")
 
-            def predicted(path: Path, progress: Progress, options: "StudyOptions") -> Document:
-                return predict_study(path, file, progress, options, bare)
+            document = self.answered(
+                "predicting", lambda path, report, options: predict_study(path, file, report, options, bare)
+            )
+            return PredictionResult(self.path, document)
 
-            return PredictionResult(self.path, self.answered("predicting", predicted))
-
-    @in_python
     def report(self, to: PathLike | None = None) -> Path:
         """Write the page of all answers (HTML). Raises BadInput before the first answer."""
         from taichi_erosion.report import write_report
@@ -352,7 +335,7 @@ def study(
 
 @in_python
 def new_study(
-    table: "PathLike | pd.DataFrame",
+    table: TableLike,
     out: PathLike | None = None,
     *,
     observables: Mapping[str, str] | None = None,
@@ -364,9 +347,9 @@ def new_study(
 ) -> Study:
     """A study, its tidy table and its scene from a laboratory's table; every guess is taken.
 
-    `table` is a file (.csv, .xlsx) or a DataFrame whose column names carry units; `out` is the folder to
-    write, which a DataFrame needs. `units` are those of columns. What no column states of the grains:
-    `diameter="0.4 mm"`, `density="2650 kg/m3"`, `grains=5000` in a run. Raises BadInput with
+    `table` is a file (.csv, .xlsx), or a DataFrame or dict whose column names carry units; `out` is the
+    folder to write, which columns in memory need. `units` are those of columns. What no column states of
+    the grains: `diameter="0.4 mm"`, `density="2650 kg/m3"`, `grains=5000` in a run. Raises BadInput with
     all faults of the table.
     """
     from taichi_erosion.evidence.answers.study_files.new_study import Wishes
@@ -384,14 +367,25 @@ def new_study(
     return study(document["written"][0])
 
 
-def table_file(table: "PathLike | pd.DataFrame", out: PathLike | None) -> Path:
-    """File of a table; a DataFrame is written beside the folder of the study."""
+def table_file(table: TableLike, out: PathLike | None) -> Path:
+    """File of a table; columns in memory are written beside the folder of the study. Raises BadInput."""
     if isinstance(table, (str, Path)):
         return Path(table)
+    import pandas as pd
+
+    try:
+        columns = pd.DataFrame(table) if isinstance(table, Mapping) else table
+    except ValueError as error:
+        raise BadInput(
+            f"the columns of the table: {error}; give a list for each, all of one length"
+        ) from None
+    if not isinstance(columns, pd.DataFrame):
+        given = type(table).__name__
+        raise BadInput(f"a table is a file (.csv, .xlsx), a DataFrame or a dict of columns, not a {given}")
     if out is None:
         raise BadInput("new_study: name the folder to write for a DataFrame, out=FOLDER")
     folder = Path(out)
     folder.parent.mkdir(parents=True, exist_ok=True)
     file = folder.with_name(f"{folder.name}.csv")
-    table.to_csv(file, index=False)
+    columns.to_csv(file, index=False)
     return file

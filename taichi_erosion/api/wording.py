@@ -7,12 +7,16 @@ Python. Documents keep what the command line prints.
 import re
 from collections.abc import Callable
 from functools import wraps
+from inspect import isfunction
 from typing import ParamSpec, TypeVar
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 
 Given = ParamSpec("Given")
 Found = TypeVar("Found")
+Kind = TypeVar("Kind", bound=type)
+FILE = r"'?((?<=')[^']+|[^\s']+?)'?(?=;|$)"  # a file as a shell takes it
+TOML = r"(?:'[^']+\.toml'|\S+\.toml)"  # a study, likewise
 
 KEYWORDS = {  # option of the command line with its value -> keyword of the call
     r"--set (\S+?)=([^\s;,]+)(?=$|[\s;,])": r'changes={"\1": \2}',
@@ -33,12 +37,12 @@ KEYWORDS = {  # option of the command line with its value -> keyword of the call
     r"--condition\s+'?([^'\s=]+)=([\w.]+)'?": r'conditions={"\1": "\2"}',
 }
 CALLS = {  # command -> call
-    r"`?(?:\./erosion )?\b(compare|discover|next|report) \S+\.toml`?": r"study.\1()",
+    r"`?(?:\./erosion )?\b(compare|discover|next|report) " + TOML + "`?": r"study.\1()",
     r"`(compare|discover|next|report)`": r"study.\1()",
-    r"`?(?:\./erosion )?\badopt \S+\.toml (\w+)`?": r'study.adopt("\1")',
+    r"`?(?:\./erosion )?\badopt " + TOML + r" (\w+)`?": r'study.adopt("\1")',
     r"`adopt`": "study.adopt(...)",
-    r"\./erosion run (\S+?)(?=;|$)": r'te.run("\1")',
-    r"\./erosion study new (\S+?)(?=;|$)": r'te.new_study("\1")',
+    rf"\./erosion run {FILE}": r'te.run("\1")',
+    rf"\./erosion study new {FILE}": r'te.new_study("\1")',
     r"`run ([\d.]+)s`": r"session.run(\1)",
     r"`watch (\w+)`": r'session.watch("\1")',
     r"`help effects`": "te.effects()",
@@ -66,3 +70,11 @@ def in_python(call: Callable[Given, Found]) -> Callable[Given, Found]:
             raise SimulationStopped(python_words(str(error))) from None
 
     return worded
+
+
+def all_in_python(kind: Kind) -> Kind:
+    """The same class, with `in_python` on its methods."""
+    for name, member in list(vars(kind).items()):
+        if isfunction(member) and (not name.startswith("_") or name == "__init__"):
+            setattr(kind, name, in_python(member))
+    return kind

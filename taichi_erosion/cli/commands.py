@@ -18,11 +18,11 @@ import typer
 from taichi_erosion import __version__
 from taichi_erosion.cli import output
 from taichi_erosion.cli.doe import audit, doe
+from taichi_erosion.cli.evidence import study_commands
 from taichi_erosion.cli.help import EXPLAIN, SIMULATE, help_of
 from taichi_erosion.cli.output import Arch, AsJson, Decomposition, EffectFiles, Force
 from taichi_erosion.cli.progress import LOG, interruptible, open_log, reporting
 from taichi_erosion.cli.source_tree import source_module
-from taichi_erosion.cli.study import study as study_commands
 from taichi_erosion.core.engine.choice import SWITCH, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput, ExitCode
 from taichi_erosion.core.files import check_writable, refuse_foreign

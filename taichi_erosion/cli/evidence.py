@@ -1,51 +1,30 @@
-"""Commands of the evidence loop: compare, discover, adopt, next, report.
+"""Commands on studies: `study new`, `study check`, compare, discover, adopt, next, predict, report."""
 
-Each prints its sentences first, then a table, then the limits of the result.
-"""
-
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping
+from functools import partial, wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taichi_erosion.cli import next_steps, output
+from taichi_erosion.cli import answers, next_steps, output
 from taichi_erosion.cli.help import help_of
-from taichi_erosion.cli.output import (
-    MARK_MISSING,
-    Arch,
-    AsJson,
-    Decomposition,
-    EffectFiles,
-    Force,
-    Record,
-    print_table,
-)
+from taichi_erosion.cli.output import Arch, AsJson, Decomposition, EffectFiles, Force, Record
 from taichi_erosion.cli.progress import KEPT, announce, interruptible
-from taichi_erosion.evidence.answers.words.agreement import comparison_sentences
-from taichi_erosion.evidence.answers.words.held_out import FITTED_ERRORS, HELD_OUT_ERRORS
-from taichi_erosion.evidence.data.number_words import heading, plain
-from taichi_erosion.evidence.inference.verdict_levels import CORRELATED, p_number
+from taichi_erosion.core.errors import BadInput
 
 if TYPE_CHECKING:
     from taichi_erosion.evidence.models.load_study import StudyOptions
 
+Command = Callable[..., None]
 Progress = Callable[[str, float], None]  # (text, share done [1])
-
-ANSWERS = 6  # printed probabilities
-CANDIDATE_COLUMNS = ("effect", "status", "strength", "90 % interval", "probability")
-CANDIDATE_COLUMNS += ("ln Bayes factor", "power", "absorbed")
-MOST_ERRORS = 2  # observables whose errors are printed beside chi2
-ERRORS = ("rmse", "bias")  # columns in the unit of the observable
-CONTROLS = {
-    "with_all": "with all that was named",
-    "best_wrong": "control: best other effect",
-    "random_wrong": "control: effect drawn at random",
-}
+Pairs = list[str] | None
 
 app = typer.Typer()
+study_commands = typer.Typer(help="Make a study of a table, or validate one.", no_args_is_help=True)
 
+TableFile = Annotated[Path, typer.Argument(metavar="TABLE", help="Table of measurements (.csv or .xlsx).")]
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="Evidence study (TOML).")]
 ReportSource = Annotated[
     Path, typer.Argument(metavar="STUDY|RUN", help="Study (TOML), or the .json or .rrd file of a run.")
@@ -69,130 +48,86 @@ Seed = Annotated[
 PageFile = Annotated[
     Path | None, typer.Option("-o", "--output", metavar="FILE", help="Page to write (HTML).")
 ]
-
-
-@app.command(**help_of("compare"))
-def compare(
-    study: StudyFile,
-    budget: Budget = None,
-    workers: Workers = None,
-    arch: Arch = None,
-    decomposition: Decomposition = None,
-    seed: Seed = None,
-    own: EffectFiles = None,
-    as_json: AsJson = False,
-) -> None:
-    """Calibrate the model, and show where it still disagrees with the measurements."""
-    from taichi_erosion.evidence.answers.commands import compare_study
-
-    options = options_of(budget, seed, own, workers, arch, decomposition)
-    answer(
-        "comparing",
-        lambda progress: compare_study(study, progress, options),
-        partial(print_comparison, own=own),
-        as_json,
-    )
-
-
-@app.command(**help_of("discover"))
-def discover(
-    study: StudyFile,
-    budget: Budget = None,
-    workers: Workers = None,
-    arch: Arch = None,
-    decomposition: Decomposition = None,
-    seed: Seed = None,
-    own: EffectFiles = None,
-    as_json: AsJson = False,
-) -> None:
-    """Find the missing effect: present, excluded, not testable, or not in the list."""
-    from taichi_erosion.evidence.answers.commands import discover_study
-
-    options = options_of(budget, seed, own, workers, arch, decomposition)
-    answer(
-        "discovering",
-        lambda progress: discover_study(study, progress, options),
-        partial(print_discovery, own=own),
-        as_json,
-    )
-
-
-@app.command(**help_of("adopt"))
-def adopt(
-    study: StudyFile,
-    effects: EffectNames,
-    budget: Budget = None,
-    workers: Workers = None,
-    arch: Arch = None,
-    decomposition: Decomposition = None,
-    seed: Seed = None,
-    own: EffectFiles = None,
-    force: Force = False,
-    as_json: AsJson = False,
-) -> None:
-    """Add one or more effects, calibrate again, and show the error on held-out measurements."""
-    from taichi_erosion.evidence.answers.commands import adopt_study
-
-    options = options_of(budget, seed, own, workers, arch, decomposition)
-
-    def compute(progress: Progress) -> dict[str, Any]:
-        return adopt_study(study, effects, progress, options, force)
-
-    answer("adopting", compute, partial(print_adoption, own=own), as_json)
-
-
-@app.command("next", **help_of("next"))
-def next_(
-    study: StudyFile,
-    budget: Budget = None,
-    workers: Workers = None,
-    arch: Arch = None,
-    decomposition: Decomposition = None,
-    seed: Seed = None,
-    own: EffectFiles = None,
-    as_json: AsJson = False,
-) -> None:
-    """Find the cheapest experiments that tell the named explanation from its rivals."""
-    from taichi_erosion.evidence.answers.commands import next_study
-
-    options = options_of(budget, seed, own, workers, arch, decomposition)
-    answer(
-        "planning",
-        lambda progress: next_study(study, progress, options),
-        partial(print_experiments, own=own),
-        as_json,
-    )
-
-
-@app.command(**help_of("report"))
-def report(source: ReportSource, to: PageFile = None, force: Force = False, as_json: AsJson = False) -> None:
-    """Write one self-contained HTML page: on a run, a calibration, or all results of a study."""
-    from taichi_erosion.report import write_report
-    from taichi_erosion.scene.file_kind import refuse_neither
-
-    refuse_neither(source)
-    page = str(write_report(source, to, force))
-    output.print_result({"report": page}, as_json, lambda _: typer.echo(page))
-    if not as_json:
-        typer.echo(next_steps.after_report(page), err=True)
+AtTable = Annotated[
+    Path,
+    typer.Option(
+        "--at",
+        metavar="TABLE",
+        help="New conditions (.csv, .xlsx): one column for each condition, in any unit; a column without "
+        "a unit is in that of the study's table. A column 'observable' says what is wanted.",
+    ),
+]
+OutFile = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Table to write (CSV).")]
+Bare = Annotated[bool, typer.Option("--bare", help="The model of STUDY itself, adopted effects left out.")]
+Observables = Annotated[
+    Pairs,
+    typer.Option("--observable", metavar="COLUMN=NAME", help="What a column measures; may be repeated."),
+]
+Conditions = Annotated[
+    Pairs,
+    typer.Option("--condition", metavar="COLUMN=PATH", help="Place that a column sets; may be repeated."),
+]
+Units = Annotated[
+    Pairs, typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column; may be repeated.")
+]
+Folder = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="FOLDER", help="Folder to write; default: beside TABLE, its name."),
+]
+Apparatus = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="cylinder, collapse, funnel, drum, threshold, impact or saltation."),
+]
+Roughness = Annotated[
+    str | None,
+    typer.Option(metavar="LENGTH", help="Roughness length of the bed under winds measured at a height."),
+]
+Diameter = Annotated[
+    str | None, typer.Option(metavar="LENGTH", help="Grain diameter where no column states it: '0.4 mm'.")
+]
+Density = Annotated[str | None, typer.Option(metavar="DENSITY", help="Density of the grains: '2650 kg/m3'.")]
+Grains = Annotated[
+    int | None, typer.Option(min=1, help="Grains of a run; default: as many as its measure needs.")
+]
+ClosedForm = Annotated[
+    bool, typer.Option("--closed-form", help="A formula answers in place of simulations: seconds, not hours.")
+]
+Yes = Annotated[bool, typer.Option("--yes", help="Take every guess; ask nothing.")]
+Anew = Annotated[
+    bool,
+    typer.Option("--anew", help="Write a study that is there anew; changes in it are lost, its vault stays."),
+]
 
 
 def options_of(
-    budget: Budget, seed: Seed, own: EffectFiles, workers: Workers, arch: Arch, decomposition: Decomposition
+    budget: Budget = None,
+    workers: Workers = None,
+    arch: Arch = None,
+    decomposition: Decomposition = None,
+    seed: Seed = None,
+    effect: EffectFiles = None,
 ) -> "StudyOptions":
     """What the command line states of a study; raises BadInput for a budget that is none."""
     from taichi_erosion.evidence.models.load_study import StudyOptions, stated_budget
 
     named, runs = stated_budget(budget)
-    stated: dict[str, Any] = {
-        "seed": seed,
-        "effect_files": tuple(own or ()),
-        "announce": announce,
-        "workers": workers,
-        "arch": arch,
-        "decomposition": decomposition,
-    }
-    return StudyOptions(budget=named, runs=runs, **stated)
+    return StudyOptions(named, runs, workers, seed, tuple(effect or ()), announce, arch, decomposition)
+
+
+def with_study_options(command: Command) -> Command:
+    """A command of the loop, with the options of `options_of` typed in place of its argument `options`."""
+    shared = signature(options_of).parameters
+    own = [each for name, each in signature(command).parameters.items() if name != "options"]
+
+    @wraps(command)
+    def typed(**words: Any) -> None:
+        stated = {name: words.pop(name) for name in shared}
+        command(options=options_of(**stated), **words)
+
+    every = [each.replace(kind=Parameter.KEYWORD_ONLY) for each in (*own[:-1], *shared.values(), own[-1])]
+    typed.__signature__ = Signature(every)  # type: ignore[attr-defined]
+    typed.__annotations__ = {each.name: each.annotation for each in every}
+    return typed
 
 
 def answer(
@@ -209,179 +144,140 @@ def answer(
     output.print_result(without_rows(document) if as_json else document, as_json, print_text)
 
 
-def print_comparison(document: Record, own: Sequence[Path] | None = None) -> None:
-    """Print whether the model agrees, where it fails, and the misfit of every observable."""
-    print_lines(document["set_up"], "set-up: ")
-    print_lines(comparison_sentences(document))
-    from taichi_erosion.evidence.data.table_units import TableUnits
+@app.command(**help_of("compare"))
+@with_study_options
+def compare(study: StudyFile, options: "StudyOptions", as_json: AsJson = False) -> None:
+    """Calibrate the model, and show where it still disagrees with the measurements."""
+    from taichi_erosion.evidence.answers.commands import compare_study
 
-    units = TableUnits.of(document)
-    rows = (
-        (
-            heading(name, units.value_unit(name)),
-            str(misfit["n"]),
-            number(misfit["chi2"]),
-            *(number(units.value(name, misfit[key])) for key in ERRORS),
-            chance(misfit["p"]),
-        )
-        for name, misfit in document["observables"].items()
-    )
-    print_table("calibrated model against measurement", ("observable", "rows", "chi2", *ERRORS, "p"), rows)
-    typer.echo(FITTED_ERRORS)
-    print_parameters(document["parameters"])
-    print_correlations(document["correlations"])
-    print_limits(document)
-    print_lines(next_steps.after_comparison(document, next_steps.effect_options(own)))
+    printed = partial(answers.print_comparison, options=options)
+    answer("comparing", lambda progress: compare_study(study, progress, options), printed, as_json)
 
 
-def print_discovery(document: Record, own: Sequence[Path] | None = None) -> None:
-    """Print the verdict, the table of candidates, and the limits of the result."""
-    print_lines(document["set_up"], "set-up: ")
-    print_lines(document["sentences"])
-    if not next_steps.waits(document):
-        print_table("candidates", CANDIDATE_COLUMNS, candidate_rows(document["effects"]))
-        typer.echo("probabilities: " + probabilities(document["probabilities"]))
-    print_parameters(document["parameters"])
-    print_correlations(document["correlations"])
-    print_lines((clue["sentence"] for clue in document["clues"]), "clue: ")
-    print_lines((experiment["sentence"] for experiment in document["next_experiments"]), "next: ")
-    print_limits(document)
-    print_lines(next_steps.after_discovery(document, next_steps.effect_options(own)))
+@app.command(**help_of("discover"))
+@with_study_options
+def discover(study: StudyFile, options: "StudyOptions", as_json: AsJson = False) -> None:
+    """Find the missing effect: present, excluded, not testable, or not in the list."""
+    from taichi_erosion.evidence.answers.commands import discover_study
+
+    printed = partial(answers.print_discovery, options=options)
+    answer("discovering", lambda progress: discover_study(study, progress, options), printed, as_json)
 
 
-def candidate_rows(effects: Record) -> Iterator[tuple[str, ...]]:
-    """Rows of the table of candidates, in order of probability."""
-    for name, found in sorted(effects.items(), key=lambda item: -(item[1]["probability"] or 0.0)):
-        interval = f"{number(found['strength_low'])} to {number(found['strength_high'])}"
-        if found["strength"] is None:  # nothing was weighed
-            yield name, found["status"].replace("_", " "), *[MARK_MISSING] * (len(CANDIDATE_COLUMNS) - 2)
-            continue
-        status, strength = found["status"].replace("_", " "), number(found["strength"])
-        evidence = percent(found["probability"]), number(found["log_bayes_factor"])
-        yield (
-            name,
-            status,
-            strength,
-            interval,
-            *evidence,
-            percent(found["power"]),
-            percent(found["absorption"]),
-        )
+@app.command(**help_of("adopt"))
+@with_study_options
+def adopt(
+    study: StudyFile,
+    effects: EffectNames,
+    options: "StudyOptions",
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Add one or more effects, calibrate again, and show the error on held-out measurements."""
+    from taichi_erosion.evidence.answers.commands import adopt_study
+
+    printed = partial(answers.print_adoption, options=options)
+    answer("adopting", lambda report: adopt_study(study, effects, report, options, force), printed, as_json)
 
 
-def print_adoption(document: Record, own: Sequence[Path] | None = None) -> None:
-    """Print the error before and after adoption, with two control effects."""
-    print_lines(document["set_up"], "set-up: ")
-    typer.echo(document["sentence"])
-    print_errors(document)
-    print_parameters(document["added"]["strengths"] | document["added"]["parameters"])
-    print_correlations(document["added"]["correlations"])
-    opened = document["vault"]["opened"]
-    if opened > 1:
-        typer.echo(f"note: the vault has been opened {opened} times; its rows are no longer unseen data.")
-    print_lines(document["notes"], "note: ")
-    for file in document["files"]:
-        typer.echo(f"written: {file}")
-    typer.echo(cost(document))
-    print_lines(next_steps.after_adoption(document, next_steps.effect_options(own)))
+@app.command("next", **help_of("next"))
+@with_study_options
+def next_(study: StudyFile, options: "StudyOptions", as_json: AsJson = False) -> None:
+    """Find the cheapest experiments that tell the named explanation from its rivals."""
+    from taichi_erosion.evidence.answers.commands import next_study
+
+    printed = partial(answers.print_experiments, options=options)
+    answer("planning", lambda progress: next_study(study, progress, options), printed, as_json)
 
 
-def print_errors(document: Record) -> None:
-    """Print chi2 per row and the error of the held-out rows of every fit of an adoption."""
-    from taichi_erosion.evidence.data.table_units import TableUnits
+@app.command(**help_of("predict"))
+@with_study_options
+def predict(
+    study: StudyFile,
+    at: AtTable,
+    options: "StudyOptions",
+    out: OutFile = None,
+    bare: Bare = False,
+    as_json: AsJson = False,
+) -> None:
+    """Predict values at new conditions by the calibrated or adopted model, with 90 % intervals."""
+    from taichi_erosion.core.files import write_atomic
+    from taichi_erosion.evidence.prediction.commands import predict_study
 
-    units, rows = TableUnits.of(document), []
-    names = list(document["base"]["vault_rmse"])
-    names = names if len(names) <= MOST_ERRORS else []
-
-    def errors(fit: Record, key: str) -> tuple[str, ...]:
-        return tuple(number(units.value(name, (fit.get(key) or {}).get(name))) for name in names)
-
-    rungs = document.get("ladder") or []
-    if rungs and rungs[0]["effects"] != document["adopted"]:
-        chi2 = number(rungs[0]["chi2_per_row_fitted"]), number(rungs[0]["chi2_per_row_held_out"])
-        rows.append(("as it was", *chi2, *errors(rungs[0], "rmse_held_out")))
-    labels = {"base": "before", "added": f"with {listed(document['added'])}", **CONTROLS}
-    for key, label in labels.items():
-        fit = document.get(key)
-        if fit is not None:
-            effects = f" ({listed(fit)})" if key in CONTROLS else ""
-            chi2 = number(fit["chi2_per_row"]), number(fit["vault_chi2_per_row"])
-            rows.append((label + effects, *chi2, *errors(fit, "vault_rmse")))
-    columns = [heading("rmse" if len(names) == 1 else name, units.value_unit(name)) for name in names]
-    title = "chi2 per row; rmse of held-out rows" if names else "chi2 per row"
-    print_table(title, ("model", "fitted rows", "held-out rows", *columns), rows)
-    typer.echo(HELD_OUT_ERRORS)
+    if out is not None:
+        answers.refuse_other_table(out)
+    with interruptible("predicting", KEPT) as progress:
+        document = predict_study(study, at, lambda text, share: progress(share, text), options, bare)
+    output.print_result(document, as_json, answers.print_prediction)
+    if out is not None:
+        write_atomic(out, answers.prediction_csv(document).encode())
+        if not as_json:
+            typer.echo(f"written: {out}")
 
 
-def listed(fit: Record) -> str:
-    """Effects of a fitted model."""
-    return ", ".join(fit["effects"])
+@app.command(**help_of("report"))
+def report(source: ReportSource, to: PageFile = None, force: Force = False, as_json: AsJson = False) -> None:
+    """Write one self-contained HTML page: on a run, a calibration, or all results of a study."""
+    from taichi_erosion.report import write_report
+    from taichi_erosion.scene.file_kind import refuse_neither
+
+    refuse_neither(source)
+    page = str(write_report(source, to, force))
+    output.print_result({"report": page}, as_json, lambda _: typer.echo(page))
+    if not as_json:
+        typer.echo(next_steps.after_report(page), err=True)
 
 
-def print_experiments(document: Record, own: Sequence[Path] | None = None) -> None:
-    """Print experiments in order of information per cost."""
-    print_lines(document["set_up"], "set-up: ")
-    experiments = document["next_experiments"]
-    typer.echo(document["sentence"])
-    for rank, experiment in enumerate(experiments, 1):
-        typer.echo(f"{rank}. {experiment['sentence']}")
-    print_lines(document["notes"], "note: ")
-    print_lines(next_steps.after_next(document, next_steps.effect_options(own)))
+@study_commands.command("new", **help_of("study new"))
+def new(
+    table: TableFile,
+    out: Folder = None,
+    yes: Yes = False,
+    observable: Observables = None,
+    condition: Conditions = None,
+    unit: Units = None,
+    roughness: Roughness = None,
+    apparatus: Apparatus = None,
+    diameter: Diameter = None,
+    density: Density = None,
+    grains: Grains = None,
+    closed_form: ClosedForm = False,
+    anew: Anew = False,
+    as_json: AsJson = False,
+) -> None:
+    """Read a table as a spreadsheet exports it; write a study and a scene for it, or correct its table."""
+    from taichi_erosion.evidence.answers.study_files.new_study import Wishes, new_study
+    from taichi_erosion.evidence.data.tables.column_roles import Told
+
+    told = Told(pairs(observable, "--observable"), pairs(condition, "--condition"), pairs(unit, "--unit"))
+    own = (diameter, density, grains)
+    wishes = Wishes(told, out, apparatus, closed_form, roughness, anew, *own)
+    document = new_study(table, wishes, (lambda _, guess: guess) if yes or as_json else asked)
+    output.print_result(document, as_json, answers.print_new_study)
 
 
-def print_parameters(parameters: Record) -> None:
-    """Print calibrated parameters with their intervals."""
-    for name, fitted in parameters.items():
-        bound = "; at the limit of its allowed range" if fitted["at_bound"] else ""
-        interval = f"{number(fitted['low'])} to {number(fitted['high'])}"
-        remark = f"; {fitted['remark']}" if fitted.get("remark") else ""
-        typer.echo(f"{name} = {number(fitted['value'])} ({interval}, 90 %){bound}{remark}")
+@study_commands.command("check", **help_of("study check"))
+def check(study: StudyFile, effect: EffectFiles = None, as_json: AsJson = False) -> None:
+    """Validate a study, its table, scenes, model and effect files; run nothing."""
+    from taichi_erosion.evidence.answers.study_files.check_study import check_study
+
+    output.print_result(check_study(study, options_of(effect=effect)), as_json, answers.print_check)
 
 
-def print_correlations(pairs: Sequence[Record]) -> None:
-    """Print pairs of calibrated numbers of which the measurements know little but a combination."""
-    for pair in pairs:
-        if abs(pair["value"]) >= CORRELATED:
-            words = f"{pair['first']} and {pair['second']}: correlation {pair['value']:.2f}"
-            typer.echo(f"{words}; a combination of them is known better than either")
+def pairs(stated: Pairs, option: str) -> Mapping[str, str]:
+    """Columns with what they are, from COLUMN=NAME."""
+    found = {}
+    for pair in stated or ():
+        column, equals, name = pair.rpartition("=")
+        if not equals or not column.strip() or not name.strip():
+            raise BadInput(f"{option} {pair}: write it as COLUMN=NAME, in quotes where it has spaces")
+        found[column.strip()] = name.strip()
+    return found
 
 
-def print_limits(document: Record) -> None:
-    """Print noise, notes, warnings and cost of a result."""
-    print_lines(document["noise"]["sentences"])
-    print_lines([*document["notes"], *document["warnings"]], "note: ")
-    typer.echo(cost(document))
-
-
-def probabilities(found: Record) -> str:
-    """The most probable answers."""
-    ranked = sorted(found.items(), key=lambda item: -(item[1] or 0.0))[:ANSWERS]
-    return ", ".join(f"{name.replace('_', ' ')} {percent(p)}" for name, p in ranked)
-
-
-def print_lines(sentences: Iterable[str], lead: str = "") -> None:
-    """Print one sentence per line, without repetitions."""
-    for sentence in dict.fromkeys(sentences):
-        typer.echo(f"{lead}{sentence}")
-
-
-def cost(document: Record) -> str:
-    """Runs, wall time, seed, and the place of the results."""
-    runs, seconds = document.get("runs"), document.get("wall_s")
-    return f"{runs} runs in {seconds:.1f} s, seed {document['seed']}, results beside {document['study']}"
-
-
-def number(value: float | None) -> str:
-    """Number in three significant digits."""
-    return MARK_MISSING if value is None else plain(value)
-
-
-def chance(p: float | None) -> str:
-    """Probability of a misfit; one too small to be computed is not called zero."""
-    return MARK_MISSING if p is None else p_number(p)
-
-
-def percent(value: float | None) -> str:
-    """Share in percent."""
-    return MARK_MISSING if value is None else f"{value:.1%}" if value < 0.1 else f"{value:.0%}"
+def asked(question: str, guess: str) -> str:
+    """Answer of the user; Enter takes the guess."""
+    try:
+        return str(typer.prompt(question, default=guess, err=True))
+    except typer.Abort:
+        raise BadInput(f"no answer to: {question} (--yes takes every guess)") from None

@@ -1,6 +1,5 @@
 """Panels and examples of `--help`."""
 
-from dataclasses import dataclass
 from typing import Any
 
 SIMULATE, EXPLAIN, CHECK = "Simulate and view", "Calibrate and explain", "Check"
@@ -74,12 +73,7 @@ schema --study
 """
 
 
-@dataclass(frozen=True)
-class CommandHelp:
-    """Panel of a command in the list of commands ("" for a subcommand), and its examples."""
-
-    panel: str
-    examples: tuple[str, ...]
+COMMANDS = {command: panel for panel, commands in PANELS.items() for command in commands}  # "": a subcommand
 
 
 def examples_of(command: str) -> tuple[str, ...]:
@@ -87,16 +81,8 @@ def examples_of(command: str) -> tuple[str, ...]:
     return tuple(line for line in EXAMPLES.split("\n") if f"{line} ".startswith(f"{command} "))
 
 
-COMMANDS = {
-    command: CommandHelp(panel, examples_of(command))
-    for panel, commands in PANELS.items()
-    for command in commands
-}
-
-
 def help_of(command: str) -> dict[str, Any]:
-    """Keyword arguments of a command's registration."""
-    page = COMMANDS[command]
-    lines = "\n".join(f"  ./erosion {example}" for example in page.examples)
-    epilog = {"epilog": f"Examples\n\n{lines}"}
-    return epilog | {"rich_help_panel": page.panel} if page.panel else epilog
+    """Keyword arguments of a command's registration: its examples, and its panel in the list of commands."""
+    lines = "\n".join(f"  ./erosion {example}" for example in examples_of(command))
+    panel = COMMANDS[command]
+    return {"epilog": f"Examples\n\n{lines}"} | ({"rich_help_panel": panel} if panel else {})

@@ -106,9 +106,9 @@ def plot(session: Session, words: list[str]) -> str:
     time, value = queries.curve(session, name)
     if not files:
         return text_plot(time, value, name)
-    from taichi_erosion.report.pictures.session import curve_png
+    from taichi_erosion.report.figure_style import curve_figure, raster
 
-    return str(live.write_file(session, Path(files[0]), curve_png(time, value, name)))
+    return str(live.write_file(session, Path(files[0]), raster(curve_figure(time, value, name))))
 
 
 def text_plot(time: Sequence[float], value: Sequence[float], name: str) -> str:

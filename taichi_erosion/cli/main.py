@@ -10,15 +10,13 @@ from types import FrameType
 
 import typer
 
-from taichi_erosion.cli import effects, evidence, predict
+from taichi_erosion.cli import effects, evidence
 from taichi_erosion.cli.commands import app
+from taichi_erosion.cli.next_steps import NAME_SWITCH
 from taichi_erosion.cli.progress import LOG, close_log
 from taichi_erosion.core.errors import BadInput, ExitCode, SimulationStopped
 
-TRACEBACK_SWITCH = (
-    "TAICHI_EROSION_TRACEBACK"  # environment variable: "1" shows where an unexpected error arose
-)
-NAME_SWITCH = "TAICHI_EROSION_NAME"  # environment variable: name of the program in its help
+TRACEBACK_SWITCH = "TAICHI_EROSION_TRACEBACK"  # environment variable: "1" shows where an error arose
 
 # matrices here are small, and threads of a linear algebra library that wait for a busy core cost minutes
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -26,7 +24,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 app.add_typer(evidence.app)
-app.add_typer(predict.app)
 app.add_typer(effects.app)
 
 

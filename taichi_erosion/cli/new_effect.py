@@ -8,35 +8,55 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from jinja2 import Environment
+from jinja2 import Environment, PackageLoader
 
-from taichi_erosion.cli.mechanism_file import has_law, mechanism_law_file
+from taichi_erosion.cli.next_steps import command
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file
 
 if TYPE_CHECKING:
-    from taichi_erosion.campaign.study_file import StudyFile
+    from taichi_erosion.core.effect import Effect
 
 NEW = "new"  # first word that requests a new file; no effect has this name
 FILE_NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
 FACTOR = re.compile(r"\((?P<name>\w+) / (?P<typical>[-+.\deE]+)\)\^(?P<power>[-+.\deE]+)")
+PARTS = re.compile(r'at\["[^"\]]+"\]|PARAMS_[a-z]|np\.exp|np\.maximum|[\d.]+(?:e[-+]?\d+)?')
 WIDEST = 10.0  # range of a coefficient over its fitted value [1]
 ScaffoldPlace = Literal["pair", "grain", "scene", "instrument"]  # places with a scaffold
 RESULT = ".discover.json"  # end of the name of a discovery's result
+OF = ":"  # between a mechanism of an instrument and its observable
+MEANINGS = {"a": "dose at typical conditions", "k": "scale or onset, in the unit of the condition"}
+MEANINGS |= dict.fromkeys(("p", "q"), "exponent")
 
 
 @dataclass(frozen=True)
 class NamesOfStudy:
     """What the names of a law mean to an effect; without a study they mean themselves."""
 
-    conditions: Mapping[str, str] = field(default_factory=dict)  # column -> condition
+    conditions: Mapping[str, str] = field(default_factory=dict)  # column -> condition; "" where there is none
     factors: Mapping[str, float] = field(default_factory=dict)  # condition -> its unit over that of SI
     observables: Mapping[str, str] = field(default_factory=dict)  # observable -> measure of the model
     simulated: bool = False  # by scenes, whose measures are in SI units, angles in degrees
+
+    def condition(self, column: str) -> str:
+        """Condition that an effect reads for a column. Raises BadInput where there is none."""
+        if name := self.conditions.get(column, column):
+            return name
+        raise BadInput(
+            f"the law reads the column '{column}', which sets no condition of the scene; let it set one too: "
+            f'{column} = "..., conditions.{column}", which [conditions.extra] of the scene declares'
+        )
+
+    def reading(self, observable: str, unit: str) -> tuple[str, float]:
+        """Measure that an instrument reads for an observable, and the unit of the study over its own."""
+        from taichi_erosion.scene.schema.units import conversion, parse_unit
+
+        measure = self.observables.get(observable, observable)
+        stated = parse_unit(unit) if self.simulated else None
+        return measure, 1.0 if stated is None else conversion(stated, parse_unit("deg")) or stated.factor
 
 
 def write_effect_file(
@@ -54,30 +74,30 @@ def write_effect_file(
         raise BadInput(f"effects new {name}: {taken}; take another name")
     if path.exists():
         raise BadInput(f"{path}: exists already")
-    blank = scaffold("stateful_effect" if memory else f"{place}_effect").replace("NAME", name)
-    path.write_text(law_file(name, discovery) if discovery else blank, encoding="utf-8")
+    blank = "stateful_effect" if memory else f"{place}_effect"
+    text = law_file(name, discovery) if discovery else rendered(blank).replace("NAME", name)
+    path.write_text(text, encoding="utf-8")
     return path
 
 
-def scaffold(kind: str) -> str:
-    """Template of a new effect file."""
-    return (files("taichi_erosion.cli") / "scaffold" / f"{kind}.txt").read_text(encoding="utf-8")
+def rendered(kind: str, **entries: Any) -> str:
+    """Text of a new effect file."""
+    loader = PackageLoader("taichi_erosion.cli", "scaffold")
+    environment = Environment(loader=loader, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
+    return environment.get_template(f"{kind}.txt").render(entries)
 
 
 def law_file(name: str, source: Path) -> str:
     """Effect file of the law that a discovery found; `source` is its study or its result."""
     result, study = discovery_of(source)
     document = discovery_document(result, source)
-    names = NamesOfStudy() if study is None else names_of_study(study)
-    if has_law(document):
-        columns = {column: known_column(column, names) for column in document["beyond"]["law"]["conditions"]}
-        readings = {each: known_reading(each, names, document) for each in document.get("units", {})}
-        page = scaffold("mechanism_law")
-        return mechanism_law_file(name, document, columns, readings, result.name, page)
-    environment = Environment(trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
-    page, title = environment.from_string(scaffold("law")), name.replace("_", " ").capitalize()
-    law = law_fields(proposed_law(document, result), names, document.get("units", {}))
-    return page.render(**law, name=name, title=title, source=result.name)
+    names, beyond = names_of_study(study), document.get("beyond")
+    if beyond and beyond["law"] and beyond["group"]:
+        kind, entries = "mechanism_law", mechanism_entries(document, names)
+    else:
+        kind, entries = "law", law_entries(proposed_law(document, result), names, document.get("units", {}))
+    title = name.replace("_", " ").capitalize()
+    return rendered(kind, name=name, title=title, source=result.name, **entries)
 
 
 def discovery_of(source: Path) -> tuple[Path, Path | None]:
@@ -90,7 +110,7 @@ def discovery_of(source: Path) -> tuple[Path, Path | None]:
 
     result = results_folder(source, read_evidence_study(source)) / f"{source.stem}{RESULT}"
     if not result.is_file():
-        raise BadInput(f"{source}: has no discovery yet; `discover {source}` makes it")
+        raise BadInput(f"{source}: has no discovery yet; {command('discover', source)} makes it")
     return result, source
 
 
@@ -104,6 +124,28 @@ def discovery_document(result: Path, source: Path) -> dict[str, Any]:
     return document
 
 
+def names_of_study(path: Path | None) -> NamesOfStudy:
+    """What columns and observables of a study are called by effects. Raises BadInput."""
+    if path is None:
+        return NamesOfStudy()
+    from taichi_erosion.campaign.study_file import read_evidence_study
+    from taichi_erosion.evidence.models.column_units import declared_conditions
+    from taichi_erosion.evidence.models.simulator import condition_name, dotted_paths
+    from taichi_erosion.scene.schema.units import parse_scale
+
+    file = read_evidence_study(path)
+    measures = {name: entry.measure or name for name, entry in file.observables.items()}
+    if file.study.model is not None:
+        return NamesOfStudy(dict(file.conditions), observables=measures)
+    units = declared_conditions(file, path.parent)
+    factors = {name: parse_scale(unit).factor for name, unit in units.items()}
+    set_by = {
+        column: next(filter(None, map(condition_name, dotted_paths(paths))), "")
+        for column, paths in file.conditions.items()
+    }
+    return NamesOfStudy(set_by, factors, measures, simulated=True)
+
+
 def proposed_law(document: Mapping[str, Any], result: Path) -> dict[str, Any]:
     """Law of the worst misfit in a discovery. Raises BadInput where there is none."""
     laws = [clue["law"] for clue in document["clues"] if clue["law"] is not None]
@@ -114,43 +156,17 @@ def proposed_law(document: Mapping[str, Any], result: Path) -> dict[str, Any]:
     return laws[0]
 
 
-def names_of_study(path: Path) -> NamesOfStudy:
-    """What columns and observables of a study are called by effects. Raises BadInput."""
-    from taichi_erosion.campaign.study_file import read_evidence_study
-    from taichi_erosion.evidence.models.column_units import declared_conditions
-    from taichi_erosion.scene.schema.units import parse_scale
-
-    file = read_evidence_study(path)
-    measures = {name: entry.measure or name for name, entry in file.observables.items()}
-    if file.study.model is not None:
-        return NamesOfStudy(dict(file.conditions), observables=measures)
-    units = declared_conditions(file, path.parent)
-    factors = {name: parse_scale(unit).factor for name, unit in units.items()}
-    return NamesOfStudy(conditions_set(file), factors, measures, simulated=True)
-
-
-def conditions_set(file: "StudyFile") -> dict[str, str]:
-    """Condition of scenes that each column sets; the empty name where it sets none."""
-    from taichi_erosion.evidence.models.simulator import condition_name, dotted_paths
-
-    found = {}
-    for column, paths in file.conditions.items():
-        names = [name for path in dotted_paths(paths) if (name := condition_name(path)) is not None]
-        found[column] = names[0] if names else ""
-    return found
-
-
-def law_fields(law: dict[str, Any], names: NamesOfStudy, units: Mapping[str, str]) -> dict[str, Any]:
-    """Template fields of a law, in the names and SI units of effects."""
+def law_entries(law: dict[str, Any], names: NamesOfStudy, units: Mapping[str, str]) -> dict[str, Any]:
+    """Entries of `law.txt`: a law that changes a reading, in the names and SI units of effects."""
     typical: dict[str, float] = {}
 
     def renamed(found: re.Match[str]) -> str:
-        name = condition_of(found["name"], names)
+        name = names.condition(found["name"])
         typical[name] = float(found["typical"]) * names.factors.get(name, 1.0)
         return f"({name} / {typical[name]:g})^{found['power']}"
 
     formula = FACTOR.sub(renamed, law["expression"].partition(" = ")[2])
-    terms = [{condition_of(name, names): power for name, power in term.items()} for term in law["terms"]]
+    terms = [{names.condition(name): power for name, power in term.items()} for term in law["terms"]]
     logarithm = f"ln {law['observable']}" in law["expression"]
     return {
         "observable": names.observables.get(law["observable"], law["observable"]),
@@ -164,29 +180,67 @@ def law_fields(law: dict[str, Any], names: NamesOfStudy, units: Mapping[str, str
     }
 
 
-def known_column(column: str, names: NamesOfStudy) -> tuple[str, float]:
-    """Condition that an effect reads for a column, and the unit of the column over that of SI."""
-    name = condition_of(column, names)
-    return name, names.factors.get(name, 1.0)
+def mechanism_entries(document: Mapping[str, Any], names: NamesOfStudy) -> dict[str, Any]:
+    """Entries of `mechanism_law.txt`: the law of the dose of a mechanism that stands beyond the list."""
+    from taichi_erosion.mechanisms.library import load_mechanisms
+
+    law, best = document["beyond"]["law"], document["beyond"]["mechanisms"][0]
+    if set(PARTS.sub("", law["python"])) - set(" +-*/(),"):
+        raise BadInput(f"the law '{law['python']}' of the result is not one that discover writes")
+    mechanism, _, observable = best["name"].partition(OF)
+    unit = document.get("units", {}).get(observable)
+    measure, factor = (observable, 1.0) if unit is None else names.reading(observable, unit)
+    columns = {
+        column: (name, names.factors.get(name, 1.0))
+        for column in law["conditions"]
+        for name in [names.condition(column)]
+    }
+    return {
+        "mechanism": mechanism,
+        "mechanism_title": best["title"],
+        "observable": measure,
+        "scale": None if best.get("scale") is None else factor * best["scale"],
+        "expression": law["expression"],
+        "python": law["python"].replace("PARAMS_", "params."),
+        "share": f"{max(law['held_out_share'] or 0.0, 0.0):.0%}",
+        "columns": columns,
+        "numbers": [number_entries(key, each["value"]) for key, each in law["numbers"].items()],
+        "points": points(law, columns, load_mechanisms()[mechanism]),
+    }
 
 
-def known_reading(observable: str, names: NamesOfStudy, document: Mapping[str, Any]) -> tuple[str, float]:
-    """Measure that an instrument reads for an observable, and the study's unit over that of the measure."""
-    from taichi_erosion.scene.schema.units import conversion, parse_unit
-
-    measure = names.observables.get(observable, observable)
-    if not names.simulated:
-        return measure, 1.0
-    unit, degrees = parse_unit(document["units"][observable]), parse_unit("deg")
-    return measure, conversion(unit, degrees) or unit.factor
+def number_entries(key: str, value: float) -> tuple[str, float, str, float, float]:
+    """Name, value, meaning and range of one number of a law."""
+    low, high = sorted((value / WIDEST, value * WIDEST))
+    if key in ("p", "q"):
+        low, high = -WIDEST, WIDEST
+    return key, value, MEANINGS.get(key, "rate"), low, high
 
 
-def condition_of(column: str, names: NamesOfStudy) -> str:
-    """Condition that an effect reads for a column. Raises BadInput where there is none."""
-    name = names.conditions.get(column, column)
-    if not name:
-        raise BadInput(
-            f"the law reads the column '{column}', which sets no condition of the scene; let it set one too: "
-            f'{column} = "..., conditions.{column}", which [conditions.extra] of the scene declares'
-        )
-    return name
+def points(
+    law: Mapping[str, Any], columns: Mapping[str, tuple[str, float]], mechanism: "Effect"
+) -> list[tuple[dict[str, float], float, float]]:
+    """Conditions in SI units, dose of the law there, and response of a mechanism on the device."""
+    stated = [
+        {columns[column][0]: value * columns[column][1] for column, value in at.items()}
+        for at, _ in law["points"]
+    ]
+    doses = [dose for _, dose in law["points"]]
+    return list(zip(stated, doses, device_responses(mechanism, doses), strict=True))
+
+
+def device_responses(mechanism: "Effect", doses: list[float]) -> list[float]:
+    """What a mechanism does on the device in a typical situation at some doses; zeros for one of the host."""
+    from taichi_erosion.core.device import start_device, stop_device
+    from taichi_erosion.core.effect_probe import make_bench, probe_of
+    from taichi_erosion.core.setup import Numerics
+    from taichi_erosion.mechanisms.law import at_dose, device_response
+
+    if mechanism.constants is None:
+        return [0.0] * len(doses)
+    start_device(Numerics(threads=1))
+    try:
+        probe = probe_of(mechanism, make_bench())
+        return [device_response(mechanism, probe, at_dose(mechanism, dose), {}) for dose in doses]
+    finally:
+        stop_device()

@@ -1,6 +1,10 @@
-"""Last lines of a command: what the result means, and which command comes next."""
+"""Last lines of a command: what the result means, and which command comes next.
+
+`files` are the effect files of a command, which the next command needs too.
+"""
 
 import os
+import shlex
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from math import hypot, isfinite, sqrt
@@ -8,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion.core.files import read_text_file
-from taichi_erosion.evidence.answers.words.agreement import is_untested
-from taichi_erosion.evidence.answers.words.held_out import by_observable, unseen_words
+from taichi_erosion.evidence.answers.agreement_words import by_observable, is_untested, unseen_words
 from taichi_erosion.evidence.inference.verdict_levels import HELD_OUT_SHARE, fails
 
 Record = Mapping[str, Any]
@@ -24,26 +27,26 @@ TIDY = "_tidy.csv"  # end of the name of a table that `study new` wrote
 STUDY_FOLDERS = (".", "../doe", "../studies")  # beside a scene, where its studies are looked for
 
 
-def program() -> str:
-    """How the user called the program."""
-    return "./erosion" if NAME_SWITCH in os.environ else "taichi-erosion"
+def command(*words: object, files: Sequence[Path] = ()) -> str:
+    """A command in backquotes, as the user called the program and as a shell takes its words."""
+    program = "./erosion" if NAME_SWITCH in os.environ else "taichi-erosion"
+    options = [word for file in files for word in ("--effect", file)]
+    return f"`{program} {shlex.join(map(str, (*words, *options)))}`"
 
 
 def after_run(document: Record) -> Iterator[str]:
     """What the measures of a run mean beside the measured values, and the studies of its scene."""
     compared = list(comparisons(document))
     yield from (sentence for _, sentence in compared)
-    differs = any(is_off for is_off, _ in compared)
-    scene = Path(str(document["scene"]))
-    for kind, study in sorted(studies_of(scene).items(), reverse=True) if differs or not compared else ():
-        if kind == "evidence":
-            yield f"`{program()} compare {study}` says where the model fails."
-        else:
-            yield f"`{program()} doe calibrate {study}` calibrates it."
-    if document.get("recording"):
-        recording = document["recording"]
-        yield f"`{program()} view {recording}` shows the run."
-        yield f"`{program()} report {recording}` makes a page of it."
+    if any(is_off for is_off, _ in compared) or not compared:
+        studies = studies_of(Path(str(document["scene"])))
+        if "evidence" in studies:
+            yield f"{command('compare', studies['evidence'])} says where the model fails."
+        if "calibration" in studies:
+            yield f"{command('doe', 'calibrate', studies['calibration'])} calibrates it."
+    if recording := document.get("recording"):
+        yield f"{command('view', recording)} shows the run."
+        yield f"{command('report', recording)} makes a page of it."
     if not document["measured"] and document["measures"]:
         yield "The scene states no measured value: [measured] in the scene file prints one beside it."
 
@@ -59,12 +62,15 @@ def comparisons(document: Record) -> Iterator[tuple[bool, str]]:
         if value is None or not isfinite(value):
             continue
         gap = value - wanted["value"]
-        alone = is_single(found)
+        alone = (found.get("n") or 1) < LEAST_RUNS
         scatters = hypot(*(known(side.get("sd")) for side in ((wanted,) if alone else (found, wanted))))
         errors = hypot(*(known(side.get("sd")) / sqrt(side.get("n") or 1) for side in (found, wanted)))
         unit = found.get("unit", "")
         size = f"{abs(gap):.2g} {unit if unit != '1' else ''}".rstrip()
-        words = f"{subject(name)} is {size} {direction(name, gap)} than measured"
+        is_angle = name in ANGLES
+        subject = "The heap" if is_angle else f"`{name}`"
+        way = ("flatter", "steeper") if is_angle else ("lower", "higher")
+        words = f"{subject} is {size} {way[gap > 0.0]} than measured"
         words += f" ({lacking[0]['sentence'].partition(':')[0]})" if lacking else ""
         if alone:
             yield bool(gap), f"{words}{beside_one_run(gap, scatters)}"
@@ -75,12 +81,7 @@ def comparisons(document: Record) -> Iterator[tuple[bool, str]]:
         elif abs(gap) > ERRORS * errors:
             yield True, f"{words}, {abs(gap) / errors:.1f} standard errors."
         else:
-            yield False, f"{subject(name)} agrees with the measured value within its scatter."
-
-
-def is_single(found: Record) -> bool:
-    """Whether a simulated value comes from one run, which shows no scatter between runs."""
-    return (found.get("n") or 1) < LEAST_RUNS
+            yield False, f"{subject} agrees with the measured value within its scatter."
 
 
 def beside_one_run(gap: float, measured_sd: float) -> str:
@@ -92,18 +93,6 @@ def beside_one_run(gap: float, measured_sd: float) -> str:
 def known(sd: float | None) -> float:
     """A standard deviation, 0 where it is unknown."""
     return sd if sd is not None and isfinite(sd) else 0.0
-
-
-def subject(name: str) -> str:
-    """Subject of a sentence on a measure."""
-    return "The heap" if name in ANGLES else f"`{name}`"
-
-
-def direction(name: str, gap: float) -> str:
-    """Comparative of a difference."""
-    if name in ANGLES:
-        return "steeper" if gap > 0.0 else "flatter"
-    return "higher" if gap > 0.0 else "lower"
 
 
 def studies_of(scene: Path) -> dict[str, Path]:
@@ -136,72 +125,60 @@ def waits(document: Record) -> bool:
     return any(fault["blocks"] for fault in document.get("faults", ()))
 
 
-def lacks_rows(document: Record) -> bool:
-    """Whether the verdict on physics waits for nothing but more rows."""
-    return {fault["kind"] for fault in document.get("faults", ()) if fault["blocks"]} == {"too_few_rows"}
-
-
-def effect_options(files: Sequence[Path] | None) -> str:
-    """Options that name the effect files of a command again, for the command that comes next."""
-    return "".join(f" --effect {file}" for file in files or ())
-
-
-def while_it_waits(document: Record, options: str) -> str:
+def while_it_waits(document: Record, files: Sequence[Path]) -> str:
     """What to do before a verdict on physics."""
-    if lacks_rows(document):
-        return f"`{program()} next {document['study']}{options}` proposes the measurements that tell most."
-    return SETTLE
+    if {fault["kind"] for fault in document.get("faults", ()) if fault["blocks"]} != {"too_few_rows"}:
+        return SETTLE
+    return f"{command('next', document['study'], files=files)} proposes the measurements that tell most."
 
 
-def after_comparison(document: Record, options: str = "") -> Iterator[str]:
-    """Next steps after a comparison; `options` are those that the next command needs too."""
+def after_comparison(document: Record, files: Sequence[Path] = ()) -> Iterator[str]:
+    """Next steps after a comparison."""
     study = document["study"]
     if waits(document):
-        yield while_it_waits(document, options)
+        yield while_it_waits(document, files)
         return
     if document["p"] is None:
         yield "With sd or repeats in the table the size of the misfit can be judged."
     elif fails(document["p"]) or any(fails(place["p"]) for place in document["where"]):
-        yield f"`{program()} discover {study}{options}` asks which effect is missing."
+        yield f"{command('discover', study, files=files)} asks which effect is missing."
     elif is_untested(document):
         yield "Measurements at other conditions would test the model."
     else:
         yield "These measurements leave nothing to explain; other conditions test the model harder."
-    yield f"`{program()} report {study}` draws model and measurements on one page."
+    yield f"{command('report', study)} draws model and measurements on one page."
 
 
-def after_discovery(document: Record, options: str = "") -> Iterator[str]:
+def after_discovery(document: Record, files: Sequence[Path] = ()) -> Iterator[str]:
     """Next steps after a discovery, by its verdict."""
     study, verdict, named = document["study"], document["verdict"], document["named"]
     if waits(document):
-        yield while_it_waits(document, options)
+        yield while_it_waits(document, files)
         return
     if document.get("row_off"):
         yield check_row(document["row_off"])
     if named:
-        words = (
-            f"`{program()} adopt {study} {' '.join(named)}{options}` adds {' and '.join(named)} and tests it"
-        )
+        words = f"{command('adopt', study, *named, files=files)} adds {' and '.join(named)} and tests it"
         held = document["rows_hidden"]
         yield f"{words} on {held} held-out rows." if held else f"{words}; no row is held out."
     if verdict == "outside_library":
-        law = next((clue["law"] for clue in document["clues"] if clue["law"] is not None), None)
+        has_law = any(clue["law"] is not None for clue in document["clues"])
         results = Path(study).with_name(f"{Path(study).stem}-results") / f"{Path(study).stem}.discover.json"
-        law_of = "`" if law is None else f" --from-discovery {results}`, with the law above"
-        yield f"An effect of your own may explain it: `{program()} effects new NAME{law_of}."
+        new = command("effects", "new", "NAME", *(("--from-discovery", results) if has_law else ()))
+        yield f"An effect of your own may explain it: {new}{', with the law above' if has_law else ''}."
     if verdict == "unstable":
-        yield more_runs(study, options, document.get("fresh_runs"))
-    yield f"`{program()} next {study}{options}` proposes the measurements that would decide."
-    yield f"`{program()} report {study}` makes the page."
+        yield more_runs(study, files, document.get("fresh_runs"))
+    yield f"{command('next', study, files=files)} proposes the measurements that would decide."
+    yield f"{command('report', study)} makes the page."
 
 
-def more_runs(study: str, options: str, fresh: Record | None) -> str:
+def more_runs(study: str, files: Sequence[Path], fresh: Record | None) -> str:
     """How an answer that changes with the runs of the model is decided."""
     if not fresh:
-        return f"More seeds decide: `{program()} discover {study}{options} --budget full`."
+        return f"More seeds decide: {command('discover', study, '--budget', 'full', files=files)}."
     if fresh["more_runs"]:
         words = f"makes {fresh['more_runs']} runs more about these explanations, and tests the answer anew"
-        return f"`{program()} discover {study}{options}` {words}."
+        return f"{command('discover', study, files=files)} {words}."
     return f"The budget has no room for more runs: raise `runs` under [budget] of {study}."
 
 
@@ -215,13 +192,9 @@ def check_row(row: Record) -> str:
     return f"Check one row first: {words} under every explanation."
 
 
-def after_adoption(document: Record, options: str = "") -> Iterator[str]:
+def after_adoption(document: Record, files: Sequence[Path] = ()) -> Iterator[str]:
     """What the held-out rows said, and the study to go on with."""
-    before, after, new = (
-        document["base"]["vault_chi2_per_row"],
-        document["added"]["vault_chi2_per_row"],
-        document["written"],
-    )
+    before, after = (document[key]["vault_chi2_per_row"] for key in ("base", "added"))
     rows = f"rows {unseen_words(document['vault']['opened'])}"
     if after is None or before is None:
         yield "No held-out row tests the effect: measure under further conditions before you trust it."
@@ -229,30 +202,30 @@ def after_adoption(document: Record, options: str = "") -> Iterator[str]:
         errors = (document[key]["vault_rmse"] for key in ("base", "added"))
         yield f"The error {by_observable(*errors)} on {rows}."
     else:
+        again = command("next", document["study"], files=files)
         yield f"The {rows} do not support it: go on with the old study."
-        yield f"`{program()} next {document['study']}{options}` proposes the measurements that would decide."
+        yield f"{again} proposes the measurements that would decide."
         return
-    yield f"`{program()} compare {new}` shows what is left."
-    yield f"`{program()} report {document['study']}` makes the page."
+    yield f"{command('compare', document['written'])} shows what is left."
+    yield f"{command('report', document['study'])} makes the page."
 
 
-def after_next(document: Record, options: str = "") -> Iterator[str]:
+def after_next(document: Record, files: Sequence[Path] = ()) -> Iterator[str]:
     """What to do with proposed experiments."""
-    table, study = document["measurements"], document["study"]
+    table, again = document["measurements"], command("discover", document["study"], files=files)
     if document["next_experiments"] and table.endswith(TIDY):
-        yield f"Add the new rows to the table of which {table} was made, give `{program()} study new` on it"
-        yield f"with the same options again, then `{program()} discover {study}{options}`."
+        yield f"Add the new rows to the table of which {table} was made, give {command('study', 'new')} on it"
+        yield f"with the same options again, then {again}."
     elif document["next_experiments"]:
-        yield f"Add the new rows to {table}, and give `{program()} discover {study}{options}` again."
+        yield f"Add the new rows to {table}, and give {again} again."
 
 
 def after_calibration(document: Record) -> Iterator[str]:
     """Where the calibrated scene and the page are."""
-    study = document["study"]
     for scene in document.get("calibrated_scenes", ()):
-        yield f"`{program()} run {scene}` runs the calibrated scene."
-    yield f"`{program()} report {study}` makes one HTML page."
-    yield f"`{program()} view {study}` shows tables, figures and heaps."
+        yield f"{command('run', scene)} runs the calibrated scene."
+    yield f"{command('report', document['study'])} makes one HTML page."
+    yield f"{command('view', document['study'])} shows tables, figures and heaps."
 
 
 def after_report(page: str) -> str:

@@ -1,6 +1,7 @@
 """The rerun viewer: window, page for a browser, and pictures without a display."""
 
 import os
+import shlex
 import socket
 import subprocess
 import sys
@@ -80,7 +81,8 @@ def open_viewer(path: Path) -> int:
     """
     with readable(path) as whole:
         if not has_screen():
-            others = f"`view {path} --web` serves it to a browser, `snapshot {path} -o PNG` draws it"
+            named = shlex.quote(str(path))
+            others = f"`view {named} --web` serves it to a browser, `snapshot {named} -o PNG` draws it"
             raise BadInput(f"{path}: no screen here; {others}")
         command = viewer_command(free_port(), whole.resolve())
         return subprocess.run(command, env=quiet_environment(), check=False).returncode

@@ -4,41 +4,38 @@ The first screen holds what was found, in words and in one figure; the page ends
 conclusion and with what makes it repeatable.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.files import marked_html, refuse_foreign, write_atomic
-from taichi_erosion.evidence.answers.words.agreement import (
+from taichi_erosion.evidence.answers.agreement_words import (
+    FITTED_ERRORS,
+    HELD_OUT_ERRORS,
     NO_MISFIT,
     is_untested,
     row_sentences,
     untested_sentence,
 )
-from taichi_erosion.evidence.answers.words.held_out import FITTED_ERRORS, HELD_OUT_ERRORS
 from taichi_erosion.evidence.data.number_words import heading
 from taichi_erosion.evidence.inference.verdict_levels import ABSORBED, PLAUSIBLE, STABLE, fails
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.recording.study_recording import StudyPage, record_study
 from taichi_erosion.report import figure_style, study_figures
-from taichi_erosion.report.evidence_results import CONTROLS, Document, Layer, Results, layers, stored_results
 from taichi_erosion.report.figure_style import Picture
 from taichi_erosion.report.html import made, number, render
-from taichi_erosion.report.lead import LEVEL, lead, worst_place
 from taichi_erosion.report.markdown import markdown_table
-from taichi_erosion.report.pictures import answers as answers_drawn
-from taichi_erosion.report.pictures.doses import draw_doses
-from taichi_erosion.report.plain_words import effect_words, listed, words_of
-from taichi_erosion.report.strength_words import strength_words
+from taichi_erosion.report.pictures.answers import draw_adoptions, draw_doses, draw_posterior, draw_vault
+from taichi_erosion.report.results import CONTROLS, Document, Results, layers, stored_results
+from taichi_erosion.report.sentences import LEVEL, lead, strength_words, worst_place
 from taichi_erosion.report.study_figures import Panel
+from taichi_erosion.report.words import effect_words, listed, words_of
 
 TEMPLATE = "evidence.html"
 RECORDING = "study.rrd"
 MOST_SHOWN = 4  # observables in the first figure before a reader asks for others
-STATUSES = {"present": "present", "excluded": "excluded", "not_testable": "not testable"}
 ANSWERS = ("comparison", "discovery", "adoption", "prediction")  # that the template reads
-BEYOND = "What acts like the missing effect"
 TIMES = {0: "has not been opened", 1: "was opened once"}
 UNDECLARED_NUMERICS = (
     "Numerics: the study declares no tolerance for box, time step and grain number. A smooth numerical error "
@@ -59,16 +56,12 @@ def write_recording(study: Path) -> Path:
     found = stored_results(study)
     folder, first = results_folder(study, read_evidence_study(study)), found.first
     title = title_of(first)
-    drawn = pictures(found)
-    every = {
-        "agreement": first_panels(found)[0]["picture"],
-        **{name: one for name, one in drawn.items() if one},
-    }
+    drawn = {"agreement": first_panels(panels(found))[0]["picture"], **pictures(found)}
     page = StudyPage(
         title=title,
         summary="\n\n".join([f"# {title}", *lead(found)]),
         table=row_table(found),
-        figures={name: figure_style.raster(one) for name, one in every.items()},
+        figures={name: figure_style.raster(one.figure) for name, one in drawn.items() if one},
         properties={"rows": first["rows_visible"], "held_out": first["rows_hidden"], "seed": first["seed"]},
     )
     return record_study(folder / f"{study.stem}.{RECORDING}", page)
@@ -113,15 +106,10 @@ def measured_text(found: Results, rows: Document, place: int) -> str:
     return {"below": "< ", "above": "> "}.get(side, "") + " to ".join(values)
 
 
-def drawn_marks(shown: Sequence[Layer]) -> set[str]:
-    """Kinds of limits that the figures of a page draw."""
-    tables = [rows for rows in (shown[0].fitted, shown[0].held) if rows]
-    return {study_figures.limit_of(rows, k) for rows in tables for k in range(len(rows["observable"]))}
-
-
 def page_fields(found: Results) -> dict[str, Any]:
     """Fields of the template."""
-    first, shown = found.first, layers(found)
+    first, shown, every = found.first, layers(found), panels(found)
+    measured = [rows for rows in (shown[0].fitted, shown[0].held) if rows]
     return {
         "title": title_of(first),
         "about": f"{first['measurements']}, answered by {first['model']}",
@@ -131,30 +119,30 @@ def page_fields(found: Results) -> dict[str, Any]:
         "lead": lead(found),
         "layers": shown,
         "observables": {name: words_of(name).noun for name in dict.fromkeys(shown[0].fitted["observable"])},
-        "marks": drawn_marks(shown),
-        "shown": list(dict.fromkeys(panel.observable for panel in panels(found)))[:MOST_SHOWN],
-        "conditions": {
-            panel.condition.name: panel.condition.label for panel in panels(found) if panel.condition
+        "marks": {
+            study_figures.limit_of(rows, k) for rows in measured for k in range(len(rows["observable"]))
         },
-        "first_panels": first_panels(found),
+        "shown": list(dict.fromkeys(panel.observable for panel in every))[:MOST_SHOWN],
+        "conditions": {panel.condition.name: panel.condition.label for panel in every if panel.condition},
+        "first_panels": first_panels(every),
         "units": found.units,
         **{name: getattr(found, name) for name in ANSWERS},
         "where": places_of_misfit(found),
-        "residuals": study_figures.residual_pictures(panels(found)),
+        "residuals": study_figures.residual_pictures(every),
         "effects": ranked_effects(found.discovery),
-        "statuses": STATUSES,
-        "levels": level_sentences(found),
+        "levels": [
+            each["sentence"] for each in (found.discovery or found.comparison or {}).get("levels", ())
+        ],
         "strengths": list(strength_words(found, read_evidence_study(found.study)).items()),
         "groups": groups(found.discovery),
-        "clues": [clue["sentence"] for clue in found.discovery["clues"]] if found.discovery else [],
         "answers": answers(found),
         "vault": list(vault_sentences(found)),
         "fits_of_adoption": list(fits(found.adoption)),
-        "adoption_parameters": calibrated(found.adoption),
         "errors": {"fitted": FITTED_ERRORS, "held_out": HELD_OUT_ERRORS},
         "limits": list(limits(found)),
-        "experiments": experiments(found),
-        "beyond": beyond_section(found),
+        "experiments": (found.by_command.get("next") or found.discovery or {}).get("next_experiments", ()),
+        "beyond": beyond_sentences(found),
+        "doses": draw_doses(found.discovery, found.adoption, found.table),
         "notes": list(dict.fromkeys([*first["notes"], *first.get("warnings", [])])),
         "facts": list(facts(found)),
         "figures": pictures(found),
@@ -163,7 +151,7 @@ def page_fields(found: Results) -> dict[str, Any]:
 
 def sections(found: Results) -> list[tuple[str, str]]:
     """Names and titles of the sections that there are."""
-    there = [("beyond", BEYOND)] if beyond_sentences(found) else []
+    there = [("beyond", "What acts like the missing effect")] if beyond_sentences(found) else []
     there += [("where", "Where the model fails")]
     there += [("missing", "Which effect is missing")] if found.discovery else []
     there += [("vault", "Vault")] if found.first["rows_hidden"] or found.adoption else []
@@ -197,12 +185,11 @@ def first_figure(study: Path) -> figure_style.Figure:
     )
 
 
-def first_panels(found: Results) -> list[dict[str, Any]]:
+def first_panels(every: Sequence[Panel]) -> list[dict[str, Any]]:
     """Pictures of the first figure with the conditions at which each is shown.
 
     One condition is shown at a time; an observable that does not vary with it is shown along its first one.
     """
-    every = panels(found)
     conditions = list(dict.fromkeys(panel.condition.name for panel in every if panel.condition))
     shown = []
     for panel, drawn in study_figures.first_pictures(every):
@@ -219,20 +206,9 @@ def pictures(found: Results) -> dict[str, Picture | None]:
     discovery, adoption = found.discovery, found.adoption
     tested = adoption if adoption and adoption["base"]["vault_chi2_per_row"] is not None else None
     return {
-        "posterior": answers_drawn.draw_posterior(discovery["probabilities"]) if discovery else None,
-        "vault": answers_drawn.draw_vault(tested) if tested else None,
-        "adoptions": answers_drawn.draw_adoptions(found.adoptions) if len(found.adoptions) > 1 else None,
-    }
-
-
-def beyond_section(found: Results) -> dict[str, Any] | None:
-    """Title, figures and sentences on mechanisms; None where none was weighed."""
-    if not (told := beyond_sentences(found)):
-        return None
-    return {
-        "title": BEYOND,
-        "pictures": draw_doses(found.discovery, found.adoption, found.table),
-        "told": told,
+        "posterior": draw_posterior(discovery["probabilities"]) if discovery else None,
+        "vault": draw_vault(tested) if tested else None,
+        "adoptions": draw_adoptions(found.adoptions) if len(found.adoptions) > 1 else None,
     }
 
 
@@ -294,12 +270,6 @@ def answers(found: Results) -> list[str]:
     return sentences
 
 
-def level_sentences(found: Results) -> list[str]:
-    """Offsets of code or instrument with which the models are drawn."""
-    told = found.discovery or found.comparison or {}
-    return [level["sentence"] for level in told.get("levels", ())]
-
-
 def vault_sentences(found: Results) -> Iterator[str]:
     """Held-out rows, and how often the vault was opened."""
     yield from (note for note in found.first["notes"] if "held out" in note)
@@ -353,12 +323,6 @@ def limits_of_runs(discovery: Document) -> Iterator[str]:
         yield f"Failures: {discovery['failures']} model values could not be computed and are left out."
 
 
-def experiments(found: Results) -> Sequence[Document]:
-    """Proposed measurements; of `next` where it was asked."""
-    source = found.by_command.get("next") or found.discovery
-    return source["next_experiments"] if source else ()
-
-
 def fits(adoption: Document | None) -> Iterator[tuple[str, Document]]:
     """Fits of an adoption with their labels."""
     if adoption is None:
@@ -371,11 +335,6 @@ def fits(adoption: Document | None) -> Iterator[tuple[str, Document]]:
     for key, label in CONTROLS.items():
         if adoption.get(key) is not None:
             yield f"{label} ({', '.join(adoption[key]['effects'])})", adoption[key]
-
-
-def calibrated(adoption: Document | None) -> Mapping[str, Any]:
-    """Strengths and parameters of the model with the adopted effect."""
-    return {**adoption["added"]["strengths"], **adoption["added"]["parameters"]} if adoption else {}
 
 
 def facts(found: Results) -> Iterator[tuple[str, str]]:

@@ -1,11 +1,17 @@
-"""Style, panels and pictures of every page's figures."""
+"""Figures of every page: style, panels, and SVG elements with colours by role and texts to hover.
+
+An artist whose `gid` is `layer:NAME` becomes an element with `data-layer="NAME"`, which a page can switch
+off. One whose `gid` is `rows:NAME` is a layer too, and its markers get the texts of the figure, in order.
+"""
 
 import io
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import re
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from math import ceil, nan
 from typing import Any, Literal
+from xml.etree import ElementTree as ET
 
 import matplotlib as mpl
 
@@ -17,13 +23,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 from numpy.typing import NDArray
 
-from taichi_erosion.report.svg import inline_svg
-
 Floats = NDArray[np.float64]
 
 DOTS_PER_INCH = 150
 INK, SOFT, PAPER = "#1c2227", "#5b6670", "#fdfefe"
 BEFORE, AFTER, CONTROL, OTHER = "#b4553d", "#1f4e79", "#8a93a0", "#4c8a6a"
+ROLES = {  # colour of a figure -> variable of the page's style sheet, which has others for a dark page
+    **{INK: "--ink", PAPER: "--paper", SOFT: "--soft", "#d9dde1": "--line"},
+    **{BEFORE: "--before", AFTER: "--after", CONTROL: "--control", OTHER: "--other"},
+}
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 9.0,
@@ -42,8 +50,13 @@ STYLE: dict[Any, Any] = {
 }
 WIDE, NARROW = 7.4, 3.5  # width of a figure over the whole page, and on a phone [in]
 PANEL = (3.6, 2.9)  # in
+CURVE = (6.4, 3.6)  # in, of a number over a live session
 WIDE_RANGE = 20.0  # largest over smallest value from which an axis is logarithmic
 TICKS = 5  # most intervals on an axis
+SVG = "http://www.w3.org/2000/svg"
+LARGEST_SCALE = 1.65  # px of the page over points of the figure
+FONT = re.compile(r"font(?:-family)?: ?(\d+(?:\.\d+)?px)?[^;\"]*DejaVu[^;\"]*")
+NAME = re.compile(r'(\bid="|href="#|url\(#)([^":)]+)(?=["\)])')  # identifiers, but those of layers
 
 
 @dataclass(frozen=True)
@@ -57,11 +70,9 @@ class Picture:
     figure: Figure | None = field(default=None, compare=False)  # source of `svg`; None for a picture file
 
 
-@contextmanager
-def page_style() -> Iterator[None]:
+def page_style() -> AbstractContextManager[None]:
     """Style of the figures of a page."""
-    with mpl.rc_context(STYLE):
-        yield
+    return mpl.rc_context(STYLE)
 
 
 def picture(
@@ -94,12 +105,64 @@ def detached(draw: Callable[[], Figure]) -> Figure:
     return figure
 
 
-def raster(drawn: Picture) -> bytes:
+def curve_figure(time: Sequence[float], value: Sequence[float], name: str) -> Figure:
+    """Figure of a number over the simulated time [s] of a live session."""
+
+    def draw() -> Figure:
+        figure, frame = single(*CURVE)
+        frame.plot(time, value, lw=1.2)
+        frame.set(xlabel="simulated time [s]", ylabel=name)
+        return figure
+
+    return detached(draw)
+
+
+def raster(figure: Figure) -> bytes:
     """Figure as PNG."""
-    assert drawn.figure is not None
     page = io.BytesIO()
-    drawn.figure.savefig(page, format="png", dpi=DOTS_PER_INCH)
+    with page_style():
+        figure.savefig(page, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
     return page.getvalue()
+
+
+def inline_svg(figure: Figure, name: str, texts: Mapping[str, Sequence[str]]) -> str:
+    """Figure as an SVG element; `name` keeps its identifiers apart from those of other figures."""
+    page = io.StringIO()
+    figure.savefig(page, format="svg", transparent=True, metadata={"Date": None})
+    text = NAME.sub(rf"\g<1>{name}-\g<2>", FONT.sub(page_font, page.getvalue()))
+    for colour, role in ROLES.items():
+        text = text.replace(colour, f"var({role})")
+    for prefix, space in (("", SVG), ("xlink", "http://www.w3.org/1999/xlink")):
+        ET.register_namespace(prefix, space)
+    root = ET.fromstring(text)
+    for key in ("width", "height"):
+        del root.attrib[key]
+    for child in list(root):
+        if child.tag == f"{{{SVG}}}metadata" or child.find(f"{{{SVG}}}style") is not None:
+            root.remove(child)
+    for group in list(root.iter(f"{{{SVG}}}g")):
+        mark(group, texts)
+    root.set("role", "img")
+    root.set("style", f"max-width: {LARGEST_SCALE * 72.0 * figure.get_figwidth():.0f}px")
+    return ET.tostring(root, encoding="unicode")
+
+
+def page_font(found: re.Match[str]) -> str:
+    """Font of the page in the size of the figure."""
+    return f"font: {found[1]} system-ui, sans-serif" if found[1] else "font-family: system-ui, sans-serif"
+
+
+def mark(group: ET.Element, texts: Mapping[str, Sequence[str]]) -> None:
+    """Turn the `gid` of an artist into a layer, and give its points their texts."""
+    kind, _, layer = (group.get("id") or "").partition(":")
+    if not layer:
+        return
+    del group.attrib["id"]
+    group.set("data-layer", layer.partition("#")[0])
+    if kind == "rows":
+        for point, text in zip(list(group.iter(f"{{{SVG}}}use")), texts.get(layer, ()), strict=False):
+            point.set("class", "row")
+            ET.SubElement(point, f"{{{SVG}}}title").text = text
 
 
 def panels(

@@ -11,7 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from taichi_erosion.evidence.data.number_words import heading, plain
 from taichi_erosion.evidence.inference.verdict_levels import p_number
-from taichi_erosion.report.plain_words import effect_words
+from taichi_erosion.report.words import effect_words
 
 LEAST_SHARE = 1e-3  # that is printed
 MEDIA_TYPES = {".png": "image/png", ".gif": "image/gif", ".jpg": "image/jpeg", ".svg": "image/svg+xml"}

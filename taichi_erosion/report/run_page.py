@@ -53,40 +53,28 @@ def read_document(path: Path) -> Document:
 
 def page_fields(document: Document, source: Path) -> dict[str, Any]:
     """Fields of the template."""
+    seeds = [str(replica["seed"]) for replica in document["replicas"]]
     return {
         "title": document.get("title") or Path(document["scene"]).stem,
-        "about": f"{document['scene']}, {counted(len(document['replicas']), 'repeat')}",
-        "made": made(document["versions"], seeds_of(document)),
+        "about": f"{document['scene']}, {counted(len(seeds), 'repeat')}",
+        "made": made(document["versions"], f"seed{'' if len(seeds) == 1 else 's'} {', '.join(seeds)}"),
         "summary": list(sentences(document)) or ["This scene has no measured value for comparison."],
-        "measures": {name: simulated_value(record) for name, record in document["measures"].items()},
-        "measured": {name: measured_value(wanted) for name, wanted in document["measured"].items()},
+        **{name: document[name] for name in ("measures", "measured", "replicas")},
+        "spread": spread,
         "figure_of_measures": draw_measures(document),
         "pictures": list(pictures(document, source)),
-        "replicas": document["replicas"],
-        "warnings": list(warnings(document)),
+        "warnings": document.get("limits", {}).get("warnings", []),
         "facts": list(facts(document)),
         "resolved": json.dumps(document.get("resolved", {}), indent=1),
     }
 
 
-def seeds_of(document: Document) -> str:
-    """`seeds 1, 2, 3`."""
-    seeds = [str(replica["seed"]) for replica in document["replicas"]]
-    return f"seed{'' if len(seeds) == 1 else 's'} {', '.join(seeds)}"
-
-
-def measured_value(wanted: Document) -> dict[str, Any]:
-    """Text and source of a measured value."""
-    sd, count = wanted.get("sd") or nan, wanted.get("n") or 1
-    return {"text": with_spread(wanted["value"], sd, count), "source": wanted.get("source")}
-
-
-def simulated_value(record: Document) -> dict[str, Any]:
-    """Text, unit and notes of a pooled measure."""
-    value, sd = (nan if record[key] is None else record[key] for key in ("value", "sd"))
-    lacking = [each["sentence"] for each in record.get("shortfalls", ())]
-    notes = [*lacking, *record["notes"]]
-    return {"text": with_spread(value, sd, record["n"]), "unit": record["unit"], "notes": notes}
+def spread(record: Document) -> str:
+    """Mean, standard deviation and number of repeats of a simulated or measured value."""
+    value, sd, count = (record.get(key) for key in ("value", "sd", "n"))
+    return with_spread(
+        nan if value is None else value, nan if sd is None else sd, 1 if count is None else count
+    )
 
 
 def sentences(document: Document) -> Iterator[str]:
@@ -99,17 +87,14 @@ def sentences(document: Document) -> Iterator[str]:
         if found is None or found["value"] is None:
             yield f"{name}: no simulated value; {wanted['value']:g} was measured."
             continue
-        measured_sd, count = wanted.get("sd") or nan, wanted.get("n") or 1
-        simulated = simulated_value(found)
-        difference = found["value"] - wanted["value"]
-        error = sqrt((found["sd"] or 0.0) ** 2 / found["n"] + measured_sd**2 / count)
+        difference, unit = found["value"] - wanted["value"], found["unit"]
+        error = sqrt(sum((each.get("sd") or 0.0) ** 2 / (each.get("n") or 1) for each in (found, wanted)))
         far = f", {abs(difference) / error:.1f} standard errors" if error > 0.0 else ""
         if found["n"] < LEAST_RUNS:
             far = f"; {ONE_RUN}"
-        measured = with_spread(wanted["value"], measured_sd, count)
         yield (
-            f"{name}: {simulated['text']} {simulated['unit']} simulated, {measured} measured; "
-            f"the difference is {difference:+.3g} {simulated['unit']}{far}."
+            f"{name}: {spread(found)} {unit} simulated, {spread(wanted)} measured; "
+            f"the difference is {difference:+.3g} {unit}{far}."
         )
 
 
@@ -161,13 +146,6 @@ def pictures(document: Document, source: Path) -> Iterator[Picture]:
         file = source.with_name(Path(name).name) if name else None
         if file and file.is_file() and file.stat().st_size < LARGEST_FILM:
             yield Picture(description, address_of(file))
-
-
-def warnings(document: Document) -> Iterator[str]:
-    """Warnings of the scene and of every replica."""
-    yield from document.get("limits", {}).get("warnings", [])
-    for replica in document["replicas"]:
-        yield from (f"seed {replica['seed']}: {warning}" for warning in replica.get("warnings", []))
 
 
 def facts(document: Document) -> Iterator[tuple[str, str]]:

@@ -1,18 +1,29 @@
-"""Figures of an evidence study: measured values with the models, residuals, probabilities, vault, ladder."""
+"""Figures of an evidence study: measured values with the models, and residuals, along every condition.
+
+The rows of a panel are a table with one row of measurements a row, in the units of the study's table:
+
+    x             value of the condition
+    series        the other conditions in words
+    measured      measured value; error: half of its 90 % interval
+    model         the model's value; band: half of its 90 % interval
+    limit         "below" or "above" where the measured value is a limit, "between" two limits, else ""
+    low, high     ends of the interval in which the value lies; NaN: of no interval
+    row           place in the result
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from math import ceil, isfinite
+from dataclasses import dataclass
+from math import ceil
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from taichi_erosion.evidence.data.number_words import heading, plain, short, with_unit
 from taichi_erosion.evidence.data.table_units import TableUnits
-from taichi_erosion.report.evidence_results import Layer
 from taichi_erosion.report.figure_style import (
     AFTER,
     BEFORE,
@@ -33,20 +44,18 @@ from taichi_erosion.report.figure_style import (
     scale_axis,
     single,
 )
-from taichi_erosion.report.measured_table import Condition, MeasuredTable
 from taichi_erosion.report.pictures.measured_marks import (
     DOTS,
     EDGES,
-    Bools,
     ValueRange,
     draw_edge_texts,
     draw_intervals,
     draw_marks,
     edge_of,
-    kinds,
     value_range,
 )
-from taichi_erosion.report.plain_words import listed, words_of
+from taichi_erosion.report.results import Condition, Layer, MeasuredTable
+from taichi_erosion.report.words import listed, words_of
 
 Record = Mapping[str, Any]
 
@@ -62,22 +71,6 @@ MOST_SERIES = 5  # sets of the other conditions that have lines of their own
 DASHES = ("-", "--", ":", "-.", (0, (6, 1, 1, 1, 1, 1)))
 MARKERS = ("o", "s", "^", "D", "v")
 KEY_ROW = 0.18  # height of a row of the key below a panel [in]
-
-
-@dataclass(frozen=True)
-class Points:
-    """Rows of one observable along one condition, in the units of the table."""
-
-    x: Floats
-    series: tuple[str, ...]  # the other conditions in words
-    measured: Floats
-    error: Floats  # half of the 90 % interval of a measured value
-    model: Floats
-    band: Floats  # half of the 90 % interval of the model's value
-    rows: tuple[int, ...]  # places in the result
-    limit: tuple[str, ...]  # "below" or "above" where the measured value is a limit, "between" two limits
-    low: Floats  # lower end of the interval in which a measured value lies; NaN: of no interval
-    high: Floats  # upper end
 
 
 @dataclass(frozen=True)
@@ -101,16 +94,30 @@ class Panel:
         return numbers([self.units.value(self.observable, each) for each in column])
 
     @property
+    def sources(self) -> dict[str, Record]:
+        """Measured rows, fitted and held out."""
+        base = self.layers[0]
+        return {"fitted": base.fitted} | ({"held": base.held} if base.held else {})
+
+    @property
+    def series(self) -> list[str]:
+        """Sets of the other conditions."""
+        return list(
+            dict.fromkeys(pd.concat([points_of(self, rows) for rows in self.sources.values()])["series"])
+        )
+
+    @property
     def shown(self) -> ValueRange:
         """Visible part of the value axis: of measured values and of the models that are drawn at first."""
         values, ends = [], []
         for layer in self.layers:
             points = joined_points(self, layer)
-            values += [points.measured, points.model] if layer.shown else []
-            ends += [points.model - points.band, points.model + points.band] if layer.shown else []
-            known = np.array(points.limit) == ""
-            ends += [(points.measured + sign * points.error)[known] for sign in (-1.0, 1.0)]
-            ends += [points.low, points.high]
+            if layer.shown:
+                values += [points["measured"], points["model"]]
+                ends += [points["model"] - points["band"], points["model"] + points["band"]]
+            known = points[points["limit"] == ""]
+            ends += [known["measured"] - known["error"], known["measured"] + known["error"]]
+            ends += [points["low"], points["high"]]
         return value_range(np.concatenate(values), np.concatenate(ends))
 
 
@@ -129,38 +136,36 @@ def panels_of(
 
 def varying_conditions(rows: Record, observable: str) -> list[str]:
     """Conditions with more than one value among the rows of an observable, most values first."""
-    chosen = [place for place, name in enumerate(rows["observable"]) if name == observable]
-    counts = {
-        axis: len({column[place] for place in chosen if column[place] is not None})
-        for axis, column in rows["conditions"].items()
-    }
-    return [axis for axis in sorted(counts, key=lambda axis: -counts[axis]) if counts[axis] > 1]
+    table = pd.DataFrame(rows["conditions"], index=range(len(rows["observable"])))
+    own = table.loc[np.array(rows["observable"]) == observable]
+    counts = {str(name): int(own[name].nunique()) for name in own.columns}
+    return [name for name in sorted(counts, key=lambda name: -counts[name]) if counts[name] > 1]
 
 
-def points_of(panel: Panel, rows: Record) -> Points:
+def points_of(panel: Panel, rows: Record) -> pd.DataFrame:
     """Rows of a panel in order of their condition; rows without a value there are left out."""
-    places = [place for place, name in enumerate(rows["observable"]) if name == panel.observable]
-    column = numbers(rows["conditions"][panel.condition.name]) if panel.condition else np.arange(1.0, 1e6)
-    x = {
-        place: panel.condition.shown(column[place]) if panel.condition else float(k + 1)
-        for k, place in enumerate(places)
-    }
-    kept = sorted((place for place in places if isfinite(x[place])), key=lambda place: x[place])
-    get = {key: panel.values(rows[key])[kept] for key in ("measured", "measured_sd", "predicted")}
-    spread = rows.get("model_sd") or rows["predicted_sd"]
-    shift = rows.get("shift") or [0.0] * len(spread)
-    return Points(
-        x=np.array([x[place] for place in kept]),
-        series=tuple(series_of(panel, rows, place) for place in kept),
-        measured=get["measured"],
-        error=HALF_WIDTH * np.nan_to_num(get["measured_sd"]),
-        model=get["predicted"] + np.nan_to_num(panel.values(shift)[kept]),
-        band=HALF_WIDTH * np.nan_to_num(panel.values(spread)[kept]),
-        rows=tuple(kept),
-        limit=tuple(limit_of(rows, place) for place in kept),
-        low=panel.values(interval_ends(rows, "low"))[kept],
-        high=panel.values(interval_ends(rows, "high"))[kept],
+    count = len(rows["observable"])
+    ends = {end: interval_ends(rows, end) for end in ("low", "high")}
+    table = pd.DataFrame(
+        {
+            "series": [series_of(panel, rows, place) for place in range(count)],
+            "measured": panel.values(rows["measured"]),
+            "error": HALF_WIDTH * np.nan_to_num(panel.values(rows["measured_sd"])),
+            "model": panel.values(rows["predicted"]),
+            "band": HALF_WIDTH * np.nan_to_num(panel.values(rows.get("model_sd") or rows["predicted_sd"])),
+            "limit": [limit_of(rows, place) for place in range(count)],
+            **{end: panel.values(column) for end, column in ends.items()},
+            "row": range(count),
+        }
     )
+    if rows.get("shift"):
+        table["model"] += np.nan_to_num(panel.values(rows["shift"]))
+    table = table[np.array(rows["observable"]) == panel.observable]
+    if panel.condition is None:
+        return table.assign(x=np.arange(1.0, len(table) + 1.0))
+    column = rows["conditions"][panel.condition.name]
+    x = [panel.condition.shown(column[place]) for place in table["row"]]
+    return table.assign(x=x).dropna(subset="x").sort_values("x", kind="stable")
 
 
 def limit_of(rows: Record, place: int) -> str:
@@ -183,24 +188,32 @@ def series_of(panel: Panel, rows: Record, place: int) -> str:
     )
 
 
+def joined_points(panel: Panel, layer: Layer) -> pd.DataFrame:
+    """Fitted and held-out rows of a model in order of their condition."""
+    parts = [points_of(panel, rows) for rows in (layer.fitted, layer.held) if rows]
+    return pd.concat(parts).sort_values("x", kind="stable")
+
+
 def draw_first(panel: Panel, width: float) -> Figure:
     """Measured values with their errors, and every model with its band, against one condition."""
     height = 3.5 if width == WIDE else 3.1 if width == NARROW else PANEL[1]
-    base = panel.layers[0]
-    fitted = points_of(panel, base.fitted)
-    held = points_of(panel, base.held) if base.held else None
-    names = list(dict.fromkeys([*fitted.series, *(held.series if held else ())]))
+    points = {kind: points_of(panel, rows) for kind, rows in panel.sources.items()}
+    names, shown = panel.series, panel.shown
     is_keyed = 1 < len(names) <= MOST_SERIES
     columns = 3 if width == WIDE else 1
     rows = ceil(len(names) / columns) if is_keyed else 0
     figure, frame = single(width, height + KEY_ROW * rows)
     for layer in panel.layers:
         draw_model(frame, panel, layer, names)
-    every = [points for points in (fitted, held) if points is not None]
-    label_axes(frame, panel, np.concatenate([points.x for points in every]), panel.shown)
-    draw_measured(frame, panel, fitted, names, "fitted")
-    if held is not None and held.x.size:
-        draw_measured(frame, panel, held, names, "held")
+    if panel.condition is None:
+        frame.set(xlabel="row", xticks=[])
+    else:
+        scale_axis(frame, "x", np.concatenate([each["x"] for each in points.values()]))
+        frame.set_xlabel(panel.condition.label)
+    show_values(frame, shown)
+    frame.set_title(panel.value_label, loc="left")
+    for kind, each in points.items():
+        draw_measured(frame, each, shown, names, kind)
     if is_keyed:
         draw_series_key(figure, names, columns)
     return figure
@@ -212,34 +225,15 @@ def draw_with_key(panels: Sequence[Panel], width: float) -> Figure:
     It is the first panel of its observable whose other conditions are few enough for lines.
     """
     own = [panel for panel in panels if panel.observable == panels[0].observable]
-    panel = next((each for each in own if len(series_names(each)) <= MOST_SERIES), own[0])
+    panel = next((each for each in own if len(each.series) <= MOST_SERIES), own[0])
     figure = draw_first(panel, width)
-    (frame,) = figure.axes
-    lines = [frame.plot([], [], "o", ms=5.0, color=INK, label="measured, fitted")]
+    dot = {"marker": "o", "ls": "", "ms": 5.0, "color": INK}
+    lines = [Line2D([], [], label="measured, fitted", **dot)]
     if panel.layers[0].held:
-        lines.append(frame.plot([], [], "o", ms=5.0, color=INK, mfc=PAPER, label="measured, held out"))
-    for layer in panel.layers:
-        lines.append(frame.plot([], [], "-", lw=2.0, color=COLOURS[layer.key], label=KEY[layer.key]))
-    figure.legend(handles=[line for (line,) in lines], loc="outside upper left", ncols=3, fontsize=8.0)
+        lines.append(Line2D([], [], label="measured, held out", mfc=PAPER, **dot))
+    lines += [Line2D([], [], lw=2.0, color=COLOURS[each.key], label=KEY[each.key]) for each in panel.layers]
+    figure.legend(handles=lines, loc="outside upper left", ncols=3, fontsize=8.0)
     return figure
-
-
-def series_names(panel: Panel) -> list[str]:
-    """Sets of the other conditions of a panel."""
-    base = panel.layers[0]
-    every = [points_of(panel, rows).series for rows in (base.fitted, base.held) if rows]
-    return list(dict.fromkeys(name for series in every for name in series))
-
-
-def label_axes(frame: Axes, panel: Panel, x: Floats, shown: ValueRange) -> None:
-    """Scales and names of the axes."""
-    if panel.condition is None:
-        frame.set(xlabel="row", xticks=[])
-    else:
-        scale_axis(frame, "x", x)
-        frame.set_xlabel(panel.condition.label)
-    show_values(frame, shown)
-    frame.set_title(panel.value_label, loc="left")
 
 
 def show_values(frame: Axes, shown: ValueRange) -> None:
@@ -257,43 +251,45 @@ def draw_series_key(figure: Figure, names: Sequence[str], columns: int) -> None:
     figure.legend(handles=lines, fontsize=8.0, loc="outside lower left", ncols=min(columns, len(names)))
 
 
-def draw_measured(frame: Axes, panel: Panel, points: Points, names: Sequence[str], kind: str) -> None:
+def draw_measured(
+    frame: Axes, points: pd.DataFrame, shown: ValueRange, names: Sequence[str], kind: str
+) -> None:
     """Measured values with error bars, filled where they were fitted; limits as arrows, intervals as bars."""
-    draw_errors(frame, points, panel.shown, INK, f"layer:{kind}")
-    for number, mark, own in marks(points, names, panel.shown):
+    draw_errors(frame, points, shown, INK, f"layer:{kind}")
+    for number, mark, own in marks(points, names, shown):
         marker = MARKERS[number] if len(names) <= MOST_SERIES else MARKERS[0]
         style = DOTS | {"marker": marker, "mfc": INK if kind == "fitted" else PAPER}
-        y = edge_of(panel.shown, mark, points.measured[own])
-        draw_marks(frame, points.x[own], y, mark, style, f"rows:{kind}#{number}{mark}")
+        x, y = own["x"].to_numpy(), own["measured"].to_numpy()
+        draw_marks(frame, x, edge_of(shown, mark, y), mark, style, f"rows:{kind}#{number}{mark}")
         if mark in EDGES:
-            draw_edge_texts(frame, points.x[own], [plain(each) for each in points.measured[own]], mark)
+            draw_edge_texts(frame, x, [plain(each) for each in y], mark)
 
 
-def draw_errors(frame: Axes, points: Points, shown: ValueRange, colour: str, gid: str) -> None:
+def draw_errors(frame: Axes, points: pd.DataFrame, shown: ValueRange, colour: str, gid: str) -> None:
     """Error bars of values within the axis, and bars of intervals; a limit has none."""
-    above, below = shown.beyond(points.measured)
-    known = (np.array(points.limit) == "") & ~(above | below)
-    between = (np.array(points.limit) == "between") & ~(above | below)
-    if between.any():
-        draw_intervals(frame, points.x[between], points.low[between], points.high[between], colour, gid)
-    frame.errorbar(
-        points.x[known],
-        points.measured[known],
-        points.error[known],
-        fmt="none",
-        ecolor=colour,
-        elinewidth=0.9,
-        gid=gid,
-    )
+    inside = points.loc[points["measured"].between(shown.low, shown.high)]
+    between, known = (inside.loc[inside["limit"] == limit] for limit in ("between", ""))
+    if len(between):
+        x, low, high = (between[key].to_numpy() for key in ("x", "low", "high"))
+        draw_intervals(frame, x, low, high, colour, gid)
+    style: dict[str, Any] = {"fmt": "none", "ecolor": colour, "elinewidth": 0.9, "gid": gid}
+    frame.errorbar(known["x"], known["measured"], known["error"], **style)
 
 
-def marks(points: Points, names: Sequence[str], shown: ValueRange) -> Iterator[tuple[int, str, Bools]]:
-    """Measured values by set of the other conditions and by kind of mark, in the order of drawing."""
+def marks(
+    points: pd.DataFrame, names: Sequence[str], shown: ValueRange
+) -> Iterator[tuple[int, str, pd.DataFrame]]:
+    """Measured values by set of the other conditions and by kind of mark, in the order of drawing.
+
+    A mark is that of a dot (""), of a limit, of an interval, or of a value beyond an edge of the axis.
+    """
+    values = points["measured"]
+    mark = points["limit"].mask(values > shown.high, "high").mask(values < shown.low, "low")
     for number, name in enumerate(names):
-        own = np.array([each == name for each in points.series], dtype=np.bool_)
-        for mark, chosen in kinds(points.measured, points.limit, shown):
-            if (own & chosen).any():
-                yield number, mark, own & chosen
+        for kind in ("", "below", "above", "between", *EDGES):
+            own = points.loc[(points["series"] == name) & (mark == kind)]
+            if len(own):
+                yield number, kind, own
 
 
 def draw_model(frame: Axes, panel: Panel, layer: Layer, names: Sequence[str]) -> None:
@@ -301,85 +297,52 @@ def draw_model(frame: Axes, panel: Panel, layer: Layer, names: Sequence[str]) ->
     points = joined_points(panel, layer)
     colour, gid = COLOURS[layer.key], f"layer:{layer.key}"
     if len(names) > MOST_SERIES or panel.condition is None:
-        frame.errorbar(
-            points.x, points.model, points.band, fmt="_", ms=9.0, mew=1.8, lw=0.8, color=colour, gid=gid
-        )
+        style: dict[str, Any] = {"fmt": "_", "ms": 9.0, "mew": 1.8, "lw": 0.8, "color": colour, "gid": gid}
+        frame.errorbar(points["x"], points["model"], points["band"], **style)
         for line in frame.lines[-1:]:
             line.set_gid(gid)
         return
     for number, name in enumerate(names):
-        own = np.array([each == name for each in points.series], dtype=bool)
-        x, first = np.unique(points.x[own], return_index=True)
-        if not x.size:
+        own = points.loc[points["series"] == name].drop_duplicates(subset=["x"])
+        if not len(own):
             continue
-        model, band = points.model[own][first], points.band[own][first]
-        marker = "" if x.size > 1 else "_"
-        frame.plot(x, model, marker=marker, ls=DASHES[number], lw=1.7, ms=9.0, color=colour, gid=gid)
-        frame.fill_between(x, model - band, model + band, color=colour, alpha=0.16, lw=0.0, gid=gid)
-
-
-def joined_points(panel: Panel, layer: Layer) -> Points:
-    """Fitted and held-out rows of a model in order of their condition."""
-    parts = [points_of(panel, rows) for rows in (layer.fitted, layer.held) if rows]
-    order = np.argsort(np.concatenate([part.x for part in parts]), kind="stable")
-    series = [name for part in parts for name in part.series]
-    columns = [
-        np.concatenate([getattr(part, name) for part in parts])[order]
-        for name in ("x", "measured", "error", "model", "band", "low", "high")
-    ]
-    x, measured, error, model, band, low, high = columns
-    limit = [each for part in parts for each in part.limit]
-    ordered = (tuple(column[k] for k in order) for column in (series, limit))
-    names, limits = ordered
-    return Points(x, names, measured, error, model, band, (), limits, low, high)
+        marker = "" if len(own) > 1 else "_"
+        dash = DASHES[number]
+        frame.plot(own["x"], own["model"], marker=marker, ls=dash, lw=1.7, ms=9.0, color=colour, gid=gid)
+        low, high = own["model"] - own["band"], own["model"] + own["band"]
+        frame.fill_between(own["x"], low, high, color=colour, alpha=0.16, lw=0.0, gid=gid)
 
 
 def first_pictures(panels: Sequence[Panel]) -> list[tuple[Panel, Picture]]:
     """The figure of the first screen: one picture for every observable and condition."""
-    observables = {panel.observable for panel in panels}
+    is_wide = len({panel.observable for panel in panels}) == 1
     found = []
     for number, panel in enumerate(panels):
-        texts = hover_texts(panel)
-        description = f"{panel.value_label} against {panel.condition.label if panel.condition else 'rows'}"
-        name = f"first{number}"
-        if len(observables) == 1:
-            drawn = responsive(lambda width, panel=panel: draw_first(panel, width), description, name, texts)
+        words = f"{panel.value_label} against {panel.condition.label if panel.condition else 'rows'}"
+        name, texts = f"first{number}", hover_texts(panel)
+        if is_wide:
+            drawn = responsive(lambda width, panel=panel: draw_first(panel, width), words, name, texts)
         else:
             with page_style():
-                drawn = picture(draw_first(panel, PANEL[0]), description, name, texts)
+                drawn = picture(draw_first(panel, PANEL[0]), words, name, texts)
         found.append((panel, drawn))
     return found
 
 
 def hover_texts(panel: Panel) -> dict[str, list[str]]:
     """Texts of the measured points, by layer and set of the other conditions, in the order of drawing."""
-    base, texts = panel.layers[0], {}
-    sources = {"fitted": base.fitted, "held": base.held}
-    names = list(
-        dict.fromkeys(name for rows in sources.values() if rows for name in points_of(panel, rows).series)
-    )
-    for kind, rows in sources.items():
-        if rows is None:
-            continue
-        points = points_of(panel, rows)
-        for number, mark, own in marks(points, names, panel.shown):
-            places = np.array(points.rows)[own].tolist()
-            texts[f"{kind}#{number}{mark}"] = [row_text(panel, kind, rows, place) for place in places]
-    return texts
+    names, shown = panel.series, panel.shown
+    return {
+        f"{kind}#{number}{mark}": [row_text(panel, kind, rows, place) for place in own["row"]]
+        for kind, rows in panel.sources.items()
+        for points in [points_of(panel, rows)]
+        for number, mark, own in marks(points, names, shown)
+    }
 
 
 def row_text(panel: Panel, kind: str, rows: Record, place: int) -> str:
     """Everything about one measured value: conditions, table row, source, what every model says."""
-    value, sd = rows["measured"][place], rows["measured_sd"][place]
-    behind = panel.table.behind(rows, place)
-    unit, limit = panel.units.value_unit(panel.observable), limit_of(rows, place)
-    size = with_unit(short(float(panel.values([value])[0]), 3), unit)
-    error = f", 90 % interval ± {short(HALF_WIDTH * float(panel.values([sd])[0]))}" if sd else ""
-    words = f"measured: {limit} {size}" if limit else f"measured {size}{error}"
-    if limit == "between":
-        low, high = (panel.values(interval_ends(rows, end))[place] for end in ("low", "high"))
-        words = f"measured: between {short(float(low), 3)} and {with_unit(short(float(high), 3), unit)}"
-    lines = [words + (" (held out)" if kind == "held" else "")]
+    lines = [measured_words(panel, rows, place) + (" (held out)" if kind == "held" else "")]
     lines += [
         panel.table.condition(name).words(column[place])
         for name, column in rows["conditions"].items()
@@ -391,7 +354,7 @@ def row_text(panel: Panel, kind: str, rows: Record, place: int) -> str:
             shift = (table.get("shift") or {place: 0.0})[place] or 0.0
             modelled = float(panel.values([table["predicted"][place] + shift])[0])
             lines.append(f"{layer.label}: {short(modelled, 3)}")
-    if behind:
+    if behind := panel.table.behind(rows, place):
         word = "row" if len(behind) == 1 else "rows"
         repeats = sum(row.n or 1 for row in behind)
         numbered = listed([str(row.line) for row in behind])
@@ -400,33 +363,50 @@ def row_text(panel: Panel, kind: str, rows: Record, place: int) -> str:
     return "\n".join(lines)
 
 
+def measured_words(panel: Panel, rows: Record, place: int) -> str:
+    """`measured 25.3 cm/s, 90 % interval ± 1.2`; a limit and an interval as such."""
+    unit, limit = panel.units.value_unit(panel.observable), limit_of(rows, place)
+    columns = ("measured", "measured_sd", "low", "high")
+    value, sd, low, high = panel.values([(rows.get(key) or {place: None})[place] for key in columns])
+    if limit == "between":
+        return f"measured: between {short(low, 3)} and {with_unit(short(high, 3), unit)}"
+    size = with_unit(short(value, 3), unit)
+    error = f", 90 % interval ± {short(HALF_WIDTH * sd)}" if sd > 0.0 else ""
+    return f"measured: {limit} {size}" if limit else f"measured {size}{error}"
+
+
 def residual_pictures(panels: Sequence[Panel]) -> list[Picture]:
     """Measured less model with the errors of both, before and after, against every condition."""
     found = []
     for number, panel in enumerate(panels):
         if panel.condition is None:
             continue
+        gaps, shown = residual_points(panel)
+        words = f"{panel.value_label}, measured less model, against {panel.condition.label}"
+        rows = {layer.key: layer.fitted for layer in panel.layers[:2]}
+        texts = {
+            f"{key}#{mark}": [row_text(panel, "fitted", rows[key], place) for place in own["row"]]
+            for key, points in gaps.items()
+            for _, mark, own in marks(points, [""], shown)
+        }
         with page_style():
-            figure = draw_residuals(panel)
-            words = f"{panel.value_label}, measured less model, against {panel.condition.label}"
-            found.append(picture(figure, words, f"residual{number}", residual_texts(panel)))
+            found.append(picture(draw_residuals(panel, gaps, shown), words, f"residual{number}", texts))
     return found
 
 
-def draw_residuals(panel: Panel) -> Figure:
+def draw_residuals(panel: Panel, gaps: Mapping[str, pd.DataFrame], shown: ValueRange) -> Figure:
     """Measured less model along one condition, with the 90 % interval of the difference."""
     figure, frame = single(*PANEL)
     assert panel.condition is not None
     frame.axhline(0.0, color=SOFT, lw=0.8)
-    gaps, shown = residual_points(panel)
-    for layer in gaps:
-        colour, points = COLOURS[layer], gaps[layer]
+    for layer, points in gaps.items():
+        colour = COLOURS[layer]
         draw_errors(frame, points, shown, colour, f"layer:{layer}")
         for _, mark, own in marks(points, [""], shown):
-            y = edge_of(shown, mark, points.measured[own])
+            x, y = own["x"].to_numpy(), own["measured"].to_numpy()
             style = DOTS | {"marker": "o", "ms": 4.0, "color": colour, "mfc": colour}
-            draw_marks(frame, points.x[own], y, mark, style, f"rows:{layer}#{mark}")
-    scale_axis(frame, "x", next(iter(gaps.values())).x)
+            draw_marks(frame, x, edge_of(shown, mark, y), mark, style, f"rows:{layer}#{mark}")
+    scale_axis(frame, "x", next(iter(gaps.values()))["x"].to_numpy())
     show_values(frame, shown)
     frame.set_xlabel(panel.condition.label)
     unit = panel.units.value_unit(panel.observable)
@@ -435,39 +415,20 @@ def draw_residuals(panel: Panel) -> Figure:
     return figure
 
 
-def residual_points(panel: Panel) -> tuple[dict[str, Points], ValueRange]:
+def residual_points(panel: Panel) -> tuple[dict[str, pd.DataFrame], ValueRange]:
     """Measured less model of the models before and after, and the visible part of the axis.
 
-    A limit less the model is a limit of the residual. Errors are those on which p rests.
+    A limit less the model is a limit of the residual. Errors are those on which p rests; those of the
+    measured means in an answer without them.
     """
     found = {}
     for layer in panel.layers[:2]:
         points = points_of(panel, layer.fitted)
-        error = HALF_WIDTH * np.nan_to_num(panel.values(errors_of(layer.fitted))[list(points.rows)])
-        gap = points.measured - points.model
-        ends = {"low": points.low - points.model, "high": points.high - points.model}
-        found[layer.key] = replace(points, measured=gap, error=error, series=("",) * gap.size, **ends)
-    gap, error, low, high = (
-        np.concatenate([getattr(points, name) for points in found.values()])
-        for name in ("measured", "error", "low", "high")
-    )
-    return found, value_range(np.append(gap, 0.0), np.concatenate([gap - error, gap + error, low, high]))
-
-
-def errors_of(rows: Record) -> Sequence[float | None]:
-    """Standard deviations of measured less model; those of the measured means in an answer without them."""
-    found: Sequence[float | None] = rows.get("residual_error") or rows["measured_sd"]
-    return found
-
-
-def residual_texts(panel: Panel) -> dict[str, list[str]]:
-    """Texts of the points of a residual figure."""
-    rows = {layer.key: layer.fitted for layer in panel.layers[:2]}
-    gaps, shown = residual_points(panel)
-    return {
-        f"{key}#{mark}": [
-            row_text(panel, "fitted", table, place) for place in np.array(gaps[key].rows)[own].tolist()
-        ]
-        for key, table in rows.items()
-        for _, mark, own in marks(gaps[key], [""], shown)
-    }
+        stated = panel.values(layer.fitted.get("residual_error") or layer.fitted["measured_sd"])
+        gaps = {key: points[key] - points["model"] for key in ("measured", "low", "high")}
+        error = HALF_WIDTH * np.nan_to_num(stated[points["row"]])
+        found[layer.key] = points.assign(**gaps, error=error, series="")
+    every = pd.concat(found.values())
+    gap, error = every["measured"], every["error"]
+    ends = np.concatenate([gap - error, gap + error, every["low"], every["high"]])
+    return found, value_range(np.append(gap, 0.0), ends)

@@ -3,6 +3,7 @@
 Only what its name or its sections make certain is told; any other file is left to its own reader.
 """
 
+import shlex
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -54,7 +55,7 @@ def refuse_kind(path: Path, found: str | None, wanted: Wanted) -> None:
     """Refuse a file whose kind is known and not the wanted one."""
     if found is not None and found != wanted and path.is_file():
         name = one_line_name(path)
-        raise BadInput(f"{name}: {REMEDIES[found].format(path=name)}; a {wanted} is wanted here")
+        raise BadInput(f"{name}: {REMEDIES[found].format(path=shlex.quote(name))}; a {wanted} is wanted here")
 
 
 def refuse_neither(path: Path) -> None:

@@ -23,6 +23,12 @@ OPTION = re.compile(r"--\w")
         ("`compare` says where the model fails.", "study.compare() says where the model fails."),
         ("run ./erosion compare doe/a.toml first", "run study.compare() first"),
         ("`./erosion adopt doe/a.toml glue`", 'study.adopt("glue")'),
+        (
+            "simulate it: ./erosion run 'my lab/a.toml'; a study is",
+            'simulate it: te.run("my lab/a.toml"); a study is',
+        ),
+        ("simulate it: ./erosion run a.toml; a study is", 'simulate it: te.run("a.toml"); a study is'),
+        ("run ./erosion compare 'my lab/a.toml' first", "run study.compare() first"),
         ("use at least --replicas 6", "use at least replicas=6"),
         ("another folder with --out", "another folder with out=FOLDER"),
     ],

@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 
 from taichi_erosion.cli import commands
+from taichi_erosion.cli.answers import cost_line
 from taichi_erosion.cli.main import main
-from taichi_erosion.cli.study import cost_line
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Numerics
 

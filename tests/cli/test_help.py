@@ -11,10 +11,10 @@ import typer
 
 from taichi_erosion.cli.commands import app
 from taichi_erosion.cli.help import COMMANDS as HELP
+from taichi_erosion.cli.help import examples_of
 from taichi_erosion.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
-PLACEHOLDERS = {"STUDY", "TABLE", "IMAGE", "SCRIPT", "FILE"}
 
 
 def leaves(command, path: str = "") -> Iterator[tuple[str, object]]:
@@ -31,29 +31,28 @@ COMMANDS = dict(leaves(typer.main.get_command(app)))
 
 def test_every_command_has_examples() -> None:
     assert set(HELP) == set(COMMANDS)
-    assert all(page.examples for page in HELP.values())
+    assert all(map(examples_of, HELP))
 
 
 @pytest.mark.parametrize("command", HELP)
 def test_help_shows_the_examples_and_hides_no_word_in_brackets(command: str, capsys) -> None:
     assert main([*command.split(), "--help"]) == 0
     printed = " ".join(capsys.readouterr().out.split())
-    for example in HELP[command].examples:
+    for example in examples_of(command):
         assert f"./erosion {example}" in printed
     for option in COMMANDS[command].params:
         # the formatter takes what stands in square brackets for markup and drops it
         assert "[" not in (getattr(option, "help", None) or "")
 
 
-@pytest.mark.parametrize("example", sorted({example for page in HELP.values() for example in page.examples}))
-def test_an_example_names_options_and_files_that_are_there(example: str) -> None:
-    words = example.split()
-    name = next(name for name in COMMANDS if words[: len(name.split())] == name.split())
-    known = {word for option in COMMANDS[name].params for word in option.opts} | {"--help"}
-    assert {word for word in words if word.startswith("-")} <= known
-    for word in words:
-        inside = word.startswith(("scenes/", "doe/", "recordings/")) and not word.endswith("FILE.rrd")
-        assert not inside or (ROOT / word).exists(), word
+def test_an_example_names_options_and_files_that_are_there() -> None:
+    for name in HELP:
+        known = {word for option in COMMANDS[name].params for word in option.opts} | {"--help"}
+        for words in map(str.split, examples_of(name)):
+            assert {word for word in words if word.startswith("-")} <= known
+            for word in words:
+                inside = word.startswith(("scenes/", "doe/", "recordings/")) and not word.endswith("FILE.rrd")
+                assert not inside or (ROOT / word).exists(), word
 
 
 def test_shells_can_complete_commands_under_the_name_they_were_called_by() -> None:

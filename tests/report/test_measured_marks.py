@@ -1,25 +1,32 @@
 """Axes that one value cannot spoil, and marks of limits and of values beyond the axis."""
 
 import numpy as np
+import pandas as pd
 
-from taichi_erosion.report.pictures.measured_marks import kinds, value_range
+from taichi_erosion.report.pictures.measured_marks import ValueRange, value_range
+from taichi_erosion.report.study_figures import marks
 
 VALUES = np.array([20.0, 22.0, 25.0, 27.0, 30.0, 33.0])
+
+
+def marked(values, limit, shown: ValueRange) -> dict[str, list[float]]:
+    """Values by their mark."""
+    points = pd.DataFrame({"measured": values, "limit": limit, "series": ""})
+    return {mark: own["measured"].to_list() for _, mark, own in marks(points, [""], shown)}
 
 
 def test_an_outlier_does_not_stretch_the_axis_and_is_marked_at_its_edge():
     values = np.append(VALUES, 900.0)
     shown = value_range(values, values)
     assert 30.0 < shown.high < 40.0
-    marked = {kind: chosen.tolist() for kind, chosen in kinds(values, ("",) * 7, shown) if chosen.any()}
-    assert marked == {"": [True] * 6 + [False], "high": [False] * 6 + [True]}
+    assert marked(values, [""] * 7, shown) == {"": VALUES.tolist(), "high": [900.0]}
 
 
 def test_values_over_decades_are_no_outliers_on_a_logarithmic_axis():
     values = np.geomspace(0.1, 1000.0, 12)
     shown = value_range(values, values)
     assert shown.logarithmic
-    assert not any(map(np.any, shown.beyond(values)))
+    assert set(marked(values, "", shown)) == {""}
 
 
 def test_bars_of_a_single_value_are_seen_whole_and_those_of_a_bad_row_are_not():
@@ -32,6 +39,6 @@ def test_bars_of_a_single_value_are_seen_whole_and_those_of_a_bad_row_are_not():
 
 
 def test_limits_are_marked_by_the_side_on_which_the_value_lies():
-    limit = ("below", "", "above", "between", "", "")
-    found = {kind: int(chosen.sum()) for kind, chosen in kinds(VALUES, limit, value_range(VALUES, VALUES))}
-    assert found == {"": 3, "below": 1, "above": 1, "between": 1, "high": 0, "low": 0}
+    limit = ["below", "", "above", "between", "", ""]
+    found = marked(VALUES, limit, value_range(VALUES, VALUES))
+    assert found == {"": [22.0, 30.0, 33.0], "below": [20.0], "above": [25.0], "between": [27.0]}

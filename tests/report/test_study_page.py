@@ -9,7 +9,7 @@ import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.report import write_report
-from taichi_erosion.report.evidence_results import layers, stored_results
+from taichi_erosion.report.results import layers, stored_results
 from taichi_erosion.report.study_figures import panels_of, points_of
 from tests.evidence.small_study import write_study
 from tests.report.browser import assert_readable
@@ -161,8 +161,8 @@ def test_an_interval_is_drawn_as_a_bar_with_ends_and_told_as_one(tmp_path):
     found = stored_results(study)
     (panel,) = panels_of(["threshold_u_star"], layers(found), found.table, found.units)
     points = points_of(panel, layers(found)[0].fitted)
-    inside = points.limit.index("between")
-    assert (points.low[inside], points.high[inside]) == pytest.approx((18.0, 24.0))
+    (inside,) = points[points["limit"] == "between"].itertuples()
+    assert (inside.low, inside.high) == pytest.approx((18.0, 24.0))
     page = write_report(study).read_text("utf-8")
     assert "measured: between 18.0 and 24.0 cm/s" in page
     assert "A bar with ends: the value lies between them." in page

@@ -13,6 +13,7 @@ from time import perf_counter
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.answers.agreement_words import refuted
 from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.answers.documents import adoption_sentence
 from taichi_erosion.evidence.answers.effect_action import effect_actions
@@ -23,11 +24,10 @@ from taichi_erosion.evidence.answers.held_out_misfit import (
     on_common_rows,
     with_silent_sources,
 )
-from taichi_erosion.evidence.answers.words.held_out import refuted
 from taichi_erosion.evidence.data.findings import Adoption, HypothesisFit
 from taichi_erosion.evidence.data.mechanism_findings import DoseEstimate
 from taichi_erosion.evidence.data.problem import Problem, Progress, expected_strength
-from taichi_erosion.evidence.inference.doses.held_out_doses import held_out_doses
+from taichi_erosion.evidence.inference.doses.dose_inference import held_out_doses
 from taichi_erosion.evidence.inference.familywise_test import familywise_test
 from taichi_erosion.evidence.inference.goodness_of_fit import (
     calibration_covariance,
@@ -42,7 +42,7 @@ from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
 from taichi_erosion.evidence.inference.pipeline import enough_for_levels, level_share
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.inference.screen import Screen, screen
-from taichi_erosion.evidence.inference.search.beyond_maximum import stronger_fit
+from taichi_erosion.evidence.inference.search.effect_sets import stronger_fit
 from taichi_erosion.evidence.inference.verdict_levels import LEVEL_ODDS, fails
 
 

@@ -14,6 +14,7 @@ from taichi_erosion.evidence.answers.adopt import adopt, judged
 from taichi_erosion.evidence.answers.compare import compare
 from taichi_erosion.evidence.answers.discover import Answer, record_of
 from taichi_erosion.evidence.answers.documents import Command, Document, discovery_sentences
+from taichi_erosion.evidence.answers.finding_sentences import fresh_words
 from taichi_erosion.evidence.answers.mechanism_experiments import mechanism_experiments
 from taichi_erosion.evidence.answers.next_experiments import next_experiments
 from taichi_erosion.evidence.answers.rounds import (
@@ -40,7 +41,6 @@ from taichi_erosion.evidence.answers.set_up import (
     source_faults,
     table_faults,
 )
-from taichi_erosion.evidence.answers.words.fresh_runs import fresh_words
 from taichi_erosion.evidence.data.findings import (
     Adoption,
     Comparison,

@@ -14,7 +14,7 @@ import numpy as np
 from taichi_erosion.evidence.answers.compare import calibrated_base
 from taichi_erosion.evidence.answers.documents import discovery_sentences
 from taichi_erosion.evidence.answers.effect_action import effect_actions, opposed_signs
-from taichi_erosion.evidence.answers.mechanism_sentences import mechanism_sentences
+from taichi_erosion.evidence.answers.finding_sentences import mechanism_sentences
 from taichi_erosion.evidence.data.findings import (
     NONE,
     OUTSIDE,

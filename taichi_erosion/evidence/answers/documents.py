@@ -18,11 +18,8 @@ import numpy as np
 from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file, write_atomic
-from taichi_erosion.evidence.answers.mechanism_sentences import trend_sentences
-from taichi_erosion.evidence.answers.words.agreement import row_sentences
-from taichi_erosion.evidence.answers.words.effect_sets import set_sentences
-from taichi_erosion.evidence.answers.words.fresh_runs import unstable_words
-from taichi_erosion.evidence.answers.words.held_out import refuted, uneven
+from taichi_erosion.evidence.answers.agreement_words import refuted, row_sentences, uneven
+from taichi_erosion.evidence.answers.finding_sentences import set_sentences, trend_sentences, unstable_words
 from taichi_erosion.evidence.data import number_words
 from taichi_erosion.evidence.data.findings import (
     NONE,

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from taichi_erosion.evidence.answers.finding_sentences import separation_sentence
 from taichi_erosion.evidence.answers.next_experiments import (
     DesignPool,
     RivalPrediction,
@@ -20,7 +21,6 @@ from taichi_erosion.evidence.answers.next_experiments import (
     rival_prediction,
     weighted,
 )
-from taichi_erosion.evidence.answers.words.experiments import separation_sentence
 from taichi_erosion.evidence.data.findings import Discovery, Proposals
 from taichi_erosion.evidence.data.mechanism_findings import BeyondList, MechanismFinding
 from taichi_erosion.evidence.data.problem import Floats, Laboratory, Mechanism, Problem

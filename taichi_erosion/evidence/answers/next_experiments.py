@@ -27,7 +27,7 @@ from itertools import product
 import numpy as np
 from scipy.stats import qmc
 
-from taichi_erosion.evidence.answers.words.experiments import (
+from taichi_erosion.evidence.answers.finding_sentences import (
     UNPREDICTED,
     alone_sentence,
     scatter_sentence,

@@ -33,10 +33,12 @@ from taichi_erosion.evidence.emulator.design import StudyScene, TrainingRun
 from taichi_erosion.evidence.emulator.gaussian_process import (
     ActiveInputs,
     GaussianProcess,
+    JointErrors,
     Points,
     fit_gaussian_process,
+    joint_errors,
+    slices,
 )
-from taichi_erosion.evidence.emulator.joint_errors import JointErrors, joint_errors, slices
 from taichi_erosion.evidence.models import simulator
 from taichi_erosion.mechanisms.library import dose_position
 

@@ -10,17 +10,24 @@ Reference: Kass & Raftery (1995), J. Am. Stat. Assoc. 90, 773.
 """
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 from math import inf
 
 import numpy as np
 from scipy import interpolate, special
 
-from taichi_erosion.evidence.data.least_squares import ColumnRows
-from taichi_erosion.evidence.data.linear_algebra import Whitening, log_box, log_sum_exp, projection, stack
+from taichi_erosion.evidence.data.linear_algebra import (
+    ColumnRows,
+    Whitening,
+    log_box,
+    log_sum_exp,
+    projection,
+    stack,
+)
 from taichi_erosion.evidence.data.problem import Bools, Floats
+from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.map_fit import Fit, Objective, deviance
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.inference.robustness.free_levels import log_level_share
 from taichi_erosion.evidence.models.predictor import paired_change
 
 GRIDS = (33, 21, 11, 7)  # strengths per effect at which sets of one, two, three, four effects are integrated
@@ -33,6 +40,7 @@ BOUND = 1e-3  # of a prior sd, or of the maximum of a strength: closer to an end
 UNDERCUT, UNDERCUT_NOISY = 0.5, 2.0  # misfit by which an expansion may lie below the fit it starts from [1]
 DIGITS = 12  # of strengths behind the point, beyond which two of them are one
 NODES = (-2.0, -1.0, 0.0, 1.0, 2.0)  # of a path, in posterior sd about the best strength
+MOST_LEVELS = 6  # observables whose sets of free levels are all tried
 
 
 @dataclass(frozen=True)
@@ -426,3 +434,39 @@ def likelihood(prepared: PreparedProblem, at: StrengthRows, factor: float) -> St
 def log_bound_share(prepared: PreparedProblem, x: Floats, change: Floats, sd: Floats) -> Floats:
     """Ln of the share of the posterior within the bounds of the calibrated numbers, column by column."""
     return log_box(prepared.low[:, np.newaxis] - x, prepared.high[:, np.newaxis] - x, change, sd)
+
+
+def level_sets(count: int) -> tuple[list[list[int]], Floats]:
+    """Sets of levels that may be off while the others are 0, never none of them, and ln of their priors.
+
+    Of many observables only single ones, pairs, and all of them at once.
+    """
+    sizes = range(1, count + 1) if count <= MOST_LEVELS else (1, 2, count)
+    sets = [list(chosen) for size in sizes for chosen in combinations(range(count), size)]
+    each = levels.PRIOR_LEVEL_EACH
+    log_prior = np.array([len(c) * np.log(each) + (count - len(c)) * np.log1p(-each) for c in sets])
+    return sets, log_prior - log_sum_exp(log_prior)
+
+
+def log_level_sets(best: Floats, covariance: Floats) -> Floats:
+    """Ln evidence (sets, columns) with only some levels off over that with all of them free, priors included.
+
+        Z(S) / Z(all) = N(0; mu, C) / N(0; 0, 1)    over the levels that are not in S
+
+    Reference: Dickey (1971), Ann. Math. Stat. 42, 204.
+    """
+    sets, log_prior = level_sets(best.shape[0])
+    found = np.repeat(log_prior[:, np.newaxis], best.shape[1], axis=1)
+    for row, chosen in enumerate(sets):
+        rest = [k for k in range(best.shape[0]) if k not in chosen]
+        if rest:
+            part, mean = covariance[..., rest, :][..., rest], best[rest].T
+            solved = (np.linalg.inv(part) @ mean[:, :, np.newaxis])[..., 0]
+            squares = np.einsum("ci,ci->c", mean, solved)
+            found[row] -= 0.5 * (squares + np.linalg.slogdet(part)[1])
+    return found
+
+
+def log_level_share(best: Floats, covariance: Floats) -> Floats:
+    """Ln evidence (columns,) averaged over the sets of levels that may be off, over that with all free."""
+    return log_sum_exp(log_level_sets(best, covariance), axis=0)

@@ -38,10 +38,14 @@ from taichi_erosion.evidence.inference.robustness.error_accounts import (
 )
 from taichi_erosion.evidence.inference.robustness.linear_steps import evidence_by_factor
 from taichi_erosion.evidence.inference.screen import Screen, screen
-from taichi_erosion.evidence.inference.search.beyond_maximum import with_stronger
-from taichi_erosion.evidence.inference.search.effect_sets import Search, fit_sets
+from taichi_erosion.evidence.inference.search.effect_sets import (
+    MemberTest,
+    Search,
+    fit_sets,
+    needed_decision,
+    with_stronger,
+)
 from taichi_erosion.evidence.inference.search.enumeration import complete, unvisited_share
-from taichi_erosion.evidence.inference.search.set_members import MemberTest, needed_decision
 from taichi_erosion.evidence.inference.verdict import (
     Decision,
     acting_decision,

@@ -19,9 +19,14 @@ from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.transforms import axis_value, effect_of
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.intervals.mixtures import tabulated
-from taichi_erosion.evidence.inference.marginal_likelihood import BOUND, ScoredHypothesis, cell_width
+from taichi_erosion.evidence.inference.marginal_likelihood import (
+    BOUND,
+    ScoredHypothesis,
+    cell_width,
+    level_sets,
+    log_level_sets,
+)
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.inference.robustness.free_levels import level_sets, log_level_sets
 
 TAIL = levels.INTERVAL_TAIL
 HALF_WIDTH = float(stats.norm.ppf(1.0 - TAIL))  # of a normal 90 % interval, in sd

@@ -16,6 +16,7 @@ import numpy as np
 from scipy import linalg
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.core.foreign_code import tell_execution
 from taichi_erosion.evidence.data.problem import (
     Conditions,
     Floats,
@@ -32,6 +33,7 @@ from taichi_erosion.mechanisms.library import load_mechanisms
 COVARIANCE = "_covariance"  # after a function's name: the function that gives the covariance of its errors
 MECHANISMS = "_mechanisms"  # after a function's name: mechanism -> least and largest dose of the function
 READ = "READS"  # of a module: the files beside it that it reads
+OURS = __name__.partition(".")[0]  # package whose modules are nobody else's code
 
 Covariance = Callable[[str, Conditions, Numbers, Numbers], Floats]
 
@@ -105,7 +107,7 @@ def load_plugin(name: str, folder: Path, file: str) -> Plugin:
     """Model that a study names; raises BadInput."""
     module_name, _, function_name = name.partition(":")
     where = f"{file}: study.model = '{name}'"
-    module = load_module(module_name, folder, where)
+    module = load_module(module_name, folder, file, where)
     function = getattr(module, function_name, None)
     if not callable(function):
         raise BadInput(f"{where}: {module_name} has no function {function_name}")
@@ -127,13 +129,18 @@ def declared_mechanisms(stated: object, where: str) -> tuple[Mechanism, ...]:
     return tuple(Mechanism(name, float(low), float(high)) for name, (low, high) in stated.items())
 
 
-def load_module(name: str, folder: Path, where: str) -> ModuleType:
+def load_module(name: str, folder: Path, study: str, where: str) -> ModuleType:
     """Module beside the study file, else an installed one; its neighbours can be imported by it."""
     beside = folder.joinpath(*name.split(".")).with_suffix(".py")
+    package = name.partition(".")[0]
     try:
         with stdout_to_stderr(), importable(folder):
             if beside.is_file():
+                tell_execution(beside, study)
                 return module_of_file(name, beside)
+            found = importlib.util.find_spec(package)
+            if found is not None and found.origin is not None and package != OURS:
+                tell_execution(Path(found.origin), study)
             return importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name and name.startswith(error.name):

@@ -3,7 +3,7 @@
 Those far outside have marks at the edge of the axis.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,10 +47,6 @@ class ValueRange:
             return float(self.low * (self.high / self.low) ** share)
         return self.low + share * (self.high - self.low)
 
-    def beyond(self, values: Floats) -> tuple[Bools, Bools]:
-        """Which values lie above it, and which below."""
-        return values > self.high, values < self.low
-
 
 def value_range(values: Floats, ends: Floats) -> ValueRange:
     """Range that shows all values but those far outside; `ends` of bars and bands widen it a little."""
@@ -79,16 +75,6 @@ def far_outside(values: Floats) -> Bools:
     first, third = np.quantile(values, [0.25, 0.75])
     reach = FAR * (third - first)
     return (values < first - reach) | (values > third + reach) if reach > 0.0 else values != values
-
-
-def kinds(values: Floats, limit: Sequence[str], shown: ValueRange) -> Iterator[tuple[str, Bools]]:
-    """Values by the kind of their mark: dots, limits, intervals, and those beyond either edge of the axis."""
-    above, below = shown.beyond(values)
-    inside, limits = ~(above | below), np.array(limit, dtype=object)
-    for name in ("", "below", "above", "between"):
-        yield name, inside & (limits == name)
-    yield "high", above
-    yield "low", below
 
 
 def draw_marks(frame: Axes, x: Floats, y: Floats, kind: str, style: Mapping[str, object], gid: str) -> None:

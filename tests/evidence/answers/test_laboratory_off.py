@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from taichi_erosion.evidence.answers.adopt import adopt
+from taichi_erosion.evidence.answers.agreement_words import agreement
 from taichi_erosion.evidence.answers.compare import compare
-from taichi_erosion.evidence.answers.words.agreement import agreement
 from taichi_erosion.evidence.data.findings import NONE
 from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.inference.verdict_levels import fails

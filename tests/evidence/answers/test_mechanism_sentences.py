@@ -2,7 +2,7 @@
 
 from math import nan
 
-from taichi_erosion.evidence.answers.mechanism_sentences import mechanism_sentences
+from taichi_erosion.evidence.answers.finding_sentences import mechanism_sentences
 from taichi_erosion.evidence.data.mechanism_findings import OF, BeyondList, MechanismFinding, told_members
 
 

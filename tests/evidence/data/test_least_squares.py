@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from taichi_erosion.evidence.data.least_squares import ColumnRows
-from taichi_erosion.evidence.data.linear_algebra import working
+from taichi_erosion.evidence.data.linear_algebra import ColumnRows, working
 
 ROWS, NUMBERS, COLUMNS = 14, 3, 5
 

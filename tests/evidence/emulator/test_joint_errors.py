@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
-from taichi_erosion.evidence.emulator import joint_errors as module
-from taichi_erosion.evidence.emulator.gaussian_process import ActiveInputs, Points, fit_gaussian_process
-from taichi_erosion.evidence.emulator.joint_errors import JointErrors, joint_errors, possible
+from taichi_erosion.evidence.emulator import gaussian_process as module
+from taichi_erosion.evidence.emulator.gaussian_process import (
+    ActiveInputs,
+    JointErrors,
+    Points,
+    fit_gaussian_process,
+    joint_errors,
+    possible,
+)
 
 RUNS, SCATTER, DRAWS = 40, 0.15, 20000
 READS = ActiveInputs(np.ones(1, bool), np.ones((1, 1), bool), np.ones(1, bool), np.ones((1, 1), bool))

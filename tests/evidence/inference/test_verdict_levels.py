@@ -5,7 +5,7 @@ from math import nan
 import numpy as np
 import pytest
 
-from taichi_erosion.evidence.answers.words.agreement import agreement
+from taichi_erosion.evidence.answers.agreement_words import agreement
 from taichi_erosion.evidence.inference.posterior import NONE, OUTSIDE, Posterior
 from taichi_erosion.evidence.inference.verdict import detected
 from taichi_erosion.evidence.inference.verdict_levels import MISFIT_LEVEL, NONE_LIMIT, fails

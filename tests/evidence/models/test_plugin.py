@@ -95,3 +95,10 @@ def test_a_model_whose_file_has_changed_is_another_model(study, tmp_path):
     (tmp_path / "level.txt").unlink()
     with pytest.raises(BadInput, match=r"READS names .*level.txt: no such file"):
         study("predict")
+
+
+def test_the_file_of_a_model_is_named_once_before_it_runs(study, tmp_path, capsys):
+    study("predict")
+    study("sure")
+    told = capsys.readouterr().err
+    assert told == f"executes {tmp_path / 'table.py'} (named by {tmp_path / 'predict.toml'})\n"

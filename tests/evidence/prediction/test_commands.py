@@ -54,6 +54,14 @@ def test_the_table_is_written_as_csv_and_the_page_has_a_section(study, table, ca
     assert f"written: {out}" in capsys.readouterr().out
     rows = list(csv.DictReader(out.read_text(encoding="utf-8").splitlines()))
     assert [row["moisture [%]"] for row in rows] == ["0", "0", "2", "2"]
+    before = table.read_text(encoding="utf-8")
+    assert main(["predict", str(study), "--at", str(table), "--out", str(table)]) == 2
+    assert table.read_text(encoding="utf-8") == before
+    given = te.study(study).predict({"moisture [%]": [0.0, 2.0], "diameter [um]": [300.0, 300.0]})
+    assert list(given.table["value"]) == [pytest.approx(float(row["value"]), rel=1e-5) for row in rows]
+    for wrong in (3, [1.0], {"moisture": 1.0}):
+        with pytest.raises(te.BadInput, match="table"):
+            te.study(study).predict(wrong)
     assert main(["compare", str(study)]) == 0
     page = te.study(study).report().read_text(encoding="utf-8")
     assert 'id="predictions"' in page

@@ -12,8 +12,6 @@ from statistics import median
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers import closed_form
-from taichi_erosion.evidence.answers.study_files.corrected_study import corrected_study, earlier_study
 from taichi_erosion.evidence.answers.study_files.scene_templates import (
     LENGTHS,
     SIZES,
@@ -25,8 +23,13 @@ from taichi_erosion.evidence.answers.study_files.scene_templates import (
     scene_text,
     templates_for,
 )
-from taichi_erosion.evidence.answers.study_files.study_text import StudyText
-from taichi_erosion.evidence.answers.study_files.written_files import StudyFiles, written_files
+from taichi_erosion.evidence.answers.study_files.study_text import StudyText, closed_form_study
+from taichi_erosion.evidence.answers.study_files.written_files import (
+    StudyFiles,
+    corrected_study,
+    earlier_study,
+    written_files,
+)
 from taichi_erosion.evidence.data.physical_ranges import (
     condition_faults,
     observable_faults,
@@ -77,10 +80,11 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     tidy, measured, columns = read_laboratory_table(table, wishes, interview)
     names = list(dict.fromkeys(row.observable for row in measured.rows))
     folder = wishes.folder or table.with_name(table.stem)
+    refuse_file(folder)
     earlier = earlier_study(folder, table.stem)
     places = condition_places(measured, columns, wishes.told)
     if wishes.closed_form:
-        text, scenes = closed_form.study(measured, names, places), {}
+        text, scenes = closed_form_study(measured, names, places), {}
         for name in places.keys() - text.conditions.keys():
             interview.assume(f"column '{name}' is not used: the closed form does not read it")
     else:
@@ -102,6 +106,15 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
         "assumed": list(interview.assumed),
         **found,
     }
+
+
+def refuse_file(folder: Path) -> None:
+    """Raise BadInput where a file stands in the place of a folder to write."""
+    for path in (folder, *folder.parents):
+        if path.exists():
+            if not path.is_dir():
+                raise BadInput(f"{path}: is a file, and no folder; name another one with --out")
+            return
 
 
 def read_laboratory_table(

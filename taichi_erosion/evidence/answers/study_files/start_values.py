@@ -4,7 +4,7 @@ from time import perf_counter
 
 import numpy as np
 
-from taichi_erosion.evidence.answers.closed_form import MODEL
+from taichi_erosion.evidence.answers.study_files.study_text import MODEL
 from taichi_erosion.evidence.data.number_words import counted
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers
 from taichi_erosion.evidence.emulator.plan_cost import span

@@ -1,16 +1,44 @@
-"""Text of a study and of a tidy table that `study new` writes."""
+"""Text of a new study and of its tidy table, and the study that the closed form answers."""
 
 import csv
 import io
 import json
-from collections.abc import Mapping
+import shlex
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.study_files.scene_templates import Calibrated
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
+from taichi_erosion.evidence.data.tables.tidy_table import Table
+from taichi_erosion.evidence.data.tables.vocabulary import DIAMETER
+from taichi_erosion.evidence.models import reduced
+from taichi_erosion.scene.schema.units import Unit, parse_scale, scale_between
 
 READ = "its cells when `study new` read it"
 FRACTION = 0.3  # of the groups in the vault
+MODEL = "taichi_erosion.evidence.models.reduced:predict"
+CONDITIONS = {
+    DIAMETER: "diameter",
+    "conditions.diameter": "diameter",
+    "conditions.moisture": "moisture",
+    "conditions.slope": "slope",
+    "conditions.roughness_density": "roughness",
+    "conditions.angularity": "angularity",
+    "conditions.fetch": "fetch",
+    "conditions.friction_velocity": "u_star",
+}
+THRESHOLD = Calibrated("threshold_coefficient", 0.1, 0.04, 0.2, 0.2, "Bagnold's coefficient")
+SLIDING = Calibrated("friction_sliding", 0.5, 0.1, 1.2, 0.2, "grain on grain")
+ROLLING = Calibrated(
+    "friction_rolling", 0.1, 0.005, 0.8, 0.6, "shape of the grains, as resistance to rolling"
+)
+FLUX = Calibrated("flux_coefficient", 2.5, 0.3, 20.0, 0.5, "of the flux above the threshold")
+PARAMETERS = {"repose_angle": (SLIDING, ROLLING), "threshold_u_star": (THRESHOLD,), "flux": (THRESHOLD, FLUX)}
+UNITS = {"repose_angle": "deg", "threshold_u_star": "m/s", "flux": "kg/(m s)"}
+LEAST_SHIFT = 1e-3  # of an observable by an effect of strength 1, below which it cannot be seen [1]
 
 
 @dataclass(frozen=True)
@@ -37,7 +65,8 @@ ANGLES = ("repose_angle", "cone_angle", "angle_of_repose", "dynamic_angle", "sli
 
 def study_text(study: StudyText) -> str:
     """A study file."""
-    lines = [f"# ./erosion compare {study.title}.toml", "", "[study]", f"title = {quoted(study.title)}"]
+    command = shlex.join(["./erosion", "compare", f"{study.title}.toml"])
+    lines = [f"# {command}", "", "[study]", f"title = {quoted(study.title)}"]
     lines += [f"measurements = {quoted(study.measurements)}"]
     if study.made_from:
         lines += [f"made_from = {quoted(study.made_from)}"]
@@ -81,3 +110,53 @@ def table_text(cells: Cells) -> str:
     text = io.StringIO(newline="")
     csv.writer(text, lineterminator="\n").writerows(row for _, row in cells.rows)
     return text.getvalue()
+
+
+def closed_form_study(table: Table, names: Sequence[str], places: Mapping[str, str]) -> StudyText:
+    """Study of a table on the reduced model. Raises BadInput for an observable that it does not have."""
+    faults = [
+        f"{table.file}: the closed form does not know '{name}'; it knows {', '.join(reduced.OBSERVABLES)}; "
+        "leave out --closed-form, or begin the heading of that column with 'note'"
+        for name in names
+        if name not in reduced.OBSERVABLES
+    ]
+    if faults:
+        raise BadInput(*faults)
+    conditions = {name: CONDITIONS[place] for name, place in places.items() if place in CONDITIONS}
+    parameters = {number.path: number for name in names for number in PARAMETERS[name]}
+    return StudyText(
+        observables=dict.fromkeys(names, ""),
+        conditions=conditions,
+        parameters=tuple(parameters.values()),
+        logarithmic=frozenset(
+            n for n in names if all(r.value > 0.0 for r in table.rows if r.observable == n)
+        ),
+        candidates=acting_effects(table, names, conditions),
+        model=MODEL,
+        units={name: UNITS[name] for name in names},
+    )
+
+
+def acting_effects(table: Table, names: Sequence[str], conditions: Mapping[str, str]) -> tuple[str, ...]:
+    """Effects of the reduced model that change a measured quantity under the table's conditions."""
+    columns = {model: column_values(table, name) for name, model in conditions.items()}
+    start = {number.path: number.start for name in names for number in PARAMETERS[name]}
+
+    def values(name: str, effects: dict[str, float]) -> np.ndarray:
+        return reduced.expected(name, columns, start, effects)
+
+    found = []
+    for effect in reduced.EFFECTS:
+        shifts = [np.abs(values(name, {effect: 1.0}) / values(name, {}) - 1.0) for name in names]
+        if any(bool(np.nanmax(shift) > LEAST_SHIFT) for shift in shifts):
+            found.append(effect)
+    return tuple(found)
+
+
+def column_values(table: Table, name: str) -> np.ndarray:
+    """A condition of all rows in SI units."""
+    place = table.conditions.index(name)
+    written = table.units[place]
+    scale = scale_between(written, Unit(1.0, parse_scale(written).kind)) if written else None
+    values = np.array([row.conditions[place] for row in table.rows])
+    return values if scale is None else scale.origin + scale.factor * values

@@ -1,23 +1,41 @@
-"""Files of a new study: tidy table, scenes, study. They are written together, or not at all."""
+"""Files of a new study: tidy table, scenes, study. They are written together, or not at all.
 
+A study whose table was corrected after `study new`.
+
+The tidy table is written anew. The study and its scenes stay as they are, with what the user has changed in
+them; what a new study would say otherwise is told. Rows keep what they became when rows were drawn for the
+vault, and its openings go on being counted (`held_out_rows.py`).
+"""
+
+import json
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
+from taichi_erosion.campaign.study_file import read_evidence_study, with_entry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.study_files.check_study import acting_candidates, check_study
-from taichi_erosion.evidence.answers.study_files.study_text import StudyText, study_text, table_text
+from taichi_erosion.evidence.answers.study_files.study_text import READ, StudyText, study_text, table_text
 from taichi_erosion.evidence.data.held_out_rows import stated_rows
 from taichi_erosion.evidence.data.problem import Drawn
-from taichi_erosion.evidence.data.tables.spreadsheet import Cells
+from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells
+from taichi_erosion.evidence.data.tables.table_changes import TableChanges, table_changes
+from taichi_erosion.evidence.data.tables.tidy_table import Faults, pointed
 from taichi_erosion.evidence.models.load_study import Study, load_study
+from taichi_erosion.scene.load import file_text
 
 Document = dict[str, Any]
 TIDY = "_tidy.csv"  # end of the name of a tidy table, which so is another one than that of the laboratory's
 PLACE = 6  # of the column `vault` in a tidy table: behind `group`
+KNOWN_AGAIN = 0.5  # share of the earlier rows that a correction of the same table has again
+TEXTS = ("study.notes", "study.title", "scene.title", "scene.notes")
+UNTOLD = (*TEXTS, "study.made_from", "study.made_from_digest", "vault.drawn_from")  # of differences
+LONGEST = 60  # characters of an entry that is told
 
 
 @dataclass(frozen=True)
@@ -132,3 +150,152 @@ def all_or_none(paths: Sequence[Path]) -> Iterator[None]:
         if folder is not None and folder.is_dir() and not any(folder.iterdir()):
             folder.rmdir()
         raise
+
+
+@dataclass(frozen=True)
+class EarlierStudy:
+    """A study of the same table that is there already."""
+
+    study: Study
+    text: str
+    tidy: Cells
+
+
+def earlier_study(folder: Path, stem: str) -> EarlierStudy | None:
+    """The study of a table that is there, None where nothing is. Raises BadInput for another's."""
+    path, table = folder / f"{stem}.toml", folder / f"{stem}{TIDY}"
+    there = [each for each in (path, table) if each.exists()]
+    if not there:
+        return None
+    if len(there) == 1 or read_evidence_study(path).study.measurements != table.name:
+        raise BadInput(f"{there[0]}: exists; remove it, or name another folder with --out")
+    faults = Faults()
+    study = faults.of(load_study, path)
+    cells = faults.of(read_cells, table, table.name, faults)
+    if study is None or cells is None or faults:
+        raise BadInput(*faults, f"{path}: is there and cannot be used; correct it, or name another folder")
+    return EarlierStudy(study, file_text(path, str(path)), pointed(cells))
+
+
+def corrected_study(earlier: EarlierStudy, files: StudyFiles, anew: bool) -> Document:
+    """Correct the table of a study; `anew`: write its scenes and the study too.
+
+    Raises BadInput where it is another table, or where the study does not fit it; then nothing is written.
+    """
+    changes = table_changes(earlier.tidy, files.tidy)
+    refuse_other_table(earlier, changes, files)
+    if anew:
+        found = write_anew(earlier, files, changes)
+    elif changes.none:
+        found = write_origin(earlier, files)
+    else:
+        found = write_correction(earlier, files, changes)
+    kept = [] if anew else list(differences(files))
+    return {"inactive": {}, **found, "changes": changes_document(earlier, changes), "kept": kept}
+
+
+def refuse_other_table(earlier: EarlierStudy, changes: TableChanges, files: StudyFiles) -> None:
+    """Refuse a table of which most rows are unlike those of the study that is there."""
+    rows = len(earlier.tidy.lines)
+    if rows - len(changes.removed) < KNOWN_AGAIN * rows:
+        raise BadInput(
+            f"{files.study}: is a study of another table: {len(changes.removed)} of its {rows} rows are not "
+            f"in {files.tidy.file}; name another folder with --out"
+        )
+
+
+def write_correction(earlier: EarlierStudy, files: StudyFiles, changes: TableChanges) -> Document:
+    """Write the table anew, and into the study the digests of its first version and of the source."""
+    with all_or_none([files.study, files.table]):
+        write_table(files, drawn_again(earlier, changes))
+        text = with_entry(with_origin(earlier, files), ("vault", "drawn_from"), earlier.study.drawn_from)
+        write_atomic(files.study, text.encode())
+        try:
+            found = check_study(files.study)
+        except BadInput as error:
+            remedy = "the study that is there does not fit the corrected table; correct it, or write it anew "
+            raise BadInput(*error.faults, f"{files.study}: {remedy}with --anew") from None
+    return {"written": [str(files.table), str(files.study)], **found}
+
+
+def write_origin(earlier: EarlierStudy, files: StudyFiles) -> Document:
+    """Write the digest of a source that has changed in what no row rests on."""
+    text = with_origin(earlier, files)
+    if text == earlier.text:
+        return {"written": [], **check_study(files.study)}
+    with all_or_none([files.study]):
+        write_atomic(files.study, text.encode())
+        return {"written": [str(files.study)], **check_study(files.study)}
+
+
+def with_origin(earlier: EarlierStudy, files: StudyFiles) -> str:
+    """Text of the study that is there with the table from which it is made now."""
+    text = with_entry(earlier.text, ("study", "made_from"), files.text.made_from)
+    return with_entry(text, ("study", "made_from_digest"), files.text.made_from_digest, READ)
+
+
+def write_anew(earlier: EarlierStudy, files: StudyFiles, changes: TableChanges) -> Document:
+    """Write table, scenes and study."""
+    with all_or_none(files.paths):
+        text, inactive = with_candidates(files)
+        write_table(files, drawn_again(earlier, changes))
+        write_atomic(files.study, study_text(replace(text, drawn_from=earlier.study.drawn_from)).encode())
+        found = check_study(files.study)
+    return {"written": [str(path) for path in files.paths], **found, "inactive": inactive}
+
+
+def drawn_again(earlier: EarlierStudy, changes: TableChanges) -> list[Drawn]:
+    """What every row of the corrected table became when rows were drawn; empty for rows that were added."""
+    before = drawn_rows(earlier.study, earlier.tidy)
+    return ["" if place is None else before[place] for place in changes.earlier]
+
+
+def changes_document(earlier: EarlierStudy, changes: TableChanges) -> Document:
+    """Changes of a table as plain values."""
+    source = earlier.tidy.heading.index("source") if "source" in earlier.tidy.heading else None
+    lines = earlier.tidy.lines
+    gone = [lines[k][1][source] if source is not None else f"row {lines[k][0]}" for k in changes.removed]
+    return {
+        "cells": [asdict(change) for change in changes.cells],
+        "units": [list(change) for change in changes.units],
+        "added": list(changes.added),
+        "removed": gone,
+    }
+
+
+def differences(files: StudyFiles) -> Iterator[str]:
+    """What a new study of the table would say otherwise than the one that is there, one line each."""
+    with TemporaryDirectory() as folder:
+        fresh = replace(files, folder=Path(folder))
+        with_candidates(fresh)
+        for now, other in zip(files.paths, fresh.paths, strict=True):
+            if now.suffix == ".toml" and now.exists():
+                yield from entry_differences(now, flat(parsed(now)), flat(parsed(other)))
+            elif not now.exists():
+                yield f"{now} is not there; a new study would have it"
+
+
+def parsed(path: Path) -> dict[str, Any]:
+    """Entries of a TOML file."""
+    return tomllib.loads(file_text(path, str(path)))
+
+
+def entry_differences(path: Path, now: Mapping[str, str], other: Mapping[str, str]) -> Iterator[str]:
+    """Entries of a file that differ from those of a new one."""
+    for name in dict.fromkeys((*now, *other)):
+        if now.get(name) != other.get(name) and name not in UNTOLD:
+            there = f"{name} = {now[name]} stays" if name in now else f"{name} is not there"
+            yield f"{path}: {there}; a new study would have {other.get(name, 'no such entry')}"
+
+
+def flat(table: Mapping[str, Any], above: str = "") -> dict[str, str]:
+    """Entries of nested tables by dotted path, as short texts."""
+    found: dict[str, str] = {}
+    for key, value in table.items():
+        path = f"{above}{key}"
+        if isinstance(value, Mapping):
+            found |= flat(value, f"{path}.")
+        else:
+            text = json.dumps(value, ensure_ascii=False, default=str)
+            found[path] = text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+    return found

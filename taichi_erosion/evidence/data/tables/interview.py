@@ -19,6 +19,8 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     Column,
     Told,
     column_roles,
+    friction_factor,
+    roughness_length,
     stated_names,
     with_partners,
 )
@@ -35,7 +37,6 @@ from taichi_erosion.evidence.data.tables.vocabulary import (
     meaning_of,
     plain_words,
 )
-from taichi_erosion.evidence.data.tables.wind_heights import friction_factor, roughness_length
 from taichi_erosion.scene.paths import unit_of_path
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
 

@@ -334,11 +334,14 @@ def sheets_of(
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of styles and checks that no value depends on
-            book = openpyxl.load_workbook(io.BytesIO(content), data_only=True)
+            book, formulas = (
+                openpyxl.load_workbook(io.BytesIO(content), data_only=values) for values in (True, False)
+            )
     except Exception as error:
         raise BadInput(
             f"{name}: cannot be read as a workbook ({type(error).__name__}); save it again"
         ) from None
+    refuse_uncomputed(book, formulas, name)
     found = []
     for sheet in book.worksheets:
         rows = [(k, [cell_value(cell) for cell in row]) for k, row in enumerate(sheet.iter_rows(), 1)]
@@ -347,6 +350,18 @@ def sheets_of(
             areas = [each for each in sheet.merged_cells.ranges if each.min_row == each.max_row]
             found.append((sheet.title, filled, [(m.min_row, m.min_col - 1, m.max_col - 1) for m in areas]))
     return found
+
+
+def refuse_uncomputed(book: Any, formulas: Any, name: str) -> None:
+    """Raise BadInput for a formula without the value that a spreadsheet program computes and saves."""
+    remedy = "open the workbook in a spreadsheet program, and save it there"
+    for sheet in (each for each in book.worksheets if each.sheet_state == "visible"):
+        for cell in (cell for row in formulas[sheet.title].iter_rows() for cell in row):
+            value = sheet[cell.coordinate]
+            # an empty text that was computed has the type of a text
+            if cell.data_type == "f" and value.value is None and value.data_type == "n":
+                place = f"{name}: sheet '{sheet.title}', cell {cell.coordinate}"
+                raise BadInput(f"{place}: a formula that was never computed; {remedy}")
 
 
 def cell_value(cell: Any) -> Any:

@@ -7,27 +7,46 @@ share of misfit that is told comes from groups that neither the fit nor the choi
 
 Reference: Varma & Simon (2006), BMC Bioinformatics 7, 91 (nested cross-validation); Schwarz (1978), Ann.
 Stat. 6, 461 (price of a number).
+
+Fit of the form of a law to the rows themselves, calibrated numbers and shared errors at their best.
+
+    r(a) = W (y - C(a)),    W W^T = (1 + B B^T)^-1
+
+with y the whitened rows, C the change by the mechanism at the doses of the form with numbers a, and B the
+whitened slopes along calibrated numbers and shared errors, whose priors are normal: |r|^2 is the misfit with
+these at their best. The slopes are those at the best calibrated numbers of the form itself: each form has
+rows of its own, made anew until the numbers stay.
+
+Reference: Golub & Pereyra (1973), SIAM J. Numer. Anal. 10, 413 (linear numbers eliminated).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 from scipy import stats
 
 from taichi_erosion.evidence.data.findings import Estimate
+from taichi_erosion.evidence.data.linear_algebra import Whitening
 from taichi_erosion.evidence.data.mechanism_findings import DoseLaw
-from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats
+from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers
+from taichi_erosion.evidence.inference.cross_validation import fold_numbers
 from taichi_erosion.evidence.inference.doses.dose_forms import GROUPS, Form, forms_of
-from taichi_erosion.evidence.inference.doses.law_fit import (
-    FittedForm,
-    LawRows,
-    Remake,
-    fitted_form,
-    law_part,
-    settled_form,
-)
+from taichi_erosion.evidence.inference.doses.dose_inference import ridge
+from taichi_erosion.evidence.inference.doses.dose_path import DosePath, next_numbers
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 
+FOLDS = 6  # of the groups, at most
+MOST_STEPS = 60  # of one fit
+SMALL_STEP = 1e-7  # of a number over its range, for the slope of a residual
+FIRST_DAMPING, EASIER, HARDER, MOST_DAMPING = 1e-3, 0.1, 5.0, 1e9  # of a step, over the curvature [1]
+ENOUGH = 1e-6  # fall of the misfit, over it, below which a fit ends [1]
+LEAST_DAMPING = 1e-9  # at which equations of numbers with the same slopes have a solution still [1]
+TINY = 1e-12  # curvature along a number that changes nothing
+ROUNDS = 12  # in which a law is fitted anew where the calibrated numbers have moved
+EXACT_ROUNDS = 3  # in which the rows are exact about the doses
+STILL = 0.02  # move below which they stay, in prior sd
 SIMPLE = 1.0  # the same of a form that is neither a power nor a constant
 POWERS = ("constant", "power", *GROUPS)  # forms that are taken where others are hardly better
 SETTLED = 8  # forms that get calibrated numbers of their own, after a first fit to all rows
@@ -37,6 +56,175 @@ LEAST_ROWS = 6
 CURVE = 33  # values of a condition at which a law is drawn
 STEP = 1e-3  # of a number, for the slope of a law along it
 STEPS = (1.0, 0.6, 0.35, 1.7)  # conditions at which a law is stated, over their largest values [1]
+
+
+@dataclass(frozen=True)
+class LawRows:
+    """Rows at the best doses: working residuals, and the linear model of the calibrated numbers."""
+
+    path: DosePath
+    conditions: Conditions
+    target: Floats  # (n,), whitened: what dose and calibrated numbers have to explain
+    white: Whitening
+    columns: Floats  # (n, p + q), whitened, unit priors
+    folds: Integers  # (n,)
+
+    def residual(self, dose: Floats) -> Floats:
+        """Whitened residual at doses of all rows, calibrated numbers at their prior mean."""
+        return self.target - self.white(self.path.change(dose)[0])
+
+
+@dataclass(frozen=True)
+class FittedForm:
+    """A form fitted to some rows."""
+
+    form: Form
+    rows: LawRows
+    numbers: Floats
+    misfit: float  # of these rows, priors of calibrated numbers included
+    covariance: Floats  # of the numbers
+
+    @property
+    def doses(self) -> Floats:
+        """Doses in all rows, those that are left out too."""
+        return bounded_dose(self.form, self.rows.conditions, self.numbers)
+
+
+def rows_about(
+    prepared: PreparedProblem, path: DosePath, dose: Floats, shared: Floats | None = None
+) -> LawRows:
+    """Rows for laws, linear about the calibrated numbers of a path and some doses.
+
+    A censored row stands as an ordinary one with its working residual.
+    """
+    errors = prepared.rows.shared if shared is None else shared
+    change, jacobian = path.change(dose)[0], path.slopes(dose)[0]
+    work = prepared.working(path.bare + change)
+    white = prepared.whitening(work)
+    columns = white(np.hstack([jacobian, errors]))
+    start = np.concatenate([path.x, np.zeros(errors.shape[1])])
+    target = work.residual + columns @ start + white(change)
+    return LawRows(path, prepared.rows.conditions, target, white, columns, fold_numbers(prepared) % FOLDS)
+
+
+@dataclass(frozen=True)
+class LawPart:
+    """Some of the rows, whitened with calibrated numbers and shared errors integrated out."""
+
+    rows: LawRows  # all of them
+    chosen: Bools  # (n,)
+    path: DosePath  # of the chosen ones
+    own: Conditions
+    target: Floats  # (m,)
+    whiten: Floats  # (m, m), of changes of the mean
+
+    def residual(self, form: Form, numbers: Floats) -> tuple[Floats, Floats]:
+        """Whitened residual of a form (m,), and its slopes along the numbers (m, k)."""
+        dose, slopes = form_slopes(form, self.own, numbers)
+        change, slope = self.path.change(dose)
+        return self.target - self.whiten @ change, -(self.whiten * slope) @ slopes
+
+
+def law_part(rows: LawRows, chosen: Bools) -> LawPart:
+    """Some rows; their whitening is the square root of (1 + B B^T)^-1."""
+    left, values, _ = np.linalg.svd(rows.columns[chosen], full_matrices=False)
+    whiten = np.eye(int(chosen.sum())) + (left * (1.0 / np.sqrt(1.0 + values**2) - 1.0)) @ left.T
+    own = {name: column[chosen] for name, column in rows.conditions.items()}
+    scale, root = rows.white.scale[chosen], rows.white.root
+    whitened = whiten * scale if root is None else whiten @ (root[np.ix_(chosen, chosen)] * scale)
+    return LawPart(rows, chosen, rows.path.over(chosen), own, whiten @ rows.target[chosen], whitened)
+
+
+def form_slopes(form: Form, conditions: Conditions, numbers: Floats) -> tuple[Floats, Floats]:
+    """Doses of a form, and their slopes along its numbers (m, k): every form is linear in the first."""
+    unit = numbers.copy()
+    unit[0] = 1.0
+    shape = bounded_dose(form, conditions, unit)
+    slopes = [shape]
+    for k in range(1, form.size):
+        moved, step = unit.copy(), SMALL_STEP * (form.high[k] - form.low[k])
+        moved[k] += step
+        slopes.append((bounded_dose(form, conditions, moved) - shape) * (numbers[0] / step))
+    return numbers[0] * shape, np.column_stack(slopes)
+
+
+def bounded_dose(form: Form, conditions: Conditions, numbers: Floats) -> Floats:
+    """Doses of a form within bounds."""
+    dose = form.dose(conditions, numbers)
+    return dose if isfinite(np.add.reduce(dose)) else np.nan_to_num(dose, posinf=1e6, neginf=-1e6)
+
+
+def fitted_form(part: LawPart, form: Form, start: Floats | None = None) -> FittedForm:
+    """Best numbers of a form on some rows, from one start or from all of its own."""
+    low, high = np.array(form.low), np.array(form.high)
+    own_starts = [np.array([first, *rest]) for rest in form.starts for first in first_doses(part.path)]
+    begins = [np.clip(each, low, high) for each in (own_starts if start is None else [start])]
+    return min((descended(part, form, begin) for begin in begins), key=lambda fit: fit.misfit)
+
+
+def descended(part: LawPart, form: Form, numbers: Floats) -> FittedForm:
+    """Least misfit from one start, by damped Gauss-Newton steps within the ranges of the numbers.
+
+    Reference: Marquardt (1963), J. SIAM 11, 431.
+    """
+    low, high, damping = np.array(form.low), np.array(form.high), FIRST_DAMPING
+    residual, slopes = part.residual(form, numbers)
+    misfit = float(residual @ residual)
+    for _ in range(MOST_STEPS):
+        gradient, matrix = slopes.T @ residual, slopes.T @ slopes
+        held = ((numbers <= low) & (gradient > 0.0)) | ((numbers >= high) & (gradient < 0.0))
+        gradient[held], matrix[held], matrix[:, held] = 0.0, 0.0, 0.0
+        matrix[np.diag_indices(form.size)] += damping * np.diag(matrix) + TINY
+        tried = np.clip(numbers - np.linalg.solve(matrix, gradient), low, high)
+        left, moved = part.residual(form, tried)
+        fall = misfit - float(left @ left)
+        if fall > 0.0:
+            numbers, residual, slopes, misfit = tried, left, moved, misfit - fall
+            damping = max(damping * EASIER, LEAST_DAMPING)
+        else:
+            damping *= HARDER
+        if abs(fall) < ENOUGH * (1.0 + misfit) or damping > MOST_DAMPING:
+            break
+    covariance = np.asarray(np.linalg.pinv(slopes.T @ slopes, hermitian=True), dtype=np.float64)
+    return FittedForm(form, part.rows, numbers, misfit, covariance)
+
+
+def first_doses(path: DosePath) -> tuple[float, ...]:
+    """Doses at typical conditions from which a fit starts, to both sides where the range has both."""
+    return tuple(dose for dose in (0.1 * path.high, 0.3 * path.low) if abs(dose) > 0.0)
+
+
+Remake = Callable[[Floats, Floats, DosePath | None], LawRows | None]
+"""(numbers, doses, path) -> rows about them on that path, moved there; without one, on an exact path."""
+
+
+def settled_form(prepared: PreparedProblem, fit: FittedForm, remake: Remake) -> FittedForm:
+    """The same form fitted to rows made anew until its calibrated numbers stay where they were made."""
+    for _ in range(EXACT_ROUNDS):
+        moved = moved_form(prepared, fit, remake)
+        if moved is fit:
+            break
+        fit = refitted(moved, remake(moved.rows.path.x, moved.doses, None))
+    return fit
+
+
+def moved_form(prepared: PreparedProblem, fit: FittedForm, remake: Remake) -> FittedForm:
+    """The same form on paths that are moved until its calibrated numbers stay; itself where they stay."""
+    for _ in range(ROUNDS):
+        rows = fit.rows
+        x = next_numbers(prepared, rows.path, ridge(rows.columns, rows.residual(fit.doses)), STILL)
+        made = None if x is None else remake(x, fit.doses, rows.path)
+        if made is None:
+            break
+        fit = refitted(fit, made)
+    return fit
+
+
+def refitted(fit: FittedForm, rows: LawRows | None) -> FittedForm:
+    """The same form fitted to other rows, from its numbers; itself without rows."""
+    if rows is None:
+        return fit
+    return fitted_form(law_part(rows, np.ones(rows.target.size, dtype=np.bool_)), fit.form, fit.numbers)
 
 
 def held_out_score(rows: LawRows, dose: Floats, inside: Bools, outside: Bools) -> tuple[float, float]:

@@ -39,7 +39,7 @@ from taichi_erosion.evidence.inference.doses.dose_inference import (
     left_p,
     one_dose_p,
 )
-from taichi_erosion.evidence.inference.doses.dose_laws import dose_law, law_table
+from taichi_erosion.evidence.inference.doses.dose_laws import LawRows, dose_law, law_table, rows_about
 from taichi_erosion.evidence.inference.doses.dose_path import (
     FARTHEST,
     DosePath,
@@ -50,7 +50,6 @@ from taichi_erosion.evidence.inference.doses.dose_path import (
     usable,
 )
 from taichi_erosion.evidence.inference.doses.dose_search import DoseFit
-from taichi_erosion.evidence.inference.doses.law_fit import LawRows, rows_about
 from taichi_erosion.evidence.inference.pipeline import Account, Analysis, FittedHypotheses
 from taichi_erosion.evidence.inference.posterior import label
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem

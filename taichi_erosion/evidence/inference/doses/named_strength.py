@@ -23,15 +23,15 @@ from taichi_erosion.evidence.data.mechanism_findings import StrengthTrend
 from taichi_erosion.evidence.data.problem import Floats, Mechanism
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.doses.dose_forms import power_form, typical
-from taichi_erosion.evidence.inference.doses.dose_laws import estimate
-from taichi_erosion.evidence.inference.doses.dose_path import DosePath, dose_path, moved_path, usable
-from taichi_erosion.evidence.inference.doses.law_fit import (
+from taichi_erosion.evidence.inference.doses.dose_laws import (
     LawRows,
+    estimate,
     fitted_form,
     law_part,
     rows_about,
     settled_form,
 )
+from taichi_erosion.evidence.inference.doses.dose_path import DosePath, dose_path, moved_path, usable
 from taichi_erosion.evidence.inference.goodness_of_fit import structure_p
 from taichi_erosion.evidence.inference.marginal_likelihood import projected_residual
 from taichi_erosion.evidence.inference.model_discrepancy import condition_axes, low_rank, squared_distance

@@ -31,6 +31,7 @@ from taichi_erosion.evidence.data.problem import Floats, Integers
 from taichi_erosion.evidence.data.transforms import effect_of
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.intervals.mixtures import Mixture, Tabulated, joined, tabulated
+from taichi_erosion.evidence.inference.marginal_likelihood import level_sets
 from taichi_erosion.evidence.inference.model_discrepancy import (
     AMPLITUDES,
     PINNED,
@@ -41,7 +42,6 @@ from taichi_erosion.evidence.inference.model_discrepancy import (
 )
 from taichi_erosion.evidence.inference.prepared_problem import LEVEL_WIDTHS, PreparedProblem
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
-from taichi_erosion.evidence.inference.robustness.free_levels import level_sets
 from taichi_erosion.evidence.inference.screen import Signature
 
 LEAST_SHARE = 1e-3  # of the probability, below which a hypothesis or a noise factor is left out

@@ -352,6 +352,14 @@ def test_a_study_that_is_there_is_not_written_over(tmp_path):
     assert (tmp_path / "heap" / "heap.toml").read_text("utf-8") == "mine"
 
 
+@pytest.mark.parametrize("out", ["taken", "taken/below"])
+def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path, out, capsys):
+    (tmp_path / "heap.csv").write_bytes(GOOD.encode("cp1252"))
+    (tmp_path / "taken").touch()
+    assert main(["study", "new", str(tmp_path / "heap.csv"), "--yes", "--out", str(tmp_path / out)]) == 2
+    assert capsys.readouterr().err.count("taken: is a file, and no folder") == 1
+
+
 def test_the_same_table_means_the_same_as_text_and_as_a_workbook(tmp_path):
     rows = [tuple(line.split(";")) for line in GOOD.replace(",", ".").splitlines()]
     numbers = [(first, *map(float, rest)) for first, *rest in rows[1:]]

@@ -176,3 +176,13 @@ def test_the_longest_known_word_of_a_heading_counts(heading, meaning):
 def test_old_workbooks_are_refused_with_what_to_do(tmp_path):
     with pytest.raises(BadInput, match=r"save it as \.xlsx or \.csv"):
         cells_of(tmp_path, b"anything", "t.ods")
+
+
+def test_formulas_that_were_never_computed_are_told_with_the_remedy(tmp_path):
+    book = openpyxl.Workbook()
+    for row in (("size [mm]", "angle [deg]"), (1.0, 30.0), (2.0, "=A3+30")):
+        book.active.append(row)
+    content = io.BytesIO()
+    book.save(content)
+    with pytest.raises(BadInput, match=r"cell B3: a formula that was never computed; open the workbook"):
+        cells_of(tmp_path, content.getvalue(), "t.xlsx")

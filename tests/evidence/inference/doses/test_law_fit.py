@@ -9,8 +9,7 @@ from scipy import optimize
 
 from taichi_erosion.evidence.data.problem import Measurements, Mechanism, Observable, Parameter, Problem
 from taichi_erosion.evidence.inference.doses.dose_forms import Form, power_form
-from taichi_erosion.evidence.inference.doses.dose_path import around, dose_nodes, dose_path, moved_path
-from taichi_erosion.evidence.inference.doses.law_fit import (
+from taichi_erosion.evidence.inference.doses.dose_laws import (
     FittedForm,
     descended,
     fitted_form,
@@ -19,6 +18,7 @@ from taichi_erosion.evidence.inference.doses.law_fit import (
     rows_about,
     settled_form,
 )
+from taichi_erosion.evidence.inference.doses.dose_path import around, dose_nodes, dose_path, moved_path
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 
 STRESS = Mechanism("stress", -0.9, 3.0)

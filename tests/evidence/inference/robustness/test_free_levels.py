@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from taichi_erosion.evidence.inference.robustness.free_levels import level_sets, log_level_sets
+from taichi_erosion.evidence.inference.marginal_likelihood import level_sets, log_level_sets
 
 
 def test_the_evidence_of_sets_of_levels_is_that_of_normals():

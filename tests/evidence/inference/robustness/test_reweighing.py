@@ -11,7 +11,7 @@ from taichi_erosion.evidence.inference.pipeline import FittedHypotheses, account
 from taichi_erosion.evidence.inference.prepared_problem import prepare
 from taichi_erosion.evidence.inference.refit import total_evidence
 from taichi_erosion.evidence.inference.robustness.linear_steps import evidence_by_factor
-from taichi_erosion.evidence.inference.robustness.reweighing import (
+from taichi_erosion.evidence.inference.robustness.variants import (
     Change,
     expansion_after,
     reweighed,

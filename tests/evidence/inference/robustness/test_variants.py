@@ -10,13 +10,13 @@ from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.data.problem import Observable, Problem
 from taichi_erosion.evidence.inference.pipeline import account, analyse
 from taichi_erosion.evidence.inference.prepared_problem import prepare
-from taichi_erosion.evidence.inference.robustness.reweighing import without_rows
 from taichi_erosion.evidence.inference.robustness.variants import (
     all_variants,
     averaged_variants,
     row_sets,
     variants,
     with_prior_scales,
+    without_rows,
 )
 from tests.evidence.inference.robustness.test_error_accounts import COUNT, SD, sharing
 from tests.evidence.linear_study import linear_problem

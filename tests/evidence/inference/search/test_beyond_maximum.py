@@ -7,7 +7,7 @@ import pytest
 from taichi_erosion.evidence.answers.compare import no_progress
 from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.data.findings import OUTSIDE
-from taichi_erosion.evidence.inference.search import beyond_maximum
+from taichi_erosion.evidence.inference.search import effect_sets
 from tests.evidence.linear_study import linear_problem
 
 SHAPES = {"slope": lambda x: x, "bend": lambda x: x**2, "cube": lambda x: x**3}
@@ -26,7 +26,12 @@ def test_an_effect_beyond_the_list_is_named_and_told(strength, stronger):
 
 def test_a_model_known_from_runs_within_the_list_says_nothing_beyond_it(monkeypatch):
     problem = linear_problem(SHAPES, {"bend": 4.5}, sd=0.1)
-    monkeypatch.setattr(beyond_maximum, "fit", lambda *_, **__: pytest.fail("a fit beyond the list"))
+    fitted = effect_sets.fit
+
+    def within_the_list(*words, beyond=False):
+        return pytest.fail("a fit beyond the list") if beyond else fitted(*words)
+
+    monkeypatch.setattr(effect_sets, "fit", within_the_list)
 
     def no_error(asked, parameters, effects):
         count = sum(conditions["x"].size for _, conditions in asked)

@@ -12,7 +12,7 @@ from taichi_erosion.evidence.inference.map_fit import fit
 from taichi_erosion.evidence.inference.pipeline import FittedHypotheses, analyse
 from taichi_erosion.evidence.inference.prepared_problem import prepare
 from taichi_erosion.evidence.inference.refit import FittedHypothesis, scored_fit, total_evidence
-from taichi_erosion.evidence.inference.search.set_members import member_test, needed_decision
+from taichi_erosion.evidence.inference.search.effect_sets import member_test, needed_decision
 from taichi_erosion.evidence.inference.verdict import Decision
 from tests.evidence.inference.search.test_effect_sets import SHAPES, THREE
 from tests.evidence.linear_study import linear_problem
@@ -86,7 +86,7 @@ def test_where_the_rest_leaves_a_misfit_one_of_those_that_do_as_well_is_told(fit
     for other in ("step", "slope"):
         with_set(fitted, search.sorted((*THREE, other)))
     monkeypatch.setattr(
-        "taichi_erosion.evidence.inference.search.set_members.misfit_p", lambda *_: 0.1 * levels.MISFIT_LEVEL
+        "taichi_erosion.evidence.inference.search.effect_sets.misfit_p", lambda *_: 0.1 * levels.MISFIT_LEVEL
     )
     named = search.sorted((*THREE, "step"))
     decision, _ = needed_decision(search, Decision("present", named), DRAWS, 1)

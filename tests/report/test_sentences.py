@@ -4,10 +4,9 @@ import pytest
 
 from taichi_erosion.evidence.data.number_words import short
 from taichi_erosion.evidence.data.table_units import TableUnits
-from taichi_erosion.report.lead import subject_words
-from taichi_erosion.report.measured_table import Condition, MeasuredTable
-from taichi_erosion.report.plain_words import condition_words, words_of
-from taichi_erosion.report.strength_words import engineering, leaves
+from taichi_erosion.report.results import Condition, MeasuredTable
+from taichi_erosion.report.sentences import engineering, leaves, subject_words
+from taichi_erosion.report.words import samples_words
 from taichi_erosion.scene.schema.units import Scale
 
 DIAMETER = Condition("diameter", "grains.size.diameter", "mm", 1e-3)
@@ -44,14 +43,9 @@ def test_numbers_have_two_digits(value, text):
     assert short(value) == text
 
 
-def test_an_observable_without_words_of_its_own_is_called_higher_or_lower():
-    assert words_of("crust_strength").above == "have a higher crust strength than the model says"
-
-
-@pytest.mark.parametrize("name", ["roots", "pore_volume"])
-def test_a_condition_of_ones_own_stands_without_an_article(name):
-    words = condition_words(name, f"conditions.{name}")
-    assert words.low.format(high="2 g/kg") == f"Samples with {name.replace('_', ' ')} up to 2 g/kg"
+def test_a_condition_without_words_of_its_own_is_called_by_its_name():
+    assert samples_words("pore_volume", "conditions.pore_volume") == "Samples with pore volume"
+    assert samples_words("size", "grains.size.diameter") == "Grains"
 
 
 def test_conditions_stand_in_the_unit_of_the_table():
@@ -60,7 +54,7 @@ def test_conditions_stand_in_the_unit_of_the_table():
 
 
 @pytest.mark.parametrize(
-    ("value", "text"), [(3.6e-5, "36 µN"), (0.0, "0 N"), (6.5e-8, "65 nN"), (2.0, "2.0 N")]
+    ("value", "text"), [(3.6e-5, "36 µN"), (0.0, "0 N"), (6.5e-8, "65 nN"), (2.0, "2 N")]
 )
 def test_forces_have_a_prefix(value, text):
     assert engineering(value, "N") == text
