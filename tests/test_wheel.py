@@ -12,25 +12,26 @@ import subprocess
 import sys
 import sysconfig
 import zipfile
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import pytest
 
+from taichi_erosion.cli.main import main
+
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "taichi_erosion"
 SCENE, STUDY, PAGE = "lid_cavity.toml", "my_lab.toml", "page.html"
-TINY = ("--set", "air.cells=[4, 1, 4]", "--set", "run.duration=0.1", "--no-record")
 SHIPPED_SCENES = (  # those from which `study new` starts
     *("column_collapse.toml", "funnel_repose.toml", "impact_threshold.toml", "lifting_cylinder.toml"),
     *("rotating_drum.toml", "saltation.toml", "wind_threshold.toml"),
 )
 STUDY_FILES = (STUDY, "my_lab.py", "measured/my_lab.csv")
 COMMANDS = {
-    "effects": ("effects", "--json"),
     "effects NAME": ("effects", "liquid_bridge"),  # has rows in every table of measured values
-    "run": ("run", SCENE, *TINY, "--json"),
-    "compare": ("compare", STUDY),
-    "discover": ("discover", STUDY, "--json"),
+    "run": ("run", SCENE, "--check", "--json"),
+    "compare": ("compare", STUDY, "--json"),
     "report": ("report", STUDY, "-o", PAGE),
 }
 WALL_TIME = re.compile(r'\b[0-9.e+-]+ s\b|"wall_s": [0-9.e+-]+')
@@ -61,24 +62,18 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
-def outputs(python: Path, folder: Path, source: Path | None) -> dict[str, str]:
-    """Standard output of every command, the page of `report`, and the file of the imported package."""
+def copied(folder: Path) -> Path:
+    """A folder with the files that the commands read."""
     (folder / "measured").mkdir(parents=True)
     for name in STUDY_FILES:
         shutil.copy(ROOT / "doe" / name, folder / name)
     shutil.copy(ROOT / "scenes" / SCENE, folder / SCENE)
-    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-    environment |= {"PYTHONPATH": str(source)} if source else {}
-    command = [str(python), "-c", DRIVER, json.dumps(COMMANDS)]
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    page = (folder / PAGE).read_text(encoding="utf-8")
-    return json.loads(done.stdout) | {"page": page}
+    return folder
 
 
 @pytest.fixture(scope="session")
 def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Outputs of the wheel in an environment of its own."""
+    """Outputs of the wheel in an environment of its own, and the page of `report`."""
     folder = tmp_path_factory.mktemp("installed")
     python = folder / "environment" / "bin" / "python"
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder / "environment")], check=True)
@@ -87,17 +82,26 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(site)
     (site / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
-    found = outputs(python, folder / "work", source=None)
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    command, work = [str(python), "-c", DRIVER, json.dumps(COMMANDS)], copied(folder / "work")
+    done = subprocess.run(command, cwd=work, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
     assert Path(found.pop("file")).is_relative_to(site)
-    return found
+    return found | {"page": (work / PAGE).read_text(encoding="utf-8")}
 
 
 @pytest.fixture(scope="session")
 def from_source(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Outputs of the source tree."""
-    found = outputs(Path(sys.executable), tmp_path_factory.mktemp("source") / "work", source=ROOT)
-    assert Path(found.pop("file")).is_relative_to(ROOT)
-    return found
+    """Outputs of the source tree, in this process."""
+    work, found = copied(tmp_path_factory.mktemp("source") / "work"), {}
+    with pytest.MonkeyPatch.context() as around:
+        around.chdir(work)
+        for name, words in COMMANDS.items():
+            with redirect_stdout(StringIO()) as printed:
+                assert main(list(words)) == 0, name
+            found[name] = printed.getvalue()
+    return found | {"page": (work / PAGE).read_text(encoding="utf-8")}
 
 
 def test_the_wheel_holds_the_product_and_nothing_else(wheel: Path) -> None:

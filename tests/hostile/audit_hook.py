@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any
@@ -62,6 +63,7 @@ def note_change(watch: Watch, event: str, place: object) -> None:
             watch.trespasses.append(f"{event} {path}")
 
 
+import_module("matplotlib.font_manager")  # makes folders of its own when it is first imported
 sys.addaudithook(note)
 
 

@@ -44,9 +44,9 @@ def meshes() -> dict[str, bytes]:
 
 def pictures() -> dict[str, bytes]:
     """A drawn heap as a camera would store it."""
-    across, down = np.meshgrid(np.arange(240), np.arange(120))
-    inside = down > 20 + 0.6 * np.abs(across - 120)
-    heap = np.where(inside | (down > 80), 40, 220).astype(np.uint8)
+    across, down = np.meshgrid(np.arange(80), np.arange(40))
+    inside = down > 7 + 0.6 * np.abs(across - 40)
+    heap = np.where(inside | (down > 27), 40, 220).astype(np.uint8)
     formats = {"heap.png": ".png", "heap.jpg": ".jpg", "heap.gif": ".gif", "heap.bmp": ".bmp"}
     return {name: imageio.imwrite("<bytes>", heap, extension=kind) for name, kind in formats.items()}
 

@@ -13,21 +13,20 @@ from time import monotonic, sleep
 import pytest
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.evidence.answers.documents import read_answer
 from tests.evidence.small_study import LIBRARY, STUDY, study_text, table_text, write_study
 
 PATIENCE = 600.0  # s; the cores may be busy
-VERDICTS = {"present", "group", "none_detected", "outside_library", "not_testable", "unstable"}
 STATUSES = {"present", "excluded", "not_testable"}
-EFFECT = {
-    "strength": float,
-    "strength_low": float,
-    "strength_high": float,
-    "log_bayes_factor": float,
-    "power": float,
-    "absorption": float,
-    "signature_norm": float,
-}
+NUMBERS = (
+    "strength",
+    "strength_low",
+    "strength_high",
+    "log_bayes_factor",
+    "power",
+    "absorption",
+    "signature_norm",
+)
+EFFECT = dict.fromkeys(NUMBERS, float)
 PLACE = {"observable": str, "axis": str, "p": float, "sentence": str}
 
 
@@ -78,7 +77,7 @@ def test_the_document_of_compare_holds_what_was_promised(wet, capsys):
 
 def test_the_document_of_discover_holds_what_was_promised(printed):
     found = strict(printed["again"])
-    assert found["verdict"] in VERDICTS
+    assert (found["verdict"], found["named"]) == ("present", ["liquid_bridge"])
     assert set(found["effects"]) == set(LIBRARY)
     assert {"none", "outside_library", *LIBRARY} <= set(found["probabilities"])
     assert sum(found["probabilities"].values()) == pytest.approx(1.0, abs=1e-6)
@@ -94,20 +93,8 @@ def test_the_document_of_discover_holds_what_was_promised(printed):
     )
     kinds = {"named": list, "group": list, "chi2_before": float, "chi2_after": float, "n": int}
     check(found, kinds | {"next_experiments": list, "runs": int, "wall_s": float, "seed": int})
-
-
-def test_the_vault_is_shown_by_discover_once_it_has_been_opened(printed):
-    vault = strict(printed["again"])["vault"]
-    assert vault["opened"] >= 1
-    assert vault["chi2_after"] < vault["chi2_before"]
-
-
-def test_every_opening_of_the_vault_is_counted_and_told(tmp_path, capsys):
-    path = write_study(tmp_path, {"liquid_bridge": 1.0})
-    assert document(capsys, "adopt", str(path), "gusts")["vault"]["opened"] == 1
-    main(["adopt", str(path), "gusts"])
-    assert "the vault has been opened 2 times" in capsys.readouterr().out
-    assert read_answer(path.with_name("heap-results"), "heap", "adopt")["vault"]["opened"] == 2
+    assert found["vault"]["opened"] >= 1
+    assert found["vault"]["chi2_after"] < found["vault"]["chi2_before"]
 
 
 def test_adoption_leaves_a_study_in_which_the_misfit_is_gone(wet, printed, capsys):
@@ -138,20 +125,6 @@ def test_next_proposes_experiments_within_the_stated_ranges(tmp_path, capsys):
     for experiment in document(capsys, "next", str(path))["next_experiments"]:
         check(experiment, {"observable": str, "conditions": dict, "chance": float, "sentence": str})
         assert 0.0 <= experiment["conditions"]["moisture"] <= 0.002
-
-
-def test_next_before_discover_says_that_it_asked_itself_and_after_it_does_not(tmp_path, capsys, printed):
-    study = write_study(tmp_path, {"liquid_bridge": 1.0})
-    told = document(capsys, "next", str(study))["sentence"]
-    assert told.startswith("`discover` has not answered yet; its question was asked here first: ")
-    assert "liquid_bridge" in told.partition(". ")[0]
-    assert "has not answered yet" not in printed["next"]
-
-
-def test_people_are_told_in_sentences(printed):
-    assert "The model does not agree with the" in printed["compare"]
-    assert "liquid_bridge" in printed["discover"].splitlines()[0]
-    assert "caused by" not in printed["discover"]
 
 
 @pytest.mark.usefixtures("printed")
@@ -225,15 +198,6 @@ def test_a_model_that_fails_ends_with_exit_code_3(tmp_path, capsys):
     (tmp_path / "my_lab.py").write_text("def predict(*_):\n    raise ArithmeticError('no air')\n", "utf-8")
     assert main(["compare", str(write_study(tmp_path, {}, study=study_text(model="my_lab:predict")))]) == 3
     assert "no air" in capsys.readouterr().err
-
-
-def test_the_answer_does_not_depend_on_the_order_of_rows_or_candidates(tmp_path, capsys, printed):
-    plain, expected = write_study(tmp_path, {"liquid_bridge": 1.0}), strict(printed["again"])
-    head, *rows = (tmp_path / "heap.csv").read_text("utf-8").splitlines()
-    (tmp_path / "heap.csv").write_text("\n".join([head, *reversed(rows)]) + "\n", "utf-8")
-    plain.write_text(study_text(LIBRARY[::-1]), "utf-8")
-    found = document(capsys, "discover", str(plain))
-    assert (found["verdict"], found["named"]) == (expected["verdict"], expected["named"])
 
 
 SLOW_LAB = """

@@ -2,8 +2,8 @@
 
 The laboratories differ from the models in seeds, time step, packing and friction. Three studies: grains that
 stick when moist, grains that fall through thinner air, and heaps in which nothing acts. The truth is drawn
-and its digest written before anything is measured; it is opened at the end only. The heaps are slow (a
-minute and more); the falling grain goes the same way through the commands in every run of the gates.
+and its digest written before anything is measured; it is opened at the end only. Marked slow: in every run of
+the gates a stand-in for the simulator goes the same way through the commands (test_training_runs.py).
 """
 
 import json
@@ -24,6 +24,7 @@ from tests.evidence.small_scenes import HEAPS, HIDDEN
 ROOT = Path(__file__).parents[3]
 SEED = 7
 ONE_WORKER = ("--workers", "1")  # a second one would compile the same kernels again
+pytestmark = pytest.mark.slow
 
 
 def ask(*words: str) -> dict:
@@ -68,10 +69,7 @@ def truth_in(folder: Path) -> dict[str, float]:
     return json.loads(sealed)["strengths"]
 
 
-@pytest.mark.parametrize(
-    ("name", "axis"),
-    [pytest.param("heap_moist", "moisture", marks=pytest.mark.slow), ("grain_high", "altitude")],
-)
+@pytest.mark.parametrize(("name", "axis"), [("heap_moist", "moisture"), ("grain_high", "altitude")])
 def test_a_hidden_effect_is_found_named_and_adopted(laboratory, found, name, axis):
     compared, discovered = found(name)["compare"], found(name)["discover"]
     assert compared["p"] < 0.01
@@ -89,7 +87,6 @@ def test_a_hidden_effect_is_found_named_and_adopted(laboratory, found, name, axi
     assert abs(fitted["value"] - truth_in(laboratory(name))[name]) < 5.0 * half
 
 
-@pytest.mark.slow
 def test_a_null_stays_a_null(laboratory, found):
     compared, discovered = found("heap_plain")["compare"], found("heap_plain")["discover"]
     assert compared["p"] > 0.01

@@ -118,6 +118,7 @@ def test_the_order_of_rows_and_candidates_does_not_matter():
     assert one["strengths"][one["named"][0]] == pytest.approx(other["strengths"][one["named"][0]], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_names_of_candidates_do_not_matter():
     problem = exact(problem_of(SINGLE))
     names = {candidate.name: f"effect {10 + k}" for k, candidate in enumerate(problem.candidates)}
@@ -140,6 +141,7 @@ class InKilometres:
         return self.model(observable, there, parameters, effects, seeds)
 
 
+@pytest.mark.slow
 def test_the_units_of_conditions_do_not_matter():
     problem = exact(problem_of(SINGLE))
     table = problem.measurements
@@ -187,6 +189,7 @@ def test_doubled_sd_does_not_raise_confidence():
     assert width[1] > width[0]
 
 
+@pytest.mark.slow
 def test_a_null_stays_a_null_whatever_the_seed():
     problem = problem_of(NULL)
     assert {answered(seed, problem)["verdict"] for seed in range(3)} <= {"none_detected", "not_testable"}

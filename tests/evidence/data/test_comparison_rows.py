@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from taichi_erosion.evidence.data.comparison_rows import censored_scale, row_notes
+from taichi_erosion.evidence.data.comparison_rows import censored_scale
 from taichi_erosion.evidence.data.problem import Observable, Problem
 from taichi_erosion.evidence.inference.map_fit import fit_base
 from taichi_erosion.evidence.inference.prepared_problem import prepare
@@ -53,13 +53,3 @@ def test_a_fit_to_limits_and_intervals_is_that_of_their_likelihood():
     grid = np.linspace(-0.5, 1.0, 1501)
     wanted = float(grid[int(np.argmin([deviance(float(level)) for level in grid]))])
     assert best.x[0] * LEVEL_SD == pytest.approx(wanted, abs=5e-3)
-
-
-def test_single_measurements_with_repeats_are_noted_as_such_and_lone_ones_as_without_sd():
-    table = linear_problem({}, {}, sd=0.2, count=6).measurements
-    bare = replace(table, sd=np.full(table.size, np.nan), n=np.full(table.size, np.nan))
-    told = row_notes(Observable("y"), bare, np.ones(bare.size, dtype=bool))
-    assert told == [f"y: {bare.size} of {bare.size} rows have no sd", told[1]]
-    twice = bare.rows(np.repeat(np.arange(bare.size), 2))
-    (told,) = row_notes(Observable("y"), twice, np.ones(twice.size, dtype=bool))
-    assert told.startswith(f"y: {twice.size} single measurements under {bare.size} sets of conditions")

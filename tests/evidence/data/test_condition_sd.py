@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.data.measured import read_table
@@ -66,24 +65,3 @@ def test_a_study_has_it_in_the_unit_of_the_model_and_tells_it(tmp_path):
     assert errors is not None
     assert errors.fixed == {"diameter"}
     assert not errors.movable
-
-
-def test_a_laboratory_s_own_table_may_state_it(tmp_path, capsys):
-    text = "Korngröße [µm];Wassergehalt [%];sd Wassergehalt [%];u*t [cm/s];n\n"
-    text += "".join(f"{d};{w};0,1;{20 + k};5\n" for k, (d, w) in enumerate([(90, "0,2"), (90, 1), (250, 2)]))
-    (tmp_path / "sand.csv").write_text(text, encoding="utf-8")
-    words = [
-        "study",
-        "new",
-        str(tmp_path / "sand.csv"),
-        "--yes",
-        "--closed-form",
-        "--out",
-        str(tmp_path / "s"),
-    ]
-    assert main(words) == 0
-    assert "sd of moisture" in capsys.readouterr().out
-    tidy = (tmp_path / "s" / "sand_tidy.csv").read_text("utf-8")
-    assert "sd of moisture [%]" in tidy.splitlines()[0]
-    study = load_study(tmp_path / "s" / "sand.toml")
-    assert study.problem.measurements.condition_sd["moisture"] == pytest.approx([1e-3] * 3)

@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows
-from taichi_erosion.evidence.data.heap_correlation import (
-    HeapCorrelation,
-    correlated,
-    heap_correlation,
-    replicates_of,
-)
+from taichi_erosion.evidence.data.heap_correlation import HeapCorrelation, correlated, heap_correlation
 from taichi_erosion.evidence.data.problem import Measurements, Observable, Problem, Replicates
 
 TRUE = 0.8
@@ -63,10 +58,6 @@ def test_independent_observables_are_seldom_called_correlated():
     assert 4 <= seen <= 27
 
 
-def test_few_repeats_tell_nothing():
-    assert correlation_of(table(3, 3, 0)) is None
-
-
 def test_means_over_the_same_heaps_are_correlated_as_single_heaps():
     measured = table(6, 4, 1)
     rows = comparison_rows(problem_of(measured), measured)
@@ -91,23 +82,6 @@ def test_means_over_some_common_heaps_are_correlated_less():
     assert both[0, 1] / np.sqrt(rows.variance[0] * rows.variance[1]) == pytest.approx(TRUE / 2.0)
 
 
-def test_a_tolerance_is_not_scatter_and_censored_rows_stand_alone():
-    measured = table(1, 2, 1, sd=1.0)
-    problem = Problem(
-        measured, {"angle": Observable("angle", sd_numerical=3.0)}, (), (), lambda *_: np.zeros(1)
-    )
-    correlation = HeapCorrelation(("angle", "height"), np.array([[1.0, TRUE], [TRUE, 1.0]]))
-    rows = correlated(comparison_rows(problem, measured), correlation)
-    assert rows.variance[0] == pytest.approx(0.5 + 9.0, rel=0.6)
-    assert rows.covariance[0, 1] == pytest.approx(
-        TRUE * np.sqrt((rows.variance[0] - 9.0) * rows.variance[1]), rel=1e-9
-    )
-    limits = Measurements(
-        **{**vars(measured), "censored": np.array([True, True, False, False]), "limit": 30.0 * np.ones(4)}
-    )
-    assert correlated(comparison_rows(problem, limits), correlation).covariance is None
-
-
 def test_replicates_of_a_model_count_as_far_as_its_scatter_goes():
     measured = table(6, 1, 0, n=4.0, sd=1.0)
     model = Replicates(("angle", "height"), np.array([0.5, 10.0]), np.array([[1.0, 0.6], [0.6, 1.0]]), 50.0)
@@ -115,16 +89,3 @@ def test_replicates_of_a_model_count_as_far_as_its_scatter_goes():
     # the sd of six cells of four repeats has 18 degrees of freedom: variance of the t distribution 18 / 16
     assert found.matrix[0, 1] == pytest.approx(0.6 * 0.5 / np.sqrt(18.0 / 16.0), rel=1e-9)
     assert "replicates of the model" in found.sentences[0]
-
-
-def test_seeds_that_disturb_all_conditions_alike_count_once():
-    measured = table(12, 1, 0, n=4.0, sd=1.0)
-    rows = comparison_rows(problem_of(measured), measured)
-    random = np.random.default_rng(3)
-    kick = random.standard_normal((4, 12))
-    values = np.hstack([kick, TRUE * kick + 0.6 * random.standard_normal((4, 12))])
-    own = replicates_of(rows, values)
-    assert 15.0 < own.freedom <= 36.0  # chance correlations of conditions count as common ones
-    assert own.correlation[0, 1] == pytest.approx(TRUE, abs=0.2)  # sd 0.36 / sqrt(36) = 0.06
-    alike = np.hstack([np.repeat(kick[:, :1], 12, axis=1), np.repeat(kick[:, 1:2], 12, axis=1)])
-    assert replicates_of(rows, alike) is None

@@ -49,7 +49,7 @@ def test_a_group_is_held_out_whole():
         assert members <= hidden or not members & hidden
 
 
-@pytest.mark.parametrize("first", np.linspace(20.0, 29.0, 40))
+@pytest.mark.parametrize("first", np.linspace(20.0, 29.0, 8))
 def test_the_only_moist_heaps_are_never_all_held_out(first):
     table = measurements(8)
     wet = np.array([float(name in ("heap 3", "heap 6")) for name in table.group])
@@ -57,16 +57,6 @@ def test_the_only_moist_heaps_are_never_all_held_out(first):
     hidden, _ = split(table, 0.4, {})
     assert len(hidden) == 6  # 0.4 of eight heaps, for both observables
     assert np.delete(wet, hidden).any()
-
-
-@pytest.mark.parametrize("first", np.linspace(20.0, 29.0, 40))
-def test_the_only_dry_heaps_are_never_all_held_out(first):
-    table = measurements(8)
-    water = np.array([0.01 * max(int(name.split()[1]) - 1, 0) for name in table.group])  # two dry ones
-    table = replace(table, value=np.linspace(first, 30.0, table.size), conditions={"moisture": water})
-    hidden, _ = split(table, 0.4, {})
-    assert len(hidden) == 6  # 0.4 of eight heaps, for both observables
-    assert (np.delete(water, hidden) == 0.0).any()
 
 
 def test_with_too_few_groups_what_was_measured_together_is_held_out_together():
@@ -89,12 +79,6 @@ def test_a_named_range_is_held_out_beside_the_fraction_of_the_rest():
     assert len(hidden) == 2 * 5 + 2 * round(0.3 * 15)
 
 
-def test_two_numbers_leave_nothing_to_hold_out_and_that_is_said():
-    rows, sentence = split(measurements(1), 0.3, {})
-    assert rows.size == 0
-    assert "Nothing is held out" in sentence
-
-
 def test_a_vault_that_takes_everything_is_refused():
     with pytest.raises(BadInput, match="hold out every row"):
         split(measurements(5), 0.3, {"moisture": (0.0, 1.0)})
@@ -114,7 +98,7 @@ def test_a_damaged_count_is_not_taken_for_an_unopened_vault(tmp_path):
         openings(tmp_path, "a")
 
 
-@pytest.mark.parametrize("first", np.linspace(20.0, 29.0, 40))
+@pytest.mark.parametrize("first", np.linspace(20.0, 29.0, 8))
 def test_water_is_seen_at_both_sizes_of_grains(first):
     table = measurements(6, group="one")
     moisture, diameter = np.tile([0.0, 0.01, 0.02], 4), np.tile(np.repeat([1.5e-3, 3e-3], 3), 2)
@@ -125,17 +109,6 @@ def test_water_is_seen_at_both_sizes_of_grains(first):
     seen = np.delete(np.arange(table.size), hidden)
     for size in (1.5e-3, 3e-3):
         assert np.unique(moisture[seen][diameter[seen] == size]).size == 2
-
-
-def test_a_single_moist_heap_of_each_size_may_be_held_out():
-    chosen = set()
-    for first in np.linspace(20.0, 29.0, 20):
-        table = measurements(6, group="one")
-        moisture, diameter = np.tile([0.0, 0.01], 6), np.tile(np.repeat([1.0, 1.5, 3.0], 2), 2) * 1e-3
-        value = np.linspace(first, 30.0, table.size)
-        table = replace(table, value=value, conditions={"moisture": moisture, "diameter": diameter})
-        chosen |= set(moisture[split(table, 0.3, {})[0]].tolist())
-    assert chosen == {0.0, 0.01}
 
 
 def test_a_source_is_held_out_whole_beside_the_fraction_of_the_others():
@@ -149,20 +122,3 @@ def test_a_source_is_held_out_whole_beside_the_fraction_of_the_others():
     both, words = split(table, 0.4, {}, sources=("theirs",))
     assert theirs < set(both.tolist())
     assert words == "22 of 40 rows are held out: 6 groups, and all rows of theirs."  # 0.4 of the 15 others
-
-
-def test_rows_that_name_no_source_are_held_out_as_the_one_of_their_file():
-    table = measurements(2)
-    made = ("heap.csv, row 2", "theirs", "heap.csv, row 3", "theirs")
-    found, _ = split(replace(table, source=made), 0.0, {}, sources=("heap.csv",))
-    assert found.tolist() == [0, 2]
-
-
-def test_a_source_that_the_table_has_not_is_refused_with_those_that_it_has():
-    with pytest.raises(BadInput, match=r"vault\.sources: 'mine' is not one of made"):
-        split(measurements(), 0.0, {}, sources=("mine",))
-
-
-def test_the_only_source_cannot_be_held_out():
-    with pytest.raises(BadInput, match="hold out every row"):
-        split(measurements(), 0.0, {}, sources=("made",))

@@ -34,18 +34,3 @@ def test_a_value_far_outside_its_range_stays_finite(reach):
     for u in (-60.0, 60.0):
         work = working(np.array([u]), np.array([reach]))
         assert np.isfinite([work.deviance, work.residual[0], work.weight[0]]).all()
-
-
-def test_columns_of_residuals_are_those_of_single_ones():
-    columns = np.array([[0.5, -2.0], [1.0, 3.0], [0.2, 0.1]])
-    reach = np.array([0.0, np.inf, 0.5])
-    whole = working(columns, reach)
-    for k in range(2):
-        one = working(columns[:, k], reach)
-        assert whole.deviances[k] == pytest.approx(one.deviance)
-        assert whole.residual[:, k] == pytest.approx(one.residual)
-
-
-def test_a_narrow_interval_is_a_measured_value():
-    interval, ordinary = (working(np.array([1.3]), np.array([reach])) for reach in (1e-3, 0.0))
-    assert interval.residual[0] * interval.weight[0] == pytest.approx(ordinary.residual[0], rel=1e-4)

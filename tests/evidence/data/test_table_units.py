@@ -2,7 +2,6 @@
 
 import pytest
 
-from taichi_erosion.evidence.data.number_words import plain
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.scene.schema.units import Scale
 
@@ -22,18 +21,6 @@ def test_values_and_conditions_have_the_numbers_and_units_of_the_table():
     assert UNITS.setting_text({"diameter": float("nan")}) == ""
 
 
-def test_a_condition_that_others_are_divided_by_counts_from_zero():
-    assert UNITS.size_text("diameter", 2.5e-4) == "250 um"
-    assert UNITS.size_text("temperature", 293.15) == "293"
-
-
 def test_a_stored_document_keeps_its_units_and_one_without_them_tells_those_of_the_model():
     assert TableUnits.of({"table_units": UNITS.record()}) == UNITS
     assert TableUnits.of({"units": {"threshold": "m/s"}}).value_text("threshold", 0.253) == "0.253 m/s"
-
-
-@pytest.mark.parametrize(
-    ("value", "text"), [(1234.0, "1230"), (0.5, "0.5"), (12345678.0, "1.23e+07"), (1e-5, "1e-05")]
-)
-def test_numbers_have_an_exponent_only_where_they_are_unreadable_without(value: float, text: str):
-    assert plain(value) == text

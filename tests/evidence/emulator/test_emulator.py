@@ -33,10 +33,10 @@ def emulators(rho: float, seed: int, one_scene: bool = True) -> dict[str, Observ
     return found
 
 
-@pytest.mark.parametrize("rho", [0.8, 0.0, -0.65])
+@pytest.mark.parametrize("rho", [0.8, 0.0])
 def test_contrasts_of_runs_tell_the_correlation_of_the_scatter(rho):
-    found = np.array([scatter_correlation(*emulators(rho, seed).values()) for seed in range(4)])
-    error = (1.0 - rho**2) / np.sqrt(found[:, 1].sum())  # of the mean of four samples
+    found = np.array([scatter_correlation(*emulators(rho, seed).values()) for seed in range(3)])
+    error = (1.0 - rho**2) / np.sqrt(found[:, 1].sum())  # of the mean of three samples
     assert np.all(found[:, 1] > RUNS / 2)
     assert abs(found[:, 0].mean() - rho) < 3.0 * error
 

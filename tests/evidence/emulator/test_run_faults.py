@@ -100,16 +100,3 @@ def test_runs_that_stop_are_told(ask):
     told = next(fault for fault in found["faults"] if fault["kind"] == "failed_runs")
     assert "runs stopped and are left out; the first: grains overlap" in told["sentence"]
     assert not told["blocks"]
-
-
-def test_runs_without_a_value_are_told_with_their_reason(ask):
-    told = ask("bare of angle")["set_up"]
-    assert "runs have no value; the first: no flank of 3 diameters" in told[0]
-
-
-def test_a_level_that_is_off_throughout_is_told_with_fine_runs(ask):
-    found = ask("fine")
-    told = next(fault for fault in found["faults"] if fault["kind"] == "offset")
-    assert told["place"] == "angle_of_repose"
-    assert not told["blocks"]
-    assert told["sentence"] in found["set_up"]

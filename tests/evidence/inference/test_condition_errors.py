@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from taichi_erosion.evidence.data.problem import Candidate, Measurements, Problem
+from taichi_erosion.evidence.data.problem import Candidate, Problem
 from taichi_erosion.evidence.inference.map_fit import fit
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
 from taichi_erosion.evidence.inference.posterior import strength_estimates
@@ -89,26 +89,3 @@ def test_without_a_slope_a_condition_has_no_error_to_pass_on():
     assert np.all(prepared.model_errors(np.zeros(1), {}) == 0.0)
     columns = prepared.model_errors(np.zeros(1), {"slope": 2.0})
     assert np.sqrt(np.sum(columns**2, axis=1)) == pytest.approx(np.full(COUNT, 2.0 * SD_X))
-
-
-def test_rows_of_one_set_up_share_the_error_of_its_condition():
-    problem = line(6)
-    table = problem.measurements
-    twice = Measurements(
-        observable=("y",) * COUNT + ("z",) * COUNT,
-        value=np.tile(table.value, 2),
-        sd=np.tile(table.sd, 2),
-        n=np.tile(table.n, 2),
-        group=table.group * 2,
-        unit=table.unit * 2,
-        conditions={"x": np.tile(table.conditions["x"], 2)},
-        censored=np.tile(table.censored, 2),
-        limit=np.tile(table.limit, 2),
-        source=table.source * 2,
-        condition_sd={"x": np.tile(table.condition_sd["x"], 2)},
-    )
-    prepared = prepare(replace(problem, measurements=twice), twice, 1)
-    columns = prepared.model_errors(np.zeros(1), {"slope": 1.0})
-    assert columns.shape == (2 * COUNT, COUNT)
-    covariance = columns @ columns.T
-    assert np.diag(covariance[:COUNT, COUNT:]) == pytest.approx(np.full(COUNT, SD_X**2))

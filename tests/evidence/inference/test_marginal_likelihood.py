@@ -1,19 +1,11 @@
 """The marginal likelihood against multivariate normal densities, which a linear model has."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy import integrate, stats
 
 from taichi_erosion.evidence.inference.map_fit import fit
-from taichi_erosion.evidence.inference.marginal_likelihood import (
-    cell_width,
-    expand,
-    log_prior,
-    projected_residual,
-    score,
-)
+from taichi_erosion.evidence.inference.marginal_likelihood import cell_width, expand, log_prior, score
 from taichi_erosion.evidence.inference.prepared_problem import prepare
 from tests.evidence.linear_study import LEVEL_SD, linear_problem
 
@@ -57,15 +49,3 @@ def test_weights_of_a_grid_are_a_density_times_its_trapezoids():
     exact = (weight.cdf(1.5) - 0.5) / (weight.cdf(3.0) - 0.5)
     assert half == pytest.approx(exact, abs=1e-3), "a grid over a part of the range holds that part's share"
     assert cell_width(np.array([1.0])) == pytest.approx([1.0])
-
-
-def test_a_number_at_its_bound_that_would_leave_it_removes_no_misfit():
-    problem = linear_problem(SHAPES, {}, sd=0.5)
-    shifted = replace(problem.measurements, value=problem.measurements.value + 30.0)
-    prepared = prepare(replace(problem, measurements=shifted), shifted, 1)
-    expansion = expand(prepared, fit(prepared, (), [np.zeros(1)]))
-    assert expansion.fit.x[0] == pytest.approx(prepared.high[0])
-    left = projected_residual(prepared, expansion)
-    assert list(left.stuck) == [True]
-    gap = (shifted.value - 2.0 * LEVEL_SD) / 0.5
-    assert left.free == pytest.approx(gap, rel=1e-3)

@@ -8,11 +8,10 @@ from scipy import stats
 
 from taichi_erosion.evidence.data.findings import NONE, OUTSIDE
 from taichi_erosion.evidence.inference.map_fit import fit, fit_base
-from taichi_erosion.evidence.inference.marginal_likelihood import cell_width, expand, score
+from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
 from taichi_erosion.evidence.inference.posterior import (
     Hypothesis,
     log_prior_of,
-    parameter_estimates,
     posterior_of,
     quantile,
     strength_estimates,
@@ -26,7 +25,7 @@ from taichi_erosion.evidence.inference.verdict_levels import (
     PRIOR_REMAINDER,
     PRIOR_SETS,
 )
-from tests.evidence.linear_study import LEVEL_SD, linear_problem
+from tests.evidence.linear_study import linear_problem
 
 SHAPES = {"slope": lambda x: x, "bend": lambda x: x**2}
 
@@ -68,12 +67,6 @@ def test_a_quantile_is_linear_within_cells_and_the_upper_bound_is_that_of_a_half
     assert upper_strength(dense, -0.5 * dense**2) == pytest.approx(stats.norm.ppf(0.975), abs=2e-3)
 
 
-def test_a_quantile_of_a_narrow_density_on_a_coarse_grid_is_not_too_wide():
-    coarse = np.linspace(-4.0, 4.0, 9)  # one sd apart, as the nodes of a pair once were
-    share = np.exp(-0.5 * coarse**2) * cell_width(coarse)
-    assert quantile(coarse, share, 0.95) == pytest.approx(stats.norm.ppf(0.95), abs=0.02)
-
-
 def test_the_interval_of_a_strong_effect_is_that_of_least_squares():
     prepared, _, _ = fit_base(prepare(p := linear_problem(SHAPES, {"slope": 1.0}), p.measurements, 1))
     scored = score(prepared, expand(prepared, fit(prepared, ("slope",), [np.array([0.0, 0.9])])))
@@ -85,17 +78,3 @@ def test_the_interval_of_a_strong_effect_is_that_of_least_squares():
     assert 1.0 < width / (2.0 * stats.norm.ppf(0.95) * sd) < 1.6
     assert estimate.low < 1.0 < estimate.high
     assert not estimate.at_bound
-
-
-def test_a_calibrated_number_is_the_precision_weighted_mean_of_prior_and_rows():
-    problem = linear_problem(SHAPES, {}, sd=20.0)  # rows as vague as the prior
-    prepared, best, _ = fit_base(prepare(problem, problem.measurements, 1))
-    (level,) = parameter_estimates(prepared, score(prepared, expand(prepared, best))).values()
-    rows = problem.measurements
-    precision = rows.size / 20.0**2
-    exact = precision * rows.value.mean() / (precision + LEVEL_SD**-2)
-    half = stats.norm.ppf(0.95) / np.sqrt(precision + LEVEL_SD**-2)
-    # the noise factor moves weight from the rows to the prior: mean towards 0, interval wider
-    assert abs(level.value) <= abs(exact) + 1e-6
-    assert level.value == pytest.approx(exact, abs=0.5 * half)
-    assert half < 0.5 * (level.high - level.low) < 1.2 * half

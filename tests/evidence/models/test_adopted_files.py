@@ -61,25 +61,12 @@ def test_study_and_scenes_are_named_by_the_study_and_all_effects(tmp_path):
     assert read_scene(written[1], ()).contact["grain-grain"].friction_rolling == 0.2
 
 
-def test_the_comment_beside_a_calibrated_number_is_its_interval(tmp_path):
-    _, scene = write_adopted_files(study_in(tmp_path, "moist"), adoption("liquid_bridge"))
-    (line,) = [line for line in scene.read_text("utf-8").splitlines() if "friction_rolling = 0.2" in line]
-    assert line.endswith("# calibrated: 0.1 to 0.3, 90 %")
-
-
 def test_two_studies_of_one_scene_keep_their_calibrated_scenes_apart(tmp_path):
     first = write_adopted_files(study_in(tmp_path, "spring"), adoption("liquid_bridge"))
     before = first[1].read_bytes()
     second = write_adopted_files(study_in(tmp_path, "autumn"), adoption("liquid_bridge", friction=0.5))
     assert first[1].read_bytes() == before
     assert set(first).isdisjoint(second)
-
-
-def test_a_second_adoption_replaces_the_files_of_the_first(tmp_path):
-    study = study_in(tmp_path, "moist")
-    write_adopted_files(study, adoption("liquid_bridge"))
-    _, scene = write_adopted_files(study, adoption("liquid_bridge", friction=0.25))
-    assert read_scene(scene, ()).contact["grain-grain"].friction_rolling == 0.25
 
 
 def test_a_calibrated_scene_that_the_user_edited_is_not_replaced(tmp_path):
@@ -92,16 +79,6 @@ def test_a_calibrated_scene_that_the_user_edited_is_not_replaced(tmp_path):
     assert scene.read_text("utf-8") == edited
     write_adopted_files(study, adoption("liquid_bridge", friction=0.25), force=True)
     assert "my remark" not in scene.read_text("utf-8")
-
-
-def test_studies_of_one_name_in_two_folders_do_not_share_a_scene(tmp_path):
-    (tmp_path / "copy").mkdir()
-    study = study_in(tmp_path, "moist")
-    write_adopted_files(study, adoption("liquid_bridge"))
-    other = study_in(tmp_path / "copy", "moist")
-    other.file.observables["repose_angle"].scene = "../heap.toml"
-    with pytest.raises(BadInput, match=r"made from moist\.toml, not from"):
-        write_adopted_files(other, adoption("liquid_bridge"))
 
 
 def test_a_chain_names_every_step(tmp_path):

@@ -113,11 +113,6 @@ def test_every_path_is_set_in_its_own_unit_from_a_column_in_any_of_three(tmp_pat
             assert used(table, file, places) == pytest.approx(wanted, rel=1e-9), path
 
 
-def test_ten_degrees_of_slope_arrive_as_ten_degrees(tmp_path):
-    assert converted(tmp_path, "x [deg]", 10.0, "conditions.slope") == 10.0
-    assert converted(tmp_path, "x", 10.0, "conditions.slope") == 10.0, "a bare number has that unit"
-
-
 @pytest.mark.parametrize(
     ("heading", "place", "told"),
     [
@@ -147,12 +142,3 @@ def test_a_condition_that_a_scene_declares_has_the_unit_it_is_declared_in(tmp_pa
 def test_a_model_function_gets_si_units(tmp_path):
     file = study(x="slope").model_copy(update={"study": study().study.model_copy(update={"model": "m:f"})})
     assert place_units(file, Path("study.toml")) == {}
-
-
-def test_a_condition_is_shown_in_the_unit_of_the_table(tmp_path):
-    file = study(x="conditions.temperature")
-    (tmp_path / "t.csv").write_text("observable,value,unit,x [°C]\npile_height,1,m,20\n", "utf-8")
-    table = read_table(tmp_path / "t.csv", "t.csv")
-    rows, _ = study_measurements(table, file, "study.toml", place_units(file, Path("study.toml")))
-    assert rows.conditions["x"][0] == 293.15
-    assert rows.table_units.condition_text("x", 303.15) == "30 °C"

@@ -55,13 +55,6 @@ def test_runs_outlive_the_process_that_made_them(counted):
     assert calls == [2]
 
 
-def test_an_effect_of_strength_zero_is_no_effect(counted):
-    remembered, calls = counted()
-    ask(remembered, effects={"lift": 0.0})
-    ask(remembered, effects={})
-    assert calls == [2]
-
-
 @pytest.mark.parametrize(
     "change",
     [
@@ -86,19 +79,6 @@ def test_another_version_of_the_model_starts_afresh(counted):
     remembered.store.commit()
     ask(counted("m 2")[0])
     assert calls == [2, 2]
-
-
-def test_a_value_that_could_not_be_computed_is_remembered_as_such(tmp_path):
-    calls: list[int] = []
-
-    def failing(*_):
-        calls.append(1)
-        return np.full((1, 2), np.nan)
-
-    remembered = CachedModel(failing, "m", RunStore(tmp_path / "runs.sqlite"))
-    ask(remembered, seeds=(1,))
-    assert np.isnan(ask(remembered, seeds=(1,))).all()
-    assert calls == [1]
 
 
 def test_a_file_that_is_no_store_is_told(tmp_path, counted):

@@ -1,6 +1,6 @@
 """Scenes as a model: what a request changes in a scene, what it shares, and what it does not run at all.
 
-The campaign behind it is replaced by a stand-in that reads the scene it is given; one slow test simulates.
+The campaign behind it is replaced by a stand-in that reads the scene it is given; one test simulates.
 """
 
 from pathlib import Path
@@ -99,12 +99,6 @@ def test_an_effect_that_cannot_act_asks_for_the_runs_of_the_bare_model(tmp_path,
     assert len(wet - bare) == 2, "one moist row, two seeds"
 
 
-def test_strength_zero_is_the_bare_model(tmp_path, asked):
-    ask(tmp_path)
-    ask(tmp_path, liquid_bridge=0.0, dry_adhesion=0.0)
-    assert asked[0] == asked[1]
-
-
 def test_the_mask_of_a_candidate_says_where_it_can_act(tmp_path):
     problem = study(tmp_path).problem
     masks = {c.name: c.mask(problem.measurements.conditions).tolist() for c in problem.candidates if c.mask}
@@ -156,7 +150,6 @@ def test_a_scene_that_measures_in_another_kind_of_unit_is_refused(tmp_path, aske
         problem.model("pile_height", problem.measurements.conditions, {FRICTION: 0.12}, {}, np.array([1]))
 
 
-@pytest.mark.slow
 def test_a_small_collapse_answers_and_is_not_run_twice(tmp_path):
     small = tmp_path / "small.toml"
     small.write_text(SCENE.read_text("utf-8").replace("count = 1800", "count = 60"), encoding="utf-8")

@@ -48,7 +48,7 @@ def test_the_adopted_model_answers_after_an_adoption(study, table, capsys):
     assert (study.parent / "heap-results" / "heap_with_liquid_bridge.predict.json").is_file()
 
 
-def test_the_table_is_written_as_csv_and_the_page_has_a_section(study, table, capsys):
+def test_the_table_is_written_as_csv(study, table, capsys):
     out = study.with_name("out.csv")
     assert main(["predict", str(study), "--at", str(table), "--out", str(out)]) == 0
     assert f"written: {out}" in capsys.readouterr().out

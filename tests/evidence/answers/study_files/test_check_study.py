@@ -48,16 +48,6 @@ def test_all_faults_of_a_study_are_told_at_once(tmp_path):
     assert "candidates.moonlight is not in the library" in told[2]
 
 
-def test_all_faults_of_a_study_file_are_told_at_once(tmp_path):
-    study = STUDY + '[vault]\nfraction = 3\n[budget]\nruns = "many"\n'
-    with pytest.raises(BadInput) as caught:
-        check_study(written(tmp_path, study))
-    assert [fault.split(": ")[1].split(" =")[0] for fault in caught.value.faults] == [
-        "vault.fraction",
-        "budget.runs",
-    ]
-
-
 def test_a_scene_that_does_not_measure_it_is_told_beside_a_unit_that_does_not_fit(tmp_path):
     study = STUDY.replace("saltation", "wind_threshold")
     with pytest.raises(BadInput) as caught:
@@ -77,22 +67,6 @@ def test_a_laboratorys_own_table_works_in_a_study_directly(tmp_path):
     assert document["conditions"] == {"slope": "5.5 to 7 °", "moisture": "1 to 2 %"}
 
 
-def test_a_heading_that_is_nearly_a_condition_of_the_study_is_told(tmp_path):
-    table = "Hang (°);moisure in %;Sandfluss [g/(m s)];SD;n\n5,5;1;1,2;0,1;5\n7;2;1,1;0,1;5\n"
-    study = STUDY + '[columns]\n"Hang (°)" = "slope"\n'
-    (tmp_path / "t.toml").write_text(study, encoding="utf-8")
-    (tmp_path / "t.csv").write_bytes(table.encode("cp1252"))
-    with pytest.raises(BadInput) as caught:
-        check_study(tmp_path / "t.toml")
-    assert any("'moisure in %': did you mean moisture?" in fault for fault in caught.value.faults)
-
-
-def test_a_condition_under_another_spelling_in_a_tidy_table_is_told(tmp_path):
-    with pytest.raises(BadInput) as caught:
-        check_study(written(tmp_path, table=TABLE.replace("moisture", "moistrue")))
-    assert "did you mean 'moistrue'?" in caught.value.faults[0]
-
-
 def test_a_table_far_from_its_own_scene_is_suspected_of_a_unit(tmp_path):
     table = TABLE.replace("slope [deg]", "diameter [mm]").replace(",5,1,me", ",250,1,me")
     study = STUDY.replace('slope = "conditions.slope"', 'diameter = "grains.size.diameter"')
@@ -110,9 +84,3 @@ def test_faults_of_a_study_and_of_its_table_are_told_at_once(tmp_path, read):
         read(path)
     assert any("candidates.efects" in fault for fault in caught.value.faults), caught.value.faults
     assert any("row 2, unit = 'gg/(m s)'" in fault for fault in caught.value.faults), caught.value.faults
-
-
-def test_a_table_of_too_few_rows_is_told_by_the_check(tmp_path):
-    (tmp_path / "t.toml").write_text(STUDY, encoding="utf-8")
-    notes = check_study(written(tmp_path))["notes"]
-    assert notes[0].startswith("too few rows to tell effects apart: 1 under different conditions, where 0")

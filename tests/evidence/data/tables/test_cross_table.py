@@ -4,7 +4,7 @@ import pytest
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.tables.column_roles import Told, column_roles
-from taichi_erosion.evidence.data.tables.cross_table import cross_table_faults, heading_value
+from taichi_erosion.evidence.data.tables.cross_table import cross_table_faults
 from taichi_erosion.evidence.data.tables.interview import Interview, TableWishes, understood
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
 
@@ -65,17 +65,3 @@ def test_a_table_is_not_read_as_repeats_of_one_measurement():
     crossed = cells("Korngröße [mm];Böschungswinkel 0 %;Böschungswinkel 1 %;Böschungswinkel 2 %")
     with pytest.raises(BadInput, match="a cross table"):
         understood(crossed, TableWishes(measures=("repose_angle",)), Interview(lambda _, guess: guess), [])
-
-
-def test_a_column_of_which_the_user_says_what_it_is_counts_as_said():
-    table = cells("Korngröße [mm];0;1;2")
-    columns = column_roles(table, Told(observables={"1": "repose_angle"}), [])
-    assert list(cross_table_faults(table, columns, {2})) == []
-
-
-def test_the_value_of_a_heading_is_its_one_number():
-    assert heading_value("Winkel bei w = 0,5 % [°]") == heading_value("Winkel  bei w = 0.5 %")
-    value = heading_value("angle (2 mm)")
-    assert value is not None
-    assert (value.number, value.unit) == (2.0, "mm")
-    assert heading_value("angle") is heading_value("1 to 2 mm") is None

@@ -77,16 +77,6 @@ def test_two_rows_of_headings_under_merged_cells_are_one(tmp_path):
     ]
 
 
-def test_value_scatter_and_number_under_one_heading_are_no_repeats(tmp_path):
-    book = workbook(
-        ("moisture [%]", "angle of repose [deg]", None, None),
-        *((0, 31, 0.7, 5), (1, 33, 0.8, 5), (2, 34, 0.8, 5)),
-        merged=("B1:D1",),
-    )
-    with pytest.raises(BadInput, match="are of different size, so no repeats of one measurement"):
-        read(tmp_path, book, "heap.xlsx")
-
-
 @pytest.mark.parametrize(
     ("heading", "cell", "sd"),
     [
@@ -102,11 +92,6 @@ def test_relative_scatter_is_scatter_times_the_value(tmp_path, heading, cell, sd
     assert [float(row[2]) for row in rows] == pytest.approx([sd, 2.0 * sd])
 
 
-def test_relative_scatter_in_another_unit_is_refused(tmp_path):
-    with pytest.raises(BadInput, match="counts in % or as a share"):
-        read(tmp_path, "moisture [%];repose angle [deg];CV [deg]\n0;31;2\n1;33;2\n")
-
-
 def test_an_instrument_is_the_source_of_a_row(tmp_path):
     text = "moisture [%];repose angle [deg];Messgerät\n0;31;Kamera\n1;33;Laser\n"
     rows, roles, _ = read(tmp_path, text)
@@ -120,23 +105,6 @@ def test_scatter_of_a_quantity_that_is_not_used_is_not_that_of_another(tmp_path)
     assert roles["SD"] == "remark"
     assert [row[2] for row in rows] == ["", ""]
     assert "column 'SD' is not used: it stands behind 'shininess [mm]', which is not used" in assumed
-
-
-def test_a_merged_heading_of_a_text_stands_above_its_repeats_with_its_unit(tmp_path):
-    text = (
-        "Labor 3;;;;;\nProbe;Feuchte;Böschungswinkel;;;Bemerkung\n;%;°;;;\n"
-        "P1;0;31;32;n.b.;\nP2;1;33;34;35;Düse getauscht\n"
-    )
-    rows, roles, _ = read(tmp_path, text)
-    assert [row[1] for row in rows] == ["31", "32", "33", "34", "35"]
-    assert {row[4] for row in rows} == {"°"}
-    assert [role for heading, role in roles.items() if heading.startswith("Bösch")] == ["observable"] * 3
-
-
-def test_a_blank_heading_beside_what_is_not_measured_stays_a_fault(tmp_path):
-    text = "moisture [%];;angle of repose [deg]\n0;3;31\n1;4;33\n"
-    with pytest.raises(BadInput, match="column 2 has no heading"):
-        read(tmp_path, text)
 
 
 def test_headings_that_stand_again_begin_no_other_table(tmp_path):
@@ -166,29 +134,6 @@ def test_a_yes_to_repeats_is_understood_as_people_type_it(tmp_path, answer, repe
             rows()
 
 
-def test_a_name_that_is_not_known_is_asked_again_with_those_that_are(tmp_path):
-    (tmp_path / "heap.csv").write_text("moisture [%];W1 [deg]\n0;31\n1;33\n", "utf-8")
-    asked = []
-
-    def told(question: str, guess: str) -> str:
-        asked.append(question)
-        if question.startswith("'repos_angel' is not known. Did you mean 'repose_angle'? Known: "):
-            return "repose_angle"
-        return "repos_angel" if question.startswith("Column 'W1") else guess
-
-    interview = Interview(told)
-    rows = read_laboratory_table(tmp_path / "heap.csv", Wishes(closed_form=True), interview)[0].lines
-    assert [row[:2] for _, row in rows] == [("repose_angle", "31"), ("repose_angle", "33")]
-    assert sum("conditions.moisture" in question for question in asked) == 2
-
-
-@pytest.mark.parametrize("heading", ["VK [%]", "CV (%)", "rel. Stabw. (%)", "RSD%"])
-def test_usual_names_of_relative_scatter_are_known(tmp_path, heading):
-    rows, roles, _ = read(tmp_path, f"moisture [%];angle of repose [deg];{heading}\n0;30;2\n1;40;3\n")
-    assert roles[heading] == "cv"
-    assert [row[2] for row in rows] == ["0.6", "1.2"]
-
-
 def cells(*rows: tuple[str, ...]) -> Cells:
     return Cells("heap.csv", tuple(enumerate(rows, 1)))
 
@@ -208,9 +153,3 @@ def test_a_lying_table_is_set_upright_where_that_is_agreed():
     assert [line for line, _ in found.rows] == [1, 2, 3, 4], "rows count as columns of the file"
     assert interview.assumed == ["rows and columns are exchanged: the headings stand in the first column"]
     assert found.file == "heap.csv (rows and columns exchanged)"
-
-
-def test_a_lying_table_stays_where_that_is_not_agreed():
-    assert upright(cells(*LYING), Interview(lambda *_: "no")).rows == cells(*LYING).rows
-    with pytest.raises(BadInput, match="'perhaps' is not yes or no"):
-        upright(cells(*LYING), Interview(lambda *_: "perhaps"))

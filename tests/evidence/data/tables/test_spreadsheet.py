@@ -7,7 +7,7 @@ import openpyxl
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.tables.cell_numbers import CellFault, is_range, read_cell
+from taichi_erosion.evidence.data.tables.cell_numbers import CellFault, read_cell
 from taichi_erosion.evidence.data.tables.column_roles import Told, column_roles
 from taichi_erosion.evidence.data.tables.headings import read_heading
 from taichi_erosion.evidence.data.tables.spreadsheet import read_cells
@@ -112,23 +112,6 @@ def test_a_number_is_read_as_laboratories_write_it(cell, comma, value, limit, sd
 def test_an_interval_has_both_its_ends(cell, comma, low, high, unit):
     found = read_cell(cell, comma)
     assert (found.value, found.upper, found.unit) == (low, high, unit)
-
-
-@pytest.mark.parametrize(
-    ("cell", "expected"),
-    [
-        *(
-            (cell, True)
-            for cell in ("20..25", "20-25 mm", "20 to 25", "1,5 – 2", "-5..-2", "1e-4-2e-4", "25..20")
-        ),
-        *(
-            (cell, False)
-            for cell in ("1.5e-3", "-5", "12-03-2020", "3 ± 1", "<2", "1 250 µm", "5 m-2", "1.2.3")
-        ),
-    ],
-)
-def test_a_range_is_told_from_a_number_and_a_date(cell, expected):
-    assert is_range(cell) is expected
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,10 @@
 """Doses of mechanisms against closed forms: a model linear in the dose has an exact marginal likelihood."""
 
-from dataclasses import replace
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
 from taichi_erosion.evidence.data.problem import Measurements, Mechanism, Parameter, Problem
 from taichi_erosion.evidence.inference.doses.dose_inference import (
-    bare_log_evidence,
     condition_sets,
     curvature,
     dose_evidence,
@@ -17,13 +13,7 @@ from taichi_erosion.evidence.inference.doses.dose_inference import (
     left_p,
     one_dose_p,
 )
-from taichi_erosion.evidence.inference.doses.dose_path import (
-    FARTHEST,
-    TOLERANCE,
-    dose_nodes,
-    dose_path,
-    halved_gaps,
-)
+from taichi_erosion.evidence.inference.doses.dose_path import dose_path
 from taichi_erosion.evidence.inference.doses.dose_search import dose_searches
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
 
@@ -104,17 +94,6 @@ def test_evidence_and_doses_of_a_linear_model_are_the_exact_ones():
     assert curvature(prepared, found) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_the_bare_model_has_its_exact_evidence():
-    prepared = prepared_linear(same(DOSES))
-    path = dose_path(prepared, PULL, np.zeros(1))
-    constant = SETS * np.log(2.0 * np.pi) + np.log(prepared.sd).sum()
-    at_one = int(np.argmin(np.abs(prepared.doubt.factor - 1.0)))
-    factor = prepared.doubt.factor[at_one]
-    total = np.ones((2 * SETS, 2 * SETS)) + factor**2 * np.diag(prepared.variance)
-    exact = log_normal(prepared.rows.z, total)
-    assert bare_log_evidence(prepared, path)[at_one] == pytest.approx(exact + constant, rel=1e-6)
-
-
 def test_one_dose_for_all_observables_is_accepted_where_it_is_true_and_refused_where_not():
     def chance(truth: dict[str, np.ndarray], seed: int) -> tuple[float, float]:
         prepared = prepared_linear(truth, seed)
@@ -128,55 +107,3 @@ def test_one_dose_for_all_observables_is_accepted_where_it_is_true_and_refused_w
     one, left = chance({"angle": DOSES, "height": -DOSES}, 0)
     assert one < 1e-6
     assert left < 1e-3
-
-
-def test_doses_at_which_the_model_is_asked_hold_both_ends_and_nothing():
-    nodes = dose_nodes(Mechanism("m", -0.9, 9.0))
-    assert nodes[0] == pytest.approx(-0.9)
-    assert nodes[-1] == pytest.approx(9.0)
-    assert np.min(np.abs(nodes)) == 0.0
-    assert np.all(np.diff(nodes) > 0.0)
-    assert dose_nodes(Mechanism("m", 0.0, 1.0))[0] == 0.0
-
-
-def bent_problem(bend: float) -> PreparedProblem:
-    """The same, with a slope along the level of 1 + 0.1 d + bend d^4 at a dose d."""
-    problem = linear_problem(same(DOSES))
-
-    def model(observable, conditions, parameters, effects, seeds):
-        dose = effects.get("pull", 0.0)
-        value = parameters["level"] * (1.0 + 0.1 * dose + bend * dose**4) + WEIGHTS[observable] * dose
-        return np.repeat(np.full((1, conditions["c"].size), value), len(seeds), axis=0)
-
-    return prepare(replace(problem, model=model), problem.measurements, 1)
-
-
-@pytest.mark.parametrize("bend", [0.0, 0.01])
-def test_slopes_along_calibrated_numbers_are_asked_until_a_curve_predicts_them(bend):
-    prepared = bent_problem(bend)
-    doses = np.linspace(-4.0, 4.0, 33)
-    path = dose_path(prepared, PULL, np.array([0.3]), near=doses)
-    exact = 1.0 + 0.1 * doses + bend * doses**4
-    for dose, slope in zip(doses, exact, strict=True):
-        found, _ = path.slopes(np.full(2 * SETS, dose))
-        np.testing.assert_allclose(found[:, 0], slope, atol=TOLERANCE * SD / FARTHEST)
-    assert path.steeper is not None
-    asked = path.steeper.x.size
-    assert asked <= 5 if bend == 0.0 else asked > 5
-
-
-def test_gaps_are_halved_until_every_place_is_asked():
-    assert [places.tolist() for places in halved_gaps(5)] == [[0, 2, 4], [0, 1, 2, 3, 4]]
-    assert [places.tolist() for places in halved_gaps(2)] == [[0, 1]]
-    found = halved_gaps(20)
-    assert all(set(a) <= set(b) for a, b in pairwise(found))
-    assert [places.size for places in found] == [3, 5, 9, 17, 20]
-
-
-def test_a_dose_beyond_its_range_changes_the_mean_less_and_less():
-    prepared = prepared_linear(same(DOSES))
-    path = dose_path(prepared, PULL, np.zeros(1))
-    inside, _ = path.change(np.full(2 * SETS, 5.0))
-    beyond, slope = path.change(np.full(2 * SETS, 50.0))
-    assert np.all(np.abs(beyond - inside) <= 0.5 * 2.0 + 1e-9)
-    assert np.all(np.abs(slope) < 1e-6)

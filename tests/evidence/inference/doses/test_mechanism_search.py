@@ -12,7 +12,6 @@ from taichi_erosion.evidence.answers.mechanism_experiments import mechanism_expe
 from taichi_erosion.evidence.data.findings import Discovery
 from taichi_erosion.evidence.data.problem import Candidate, Laboratory, Problem
 from taichi_erosion.evidence.inference import verdict_levels as levels
-from taichi_erosion.evidence.inference.doses.mechanism_search import near_the_best
 from taichi_erosion.evidence.models import reduced, reduced_places
 
 WET = Truth("outside", "rolling_friction", "moisture", "power", 5.0, 0.7, dict(reduced.PARAMETERS))
@@ -70,22 +69,6 @@ def test_in_a_null_no_mechanism_is_asked_for():
     assert found.verdict in ("none_detected", "not_testable")
 
 
-def test_a_model_without_places_for_mechanisms_gets_no_such_answer():
-    problem = replace(problem_of(WET), mechanisms=())
-    found = discover(problem, 1, problem.budget, no_progress)
-    assert (found.verdict, found.beyond) == ("outside_library", None)
-
-
-def test_forms_are_zero_where_a_condition_that_reaches_zero_is_zero():
-    from taichi_erosion.evidence.inference.doses.dose_forms import forms_of
-
-    conditions = {"moisture": np.array([0.0, 0.01, 0.02, 0.04]), "diameter": np.array([1.0, 2.0, 3.0, 4.0])}
-    for form in forms_of(conditions):
-        if form.conditions == ("moisture",):
-            numbers = np.array([1.0, *form.starts[0]])
-            assert form.dose(conditions, numbers)[0] == pytest.approx(0.0, abs=1e-9)
-
-
 EXPONENT = 0.7  # of moisture, by which the strength of a listed effect varies
 
 
@@ -120,41 +103,6 @@ def test_a_listed_effect_of_its_own_law_has_one_strength():
     assert (found.beyond.group, found.beyond.withdrawn) == ((), False)
     assert found.beyond.named_odds < 1.0 / levels.MECHANISM_ODDS
     assert any("better than liquid_bridge" in sentence for sentence in found.sentences)
-
-
-OPENED = 0xE082A3A315FB766664E214EE777AA1E0  # of case 286 of the set `fourth` of the trial `beyond`
-
-
-@pytest.mark.slow
-def test_errors_that_nobody_stated_do_not_hold_a_name_against_a_mechanism():
-    """Four rows that count as off let `liquid_bridge` explain a weight that grows with moisture."""
-    problem, truth = draw(OPENED)
-    places = tuple(each for each in problem.mechanisms if each.name in ("grain_weight", "drag"))
-    found = discover(replace(problem, mechanisms=places), 286, problem.budget, no_progress)
-    assert (truth.name, found.verdict, found.named) == ("grain_weight", "outside_library", ())
-    assert (found.errors_probability, found.p_misfit_after) == (0.0, found.p_misfit)
-    assert found.beyond is not None
-    assert (found.beyond.group, found.beyond.named) == (("grain_weight",), ("liquid_bridge",))
-    assert found.beyond.withdrawn
-
-
-def test_mechanisms_are_fitted_on_where_they_come_near_the_best_or_the_name():
-    gains = np.array([100.0, 60.0, 45.0, 10.0])
-    assert near_the_best(gains, -np.inf, 0.5).tolist() == [0, 1, 2]
-    assert near_the_best(gains, 200.0, 0.5).tolist() == [0]
-    assert near_the_best(np.array([4.0, -3.0]), 6.0, 0.75).tolist() == [0, 1]
-
-
-@pytest.mark.slow
-def test_a_mechanism_withdraws_the_name_of_an_effect_that_imitates_it():
-    truth = Truth("outside", "contact_pull", "moisture", "exponential", 2.2, 1.2, dict(reduced.PARAMETERS))
-    problem = problem_of(truth)
-    bare = discover(replace(problem, mechanisms=()), 1, problem.budget, no_progress)
-    found = discover(problem, 1, problem.budget, no_progress)
-    assert "liquid_bridge" in (*bare.named, *bare.group) or bare.verdict == "outside_library"
-    assert found.verdict == "outside_library"
-    assert found.beyond is not None
-    assert found.beyond.group[0] == "contact_pull"
 
 
 def test_next_tells_the_mechanisms_apart_that_are_left(wet):

@@ -1,6 +1,5 @@
 """Averaged intervals against brute force: every kernel, amplitude, level and noise factor on a grid."""
 
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -84,47 +83,3 @@ def test_a_smooth_misfit_makes_a_calibrated_number_less_certain():
         mixture = fitted(prepared).number(0)
         widths.append(mixture.quantile(0.95) - mixture.quantile(0.05))
     assert widths[1] > 2.0 * widths[0]
-
-
-def test_a_strength_is_averaged_given_that_its_effect_acts():
-    problem = linear_problem(SHAPES, {"slope": 1.0})
-    prepared, _, _ = fit_base(prepare(problem, problem.measurements, 1))
-    acting = fitted(prepared, ("slope",), 0.9).strength("slope", 3.0)
-    shape = problem.measurements.conditions["x"] / prepared.sd
-    sd = 1.0 / np.sqrt(shape @ shape)
-    width = acting.quantile(0.95) - acting.quantile(0.05)
-    assert 1.0 < width / (2.0 * stats.norm.ppf(0.95) * sd) < 2.0, "a discrepancy and the scatter add to it"
-    assert acting.quantile(0.05) < 1.0 < acting.quantile(0.95)
-
-
-def test_two_hypotheses_are_mixed_by_their_weights():
-    problem = linear_problem(SHAPES, {"bend": 0.3})
-    prepared, _, _ = fit_base(prepare(problem, problem.measurements, 1))
-    family, items = kernels(prepared), []
-    for names in ((), ("bend",)):
-        best = fit(prepared, names, [np.append(prepared.prior_mean, [0.3] * len(names))])
-        scored = score(prepared, expand(prepared, best))
-        items.append(FittedHypothesis(scored, np.full(prepared.doubt.factor.size, -np.inf)))
-    weighed = [alone(prepared, item, family) for item in items]
-    ends = []
-    for share in (0.0, 0.5, 1.0):
-        with np.errstate(divide="ignore"):
-            logs = np.log([1.0 - share, share])
-        level = [log_sum_exp(each.plain) for each in weighed]
-        parts = [
-            replace(each, plain=each.plain - own + log)
-            for each, own, log in zip(weighed, level, logs, strict=True)
-        ]
-        mixture = average(prepared, parts, asked=True).number(0)
-        ends.append([mixture.quantile(q) for q in (0.05, 0.95)])
-    (bare_low, bare_high), (low, high), (bend_low, bend_high) = ends
-    assert low == pytest.approx(min(bare_low, bend_low), abs=0.6 * (bare_high - bare_low))
-    assert min(bare_low, bend_low) < low < high < max(bare_high, bend_high)
-
-
-def test_a_model_without_calibrated_numbers_has_strengths_alone():
-    problem = linear_problem(SHAPES, {"slope": 1.0}, calibrated=False)
-    prepared, _, _ = fit_base(prepare(problem, problem.measurements, 1))
-    acting = fitted(prepared, ("slope",), 0.9).strength("slope", 3.0)
-    assert acting.quantile(0.05) < 1.0 < acting.quantile(0.95)
-    assert fitted(prepared).parts
