@@ -86,7 +86,9 @@ def get_entry(session: Session, words: list[str]) -> str:
 def measure(session: Session, words: list[str]) -> str:
     found = live.measure_now(session).values()
     lines = [spoken(each) for each in found]
-    lines += [f"warning: {each.name}: {lack.sentence}" for each in found for lack in each.shortfalls]
+    for each in found:
+        for lack in each.shortfalls:
+            lines.append(f"{'limit' if lack.stated else 'warning'}: {each.name}: {lack.sentence}")
     return "\n".join(lines) or "the scene has no measures"
 
 

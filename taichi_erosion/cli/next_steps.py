@@ -63,8 +63,13 @@ def comparisons(document: Record) -> Iterator[tuple[bool, str]]:
             continue
         gap = value - wanted["value"]
         alone = (found.get("n") or 1) < LEAST_RUNS
-        scatters = hypot(*(known(side.get("sd")) for side in ((wanted,) if alone else (found, wanted))))
-        errors = hypot(*(known(side.get("sd")) / sqrt(side.get("n") or 1) for side in (found, wanted)))
+        shared = known(found.get("details", {}).get("shared_sd"))  # of all replicas alike
+        scatters = hypot(
+            shared, *(known(side.get("sd")) for side in ((wanted,) if alone else (found, wanted)))
+        )
+        errors = hypot(
+            shared, *(known(side.get("sd")) / sqrt(side.get("n") or 1) for side in (found, wanted))
+        )
         unit = found.get("unit", "")
         size = f"{abs(gap):.2g} {unit if unit != '1' else ''}".rstrip()
         is_angle = name in ANGLES

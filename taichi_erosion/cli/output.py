@@ -1,6 +1,7 @@
 """Standard output of commands: one JSON document, or tables."""
 
 import json
+import logging
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from math import floor, isfinite, log10
@@ -33,6 +34,7 @@ Decomposition = Annotated[
 ]
 
 MARK_MISSING = "-"
+WARNING = "warning: "
 WIDEST = 1000  # width of a table in a file or pipe [characters]
 
 
@@ -57,7 +59,7 @@ def print_run(document: Record) -> None:
     """Print simulated and measured values, warnings, recording and speed."""
     columns = ("measure", "simulated", "measured", "difference", "source")
     print_table(document["scene"], columns, run_rows(document))
-    for sentence in (*consequences(document), *(f"warning: {each}" for each in run_warnings(document))):
+    for sentence in (*consequences(document), *remarks(document)):
         typer.echo(sentence)
     if document.get("recording"):
         typer.echo(f"recording: {document['recording']}")
@@ -75,8 +77,8 @@ def log_run(document: Record) -> None:
     """Write measures, warnings and recording of a run to the log."""
     for name, found in document["measures"].items():
         LOG.info("%s = %s %s", name, spread(found), found["unit"])
-    for sentence in run_warnings(document):
-        LOG.warning(sentence)
+    for sentence in remarks(document):
+        LOG.log(logging.WARNING if sentence.startswith(WARNING) else logging.INFO, sentence)
     if document.get("recording"):
         LOG.info("recording: %s", document["recording"])
 
@@ -100,7 +102,7 @@ def consequences(document: Record) -> Iterator[str]:
         force, speed = adhesion["pull_off_force"], adhesion["sticking_speed"]
         weights = adhesion["bond_number"]
         yield f"adhesion: pull-off force {force:.3g} N, {weights:.3g} weights; sticking speed {speed:.3g} m/s"
-    yield from (f"warning: {line}" for line in limits.get("warnings", ()))
+    yield from (f"{WARNING}{line}" for line in limits.get("warnings", ()))
 
 
 def examined_effects(found: Sequence[Record]) -> Iterator[str]:
@@ -109,20 +111,21 @@ def examined_effects(found: Sequence[Record]) -> Iterator[str]:
         return
     from taichi_erosion.verification.effect_contract import examined_words
 
-    yield from (("warning: " if each["breaches"] else "") + examined_words(each) for each in found)
+    yield from ((WARNING if each["breaches"] else "") + examined_words(each) for each in found)
 
 
-def run_warnings(document: Record) -> list[str]:
-    """What the set-up lacks, warnings with their number of replicas, then the notes of the measures."""
+def remarks(document: Record) -> list[str]:
+    """What measures lack, warnings with their number of replicas, limits that the scene states, notes."""
     measures = document["measures"].items()
-    lacking = [
-        f"{name}: {each['sentence']}" for name, found in measures for each in found.get("shortfalls", ())
-    ]
+    lacking = [(name, each) for name, found in measures for each in found.get("shortfalls", ())]
     counts = Counter(sentence for replica in document["replicas"] for sentence in replica["warnings"])
     among = len(document["replicas"])
-    warnings = [f"{sentence} ({count} of {among} replicas)" for sentence, count in counts.items()]
-    notes = [f"{name}: {note}" for name, measure in measures for note in measure.get("notes", ())]
-    return lacking + warnings + notes
+    return [
+        *(f"{WARNING}{name}: {each['sentence']}" for name, each in lacking if not each["stated"]),
+        *(f"{WARNING}{sentence} ({count} of {among} replicas)" for sentence, count in counts.items()),
+        *(f"limit: {name}: {each['sentence']}" for name, each in lacking if each["stated"]),
+        *(f"note: {name}: {note}" for name, found in measures for note in found.get("notes", ())),
+    ]
 
 
 def print_measurement(record: Record) -> None:

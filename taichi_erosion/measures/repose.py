@@ -20,7 +20,6 @@ SHORTEST_FLANK = 3.0  # diameters of outline that carry a line [1]; lab_C asks f
 FEW_FLANKS_SHARE = 0.25  # of the flanks too short: the value rests on a selection [1]
 INDEPENDENT_TURN = 60.0  # deg of azimuth between silhouettes that share no grains; see `spread`
 RIM_SHARE = 0.1  # of the plate's rim lined with grains: the plate, not the grains, ends the pile [1]
-WITHIN_ONE_PILE = "sd is the standard error within one pile; the error bar comes from repeats"
 SENTENCES = {
     "few_points": "few points: {short_flanks} of {flanks_seen} flanks are shorter than three diameters",
     "curved": "flank not straight: its angle changes by {bend:.1f} deg from shoulder to foot",
@@ -78,9 +77,7 @@ def repose_angle(
     details["fallen_grains"] = int(np.sum(~on_plate))
     details["flags"] = raise_flags(details, grain, plate_radius)
     notes = tuple(SENTENCES[flag].format(**details) for flag in details["flags"])
-    return Measurement(
-        name, float(np.mean(angles)), details["standard_error"], "deg", 1, (*notes, WITHIN_ONE_PILE), details
-    )
+    return Measurement(name, float(np.mean(angles)), details["standard_error"], "deg", 1, notes, details)
 
 
 def view_heap(position: Floats, radius: Floats, azimuth: float, base_height: float, grain: float) -> View:

@@ -21,6 +21,7 @@ class Shortfall:
     needed: float
     blocks: bool
     grains: int | None = None  # that would suffice, where more grains help
+    stated: bool = False  # by the scene: it asks for the value of this set-up, and nothing is amiss
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,10 @@ MAP_SPEED = (5.0, 5.5, 6.0, 6.5, 7.0, 7.5, 9.0, 11.0, 13.0)
 MAP_RATIO = (1.0877, 1.0855, 1.0828, 1.0809, 1.0788, 1.0775, 1.0733, 1.0691, 1.0659)
 PLATE = (1.0,) * len(MAP_SPEED)  # the same of a flat plate itself [1]
 MAP_SD = 0.0562  # of u* at a stated wind, relative: doe/tunnel_map/variants.csv
+CONVERSION = (
+    f"by the simulated map of the working section, u* known to {MAP_SD:.1%}: +- {{shared_sd:.2f}} m/s "
+    "for all beds alike; over the flat plate of textbooks {flat_plate:.2f} m/s"
+)
 SHARED = ("shared_sd", "flat_plate")  # details of a bed that all beds share, averaged in the pooled value
 
 
@@ -158,7 +162,8 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
         key: float(np.mean([b[key] for b in brackets])) for key in SHARED if key in next(iter(brackets), {})
     }
     lacking = (*plain.shortfalls, *beds_lacking(plain, repeats))
-    plain = replace(plain, shortfalls=lacking, details=plain.details | shared)
+    notes = (*plain.notes, CONVERSION.format(**shared)) if shared else plain.notes
+    plain = replace(plain, notes=notes, shortfalls=lacking, details=plain.details | shared)
     if len(brackets) < 2:
         return plain
     ends = np.log([[b["low"], b["high"]] for b in brackets])

@@ -131,7 +131,8 @@ def heap_shortfalls(given: MeasureInput, found: Measurement) -> Iterable[Shortfa
     rows = shortfalls.flank_rows(height, heap.grain_diameter(state))
     wanted = nan if measured is None else measured.value
     poured = given.scene.fill.law == "pour"
-    return shortfalls.heap_shortfalls(rows, state.radius.size, poured, wanted, found.value)
+    lacking = shortfalls.heap_shortfalls(rows, state.radius.size, poured, wanted, found.value)
+    return (replace(each, stated=given.request.of_this_size and not each.blocks) for each in lacking)
 
 
 def surface_shortfalls(given: MeasureInput, _: Measurement) -> Iterable[Shortfall]:

@@ -169,6 +169,10 @@ class Measure(Section):
     azimuths: int | None = number(None, "1", "number of silhouettes over half a turn", 1, 360)
     every: float | None = number(None, "s", "interval of repeated reading within the stage", 1e-6, LONGEST)
     plate: Name | None = Field(None, description="surface on which the heap stands")
+    of_this_size: bool = Field(
+        default=False,
+        description="the angle of a heap of this many grains is asked for, not the limit of large ones",
+    )
 
 
 class Measured(Section):
