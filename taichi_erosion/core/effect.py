@@ -26,6 +26,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import MISSING, Field, asdict, dataclass, field, fields
 from math import inf, isfinite
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -152,12 +153,12 @@ class Effect:
 
 
 def effect_of(module: str, **entries: Any) -> Effect:
-    """Effect of the file of a module: its name, its docstring, its `Params`, and entries.
+    """Effect of the file of a module: name of the file, its docstring, its `Params`, and entries.
 
     What the file defines under the name of an entry (`checks`, `constants`, `reach`, ...) need not be stated.
     """
     file = sys.modules[module]
-    found = {"name": module.rpartition(".")[2], "doc": file.__doc__, "params": file.Params}
+    found = {"name": Path(str(file.__file__)).stem, "doc": file.__doc__, "params": file.Params}
     found |= {f.name: getattr(file, f.name) for f in fields(Effect) if hasattr(file, f.name)}
     return Effect(**found | entries)
 

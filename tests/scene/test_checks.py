@@ -120,7 +120,7 @@ GRID = ("wind.columns=[8, 8]", "wind.closure='smagorinsky'", "wind.drive='gradie
 
 def test_a_gust_crosses_no_more_than_a_cell_between_two_exchanges():
     with pytest.raises(BadInput, match=r"a gust of .* crosses .* between two exchanges; at most"):
-        check_scene(SCENES / "wind_threshold.toml", (*GRID, "wind.look_steps=100"))
+        check_scene(SCENES / "wind_threshold.toml", ("effects={}", *GRID, "wind.look_steps=100"))
 
 
 def test_gusts_of_the_grid_and_of_the_effect_do_not_blow_at_once():

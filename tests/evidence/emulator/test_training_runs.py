@@ -239,7 +239,7 @@ def test_no_command_and_not_all_of_them_together_pass_the_budget(tmp_path, asked
 
 def test_a_budget_that_is_too_small_is_refused_before_the_first_run(tmp_path, asked, capsys):
     assert main(["discover", str(write(tmp_path, 1.5)), "--budget", "10"]) == 2
-    assert "a budget of 10 runs is too small; the study needs at least 20" in capsys.readouterr().err
+    assert "a budget of 10 runs is too small; the study needs at least 16" in capsys.readouterr().err
     assert not asked
 
 

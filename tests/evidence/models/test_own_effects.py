@@ -107,8 +107,7 @@ def with_reading(folder: Path, text: str) -> tuple[Path, StudyOptions]:
 
 
 def test_a_model_function_is_read_through_an_instrument_of_ones_own(tmp_path):
-    text = READING.replace('name="repose_method"', 'name="mine"')
-    problem = load_study(*with_reading(tmp_path, text)).problem
+    problem = load_study(*with_reading(tmp_path, READING)).problem
     assert "mine" in [each.name for each in problem.candidates]
     conditions = {"moisture": np.zeros(2), "diameter": np.full(2, 3e-4)}
     numbers = {each.path: each.start for each in problem.parameters}

@@ -64,7 +64,7 @@ def test_the_bed_is_as_high_as_its_grains_fill_whatever_their_sizes():
     assert surface_height(scene, wind) == pytest.approx(solid / (0.6 * wind.length * wind.width), rel=0.1)
 
 
-GRID = ("wind.columns=[8, 8]", "wind.closure='smagorinsky'", "wind.drive='gradient'")
+GRID = ("effects={}", "wind.columns=[8, 8]", "wind.closure='smagorinsky'", "wind.drive='gradient'")
 
 
 def test_a_grid_over_a_patch_is_built_with_what_stirs_it():
