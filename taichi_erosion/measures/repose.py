@@ -21,10 +21,10 @@ FEW_FLANKS_SHARE = 0.25  # of the flanks too short: the value rests on a selecti
 INDEPENDENT_TURN = 60.0  # deg of azimuth between silhouettes that share no grains; see `spread`
 RIM_SHARE = 0.1  # of the plate's rim lined with grains: the plate, not the grains, ends the pile [1]
 SENTENCES = {
-    "few_points": "few points: {short_flanks} of {flanks_seen} flanks are shorter than three diameters",
-    "curved": "flank not straight: its angle changes by {bend:.1f} deg from shoulder to foot",
-    "flat_top": "truncated cone: flanks would meet at {meeting_height:.4g} m, the top is at {height:.4g} m",
-    "truncated_by_plate": "pile reaches the rim of the plate: {rim_grains} grains within one diameter of it",
+    "few_points": "few points: more than a quarter of the flanks are shorter than three diameters",
+    "curved": "flank not straight: its angle changes from shoulder to foot",
+    "flat_top": "truncated cone: its flanks would meet above its top",
+    "truncated_by_plate": "pile reaches the rim of the plate",
 }
 
 
@@ -76,7 +76,7 @@ def repose_angle(
     details["rim_grains"] = rim_grains(position, grain, plate_radius) if plate_radius else 0
     details["fallen_grains"] = int(np.sum(~on_plate))
     details["flags"] = raise_flags(details, grain, plate_radius)
-    notes = tuple(SENTENCES[flag].format(**details) for flag in details["flags"])
+    notes = tuple(SENTENCES[flag] for flag in details["flags"])
     return Measurement(name, float(np.mean(angles)), details["standard_error"], "deg", 1, notes, details)
 
 

@@ -35,7 +35,7 @@ HEAP_FACTOR = 2.4  # c above [1]
 USUAL_ANGLE = 30.0  # deg, where neither a measured nor a simulated one is known
 LEAST_ANGLE = 5.0  # deg, below which the estimate of N would be absurd
 LEAST_HOPS = 50  # exponential hops make a flux within sqrt(2 / n) = 20 % [1]
-MOST_DRIFT = 4.0  # standard errors of the mean between the two ends of a window [1]
+DRIFT_LEVEL = 0.01  # of the test of a slope by Student's law
 LEAST_BINS = 6  # a surface of n bins, each off by up to half a grain, slopes within 1 / sqrt(n^3 - n) = 4 deg
 LEAST_BEDS = 5  # beds scatter by 11 % (doe/wind/fluid.csv): the 95 % interval of five is 14 % to either side
 
@@ -128,11 +128,14 @@ def surface_shortfalls(bins: float) -> Iterator[Shortfall]:
         yield Shortfall("narrow_surface", words, bins, LEAST_BINS, True)
 
 
-def drift_shortfalls(drift: float, error: float) -> Iterator[Shortfall]:
-    """Shortfall of a mean over a window at whose end the state still changes."""
-    if abs(drift) > MOST_DRIFT * error:
-        words = "the mean drifts over the window by more than its scatter: a later or longer window"
-        yield Shortfall("drift", words, abs(drift) / error, MOST_DRIFT, False)
+def drift_shortfalls(p: float) -> Iterator[Shortfall]:
+    """Shortfall of a mean over a window in which the state still changes.
+
+    `p`: chance of such a slope, or a steeper one, of the means of its blocks if they scatter about one value.
+    """
+    if p < DRIFT_LEVEL:
+        words = f"the mean drifts over the window (p = {p:.1g}): a later or longer window"
+        yield Shortfall("drift", words, p, DRIFT_LEVEL, False)
 
 
 def touching_shortfalls(share: float) -> Iterator[Shortfall]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import exp, nan, sqrt
 
 import numpy as np
+import scipy.stats
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import AirProfile, Snapshot
@@ -66,8 +67,7 @@ def blocked(name: str, series: Sequence[float], unit: str) -> Measurement:
         return no_measurement(name, unit, f"{len(series)} frames; at least {LEAST_FRAMES} are needed")
     means = [float(np.mean(block)) for block in np.array_split(np.asarray(series), BLOCKS)]
     error = float(np.std(means, ddof=1)) / sqrt(BLOCKS)
-    drift = (means[-1] + means[-2] - means[0] - means[1]) / 2.0
-    lacking = tuple(drift_shortfalls(drift, error))
+    lacking = tuple(drift_shortfalls(scipy.stats.linregress(np.arange(BLOCKS), means).pvalue))
     return Measurement(
         name, float(np.mean(series)), error, unit, details={"blocks": means}, shortfalls=lacking
     )

@@ -111,7 +111,7 @@ def test_one_thread_per_grain_makes_the_runs_of_a_campaign_too(results, folder):
     assert by_grain.key != usual.key
 
 
-GRID = SCENES / "gusty_patch.toml"
+GRID = SCENES.parent / "doe" / "wind" / "gusty_patch.toml"
 
 
 def test_what_one_thread_per_grain_cannot_run_is_refused_before_the_campaign():

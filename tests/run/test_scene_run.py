@@ -142,7 +142,7 @@ def test_a_signal_in_any_phase_leaves_whole_files_and_no_traceback(scene, folder
 def test_auto_runs_on_the_cpu_what_the_device_refuses_and_warns_why(monkeypatch, tmp_path):
     monkeypatch.setattr(scene_run, "has_cuda", lambda: True)
     monkeypatch.setattr(scene_run, "CROSSOVER", 1)
-    path = SCENES / "gusty_patch.toml"
+    path = SCENES.parent / "doe" / "wind" / "gusty_patch.toml"
     scene = read_scene(path, ("grains.count=100", "wind.columns=[4,4]"))
     options = RunOptions(arch="auto", threads=1, no_record=True)
     ensemble = assemble_run(path, scene, library_of(scene), options, tmp_path / "unused.rrd")

@@ -35,7 +35,7 @@ def test_inlet_profiles_follow_their_laws():
     assert inlet_speed(listed, height, 0.4) == pytest.approx([0.2, 2.0, 4.0])
 
 
-NAMES = ("gusty_patch", "impact_threshold", "packed_bed", "saltation", "terminal_velocity", "wind_threshold")
+NAMES = ("impact_threshold", "packed_bed", "saltation", "terminal_velocity", "wind_threshold")
 
 
 @pytest.mark.parametrize("name", NAMES)
