@@ -10,7 +10,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
-__version__ = "0.1.1"
+__version__ = "0.2.0"
 
 INTERFACE = "taichi_erosion.api"
 CALLED = ("run", "effects")  # rooms that are called like the function of the same name
