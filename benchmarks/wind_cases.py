@@ -41,6 +41,7 @@ BOX_SIDE, FINEST, ROUGHNESS, FRICTION = 0.4, 2e-3, 1e-4, 0.3  # of the box of wi
 BOX_LAYERS, BOX_COLUMNS = 32, (16, 32, 64)
 AIR_UNTIMED, AIR_STEPS = 2, 5  # steps before the clock starts, and timed ones
 PATCH_SEED = 1
+STEP_FRACTION = 0.25  # of the Rayleigh time: that of all earlier speeds [1]
 WINDS = (
     (0.6, 0.1),
     (0.4123, 0.2),
@@ -113,7 +114,8 @@ def threshold_scene(awake: bool = False) -> Scene:
     """The scene of a threshold, measured by its search alone; `awake`: no grain sleeps."""
     table = toml_table(SCENES / "wind_threshold.toml")
     del table["measured"], table["record"]
-    table |= {"measure": {"fluid_threshold": {}}}
+    table |= {"measure": {"fluid_threshold": {}}, "effects": {}}  # under drag alone
+    table["run"]["time_step_fraction"] = STEP_FRACTION
     table["wind"] |= {"sleep_after": None} if awake else {}
     return parse_scene(table)
 

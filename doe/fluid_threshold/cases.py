@@ -6,7 +6,7 @@ from math import sqrt
 from pathlib import Path
 
 from doe.common import beds
-from doe.common.cases import Case, settings, size_order
+from doe.common.cases import DRAG_ALONE, Case, settings, size_order
 from doe.common.tables import read_table, write_table
 from tests.verification.reference.hopping import Sand
 
@@ -63,6 +63,7 @@ def case_of(name: str) -> Case:
     ratio = diameter / REFERENCE
     first = FIRST * Sand(diameter).scale
     orders = (
+        DRAG_ALONE,
         size_order(diameter),
         *(f"materials.{one}.shear_modulus={MODULUS * ratio:.6g}" for one in ("soil", "ground")),
         f"grains.count={GRAINS}",

@@ -3,10 +3,9 @@
 from math import hypot, isfinite, nan
 from pathlib import Path
 
-import numpy as np
 from scipy.stats import t as student
 
-from doe.common.cases import STOPPED, Row
+from doe.common.cases import ROOT, STOPPED, Row
 from doe.common.pages import with_columns, write_pages
 from doe.wind import ratio, shares
 from doe.wind.blown_sand import (
@@ -28,8 +27,10 @@ from doe.wind.blown_sand import (
 )
 from doe.wind.law_table import FLUID, impact_law_table, law_table, soil_table, stress_table
 from doe.wind.saturated_sand import saturated_table, saturated_thresholds, together
-from taichi_erosion.measures.threshold import CONFIDENCE, Bracket
+from taichi_erosion.measures.threshold import CONFIDENCE, MAP_SD, PLATE, Bracket, Tunnel, wind_speed
 from taichi_erosion.report.markdown import markdown_table
+from taichi_erosion.scene import load_scene
+from taichi_erosion.scene.preparation.sizes import nominal_diameter
 
 PAGE = "threshold.md"
 PICTURES = {"impact": "pictures/impact_threshold.png", "flux": "pictures/flux.png"}
@@ -58,7 +59,8 @@ RATIO_COLUMNS = (
     "fluid over the curve",
 )
 ALONE = "drag alone"  # the case that others are compared with
-ROLLING, PLATE = "rolling_onset", "threshold_wind_speed"
+ROLLING = "rolling_onset"
+FLUID_SCENE = "scenes/wind_threshold.toml"
 
 
 def half_interval(row: Row) -> float:
@@ -68,24 +70,27 @@ def half_interval(row: Row) -> float:
     return float(student.ppf(0.5 + 0.5 * CONFIDENCE, row.n - 1)) * row.standard_error
 
 
-def tunnel_speed(friction: float, half: float, tunnel: Table) -> tuple[float, float]:
+def soil_tunnel() -> Tunnel:
+    """The tunnel of the study with the bed of the scene."""
+    scene = load_scene(ROOT / FLUID_SCENE)
+    assert scene.wind is not None
+    return Tunnel(scene.threshold.fetch, nominal_diameter(scene.grains.size), scene.wind.viscosity)
+
+
+def tunnel_speed(friction: float, half: float) -> tuple[float, float]:
     """Free-stream speed at which the floor of the tunnel feels u* [m s-1], and half of its interval.
 
-    Straight lines between the speeds of the map; half the intervals of u* and of the map add as squares.
+    Half the intervals of u* and of the map add as squares.
     """
-    speeds, felt, spread = (
-        np.array([float(line[name]) for line in tunnel])
-        for name in ("speed", "friction_velocity", "friction_velocity_sd")
+    tunnel = soil_tunnel()
+    speed, beyond, other = (
+        wind_speed(each, tunnel)
+        for each in (friction, friction + (half if isfinite(half) else 0.0), friction * (1.0 + MAP_SD))
     )
-    if not felt[0] <= friction <= felt[-1]:
-        return nan, nan
-    speed = float(np.interp(friction, felt, speeds))
-    slope = float(np.gradient(speeds, felt)[np.searchsorted(felt, friction) - 1])
-    both = hypot(half if isfinite(half) else 0.0, 2.0 * float(np.interp(friction, felt, spread)))
-    return speed, slope * both
+    return speed, hypot(beyond - speed, 2.0 * (other - speed))
 
 
-def fluid_table(found: Found, tunnel: Table) -> str:
+def fluid_table(found: Found) -> str:
     """Thresholds of the published soil, and what they depend on."""
     header = (
         *("what", "case", "beds", "rolling onset u* [m/s]", "rolling onset U in the tunnel [m/s]"),
@@ -98,12 +103,21 @@ def fluid_table(found: Found, tunnel: Table) -> str:
             rows.append((*name, "", "stopped", *[""] * 5, case[STOPPED].note))
             continue
         fluid = case[FLUID]
-        friction, speed = onset_cells(fluid, tunnel)
+        friction, speed = onset_cells(fluid)
         bare = bare_threshold(found, name[0])
         over = f"{fluid.value / bare.value:.2f}" if bare is not None else ""
-        rolling = onset_cells(case[ROLLING], tunnel)
+        rolling = onset_cells(case[ROLLING])
         rows.append(
-            (*name, str(fluid.n), *rolling, friction, over, speed, shown(case[PLATE].value), fluid.note)
+            (
+                *name,
+                str(fluid.n),
+                *rolling,
+                friction,
+                over,
+                speed,
+                shown(wind_speed(fluid.value, soil_tunnel(), PLATE)),
+                fluid.note,
+            )
         )
     return markdown_table(header, rows)
 
@@ -114,10 +128,10 @@ def bare_threshold(found: Found, group: str) -> Row | None:
     return found[names[0]][FLUID] if names else None
 
 
-def onset_cells(row: Row, tunnel: Table) -> tuple[str, str]:
+def onset_cells(row: Row) -> tuple[str, str]:
     """A friction velocity with its interval, and what the tunnel makes of it."""
     half = half_interval(row)
-    return shown(row.value, half), shown(*tunnel_speed(row.value, half, tunnel))
+    return shown(row.value, half), shown(*tunnel_speed(row.value, half))
 
 
 def map_table(tunnel: Table) -> str:
@@ -164,7 +178,7 @@ def tables(doe: Path) -> dict[str, str]:
     fluxes = lines_of(doe / "measured" / "flux_creyssels2009.csv")
     tunnel, choices = (lines_of(doe / "tunnel_map" / f"{name}.csv") for name in ("map", "variants"))
     full = {
-        "fluid in full": fluid_table(fluid, tunnel),
+        "fluid in full": fluid_table(fluid),
         "flux in full": flux_table(flux, fluxes),
         "map": map_table(tunnel),
         "choices": choice_table(choices),
@@ -183,7 +197,7 @@ def tables(doe: Path) -> dict[str, str]:
     }
     shown_cases = {name: case for name, case in fluid.items() if name[0] in SHOWN}
     return full | {
-        "fluid": with_columns(fluid_table(shown_cases, tunnel), FLUID_COLUMNS),
+        "fluid": with_columns(fluid_table(shown_cases), FLUID_COLUMNS),
         "flux": with_columns(full["flux in full"], FLUX_COLUMNS),
         "ratio": with_columns(full["ratio in full"], RATIO_COLUMNS),
     }

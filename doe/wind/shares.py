@@ -15,7 +15,7 @@ from pathlib import Path
 
 from doe.common.beds import paired_ratio, pooled, shown
 from doe.common.beds import simulate as beds_of_scene
-from doe.common.cases import ROOT, Case, settings
+from doe.common.cases import DRAG_ALONE, ROOT, Case, settings
 from doe.common.command import words
 from doe.common.tables import read_table, write_table
 from doe.wind.extremes import Watch, criterion_threshold
@@ -70,7 +70,7 @@ def case_of(name: str, hold: float) -> Case:
     """Orders of a case."""
     effects = [] if name == NONE else name.split("+")
     orders = [f"effects.{effect}.strength=1" for effect in effects]
-    return Case("shares", name, settings(*orders, *other_hold(hold)), BEDS)
+    return Case("shares", name, settings(DRAG_ALONE, *orders, *other_hold(hold)), BEDS)
 
 
 def other_hold(hold: float) -> tuple[str, ...]:
