@@ -1,6 +1,7 @@
 """Fluid thresholds bed by bed: cases simulated in processes of their own, and their table."""
 
 import json
+import shlex
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -36,7 +37,7 @@ def simulate(scene: str, case: Case) -> list[Start]:
     done = subprocess.run(program, cwd=ROOT, capture_output=True, text=True, check=False)
     if not done.stdout:
         raise BadInput(f"{case.label}: {(done.stderr.strip().splitlines() or ['no answer'])[-1]}")
-    return starts_of(json.loads(done.stdout), " ".join(["./erosion", *typed]), method_commit())
+    return starts_of(json.loads(done.stdout), shlex.join(["./erosion", *typed]), method_commit())
 
 
 def starts_of(document: dict[str, Any], typed: str, made: str) -> list[Start]:

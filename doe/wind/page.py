@@ -5,7 +5,7 @@ from pathlib import Path
 
 from scipy.stats import t as student
 
-from doe.common.cases import ROOT, STOPPED, Row
+from doe.common.cases import STOPPED, Row
 from doe.common.pages import with_columns, write_pages
 from doe.wind import ratio, shares
 from doe.wind.blown_sand import (
@@ -29,8 +29,6 @@ from doe.wind.law_table import FLUID, impact_law_table, law_table, soil_table, s
 from doe.wind.saturated_sand import saturated_table, saturated_thresholds, together
 from taichi_erosion.measures.threshold import CONFIDENCE, MAP_SD, PLATE, Bracket, Tunnel, wind_speed
 from taichi_erosion.report.markdown import markdown_table
-from taichi_erosion.scene import load_scene
-from taichi_erosion.scene.preparation.sizes import nominal_diameter
 
 PAGE = "threshold.md"
 PICTURES = {"impact": "pictures/impact_threshold.png", "flux": "pictures/flux.png"}
@@ -60,7 +58,6 @@ RATIO_COLUMNS = (
 )
 ALONE = "drag alone"  # the case that others are compared with
 ROLLING = "rolling_onset"
-FLUID_SCENE = "scenes/wind_threshold.toml"
 
 
 def half_interval(row: Row) -> float:
@@ -72,9 +69,9 @@ def half_interval(row: Row) -> float:
 
 def soil_tunnel() -> Tunnel:
     """The tunnel of the study with the bed of the scene."""
-    scene = load_scene(ROOT / FLUID_SCENE)
+    scene = shares.scene()
     assert scene.wind is not None
-    return Tunnel(scene.threshold.fetch, nominal_diameter(scene.grains.size), scene.wind.viscosity)
+    return Tunnel(scene.threshold.fetch, shares.diameter(), scene.wind.viscosity)
 
 
 def tunnel_speed(friction: float, half: float) -> tuple[float, float]:
@@ -103,22 +100,11 @@ def fluid_table(found: Found) -> str:
             rows.append((*name, "", "stopped", *[""] * 5, case[STOPPED].note))
             continue
         fluid = case[FLUID]
-        friction, speed = onset_cells(fluid)
+        rolling, (friction, speed) = onset_cells(case[ROLLING]), onset_cells(fluid)
         bare = bare_threshold(found, name[0])
         over = f"{fluid.value / bare.value:.2f}" if bare is not None else ""
-        rolling = onset_cells(case[ROLLING])
-        rows.append(
-            (
-                *name,
-                str(fluid.n),
-                *rolling,
-                friction,
-                over,
-                speed,
-                shown(wind_speed(fluid.value, soil_tunnel(), PLATE)),
-                fluid.note,
-            )
-        )
+        plate = shown(wind_speed(fluid.value, soil_tunnel(), PLATE))
+        rows.append((*name, str(fluid.n), *rolling, friction, over, speed, plate, fluid.note))
     return markdown_table(header, rows)
 
 

@@ -10,6 +10,7 @@ by bed. A case is named by its effects, joined by +; `none` has none of them.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import combinations
 from pathlib import Path
 
@@ -78,6 +79,7 @@ def other_hold(hold: float) -> tuple[str, ...]:
     return () if hold == scene().threshold.hold else (f"threshold.hold={hold:g}",)
 
 
+@cache
 def scene() -> Scene:
     """The scene of all cases."""
     return load_scene(ROOT / SCENE)
