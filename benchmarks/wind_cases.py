@@ -1,10 +1,10 @@
 """Timed air: a wind tunnel, boxes of wind on growing grids, a patch of sand that blows, a fluid threshold.
 
-Tunnel, patch and threshold are those of `scenes/`, but patch and threshold at `STEP_FRACTION` and the threshold
-under drag alone. It has five beds and its interval, in processor time of one thread, divided among what it was
-spent on: `compile`, which loads every kernel before the first step, then `settle`, `ramp` and `hold` as in
-`run.threshold_search`. The time between two checks is shared evenly among the beds that ran, which all did as
-many steps.
+Tunnel, patch and threshold are those of `scenes/`, but patch and threshold at `STEP_FRACTION`, and the
+threshold under drag alone. It has five beds and its interval, in processor time of one thread, divided among
+what it was spent on: `compile`, which loads every kernel before the first step, then `settle`, `ramp` and
+`hold` as in `run.threshold_search`. The time between two checks is shared evenly among the beds that ran,
+which all did as many steps.
 """
 
 import time

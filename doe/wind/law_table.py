@@ -83,7 +83,8 @@ def impact_law_table(alone: Found, hindered: Found, measured: Table) -> str:
 def soil_table(alone: Found, hindered: Found, shares: Mapping[str, Measurement]) -> str:
     """Fluid thresholds of the published soil under both laws, ± the standard error of the beds.
 
-    `shares` are those under the drag of a grain alone that are told bed by bed, by the forces beside drag.
+    `shares` are those under the drag of a grain alone over the same beds, by the forces beside drag; they count
+    before `alone`, which may have other beds.
     """
     header = ("forces", *(f"beds, drag {law}" for law in LAWS), *(f"u* [m/s], drag {law}" for law in LAWS))
     rows = []
@@ -91,7 +92,7 @@ def soil_table(alone: Found, hindered: Found, shares: Mapping[str, Measurement])
         if FLUID not in case:
             continue
         row = case[FLUID]
-        told = alone[name][FLUID] if name in alone else shares[name[1]]
+        told = shares[name[1]] if name[1] in shares else alone[name][FLUID]
         both = (told.value, told.sd / told.n**0.5), (row.value, row.standard_error)
         ratio = row.value / told.value
         error = ratio * hypot(*(error / value for value, error in both))

@@ -56,7 +56,7 @@ RATIO_COLUMNS = (
     "impact over measured",
     "fluid over the curve",
 )
-ALONE = "drag alone"  # the case that others are compared with
+ALONE, ALL_FORCES = "drag alone", "all forces"  # cases; others are compared with the first
 ROLLING = "rolling_onset"
 
 
@@ -163,6 +163,7 @@ def tables(doe: Path) -> dict[str, str]:
     thresholds = lines_of(doe / "measured" / "impact_threshold.csv")
     fluxes = lines_of(doe / "measured" / "flux_creyssels2009.csv")
     tunnel, choices = (lines_of(doe / "tunnel_map" / f"{name}.csv") for name in ("map", "variants"))
+    beds = shares.thresholds()
     full = {
         "fluid in full": fluid_table(fluid),
         "flux in full": flux_table(flux, fluxes),
@@ -173,7 +174,7 @@ def tables(doe: Path) -> dict[str, str]:
         "adhesion": adhesion_table(impact, thresholds),
         "saturated": saturated_table(steady),
         "laws": law_table(flux, hindered, fluxes),
-        "law_soil": soil_table(fluid, hindered, shares.thresholds()),
+        "law_soil": soil_table(fluid, hindered, beds | {ALL_FORCES: beds[shares.ALL]}),
         "law_impact": impact_law_table(steady, hindered, thresholds),
         "law_stresses": stress_table(steady, hindered),
         "lines": line_table(flux, fluxes, sand_threshold(impact, CREYSSELS_SAND)),

@@ -34,7 +34,7 @@ FORCES = {
     "shear_lift": "lift",
     "turbulent_gusts": "gusts",
 }
-NONE = "none"
+NONE, ALL = "none", "all"
 BEDS = 5
 SHORTER = 0.1  # s: a third of the hold of the scene, against which the extrapolation is checked
 MEMORY = 0.02  # s, correlation time of gusts: attempts of a grain are as many
@@ -140,7 +140,7 @@ def words_of(name: str) -> str:
     effects = [] if name == NONE else name.split("+")
     missing = [label for effect, label in FORCES.items() if effect not in effects]
     if not missing:
-        return "all"
+        return ALL
     if len(missing) == 1:
         return f"all but {missing[0]}"
     return " and ".join(FORCES[effect] for effect in effects) or "none"
