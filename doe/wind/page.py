@@ -25,7 +25,6 @@ from doe.wind.blown_sand import (
     shown,
     splash_table,
 )
-from doe.wind.law_table import FLUID, impact_law_table, law_table, soil_table, stress_table
 from doe.wind.saturated_sand import saturated_table, saturated_thresholds, together
 from taichi_erosion.measures.threshold import CONFIDENCE, MAP_SD, PLATE, Bracket, Tunnel, wind_speed
 from taichi_erosion.report.markdown import markdown_table
@@ -56,8 +55,8 @@ RATIO_COLUMNS = (
     "impact over measured",
     "fluid over the curve",
 )
-ALONE, ALL_FORCES = "drag alone", "all forces"  # cases; others are compared with the first
-ROLLING = "rolling_onset"
+ALONE = "drag alone"  # the case that others are compared with
+ROLLING, FLUID = "rolling_onset", "threshold_u_star"
 
 
 def half_interval(row: Row) -> float:
@@ -158,12 +157,10 @@ def sand_threshold(impact: Found, sand: str) -> Bracket | None:
 def tables(doe: Path) -> dict[str, str]:
     """Tables of the page by name."""
     flux, falling, fluid, steady = (found_in(doe / "wind" / f"{name}.csv") for name in TABLES)
-    hindered = found_in(doe / "wind" / "drag_laws.csv")
     impact = together(falling, saturated_thresholds(steady))
     thresholds = lines_of(doe / "measured" / "impact_threshold.csv")
     fluxes = lines_of(doe / "measured" / "flux_creyssels2009.csv")
     tunnel, choices = (lines_of(doe / "tunnel_map" / f"{name}.csv") for name in ("map", "variants"))
-    beds = shares.thresholds()
     full = {
         "fluid in full": fluid_table(fluid),
         "flux in full": flux_table(flux, fluxes),
@@ -173,10 +170,6 @@ def tables(doe: Path) -> dict[str, str]:
         "scaling": scaling_table(impact, lines_of(doe / "wind" / "hopping.csv")),
         "adhesion": adhesion_table(impact, thresholds),
         "saturated": saturated_table(steady),
-        "laws": law_table(flux, hindered, fluxes),
-        "law_soil": soil_table(fluid, hindered, beds | {ALL_FORCES: beds[shares.ALL]}),
-        "law_impact": impact_law_table(steady, hindered, thresholds),
-        "law_stresses": stress_table(steady, hindered),
         "lines": line_table(flux, fluxes, sand_threshold(impact, CREYSSELS_SAND)),
         "splash": splash_table(flux),
         **shares.tables(),

@@ -20,7 +20,6 @@ from doe.common.cases import DRAG_ALONE, ROOT, Case, settings
 from doe.common.command import words
 from doe.common.tables import read_table, write_table
 from doe.wind.extremes import Watch, criterion_threshold
-from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.report.markdown import markdown_table
 from taichi_erosion.scene import Scene, load_scene
@@ -34,7 +33,7 @@ FORCES = {
     "shear_lift": "lift",
     "turbulent_gusts": "gusts",
 }
-NONE, ALL = "none", "all"
+NONE = "none"
 BEDS = 5
 SHORTER = 0.1  # s: a third of the hold of the scene, against which the extrapolation is checked
 MEMORY = 0.02  # s, correlation time of gusts: attempts of a grain are as many
@@ -128,19 +127,12 @@ def share_table(beds: Sequence[Bed], hold: float) -> str:
     return markdown_table(header, rows)
 
 
-def thresholds() -> dict[str, Measurement]:
-    """Threshold of the beds of every case, by its forces in words."""
-    beds, hold = read_beds(), scene().threshold.hold
-    found = {words_of(name): brackets(beds, name, hold) for name in names()}
-    return {words: pooled(case) for words, case in found.items() if case}
-
-
 def words_of(name: str) -> str:
     """Forces of a case in words."""
     effects = [] if name == NONE else name.split("+")
     missing = [label for effect, label in FORCES.items() if effect not in effects]
     if not missing:
-        return ALL
+        return "all"
     if len(missing) == 1:
         return f"all but {missing[0]}"
     return " and ".join(FORCES[effect] for effect in effects) or "none"
