@@ -14,9 +14,10 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import t as student
 
-from doe.fluid_threshold.cases import DIAMETERS, HOLD, LONGER, SIDE, read_beds
-from doe.fluid_threshold.page import FLOOR, SHARE, TUNNEL, iversen_white, pooled
-from doe.fluid_threshold.page import found_in as beds_in
+from doe.common.beds import found_in as beds_in
+from doe.common.beds import pooled, read_beds
+from doe.fluid_threshold.cases import DIAMETERS, HOLD, LONGER, SIDE, TABLE
+from doe.fluid_threshold.page import FLOOR, SHARE, TUNNEL, iversen_white
 from doe.wind.answers import FREEDOM, PRIOR_FREEDOM, Sands, sands_of, scale
 from doe.wind.blown_sand import (
     AIR,
@@ -39,7 +40,8 @@ from doe.wind.blown_sand import (
 from doe.wind.extremes import Watch, criterion_threshold
 from doe.wind.flux_law import vanishing_wind
 from doe.wind.saturated_sand import saturated_thresholds, winds_of
-from taichi_erosion.measures.threshold import CONFIDENCE
+from taichi_erosion.measures.result import Measurement
+from taichi_erosion.measures.threshold import CONFIDENCE, Bracket
 from taichi_erosion.report.markdown import markdown_table
 
 UNIFORM = "Bagnold 1937"  # of quartz, as the simulated sands
@@ -238,19 +240,25 @@ def impact_at(sands: Sands, diameter: float) -> Estimate | None:
 
 def fluid_threshold(size: float) -> Estimate:
     """Fluid threshold of the beds of a diameter [m s-1]."""
-    found = pooled(beds_in(read_beds()), f"{LONGER}/{size:g}")
-    assert found is not None
-    ends = found.details["interval"]
-    return Estimate(found.value, ends["low"], ends["high"])
+    return estimate(pooled(longer_beds(size)))
 
 
 def longer_watch(size: float) -> Estimate:
     """Fluid threshold by one percent of the surface grains of a square metre in five seconds [m s-1]."""
     diameter = MILLI * size
-    beds = list(beds_in(read_beds())[f"{LONGER}/{size:g}"].values())
     patch = Watch((SIDE * diameter) ** 2, HOLD, NEEDED)
     asked = Watch(FLOOR, TUNNEL, round(SHARE * FLOOR / diameter**2))
-    found = criterion_threshold("threshold", beds, patch, asked)
+    beds = list(longer_beds(size).values())
+    return estimate(criterion_threshold("threshold", beds, patch, asked))
+
+
+def longer_beds(size: float) -> dict[int, Bracket]:
+    """Brackets of the beds of a diameter that are watched for longer, by seed."""
+    return beds_in(read_beds(TABLE))[f"{LONGER}/{size:g}"]
+
+
+def estimate(found: Measurement) -> Estimate:
+    """A threshold with its interval [m s-1]."""
     ends = found.details["interval"]
     return Estimate(found.value, ends["low"], ends["high"])
 

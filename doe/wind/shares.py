@@ -9,16 +9,13 @@ by bed. A case is named by its effects, joined by +; `none` has none of them.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
 from pathlib import Path
 
-from doe.common.beds import paired_ratio, pooled, shown
-from doe.common.beds import simulate as beds_of_scene
+from doe.common.beds import Bed, found_in, paired_ratio, pooled, read_beds, shown, simulate, write_beds
 from doe.common.cases import DRAG_ALONE, ROOT, Case, settings
 from doe.common.command import words
-from doe.common.tables import read_table, write_table
 from doe.wind.extremes import Watch, criterion_threshold
 from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.report.markdown import markdown_table
@@ -43,19 +40,6 @@ SEVERAL = (  # criteria: words, share of the surface grains or one grain, area [
     ("a tenth of the surface grains in 5 s", 0.1, FLOOR, 5.0),
     ("the first grain of 1 m2 in a minute", 0.0, FLOOR, 60.0),
 )
-
-
-@dataclass(frozen=True)
-class Bed:
-    """The threshold of one bed in one case."""
-
-    case: str
-    hold: float  # s
-    seed: int
-    low: float  # m s-1, highest wind that it withstood
-    high: float  # m s-1, lowest wind that moved it
-    command: str
-    commit: str
 
 
 def names() -> list[str]:
@@ -84,27 +68,9 @@ def scene() -> Scene:
     return load_scene(ROOT / SCENE)
 
 
-def simulate(name: str, hold: float) -> list[Bed]:
-    """Beds of one case, in a process of its own."""
-    found = beds_of_scene(SCENE, case_of(name, hold))
-    return [Bed(name, hold, each.seed, each.low, each.high, each.command, each.commit) for each in found]
-
-
-def read_beds() -> list[Bed]:
-    """All beds of shares.csv."""
-    return read_table(TABLE, Bed)
-
-
-def write_beds(beds: Sequence[Bed]) -> None:
-    """Replace the beds of these cases in shares.csv."""
-    done, order = {(bed.case, bed.hold) for bed in beds}, names()
-    rows = [*(bed for bed in read_beds() if (bed.case, bed.hold) not in done), *beds]
-    write_table(TABLE, Bed, sorted(rows, key=lambda bed: (order.index(bed.case), bed.hold, bed.seed)))
-
-
 def brackets(beds: Sequence[Bed], case: str, hold: float) -> dict[int, Bracket]:
     """Brackets of a case by seed."""
-    return {bed.seed: Bracket(bed.low, bed.high) for bed in beds if (bed.case, bed.hold) == (case, hold)}
+    return found_in([bed for bed in beds if bed.hold == hold]).get(case, {})
 
 
 def share_table(beds: Sequence[Bed], hold: float) -> str:
@@ -181,17 +147,17 @@ def attempts() -> float:
 
 def tables() -> dict[str, str]:
     """Tables of docs/threshold.md by name, from shares.csv."""
-    beds, hold = read_beds(), scene().threshold.hold
+    beds, hold = read_beds(TABLE), scene().threshold.hold
     return {"shares": share_table(beds, hold), "criteria": criteria_table(beds, hold)}
 
 
 def main(asked: Sequence[str]) -> None:
     """Simulate what was asked for."""
-    hold = scene().threshold.hold
-    for name in asked or names():
-        write_beds(simulate(name, hold))
+    asked_for = [(name, scene().threshold.hold) for name in asked or names()]
     if not asked or names()[0] in asked:
-        write_beds(simulate(names()[0], SHORTER))
+        asked_for.append((names()[0], SHORTER))
+    for name, hold in asked_for:
+        write_beds(TABLE, simulate(SCENE, case_of(name, hold)), names())
 
 
 if __name__ == "__main__":
