@@ -7,6 +7,7 @@ from scipy.stats import t as student
 
 from doe.common.cases import STOPPED, Row
 from doe.common.pages import with_columns, write_pages
+from doe.common.tables import lines_of
 from doe.wind import ratio, shares
 from doe.wind.blown_sand import (
     BARE,
@@ -20,7 +21,6 @@ from doe.wind.blown_sand import (
     found_in,
     impact_table,
     line_table,
-    lines_of,
     scaling_table,
     shown,
     splash_table,

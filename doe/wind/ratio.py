@@ -16,6 +16,7 @@ from scipy.stats import t as student
 
 from doe.common.beds import found_in as beds_in
 from doe.common.beds import pooled, read_beds
+from doe.common.tables import lines_of
 from doe.fluid_threshold.cases import DIAMETERS, HOLD, LONGER, SIDE, TABLE
 from doe.fluid_threshold.page import FLOOR, SHARE, TUNNEL, iversen_white
 from doe.wind.answers import FREEDOM, PRIOR_FREEDOM, Sands, sands_of, scale
@@ -33,7 +34,6 @@ from doe.wind.blown_sand import (
     Table,
     density_of,
     found_in,
-    lines_of,
     predicted,
     simulated_thresholds,
 )
@@ -206,14 +206,15 @@ def ratio_table(data: Data) -> str:
 
 
 def measured_impact(data: Data, size: float) -> float:
-    """Impact threshold of Bagnold's uniform quartz [m s-1], interpolated as simulated sands are."""
-    lines = sorted(
-        (float(line["diameter [mm]"]), float(line["value"]))
-        for line in data.measured
-        if line["source"] == UNIFORM
-    )
-    sizes, values = np.array(lines).T
-    return predicted(MILLI * size, QUARTZ, (MILLI * sizes, values))
+    """Impact threshold of Bagnold's uniform quartz [m s-1], between its diameters."""
+    return at_diameter([line for line in data.measured if line["source"] == UNIFORM], "value", size)
+
+
+def at_diameter(lines: Table, column: str, size: float) -> float:
+    """A wind of quartz [m s-1] between the diameters of a table, interpolated as simulated sands are."""
+    pairs = sorted((float(line["diameter [mm]"]), float(line[column])) for line in lines)
+    sizes, winds = np.array(pairs).T
+    return predicted(MILLI * size, QUARTZ, (MILLI * sizes, winds))
 
 
 def simulated_impact(found: Found, group: str, size: float) -> Estimate | None:
@@ -273,7 +274,7 @@ def criteria_table(data: Data) -> str:
     rows = []
     for size in sorted(DIAMETERS):
         longer, line = longer_watch(size), flux_line(data.hindered, size)
-        stress, hop = simulated_impact(data.hindered, BARE, size), one_grain(data, size)
+        stress, hop = simulated_impact(data.hindered, BARE, size), at_diameter(data.hopping, OVER_BED, size)
         assert stress is not None
         rows.append(
             (
@@ -310,13 +311,6 @@ def flux_line(found: Found, size: float) -> Estimate | None:
         half = exp(quantile * 0.5 * (line.high - line.low) / line.middle)
         return Estimate(root * line.middle, root * line.middle / half, root * line.middle * half)
     return None
-
-
-def one_grain(data: Data, size: float) -> float:
-    """Wind in which one grain goes on that hops over a bed at rest [m s-1]."""
-    lines = sorted((float(line["diameter [mm]"]), float(line[OVER_BED])) for line in data.hopping)
-    sizes, values = np.array(lines).T
-    return predicted(MILLI * size, QUARTZ, (MILLI * sizes, values))
 
 
 def measured_table(data: Data) -> str:

@@ -5,13 +5,13 @@ python -m doe.wind.run GROUP...    the cases of some groups; `hopping` is the gr
 python -m doe.wind.run --page      only the page and its figures, from the tables
 """
 
-import csv
 from collections.abc import Sequence
 from math import pi
 from pathlib import Path
 
 from doe.common.cases import DRAG_ALONE, ROOT, Case, perform, read_rows, settings, size_order, write_rows
 from doe.common.command import words
+from doe.common.tables import lines_of
 from doe.wind.blown_sand import IN_EVERY_CONTACT
 from doe.wind.page import publish
 from taichi_erosion.core.files import write_atomic
@@ -63,8 +63,7 @@ SIDES = (20.0,)  # of other patches; much smaller ones hold too few of the large
 
 def flux_cases() -> list[Case]:
     """The winds of the measured flux, the middle ones first."""
-    with CREYSSELS.open(encoding="utf-8", newline="") as file:
-        winds = [float(row["u_star [m/s]"]) for row in csv.DictReader(file)]
+    winds = [float(line["u_star [m/s]"]) for line in lines_of(CREYSSELS)]
     first = sorted(winds, key=lambda wind: abs(wind - winds[2]))
     return [Case("flux", f"{wind:g}", settings(*flux_orders(wind)), BLOWN) for wind in first]
 
