@@ -1,9 +1,5 @@
 """Fluid thresholds bed by bed: cases simulated in processes of their own, and their table."""
 
-import json
-import shlex
-import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, isfinite, nan, sqrt
@@ -13,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import t as student
 
-from doe.common.cases import ROOT, Case, command, method_commit
+from doe.common.cases import Case, document_of, method_commit
 from doe.common.tables import read_table, write_table
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.measures.result import Measurement
@@ -35,14 +31,11 @@ class Bed:
 
 
 def simulate(scene: str, case: Case) -> list[Bed]:
-    """Beds of one case; those that a guard stopped have none. Raises BadInput where the run is refused."""
-    typed = command(scene, case)
-    program = [sys.executable, "-m", "taichi_erosion", *typed]
-    done = subprocess.run(program, cwd=ROOT, capture_output=True, text=True, check=False)
-    if not done.stdout:
-        raise BadInput(f"{case.label}: {(done.stderr.strip().splitlines() or ['no answer'])[-1]}")
-    document, made = json.loads(done.stdout), (shlex.join(["./erosion", *typed]), method_commit())
-    hold = document["resolved"]["threshold"]["hold"]
+    """Beds of one case but those that a guard stopped. Raises BadInput where none is left."""
+    typed, document, reason = document_of(scene, case)
+    if document is None:
+        raise BadInput(f"{case.label}: {reason}")
+    hold, made = document["resolved"]["threshold"]["hold"], (typed, method_commit())
     found = [(each["seed"], each["measures"].get("threshold_u_star")) for each in document["replicas"]]
     return [
         Bed(case.label, hold, seed, one["details"]["low"], one["details"]["high"], document["wall_s"], *made)

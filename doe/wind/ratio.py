@@ -133,15 +133,8 @@ def sand_table(data: Data) -> str:
     for name, kept in groups.items():
         errors = np.sqrt(np.mean(gaps[kept] ** 2, axis=0))
         rows.append((f"rms of ln, {name}", f"{kept.sum()} sands", "", "", *(f"{e:.3f}" for e in errors), ""))
-    header = (
-        "source",
-        "d [mm]",
-        "density [kg/m3]",
-        "measured u* [m/s]",
-        *ways,
-        "share of the sum of squares, bare",
-    )
-    return markdown_table(header, rows)
+    header = ("source", "d [mm]", "density [kg/m3]", "measured u* [m/s]", *ways)
+    return markdown_table((*header, "share of the sum of squares, bare"), rows)
 
 
 def variants(data: Data) -> dict[str, Variant]:
@@ -316,13 +309,8 @@ def flux_line(found: Found, size: float) -> Estimate | None:
 def measured_table(data: Data) -> str:
     """Measured impact thresholds over the curve of fluid thresholds, by laboratory; ratios of the field."""
     header = (
-        "source",
-        "sands",
-        "d [mm]",
-        "impact over fluid: mean",
-        "smallest",
-        "largest",
-        "sd of single sands",
+        *("source", "sands", "d [mm]", "impact over fluid: mean"),
+        *("smallest", "largest", "sd of single sands"),
     )
     sizes, _ = simulated_thresholds(saturated_thresholds(data.alone), STRESS_LINE)
     lines = [

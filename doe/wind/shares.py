@@ -76,12 +76,8 @@ def brackets(beds: Sequence[Bed], case: str, hold: float) -> dict[int, Bracket]:
 def share_table(beds: Sequence[Bed], hold: float) -> str:
     """Threshold of every case, and what switching its missing force on takes off."""
     whole = brackets(beds, names()[0], hold)
-    header = (
-        "forces beside drag",
-        "beds",
-        "fluid threshold u* [m/s]",
-        "over that with all forces, bed by bed",
-    )
+    over = "over that with all forces, bed by bed"
+    header = ("forces beside drag", "beds", "fluid threshold u* [m/s]", over)
     rows = []
     for name in names():
         found = brackets(beds, name, hold)
@@ -109,14 +105,16 @@ def criteria_table(beds: Sequence[Bed], hold: float) -> str:
     found = list(brackets(beds, names()[0], hold).values())
     patch = patch_watch(hold)
     asked = [("two grains of the patch in 0.3 s, as in the scene", patch)]
-    asked += [(label, criterion(share, area, time)) for label, share, area, time in SEVERAL]
+    for label, share, area, time in SEVERAL:
+        asked.append((label, Watch(area, time, max(1, round(share * area / diameter() ** 2)))))
     shorter = Watch(patch.area, SHORTER, patch.count)
     asked.append((f"two grains of the patch in {SHORTER:g} s", shorter))
     simulated = list(brackets(beds, names()[0], SHORTER).values())
     header = ("criterion", "Weibull's law: u* [m/s]", "log-normal law: u* [m/s]", "simulated: u* [m/s]")
     rows = []
+    attempts = 1.0 / (diameter() ** 2 * MEMORY)  # of a surface grain, one a gust [m-2 s-1]
     for label, watch in asked:
-        laws = [criterion_threshold(label, found, patch, watch, n) for n in (None, attempts())]
+        laws = [criterion_threshold(label, found, patch, watch, n) for n in (None, attempts)]
         direct = {patch: found, shorter: simulated}.get(watch, [])
         rows.append((label, *map(shown, laws), shown(pooled(dict(enumerate(direct)))) if direct else ""))
     return markdown_table(header, rows)
@@ -130,19 +128,9 @@ def patch_watch(hold: float) -> Watch:
     return Watch(area, hold, max(1, round(setting.share * area / diameter() ** 2 + 0.5)))
 
 
-def criterion(share: float, area: float, time: float) -> Watch:
-    """A share of the surface grains, or one grain, of an area [m2] in a time [s]."""
-    return Watch(area, time, max(1, round(share * area / diameter() ** 2)))
-
-
 def diameter() -> float:
     """Nominal diameter of the grains [m]."""
     return nominal_diameter(scene().grains.size)
-
-
-def attempts() -> float:
-    """One attempt a surface grain and gust [m-2 s-1]."""
-    return 1.0 / (diameter() ** 2 * MEMORY)
 
 
 def tables() -> dict[str, str]:
