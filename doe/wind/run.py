@@ -132,13 +132,13 @@ def patch_orders(side: float) -> tuple[str, ...]:
 def write_hopping() -> None:
     """The threshold of one grain that hops by the measured law of bounces, over a plane and over beds."""
     sands = [Sand(d) for d in sorted(DIAMETERS)]
-    lines = [("diameter [mm]", "u_star [m/s]", "u_star over a bed [m/s]", "roughness of that bed [mm]")]
+    lines = [["diameter [mm]", "u_star [m/s]", "u_star over a bed [m/s]", "roughness of that bed [mm]"]]
     winds = winds_over_beds([at_rest(sand.diameter / SMALLEST) for sand in sands], sands)
     for sand, over in zip(sands, winds, strict=True):
         threshold = hopping_threshold(sand, over)
         rough = roughness(over(threshold), threshold, FAR * sand.diameter)
         cells = (1e3 * sand.diameter, hopping_threshold(sand), threshold, 1e3 * rough)
-        lines.append(tuple(f"{cell:.4g}" for cell in cells))
+        lines.append([f"{cell:.4g}" for cell in cells])
     write_atomic(HOPPING, "".join(",".join(line) + "\n" for line in lines).encode())
 
 
