@@ -1,9 +1,10 @@
 """Timed air: a wind tunnel, boxes of wind on growing grids, a patch of sand that blows, a fluid threshold.
 
-Tunnel, patch and threshold are those of `scenes/`. The threshold has five beds and its interval, in processor
-time of one thread, divided among what it was spent on: `compile`, which loads every kernel before the first
-step, then `settle`, `ramp` and `hold` as in `run.threshold_search`. The time between two checks is shared
-evenly among the beds that ran, which all did as many steps.
+Tunnel, patch and threshold are those of `scenes/`, but patch and threshold at `STEP_FRACTION`, and the
+threshold under drag alone. It has five beds and its interval, in processor time of one thread, divided among
+what it was spent on: `compile`, which loads every kernel before the first step, then `settle`, `ramp` and
+`hold` as in `run.threshold_search`. The time between two checks is shared evenly among the beds that ran,
+which all did as many steps.
 """
 
 import time
@@ -41,10 +42,9 @@ BOX_SIDE, FINEST, ROUGHNESS, FRICTION = 0.4, 2e-3, 1e-4, 0.3  # of the box of wi
 BOX_LAYERS, BOX_COLUMNS = 32, (16, 32, 64)
 AIR_UNTIMED, AIR_STEPS = 2, 5  # steps before the clock starts, and timed ones
 PATCH_SEED = 1
-WINDS = (
-    (0.6, 0.1),
-    (0.4123, 0.2),
-)  # u* [m s-1] that starts the transport and sustains it, and until when [s]
+STEP_FRACTION = 0.25  # of the Rayleigh time, in patch and threshold: that of all earlier speeds [1]
+# u* [m s-1] that starts the transport and sustains it, and until when [s]
+WINDS = ((0.6, 0.1), (0.4123, 0.2))
 SEEDS = (1, 2, 3, 4, 5)  # of the beds of an interval
 COMPILE, SETTLE = "compile", "settle"
 
@@ -101,7 +101,7 @@ def air_case(name: str, setup: AirSetup, threads: int) -> dict[str, Any]:
 
 def blowing_patch(numerics: Numerics) -> Simulation:
     """A patch of sand when grains hop over it."""
-    scene = load_scene(SCENES / "saltation.toml")
+    scene = load_scene(SCENES / "saltation.toml", [f"run.time_step_fraction={STEP_FRACTION}"])
     sim = assemble([build_setup(scene, PATCH_SEED)], laws(scene), numerics)
     for wind, until in WINDS:
         spin_up_wind(sim, 0, wind)
@@ -113,7 +113,8 @@ def threshold_scene(awake: bool = False) -> Scene:
     """The scene of a threshold, measured by its search alone; `awake`: no grain sleeps."""
     table = toml_table(SCENES / "wind_threshold.toml")
     del table["measured"], table["record"]
-    table |= {"measure": {"fluid_threshold": {}}}
+    table |= {"measure": {"fluid_threshold": {}}, "effects": {}}  # under drag alone
+    table["run"]["time_step_fraction"] = STEP_FRACTION
     table["wind"] |= {"sleep_after": None} if awake else {}
     return parse_scene(table)
 

@@ -21,6 +21,7 @@ ROOT = Path(__file__).parents[2]  # where scenes/ and doe/ lie
 MEASURED = ROOT / "taichi_erosion" / "effects" / "measured"  # tables that `effects NAME` prints
 STOPPED = "stopped"  # observable of a case that gave no result; `note` says why
 SIZES = {"median": 1.0, "low": 0.8, "high": 1.25}  # of nearly uniform sand, over its diameter [1]
+DRAG_ALONE = "effects={}"  # setting of a scene that ships with the forces on a grain at rest
 GUARDED = 3  # exit code of a run of which its guards stopped a seed; with a document where others ended
 
 
@@ -83,16 +84,20 @@ def command(scene: str, case: Case) -> list[str]:
 
 def simulate(scene: str, case: Case) -> list[Row]:
     """Simulate one case in its own process; what a guard stops is a row, what is refused raises BadInput."""
+    typed, document, reason = document_of(scene, case)
+    return [stopped(case, typed, reason)] if document is None else rows_of(case, typed, document)
+
+
+def document_of(scene: str, case: Case) -> tuple[str, dict[str, Any] | None, str]:
+    """Command of a case, the document that it prints, if its guards left one, and its last word of error."""
     words = command(scene, case)
     program = [sys.executable, "-m", "taichi_erosion"]
     done = subprocess.run([*program, *words], cwd=ROOT, capture_output=True, text=True, check=False)
     typed = shlex.join(["./erosion", *words])
     reason = (done.stderr.strip().splitlines() or [""])[-1]
-    if done.returncode == GUARDED and not done.stdout:
-        return [stopped(case, typed, reason)]
     if done.returncode not in (0, GUARDED):
         raise BadInput(f"{typed}: {reason}")
-    return rows_of(case, typed, json.loads(done.stdout))
+    return typed, json.loads(done.stdout) if done.stdout else None, reason
 
 
 def stopped(case: Case, typed: str, reason: str) -> Row:

@@ -31,12 +31,18 @@ def write_table(
 
 def read_table(path: Path, kind: type[Record]) -> list[Record]:
     """Rows of a table that `write_table` wrote; none where it has not been made yet."""
+    kinds = {f.name: f.type for f in fields(kind)}
+    return [
+        kind(**{name: parsed(kinds[name], text) for name, text in line.items()}) for line in lines_of(path)
+    ]
+
+
+def lines_of(path: Path) -> list[dict[str, str]]:
+    """Lines of a CSV file as text; none where there is no file."""
     if not path.exists():
         return []
-    kinds = {f.name: f.type for f in fields(kind)}
     with path.open(encoding="utf-8", newline="") as file:
-        lines = list(csv.DictReader(file))
-    return [kind(**{name: parsed(kinds[name], text) for name, text in line.items()}) for line in lines]
+        return list(csv.DictReader(file))
 
 
 def update_table(

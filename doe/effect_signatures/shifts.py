@@ -6,7 +6,6 @@ Both runs of a pair have the same seed, hence the same grains at the same places
 to both cancels as far as the motion remembers it; `correlation` says how far that was.
 """
 
-import csv
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan, sqrt
@@ -133,11 +132,3 @@ def paired(head: Mapping[str, Any], before: Values, after: Values, reason: str) 
     return Shift(
         **head, bare=mean, shift=float(shifts.mean()), standard_error=error, correlation=tied, n=len(both)
     )
-
-
-def read_shifts(path: Path) -> list[dict[str, str]]:
-    """Rows of the table as text; none where there is no file."""
-    if not path.is_file():
-        return []
-    with path.open(encoding="utf-8", newline="") as table:
-        return list(csv.DictReader(table))

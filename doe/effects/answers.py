@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from doe.common.tables import read_table, update_table
+from doe.common.tables import update_table
 from doe.effects.flight import (
     DROPS,
     PUSHES,
@@ -220,8 +220,3 @@ GROUPS = {
 def write_answers(path: Path, rows: Sequence[Answer]) -> None:
     """Write the table; rows of the same effects and scenes that stand there already are replaced."""
     update_table(path, Answer, rows, lambda row: (row.effect, row.scene), digits=6, none="nan")
-
-
-def read_answers(path: Path) -> list[Answer]:
-    """The table; no rows where there is no file."""
-    return read_table(path, Answer)

@@ -13,7 +13,7 @@ only their shifts are used.
 import sys
 from pathlib import Path
 
-from doe.common.cases import MEASURED, ROOT
+from doe.common.cases import DRAG_ALONE, MEASURED, ROOT
 from doe.common.command import words
 from doe.effect_signatures.shifts import Case, Orders, measure_shifts, tabulate
 from taichi_erosion.core.setup import Numerics
@@ -25,6 +25,7 @@ LAW_SEEDS = range(1, 17)  # a law is judged by its size, for which beds that dif
 DIAMETER = 2e-4  # m
 STRONG = 0.6  # m s-1, friction velocity
 ORDERS = (
+    DRAG_ALONE,
     "grains.count=500",
     f'grains.size={{ law = "monodisperse", diameter = {DIAMETER} }}',
     *(f"materials.{name}.shear_modulus=1.2e5" for name in ("soil", "ground")),

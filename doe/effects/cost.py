@@ -7,12 +7,10 @@ of the time. Bare runs stand between the others, so that their scatter says what
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from doe.common.tables import read_table
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.effects import load_library
@@ -83,8 +81,3 @@ def costs() -> Iterator[Cost]:
     base = float(np.mean([value for name, value in zip(order, spent, strict=True) if not name]))
     for name, value in zip(order, spent, strict=True):
         yield Cost(name, library[name].place if name else "", value, value / base)
-
-
-def read_costs(path: Path) -> list[Cost]:
-    """The table; no rows where there is no file."""
-    return read_table(path, Cost)

@@ -72,7 +72,7 @@ def one_grain(position: Sequence[float], velocity: Sequence[float], **sections: 
     return table | sections
 
 
-def hop_scene(effect: str, strength: float = 1.0) -> Scene:
+def hop_scene(effect: str) -> Scene:
     """A grain that leaves the bed under an effect, or under none where the name is empty."""
     wind = {
         "length": 0.5,
@@ -85,7 +85,7 @@ def hop_scene(effect: str, strength: float = 1.0) -> Scene:
         "friction_velocity": WIND,
         "look_steps": 1,
     }
-    effects = {effect: {"strength": strength}} if effect else {}
+    effects = {effect: {"strength": 1.0}} if effect else {}
     table = one_grain(
         (0.02, 0.01, DIAMETER), (START[0], 0.0, START[1]), wind=wind, effects=effects, run={"time_step": 1e-5}
     )
@@ -114,7 +114,7 @@ def simulated_hops(effects: Sequence[str]) -> tuple[list[Hop], AirProfile]:
 Push = Callable[[float, float, Floats, float, float, Any], tuple[float, float, float]]
 
 
-def expected_hop(effect: str, wind: AirProfile, strength: float = 1.0) -> Hop:
+def expected_hop(effect: str, wind: AirProfile) -> Hop:
     """The same hop by SciPy, sampled at the same times."""
     centre = 0.5 * (wind.face[1:] + wind.face[:-1])
     params, _ = read_params(load_library()[effect], {}) if effect else (None, 0.0)
@@ -133,9 +133,9 @@ def expected_hop(effect: str, wind: AirProfile, strength: float = 1.0) -> Hop:
         return [
             along,
             upwards,
-            (drag * slip[0] + strength * force_x) / MASS,
-            (drag * slip[1] + strength * force_z) / MASS - weight,
-            strength * twist / (0.1 * MASS * DIAMETER**2),
+            (drag * slip[0] + force_x) / MASS,
+            (drag * slip[1] + force_z) / MASS - weight,
+            twist / (0.1 * MASS * DIAMETER**2),
         ]
 
     times = np.linspace(0.0, FLIGHT, SAMPLES + 1)
@@ -235,12 +235,12 @@ def expected_bounces() -> Floats:
     return 1.0 - loss + 0.6 * loss**2
 
 
-def steepest_rest(angularity: float, strength: float = 1.0) -> float:
+def steepest_rest(angularity: float) -> float:
     """Steepest slope on which a grain does not roll under `rolling_resistance`, as a tangent [1]."""
     library = load_library()
     params = library["rolling_resistance"].params()
-    held = SLOPES * strength * params.friction_rolling * angularity
-    scenes = [rolling_scene(angularity, strength, float(slope)) for slope in held]
+    held = SLOPES * params.friction_rolling * angularity
+    scenes = [rolling_scene(angularity, float(slope)) for slope in held]
     law = laws(effective_scene(scenes[0], library))
     sim = assemble([prepare(scene, 1, library) for scene in scenes], law, Numerics(threads=1))
     advance(sim, [ROLL] * len(scenes))
@@ -249,14 +249,14 @@ def steepest_rest(angularity: float, strength: float = 1.0) -> float:
     return float(held[speeds < ROLLED * GRAVITY * ROLL].max(initial=0.0))
 
 
-def rolling_scene(angularity: float, strength: float, slope: float) -> Scene:
+def rolling_scene(angularity: float, slope: float) -> Scene:
     """A grain on a plane whose gravity leans."""
     angle = atan(slope)
     table = one_grain(
         (0.0, 0.0, 0.5 * DIAMETER),
         (0.0, 0.0, 0.0),
         conditions={"angularity": angularity},
-        effects={"rolling_resistance": {"strength": strength}},
+        effects={"rolling_resistance": {"strength": 1.0}},
         gravity={"direction": (sin(angle), 0.0, -cos(angle))},
         contact={"sand-sand": {"restitution": 0.1, "friction_sliding": 1.0, "friction_rolling": 0.0}},
     )

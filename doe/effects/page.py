@@ -1,17 +1,15 @@
 """The page of effects: what the literature says of each, what came out, what was kept, and what it costs."""
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 from pathlib import Path
-from typing import Any
 
 from doe.common.cases import MEASURED
 from doe.common.pages import write_pages
-from doe.effect_signatures.shifts import read_shifts
-from doe.effects.answers import Answer, bed_law, read_answers
-from doe.effects.cost import Cost, read_costs
+from doe.common.tables import lines_of, read_table
+from doe.effects.answers import Answer, bed_law
+from doe.effects.cost import Cost
 from doe.effects.figures import draw_bars, draw_curves
 from taichi_erosion.report.markdown import markdown_table
 
@@ -47,21 +45,10 @@ class Verdict:
     kept: str
 
 
+Verdicts = Sequence[tuple[Saying, Verdict]]
 FLOWING = "sliding_angle"  # observable: slope at which a bed without wind flows
 NOT_MEASURED = "Not measured yet.\n"
 NOT_RUN = Verdict("not simulated", "open")
-
-
-def read_sayings(path: Path) -> list[Saying]:
-    """The table of sentences."""
-    with path.open(encoding="utf-8", newline="") as table:
-        return [Saying(**typed(line)) for line in csv.DictReader(table)]
-
-
-def typed(line: dict[str, str]) -> dict[str, Any]:
-    """Cells as what they are; an empty number is NaN."""
-    numbers = {name: float(line[name] or "nan") for name in ("place", "low", "high")}
-    return line | numbers | {"sign": int(line["sign"])}
 
 
 def judged(saying: Saying, answers: Sequence[Answer], shifts: Shifts, beds: Shifts) -> Verdict:
@@ -156,12 +143,11 @@ def judged_by_law(saying: Saying, row: dict[str, str], flowing: float) -> Verdic
     return Verdict(came, "yes" if abs(ratio - law) <= TOLD * error else "in sign")
 
 
-def verdict_table(sayings: Sequence[Saying], answers: Sequence[Answer], shifts: Shifts, beds: Shifts) -> str:
+def verdict_table(verdicts: Verdicts) -> str:
     """One row a sentence."""
     header = ("effect", "the literature says", "what came out", "kept")
     lines = []
-    for saying in sayings:
-        verdict = judged(saying, answers, shifts, beds)
+    for saying, verdict in verdicts:
         case = f" ({saying.label})" if saying.label else ""
         what = f"{saying.quantity}{case}: " if saying.table else ""
         says = f"{saying.says}; {saying.source}"
@@ -169,19 +155,19 @@ def verdict_table(sayings: Sequence[Saying], answers: Sequence[Answer], shifts: 
     return markdown_table(header, lines)
 
 
-def short_table(sayings: Sequence[Saying], answers: Sequence[Answer], shifts: Shifts, beds: Shifts) -> str:
+def short_table(verdicts: Verdicts) -> str:
     """What the literature says of every effect, and whether it was kept in each scene that tried it."""
     kept: dict[tuple[str, str], list[str]] = {}
-    for saying in sayings:
+    for saying, verdict in verdicts:
         name = (f"`{saying.effect}`", f"{saying.says}; {saying.source}")
-        kept.setdefault(name, []).append(judged(saying, answers, shifts, beds).kept)
+        kept.setdefault(name, []).append(verdict.kept)
     rows = [(*name, " / ".join(dict.fromkeys(found))) for name, found in kept.items()]
     return markdown_table(("effect", "the literature says", "kept"), rows)
 
 
-def count_table(sayings: Sequence[Saying], answers: Sequence[Answer], shifts: Shifts, beds: Shifts) -> str:
+def count_table(verdicts: Verdicts) -> str:
     """How many sentences were kept."""
-    kept = [judged(saying, answers, shifts, beds).kept for saying in sayings]
+    kept = [verdict.kept for _, verdict in verdicts]
     words = ("yes", "in sign", "not significant", "no", "open")
     return markdown_table(words, [tuple(str(kept.count(word)) for word in words)])
 
@@ -237,27 +223,26 @@ def crust_table(rows: Sequence[dict[str, str]]) -> str:
 
 def tables(doe: Path) -> dict[str, str]:
     """Tables of the page by name."""
-    answers = read_answers(MEASURED / "answers.csv")
-    shifts, beds = (read_shifts(MEASURED / f"{name}.csv") for name in ("signatures", "beds"))
-    sayings = read_sayings(doe / "effects" / "literature.csv")
-    crusts = read_shifts(doe / "effects" / "crust.csv")
+    answers = read_table(MEASURED / "answers.csv", Answer)
+    shifts, beds = (lines_of(MEASURED / f"{name}.csv") for name in ("signatures", "beds"))
+    sayings = read_table(doe / "effects" / "literature.csv", Saying)
+    verdicts = [(saying, judged(saying, answers, shifts, beds)) for saying in sayings]
+    heaps = [row for row in shifts if row["observable"] in ("angle_of_repose", "pile_height")]
     return {
-        "count": count_table(sayings, answers, shifts, beds),
-        "short": short_table(sayings, answers, shifts, beds),
-        "verdicts": verdict_table(sayings, answers, shifts, beds),
+        "count": count_table(verdicts),
+        "short": short_table(verdicts),
+        "verdicts": verdict_table(verdicts),
         "beds": shift_table(beds),
-        "crust": crust_table(crusts),
-        "heaps": shift_table(
-            [row for row in shifts if row["observable"] in ("angle_of_repose", "pile_height")]
-        ),
-        "cost": cost_table(read_costs(doe / "effects" / "cost.csv")),
+        "crust": crust_table(lines_of(doe / "effects" / "crust.csv")),
+        "heaps": shift_table(heaps),
+        "cost": cost_table(read_table(doe / "effects" / "cost.csv", Cost)),
     }
 
 
 def publish(doe: Path, docs: Path) -> None:
     """Draw the figures and fill the tables of the page."""
     (docs / CURVES).parent.mkdir(parents=True, exist_ok=True)
-    draw_curves(read_answers(MEASURED / "answers.csv"), docs / CURVES)
-    costs = read_costs(doe / "effects" / "cost.csv")
-    draw_bars(read_shifts(MEASURED / "signatures.csv"), costs, docs / BARS)
+    draw_curves(read_table(MEASURED / "answers.csv", Answer), docs / CURVES)
+    costs = read_table(doe / "effects" / "cost.csv", Cost)
+    draw_bars(lines_of(MEASURED / "signatures.csv"), costs, docs / BARS)
     write_pages((docs / PAGE, doe / "effects" / "README.md"), tables(doe))

@@ -1,13 +1,9 @@
-"""Cases of beds of sand under wind, and the table of their thresholds bed by bed."""
+"""Cases of beds of sand under wind, whose thresholds stand bed by bed in beds.csv."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from math import sqrt
 from pathlib import Path
 
-from doe.common import beds
-from doe.common.cases import Case, settings, size_order
-from doe.common.tables import read_table, write_table
+from doe.common.cases import DRAG_ALONE, Case, settings, size_order
 from tests.verification.reference.hopping import Sand
 
 FOLDER = Path(__file__).parent
@@ -36,19 +32,6 @@ FINE = 0.2  # mm, below which steps are so short that beds are fewer
 KEPT = 1  # rounds of bisection after the step of six percent
 
 
-@dataclass(frozen=True)
-class Bed:
-    """The threshold of one bed in one case."""
-
-    case: str
-    seed: int
-    low: float  # m s-1, highest wind that it withstood
-    high: float  # m s-1, lowest wind that moved it
-    wall_s: float  # of all beds of the case
-    command: str
-    commit: str
-
-
 def names() -> list[str]:
     """All cases, in the order in which they are simulated."""
     sizes = dict.fromkeys((HINDERED, WITH, BARE), DIAMETERS) | {WHOLE: SOME}
@@ -63,6 +46,7 @@ def case_of(name: str) -> Case:
     ratio = diameter / REFERENCE
     first = FIRST * Sand(diameter).scale
     orders = (
+        DRAG_ALONE,
         size_order(diameter),
         *(f"materials.{one}.shear_modulus={MODULUS * ratio:.6g}" for one in ("soil", "ground")),
         f"grains.count={GRAINS}",
@@ -77,20 +61,3 @@ def case_of(name: str) -> Case:
         *((f"effects.turbulent_gusts.wall_timescale={WALL_TIMES[kind]}",) if kind in WALL_TIMES else ()),
     )
     return Case("fluid", name, settings(*orders), FEWER if float(size) < FINE or kind in WATCHED else BEDS)
-
-
-def simulate(name: str) -> list[Bed]:
-    """Beds of one case, in a process of its own."""
-    return [Bed(name, **vars(start)) for start in beds.simulate(SCENE, case_of(name))]
-
-
-def read_beds() -> list[Bed]:
-    """All beds of the table."""
-    return read_table(TABLE, Bed)
-
-
-def write_beds(fresh: Sequence[Bed]) -> None:
-    """Replace the beds of these cases in the table, which has the order of the cases."""
-    done, order = {bed.case for bed in fresh}, names()
-    rows = [*(bed for bed in read_beds() if bed.case not in done), *fresh]
-    write_table(TABLE, Bed, sorted(rows, key=lambda bed: (order.index(bed.case), bed.seed)))

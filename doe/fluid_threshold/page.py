@@ -12,16 +12,18 @@ import numpy as np
 import scipy
 import scipy.stats
 
-from doe.common.beds import paired_ratio, shown
+from doe.common.beds import found_in, paired_ratio, read_beds, shown
 from doe.common.beds import pooled as pool
 from doe.common.cases import ROOT
+from doe.common.pages import write_pages
 from doe.common.tables import read_table
+from doe.fluid_threshold import cases
 from doe.fluid_threshold.balance import QUESTIONS, SHARES, SIZES, TABLE, Start
-from doe.fluid_threshold.cases import BARE, FOLDER, LONGER, MILLI, SLOW, WALL, WALL_ALONE, Bed
+from doe.fluid_threshold.cases import BARE, FOLDER, LONGER, MILLI, SLOW, WALL, WALL_ALONE
 from doe.wind.blown_sand import OURS, THEIRS
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket
-from taichi_erosion.report.markdown import fill_tables, markdown_table
+from taichi_erosion.report.markdown import markdown_table
 from tests.verification.reference.hopping import GRAVITY
 
 PAGE = FOLDER / "README.md"
@@ -69,14 +71,6 @@ def iversen_white(
         return wind - factor * number * sqrt(density / air * GRAVITY * diameter)
 
     return scipy.optimize.root_scalar(excess, bracket=(0.01, 5.0)).root
-
-
-def found_in(beds: Sequence[Bed]) -> Found:
-    """Brackets by case and seed."""
-    cases: dict[str, dict[int, Bracket]] = {}
-    for bed in beds:
-        cases.setdefault(bed.case, {})[bed.seed] = Bracket(bed.low, bed.high)
-    return cases
 
 
 def pooled(found: Found, case: str) -> Measurement | None:
@@ -178,9 +172,8 @@ def beds_of_sizes(found: Found, kind: str, sizes: Sequence[float]) -> dict[tuple
     return {(size, seed): one for size in sizes for seed, one in found.get(f"{kind}/{size:g}", {}).items()}
 
 
-def draw(beds: Sequence[Bed], file: Path = PICTURE) -> None:
+def draw(found: Found, file: Path) -> None:
     """Thresholds against diameter beside the curve, with their intervals."""
-    found = found_in(beds)
     figure, frame = plt.subplots(figsize=(6.4, 4.4), layout="constrained")
     grid = np.geomspace(0.05, 1.5, 100)
     curve = [iversen_white(MILLI * size) for size in grid]
@@ -212,7 +205,8 @@ def tables(found: Found) -> dict[str, str]:
     return {"gusts": gust_table(found), "balance": balance_table(read_table(TABLE, Start))}
 
 
-def publish(beds: Sequence[Bed], page: Path = PAGE) -> None:
-    """Fill the tables of the page."""
-    text = fill_tables(page.read_text(encoding="utf-8"), tables(found_in(beds)))
-    page.write_text(text, encoding="utf-8")
+def publish() -> None:
+    """Fill the tables of the page and draw the figure."""
+    found = found_in(read_beds(cases.TABLE))
+    write_pages([PAGE], tables(found))
+    draw(found, PICTURE)

@@ -16,19 +16,19 @@ seeds.
 
 from collections.abc import Sequence
 
+from doe.common.beds import read_beds, simulate, write_beds
 from doe.common.command import words
-from doe.fluid_threshold.cases import names, read_beds, simulate, write_beds
-from doe.fluid_threshold.page import draw, publish
+from doe.fluid_threshold.cases import SCENE, TABLE, case_of, names
+from doe.fluid_threshold.page import publish
 
 
 def main(asked: Sequence[str]) -> None:
     """Simulate what was asked for, then fill the page."""
     if list(asked) != ["--page"]:
-        done = {bed.case for bed in read_beds()}
+        done = {bed.case for bed in read_beds(TABLE)}
         for name in asked or [name for name in names() if name not in done]:
-            write_beds(simulate(name))
-    publish(read_beds())
-    draw(read_beds())
+            write_beds(TABLE, simulate(SCENE, case_of(name)), names())
+    publish()
 
 
 if __name__ == "__main__":

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from doe.common.cases import Case, Row, perform, read_rows, settings
 from doe.common.command import words
-from taichi_erosion.core.files import write_atomic
+from doe.common.pages import write_pages
 from taichi_erosion.measures.silhouette import fit_window
-from taichi_erosion.report.markdown import fill_tables, markdown_table, with_spread
+from taichi_erosion.report.markdown import markdown_table, with_spread
 
 SCENE = "scenes/column_collapse.toml"
 DIAMETER = 1.5e-3  # m, of the scene's grains
@@ -88,9 +88,8 @@ def lines(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
 
 def publish(table: Path) -> None:
     """Fill the table of the README."""
-    page = table.with_name("README.md")
-    tables = {"heaps": markdown_table(HEADER, list(lines(read_rows(table))))}
-    write_atomic(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())
+    heaps = markdown_table(HEADER, list(lines(read_rows(table))))
+    write_pages([table.with_name("README.md")], {"heaps": heaps})
 
 
 def main(asked: list[str]) -> None:

@@ -1,6 +1,5 @@
 """The page that compares the column collapse with laboratory C: its tables and its figure."""
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import nan, sqrt
@@ -13,6 +12,7 @@ import matplotlib.pyplot as plt
 
 from doe.common.cases import Row, read_rows
 from doe.common.pages import write_pages
+from doe.common.tables import lines_of
 from taichi_erosion.report.markdown import markdown_table, with_spread
 
 PAGE = "lab_c.md"
@@ -37,13 +37,12 @@ Laboratory = dict[tuple[str, float], LaboratoryValue]  # by observable and diame
 
 def read_laboratory(file: Path) -> Laboratory:
     """The laboratory's own values."""
-    with file.open(encoding="utf-8", newline="") as table:
-        return {
-            (line["observable"], float(line["diameter"])): LaboratoryValue(
-                float(line["value"]), float(line["sd"]), int(line["n"])
-            )
-            for line in csv.DictReader(table)
-        }
+    return {
+        (line["observable"], float(line["diameter"])): LaboratoryValue(
+            float(line["value"]), float(line["sd"]), int(line["n"])
+        )
+        for line in lines_of(file)
+    }
 
 
 def difference_in_errors(row: Row, laboratory: LaboratoryValue) -> float:

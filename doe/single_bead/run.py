@@ -24,14 +24,14 @@ from typing import Any
 import numpy as np
 
 from doe.common.command import words
+from doe.common.pages import write_pages
 from doe.common.tables import cell, read_table, write_table
 from doe.effects.pocket import Floats, leaving_winds
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.core.snapshot import AirProfile
 from taichi_erosion.effects import load_library
-from taichi_erosion.report.markdown import fill_tables, markdown_table
+from taichi_erosion.report.markdown import markdown_table
 from taichi_erosion.scene import Scene, parse_scene
 from taichi_erosion.simulation import assemble, prepare, snapshot, spin_up_wind
 from taichi_erosion.simulation.wind_driver import air_profile
@@ -198,17 +198,12 @@ def bead_table(winds: Sequence[str] = tuple(WINDS)) -> str:
     return markdown_table(header, [tuple(cell(value, DIGITS) for value in astuple(row)) for row in rows])
 
 
-def publish() -> None:
-    """Fill the table of README.md from results.csv."""
-    write_atomic(PAGE, fill_tables(PAGE.read_text(encoding="utf-8"), {"beads": bead_table()}).encode())
-
-
 def main(asked: Sequence[str]) -> None:
     """Simulate, then publish."""
     if list(asked) != ["--page"]:
         kinds = [[Case(a, wind, f) for a in LEVERS for f in FORCES] for wind in WINDS]
         write_table(RESULTS, Row, [row for cases in kinds for row in rows_of(cases)], DIGITS)
-    publish()
+    write_pages([PAGE], {"beads": bead_table()})
 
 
 if __name__ == "__main__":

@@ -1,6 +1,5 @@
 """Sand under wind against measurements: impact thresholds of many diameters, flux at many winds."""
 
-import csv
 from collections.abc import Sequence
 from math import isfinite, nan, sqrt
 from pathlib import Path
@@ -53,12 +52,6 @@ Table = Sequence[dict[str, str]]
 def found_in(table: Path) -> Found:
     """Rows of a table; none where it has not been made yet."""
     return by_case(read_rows(table))
-
-
-def lines_of(table: Path) -> Table:
-    """Lines of a CSV file."""
-    with table.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def shown(value: float, half: float = nan, digits: int = 3) -> str:

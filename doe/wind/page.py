@@ -3,11 +3,11 @@
 from math import hypot, isfinite, nan
 from pathlib import Path
 
-import numpy as np
 from scipy.stats import t as student
 
 from doe.common.cases import STOPPED, Row
 from doe.common.pages import with_columns, write_pages
+from doe.common.tables import lines_of
 from doe.wind import ratio, shares
 from doe.wind.blown_sand import (
     BARE,
@@ -21,14 +21,12 @@ from doe.wind.blown_sand import (
     found_in,
     impact_table,
     line_table,
-    lines_of,
     scaling_table,
     shown,
     splash_table,
 )
-from doe.wind.law_table import FLUID, impact_law_table, law_table, soil_table, stress_table
 from doe.wind.saturated_sand import saturated_table, saturated_thresholds, together
-from taichi_erosion.measures.threshold import CONFIDENCE, Bracket
+from taichi_erosion.measures.threshold import CONFIDENCE, MAP_SD, PLATE, Bracket, Tunnel, wind_speed
 from taichi_erosion.report.markdown import markdown_table
 
 PAGE = "threshold.md"
@@ -58,7 +56,7 @@ RATIO_COLUMNS = (
     "fluid over the curve",
 )
 ALONE = "drag alone"  # the case that others are compared with
-ROLLING, PLATE = "rolling_onset", "threshold_wind_speed"
+ROLLING, FLUID = "rolling_onset", "threshold_u_star"
 
 
 def half_interval(row: Row) -> float:
@@ -68,24 +66,27 @@ def half_interval(row: Row) -> float:
     return float(student.ppf(0.5 + 0.5 * CONFIDENCE, row.n - 1)) * row.standard_error
 
 
-def tunnel_speed(friction: float, half: float, tunnel: Table) -> tuple[float, float]:
+def soil_tunnel() -> Tunnel:
+    """The tunnel of the study with the bed of the scene."""
+    scene = shares.scene()
+    assert scene.wind is not None
+    return Tunnel(scene.threshold.fetch, shares.diameter(), scene.wind.viscosity)
+
+
+def tunnel_speed(friction: float, half: float) -> tuple[float, float]:
     """Free-stream speed at which the floor of the tunnel feels u* [m s-1], and half of its interval.
 
-    Straight lines between the speeds of the map; half the intervals of u* and of the map add as squares.
+    Half the intervals of u* and of the map add as squares.
     """
-    speeds, felt, spread = (
-        np.array([float(line[name]) for line in tunnel])
-        for name in ("speed", "friction_velocity", "friction_velocity_sd")
+    tunnel = soil_tunnel()
+    speed, beyond, other = (
+        wind_speed(each, tunnel)
+        for each in (friction, friction + (half if isfinite(half) else 0.0), friction * (1.0 + MAP_SD))
     )
-    if not felt[0] <= friction <= felt[-1]:
-        return nan, nan
-    speed = float(np.interp(friction, felt, speeds))
-    slope = float(np.gradient(speeds, felt)[np.searchsorted(felt, friction) - 1])
-    both = hypot(half if isfinite(half) else 0.0, 2.0 * float(np.interp(friction, felt, spread)))
-    return speed, slope * both
+    return speed, hypot(beyond - speed, 2.0 * (other - speed))
 
 
-def fluid_table(found: Found, tunnel: Table) -> str:
+def fluid_table(found: Found) -> str:
     """Thresholds of the published soil, and what they depend on."""
     header = (
         *("what", "case", "beds", "rolling onset u* [m/s]", "rolling onset U in the tunnel [m/s]"),
@@ -98,13 +99,11 @@ def fluid_table(found: Found, tunnel: Table) -> str:
             rows.append((*name, "", "stopped", *[""] * 5, case[STOPPED].note))
             continue
         fluid = case[FLUID]
-        friction, speed = onset_cells(fluid, tunnel)
+        rolling, (friction, speed) = onset_cells(case[ROLLING]), onset_cells(fluid)
         bare = bare_threshold(found, name[0])
         over = f"{fluid.value / bare.value:.2f}" if bare is not None else ""
-        rolling = onset_cells(case[ROLLING], tunnel)
-        rows.append(
-            (*name, str(fluid.n), *rolling, friction, over, speed, shown(case[PLATE].value), fluid.note)
-        )
+        plate = shown(wind_speed(fluid.value, soil_tunnel(), PLATE))
+        rows.append((*name, str(fluid.n), *rolling, friction, over, speed, plate, fluid.note))
     return markdown_table(header, rows)
 
 
@@ -114,10 +113,10 @@ def bare_threshold(found: Found, group: str) -> Row | None:
     return found[names[0]][FLUID] if names else None
 
 
-def onset_cells(row: Row, tunnel: Table) -> tuple[str, str]:
+def onset_cells(row: Row) -> tuple[str, str]:
     """A friction velocity with its interval, and what the tunnel makes of it."""
     half = half_interval(row)
-    return shown(row.value, half), shown(*tunnel_speed(row.value, half, tunnel))
+    return shown(row.value, half), shown(*tunnel_speed(row.value, half))
 
 
 def map_table(tunnel: Table) -> str:
@@ -158,13 +157,12 @@ def sand_threshold(impact: Found, sand: str) -> Bracket | None:
 def tables(doe: Path) -> dict[str, str]:
     """Tables of the page by name."""
     flux, falling, fluid, steady = (found_in(doe / "wind" / f"{name}.csv") for name in TABLES)
-    hindered = found_in(doe / "wind" / "drag_laws.csv")
     impact = together(falling, saturated_thresholds(steady))
     thresholds = lines_of(doe / "measured" / "impact_threshold.csv")
     fluxes = lines_of(doe / "measured" / "flux_creyssels2009.csv")
     tunnel, choices = (lines_of(doe / "tunnel_map" / f"{name}.csv") for name in ("map", "variants"))
     full = {
-        "fluid in full": fluid_table(fluid, tunnel),
+        "fluid in full": fluid_table(fluid),
         "flux in full": flux_table(flux, fluxes),
         "map": map_table(tunnel),
         "choices": choice_table(choices),
@@ -172,10 +170,6 @@ def tables(doe: Path) -> dict[str, str]:
         "scaling": scaling_table(impact, lines_of(doe / "wind" / "hopping.csv")),
         "adhesion": adhesion_table(impact, thresholds),
         "saturated": saturated_table(steady),
-        "laws": law_table(flux, hindered, fluxes),
-        "law_soil": soil_table(fluid, hindered, shares.thresholds()),
-        "law_impact": impact_law_table(steady, hindered, thresholds),
-        "law_stresses": stress_table(steady, hindered),
         "lines": line_table(flux, fluxes, sand_threshold(impact, CREYSSELS_SAND)),
         "splash": splash_table(flux),
         **shares.tables(),
@@ -183,7 +177,7 @@ def tables(doe: Path) -> dict[str, str]:
     }
     shown_cases = {name: case for name, case in fluid.items() if name[0] in SHOWN}
     return full | {
-        "fluid": with_columns(fluid_table(shown_cases, tunnel), FLUID_COLUMNS),
+        "fluid": with_columns(fluid_table(shown_cases), FLUID_COLUMNS),
         "flux": with_columns(full["flux in full"], FLUX_COLUMNS),
         "ratio": with_columns(full["ratio in full"], RATIO_COLUMNS),
     }

@@ -14,9 +14,11 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import t as student
 
-from doe.fluid_threshold.cases import DIAMETERS, HOLD, LONGER, SIDE, read_beds
-from doe.fluid_threshold.page import FLOOR, SHARE, TUNNEL, iversen_white, pooled
-from doe.fluid_threshold.page import found_in as beds_in
+from doe.common.beds import found_in as beds_in
+from doe.common.beds import pooled, read_beds
+from doe.common.tables import lines_of
+from doe.fluid_threshold.cases import DIAMETERS, HOLD, LONGER, SIDE, TABLE
+from doe.fluid_threshold.page import FLOOR, SHARE, TUNNEL, iversen_white
 from doe.wind.answers import FREEDOM, PRIOR_FREEDOM, Sands, sands_of, scale
 from doe.wind.blown_sand import (
     AIR,
@@ -32,14 +34,14 @@ from doe.wind.blown_sand import (
     Table,
     density_of,
     found_in,
-    lines_of,
     predicted,
     simulated_thresholds,
 )
 from doe.wind.extremes import Watch, criterion_threshold
 from doe.wind.flux_law import vanishing_wind
 from doe.wind.saturated_sand import saturated_thresholds, winds_of
-from taichi_erosion.measures.threshold import CONFIDENCE
+from taichi_erosion.measures.result import Measurement
+from taichi_erosion.measures.threshold import CONFIDENCE, Bracket
 from taichi_erosion.report.markdown import markdown_table
 
 UNIFORM = "Bagnold 1937"  # of quartz, as the simulated sands
@@ -131,15 +133,8 @@ def sand_table(data: Data) -> str:
     for name, kept in groups.items():
         errors = np.sqrt(np.mean(gaps[kept] ** 2, axis=0))
         rows.append((f"rms of ln, {name}", f"{kept.sum()} sands", "", "", *(f"{e:.3f}" for e in errors), ""))
-    header = (
-        "source",
-        "d [mm]",
-        "density [kg/m3]",
-        "measured u* [m/s]",
-        *ways,
-        "share of the sum of squares, bare",
-    )
-    return markdown_table(header, rows)
+    header = ("source", "d [mm]", "density [kg/m3]", "measured u* [m/s]", *ways)
+    return markdown_table((*header, "share of the sum of squares, bare"), rows)
 
 
 def variants(data: Data) -> dict[str, Variant]:
@@ -204,14 +199,15 @@ def ratio_table(data: Data) -> str:
 
 
 def measured_impact(data: Data, size: float) -> float:
-    """Impact threshold of Bagnold's uniform quartz [m s-1], interpolated as simulated sands are."""
-    lines = sorted(
-        (float(line["diameter [mm]"]), float(line["value"]))
-        for line in data.measured
-        if line["source"] == UNIFORM
-    )
-    sizes, values = np.array(lines).T
-    return predicted(MILLI * size, QUARTZ, (MILLI * sizes, values))
+    """Impact threshold of Bagnold's uniform quartz [m s-1], between its diameters."""
+    return at_diameter([line for line in data.measured if line["source"] == UNIFORM], "value", size)
+
+
+def at_diameter(lines: Table, column: str, size: float) -> float:
+    """A wind of quartz [m s-1] between the diameters of a table, interpolated as simulated sands are."""
+    pairs = sorted((float(line["diameter [mm]"]), float(line[column])) for line in lines)
+    sizes, winds = np.array(pairs).T
+    return predicted(MILLI * size, QUARTZ, (MILLI * sizes, winds))
 
 
 def simulated_impact(found: Found, group: str, size: float) -> Estimate | None:
@@ -238,19 +234,25 @@ def impact_at(sands: Sands, diameter: float) -> Estimate | None:
 
 def fluid_threshold(size: float) -> Estimate:
     """Fluid threshold of the beds of a diameter [m s-1]."""
-    found = pooled(beds_in(read_beds()), f"{LONGER}/{size:g}")
-    assert found is not None
-    ends = found.details["interval"]
-    return Estimate(found.value, ends["low"], ends["high"])
+    return estimate(pooled(longer_beds(size)))
 
 
 def longer_watch(size: float) -> Estimate:
     """Fluid threshold by one percent of the surface grains of a square metre in five seconds [m s-1]."""
     diameter = MILLI * size
-    beds = list(beds_in(read_beds())[f"{LONGER}/{size:g}"].values())
     patch = Watch((SIDE * diameter) ** 2, HOLD, NEEDED)
     asked = Watch(FLOOR, TUNNEL, round(SHARE * FLOOR / diameter**2))
-    found = criterion_threshold("threshold", beds, patch, asked)
+    beds = list(longer_beds(size).values())
+    return estimate(criterion_threshold("threshold", beds, patch, asked))
+
+
+def longer_beds(size: float) -> dict[int, Bracket]:
+    """Brackets of the beds of a diameter that are watched for longer, by seed."""
+    return beds_in(read_beds(TABLE))[f"{LONGER}/{size:g}"]
+
+
+def estimate(found: Measurement) -> Estimate:
+    """A threshold with its interval [m s-1]."""
     ends = found.details["interval"]
     return Estimate(found.value, ends["low"], ends["high"])
 
@@ -265,7 +267,7 @@ def criteria_table(data: Data) -> str:
     rows = []
     for size in sorted(DIAMETERS):
         longer, line = longer_watch(size), flux_line(data.hindered, size)
-        stress, hop = simulated_impact(data.hindered, BARE, size), one_grain(data, size)
+        stress, hop = simulated_impact(data.hindered, BARE, size), at_diameter(data.hopping, OVER_BED, size)
         assert stress is not None
         rows.append(
             (
@@ -304,23 +306,11 @@ def flux_line(found: Found, size: float) -> Estimate | None:
     return None
 
 
-def one_grain(data: Data, size: float) -> float:
-    """Wind in which one grain goes on that hops over a bed at rest [m s-1]."""
-    lines = sorted((float(line["diameter [mm]"]), float(line[OVER_BED])) for line in data.hopping)
-    sizes, values = np.array(lines).T
-    return predicted(MILLI * size, QUARTZ, (MILLI * sizes, values))
-
-
 def measured_table(data: Data) -> str:
     """Measured impact thresholds over the curve of fluid thresholds, by laboratory; ratios of the field."""
     header = (
-        "source",
-        "sands",
-        "d [mm]",
-        "impact over fluid: mean",
-        "smallest",
-        "largest",
-        "sd of single sands",
+        *("source", "sands", "d [mm]", "impact over fluid: mean"),
+        *("smallest", "largest", "sd of single sands"),
     )
     sizes, _ = simulated_thresholds(saturated_thresholds(data.alone), STRESS_LINE)
     lines = [

@@ -5,13 +5,13 @@ python -m doe.wind.run GROUP...    the cases of some groups; `hopping` is the gr
 python -m doe.wind.run --page      only the page and its figures, from the tables
 """
 
-import csv
 from collections.abc import Sequence
 from math import pi
 from pathlib import Path
 
-from doe.common.cases import ROOT, Case, perform, read_rows, settings, size_order, write_rows
+from doe.common.cases import DRAG_ALONE, ROOT, Case, perform, read_rows, settings, size_order, write_rows
 from doe.common.command import words
+from doe.common.tables import lines_of
 from doe.wind.blown_sand import IN_EVERY_CONTACT
 from doe.wind.page import publish
 from taichi_erosion.core.files import write_atomic
@@ -50,11 +50,11 @@ WINDS = {"stages.1.friction_velocity": 0.55, "threshold.transport": 0.33}
 FAR = 100.0  # diameters over a bed, from where its roughness is seen
 
 BEDS = 5  # of a threshold
+MANY = 32  # of the one that is compared with the tunnel
 FALLING = 4  # of an impact threshold
 BLOWN = 3  # of a flux, each of which is averaged over a second
 FEW = 3  # of one that only has to show the way a choice acts
 GUSTS, LIFT = "effects.turbulent_gusts.strength=1", "effects.shear_lift.strength=1"
-RESTING = ("effects.near_wall_drag.strength=1", "effects.rotational_drag.strength=1")  # on a grain at rest
 DEEPER = ("grains.count=1200", "run.time_step_fraction=0.2", "run.overlap_limit=0.6")
 STATED = "materials.soil.density=2130"  # kg m-3, of the grains as the study states it
 COUNT, SIDE = 900, 14.0  # grains, and diameters, of the patch of scenes/wind_threshold.toml
@@ -63,8 +63,7 @@ SIDES = (20.0,)  # of other patches; much smaller ones hold too few of the large
 
 def flux_cases() -> list[Case]:
     """The winds of the measured flux, the middle ones first."""
-    with CREYSSELS.open(encoding="utf-8", newline="") as file:
-        winds = [float(row["u_star [m/s]"]) for row in csv.DictReader(file)]
+    winds = [float(line["u_star [m/s]"]) for line in lines_of(CREYSSELS)]
     first = sorted(winds, key=lambda wind: abs(wind - winds[2]))
     return [Case("flux", f"{wind:g}", settings(*flux_orders(wind)), BLOWN) for wind in first]
 
@@ -104,28 +103,24 @@ def impact_orders(diameter: float, pull: float = 0.0) -> tuple[str, ...]:
 
 def fluid_cases() -> list[Case]:
     """The fluid threshold of the published soil: what moves the grains, and what else it depends on."""
-    forces = {
-        "drag alone": (),
-        "drag and gusts": (GUSTS,),
-        "drag and lift": (LIFT,),
-        "all forces": (*RESTING, LIFT, GUSTS),
-    }
+    forces = {"drag alone": (), "drag and gusts": (GUSTS,), "drag and lift": (LIFT,)}
     return [
-        *[Case("forces", label, settings(*orders), BEDS) for label, orders in forces.items()],
-        Case("as stated", "2130 kg/m3, all forces", settings(STATED, *RESTING, LIFT, GUSTS), BEDS),
+        *[Case("forces", label, settings(DRAG_ALONE, *orders), BEDS) for label, orders in forces.items()],
+        Case("forces", "all forces", (), MANY),
+        Case("as stated", "2130 kg/m3, all forces", settings(STATED), BEDS),
         changed("grain density", "2130 kg/m3", STATED),
         changed("criterion", "first grain of a layer", "threshold.share=0.005"),
         changed("criterion", "5 times the grains", "threshold.share=0.05"),
         changed("criterion", "a tenth of the time", "threshold.hold=0.03"),
-        Case("deeper bed", "drag alone", settings(*DEEPER), BEDS),
-        Case("deeper bed", "drag and gusts", settings(*DEEPER, GUSTS), BEDS),
+        Case("deeper bed", "drag alone", settings(DRAG_ALONE, *DEEPER), BEDS),
+        Case("deeper bed", "drag and gusts", settings(DRAG_ALONE, *DEEPER, GUSTS), BEDS),
         *[changed("patch", f"{side:g} diameters", *patch_orders(side)) for side in SIDES],
     ]
 
 
 def changed(group: str, label: str, *orders: str) -> Case:
-    """The scene with some settings changed, on fewer beds."""
-    return Case(group, label, settings(*orders), FEW)
+    """The scene under drag alone with some settings changed, on fewer beds."""
+    return Case(group, label, settings(DRAG_ALONE, *orders), FEW)
 
 
 def patch_orders(side: float) -> tuple[str, ...]:
@@ -137,13 +132,13 @@ def patch_orders(side: float) -> tuple[str, ...]:
 def write_hopping() -> None:
     """The threshold of one grain that hops by the measured law of bounces, over a plane and over beds."""
     sands = [Sand(d) for d in sorted(DIAMETERS)]
-    lines = [("diameter [mm]", "u_star [m/s]", "u_star over a bed [m/s]", "roughness of that bed [mm]")]
+    lines = [["diameter [mm]", "u_star [m/s]", "u_star over a bed [m/s]", "roughness of that bed [mm]"]]
     winds = winds_over_beds([at_rest(sand.diameter / SMALLEST) for sand in sands], sands)
     for sand, over in zip(sands, winds, strict=True):
         threshold = hopping_threshold(sand, over)
         rough = roughness(over(threshold), threshold, FAR * sand.diameter)
         cells = (1e3 * sand.diameter, hopping_threshold(sand), threshold, 1e3 * rough)
-        lines.append(tuple(f"{cell:.4g}" for cell in cells))
+        lines.append([f"{cell:.4g}" for cell in cells])
     write_atomic(HOPPING, "".join(",".join(line) + "\n" for line in lines).encode())
 
 

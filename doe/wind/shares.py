@@ -9,17 +9,14 @@ by bed. A case is named by its effects, joined by +; `none` has none of them.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import cache
 from itertools import combinations
 from pathlib import Path
 
-from doe.common.beds import paired_ratio, pooled, shown
-from doe.common.beds import simulate as beds_of_scene
-from doe.common.cases import ROOT, Case, settings
+from doe.common.beds import Bed, found_in, paired_ratio, pooled, read_beds, shown, simulate, write_beds
+from doe.common.cases import DRAG_ALONE, ROOT, Case, settings
 from doe.common.command import words
-from doe.common.tables import read_table, write_table
 from doe.wind.extremes import Watch, criterion_threshold
-from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.report.markdown import markdown_table
 from taichi_erosion.scene import Scene, load_scene
@@ -45,19 +42,6 @@ SEVERAL = (  # criteria: words, share of the surface grains or one grain, area [
 )
 
 
-@dataclass(frozen=True)
-class Bed:
-    """The threshold of one bed in one case."""
-
-    case: str
-    hold: float  # s
-    seed: int
-    low: float  # m s-1, highest wind that it withstood
-    high: float  # m s-1, lowest wind that moved it
-    command: str
-    commit: str
-
-
 def names() -> list[str]:
     """All forces, all but one, one alone, none; and drag and torque of a grain at rest."""
     forces = list(FORCES)
@@ -70,7 +54,7 @@ def case_of(name: str, hold: float) -> Case:
     """Orders of a case."""
     effects = [] if name == NONE else name.split("+")
     orders = [f"effects.{effect}.strength=1" for effect in effects]
-    return Case("shares", name, settings(*orders, *other_hold(hold)), BEDS)
+    return Case("shares", name, settings(DRAG_ALONE, *orders, *other_hold(hold)), BEDS)
 
 
 def other_hold(hold: float) -> tuple[str, ...]:
@@ -78,43 +62,22 @@ def other_hold(hold: float) -> tuple[str, ...]:
     return () if hold == scene().threshold.hold else (f"threshold.hold={hold:g}",)
 
 
+@cache
 def scene() -> Scene:
     """The scene of all cases."""
     return load_scene(ROOT / SCENE)
 
 
-def simulate(name: str, hold: float) -> list[Bed]:
-    """Beds of one case, in a process of its own."""
-    found = beds_of_scene(SCENE, case_of(name, hold))
-    return [Bed(name, hold, each.seed, each.low, each.high, each.command, each.commit) for each in found]
-
-
-def read_beds() -> list[Bed]:
-    """All beds of shares.csv."""
-    return read_table(TABLE, Bed)
-
-
-def write_beds(beds: Sequence[Bed]) -> None:
-    """Replace the beds of these cases in shares.csv."""
-    done, order = {(bed.case, bed.hold) for bed in beds}, names()
-    rows = [*(bed for bed in read_beds() if (bed.case, bed.hold) not in done), *beds]
-    write_table(TABLE, Bed, sorted(rows, key=lambda bed: (order.index(bed.case), bed.hold, bed.seed)))
-
-
 def brackets(beds: Sequence[Bed], case: str, hold: float) -> dict[int, Bracket]:
     """Brackets of a case by seed."""
-    return {bed.seed: Bracket(bed.low, bed.high) for bed in beds if (bed.case, bed.hold) == (case, hold)}
+    return found_in([bed for bed in beds if bed.hold == hold]).get(case, {})
 
 
 def share_table(beds: Sequence[Bed], hold: float) -> str:
     """Threshold of every case, and what switching its missing force on takes off."""
     whole = brackets(beds, names()[0], hold)
-    header = (
-        "forces beside drag",
-        "beds",
-        "fluid threshold u* [m/s]",
-        "over that with all forces, bed by bed",
-    )
+    over = "over that with all forces, bed by bed"
+    header = ("forces beside drag", "beds", "fluid threshold u* [m/s]", over)
     rows = []
     for name in names():
         found = brackets(beds, name, hold)
@@ -124,13 +87,6 @@ def share_table(beds: Sequence[Bed], hold: float) -> str:
         cell = "1" if found == whole else f"{ratio:.2f} ({ratio / factor:.2f} to {ratio * factor:.2f})"
         rows.append((words_of(name), str(count), shown(pooled(found)), cell))
     return markdown_table(header, rows)
-
-
-def thresholds() -> dict[str, Measurement]:
-    """Threshold of the beds of every case, by its forces in words."""
-    beds, hold = read_beds(), scene().threshold.hold
-    found = {words_of(name): brackets(beds, name, hold) for name in names()}
-    return {words: pooled(case) for words, case in found.items() if case}
 
 
 def words_of(name: str) -> str:
@@ -149,14 +105,16 @@ def criteria_table(beds: Sequence[Bed], hold: float) -> str:
     found = list(brackets(beds, names()[0], hold).values())
     patch = patch_watch(hold)
     asked = [("two grains of the patch in 0.3 s, as in the scene", patch)]
-    asked += [(label, criterion(share, area, time)) for label, share, area, time in SEVERAL]
+    for label, share, area, time in SEVERAL:
+        asked.append((label, Watch(area, time, max(1, round(share * area / diameter() ** 2)))))
     shorter = Watch(patch.area, SHORTER, patch.count)
     asked.append((f"two grains of the patch in {SHORTER:g} s", shorter))
     simulated = list(brackets(beds, names()[0], SHORTER).values())
     header = ("criterion", "Weibull's law: u* [m/s]", "log-normal law: u* [m/s]", "simulated: u* [m/s]")
     rows = []
+    attempts = 1.0 / (diameter() ** 2 * MEMORY)  # of a surface grain, one a gust [m-2 s-1]
     for label, watch in asked:
-        laws = [criterion_threshold(label, found, patch, watch, n) for n in (None, attempts())]
+        laws = [criterion_threshold(label, found, patch, watch, n) for n in (None, attempts)]
         direct = {patch: found, shorter: simulated}.get(watch, [])
         rows.append((label, *map(shown, laws), shown(pooled(dict(enumerate(direct)))) if direct else ""))
     return markdown_table(header, rows)
@@ -170,34 +128,24 @@ def patch_watch(hold: float) -> Watch:
     return Watch(area, hold, max(1, round(setting.share * area / diameter() ** 2 + 0.5)))
 
 
-def criterion(share: float, area: float, time: float) -> Watch:
-    """A share of the surface grains, or one grain, of an area [m2] in a time [s]."""
-    return Watch(area, time, max(1, round(share * area / diameter() ** 2)))
-
-
 def diameter() -> float:
     """Nominal diameter of the grains [m]."""
     return nominal_diameter(scene().grains.size)
 
 
-def attempts() -> float:
-    """One attempt a surface grain and gust [m-2 s-1]."""
-    return 1.0 / (diameter() ** 2 * MEMORY)
-
-
 def tables() -> dict[str, str]:
     """Tables of docs/threshold.md by name, from shares.csv."""
-    beds, hold = read_beds(), scene().threshold.hold
+    beds, hold = read_beds(TABLE), scene().threshold.hold
     return {"shares": share_table(beds, hold), "criteria": criteria_table(beds, hold)}
 
 
 def main(asked: Sequence[str]) -> None:
     """Simulate what was asked for."""
-    hold = scene().threshold.hold
-    for name in asked or names():
-        write_beds(simulate(name, hold))
+    asked_for = [(name, scene().threshold.hold) for name in asked or names()]
     if not asked or names()[0] in asked:
-        write_beds(simulate(names()[0], SHORTER))
+        asked_for.append((names()[0], SHORTER))
+    for name, hold in asked_for:
+        write_beds(TABLE, simulate(SCENE, case_of(name, hold)), names())
 
 
 if __name__ == "__main__":

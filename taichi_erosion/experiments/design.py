@@ -8,7 +8,6 @@ Box & Wilson (1951), J. R. Stat. Soc. B 13, 1; McKay, Beckman & Conover (1979), 
 """
 
 from collections.abc import Mapping, Sequence
-from itertools import product
 from math import isfinite
 from typing import Literal
 
@@ -74,8 +73,9 @@ def box_behnken_points(count: int) -> Floats:
 
 def grid_points(count: int, levels: int = 3) -> Floats:
     """All combinations of `levels` equidistant levels between -1 and +1."""
-    ticks = np.linspace(-1.0, 1.0, levels)
-    return np.array([point[::-1] for point in product(ticks, repeat=count)])
+    from pyDOE3 import fullfact
+
+    return 2.0 * np.asarray(fullfact([levels] * count), float) / (levels - 1) - 1.0
 
 
 Part = tuple[PointKind, Floats]

@@ -19,8 +19,10 @@ c the largest of all these heaps, of which a cone without stray grains has pi / 
 Reference: doe/repose_sensitivity/results.csv and doe/heap_size/results.csv.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import ceil, isfinite, log10, radians, sqrt, tan
+
+import numpy as np
 
 from taichi_erosion.measures.result import Measurement, Shortfall
 from taichi_erosion.measures.silhouette import FOOT_GRAINS, FOOT_SHARE, SHOULDER_SHARE, fit_window
@@ -35,7 +37,8 @@ HEAP_FACTOR = 2.4  # c above [1]
 USUAL_ANGLE = 30.0  # deg, where neither a measured nor a simulated one is known
 LEAST_ANGLE = 5.0  # deg, below which the estimate of N would be absurd
 LEAST_HOPS = 50  # exponential hops make a flux within sqrt(2 / n) = 20 % [1]
-DRIFT_LEVEL = 0.01  # of the test of a slope by Student's law
+DRIFT = 3.71  # Student's t of a slope through eight means that chance exceeds once in a hundred [1]
+TINY = 1e-12  # of a sum of squares, left by rounding
 LEAST_BINS = 6  # a surface of n bins, each off by up to half a grain, slopes within 1 / sqrt(n^3 - n) = 4 deg
 LEAST_BEDS = 5  # beds scatter by 11 % (doe/wind/fluid.csv): the 95 % interval of five is 14 % to either side
 
@@ -128,14 +131,17 @@ def surface_shortfalls(bins: float) -> Iterator[Shortfall]:
         yield Shortfall("narrow_surface", words, bins, LEAST_BINS, True)
 
 
-def drift_shortfalls(p: float) -> Iterator[Shortfall]:
-    """Shortfall of a mean over a window in which the state still changes.
+def drift_shortfalls(means: Sequence[float]) -> Iterator[Shortfall]:
+    """Shortfall of a mean over a window in which the state still changes: means of its blocks have a slope.
 
-    `p`: chance of such a slope, or a steeper one, of the means of its blocks if they scatter about one value.
+    t = r sqrt((n - 2) / (1 - r^2)),   r the correlation of n block means with their order
     """
-    if p < DRIFT_LEVEL:
-        words = f"the mean drifts over the window (p = {p:.1g}): a later or longer window"
-        yield Shortfall("drift", words, p, DRIFT_LEVEL, False)
+    order, series = np.arange(len(means)) - 0.5 * (len(means) - 1), np.asarray(means) - np.mean(means)
+    along = (order @ series) ** 2 / (order @ order)  # of the sum of squares, what a line takes
+    left = series @ series - along
+    if along > 0.0 and (t := sqrt((len(means) - 2) * along / max(left, TINY * along))) > DRIFT:
+        words = "the mean drifts over the window by more than its scatter: a later or longer window"
+        yield Shortfall("drift", words, t, DRIFT, False)
 
 
 def touching_shortfalls(share: float) -> Iterator[Shortfall]:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from math import exp, nan, sqrt
 
 import numpy as np
-import scipy.stats
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import AirProfile, Snapshot
@@ -67,7 +66,7 @@ def blocked(name: str, series: Sequence[float], unit: str) -> Measurement:
         return no_measurement(name, unit, f"{len(series)} frames; at least {LEAST_FRAMES} are needed")
     means = [float(np.mean(block)) for block in np.array_split(np.asarray(series), BLOCKS)]
     error = float(np.std(means, ddof=1)) / sqrt(BLOCKS)
-    lacking = tuple(drift_shortfalls(scipy.stats.linregress(np.arange(BLOCKS), means).pvalue))
+    lacking = tuple(drift_shortfalls(means))
     return Measurement(
         name, float(np.mean(series)), error, unit, details={"blocks": means}, shortfalls=lacking
     )

@@ -5,6 +5,7 @@ from math import log, pi, sqrt
 import numpy as np
 import pytest
 
+from doe.common.beds import found_in, read_beds
 from doe.fluid_threshold.balance import (
     AIR,
     GRAVITY,
@@ -17,9 +18,9 @@ from doe.fluid_threshold.balance import (
     tipping_winds,
     wind_at,
 )
-from doe.fluid_threshold.cases import names, read_beds
+from doe.fluid_threshold.cases import TABLE, names
 from doe.fluid_threshold.dropped_bed import Loose, dropped, loose_grains, normals, tilts_of
-from doe.fluid_threshold.page import PAGE, found_in, iversen_white, rms_cell, tables, trend_cell
+from doe.fluid_threshold.page import PAGE, iversen_white, rms_cell, tables, trend_cell
 from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.report.markdown import fill_tables
 
@@ -34,14 +35,14 @@ def test_the_curve_is_that_of_iversen_and_white(size: float):
 
 
 def test_every_bed_belongs_to_a_case_and_lies_between_two_winds():
-    for bed in read_beds():
+    for bed in read_beds(TABLE):
         assert bed.case in names()
         assert 0.0 < bed.low < bed.high
 
 
 def test_the_page_shows_the_table_that_the_beds_make():
     text = PAGE.read_text(encoding="utf-8")
-    assert fill_tables(text, tables(found_in(read_beds()))) == text
+    assert fill_tables(text, tables(found_in(read_beds(TABLE)))) == text
 
 
 def pocket():

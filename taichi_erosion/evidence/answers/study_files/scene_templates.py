@@ -136,6 +136,7 @@ def threshold_patch(diameter: float, grains: int) -> Changes:
     return {
         "grains.size": {"law": "monodisperse", "diameter": diameter},
         "materials.soil.shear_modulus": float(f"{6e4 * max(diameter / 2.8e-4, 1.0):.2g}"),
+        "run.time_step_fraction": 0.12,
         "threshold.first": None,
     }
 
