@@ -271,7 +271,7 @@ def write_recording(study: Path) -> Path:
         figures={name: path.read_bytes() for name, path in pictures.items()},
         runs=list(recorded_runs(file, rows))[:MOST_RUNS],
         properties={f"target_{name}": target.value for name, target in file.study.targets.items()},
-        columns={str(name): column.to_list() for name, column in table.items()},
+        columns={re.sub(r"[.-]", "_", str(name)): column.to_list() for name, column in table.items()},
     )
     return record_study(file.folder / RECORDING, page)
 
