@@ -1,6 +1,7 @@
 """Figures of answers: probabilities, errors on held-out rows, and after adoptions, doses of mechanisms."""
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ from taichi_erosion.report.words import effect_words, listed
 Record = Mapping[str, Any]
 
 MOST_ANSWERS = 10  # bars of the posterior
+LETTERS = 7.0  # of a label per inch of the figure
 HEIGHT = 3.1  # in
 DOTS = {"marker": "o", "ms": 5.0, "color": INK, "ls": "none"}
 BEYOND = 1.5  # of the span of doses and law that error bars may add to the axis to either side [1]
@@ -71,8 +73,11 @@ def draw_posterior(probabilities: Mapping[str, float | None]) -> Picture:
     values = numbers([p for _, p in ranked])[::-1]
 
     def draw(width: float) -> Figure:
-        figure, frame = single(width, 0.5 + 0.24 * len(ranked))
-        frame.barh(labels, values, color=[CONTROL if name in answers.values() else AFTER for name in labels])
+        names = [fill(label, int(LETTERS * width)) for label in labels]
+        figure, frame = single(
+            width, 0.5 + 0.1 * len(names) + 0.14 * sum(name.count("\n") + 1 for name in names)
+        )
+        frame.barh(names, values, color=[CONTROL if name in answers.values() else AFTER for name in labels])
         for place, value in enumerate(values):
             frame.text(value + 0.01, place, percent(value), va="center", fontsize=8.0)
         frame.set(xlim=(0.0, 1.12), xticks=[0.0, 0.5, 1.0], xlabel="probability")
