@@ -23,7 +23,7 @@ FILE = r"<!-- file: (?P<file>\S+) -->\n```\w+\n(?P<text>.*?)```"
 STEP = re.compile(rf"{FILE}|```sh\n(?P<commands>.*?)```", re.DOTALL)
 NAME, STUDY = "pores", "doe/own_effect/pores.toml"
 ONE_WORKER = ("--workers", "1")  # a second one would compile the same kernels again
-pytestmark = pytest.mark.docs
+pytestmark = [pytest.mark.docs, pytest.mark.slow]
 
 
 @pytest.fixture(scope="module")
