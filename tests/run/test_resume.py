@@ -96,7 +96,8 @@ def windy(folder) -> Path:
     """Two beds of a hundred grains: a search in coarse steps and short trials, means over its whole stage."""
     table = tomllib.loads(WINDY.read_text(encoding="utf-8"))
     del table["measured"]
-    table["run"]["replicas"] = 2
+    table["run"] |= {"replicas": 2, "time_step_fraction": 0.25}
+    table["effects"] = {}
     table["grains"] |= {"count": 100, "size": {"law": "monodisperse", "diameter": 0.25e-3}}
     table["wind"]["height"] = 0.01
     table["threshold"] = {"first": 0.6, "rise": 0.4, "rise_hold": 0.01, "hold": 0.02, "levels": 0}
