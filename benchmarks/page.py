@@ -13,9 +13,9 @@ from benchmarks.cases import run_benchmarks
 from benchmarks.start import ROUNDS, starts
 from benchmarks.wind_cases import threshold_case
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.report.markdown import fill_table, markdown_table
+from taichi_erosion.report.markdown import MARKED, fill_tables, markdown_table
 
-DOCS, PAGE = Path(__file__).parents[1] / "docs", "speed.md"
+PAGE = Path(__file__).parents[1] / "docs" / "speed.md"
 STAGES = ("pairs", "walls", "motion", "rebuild", "looks")
 
 Case = Mapping[str, Any]
@@ -115,13 +115,11 @@ def start_table(starts: Mapping[str, Mapping[str, float]]) -> str:
     return markdown_table(("cache", "wall time", "of one core"), rows)
 
 
-def fill(docs: Path, tables: Mapping[str, str]) -> Path:
-    """Fill some tables of the page."""
-    page = docs / PAGE
+def fill(page: Path, tables: Mapping[str, str]) -> Path:
+    """Fill some tables of a page; the others stay. Raises ValueError where the page has no such mark."""
     text = page.read_text(encoding="utf-8")
-    for name, table in tables.items():
-        text = fill_table(text, name, table)
-    return write_atomic(page, text.encode())
+    there = {found["name"]: found["table"] for found in MARKED.finditer(text)}
+    return write_atomic(page, fill_tables(text, there | tables).encode())
 
 
 def announce(_: float, name: str) -> None:
@@ -132,12 +130,12 @@ def announce(_: float, name: str) -> None:
 def main(words: Sequence[str]) -> None:
     """Time all cases, or a threshold alone, and fill the tables."""
     if "threshold" in words:
-        fill(DOCS, {"threshold": threshold_table([threshold_case(), threshold_case(awake=True)])})
+        fill(PAGE, {"threshold": threshold_table([threshold_case(), threshold_case(awake=True)])})
         return
     cases = run_benchmarks(announce)["cases"]
     makers = {"grains": grain_table, "air": air_table, "scaling": scaling_table, "shared": shared_table}
     fill(
-        DOCS, {name: table(cases) for name, table in makers.items()} | {"start": start_table(starts(ROUNDS))}
+        PAGE, {name: table(cases) for name, table in makers.items()} | {"start": start_table(starts(ROUNDS))}
     )
 
 

@@ -71,10 +71,10 @@ def main(words: list[str]) -> None:
     """Fill the table of the page on speed, and say where."""
     if words == [FIRST]:
         stop_after_first_step()
-    from benchmarks.page import fill, start_table
+    from benchmarks.page import PAGE, fill, start_table
 
     table = start_table(starts(int(words[0]) if words else ROUNDS))
-    sys.stdout.write(f"{fill(ROOT / 'docs', {'start': table})}\n")
+    sys.stdout.write(f"{fill(PAGE, {'start': table})}\n")
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.page import fill
 from benchmarks.peers.cases import Floats
 from benchmarks.peers.codes import DECKS, PEERS
 from benchmarks.peers.physics_cases import BED_STEPS, RELAX_STEPS, Failed, falling_bed, lying, two_grains
@@ -43,8 +44,7 @@ from benchmarks.peers.physics_measures import (
     stack_numbers,
 )
 from benchmarks.peers.physics_pair import lammps_curve, our_curve, pair_numbers
-from taichi_erosion.core.files import write_atomic
-from taichi_erosion.report.markdown import fill_table, markdown_table
+from taichi_erosion.report.markdown import markdown_table
 
 Seeds = list[dict[str, float]]  # numbers of every seed by quantity
 
@@ -243,7 +243,7 @@ def page_table(rows: Sequence[Row]) -> str:
 def publish() -> None:
     """Fill the tables of the pages."""
     for page, name, table in page_tables():
-        write_atomic(page, fill_table(page.read_text(encoding="utf-8"), name, table).encode())
+        fill(page, {name: table})
 
 
 def page_tables() -> list[tuple[Path, str, str]]:

@@ -9,11 +9,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.page import fill
+from benchmarks.page import PAGE, fill
 from benchmarks.peers.compare import MEGA, Row, Sample, summary
 from taichi_erosion.report.markdown import markdown_table
 
-DOCS = Path(__file__).parents[2] / "docs"
 OURS = ("ours f32", "ours f64")
 OTHERS = ("LAMMPS", "LIGGGHTS", "YADE")
 HEADER = ("case", "cores", *OURS, *(f"f32 and f64 over {code}" for code in OTHERS))
@@ -74,7 +73,7 @@ def ratios(row: Row) -> str:
 def main(words: Sequence[str]) -> int:
     """Fill the table and say where."""
     rows = summary(joined([Path(word) for word in words]))
-    sys.stdout.write(f"{fill(DOCS, {'peers': markdown_table(HEADER, lines(rows))})}\n")
+    sys.stdout.write(f"{fill(PAGE, {'peers': markdown_table(HEADER, lines(rows))})}\n")
     return 0
 
 

@@ -107,6 +107,12 @@ def fluid_cases() -> list[Case]:
     return [
         *[Case("forces", label, settings(DRAG_ALONE, *orders), BEDS) for label, orders in forces.items()],
         Case("forces", "all forces", (), MANY),
+        Case(
+            "time step",
+            "0.25 of the Rayleigh time, all forces",
+            settings("run.time_step_fraction=0.25"),
+            MANY,
+        ),
         Case("as stated", "2130 kg/m3, all forces", settings(STATED), BEDS),
         changed("grain density", "2130 kg/m3", STATED),
         changed("criterion", "first grain of a layer", "threshold.share=0.005"),

@@ -74,10 +74,3 @@ def model_matrix(coded: Floats, terms: Sequence[Term]) -> Floats:
     """Constant and terms, [runs, 1 + terms]."""
     values = columns(coded, terms)
     return np.column_stack([np.ones(len(values)), values])
-
-
-def alias_matrix(coded: Floats, kept: Sequence[Term], left_out: Sequence[Term]) -> Floats:
-    """A, [1 + kept, left out]; the first row is the constant's."""
-    inside = model_matrix(coded, kept)
-    outside = model_matrix(coded, left_out)[:, 1:]
-    return np.asarray(np.linalg.lstsq(inside, outside, rcond=None)[0], dtype=float)

@@ -38,27 +38,20 @@ def reach(constants: Constants, radius: float) -> float:
     return constants["range"] * radius
 
 
-def contact_pull_checks(params: Any, probe: Probe) -> Iterator[Check]:
+def pull_checks(length: float, share: float, params: Any, probe: Probe) -> Iterator[Check]:
+    """Checks with a range of `share`; `length` as in `pull_constants`."""
+    ends = length * share * PAIR["radius_effective"]  # m, gap of two grains at which the pull ends
+
     def force(gap: float, strength: float = 1.0, **members: float) -> float:
-        return probe(params(dose=4.0, range=0.01), {}, strength=strength, **(PAIR | {"gap": gap} | members))
+        return probe(params(dose=4.0, range=share), {}, strength=strength, **(PAIR | {"gap": gap} | members))
 
     yield Check("touching grains pull with D times their weight", force(0.0), 3.924e-7)
     yield Check("half the strength is half the pull", force(-1e-8, 0.5), 1.962e-7)
-    yield Check("half way through the range the pull is half", force(2.5e-7), 1.962e-7, rtol=1e-4)
-    yield Check("beyond the range there is none", force(6e-7), 0.0)
+    yield Check("half way through the range the pull is half", force(0.5 * ends), 1.962e-7, rtol=1e-4)
+    yield Check("beyond the range there is none", force(1.2 * ends), 0.0)
     yield Check("of a grain three times as heavy 1.5 times", force(0.0, mass_j=3e-8), 5.886e-7)
     yield Check("a wall pulls with the weight of the grain", force(0.0, **WALL), 3.924e-7)
-
-
-def gap_pull_checks(params: Any, probe: Probe) -> Iterator[Check]:
-    def force(gap: float, strength: float = 1.0, **members: float) -> float:
-        return probe(params(dose=4.0, range=0.2), {}, strength=strength, **(PAIR | {"gap": gap} | members))
-
-    yield Check("touching grains pull with D times their weight", force(0.0), 3.924e-7)
-    yield Check("half the strength is half the pull", force(-1e-8, 0.5), 1.962e-7)
-    yield Check("a tenth of a diameter away the pull is half", force(2e-5), 1.962e-7, rtol=1e-4)
-    yield Check("beyond the range there is none", force(5e-5), 0.0)
-    yield Check("a wall counts as a grain of twice the diameter", force(4e-5, **WALL), 1.962e-7, rtol=1e-4)
+    yield Check("a wall counts as a grain of twice the diameter", force(ends, **WALL), 1.962e-7, rtol=1e-4)
 
 
 def vertical_constants(params: Any, strength: float, conditions: Conditions) -> Constants:
@@ -170,13 +163,15 @@ def gust_checks(params: Any, probe: Probe) -> Iterator[Check]:
     yield Check("half the wind has half the gust", half_wind, 2.0 * lognormal(0.2, 0.09), rtol=3e-3)
 
 
+def pulling(length: float, share: float) -> tuple[Any, Any, dict[str, Any]]:
+    """Row of a pull between grains; arguments as those of `pull_checks`."""
+    members = {"constants": partial(pull_constants, length), "reach": reach}
+    return pull, partial(pull_checks, length, share), members
+
+
 FORCES = {  # mechanism -> act, checks, other members
-    "contact_pull": (pull, contact_pull_checks, dict(constants=partial(pull_constants, 1.0), reach=reach)),
-    "gap_pull": (
-        pull,
-        gap_pull_checks,
-        dict(constants=partial(pull_constants, DIAMETER_OVER_EFFECTIVE), reach=reach),
-    ),
+    "contact_pull": pulling(1.0, 0.01),
+    "gap_pull": pulling(DIAMETER_OVER_EFFECTIVE, 0.2),
     "vertical_force": (push_upwards, vertical_checks, dict(constants=vertical_constants)),
     "drag": (no_push, drag_checks, dict(constants=drag_constants, drag=drag_factor)),
     "lift": (push_across, lift_checks, dict(constants=lift_constants)),

@@ -17,12 +17,6 @@ def fill_tables(page: str, tables: Mapping[str, str]) -> str:
     return MARKED.sub(lambda found: found["begin"] + tables[found["name"]] + found["end"], page)
 
 
-def fill_table(page: str, name: str, table: str) -> str:
-    """Page with one marked table replaced. Raises ValueError where the page has no such mark."""
-    others = {found["name"]: found["table"] for found in MARKED.finditer(page)}
-    return fill_tables(page, others | {name: table})
-
-
 def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Markdown table; the first column is left-aligned, the others are right-aligned."""
     rule = [":--", *("--:" for _ in header[1:])]

@@ -10,13 +10,8 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments import design
 from taichi_erosion.experiments.design import CYCLES, TOGETHER, plackett_burman_points
 from taichi_erosion.experiments.design_table import Factor
-from taichi_erosion.experiments.terms import (
-    alias_matrix,
-    interaction_terms,
-    linear_terms,
-    model_matrix,
-    model_terms,
-)
+from taichi_erosion.experiments.terms import interaction_terms, linear_terms, model_matrix, model_terms
+from tests.verification.designed_experiments import alias_matrix
 
 # Plackett & Burman (1946) as printed, for example, in Plasun (1999), table 3.6
 TWELVE = """

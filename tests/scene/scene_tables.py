@@ -211,6 +211,15 @@ def wrong_places() -> Iterator[tuple[str, Any]]:
     yield from (("fill", fill) for fill in WHOLE_FILLS)
 
 
+def softened(rule: str, energy: float) -> dict[str, Any]:
+    """A scene with JKR, whose soil is softened by a rule; `energy` is that of its surface [J m-2]."""
+    table = changed("materials.soil.softening", {"rule": rule, "true_modulus": 1e10})
+    table["laws"]["normal"] = "jkr"
+    table["contact"]["soil-soil"]["surface_energy"] = energy
+    table["contact"]["steel-soil"]["surface_energy"] = energy
+    return table
+
+
 def complaint(table: dict[str, Any], **known: Any) -> str:
     """The line in which a bad scene is refused."""
     with pytest.raises(BadInput) as caught:

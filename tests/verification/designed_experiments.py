@@ -5,7 +5,7 @@ effects must come back to rounding. With noise, a share k of N tables is binomia
 share p by four standard errors, 4 sqrt(p (1 - p) / N), which chance does once in 16,000 times.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from math import sqrt
 
 import numpy as np
@@ -17,13 +17,7 @@ from taichi_erosion.experiments.design import box_behnken, plackett_burman, stee
 from taichi_erosion.experiments.design_table import Design, Factor
 from taichi_erosion.experiments.fit import Fit, coefficient_table, fit_model
 from taichi_erosion.experiments.optimise import Goal, optimise
-from taichi_erosion.experiments.terms import (
-    alias_matrix,
-    interaction_terms,
-    linear_terms,
-    model_matrix,
-    model_terms,
-)
+from taichi_erosion.experiments.terms import Term, interaction_terms, linear_terms, model_matrix, model_terms
 from taichi_erosion.verification.claims import Outcome, below
 
 SEED = 37
@@ -66,6 +60,12 @@ def recovered_effects() -> Iterator[Outcome]:
     screening, surface = plackett_burman(factors(9), centre_points=1), box_behnken(factors(3))
     yield from exact_effects(screening, surface)
     yield from noisy_effects(screening, surface, lambda runs: NOISE * rng.normal(size=runs))
+
+
+def alias_matrix(coded: Floats, kept: Sequence[Term], left_out: Sequence[Term]) -> Floats:
+    """Bias of the kept terms by those left out, [1 + kept, left out], first that of the constant."""
+    inside, outside = model_matrix(coded, kept), model_matrix(coded, left_out)[:, 1:]
+    return np.asarray(np.linalg.lstsq(inside, outside, rcond=None)[0], dtype=float)
 
 
 def exact_effects(screening: Design, surface: Design) -> Iterator[Outcome]:

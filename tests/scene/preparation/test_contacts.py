@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from scene_tables import changed, good_table
+from scene_tables import changed, good_table, softened
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import pair_row
@@ -18,14 +18,6 @@ SOIL, STEEL = 0, 1  # materials come in alphabetical order
 
 def contacts_of(table: dict[str, Any]):
     return build_setup(parse_scene(table), 1).contacts
-
-
-def softened(rule: str, energy: float) -> dict[str, Any]:
-    table = changed("materials.soil.softening", {"rule": rule, "true_modulus": 1e10})
-    table["laws"]["normal"] = "jkr"
-    table["contact"]["soil-soil"]["surface_energy"] = energy
-    table["contact"]["steel-soil"]["surface_energy"] = energy
-    return table
 
 
 def test_effective_moduli_of_like_materials():

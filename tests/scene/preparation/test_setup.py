@@ -1,9 +1,7 @@
 """Setup of one replica."""
 
-from typing import Any
-
 import pytest
-from scene_tables import changed
+from scene_tables import changed, softened
 
 from taichi_erosion.scene import build_setup, laws, parse_scene
 
@@ -11,14 +9,6 @@ from taichi_erosion.scene import build_setup, laws, parse_scene
 def test_gravity_starts_along_its_direction():
     table = changed("gravity", {"magnitude": 1.62, "direction": [0.0, 3.0, -4.0]})
     assert build_setup(parse_scene(table), 1).gravity == pytest.approx((0.0, 0.6 * 1.62, -0.8 * 1.62))
-
-
-def softened(rule: str, energy: float) -> dict[str, Any]:
-    table = changed("materials.soil.softening", {"rule": rule, "true_modulus": 1e10})
-    table["laws"]["normal"] = "jkr"
-    table["contact"]["soil-soil"]["surface_energy"] = energy
-    table["contact"]["steel-soil"]["surface_energy"] = energy
-    return table
 
 
 def test_laws_are_those_of_the_scene():
