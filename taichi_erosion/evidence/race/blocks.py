@@ -1,0 +1,182 @@
+"""Errors that rows have in common, as blocks of columns: part of every hypothesis, each with a size of its own.
+
+    level         one column per observable
+    source        one column per source of each observable
+    batch         one per group of rows of each observable
+    discrepancy   smooth function of the conditions of each observable, without its level:
+                  k(x, x') = prod_c (1 + exp(-1/2 ((x_c - x_c') / LENGTH)^2)), centred, trace n
+
+All in units of the median standard error of an observable. Rows that are to be predicted have columns too, so
+that they are conditioned on those that are known.
+
+References: Kennedy & O'Hagan (2001), J. R. Stat. Soc. B 63, 425; Plumlee (2017), J. Am. Stat. Assoc. 112, 1274
+(a discrepancy must not imitate what calibration or a level can do); Carvalho, Polson & Scott (2010),
+Biometrika 97, 465 (half-Cauchy scales).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
+from taichi_erosion.evidence.data.problem import Bools, Floats
+from taichi_erosion.evidence.data.transforms import from_scale
+from taichi_erosion.evidence.models.predictor import axis_scale
+from taichi_erosion.evidence.race.linear_evidence import Scales, scale
+from taichi_erosion.evidence.race.priors import LARGE, LENGTH, NEAR, SMALL
+
+Kind = Literal["level", "zero", "source", "batch", "discrepancy", "unlisted", "dose"]
+SMOOTHEST = 1e-3  # of the largest variance of a smooth function, below which a part of it is left out
+LENGTHS = (0.7, 2.0)
+ZERO_SHOWS = 0.2  # change of its shape over the rows from which a zero is told from a level [1]
+
+
+@dataclass(frozen=True)
+class Block:
+    """One cause of what rows have in common."""
+
+    kind: Kind
+    observable: str
+    columns: Floats  # (n, q), on the comparison scale
+    labels: tuple[str, ...]  # of the columns, where they stand for something
+    scale: Scales
+
+
+def unlisted(blocks: Sequence[Block]) -> list[Block]:
+    """The same with discrepancies that may be large, level included: something that is not in the list."""
+    level = {block.observable: block.columns for block in blocks if block.kind == "level"}
+    return [
+        Block(
+            "unlisted",
+            block.observable,
+            np.hstack([block.columns, level[block.observable]]),
+            (),
+            scale(f"unlisted {block.observable}", cauchy=LARGE),
+        )
+        if block.kind == "discrepancy"
+        else block
+        for block in blocks
+    ]
+
+
+def nuisance(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
+    """Every block that a table allows; `known` rows were measured, `unit` (n,) is their standard error."""
+    found = []
+    for index, observable in enumerate(rows.observables):
+        own = rows.which == index
+        fitted = np.flatnonzero(own & known)
+        if not fitted.size:
+            continue
+        name, size = observable.name, float(np.median(unit[fitted]))
+        value = from_scale(observable, rows.z)
+        logarithmic = observable.transform != "identity"
+        shape = np.clip(value * rows.slope, 0.0, 1.0) if logarithmic else np.ones(rows.size)
+        column = np.where(own, size * shape, 0.0)
+        found.append(Block("level", name, column[:, None], (name,), scale(f"level {name}", cauchy=NEAR)))
+        if fitted.size > 3:
+            columns = size * smooth_columns(rows, own, known)
+            if columns.shape[1]:
+                found.append(
+                    Block("discrepancy", name, columns, (), scale(f"discrepancy {name}", normal=SMALL))
+                )
+    for kind, labels in (("source", rows.source_names), ("batch", rows.group)):
+        columns, names = shared_columns(rows, known, labels, unit)
+        if names:
+            found.append(Block(kind, "", columns, names, scale(kind, cauchy=NEAR)))
+    return found
+
+
+def zeros(rows: ComparisonRows, unit: Floats) -> list[Block]:
+    """The zero of every instrument that is compared on a logarithmic scale, where it differs from a level."""
+    found = []
+    for index, observable in enumerate(rows.observables):
+        own = rows.which == index
+        shape = rows.slope / float(np.median(rows.slope[own]))
+        if own.sum() > 1 and np.ptp(shape[own]) > ZERO_SHOWS:
+            column = np.where(own, float(np.median(unit[own])) * shape, 0.0)
+            name = observable.name
+            found.append(Block("zero", name, column[:, None], (name,), scale(f"zero {name}", cauchy=LARGE)))
+    return found
+
+
+def shared_columns(
+    rows: ComparisonRows, known: Bools, labels: Sequence[str], unit: Floats
+) -> tuple[Floats, tuple[str, ...]]:
+    """A column for each label of each observable that has several rows of it and others too."""
+    columns, names, label = [], [], np.array(labels)
+    for index, observable in enumerate(rows.observables):
+        own = rows.which == index
+        count = int(np.sum(own & known))
+        for each in dict.fromkeys(label[own]):
+            chosen = own & (label == each)
+            if 1 < np.sum(chosen & known) < count:
+                columns.append(np.where(chosen, float(np.median(unit[own & known])), 0.0))
+                names.append(f"{each}|{observable.name}")
+    return (np.column_stack(columns) if columns else np.zeros((rows.size, 0))), tuple(names)
+
+
+def shares(rows: ComparisonRows, known: Bools) -> dict[str, Floats]:
+    """Every condition that varies, over the range of the known rows and mostly between 0 and 1."""
+    found = {}
+    for name, column in rows.conditions.items():
+        axis = axis_scale(column[known])
+        if axis is not None:
+            filled = axis.filled(column)
+            low, high = float(filled[known].min()), float(filled[known].max())
+            found[name] = (filled - low) / (high - low)
+    return found
+
+
+def smooth_columns(rows: ComparisonRows, own: Bools, known: Bools) -> Floats:
+    """Columns F (n, q) of a smooth function of the conditions of one observable: F F^T is its covariance."""
+    at, fitted = np.flatnonzero(own), known[own]
+    kernel = np.ones((at.size, at.size))
+    for column in shares(rows.rows(own), fitted).values():
+        kernel *= 1.0 + np.exp(-0.5 * ((column[:, None] - column) / LENGTH) ** 2)
+    centre = np.eye(at.size) - fitted / fitted.sum()
+    kernel = centre @ kernel @ centre.T
+    size = float(np.trace(kernel[np.ix_(fitted, fitted)])) / fitted.sum()
+    found = np.zeros((rows.size, 0))
+    if size > 1e-12:
+        columns = square_root(kernel / size)
+        found = np.zeros((rows.size, columns.shape[1]))
+        found[at] = columns
+    return found
+
+
+def square_root(kernel: Floats) -> Floats:
+    """Columns F with F F^T a covariance, without those that hardly matter."""
+    values, vectors = np.linalg.eigh(kernel)
+    kept = values > SMOOTHEST * values[-1]
+    return np.asarray(vectors[:, kept] * np.sqrt(values[kept]), dtype=np.float64)
+
+
+def dose_columns(rows: ComparisonRows) -> list[tuple[str, Floats]]:
+    """Factors L (n, r) of what a dose may be over the conditions, along each and along all of them.
+
+    A dose is a function of conditions shared by all observables: L L^T = exp(-1/2 d^2 / l^2) + 1/4; along a
+    condition that reaches 0 it is 0 there, and the same is true of L.
+    """
+    found, squares = [], []
+    for name, column in rows.conditions.items():
+        axis = axis_scale(column)
+        if axis is None:
+            continue
+        place, zero = axis(column), column == 0.0
+        squares.append(square_distance(place))
+        for length in LENGTHS:
+            kernel = np.exp(-0.5 * squares[-1] / length**2) + 0.25
+            if zero.any() and np.nanmin(column) == 0.0:
+                at = int(np.argmax(zero))
+                kernel = kernel - np.outer(kernel[at], kernel[at]) / kernel[at, at]
+            found.append((name, square_root(kernel)))
+    if len(squares) > 1:
+        found += [("all", square_root(np.exp(-0.5 * sum(squares) / length**2) + 0.25)) for length in LENGTHS]
+    return found
+
+
+def square_distance(axis: Floats) -> Floats:
+    """Squared differences (n, n)."""
+    return np.asarray((axis[:, None] - axis) ** 2, dtype=np.float64)

@@ -1,0 +1,144 @@
+"""The model in standard coordinates, and its linear expansion about a setting.
+
+    v = (calibrated numbers, strengths),   v ~ N(0, 1)
+
+A calibrated number keeps its prior near the start and stays within its range, and a strength psi stays below
+the largest that is allowed, so that neither end is a special case:
+
+    x = low + (high - low) / (1 + exp(-(a + b v))),  x(0) = 0, x'(0) = 1      psi = m (1 - exp(-psi_0 e^(s v) / m))
+
+with psi_0 two thirds of the scale of the strength and s = SPREAD. An effect that belongs to the model already
+has a strength among the calibrated numbers.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from math import exp, log
+
+import numpy as np
+
+from taichi_erosion.evidence.data.problem import Candidate, Floats, Integers
+from taichi_erosion.evidence.data.transforms import Axis, effect_of
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.models.predictor import Predictor, seed_mean
+from taichi_erosion.evidence.race.priors import BEYOND, SPREAD
+
+Acting = tuple[str, ...]
+EDGE = 0.02  # least share of a range that its start is taken to be away from an end
+TYPICAL = 2.0 / 3.0  # strength expected, over the scale of its prior
+
+
+class BudgetSpentError(Exception):
+    """No further setting of the model may be evaluated."""
+
+
+def position(axis: Axis, v: float) -> float:
+    """Calibrated number on its own axis."""
+    if effect_of(axis.name) is not None:
+        return strength(Candidate("", 1.0, axis.high), v, axis.high)
+    if not np.isfinite(axis.high - axis.low):
+        return float(np.clip(v, axis.low, axis.high))
+    share = float(np.clip(-axis.low / (axis.high - axis.low), EDGE, 1.0 - EDGE))
+    slope = 1.0 / ((axis.high - axis.low) * share * (1.0 - share))
+    return axis.low + (axis.high - axis.low) / (1.0 + exp(-np.clip(log(share / (1 - share)) + slope * v, -60, 60)))
+
+
+def strength(candidate: Candidate, v: float, largest: float) -> float:
+    """Strength of an effect."""
+    typical = min(TYPICAL * candidate.prior_scale, candidate.maximum)
+    return float(-largest * np.expm1(-typical * np.exp(np.clip(SPREAD * v, -30.0, 10.0)) / largest))
+
+
+@dataclass
+class RaceModel:
+    """The model of a study at settings v; counts them."""
+
+    prepared: PreparedProblem
+    most: float = np.inf  # settings that may be evaluated
+    settings: int = 0
+    known: set[tuple] = field(default_factory=set)
+    shift: Floats | float = 0.0  # of a mean over many seeds over that of the few that every setting has
+
+    def __post_init__(self) -> None:
+        p = self.prepared
+        self.candidates = {each.name: each for each in p.problem.candidates}
+        self.count = len(p.axes)
+        names = {each.name for each in p.problem.mechanisms} - self.candidates.keys()
+        wider = (*p.predictor.candidates, *(Candidate(name) for name in sorted(names)))
+        self.predictor: Predictor = replace(p.predictor, candidates=wider)
+        self.noisy = p.noisy
+        # an emulator knows nothing beyond the strengths of its list
+        self.reach = BEYOND if p.problem.uncertainty is None else 1.0
+        if self.noisy:
+            start = np.zeros(self.count)
+            many, few = (self.values((), start, seeds) for seeds in (p.seeds.scoring, p.seeds.fitting))
+            self.shift = np.nan_to_num(many - few)
+
+    def largest(self, name: str) -> float:
+        """Largest strength of an effect."""
+        return self.reach * self.candidates[name].maximum
+
+    def numbers(self, v: Floats) -> Floats:
+        """Calibrated numbers on their axes."""
+        return np.array([position(axis, float(each)) for axis, each in zip(self.prepared.axes, v)])
+
+    def strength(self, name: str, t: float) -> float:
+        """Strength of one effect."""
+        return strength(self.candidates[name], t, self.largest(name))
+
+    def strengths(self, names: Acting, v: Floats) -> dict[str, float]:
+        """Strengths of the acting effects."""
+        return {name: self.strength(name, float(t)) for name, t in zip(names, v[self.count :], strict=True)}
+
+    def values(self, names: Acting, v: Floats, seeds: Integers, dose: Mapping[str, float] | None = None) -> Floats:
+        """Mean (n,) over some seeds. Raises BudgetSpentError."""
+        x, acting = self.numbers(v[: self.count]), {**self.strengths(names, v), **(dose or {})}
+        key = (x.tobytes(), tuple(sorted(acting.items())), seeds.size)
+        if key not in self.known:
+            if self.settings >= self.most:
+                raise BudgetSpentError
+            self.known.add(key)
+            self.settings += 1
+        return seed_mean(self.predictor.predict(x, acting, seeds))
+
+    def mean(self, names: Acting, v: Floats, dose: Mapping[str, float] | None = None) -> Floats:
+        """Mean (n,) as many seeds would have it."""
+        return self.values(names, v, self.prepared.seeds.fitting, dose) + self.shift
+
+    def dosed(self, v: Floats, name: str, doses: Floats) -> Floats:
+        """Mean (n,) with a dose of a mechanism of its own in every row: as many runs as one setting."""
+        if self.settings >= self.most:
+            raise BudgetSpentError
+        self.settings += 1
+        x, p, found = self.numbers(v[: self.count]), self.predictor, np.zeros(doses.size)
+        for dose in np.unique(doses):
+            rows = np.flatnonzero(doses == dose)
+            own = p.over(p.observables, p.which[rows], {n: c[rows] for n, c in p.conditions.items()})
+            found[rows] = seed_mean(own.compute(x, {name: float(dose)}, self.prepared.seeds.fitting))
+        return found + self.shift
+
+    def sure_mean(self, names: Acting, v: Floats) -> Floats:
+        """Mean (n,) over many seeds."""
+        if not self.noisy:
+            return self.mean(names, v)
+        return self.values(names, v, self.prepared.seeds.scoring)
+
+    def errors(self, names: Acting, v: Floats) -> Floats:
+        """Errors of known size (n, q): shared by instruments, of the model itself, of stated conditions."""
+        p = self.prepared
+        own = p.model_errors(self.numbers(v[: self.count]), self.strengths(names, v))
+        return np.hstack([p.rows.shared, own])
+
+    def jacobian(self, names: Acting, v: Floats, mean: Floats, dose: Mapping[str, float] | None = None) -> Floats:
+        """Slopes (n, d) by finite differences towards the prior, wide for a noisy model."""
+        step = 0.7 if self.noisy else 0.1
+        columns = np.zeros((mean.size, v.size))
+        for j in range(v.size):
+            for sign in (-1.0 if v[j] > 0.0 else 1.0, 1.0 if v[j] > 0.0 else -1.0):
+                h = np.zeros(v.size)
+                h[j] = sign * step
+                slope = (self.mean(names, v + h, dose) - mean) / h[j]
+                if np.all(np.isfinite(slope)):
+                    break
+            columns[:, j] = np.nan_to_num(slope)
+        return columns

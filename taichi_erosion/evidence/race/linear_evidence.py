@@ -1,0 +1,249 @@
+"""Evidence of rows that are linear in everything unknown, and the posterior of all of it.
+
+    y = X b + e,   b_j ~ N(0, tau_j^2),   e_i ~ N(0, kappa_o^2 / w_i)
+
+Columns X are slopes along calibrated numbers and strengths and errors of known size (tau = 1), then blocks of
+errors, each with a tau of its own; kappa_o is the scatter of observable o over what is stated, w_i the weight
+of a row. With B = tau X^T K X tau, K = diag(w / kappa^2), A = 1 + B, h = tau X^T K y,
+
+    c = A^-1 h,   cov = A^-1,   ln Z = -1/2 (y^T K y - h^T c) - 1/2 ln |A| - sum n_o ln kappa_o
+
+for u = (ln tau, ln kappa). Its slopes follow from E[b^2] (Fisher's identity), its expected curvature from
+tau X^T V^-1 X tau = 1 - A^-1; u is found by scoring and integrated by Laplace's method.
+
+References: Rasmussen & Williams (2006), Gaussian Processes, 5.4 (evidence); Longford (1987), Biometrika 74,
+817 (scoring of variance components); Tierney & Kadane (1986), J. Am. Stat. Assoc. 81, 82 (Laplace).
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import log, pi
+
+import numpy as np
+from scipy import linalg
+
+from taichi_erosion.evidence.data.problem import Floats, Integers
+from taichi_erosion.evidence.race.priors import BAD_ROW, BAD_SD
+
+ODDS = log(BAD_ROW / (1.0 - BAD_ROW))
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Priors of scales u = ln sigma: half-Cauchy, half-normal, or normal in u about 0 (of a scatter)."""
+
+    names: tuple[str, ...]
+    cauchy: Floats  # (k,), scale of the half-Cauchy; NaN where it is another
+    normal: Floats  # (k,), scale of the half-normal
+    doubt: Floats  # (k,), sd of ln sigma
+
+    @cached_property
+    def start(self) -> Floats:
+        """Scales at their priors, where every search begins."""
+        return np.log(np.where(np.isfinite(self.doubt), 1.0, np.fmax(self.cauchy, self.normal)))
+
+    def log_prior(self, u: Floats) -> tuple[float, Floats, Floats]:
+        """Ln density of u, its slope and minus its curvature."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            far, wide, off = u - np.log(self.cauchy), u - np.log(self.normal), u / self.doubt
+            square = np.exp(2.0 * wide)
+            tables = (
+                (self.cauchy, -np.log(pi * np.cosh(far)), -np.tanh(far), np.cosh(far) ** -2),
+                (self.normal, 0.5 * log(2.0 / pi) + wide - 0.5 * square, 1.0 - square, 2.0 * square),
+                (self.doubt, -0.5 * off**2 - np.log(self.doubt), -off / self.doubt, self.doubt**-2),
+            )
+        found = np.zeros((3, u.size))
+        for known, *rows in tables:
+            found = np.where(np.isfinite(known), rows, found)
+        return float(found[0].sum()), found[1], found[2]
+
+    def __add__(self, other: "Scales") -> "Scales":
+        """These scales, then others."""
+        fields = ("cauchy", "normal", "doubt")
+        joined = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in fields}
+        return Scales(self.names + other.names, **joined)
+
+
+def scale(name: str, cauchy: float = np.nan, normal: float = np.nan, doubt: float = np.nan) -> Scales:
+    """One scale with its prior."""
+    return Scales((name,), np.array([cauchy]), np.array([normal]), np.array([doubt]))
+
+
+@dataclass(frozen=True)
+class LinearRows:
+    """Whitened rows y (n,) and columns X (n, q)."""
+
+    y: Floats
+    columns: Floats
+    block: Integers  # (q,), scale of every column; -1 where it is 1
+    scatter: Integers  # (n,), scale of the scatter of every row, counted from the first of these; -1: 1
+    scales: Scales  # of the blocks, then of the scatters
+    weight: Floats  # (n,)
+
+    @cached_property
+    def blocks(self) -> int:
+        return len(self.scales.names) - self.scatters
+
+    @cached_property
+    def scatters(self) -> int:
+        return int(np.sum(np.isfinite(self.scales.doubt)))
+
+    @cached_property
+    def owner(self) -> Floats:
+        """Columns (q, blocks) that belong to each block, as 0 and 1."""
+        return (self.block[:, np.newaxis] == np.arange(self.blocks)).astype(np.float64)
+
+    @cached_property
+    def products(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """X^T w X, X^T w y, y^T w y and numbers of rows, for each scatter and, last, for rows without one."""
+        parts = [np.flatnonzero(self.scatter == k) for k in (*range(self.scatters), -1)]
+        own = [self.columns[rows] * self.weight[rows, np.newaxis] for rows in parts]
+        return (
+            np.array([x.T @ self.columns[rows] for x, rows in zip(own, parts, strict=True)]),
+            np.array([x.T @ self.y[rows] for x, rows in zip(own, parts, strict=True)]),
+            np.array([float(self.weight[rows] @ self.y[rows] ** 2) for rows in parts]),
+            np.array([float(rows.size) for rows in parts]),
+        )
+
+    def with_bad(self, bad: frozenset[int]) -> "LinearRows":
+        """The same with BAD_SD times the error in some rows."""
+        weight = self.weight.copy()
+        weight[list(bad)] /= BAD_SD**2
+        return replace(self, weight=weight)
+
+    def solved(self, u: Floats) -> "Solved":
+        """Posterior and ln evidence at scales u. Raises numpy.linalg.LinAlgError far outside their range."""
+        tau = np.ones(self.block.size)
+        inside = self.block >= 0
+        tau[inside] = np.exp(u[self.block[inside]])
+        share = np.append(np.exp(-2.0 * u[self.blocks :]), 1.0)
+        squares, projections, energy, counts = self.products
+        each = squares * (share[:, None, None] * np.outer(tau, tau))
+        matrix = each.sum(axis=0)
+        matrix[np.diag_indices(tau.size)] += 1.0
+        factor = linalg.cholesky(matrix, lower=True, check_finite=False)
+        inverse = linalg.cho_solve((factor, True), np.eye(tau.size), check_finite=False)
+        vector = tau * (share @ projections)
+        centre = inverse @ vector
+        volume = float(np.sum(np.log(np.diag(factor)))) + float(counts[:-1] @ u[self.blocks :])
+        fit = float(share @ energy - vector @ centre)
+        log_likelihood = -0.5 * fit - volume + 0.5 * float(np.sum(np.log(self.weight)))
+        return Solved(self, u, tau, centre, inverse, each, log_likelihood)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Everything unknown at fixed scales."""
+
+    rows: LinearRows
+    u: Floats
+    tau: Floats  # (q,)
+    centre: Floats  # (q,), b / tau
+    inverse: Floats  # (q, q), covariance of b / tau
+    products: Floats  # (scatters + 1, q, q), tau X^T K X tau of the rows of each
+    log_likelihood: float
+
+    @property
+    def value(self) -> float:
+        """Ln of likelihood times prior of the scales."""
+        return self.log_likelihood + self.rows.scales.log_prior(self.u)[0]
+
+    def derivatives(self) -> tuple[Floats, Floats]:
+        """Slopes of `value` along u, and minus its expected curvature."""
+        rows, inverse, owner = self.rows, self.inverse, self.rows.owner
+        count, k = rows.blocks, rows.scatters
+        squares, projections, energy, counts = rows.products
+        _, slope, bend = rows.scales.log_prior(self.u)
+        gradient, curvature = slope.copy(), np.zeros((self.u.size,) * 2)
+        gradient[:count] += owner.T @ (self.centre**2 + np.diag(inverse) - 1.0)
+        rest = np.eye(inverse.shape[0]) - inverse
+        curvature[:count, :count] = 2.0 * owner.T @ rest**2 @ owner
+        share, best = np.exp(-2.0 * self.u[count:]), self.tau * self.centre
+        moved = inverse @ self.products[:k]
+        for o in range(k):
+            left = energy[o] - 2.0 * best @ projections[o] + best @ squares[o] @ best
+            gradient[count + o] += share[o] * left + np.trace(moved[o]) - counts[o]
+            cross = 2.0 * owner.T @ np.einsum("ij,ji->i", moved[o], inverse)
+            curvature[:count, count + o] = curvature[count + o, :count] = cross
+            for other in range(k):
+                curvature[count + o, count + other] = 2.0 * np.sum(moved[o] * moved[other].T)
+            curvature[count + o, count + o] += 2.0 * counts[o] - 4.0 * np.trace(moved[o])
+        curvature[np.diag_indices(self.u.size)] += np.maximum(bend, 0.02)
+        return gradient, curvature
+
+    @cached_property
+    def log_evidence(self) -> float:
+        """Ln Z with the scales integrated out, without the constants that all hypotheses share."""
+        _, curvature = self.derivatives()
+        return self.value + 0.5 * self.u.size * log(2.0 * pi) - 0.5 * float(np.linalg.slogdet(curvature)[1])
+
+    @cached_property
+    def precision(self) -> tuple[Floats, Floats]:
+        """Residual V^-1 y (n,) and the diagonal of V^-1 (n,)."""
+        share = self.row_share
+        own = self.rows.columns * self.tau
+        residual = share * (self.rows.y - own @ self.centre)
+        return residual, share - share**2 * np.einsum("ij,jk,ik->i", own, self.inverse, own)
+
+    @property
+    def row_share(self) -> Floats:
+        """K, one over the variance of the error of each row alone."""
+        share = np.append(np.exp(-2.0 * self.u[self.rows.blocks :]), 1.0)
+        return self.rows.weight * share[self.rows.scatter]
+
+    def against(self, columns: Floats) -> tuple[Floats, Floats]:
+        """G^T V^-1 y (k,) and G^T V^-1 G (k, k) of other columns G (n, k)."""
+        own = self.row_share[:, np.newaxis] * columns
+        cross = own.T @ (self.rows.columns * self.tau)
+        return columns.T @ self.precision[0], columns.T @ own - cross @ self.inverse @ cross.T
+
+
+def with_best_scales(rows: LinearRows, u: Floats, steps: int) -> Solved:
+    """Scales by at most so many steps of scoring from u, each of which raises the posterior."""
+    now = rows.solved(u)
+    for _ in range(steps):
+        gradient, curvature = now.derivatives()
+        curvature[np.diag_indices(u.size)] += 0.1
+        move = np.clip(np.linalg.solve(curvature, gradient), -1.2, 1.2)
+        for share in (1.0, 0.35, 0.12, 0.04):
+            then = rows.solved(np.clip(now.u + share * move, -5.0, 5.0))
+            if then.value > now.value - 1e-9:
+                break
+        else:
+            break
+        gain, now = then.value - now.value, then
+        if gain < 0.02:
+            break
+    return now
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Posterior of one hypothesis with the rows that it finds bad."""
+
+    solved: Solved
+    bad: frozenset[int]
+    log_evidence: float
+
+
+def evidence(rows: LinearRows, u: Floats, steps: int, bad: frozenset[int] = frozenset()) -> Evidence:
+    """Evidence with the rows in `bad` and every one that is likelier bad than not; then the sum over one more.
+
+    ln(1 + sum_i o L_i), o the odds of a bad row, L_i = (1 + e P_ii)^-1/2 exp(1/2 e a_i^2 / (1 + e P_ii)),
+    e its additional variance, P = V^-1, a = P y.
+    """
+    most = max(1, rows.y.size // 12)
+    while True:
+        now = with_best_scales(rows.with_bad(bad), u, steps)
+        residual, diagonal = now.precision
+        extra = (BAD_SD**2 - 1.0) / now.row_share
+        grown = 1.0 + extra * diagonal
+        gain = ODDS - 0.5 * np.log(grown) + 0.5 * extra * residual**2 / grown
+        gain[list(bad)] = -np.inf
+        gain[rows.scatter < 0] = -np.inf
+        worst = int(np.argmax(gain))
+        if gain[worst] < 1.0 or len(bad) >= most:
+            break
+        bad, u = bad | {worst}, now.u
+    total = now.log_evidence + len(bad) * ODDS + float(np.log1p(np.sum(np.exp(np.minimum(gain, 30.0)))))
+    return Evidence(now, bad, total)

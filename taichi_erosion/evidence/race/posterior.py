@@ -1,0 +1,113 @@
+"""Posterior of the race: probabilities of explanations, and draws of everything unknown, averaged over them.
+
+    p(v, u | y) = sum_h P(h | y) p(u | y, h) N(v; c_h(u), C_h(u))
+
+The scales u are drawn from a t distribution about their best values and weighted by their true density, so
+that a level which data do not see keeps its tail and widens the numbers that it could hide in.
+
+References: Hoeting et al. (1999), Stat. Sci. 14, 382 (averaging over models); Geweke (1989), Econometrica 57,
+1317 (importance sampling with a t distribution).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.linalg import LinAlgError
+
+from taichi_erosion.evidence.data.problem import Floats, Integers
+from taichi_erosion.evidence.data.transforms import axis_value
+from taichi_erosion.evidence.race.search import Fit, Hypothesis, Race
+
+SCALES, DRAWS = 60, 2000  # draws of scales of one hypothesis, and of everything
+FREEDOM = 4.0  # degrees of freedom of the t distribution of the scales
+SEED = 0  # of all draws: the same table has the same answer
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Draws of all that is unknown in one hypothesis."""
+
+    fit: Fit
+    values: Floats  # (m, q), coefficients of all columns of its linear rows
+    scales: Floats  # (m, k), ln of the scales
+    weight: Floats  # (m,), of all hypotheses together their sum is 1
+
+
+def draws_of(fit: Fit, probability: float, random: np.random.Generator) -> Draws:
+    """Draws of a fit with its probability."""
+    best = fit.evidence.solved
+    spread = np.linalg.cholesky(np.linalg.inv(best.derivatives()[1]))
+    each = max(4, int(DRAWS * probability / SCALES))
+    values, scales, log_weight = [], [], []
+    for k in range(SCALES):
+        step = random.standard_normal(best.u.size) if k else np.zeros(best.u.size)
+        stretch = np.sqrt(FREEDOM / random.chisquare(FREEDOM))
+        u = np.clip(best.u + spread @ step * stretch, -8.0, 8.0)
+        try:
+            now = best.rows.solved(u)
+            root = np.linalg.cholesky(now.inverse)
+        except LinAlgError:
+            continue
+        length = float(step @ step) * stretch**2
+        log_weight.append(now.value + 0.5 * (FREEDOM + best.u.size) * np.log1p(length / FREEDOM))
+        own = now.centre + random.standard_normal((each, now.centre.size)) @ root.T
+        values.append(own * now.tau)
+        scales.append(np.repeat(u[np.newaxis], each, axis=0))
+    share = np.exp(np.array(log_weight) - np.max(log_weight))
+    share = np.minimum(share, 0.1 * share.sum())  # no draw stands for more than a tenth of all
+    weight = np.repeat(probability * share / share.sum() / each, each)
+    return Draws(fit, np.vstack(values), np.vstack(scales), weight)
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """All hypotheses of a race with their probabilities."""
+
+    race: Race
+    probability: dict[Hypothesis, float]
+
+    @cached_property
+    def draws(self) -> list[Draws]:
+        """Draws of every hypothesis that matters."""
+        random = np.random.default_rng(SEED)
+        told = {h: p for h, p in self.probability.items() if p > 1e-3}
+        total = sum(told.values())
+        return [draws_of(self.race.fits[h], p / total, random) for h, p in told.items()]
+
+    @cached_property
+    def numbers(self) -> tuple[Floats, Floats]:
+        """Calibrated numbers (m, p) in their units, and weights (m,)."""
+        count, axes = self.race.model.count, self.race.prepared.axes
+        found = []
+        for each in self.draws:
+            x = np.array([self.race.model.numbers(v) for v in each.values[:, :count]]).reshape(-1, count)
+            found.append(np.column_stack([axis_values(axis, x[:, j]) for j, axis in enumerate(axes)]) if axes else x)
+        return np.vstack(found), np.concatenate([each.weight for each in self.draws])
+
+    def strength(self, name: str) -> tuple[Floats, Floats]:
+        """Strength of an effect where it acts with one strength, and weights."""
+        values, weights = [np.zeros(0)], [np.zeros(0)]
+        for each in self.draws:
+            names = each.fit.hypothesis.names
+            if name in names:
+                column = each.values[:, self.race.model.count + names.index(name)]
+                values.append(np.array([self.race.model.strength(name, v) for v in column]))
+                weights.append(each.weight)
+        return np.concatenate(values), np.concatenate(weights)
+
+
+def axis_values(axis, x: Floats) -> Floats:
+    """Numbers in their units."""
+    return np.array([axis_value(axis, float(each)) for each in x])
+
+
+def quantiles(values: Floats, weight: Floats, shares: Sequence[float] = (0.05, 0.5, 0.95)) -> Floats:
+    """Quantiles of weighted draws; NaN without any."""
+    if not values.size:
+        return np.full(len(shares), np.nan)
+    order = np.argsort(values)
+    total = np.cumsum(weight[order])
+    places = np.searchsorted(total, np.array(shares) * total[-1])
+    return values[order][np.minimum(places, values.size - 1)]

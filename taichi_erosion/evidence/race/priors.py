@@ -1,0 +1,23 @@
+"""Priors and limits of the race: every number of the inference stands here, once, with its reason.
+
+P(nothing) = NOTHING; P(all sets of k + 1 effects) = STEP P(all sets of k); sets of one size share alike; what
+no list holds has UNLISTED, half of it mechanisms. A scale sigma of a block of errors is half-Cauchy or
+half-normal, in units of the standard error of a row; a strength psi and a factor f of the scatter are
+log-normal.
+"""
+
+NOTHING = 0.5  # as likely as not
+UNLISTED = 0.15  # that something is missing that is not in the list
+STEP = 0.25  # of one more effect
+MOST = 4  # effects at once: more rows than a table has would be needed to tell five
+SPREAD = 0.8  # sd of ln strength about 2/3 of its scale: one in twelve above three times that
+BEYOND = 3.0  # times the largest strength of the list, that a strength may reach
+NEAR = 0.25  # half-Cauchy of levels, sources and batches: most are small, some are large
+SMALL, LARGE = 0.3, 2.0  # smooth discrepancy: half-normal in every hypothesis, half-Cauchy if unlisted
+DOUBT = 0.35  # sd of ln of the scatter over what is stated, where no repeat checks it
+BAD_ROW, BAD_SD = 0.01, 10.0  # chance that a row is bad, and its sd over its own
+LENGTH = 0.5  # of a smooth discrepancy, over the range of a condition
+DOSE = 1.0  # half-Cauchy of ln(1 + dose)
+SURE = 0.9  # probability from which a thing is said
+FAMILYWISE = 0.02  # chance below which the best of all candidates is no accident
+KEEP = 0.01  # probability from which a hypothesis is worth another run of the model

@@ -1,0 +1,193 @@
+"""The answer of the evidence commands as one record: numbers and enumerations only, rendered elsewhere.
+
+Quantiles are those of the posterior, averaged over all explanations; values are in the units of the model.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from taichi_erosion.evidence.data.problem import Floats
+
+Verdict = Literal["present", "group", "none_detected", "outside_library", "not_testable", "unstable"]
+Status = Literal["present", "excluded", "open", "untestable", "better_but_not_sufficient"]
+Stop = Literal["", "budget"]
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Median and 90 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Decided:
+    """What is said, and with what probability."""
+
+    verdict: Verdict
+    named: tuple[str, ...]  # effects that act
+    group: tuple[str, ...]  # effects of which one acts
+    mechanisms: tuple[str, ...]  # of which one acts, best first
+    probabilities: Mapping[str, float]  # "none", "outside_library", "a", "a+b"; sums to 1
+    familywise: float  # chance of a name as good if nothing acts
+
+
+@dataclass(frozen=True)
+class EffectPart:
+    """One candidate."""
+
+    status: Status
+    probability: float  # that it acts
+    strength: Interval  # where it acts; NaN where no explanation holds it
+    limit: float  # strength above which it is excluded with 95 %
+    log_bayes_factor: float  # against nothing
+    absorption: float  # share of its signature that calibration and errors imitate
+    unseen_below: float  # strength below which it could act and not be seen
+    alike: tuple[str, ...] = ()  # candidates from which these measurements do not tell it
+    varies_along: str = ""  # condition along which its strength varies
+    most: float = 3.0  # largest strength of the list
+
+
+@dataclass(frozen=True)
+class NumberPart:
+    """One calibrated number."""
+
+    start: float
+    before: Interval  # if nothing is missing
+    now: Interval
+    prior_share: float  # of the width of its prior, that is left
+    at_end: bool  # more than half of the posterior lies in the outer tenth of its range
+
+
+@dataclass(frozen=True)
+class LevelPart:
+    """How far an observable lies from the model at all conditions."""
+
+    observable: str
+    kind: Literal["factor", "offset", "zero"]
+    size: Interval
+    probability: float  # that it is off by more than half a standard error of a row
+
+
+@dataclass(frozen=True)
+class ErrorPart:
+    """An error that nobody stated."""
+
+    kind: Literal["source", "batch", "row", "scatter"]
+    observable: str
+    label: str  # source, group, or number of the row in the table
+    size: Interval  # in the unit of the observable; of a scatter the factor over what is stated
+
+
+@dataclass(frozen=True)
+class RepeatPart:
+    """Two repeats of one measurement that disagree grossly."""
+
+    observable: str
+    rows: tuple[int, int]  # numbers in the table
+    difference: float  # in the unit of the observable
+    suspect: int  # the one that the model does not expect; 0: either
+
+
+@dataclass(frozen=True)
+class FitPart:
+    """Misfit of the rows that were fitted."""
+
+    n: int
+    chi2_before: float
+    chi2_after: float
+    p_before: float  # of as much by chance, errors in common included
+    p_after: float
+    p_lack_of_fit: float  # against pure error; NaN without repeats
+
+
+@dataclass(frozen=True)
+class PlacePart:
+    """Where the model fails if nothing is missing."""
+
+    observable: str
+    axis: str  # condition, or "level"
+    sign: int  # +1: measured above the model at the upper end
+    p: float
+
+
+@dataclass(frozen=True)
+class LawPart:
+    """The law of a mechanism's dose."""
+
+    mechanism: str
+    conditions: tuple[str, ...]
+    form: str
+    expression: str  # with numbers and units of the model
+    python: str
+    numbers: Mapping[str, Interval]
+    exponents: Mapping[str, Interval]  # by condition
+    doses: tuple[tuple[Mapping[str, float], Interval], ...]  # conditions, dose
+    held_out_share: float  # of the misfit of left-out groups that it explains
+
+
+@dataclass(frozen=True)
+class HeldOutPart:
+    """Error of rows that no fit has seen, per row."""
+
+    n: int
+    before: float
+    after: float
+    p_after: float  # of as much if the model with what is named is adequate
+    wrong: float  # with a random other effect
+    opened: int
+
+
+@dataclass(frozen=True)
+class ExperimentPart:
+    """A measurement that would decide."""
+
+    observable: str
+    conditions: Mapping[str, float]
+    predictions: Mapping[str, Interval]  # explanation -> what it expects
+    chance: float  # that all up to this one decide
+    cost: float
+
+
+@dataclass(frozen=True)
+class CostPart:
+    """What an answer has cost."""
+
+    settings: int
+    runs: int
+    seconds: float
+    stopped: Stop
+
+
+@dataclass(frozen=True)
+class RowsPart:
+    """Measured beside predicted, row by row, in the unit of the observable."""
+
+    observable: tuple[str, ...]
+    conditions: Mapping[str, Floats]
+    measured: Floats
+    sd: Floats
+    before: Floats
+    after: Floats
+
+
+@dataclass(frozen=True)
+class Record:
+    """One answer."""
+
+    decided: Decided
+    effects: Mapping[str, EffectPart]
+    numbers: Mapping[str, NumberPart]
+    levels: tuple[LevelPart, ...]
+    errors: tuple[ErrorPart, ...]
+    repeats: tuple[RepeatPart, ...]
+    fit: FitPart
+    where: tuple[PlacePart, ...]
+    rows: RowsPart
+    cost: CostPart
+    law: LawPart | None = None
+    held_out: HeldOutPart | None = None
+    experiments: tuple[ExperimentPart, ...] = field(default_factory=tuple)
