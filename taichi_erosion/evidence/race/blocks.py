@@ -1,4 +1,4 @@
-"""Errors that rows have in common, as blocks of columns: part of every hypothesis, each with a size of its own.
+"""Errors that rows have in common, as blocks of columns: part of every hypothesis, each of a size of its own.
 
     level         one column per observable
     source        one column per source of each observable
@@ -9,8 +9,8 @@
 All in units of the median standard error of an observable. Rows that are to be predicted have columns too, so
 that they are conditioned on those that are known.
 
-References: Kennedy & O'Hagan (2001), J. R. Stat. Soc. B 63, 425; Plumlee (2017), J. Am. Stat. Assoc. 112, 1274
-(a discrepancy must not imitate what calibration or a level can do); Carvalho, Polson & Scott (2010),
+References: Kennedy & O'Hagan (2001), J. R. Stat. Soc. B 63, 425; Plumlee (2017), J. Am. Stat. Assoc. 112,
+1274 (a discrepancy must not imitate what calibration or a level can do); Carvalho, Polson & Scott (2010),
 Biometrika 97, 465 (half-Cauchy scales).
 """
 
@@ -81,7 +81,8 @@ def nuisance(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
                 found.append(
                     Block("discrepancy", name, columns, (), scale(f"discrepancy {name}", normal=SMALL))
                 )
-    for kind, labels in (("source", rows.source_names), ("batch", rows.group)):
+    several: tuple[tuple[Kind, Sequence[str]], ...] = (("source", rows.source_names), ("batch", rows.group))
+    for kind, labels in several:
         columns, names = shared_columns(rows, known, labels, unit)
         if names:
             found.append(Block(kind, "", columns, names, scale(kind, cauchy=NEAR)))

@@ -10,10 +10,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.predictive_check import familywise_p
 from taichi_erosion.evidence.race.priors import FAMILYWISE, KEEP, SURE
-from taichi_erosion.evidence.race.search import Hypothesis
 
 Verdict = Literal["present", "group", "none_detected", "outside_library"]
 MOST_TOLD = 3  # of a group: more is no answer
@@ -42,8 +42,8 @@ def decide(posterior: Posterior) -> Decision:
     effects, mechanisms = list(race.model.candidates), [m.name for m in race.prepared.problem.mechanisms]
     inclusion = {name: probability(posterior, [name]) for name in effects}
     beyond = {name: probability(posterior, [name]) for name in mechanisms}
-    none = sum(p for h, p in share.items() if not h.names and h.beyond.partition("|")[0] in ("", "zero"))
-    outside = sum(p for h, p in share.items() if not h.names and h.beyond.partition("|")[0] in ("?", *mechanisms))
+    none = sum(p for h, p in share.items() if not h.names and h.kind in ("", "zero"))
+    outside = sum(p for h, p in share.items() if not h.names and h.kind in ("?", *mechanisms))
     named = tuple(name for name in effects if inclusion[name] >= SURE)
     group = smallest(posterior, [name for name in effects if name not in named], inclusion, len(effects) // 2)
     together = inclusion | beyond
@@ -67,9 +67,12 @@ def decide(posterior: Posterior) -> Decision:
         none,
         outside,
         inclusion,
-        {name: sum(p for h, p in share.items() if h.beyond.partition("|")[0] == name) for name in effects},
+        {name: sum(p for h, p in share.items() if h.kind == name) for name in effects},
         beyond,
-        {z.observable: sum(p for h, p in share.items() if h.beyond == f"zero|{z.observable}") for z in race.zeros},
+        {
+            z.observable: sum(p for h, p in share.items() if h.beyond == f"zero|{z.observable}")
+            for z in race.zeros
+        },
         chance,
     )
 
@@ -82,11 +85,13 @@ def probability(posterior: Posterior, names: Iterable[str]) -> float:
 
 def acts(hypothesis: Hypothesis, names: set[str]) -> bool:
     """Whether one of some effects or mechanisms acts."""
-    return bool(names & set(hypothesis.names)) or hypothesis.beyond.partition("|")[0] in names
+    return bool(names & set(hypothesis.names)) or hypothesis.kind in names
 
 
-def smallest(posterior: Posterior, names: Sequence[str], single: dict[str, float], most: int) -> tuple[str, ...]:
-    """The fewest of some effects, likeliest first, of which one acts with SURE; none where more are needed."""
+def smallest(
+    posterior: Posterior, names: Sequence[str], single: dict[str, float], most: int
+) -> tuple[str, ...]:
+    """The fewest of some effects, likeliest first, of which one acts with SURE; none if more are needed."""
     ranked = sorted(names, key=lambda name: -single[name])
     for count in range(1, most + 1):
         if probability(posterior, ranked[:count]) >= SURE:

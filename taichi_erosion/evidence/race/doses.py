@@ -1,161 +1,189 @@
 """Mechanisms, and listed effects whose strength varies: one dose for every set of conditions.
 
-    z = m(v, 0) + c(w),   w = ln(1 + dose) = tau L s,   s ~ N(0, 1),   L L^T = k(conditions) + 1/4
+    z = m(v, w) + F u + e,   w = tau L s,   s ~ N(0, 1),   L L^T = k(conditions) + 1/4
 
-c, the change of each row along the dose, is computed at a few doses and interpolated; about the best doses the
-rows are linear in s, so that the doses are one more block of the race with columns c'(w) L, shared by all
-observables. Each kernel k, along one condition or all, is a hypothesis of its own.
+with w = ln(1 + dose) above 0 and the dose itself below. About doses w the rows are linear in s, so that the
+doses are one more block of the race with columns (dm/dw) L, shared by all observables. Each kernel k, along
+one condition or all, is a hypothesis of its own. Every row is simulated at its own dose: that costs as many
+runs as any other setting.
+
+Reference: Rasmussen & Williams (2006), Gaussian Processes, 3.4 (Gauss-Newton steps of a latent function).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import log
+from typing import Any
 
 import numpy as np
 
-from taichi_erosion.evidence.data.problem import Bools, Floats
+from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.race.blocks import Block, dose_columns
-from taichi_erosion.evidence.race.expansion import RaceModel
+from taichi_erosion.evidence.race.fit import FAR, SHARES, SLACK, Doses, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import scale
-from taichi_erosion.evidence.race.priors import DOSE, KEEP, STEP
-from taichi_erosion.evidence.race.search import SLACK, Doses, Fit, Hypothesis, Race, log_prior
+from taichi_erosion.evidence.race.priors import DOSE, STEP
+from taichi_erosion.evidence.race.search import log_prior, log_prior_mechanism
 
 LEAST_DOSE = -0.95  # a place that is almost switched off
-STEP_W = 0.05  # of w, for a slope
 LARGEST_STEP, STILL = 0.7, 0.02  # of w
-FIRST = 4  # steps with the scales at their priors, so that no level takes what a dose explains
-CARRIED = 4  # kernels with which a mechanism is fitted anew about its own numbers
+FIRST, THEN = (
+    4,
+    14,
+)  # steps with the scales at their priors, so that no level takes what a dose does; all steps
+SETTLED = 4  # mechanisms that get slopes of their own
+
+Kernels = Sequence[tuple[str, Floats]]  # condition, L (n, r)
 
 
 def to_axis(dose: float) -> float:
-    """A dose on its axis: ln(1 + dose) above 0, the dose itself below."""
+    """A dose on its axis."""
     return float(np.log1p(dose)) if dose > 0.0 else dose
 
 
-def from_axis(w: float) -> float:
-    """The dose of a place on that axis."""
-    return float(np.expm1(w)) if w > 0.0 else float(w)
-
-
-def with_dose(race: Race, parent: Fit, each: "Doser", hypothesis: Hypothesis, factor: Floats, steps: int) -> Fit:
-    """Numbers and doses of one mechanism with one kernel: Gauss-Newton steps, none of which raises the misfit."""
-    model, v, beta = race.model, parent.v, np.zeros(factor.shape[1])
-    if parent.dose is not None:
-        beta = np.linalg.lstsq(factor, parent.dose.w, rcond=None)[0]
-    jacobian, u, fit = parent.jacobian, None, parent
-    w, mean = each.at(race, v, factor @ beta)
-    for k in range(steps):
-        h = np.where(w > 0.5 * each.top, -STEP_W, STEP_W)
-        slope = np.nan_to_num((each.at(race, v, w + h)[1] - mean) / h)
-        block = Block("dose", "", slope[:, np.newaxis] * factor, (), scale("dose", cauchy=DOSE))
-        doses = Doses(factor @ beta, slope, factor, hypothesis.beyond.rpartition("|")[2])
-        fit = replace(
-            parent, hypothesis=hypothesis, v=v, mean=mean, jacobian=jacobian, dose=doses,
-            blocks=(*race.blocks, block), log_prior=each.prior,
-        )
-        fit = race.solved(fit, 0 if k < FIRST else 4, u)
-        now = fit.evidence.solved
-        u, own = now.u, now.rows.block == len(race.blocks)
-        tau = float(np.exp(u[len(race.blocks)]))
-        step, turn = np.clip(fit.target - v, -1.5, 1.5), tau * now.centre[own] - beta
-        turn *= min(1.0, LARGEST_STEP / max(float(np.max(np.abs(factor @ turn))), 1e-12))
-        if np.max(np.abs(step), initial=0.0) < 0.05 and np.max(np.abs(factor @ turn)) < STILL and k >= FIRST:
-            break
-        before = race.misfit(fit, mean, v) + float(beta @ beta) / tau**2
-        for share in (1.0, 0.4, 0.16, 0.06):
-            tried = beta + share * turn
-            there, value = each.at(race, v + share * step, factor @ tried)
-            if np.all(np.isfinite(value)):
-                after = race.misfit(fit, value, v + share * step) + float(tried @ tried) / tau**2
-                if after < before + 0.1 * SLACK:
-                    break
-        else:
-            break
-        gone = share * step
-        if np.max(np.abs(gone), initial=0.0) > 0.1:
-            linear = mean + slope * (there - w)
-            jacobian = jacobian + np.outer(value - linear - jacobian @ gone, gone) / (gone @ gone)
-        v, beta, w, mean = v + gone, tried, there, value
-    return race.solved(fit, 8, u)
+def from_axis(w: Floats) -> Floats:
+    """Doses of places on that axis."""
+    return np.where(w > 0.0, np.expm1(np.maximum(w, 0.0)), w)
 
 
 @dataclass(frozen=True)
-class Doser:
-    """A mechanism or a listed effect, and the range of its dose."""
+class Dosing:
+    """A mechanism, or an effect of varying strength, with one kernel of its doses."""
 
+    race: Race
     name: str
     low: float
     high: float
-    prior: float  # ln probability
+    prior: float  # ln probability of all its kernels together
+    kernels: Kernels
+    k: int = 0
 
     @property
-    def top(self) -> float:
-        return to_axis(self.high)
+    def hypothesis(self) -> Hypothesis:
+        """Its key in the race."""
+        return Hypothesis((), f"{self.name}|{self.k}|{self.kernels[self.k][0]}")
 
-    def at(self, race: Race, v: Floats, w: Floats) -> tuple[Floats, Floats]:
+    @property
+    def factor(self) -> Floats:
+        """Factor L (n, r)."""
+        return self.kernels[self.k][1]
+
+    @cached_property
+    def ends(self) -> tuple[float, float]:
+        """Range of its doses on their axis."""
+        return to_axis(self.low), to_axis(self.high)
+
+    def with_kernel(self, k: int) -> "Dosing":
+        """The same with another kernel."""
+        return replace(self, k=k)
+
+    def at(self, v: Floats, w: Floats) -> tuple[Floats, Floats]:
         """Doses on their axis within the range, and the mean (n,) there."""
-        held = np.round(np.clip(w, to_axis(self.low), self.top), 3)
-        return held, race.model.dosed(v, self.name, np.where(held > 0.0, np.expm1(np.maximum(held, 0.0)), held))
+        held = np.round(np.clip(w, *self.ends), 3)
+        return held, self.race.model.dosed(v, self.name, from_axis(held))
+
+    def expanded(self, at: Fit, beta: Any, w: Floats, u: Floats | None, steps: int) -> Fit:
+        """The race's rows about numbers, doses w and their coefficients."""
+        h = np.where(w > np.mean(self.ends), -0.05, 0.05)
+        slope = np.nan_to_num((self.at(at.v, w + h)[1] - at.mean) / h)
+        block = Block("dose", "", slope[:, np.newaxis] * self.factor, (), scale("dose", cauchy=DOSE))
+        return self.race.solved(
+            replace(
+                at,
+                hypothesis=self.hypothesis,
+                blocks=(*self.race.blocks, block),
+                dose=Doses(self.factor @ beta, slope, self.factor, self.kernels[self.k][0]),
+                log_prior=self.prior - log(len(self.kernels)),
+            ),
+            steps,
+            u,
+        )
+
+    def fitted(self, start: Fit) -> Fit:
+        """Numbers and doses by Gauss-Newton steps, none of which raises the misfit."""
+        beta: Any = np.zeros(self.factor.shape[1])
+        u = None
+        if start.dose is not None:
+            beta = np.linalg.lstsq(self.factor, start.dose.w, rcond=None)[0]
+        w, mean = self.at(start.v, self.factor @ beta)
+        fit = replace(start, mean=mean)
+        for step in range(THEN):
+            fit = self.expanded(fit, beta, w, u, 0 if step < FIRST else 4)
+            u, change, turn, tau = fit.scales, *self.steps_of(fit, beta)
+            small = np.max(np.abs(change), initial=0.0) < 0.05 and np.max(np.abs(self.factor @ turn)) < STILL
+            if small and step >= FIRST:
+                break
+            before = self.race.misfit(fit, fit.mean, fit.v) + float(beta @ beta) / tau**2
+            for share in SHARES:
+                v, tried = fit.v + share * change, beta + share * turn
+                there, mean = self.at(v, self.factor @ tried)
+                after = self.race.misfit(fit, np.nan_to_num(mean, nan=1e6), v) + float(tried @ tried) / tau**2
+                if after < before + 0.1 * SLACK:
+                    break
+            else:
+                break
+            gone, jacobian = share * change, fit.jacobian
+            if np.max(np.abs(gone), initial=0.0) > 0.1:
+                linear = fit.mean + fit.dose.slope * (there - w) if fit.dose is not None else fit.mean
+                jacobian = jacobian + np.outer(mean - linear - jacobian @ gone, gone) / (gone @ gone)
+            fit, beta, w = replace(fit, v=v, mean=mean, jacobian=jacobian), tried, there
+        return self.race.kept(self.expanded(fit, beta, w, u, 8))
+
+    def steps_of(self, fit: Fit, beta: Floats) -> tuple[Floats, Floats, float]:
+        """Steps of the numbers and of the coefficients to the best of the linear model, and tau of these."""
+        now = fit.evidence.solved
+        own = now.rows.block == len(self.race.blocks)
+        tau = float(np.exp(fit.scales[len(self.race.blocks)]))
+        turn = tau * now.centre[own] - beta
+        turn *= min(1.0, LARGEST_STEP / max(float(np.max(np.abs(self.factor @ turn))), 1e-12))
+        return np.clip(fit.target - fit.v, -FAR, FAR), turn, tau
+
+    def with_slopes(self, fit: Fit) -> Fit:
+        """The fit with slopes along its numbers at its doses."""
+        columns = [np.zeros((fit.mean.size, 0))]
+        for h in np.diag(np.where(fit.v > 0.0, -0.1, 0.1)):
+            if fit.dose is not None:
+                column = (self.at(fit.v + h, fit.dose.w)[1] - fit.mean) / h.sum()
+                columns.append(np.nan_to_num(column)[:, np.newaxis])
+        return replace(fit, jacobian=np.hstack(columns))
 
 
-def dosers(race: Race) -> list[Doser]:
-    """Mechanisms share what no list holds; a strength that varies is one step less likely than one that does not."""
-    mechanisms, model = race.prepared.problem.mechanisms, race.model
-    found = [Doser(m.name, max(m.low, LEAST_DOSE), m.high, race.log_prior_mechanism) for m in mechanisms]
-    for name in model.candidates:
+def dosings(race: Race, kernels: Kernels) -> list[Dosing]:
+    """Every mechanism, and every effect that explains more than nothing, with another law of its strength."""
+    found = [
+        Dosing(race, m.name, max(m.low, LEAST_DOSE), m.high, log_prior_mechanism(race), kernels)
+        for m in race.prepared.problem.mechanisms
+    ]
+    bare = race.fits[Hypothesis(())]
+    for name in race.model.candidates:
         single = race.fits.get(Hypothesis((name,)))
-        if single is None or single.log_evidence < race.fits[Hypothesis(())].log_evidence:
-            continue  # what explains nothing with one strength is not tried with several
-        prior = log_prior(Hypothesis((name,)), len(model.candidates)) + 2.0 * log(STEP)
-        found.append(Doser(name, 0.0, model.largest(name), prior))
+        if single is not None and single.log_evidence > bare.log_evidence:
+            prior = log_prior(race, single.hypothesis) + 2.0 * log(STEP)
+            found.append(Dosing(race, name, 0.0, race.model.largest(name), prior, kernels))
     return found
 
 
 def add_doses(race: Race) -> None:
-    """Every mechanism and every varying strength as hypotheses of the race.
+    """Every mechanism and varying strength with every kernel; the likeliest from slopes at their own numbers.
 
-    All of them with long kernels along each condition, then the likeliest with every kernel, with slopes at
-    their own numbers and doses.
+    They start at the prior mean of the numbers: calibrated ones have taken what a dose explains.
     """
-    bare, kernels = at_start(race), dose_columns(race.prepared.rows)
+    kernels = dose_columns(race.prepared.rows)
     if not kernels:
         return
-    for each in dosers(race):
-        own = replace(each, prior=each.prior - log(max(len(kernels), 1)))
-        for k in range(len(kernels)):
-            race.kept(with_dose(race, bare, own, hypothesis_of(each, k, kernels), kernels[k][1], 8))
-    share = race.posterior()
-    for each in sorted(dosers(race), key=lambda each: -share_of(share, each.name))[:CARRIED]:
-        settle(race, replace(each, prior=each.prior - log(len(kernels))), kernels)
-
-
-def at_start(race: Race) -> Fit:
-    """The bare model at the prior mean of its numbers: the calibrated ones have taken what a dose explains."""
-    bare = race.fits[Hypothesis(())]
     v = np.zeros(race.model.count)
     mean = race.model.mean((), v)
-    return replace(bare, v=v, mean=mean, jacobian=race.model.jacobian((), v, mean))
-
-
-def share_of(share: dict[Hypothesis, float], name: str) -> float:
-    """Probability of a mechanism with any kernel."""
-    return sum(p for hypothesis, p in share.items() if hypothesis.beyond.partition("|")[0] == name)
-
-
-def hypothesis_of(each: Doser, k: int, kernels: Sequence[tuple[str, Floats]]) -> Hypothesis:
-    """A mechanism with one kernel."""
-    return Hypothesis((), f"{each.name}|{k}|{kernels[k][0]}")
-
-
-def settle(race: Race, each: Doser, kernels: Sequence[tuple[str, Floats]]) -> None:
-    """A likely mechanism with its two best kernels, from slopes at its best fit."""
+    start = replace(race.fits[Hypothesis(())], v=v, mean=mean, jacobian=race.model.jacobian((), v, mean))
+    every = dosings(race, kernels)
+    for each in every:
+        for k in range(len(kernels)):
+            each.with_kernel(k).fitted(start)
     share = race.posterior()
-    for k in sorted(range(len(kernels)), key=lambda k: -share[hypothesis_of(each, k, kernels)])[:2]:
-        fit = race.fits[hypothesis_of(each, k, kernels)]
-        columns = []
-        for j in range(fit.v.size):
-            h = np.zeros(fit.v.size)
-            h[j] = -0.1 if fit.v[j] > 0.0 else 0.1
-            columns.append((each.at(race, fit.v + h, fit.dose.w)[1] - fit.mean) / h[j])
-        jacobian = np.nan_to_num(np.column_stack(columns)) if columns else fit.jacobian
-        race.kept(with_dose(race, replace(fit, jacobian=jacobian), each, fit.hypothesis, kernels[k][1], 14))
+
+    def probability(each: Dosing) -> float:
+        return sum(p for hypothesis, p in share.items() if hypothesis.kind == each.name)
+
+    for each in sorted(every, key=probability, reverse=True)[:SETTLED]:
+        own = sorted(map(each.with_kernel, range(len(kernels))), key=lambda one: -share[one.hypothesis])
+        for one in own[:2]:
+            one.fitted(one.with_slopes(race.fits[one.hypothesis]))

@@ -5,13 +5,14 @@
 A calibrated number keeps its prior near the start and stays within its range, and a strength psi stays below
 the largest that is allowed, so that neither end is a special case:
 
-    x = low + (high - low) / (1 + exp(-(a + b v))),  x(0) = 0, x'(0) = 1      psi = m (1 - exp(-psi_0 e^(s v) / m))
+    x = low + (high - low) / (1 + exp(-(a + b v))),   x(0) = 0,   x'(0) = 1
+    psi = m (1 - exp(-psi_0 e^(s v) / m))
 
 with psi_0 two thirds of the scale of the strength and s = SPREAD. An effect that belongs to the model already
 has a strength among the calibrated numbers.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import exp, log
 
@@ -40,7 +41,9 @@ def position(axis: Axis, v: float) -> float:
         return float(np.clip(v, axis.low, axis.high))
     share = float(np.clip(-axis.low / (axis.high - axis.low), EDGE, 1.0 - EDGE))
     slope = 1.0 / ((axis.high - axis.low) * share * (1.0 - share))
-    return axis.low + (axis.high - axis.low) / (1.0 + exp(-np.clip(log(share / (1 - share)) + slope * v, -60, 60)))
+    return axis.low + (axis.high - axis.low) / (
+        1.0 + exp(-np.clip(log(share / (1 - share)) + slope * v, -60, 60))
+    )
 
 
 def strength(candidate: Candidate, v: float, largest: float) -> float:
@@ -80,7 +83,9 @@ class RaceModel:
 
     def numbers(self, v: Floats) -> Floats:
         """Calibrated numbers on their axes."""
-        return np.array([position(axis, float(each)) for axis, each in zip(self.prepared.axes, v)])
+        return np.array(
+            [position(axis, float(each)) for axis, each in zip(self.prepared.axes, v, strict=True)]
+        )
 
     def strength(self, name: str, t: float) -> float:
         """Strength of one effect."""
@@ -90,7 +95,9 @@ class RaceModel:
         """Strengths of the acting effects."""
         return {name: self.strength(name, float(t)) for name, t in zip(names, v[self.count :], strict=True)}
 
-    def values(self, names: Acting, v: Floats, seeds: Integers, dose: Mapping[str, float] | None = None) -> Floats:
+    def values(
+        self, names: Acting, v: Floats, seeds: Integers, dose: Mapping[str, float] | None = None
+    ) -> Floats:
         """Mean (n,) over some seeds. Raises BudgetSpentError."""
         x, acting = self.numbers(v[: self.count]), {**self.strengths(names, v), **(dose or {})}
         key = (x.tobytes(), tuple(sorted(acting.items())), seeds.size)
@@ -129,7 +136,9 @@ class RaceModel:
         own = p.model_errors(self.numbers(v[: self.count]), self.strengths(names, v))
         return np.hstack([p.rows.shared, own])
 
-    def jacobian(self, names: Acting, v: Floats, mean: Floats, dose: Mapping[str, float] | None = None) -> Floats:
+    def jacobian(
+        self, names: Acting, v: Floats, mean: Floats, dose: Mapping[str, float] | None = None
+    ) -> Floats:
         """Slopes (n, d) by finite differences towards the prior, wide for a noisy model."""
         step = 0.7 if self.noisy else 0.1
         columns = np.zeros((mean.size, v.size))

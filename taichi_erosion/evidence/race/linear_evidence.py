@@ -37,6 +37,11 @@ class Scales:
     normal: Floats  # (k,), scale of the half-normal
     doubt: Floats  # (k,), sd of ln sigma
 
+    @staticmethod
+    def none() -> "Scales":
+        """No scale, to which others are added."""
+        return Scales((), np.zeros(0), np.zeros(0), np.zeros(0))
+
     @cached_property
     def start(self) -> Floats:
         """Scales at their priors, where every search begins."""
@@ -227,7 +232,7 @@ class Evidence:
 
 
 def evidence(rows: LinearRows, u: Floats, steps: int, bad: frozenset[int] = frozenset()) -> Evidence:
-    """Evidence with the rows in `bad` and every one that is likelier bad than not; then the sum over one more.
+    """Evidence with the rows in `bad` and every one that is likelier bad than not, summed over one more.
 
     ln(1 + sum_i o L_i), o the odds of a bad row, L_i = (1 + e P_ii)^-1/2 exp(1/2 e a_i^2 / (1 + e P_ii)),
     e its additional variance, P = V^-1, a = P y.

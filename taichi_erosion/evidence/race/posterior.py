@@ -16,9 +16,9 @@ from functools import cached_property
 import numpy as np
 from numpy.linalg import LinAlgError
 
-from taichi_erosion.evidence.data.problem import Floats, Integers
+from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.data.transforms import axis_value
-from taichi_erosion.evidence.race.search import Fit, Hypothesis, Race
+from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
 
 SCALES, DRAWS = 60, 2000  # draws of scales of one hypothesis, and of everything
 FREEDOM = 4.0  # degrees of freedom of the t distribution of the scales
@@ -83,7 +83,9 @@ class Posterior:
         found = []
         for each in self.draws:
             x = np.array([self.race.model.numbers(v) for v in each.values[:, :count]]).reshape(-1, count)
-            found.append(np.column_stack([axis_values(axis, x[:, j]) for j, axis in enumerate(axes)]) if axes else x)
+            found.append(
+                np.column_stack([axis_values(axis, x[:, j]) for j, axis in enumerate(axes)]) if axes else x
+            )
         return np.vstack(found), np.concatenate([each.weight for each in self.draws])
 
     def strength(self, name: str) -> tuple[Floats, Floats]:

@@ -8,11 +8,9 @@ leaves; p is the chance that max_k z_k is as large as it was. Candidates that im
 Reference: Westfall & Young (1993), Resampling-Based Multiple Testing, 2.3 (max-T).
 """
 
-from dataclasses import replace
-
 import numpy as np
 
-from taichi_erosion.evidence.race.search import Fit, Hypothesis, Race
+from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
 
 DRAWS = 4000
 
@@ -25,7 +23,9 @@ def familywise_p(race: Race, best: Fit) -> float:
         return 1.0
     rows, _ = race.linear(bare)
     known = dict(zip(best.evidence.solved.rows.scales.names, best.evidence.solved.u, strict=True))
-    u = np.array([known.get(name, start) for name, start in zip(rows.scales.names, rows.scales.start, strict=True)])
+    u = np.array(
+        [known.get(name, start) for name, start in zip(rows.scales.names, rows.scales.start, strict=True)]
+    )
     signatures = np.column_stack([race.prepared.white(fit.jacobian[:, -1]) for fit in singles])
     along, gram = rows.with_bad(best.evidence.bad).solved(u).against(signatures)
     size = np.sqrt(np.maximum(np.diag(gram), 1e-12))

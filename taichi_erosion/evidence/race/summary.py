@@ -9,6 +9,7 @@ Reference: Cowan et al. (2011), Eur. Phys. J. C 71, 1554 (upper limits of a stre
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from math import nan
 
 import numpy as np
@@ -19,6 +20,7 @@ from taichi_erosion.evidence.data.transforms import axis_value, from_scale
 from taichi_erosion.evidence.models.predictor import axis_scale
 from taichi_erosion.evidence.race.blocks import Block
 from taichi_erosion.evidence.race.decision import Decision, decide
+from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.posterior import Draws, Posterior, quantiles
 from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.race.record import (
@@ -35,7 +37,6 @@ from taichi_erosion.evidence.race.record import (
     RowsPart,
     Status,
 )
-from taichi_erosion.evidence.race.search import Fit, Hypothesis, Race
 
 ONE_SIDED = 1.645  # sd beyond which 5 % of a normal distribution lie
 
@@ -64,7 +65,7 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
 def told_fit(posterior: Posterior, found: Decision) -> Fit:
     """The likeliest explanation that holds all that is told; the likeliest of all where nothing is."""
     share, wanted = posterior.probability, set(found.named)
-    able = [h for h in share if wanted <= set(h.names) | {h.beyond.partition("|")[0]}]
+    able = [h for h in share if wanted <= set(h.names) | {h.kind}]
     if found.verdict == "none_detected":
         able = [Hypothesis(())]
     return posterior.race.fits[max(able, key=lambda h: share[h])]
@@ -74,7 +75,7 @@ def decided(posterior: Posterior, found: Decision) -> Decided:
     """Probabilities by explanation; a set beside something unlisted counts as the set."""
     table: dict[str, float] = {"none": found.none, "outside_library": found.outside}
     for hypothesis, p in posterior.probability.items():
-        kind = hypothesis.beyond.partition("|")[0]
+        kind = hypothesis.kind
         varying = (kind,) if kind in found.inclusion else ()
         if hypothesis.names or varying:
             key = "+".join((*hypothesis.names, *varying))
@@ -117,10 +118,15 @@ def number_parts(posterior: Posterior) -> dict[str, NumberPart]:
         now = interval(values[:, j], weight)
         prior = [race.model.numbers(np.full(race.model.count, z))[j] for z in (-ONE_SIDED, ONE_SIDED)]
         width = axis_value(axis, prior[1]) - axis_value(axis, prior[0])
-        low, high = (axis_value(axis, end) if np.isfinite(end) else np.sign(end) * np.inf for end in (axis.low, axis.high))
+        low, high = (
+            axis_value(axis, end) if np.isfinite(end) else np.sign(end) * np.inf
+            for end in (axis.low, axis.high)
+        )
         tenth = 0.1 * (high - low)
         at_end = bool(np.isfinite(tenth) and not low + tenth < now.value < high - tenth)
-        found[axis.name] = NumberPart(axis_value(axis, 0.0), Interval(*ends), now, (now.high - now.low) / width, at_end)
+        found[axis.name] = NumberPart(
+            axis_value(axis, 0.0), Interval(*ends), now, (now.high - now.low) / width, at_end
+        )
     return found
 
 
@@ -130,7 +136,9 @@ def effect_part(posterior: Posterior, found: Decision, name: str) -> EffectPart:
     bare, single = race.fits[Hypothesis(())], race.fits.get(Hypothesis((name,)))
     strength = interval(*posterior.strength(name))
     if single is None:
-        return EffectPart("untestable", found.inclusion[name], strength, nan, 0.0, 1.0, nan, most=candidate.maximum)
+        return EffectPart(
+            "untestable", found.inclusion[name], strength, nan, 0.0, 1.0, nan, most=candidate.maximum
+        )
     column = race.prepared.white(signature(race, single, name))
     along, gram = bare.evidence.solved.against(column[:, np.newaxis])
     alone = float(column @ (bare.evidence.solved.row_share * column))
@@ -140,7 +148,11 @@ def effect_part(posterior: Posterior, found: Decision, name: str) -> EffectPart:
     absorption = 1.0 - (information / alone) ** 0.5 if alone > 0.0 else 1.0
     limit = max(float(along[0]) / information, 0.0) + ONE_SIDED * sd
     alike = tuple(other for other in found.group if other != name) if name in found.group else ()
-    axes = [h.beyond.rpartition("|")[2] for h, p in posterior.probability.items() if h.beyond.startswith(f"{name}|") and p > 0.5]
+    axes = [
+        h.beyond.rpartition("|")[2]
+        for h, p in posterior.probability.items()
+        if h.beyond.startswith(f"{name}|") and p > 0.5
+    ]
     return EffectPart(
         status_of(name, found, factor, limit, candidate.maximum, absorption),
         found.inclusion[name],
@@ -245,7 +257,7 @@ def places(race: Race, bare: Fit) -> Iterator[PlacePart]:
     rows, found = race.prepared.rows, []
     scale = bare.evidence.solved
     kept = [b for b in bare.blocks if b.kind != "discrepancy"]
-    linear, _ = race.linear(Fit(bare.hypothesis, bare.v, bare.mean, bare.jacobian, bare.errors, bare.evidence, tuple(kept)))
+    linear, _ = race.linear(replace(bare, blocks=tuple(kept)))
     known = dict(zip(scale.rows.scales.names, scale.u, strict=True))
     u = np.array([known[name] for name in linear.scales.names])
     stated = linear.blocks

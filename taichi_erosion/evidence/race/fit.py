@@ -1,0 +1,272 @@
+"""One hypothesis: the model about a setting, all errors integrated out, and the way to its best setting.
+
+    z = m(v) + J (v' - v) + F u + e      ->      y = W (z - m + J v) = X b + e,   X = W [J, errors, F]
+
+W whitens by the stated errors of the rows. A step goes to the best v' of this linear model, by a share that
+does not raise the misfit; slopes J are finite differences, then rank-one updates. A censored row stands as an
+ordinary row of its residual and curvature, and has no error in common with others.
+
+References: Broyden (1965), Math. Comput. 19, 577 (updates); Tobin (1958), Econometrica 26, 24 (limits).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
+from taichi_erosion.evidence.data.problem import Floats, Integers
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.race.blocks import Block, nuisance, unlisted, zeros
+from taichi_erosion.evidence.race.expansion import Acting, RaceModel
+from taichi_erosion.evidence.race.linear_evidence import Evidence, LinearRows, Scales, evidence, scale
+from taichi_erosion.evidence.race.priors import DOUBT
+
+SLACK = 2.0  # of a misfit, by which a step may raise it: the noise of a few seeds
+FAR = 1.5  # farthest step of one coordinate
+STILL = 0.1  # squared length of a step, in posterior sd, that is not made
+SHARES = (1.0, 0.4, 0.16, 0.06)  # of a step, that are tried in turn
+TYPICAL_SLOPE = 0.8  # of the model along the coordinate of a strength, over its change by that strength
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Effects that act, and what acts beside them that is no effect of constant strength."""
+
+    names: Acting
+    beyond: str = (
+        ""  # "", "?" what no list holds, "zero|OBSERVABLE", or "MECHANISM OR EFFECT|KERNEL|CONDITION"
+    )
+
+    @property
+    def kind(self) -> str:
+        """Mechanism, effect, "zero" or "?" that acts beside the effects."""
+        return self.beyond.partition("|")[0]
+
+
+@dataclass(frozen=True)
+class Doses:
+    """Doses of a mechanism in all rows, on their axis w, and what they change."""
+
+    w: Floats  # (n,)
+    slope: Floats  # (n,), of the mean along w
+    factor: Floats  # (n, r), L of their prior
+    axis: str  # condition along which they vary
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """A hypothesis, linear about a setting."""
+
+    hypothesis: Hypothesis
+    v: Floats  # numbers, strengths
+    mean: Floats  # (n,), of the model there
+    jacobian: Floats  # (n, d)
+    errors: Floats  # (n, q), of known size
+    blocks: tuple[Block, ...]
+    log_prior: float = 0.0
+    refined: bool = False
+    dose: Doses | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit(Expansion):
+    """An expansion with its evidence."""
+
+    evidence: Evidence
+
+    @property
+    def log_evidence(self) -> float:
+        """Ln of the marginal likelihood."""
+        return self.evidence.log_evidence
+
+    @property
+    def target(self) -> Floats:
+        """Best setting of the linear model."""
+        return self.evidence.solved.centre[: self.v.size]
+
+    @property
+    def covariance(self) -> Floats:
+        """Covariance (d, d) of numbers and strengths."""
+        return self.evidence.solved.inverse[: self.v.size, : self.v.size]
+
+    @property
+    def scales(self) -> Floats:
+        """Ln of the scales of all errors."""
+        return self.evidence.solved.u
+
+
+def scatter_of(prepared: PreparedProblem) -> tuple[Integers, Scales]:
+    """Scatter of every row by number, -1 for censored ones, and its prior.
+
+    Repeats of nu degrees of freedom narrow the doubt on what is stated to (DOUBT^-2 + 2 nu)^-1/2.
+    """
+    rows = prepared.rows
+    used = np.unique(rows.which[~rows.censored])
+    index = np.where(rows.censored, -1, np.searchsorted(used, rows.which))
+    names = [rows.observables[k].name for k in used]
+    doubt = [(DOUBT**-2 + 2.0 * float(rows.noise[name].repeats)) ** -0.5 for name in names]
+    parts = [scale(f"scatter {name}", doubt=sd) for name, sd in zip(names, doubt, strict=True)]
+    return index.astype(np.int64), sum(parts, Scales.none())
+
+
+@dataclass
+class Race:
+    """All hypotheses of one table that have been visited."""
+
+    prepared: PreparedProblem
+    model: RaceModel
+    fits: dict[Hypothesis, Fit] = field(default_factory=dict)
+    stopped: bool = False  # at the budget of settings
+
+    def __post_init__(self) -> None:
+        rows, sd = self.prepared.rows, self.prepared.sd
+        self.blocks = tuple(nuisance(rows, np.ones(rows.size, dtype=np.bool_), sd))
+        self.large = tuple(unlisted(self.blocks))
+        self.zeros = zeros(rows, sd)
+        self.scatter, self.scatter_scales = scatter_of(self.prepared)
+        self.white = {id(b): self.prepared.white(b.columns) for b in (*self.blocks, *self.large, *self.zeros)}
+
+    def linear(self, at: Expansion) -> tuple[LinearRows, float]:
+        """Rows of an expansion, and what censored ones add to its evidence."""
+        p = self.prepared
+        work, columns = p.working(at.mean), p.white(np.hstack([at.jacobian, at.errors]))
+        jacobian, fixed = columns[:, : at.v.size], columns[:, at.v.size :]
+        white = [self.white[id(b)] if id(b) in self.white else p.white(b.columns) for b in at.blocks]
+        shared = np.hstack([fixed, *white])
+        shared[p.rows.censored] = 0.0
+        block = np.repeat(np.arange(-1, len(white)), [columns.shape[1], *(each.shape[1] for each in white)])
+        linear = jacobian @ at.v + (0.0 if at.dose is None else p.white(at.dose.slope * at.dose.w))
+        scales = sum((b.scale for b in at.blocks), Scales.none()) + self.scatter_scales
+        rows = LinearRows(
+            work.residual + work.weight * linear,
+            np.hstack([jacobian * work.weight[:, np.newaxis], shared]),
+            block,
+            self.scatter,
+            scales,
+            np.ones(work.residual.size),
+        )
+        return rows, 0.5 * float(np.sum(work.residual**2)) - 0.5 * work.deviance
+
+    def solved(self, at: Expansion, steps: int = 8, start: Floats | None = None, fresh: bool = False) -> Fit:
+        """The evidence of an expansion; scales from `start`, and with `fresh` from their priors too."""
+        rows, extra = self.linear(at)
+        found = evidence(rows, rows.scales.start if start is None else start, steps)
+        if fresh:
+            other = evidence(rows, rows.scales.start, steps)
+            found = max(found, other, key=lambda each: each.log_evidence)
+        known: dict[str, Any] = {name: getattr(at, name) for name in Expansion.__dataclass_fields__}
+        return Fit(**known, evidence=replace(found, log_evidence=found.log_evidence + extra))
+
+    def misfit(self, fit: Fit, mean: Floats, v: Floats) -> float:
+        """Misfit of a mean with all errors at their best, but numbers, strengths and doses held, + |v|^2."""
+        now, work = fit.evidence.solved, self.prepared.working(mean)
+        shared = np.arange(now.tau.size) >= fit.v.size
+        if fit.dose is not None:
+            shared &= now.rows.block != len(fit.blocks) - 1
+        own, share = now.rows.columns[:, shared] * now.tau[shared], now.row_share
+        matrix = own.T @ (share[:, None] * own) + np.eye(own.shape[1])
+        vector = own.T @ (share * work.residual)
+        limits = work.deviance - float(np.sum(work.residual**2))
+        return float(share @ work.residual**2 - vector @ np.linalg.solve(matrix, vector) + v @ v) + limits
+
+    def moved(self, fit: Fit, most: int, steps: int = 6) -> Fit:
+        """At most so many steps to a better setting, each with so many steps of the scales."""
+        for _ in range(most):
+            step = np.clip(fit.target - fit.v, -FAR, FAR)
+            if step @ np.linalg.solve(fit.covariance + 1e-6 * np.eye(step.size), step) < STILL:
+                break
+            v, mean = self.stepped(fit, step)
+            if not np.all(np.isfinite(mean)):
+                break
+            gone, jacobian = v - fit.v, fit.jacobian
+            if np.abs(gone).max() > 0.1:
+                jacobian = jacobian + np.outer(mean - fit.mean - jacobian @ gone, gone) / (gone @ gone)
+            fit = self.solved(replace(fit, v=v, mean=mean, jacobian=jacobian), steps, fit.scales)
+        return fit
+
+    def stepped(self, fit: Fit, step: Floats) -> tuple[Floats, Floats]:
+        """The setting and mean after the largest share of a step that does not raise the misfit."""
+        before = self.misfit(fit, fit.mean, fit.v)
+        v, mean = fit.v, fit.mean
+        for share in SHARES:
+            v = fit.v + share * step
+            mean = self.model.mean(fit.hypothesis.names, v)
+            if np.all(np.isfinite(mean)) and self.misfit(fit, mean, v) < before + SLACK:
+                break
+        return v, mean
+
+    def with_slopes(self, fit: Fit) -> Fit:
+        """The fit with slopes and errors of known size at its setting."""
+        names = fit.hypothesis.names
+        jacobian = self.model.jacobian(names, fit.v, fit.mean)
+        return replace(fit, jacobian=jacobian, errors=self.model.errors(names, fit.v))
+
+    def refined(self, fit: Fit) -> Fit:
+        """The best setting, first with the scales at their priors: no level takes what an effect explains."""
+        fit = self.moved(self.solved(fit, 0), 1, 0)
+        fit = self.moved(self.solved(self.with_slopes(fit), 0), 3, 0)
+        fit = self.moved(self.solved(self.with_slopes(fit), start=fit.scales, fresh=True), 2)
+        return self.kept(replace(fit, refined=True))
+
+    def sharpened(self, fit: Fit) -> Fit:
+        """Slopes at the optimum, the steps that follow, and the mean of many seeds."""
+        fit = self.moved(self.solved(self.with_slopes(fit), start=fit.scales, fresh=True), 2)
+        if self.model.noisy:
+            fit = self.solved(
+                replace(fit, mean=self.model.sure_mean(fit.hypothesis.names, fit.v)), start=fit.scales
+            )
+        return self.kept(fit)
+
+    def kept(self, fit: Fit) -> Fit:
+        """The fit, which replaces an earlier one of its hypothesis."""
+        old = self.fits.get(fit.hypothesis)
+        if old is None or fit.refined >= old.refined:
+            self.fits[fit.hypothesis] = fit
+        return fit
+
+    def bare(self, log_prior: float) -> Fit:
+        """Nothing is missing."""
+        v = np.zeros(self.model.count)
+        mean = self.model.mean((), v)
+        slopes, errors = self.model.jacobian((), v, mean), self.model.errors((), v)
+        start = Expansion(Hypothesis(()), v, mean, slopes, errors, self.blocks, log_prior)
+        return self.sharpened(self.refined(self.moved(self.solved(start, 0), 3, 0)))
+
+    def with_effect(self, parent: Fit, name: str, log_prior: float) -> Fit | None:
+        """The parent's optimum with one more effect, linear in its strength: one setting of the model.
+
+        None where the model has no value with it.
+        """
+        names = tuple(sorted((*parent.hypothesis.names, name)))
+        at = self.model.count + names.index(name)
+        for t in (0.0, -1.0, -2.0, -4.0):
+            v = np.insert(parent.v, at, t)
+            mean = self.model.mean(names, v)
+            if np.all(np.isfinite(mean)):
+                break
+        else:
+            return None
+        jacobian = np.insert(parent.jacobian, at, TYPICAL_SLOPE * (mean - parent.mean), axis=1)
+        hypothesis = Hypothesis(names)
+        fit = Expansion(hypothesis, v, mean, jacobian, parent.errors, parent.blocks, log_prior)
+        return self.kept(self.solved(fit, 5))
+
+    def beside(self, parent: Fit, key: str, blocks: tuple[Block, ...], log_prior: float) -> Fit:
+        """The parent with other blocks of errors."""
+        hypothesis = Hypothesis(parent.hypothesis.names, key)
+        fit = replace(parent, hypothesis=hypothesis, blocks=blocks, log_prior=log_prior)
+        return self.kept(self.moved(self.solved(fit, 10), 2))
+
+    def posterior(self) -> dict[Hypothesis, float]:
+        """Probability of every hypothesis that was visited."""
+        scores = np.array([fit.log_evidence + fit.log_prior for fit in self.fits.values()])
+        share = np.exp(scores - log_sum_exp(scores))
+        return dict(zip(self.fits, map(float, share), strict=True))
+
+    def likely(self, least: float, wanted: Callable[[Fit], bool] = lambda _: True) -> list[Fit]:
+        """Fits of at least some probability, best first."""
+        share = self.posterior()
+        found = [fit for key, fit in self.fits.items() if share[key] >= least and wanted(fit)]
+        return sorted(found, key=lambda fit: -share[fit.hypothesis])

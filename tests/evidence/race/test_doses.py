@@ -1,0 +1,41 @@
+"""A mechanism whose dose grows with a condition: it is found, with the doses that act."""
+
+import numpy as np
+import pytest
+
+from doe.trials.reduced import beyond
+from taichi_erosion.evidence.race.answer import raced
+from taichi_erosion.evidence.race.blocks import dose_columns
+from taichi_erosion.evidence.race.decision import decide
+from taichi_erosion.evidence.race.doses import from_axis, to_axis
+
+CASE = 5058  # restitution that grows with moisture
+
+
+@pytest.mark.parametrize("dose", [-0.9, -0.2, 0.0, 0.3, 7.0])
+def test_the_axis_of_doses_and_back(dose):
+    assert from_axis(np.array([to_axis(dose)]))[0] == pytest.approx(dose)
+
+
+def test_a_mechanism_is_told_with_its_doses():
+    problem, truth = beyond.draw(CASE)
+    posterior = raced(problem, 58)
+    found = decide(posterior)
+    assert found.verdict == "outside_library"
+    assert found.mechanisms == (truth.name,)
+    share = posterior.probability
+    fit = posterior.race.fits[max(share, key=lambda h: share[h])]
+    assert fit.dose is not None
+    assert fit.dose.axis == truth.condition
+    true = beyond.doses(truth, posterior.race.prepared.rows.conditions)
+    assert np.max(np.abs(from_axis(fit.dose.w) - true)) < 0.35 * np.max(true)
+
+
+def test_a_dose_is_zero_where_its_condition_is():
+    problem, _ = beyond.draw(CASE)
+    rows = raced(problem, 58, most=30).race.prepared.rows
+    kernels = dict(dose_columns(rows))
+    dry = rows.conditions["moisture"] == 0.0
+    assert dry.any()
+    np.testing.assert_allclose(kernels["moisture"][dry], 0.0, atol=1e-6)
+    assert np.max(np.abs(kernels["diameter"][dry])) > 0.1

@@ -1,0 +1,103 @@
+"""Evidence of linear rows against the density of a multivariate normal, and its slopes against differences."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from taichi_erosion.evidence.race.linear_evidence import LinearRows, Scales, evidence, scale, with_best_scales
+from taichi_erosion.evidence.race.priors import BAD_SD
+
+SCALES = sum(
+    (scale("level", cauchy=0.25), scale("smooth", normal=0.3), scale("first", doubt=0.35)),
+    Scales.none(),
+) + scale("second", doubt=0.2)
+U = np.array([0.3, -0.4, 0.1, -0.2])
+
+
+def rows(seed: int = 0, size: int = 14) -> LinearRows:
+    """Two slopes, a level, three smooth columns; two scatters and two rows without one."""
+    random = np.random.default_rng(seed)
+    scatter = np.array([0] * 6 + [1] * (size - 8) + [-1] * 2)
+    block = np.array([-1, -1, 0, 1, 1, 1])
+    columns = random.standard_normal((size, block.size))
+    return LinearRows(random.standard_normal(size), columns, block, scatter, SCALES, np.ones(size))
+
+
+def covariance(table: LinearRows, u: np.ndarray) -> np.ndarray:
+    """Covariance of the rows, written out."""
+    tau = np.array([1.0, 1.0, *np.exp(u[[0, 1, 1, 1]])])
+    kappa = np.append(np.exp(u[2:]), 1.0)[table.scatter]
+    return (table.columns * tau**2) @ table.columns.T + np.diag(kappa**2 / table.weight)
+
+
+def test_likelihood_is_that_of_a_normal_distribution():
+    table = replace(rows(), weight=np.linspace(0.5, 2.0, 14))
+    expected = stats.multivariate_normal(np.zeros(14), covariance(table, U)).logpdf(table.y)
+    found = table.solved(U).log_likelihood - 0.5 * 14 * np.log(2.0 * np.pi)
+    assert found == pytest.approx(expected, abs=1e-9)
+
+
+def test_posterior_and_residual_are_those_of_the_covariance():
+    table, (g, h) = rows(), np.random.default_rng(1).standard_normal((2, 14))
+    now, inverse = table.solved(U), np.linalg.inv(covariance(rows(), U))
+    residual, diagonal = now.precision
+    np.testing.assert_allclose(residual, inverse @ table.y, atol=1e-10)
+    np.testing.assert_allclose(diagonal, np.diag(inverse), atol=1e-10)
+    along, gram = now.against(np.column_stack([g, h]))
+    np.testing.assert_allclose(along, [g @ inverse @ table.y, h @ inverse @ table.y], atol=1e-10)
+    assert gram[0, 1] == pytest.approx(g @ inverse @ h, abs=1e-10)
+
+
+def test_slopes_and_expected_curvature():
+    table = rows()
+    gradient, curvature = table.solved(U).derivatives()
+    steps = np.eye(4) * 1e-5
+    numeric = [(table.solved(U + h).value - table.solved(U - h).value) / 2e-5 for h in steps]
+    np.testing.assert_allclose(gradient, numeric, rtol=1e-5, atol=1e-6)
+    inverse = np.linalg.inv(covariance(table, U))
+    slopes = [(covariance(table, U + h) - covariance(table, U - h)) / 2e-5 for h in steps]
+    expected = [[0.5 * np.trace(inverse @ a @ inverse @ b) for b in slopes] for a in slopes]
+    bend = np.diag(np.maximum(SCALES.log_prior(U)[2], 0.02))
+    np.testing.assert_allclose(curvature - bend, expected, rtol=1e-5, atol=1e-7)
+
+
+def test_scales_rise_to_their_best():
+    table = rows()
+    best = with_best_scales(table, table.scales.start, 60)
+    assert best.value > table.solved(table.scales.start).value
+    assert np.max(np.abs(best.derivatives()[0])) < 0.2
+
+
+def test_a_level_is_integrated_over_its_heavy_tail():
+    size = 12
+    offset = LinearRows(
+        np.full(size, 6.0) + np.linspace(-1.0, 1.0, size),
+        np.ones((size, 1)),
+        np.array([0]),
+        np.zeros(size, dtype=np.int64),
+        scale("level", cauchy=0.25) + scale("scatter", doubt=0.35),
+        np.ones(size),
+    )
+    near = replace(offset, y=offset.y - 6.0)
+    lost = near_evidence(near) - near_evidence(offset)
+    assert 1.0 < lost < 8.0  # a level of six standard errors costs its prior, not its misfit of 430 / 2
+    assert evidence(offset, offset.scales.start, 20).solved.u[0] > 0.5
+
+
+def near_evidence(table: LinearRows) -> float:
+    return evidence(table, table.scales.start, 20).log_evidence
+
+
+def test_one_bad_row_is_found_and_weighs_little():
+    table = rows(size=24)
+    clean = evidence(table, table.scales.start, 20)
+    y = table.y.copy()
+    y[9] += 12.0
+    dirty = evidence(replace(table, y=y), table.scales.start, 20)
+    assert clean.bad == frozenset()
+    assert dirty.bad == {9}
+    assert dirty.solved.rows.weight[9] == pytest.approx(BAD_SD**-2)
+    np.testing.assert_allclose(dirty.solved.centre[:2], clean.solved.centre[:2], atol=0.25)
+    assert clean.log_evidence - dirty.log_evidence < 12.0

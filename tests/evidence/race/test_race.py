@@ -1,0 +1,110 @@
+"""The race on cases with a known truth: what is named, what is not, and what it may cost."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from doe.trials.reduced.families import FAMILIES, Drawn
+from taichi_erosion.evidence.data.problem import Candidate, Numbers
+from taichi_erosion.evidence.race.answer import raced
+from taichi_erosion.evidence.race.decision import Decision, decide
+from taichi_erosion.evidence.race.posterior import Posterior, quantiles
+from taichi_erosion.evidence.race.summary import summary
+
+NULL, SINGLE, UNLISTED, NOISY = 1, 33, 113, 2  # cases of one seed of clean ones
+
+
+@cache
+def case(number: int) -> Drawn:
+    return FAMILIES["clean"](4242, number)
+
+
+@cache
+def answered(number: int) -> tuple[Posterior, Decision]:
+    posterior = raced(case(number).problem, number)
+    return posterior, decide(posterior)
+
+
+def test_probabilities_sum_to_one():
+    posterior, _ = answered(SINGLE)
+    assert sum(posterior.probability.values()) == pytest.approx(1.0)
+
+
+def test_nothing_is_named_where_nothing_is_missing():
+    posterior, found = answered(NULL)
+    assert found.verdict == "none_detected"
+    assert found.named == found.group == found.mechanisms == ()
+    assert found.none > 0.5
+    assert posterior.race.model.settings <= 600
+
+
+def test_the_effect_that_acts_is_named_with_its_strength():
+    posterior, found = answered(SINGLE)
+    (name, strength), *_ = case(SINGLE).truth["effects"].items()
+    assert found.named == (name,)
+    low, _, high = quantiles(*posterior.strength(name))
+    assert low < strength < high < posterior.race.model.largest(name)
+
+
+def test_what_no_list_holds_is_told_as_such():
+    _, found = answered(UNLISTED)
+    assert found.verdict == "outside_library"
+    assert found.named == ()
+
+
+def test_the_order_of_candidates_does_not_matter():
+    problem = case(SINGLE).problem
+    turned = decide(raced(replace(problem, candidates=problem.candidates[::-1]), SINGLE))
+    assert turned.named == answered(SINGLE)[1].named
+    assert turned.none == pytest.approx(answered(SINGLE)[1].none, abs=0.02)
+
+
+def test_a_twin_of_what_acts_makes_a_group():
+    problem = case(SINGLE).problem
+    (name,) = case(SINGLE).truth["effects"]
+
+    class Twinned:
+        def __call__(self, observable, conditions, parameters, effects: Numbers, seeds):
+            effects = dict(effects)
+            effects[name] += effects.pop("twin")
+            return problem.model(observable, conditions, parameters, effects, seeds)
+
+    twins = replace(problem, model=Twinned(), candidates=(*problem.candidates, Candidate("twin")))
+    found = decide(raced(twins, SINGLE))
+    assert set(found.group) == {name, "twin"}
+    assert found.named == ()
+
+
+def test_an_answer_at_the_cap_is_told_as_such():
+    posterior = raced(case(SINGLE).problem, SINGLE, most=60)
+    assert posterior.race.stopped
+    assert posterior.race.model.settings == 60
+    assert summary(posterior).cost.stopped == "budget"
+    assert decide(posterior).none < 0.1  # what is known by then already
+
+
+def test_a_number_that_repeats_leave_to_a_level_keeps_its_width():
+    posterior, _ = answered(NULL)
+    values, weight = posterior.numbers
+    truth = case(NULL).truth["parameters"]
+    for axis, column in zip(posterior.race.prepared.axes, values.T, strict=True):
+        low, _, high = quantiles(column, weight, (0.005, 0.5, 0.995))
+        assert low < truth[axis.name] < high
+
+
+def test_a_noisy_model_is_scored_with_many_seeds():
+    posterior, found = answered(NOISY)
+    assert posterior.race.model.noisy
+    assert found.verdict == "none_detected"
+
+
+def test_the_record_says_what_was_decided():
+    posterior, found = answered(SINGLE)
+    record = summary(posterior, found)
+    assert record.decided.named == found.named
+    assert sum(record.decided.probabilities.values()) == pytest.approx(1.0, abs=1e-6)
+    assert {name for name, part in record.effects.items() if part.status == "present"} == set(found.named)
+    assert record.fit.p_before < 0.01 < record.fit.p_after
+    assert all(np.isfinite(part.now.value) for part in record.numbers.values())
