@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
+from scipy import stats
 
 from taichi_erosion.evidence.data.findings import ObservableNoise
 from taichi_erosion.evidence.data.measurement_noise import (
@@ -22,11 +23,12 @@ from taichi_erosion.evidence.data.problem import (
     Problem,
     rows_picked,
 )
+from taichi_erosion.evidence.data.repeats import Disagreement, PureError, suspects
 from taichi_erosion.evidence.data.tables.table_changes import source_names
 from taichi_erosion.evidence.data.transforms import slope, to_scale
 
 ROW_WISE = ("which", "z", "variance", "censored", "reach", "conditions", "group", "source", "slope", "stated")
-ROW_WISE += ("condition_sd", "heaps")  # fields with one entry for each row, beside shared errors
+ROW_WISE += ("condition_sd", "heaps", "lines")  # fields with one entry for each row, beside shared errors
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,9 @@ class ComparisonRows:
     condition_set: frozenset[str] = frozenset()  # of these, conditions that were set and not measured
     heaps: tuple[Mapping[str, float], ...] = ()  # of each row: heap -> repeats on it; '' where it is unknown
     covariance: Floats | None = None  # (n, n), covariance of z of rows of one heap, diagonal 0; None: none
+    lines: tuple[tuple[int, ...], ...] = ()  # rows of the table that each row merges
+    pure: Mapping[str, PureError] = field(default_factory=dict)  # by observable
+    apart: tuple[Disagreement, ...] = ()  # repeats that are not merged and tell nothing of the scatter
 
     @property
     def size(self) -> int:
@@ -68,6 +73,14 @@ class ComparisonRows:
         return tuple(
             "" if reach == 0.0 else "below" if reach == -np.inf else "above" if reach == np.inf else "between"
             for reach in self.reach
+        )
+
+    @property
+    def suspect(self) -> Bools:
+        """Rows to check, which differ grossly from their repeats."""
+        off = {(each.observable, line) for each in self.apart for line in each.suspects}
+        return np.array(
+            [(name, own[0]) in off for name, own in zip(self.names, self.lines, strict=True)], bool
         )
 
     @property
@@ -120,7 +133,7 @@ class ComparisonRows:
 
 def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
     """The rows of a table on their comparison scales, with repeated rows merged."""
-    names = sorted(set(table.observable))
+    names, table = sorted(set(table.observable)), replace(table, line=table.lines)
     observables = tuple(problem.observables.get(name, Observable(name)) for name in names)
     named = np.array(table.observable)
     found = [
@@ -155,12 +168,13 @@ def merged_rows(
     notes = row_notes(observable, table, usable)
     table, value, z, steepness = table.rows(usable), value[usable], z[usable], steepness[usable]
     reach = reach[usable]
-    cell = condition_numbers(table)
+    cell = repeat_numbers(table)
     repeats = np.where(table.n >= 1.0, table.n, 1.0)
     shapes = scatter_shapes(observable, value, steepness)
-    scatter = measurement_scatter(z, np.abs(table.sd * steepness), repeats, cell, shapes)
+    exact = np.where(table.censored, np.nan, z)  # a limit is no repeat
+    scatter = measurement_scatter(exact, np.abs(table.sd * steepness), repeats, cell, shapes)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
-    first, mean, total = weighted_means(z, weight, keys := repeat_keys(table, cell, reach))
+    first, mean, total = weighted_means(z, weight, keys := repeat_keys(table, cell, reach, scatter.off))
     steep = steepness[first]
     numerical = (observable.sd_numerical * steep) ** 2
     unknown = ~np.isfinite(scatter.variance[first])
@@ -184,6 +198,9 @@ def merged_rows(
         freedom=np.nan,
         noise={observable.name: noise_budget(variance, shared, numerical, scatter)},
         warnings=tuple(notes),
+        lines=tuple(tuple(np.array(table.line)[keys == key].tolist()) for key in keys[first]),
+        pure={observable.name: scatter.pure},
+        apart=disagreements(observable, table, exact, cell, scatter.off),
     )
     return with_heaps(with_condition_errors(rows, table, first), table, keys, keys[first]), scatter
 
@@ -221,9 +238,31 @@ def with_condition_errors(rows: ComparisonRows, table: Measurements, first: Inte
     return replace(rows, condition_sd=stated, condition_set=table.condition_set)
 
 
-def repeat_keys(table: Measurements, cell: Floats, reach: Floats) -> np.ndarray:
+def disagreements(
+    observable: Observable, table: Measurements, z: Floats, cell: Floats, off: Bools
+) -> tuple[Disagreement, ...]:
+    """Repeats of one observable that disagree grossly, with the rows to check."""
+    columns = [stats.rankdata(np.nan_to_num(each)) for each in table.conditions.values()]
+    ranks = np.array(columns).reshape(len(columns), table.size).T
+    line, found = np.array(table.line), []
+    for number in np.unique(cell[off]):
+        rows = np.flatnonzero((cell == number) & ~table.censored)
+        check = line[suspects(z, rows, off, ranks)]
+        gap = float(np.ptp(table.value[rows]))
+        found.append(Disagreement(observable.name, tuple(line[rows].tolist()), tuple(check.tolist()), gap))
+    return tuple(found)
+
+
+def repeat_numbers(table: Measurements | ComparisonRows) -> Floats:
+    """Number of each row's set of conditions and source; equal for repeated rows."""
+    source = np.unique(np.array(source_names(table.source)), return_inverse=True)[1]
+    return condition_numbers(table) * table.size + source
+
+
+def repeat_keys(table: Measurements, cell: Floats, reach: Floats, off: Bools) -> np.ndarray:
     """Keys by row, equal for rows that repeat one measurement: same conditions, group, source and reach."""
-    labels = zip(cell, table.group, table.source, reach, strict=True)
+    alone = np.where(off, np.arange(off.size), -1)
+    labels = zip(cell, table.group, table.source, reach, alone, strict=True)
     return np.array(["|".join(map(str, each)) for each in labels])
 
 
@@ -336,4 +375,7 @@ def joined(parts: Sequence[ComparisonRows]) -> ComparisonRows:
             for name in parts[0].condition_sd
         },
         heaps=heaps_of(parts),
+        lines=tuple(lines for part in parts for lines in part.lines),
+        pure={name: pure for part in parts for name, pure in part.pure.items()},
+        apart=tuple(each for part in parts for each in part.apart),
     )
