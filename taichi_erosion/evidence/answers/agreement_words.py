@@ -31,7 +31,19 @@ def comparison_sentences(document: Document) -> list[str]:
         agreement(document),
         *(level["sentence"] for level in document["levels"]),
         *(failing or ([] if is_untested(document) else [NO_MISFIT])),
+        *repeat_sentences(document["lack_of_fit"].get("all")),
         *row_sentences(document["worst_row"]),
+    ]
+
+
+def repeat_sentences(test: Document | None) -> list[str]:
+    """That no scatter explains a misfit, where repeats say so."""
+    if test is None or not fails(test["p"]):
+        return []
+    freedom = f"{plain(test['dof'])} and {plain(test['dof_repeats'])} degrees of freedom"
+    return [
+        f"Repeats differ less: the misfit is {plain(sqrt(test['ratio']), 2)} times their scatter "
+        f"(F = {plain(test['ratio'])} for {freedom}, {p_text(test['p'], 3)})."
     ]
 
 

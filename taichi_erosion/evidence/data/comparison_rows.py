@@ -1,11 +1,10 @@
 """Measurements on the comparison scale: repeats merged, the sources of error known."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from scipy import stats
 
 from taichi_erosion.evidence.data.findings import ObservableNoise
 from taichi_erosion.evidence.data.measurement_noise import (
@@ -23,7 +22,7 @@ from taichi_erosion.evidence.data.problem import (
     Problem,
     rows_picked,
 )
-from taichi_erosion.evidence.data.repeats import Disagreement, PureError, suspects
+from taichi_erosion.evidence.data.repeats import Disagreement, LackOfFit, lack_of_fit, pure_error, suspects
 from taichi_erosion.evidence.data.tables.table_changes import source_names
 from taichi_erosion.evidence.data.transforms import slope, to_scale
 
@@ -55,7 +54,7 @@ class ComparisonRows:
     heaps: tuple[Mapping[str, float], ...] = ()  # of each row: heap -> repeats on it; '' where it is unknown
     covariance: Floats | None = None  # (n, n), covariance of z of rows of one heap, diagonal 0; None: none
     lines: tuple[tuple[int, ...], ...] = ()  # rows of the table that each row merges
-    pure: Mapping[str, PureError] = field(default_factory=dict)  # by observable
+    pure: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # `Scatter.pure` by observable
     apart: tuple[Disagreement, ...] = ()  # repeats that are not merged and tell nothing of the scatter
 
     @property
@@ -200,7 +199,7 @@ def merged_rows(
         warnings=tuple(notes),
         lines=tuple(tuple(np.array(table.line)[keys == key].tolist()) for key in keys[first]),
         pure={observable.name: scatter.pure},
-        apart=disagreements(observable, table, exact, cell, scatter.off),
+        apart=tuple(disagreements(observable, table, exact, cell, scatter.off)),
     )
     return with_heaps(with_condition_errors(rows, table, first), table, keys, keys[first]), scatter
 
@@ -240,17 +239,33 @@ def with_condition_errors(rows: ComparisonRows, table: Measurements, first: Inte
 
 def disagreements(
     observable: Observable, table: Measurements, z: Floats, cell: Floats, off: Bools
-) -> tuple[Disagreement, ...]:
+) -> Iterator[Disagreement]:
     """Repeats of one observable that disagree grossly, with the rows to check."""
-    columns = [stats.rankdata(np.nan_to_num(each)) for each in table.conditions.values()]
-    ranks = np.array(columns).reshape(len(columns), table.size).T
-    line, found = np.array(table.line), []
     for number in np.unique(cell[off]):
-        rows = np.flatnonzero((cell == number) & ~table.censored)
-        check = line[suspects(z, rows, off, ranks)]
-        gap = float(np.ptp(table.value[rows]))
-        found.append(Disagreement(observable.name, tuple(line[rows].tolist()), tuple(check.tolist()), gap))
-    return tuple(found)
+        rows = np.flatnonzero((cell == number) & np.isfinite(z))
+        check = suspects(z, rows, off, tuple(table.conditions.values()))
+        lines, wrong = (tuple(table.line[row] for row in chosen) for chosen in (rows, check))
+        yield Disagreement(observable.name, lines, wrong, float(np.ptp(table.value[rows])))
+
+
+def tested_by_repeats(
+    rows: ComparisonRows, variance: Floats, residual: Floats, leverage: Floats
+) -> dict[str, LackOfFit]:
+    """Lack of fit of a model: residuals (n,) over their sd, and shares of them that calibration removes.
+
+    `variance` (n,) is that of the residuals. Limits, and rows to check, have no part in it.
+    """
+    cell, parts = repeat_numbers(rows), {}
+    for index, observable in enumerate(rows.observables):
+        own = (rows.which == index) & ~rows.censored & ~rows.suspect
+        squares, within = pure_error(rows.z[own], 1.0 / variance[own], cell[own])
+        left = float(np.sum(1.0 - leverage[own])) - within
+        parts[observable.name] = (
+            float(residual[own] @ residual[own]) - squares,
+            left,
+            *rows.pure[observable.name],
+        )
+    return lack_of_fit(parts)
 
 
 def repeat_numbers(table: Measurements | ComparisonRows) -> Floats:

@@ -8,7 +8,7 @@ from scipy import special, stats
 
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Bools, Floats
-from taichi_erosion.evidence.data.repeats import NO_REPEATS, PureError, factors, parted, pooled, repeated
+from taichi_erosion.evidence.data.repeats import disagreeing, factors, pure_error
 
 LEAST_FREEDOM = 3  # degrees of freedom from which repeats alone are believed
 UNEVEN = 0.01  # chance below which sample variances are taken to differ in truth
@@ -28,7 +28,7 @@ class Scatter:
     own_freedom: float  # degrees of freedom of the sample variances that it is made of
     factor: float  # scatter between repeated rows over stated scatter; NaN without repeated rows
     p: float
-    pure: PureError
+    pure: tuple[float, float]  # squares between repeats over these variances, degrees of freedom
     off: Bools  # rows that disagree grossly with their repeats
 
 
@@ -126,28 +126,27 @@ def measurement_scatter(z: Floats, sd: Floats, repeats: Floats, cell: Floats, sh
         variance[sampled], own = moderated(variance[sampled], repeats[sampled] - 1.0, shapes[:, sampled])
     known = np.isfinite(variance)
     if known.any():
-        off = parted(z, [weight := repeats / variance], cell, True)
-        squares, between = pooled(repeated(np.where(off, nan, z), weight, cell))
+        off = disagreeing(z, [weight := repeats / variance], cell, True)
+        squares, between = pure_error(np.where(off, nan, z), weight, cell)
         variance = np.where(known, variance, np.nanmedian(variance))
         return corrected_by_repeats(variance, squares, between, own, off)
-    off, ratio = parted(z, [repeats / shape**2 for shape in shapes], cell, False), nan
-    squares, freedom = pooled(repeated(np.where(off, nan, z), repeats, cell))
+    off = disagreeing(z, [repeats / shape**2 for shape in shapes], cell, False)
+    squares, freedom = pure_error(np.where(off, nan, z), repeats, cell)
     if freedom >= LEAST_FREEDOM and squares > 0.0:
         # the variance of the t distribution that a residual over the measured scatter has
         variance, own = np.full(z.size, squares / (freedom - 2.0)), float(freedom)
-        ratio = (freedom - 2.0) / freedom
-    return Scatter(variance, 0.0, own, nan, nan, PureError(ratio, own), off)
+    return Scatter(variance, 0.0, own, nan, nan, (max(own - 2.0, 0.0), own), off)
 
 
 def corrected_by_repeats(variance: Floats, squares: float, between: int, own: float, off: Bools) -> Scatter:
     """Stated variances, scaled by the scatter of repeated rows: SS_pe ~ chi^2(nu) if they are right."""
     if between == 0:
-        return Scatter(variance, 0.0, own, nan, nan, NO_REPEATS, off)
+        return Scatter(variance, 0.0, own, nan, nan, (0.0, 0.0), off)
     factor = sqrt(squares / between)
     tail = float(stats.chi2.sf(squares, between))
     grid, share = factors(squares, between)
     scale = exp(2.0 * float(share @ grid))  # of exp E[ln f]
-    p, pure = min(1.0, 2.0 * min(tail, 1.0 - tail)), PureError(squares / between / scale, float(between))
+    p, pure = min(1.0, 2.0 * min(tail, 1.0 - tail)), (squares / scale, float(between))
     return Scatter(variance * scale, float(between), own, factor, p, pure, off)
 
 

@@ -4,13 +4,13 @@ With w over the variance of a row as stated (or 1), group g of m_g rows, f true 
 
     SS_g = sum_i w_i (z_i - mean_g)^2 ~ f^2 chi^2(nu_g),    nu_g = m_g - 1
 
-A group disagrees grossly where G P(SS > SS_g | the others) < GROSS. The others tell f by their median,
-s^2 = med_g SS_g / q(nu_g), q the median of chi^2, as sharp as EFFICIENCY sum nu_g degrees of freedom of a
-mean; half of them may be wrong. The pure error is the sum of SS_g over the groups that do not disagree.
+A group disagrees grossly where G P(SS > SS_g | the others) < GROSS. The others tell f^2 by their median,
+med_g SS_g / q(nu_g), q that of chi^2, as sharp as EFFICIENCY sum nu_g degrees of freedom of a mean; half of
+them may be wrong. The row farthest from the median of a group is left out, of a pair both; the rest is
 
-    lack of fit:  F = (SS - SS_within) / (n - p - nu_within)  over  SS_pe / nu_pe
+    pure error SS_pe = sum_g SS_g,    lack of fit F = (SS - SS_in) / (n - p - nu_in)  over  SS_pe / nu_pe,
 
-SS: squares of n rows about a model with p numbers, SS_within those of repeats among them about their means.
+SS the squares of n rows about a model with p numbers, SS_in those of repeats among them about their means.
 
 References: Rousseeuw & Croux (1993), J. Am. Stat. Assoc. 88, 1273 (median as scale, its efficiency); Grubbs
 (1969), Technometrics 11, 1 (test of the largest of all); Draper & Smith (1998), Applied Regression Analysis,
@@ -28,22 +28,11 @@ from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 
 GROSS = 1e-4  # chance at which sound repeats of one observable are taken for a mistake
 EFFICIENCY = 0.37  # of the median of squares of a normal variate [Rousseeuw & Croux]
+JOINT = "all"  # name under which all observables are tested together
 NEAREST = 5  # rows of nearest conditions, by whose median a pair is judged: two of them may be wrong
 RIGHT_SHARE = 0.8  # of stated sd that are right [1]
 RIGHT_SD = 0.05  # of ln(true / stated sd) where it is right
 WRONG_MEAN, WRONG_SD = 0.2, 0.4  # of ln(true / stated sd) where it is not
-
-
-@dataclass(frozen=True)
-class Group:
-    """Rows of one source under the same conditions."""
-
-    rows: Integers
-    squares: float  # about their mean, over their variances
-
-    @property
-    def freedom(self) -> int:
-        return self.rows.size - 1
 
 
 @dataclass(frozen=True)
@@ -52,78 +41,55 @@ class Disagreement:
 
     observable: str
     lines: tuple[int, ...]  # rows of the table
-    suspects: tuple[int, ...]  # of these, the one to check; all where nothing tells which
+    suspects: tuple[int, ...]  # of these, those to check
     gap: float  # largest less smallest value, in the observable's unit
-
-
-@dataclass(frozen=True)
-class PureError:
-    """Scatter between the repeats of one observable."""
-
-    ratio: float  # its variance over that of the rows; NaN without repeats
-    freedom: float
-
-
-NO_REPEATS = PureError(nan, 0.0)
 
 
 @dataclass(frozen=True)
 class LackOfFit:
     """Whether a model misses means of repeats by more than repeats differ."""
 
-    ratio: float  # F
-    freedom: float  # of the misfit
-    pure_freedom: float
+    ratio: float  # F, of the variance of the misfit over that of repeats
+    dof: float  # of the misfit
+    dof_repeats: float
     p: float
 
 
-def repeated(z: Floats, weight: Floats, cell: Floats) -> list[Group]:
-    """Groups of repeats; `cell` is equal for rows that repeat one another, no weight leaves a row out."""
+def repeated(z: Floats, weight: Floats, cell: Floats) -> tuple[list[Integers], Floats]:
+    """Groups of repeats, which have one number in `cell`, and their squares; a NaN leaves a row out."""
     known = np.flatnonzero(np.isfinite(weight) & np.isfinite(z))
     _, number = np.unique(cell[known], return_inverse=True)
-    found = [known[number == k] for k in np.flatnonzero(np.bincount(number) > 1)]
-    return [Group(rows, squares_about_mean(z[rows], weight[rows])) for rows in found]
+    groups = [known[number == k] for k in np.flatnonzero(np.bincount(number) > 1)]
+    mean = [np.average(z[rows], weights=weight[rows]) for rows in groups]
+    squares = [float(weight[rows] @ (z[rows] - m) ** 2) for rows, m in zip(groups, mean, strict=True)]
+    return groups, np.array(squares)
 
 
-def squares_about_mean(z: Floats, weight: Floats) -> float:
-    """Weighted squares about the weighted mean."""
-    return float(weight @ (z - np.average(z, weights=weight)) ** 2)
+def pure_error(z: Floats, weight: Floats, cell: Floats) -> tuple[float, int]:
+    """Squares of all repeats about their means, and their degrees of freedom."""
+    groups, squares = repeated(z, weight, cell)
+    return float(squares.sum()), sum(rows.size - 1 for rows in groups)
 
 
-def pooled(groups: Sequence[Group]) -> tuple[float, int]:
-    """Squares and degrees of freedom of several groups."""
-    return float(sum(group.squares for group in groups)), sum(group.freedom for group in groups)
+def gross(groups: Sequence[Integers], squares: Floats, stated: bool) -> Bools:
+    """Which groups disagree grossly; none where more than a quarter do: then the scatter itself is uneven.
 
-
-def gross(groups: Sequence[Group], stated: bool) -> list[bool]:
-    """Which groups disagree grossly; none where so many do that the scatter itself is uneven.
-
-    Without a stated sd repeats that agree are taken to differ by the least difference that is seen: values
-    are rounded.
+    Without a stated sd repeats that agree differ by the least difference that is seen: values are rounded.
     """
-    if not groups:
-        return []
-    freedom = np.array([group.freedom for group in groups])
-    squares = np.array([group.squares for group in groups])
+    freedom = np.array([rows.size - 1 for rows in groups])
     if not stated:
         squares = np.maximum(squares, np.min(squares, where=squares > 0.0, initial=np.inf))
-    typical = squares / special.chdtri(freedom, 0.5)
-    found = []
+    typical, found = squares / special.chdtri(freedom, 0.5), np.zeros(freedom.size, dtype=np.bool_)
     for k, own in enumerate(freedom):
-        others = np.arange(freedom.size) != k
-        sharp = EFFICIENCY * float(freedom[others].sum())
-        scale = float(np.median(np.repeat(typical[others], freedom[others]))) if sharp else nan
-        chance = predicted_tail(float(squares[k]), int(own), scale, sharp, stated)
-        found.append(chance * freedom.size < GROSS)
-    return found if sum(found) <= max(1, len(groups) // 4) else [False] * len(groups)
-
-
-def predicted_tail(squares: float, freedom: int, scale: float, sharp: float, stated: bool) -> float:
-    """Chance of larger squares where other repeats give a variance with so many degrees of freedom."""
-    if stated:
-        grid, share = factors(scale * sharp if sharp else 0.0, sharp)
-        return float(share @ special.chdtrc(freedom, squares * np.exp(-2.0 * grid)))
-    return float(stats.f.sf(squares / freedom / scale, freedom, sharp)) if sharp else 1.0
+        others = np.repeat(np.delete(typical, k), np.delete(freedom, k))
+        sharp, scale, chance = EFFICIENCY * others.size, float(np.median(others)) if others.size else 0.0, 1.0
+        if stated:
+            grid, share = factors(scale * sharp, sharp)
+            chance = float(share @ special.chdtrc(own, squares[k] * np.exp(-2.0 * grid)))
+        elif sharp:
+            chance = float(special.fdtrc(own, sharp, squares[k] / own / scale))
+        found[k] = chance * freedom.size < GROSS
+    return found & (found.sum() <= max(1, freedom.size // 4))
 
 
 def factors(squares: float, freedom: float) -> tuple[Floats, Floats]:
@@ -141,59 +107,44 @@ def factors(squares: float, freedom: float) -> tuple[Floats, Floats]:
     return grid, weight / weight.sum()
 
 
-def parted(z: Floats, weights: Sequence[Floats], cell: Floats, stated: bool) -> Bools:
+def disagreeing(z: Floats, weights: Sequence[Floats], cell: Floats, stated: bool) -> Bools:
     """Rows that disagree grossly with their repeats, under every one of some weights; both rows of a pair."""
     off = np.zeros(z.size, dtype=np.bool_)
     while True:
-        left = np.where(off, nan, z)
-        each_way = [repeated(left, weight, cell) for weight in weights]
-        found = zip(each_way[0], *(gross(groups, stated) for groups in each_way), strict=True)
-        if not (bad := [group.rows for group, *ways in found if all(ways)]):
+        ways = [repeated(np.where(off, nan, z), weight, cell) for weight in weights]
+        bad = np.all([gross(*way, stated) for way in ways], axis=0)
+        if not bad.any():
             return off
-        for rows in bad:
-            off[rows if rows.size == 2 else farthest(z, rows, float(np.median(z[rows])))] = True
+        for k in np.flatnonzero(bad):
+            rows = ways[0][0][k]
+            off[rows if rows.size == 2 else farthest(z, rows, rows)] = True
 
 
-def farthest(z: Floats, rows: Integers, middle: float) -> Integers:
-    """The row farthest from some value; all of them where it lies less than twice as far as the nearest."""
-    away = np.abs(z[rows] - middle)
+def farthest(z: Floats, rows: Integers, others: Integers) -> Integers:
+    """The row farthest from the median of others; all where it lies less than twice as far as the nearest."""
+    away = np.abs(z[rows] - np.median(z[others]))
     return rows[[np.argmax(away)]] if away.max() > 2.0 * away.min() else rows
 
 
-def suspects(z: Floats, rows: Integers, off: Bools, ranks: Floats) -> Integers:
-    """Rows of a group to check; of a pair the one farthest from the median of its sound neighbours.
-
-    `ranks` (n, c) are those of the conditions.
-    """
-    if not off[rows].all():
+def suspects(z: Floats, rows: Integers, off: Bools, conditions: Sequence[Floats]) -> Integers:
+    """Rows of a group to check; of a pair the one farthest from those of the nearest conditions, by ranks."""
+    sound = np.flatnonzero(~off & np.isfinite(z))
+    if not off[rows].all() or not sound.size:
         return rows[off[rows]]
-    far = np.where(off | np.isnan(z), np.inf, np.sum((ranks - ranks[rows[0]]) ** 2, axis=1))
-    near = np.argsort(far, kind="stable")[:NEAREST]
-    near = near[np.isfinite(far[near])]
-    return farthest(z, rows, float(np.median(z[near]))) if near.size else rows
+    ranks = [stats.rankdata(np.nan_to_num(column)) for column in conditions]
+    far = np.sum([(rank[sound] - rank[rows[0]]) ** 2 for rank in ranks], axis=0) + np.zeros(sound.size)
+    return farthest(z, rows, sound[np.argsort(far, kind="stable")[:NEAREST]])
 
 
-def lack_of_fit(
-    misfit: Mapping[str, tuple[float, float]],
-    within: Mapping[str, Sequence[Group]],
-    pure: Mapping[str, PureError],
-) -> dict[str, LackOfFit]:
-    """Test of every observable that has repeats, and of all of them together under the name ''.
+def lack_of_fit(parts: Mapping[str, tuple[float, float, float, float]]) -> dict[str, LackOfFit]:
+    """F tests of every observable, and first of all of them together, under the name JOINT.
 
-    `misfit`: squares about the model and the degrees of freedom that it leaves; `within`: repeats among the
-    same rows.
+    `parts`: SS - SS_in, n - p - nu_in, SS_pe and nu_pe.
     """
-    parts = {}
-    for name, (squares, freedom) in misfit.items():
-        own, count = pooled(within[name])
-        if pure[name].freedom > 0.0 and freedom > count:
-            error = pure[name].ratio * pure[name].freedom
-            parts[name] = np.array([max(squares - own, 0.0), freedom - count, error, pure[name].freedom])
-    whole = {"": np.sum(list(parts.values()), axis=0)} if parts else {}
-    return {name: tested(*map(float, each)) for name, each in (whole | parts).items()}
-
-
-def tested(squares: float, freedom: float, error: float, pure_freedom: float) -> LackOfFit:
-    """F test of two sums of squares."""
-    ratio = squares / freedom / max(error / pure_freedom, 1e-300)
-    return LackOfFit(ratio, freedom, pure_freedom, float(stats.f.sf(ratio, freedom, pure_freedom)))
+    tested = {name: part for name, part in parts.items() if min(part[1], part[3]) > 0.0}
+    whole = {JOINT: tuple(np.sum(list(tested.values()), axis=0))} if tested else {}
+    found = {}
+    for name, (squares, dof, error, repeats) in (whole | tested).items():
+        ratio = max(squares, 0.0) / dof / max(error / repeats, 1e-300)
+        found[name] = LackOfFit(ratio, dof, repeats, float(stats.f.sf(ratio, dof, repeats)))
+    return found
