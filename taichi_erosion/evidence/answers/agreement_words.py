@@ -40,11 +40,8 @@ def repeat_sentences(test: Document | None) -> list[str]:
     """That no scatter explains a misfit, where repeats say so."""
     if test is None or not fails(test["p"]):
         return []
-    freedom = f"{plain(test['dof'])} and {plain(test['dof_repeats'])} degrees of freedom"
-    return [
-        f"Repeats differ less: the misfit is {plain(sqrt(test['ratio']), 2)} times their scatter "
-        f"(F = {plain(test['ratio'])} for {freedom}, {p_text(test['p'], 3)})."
-    ]
+    factor = plain(sqrt(test["ratio"]), 2)
+    return [f"Repeats differ less: the misfit is {factor} times their scatter ({p_text(test['p'], 3)})."]
 
 
 def agreement(document: Document) -> str:

@@ -14,10 +14,10 @@ import numpy as np
 
 from taichi_erosion.evidence.answers.discover import Answer, analysed, nameless_discovery
 from taichi_erosion.evidence.answers.study_files.start_values import model_at_start
-from taichi_erosion.evidence.data.comparison_rows import comparison_rows
+from taichi_erosion.evidence.data.comparison_rows import comparison_rows, condition_numbers
 from taichi_erosion.evidence.data.findings import Estimate, LevelShift, Rows, SetUpFault
 from taichi_erosion.evidence.data.number_words import plain
-from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Problem, Progress
+from taichi_erosion.evidence.data.problem import Bools, Floats, Problem, Progress
 from taichi_erosion.evidence.data.tables.spreadsheet import source_changed
 from taichi_erosion.evidence.inference.prepared_problem import NO_VALUE
 from taichi_erosion.evidence.inference.verdict_levels import REJECTION_LEVEL, fails, least_rows, too_few_rows
@@ -142,7 +142,8 @@ def row_faults(problem: Problem) -> Iterator[SetUpFault]:
 
 def counted_rows(problem: Problem) -> tuple[int, int]:
     """Visible rows under different conditions, and calibrated numbers."""
-    points = len(set(condition_keys(problem.visible())))
+    table = problem.visible()
+    points = len(set(zip(table.observable, condition_numbers(table), strict=True)))
     return points, len(problem.parameters) + len(problem.adopted)
 
 
@@ -163,14 +164,6 @@ def repeat_faults(problem: Problem) -> Iterator[SetUpFault]:
             "scatter: a condition that the table or the study lacks, or a scatter that is stated too small"
         )
         yield SetUpFault("repeats", name, words, factor > FAR)
-
-
-def condition_keys(table: Measurements) -> list[tuple[str, ...]]:
-    """Observable and conditions of every row."""
-    columns = list(table.conditions.values())
-    return [
-        (name, *(f"{column[row]:.9g}" for column in columns)) for row, name in enumerate(table.observable)
-    ]
 
 
 def values_at_start(study: Study, rows: Rows) -> Floats:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -256,15 +256,11 @@ def tested_by_repeats(
     `variance` (n,) is that of the residuals. Limits, and rows to check, have no part in it.
     """
     cell, parts = repeat_numbers(rows), {}
-    for index, observable in enumerate(rows.observables):
-        own = (rows.which == index) & ~rows.censored & ~rows.suspect
+    for name in rows.pure:
+        own = (np.array(rows.names) == name) & ~rows.censored & ~rows.suspect
         squares, within = pure_error(rows.z[own], 1.0 / variance[own], cell[own])
         left = float(np.sum(1.0 - leverage[own])) - within
-        parts[observable.name] = (
-            float(residual[own] @ residual[own]) - squares,
-            left,
-            *rows.pure[observable.name],
-        )
+        parts[name] = (float(residual[own] @ residual[own]) - squares, left, *rows.pure[name])
     return lack_of_fit(parts)
 
 
@@ -367,30 +363,20 @@ def noise_budget(variance: Floats, shared: Floats, numerical: Floats, scatter: S
 
 def joined(parts: Sequence[ComparisonRows]) -> ComparisonRows:
     """Rows of all observables."""
-    shared = np.vstack([part.shared for part in parts])
+
+    def all_of(name: str) -> Any:
+        first, *_ = found = [getattr(part, name) for part in parts]
+        if isinstance(first, np.ndarray):
+            return np.concatenate(found)
+        if isinstance(first, tuple):
+            return tuple(each for own in found for each in own)
+        return {key: np.concatenate([own[key] for own in found]) for key in first}
+
+    shared = all_of("shared")
     return replace(
         parts[0],
-        which=np.concatenate([part.which for part in parts]).astype(np.int64),
-        z=np.concatenate([part.z for part in parts]),
-        variance=np.concatenate([part.variance for part in parts]),
-        censored=np.concatenate([part.censored for part in parts]),
-        reach=np.concatenate([part.reach for part in parts]),
-        shared=shared[:, np.any(shared != 0.0, axis=0)],
-        conditions={
-            name: np.concatenate([part.conditions[name] for part in parts]) for name in parts[0].conditions
-        },
-        group=tuple(group for part in parts for group in part.group),
-        source=tuple(source for part in parts for source in part.source),
-        slope=np.concatenate([part.slope for part in parts]),
-        stated=np.concatenate([part.stated for part in parts]),
+        **{name: all_of(name) for name in (*ROW_WISE, "warnings", "apart")}
+        | {"heaps": heaps_of(parts), "shared": shared[:, np.any(shared != 0.0, axis=0)]},
         noise={name: noise for part in parts for name, noise in part.noise.items()},
-        warnings=tuple(note for part in parts for note in part.warnings),
-        condition_sd={
-            name: np.concatenate([part.condition_sd[name] for part in parts])
-            for name in parts[0].condition_sd
-        },
-        heaps=heaps_of(parts),
-        lines=tuple(lines for part in parts for lines in part.lines),
         pure={name: pure for part in parts for name, pure in part.pure.items()},
-        apart=tuple(each for part in parts for each in part.apart),
     )

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import exp, log, nan, sqrt
 
 import numpy as np
-from scipy import special, stats
+from scipy import optimize, special, stats
 
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Bools, Floats
@@ -15,7 +15,7 @@ UNEVEN = 0.01  # chance below which sample variances are taken to differ in trut
 LEAST_VARIANCE = 1e-3  # of the typical one, that any sample variance is taken to be
 SHAPE_GAIN = 1.0  # ln likelihood by which another way of the scatter must be better
 LEAST_SHAPE = 0.5  # of the typical sd
-LEAST_PRIOR = 4.0  # least nu_0, degrees of freedom of the common level
+LEAST_PRIOR, MOST_PRIOR = 4.0, 1e6  # of nu_0, degrees of freedom of the common level
 UNCHECKED_LOG = 0.2  # mean of ln(true sd / stated sd) where nothing checks it: exponential above 1
 
 
@@ -32,23 +32,12 @@ class Scatter:
     off: Bools  # rows that disagree grossly with their repeats
 
 
-def trigamma_inverse(value: float) -> float:
-    """Y with trigamma(y) = value, by Newton steps on 1 / trigamma.
-
-    Reference: Smyth (2004), Stat. Appl. Genet. Mol. Biol. 3(1), 3, appendix.
-    """
-    if value > 1e7:
-        return 1.0 / sqrt(value)
-    if value < 1e-6:
-        return 1.0 / value
-    y = 0.5 + 1.0 / value
-    for _ in range(50):
-        trigamma = float(special.polygamma(1, y))
-        change = trigamma * (1.0 - trigamma / value) / float(special.polygamma(2, y))
-        y += change
-        if abs(change) < 1e-9 * y:
-            break
-    return y
+def prior_freedom(excess: float) -> float:
+    """Degrees of freedom nu_0 of the common level: trigamma(nu_0 / 2) = excess, from LEAST_PRIOR up."""
+    low, high = 0.5 * LEAST_PRIOR, MOST_PRIOR
+    wanted = min(max(excess, float(special.polygamma(1, high))), float(special.polygamma(1, low)))
+    found = optimize.root_scalar(lambda y: float(special.polygamma(1, y)) - wanted, bracket=(low, high))
+    return 2.0 * float(found.root)
 
 
 def moderated(variance: Floats, freedom: Floats, shapes: Floats) -> tuple[Floats, float]:
@@ -79,7 +68,7 @@ def moderated(variance: Floats, freedom: Floats, shapes: Floats) -> tuple[Floats
     excess = spread - float(np.mean(special.polygamma(1, freedom / 2.0)))
     if excess <= 0.0:
         return even
-    prior = max(2.0 * trigamma_inverse(excess), LEAST_PRIOR)
+    prior = prior_freedom(excess)
     total = prior + freedom
     common = np.exp(level.mean() + special.digamma(prior / 2.0) - log(prior / 2.0))
     mixed = (prior * common + freedom * relative) / total
