@@ -82,12 +82,17 @@ def likely_shape(variance: Floats, freedom: Floats, shapes: Floats) -> Floats:
 
     No row is given less than LEAST_SHAPE of the typical sd: a value near zero has more than a relative error.
     """
-    usual = np.median(shapes, axis=1, keepdims=True)
-    bounded = np.maximum(shapes / np.where(usual > 0.0, usual, 1.0), LEAST_SHAPE)
+    bounded = bounded_shapes(shapes)
     pooled = np.sum(freedom * variance / bounded**2, axis=1) / np.sum(freedom)
     fit = -0.5 * (np.sum(freedom) * np.log(pooled) + np.sum(freedom * np.log(bounded**2), axis=1))
     best = int(np.argmax(fit))
     return bounded[best if fit[best] > fit[0] + SHAPE_GAIN else 0]
+
+
+def bounded_shapes(shapes: Floats) -> Floats:
+    """Shapes (k, n) over their typical values, none below LEAST_SHAPE of it."""
+    usual = np.median(shapes, axis=1, keepdims=True)
+    return np.maximum(shapes / np.where(usual > 0.0, usual, 1.0), LEAST_SHAPE)
 
 
 def uneven_p(variance: Floats, freedom: Floats) -> float:
@@ -119,7 +124,7 @@ def measurement_scatter(z: Floats, sd: Floats, repeats: Floats, cell: Floats, sh
         squares, between = pure_error(np.where(off, nan, z), weight, cell)
         variance = np.where(known, variance, np.nanmedian(variance))
         return corrected_by_repeats(variance, squares, between, own, off)
-    off = disagreeing(z, [repeats / shape**2 for shape in shapes], cell, False)
+    off = disagreeing(z, list(repeats / bounded_shapes(shapes) ** 2), cell, False)
     squares, freedom = pure_error(np.where(off, nan, z), repeats, cell)
     if freedom >= LEAST_FREEDOM and squares > 0.0:
         # the variance of the t distribution that a residual over the measured scatter has

@@ -100,7 +100,7 @@ class Measurements:
 
     def rows(self, chosen: Integers | Bools) -> "Measurements":
         """The table restricted to some rows, in the order given."""
-        return replace(self, **rows_picked(vars(self), chosen))
+        return replace(self, **rows_picked(vars(self) | {"line": self.lines}, chosen))
 
     @property
     def reaches(self) -> Floats:

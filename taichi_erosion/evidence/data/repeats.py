@@ -77,6 +77,8 @@ def gross(groups: Sequence[Integers], squares: Floats, stated: bool) -> Bools:
     Without a stated sd repeats that agree differ by the least difference that is seen: values are rounded.
     """
     freedom = np.array([rows.size - 1 for rows in groups])
+    if not squares.any():
+        return np.zeros(freedom.size, dtype=np.bool_)
     if not stated:
         squares = np.maximum(squares, np.min(squares, where=squares > 0.0, initial=np.inf))
     typical, found = squares / special.chdtri(freedom, 0.5), np.zeros(freedom.size, dtype=np.bool_)

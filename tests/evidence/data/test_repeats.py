@@ -7,6 +7,7 @@ import pytest
 
 from doe.trials.reduced.families import FAMILIES
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows
+from taichi_erosion.evidence.data.measurement_noise import measurement_scatter
 from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.data.repeats import JOINT, gross, lack_of_fit, pure_error, repeated
 from taichi_erosion.evidence.race.answer import raced
@@ -54,6 +55,15 @@ def test_two_wrong_values_do_not_hide_one_another(stated):
     z = np.random.default_rng(6).standard_normal(CELL.size)
     z[[0, 7]] += [60.0, -50.0]
     assert np.flatnonzero(gross(*repeated(z, np.ones(z.size), CELL), stated)).tolist() == [0, 2]
+
+
+def test_empty_traps_that_agree_exactly_are_no_standard_for_the_others():
+    """Values rounded to 0.1 without a stated sd; most pairs are equal, and half of them 0."""
+    z = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.1, 2.1, 3.0, 3.1, 4.0, 4.2])
+    shapes, cell = np.array([np.ones(z.size), z]), np.repeat(np.arange(6.0), 2)
+    found = measurement_scatter(z, np.full(z.size, np.nan), np.ones(z.size), cell, shapes)
+    assert not found.off.any()
+    assert found.own_freedom == 6.0
 
 
 def test_scatter_that_is_larger_everywhere_is_no_disagreement():
