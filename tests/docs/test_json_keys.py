@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.evidence.data import findings, fresh_findings, mechanism_findings
+from taichi_erosion.evidence.data import findings, fresh_findings, mechanism_findings, repeats
 from taichi_erosion.evidence.prediction.predict import PredictedRow, PredictiveCheck
 from taichi_erosion.scene.schema.units import Scale
 from taichi_erosion.verification.claims import Outcome
@@ -29,6 +29,7 @@ RECORDS = {
     "stretch": findings.Stretch,
     "noise": findings.Noise,
     "noise of an observable": findings.ObservableNoise,
+    "lack of fit": repeats.LackOfFit,
     "estimate": findings.Estimate,
     "correlation": findings.Correlation,
     "level": findings.LevelShift,

@@ -31,8 +31,17 @@ def comparison_sentences(document: Document) -> list[str]:
         agreement(document),
         *(level["sentence"] for level in document["levels"]),
         *(failing or ([] if is_untested(document) else [NO_MISFIT])),
+        *repeat_sentences(document["lack_of_fit"].get("all")),
         *row_sentences(document["worst_row"]),
     ]
+
+
+def repeat_sentences(test: Document | None) -> list[str]:
+    """That no scatter explains a misfit, where repeats say so."""
+    if test is None or not fails(test["p"]):
+        return []
+    factor = plain(sqrt(test["ratio"]), 2)
+    return [f"Repeats differ less: the misfit is {factor} times their scatter ({p_text(test['p'], 3)})."]
 
 
 def agreement(document: Document) -> str:

@@ -6,15 +6,17 @@ from time import perf_counter
 
 import numpy as np
 
+from taichi_erosion.evidence.data.comparison_rows import tested_by_repeats
 from taichi_erosion.evidence.data.findings import Comparison
 from taichi_erosion.evidence.data.measurement_noise import unchecked_noise_sentence
 from taichi_erosion.evidence.data.problem import Floats, Measurements, Observable, Problem, Progress
+from taichi_erosion.evidence.data.repeats import JOINT, LackOfFit
 from taichi_erosion.evidence.data.transforms import slope, to_scale
 from taichi_erosion.evidence.inference import goodness_of_fit, marginal_likelihood
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.intervals.estimates import correlations, estimates_alone
 from taichi_erosion.evidence.inference.map_fit import fit_base, fit_free_levels
-from taichi_erosion.evidence.inference.marginal_likelihood import ScoredHypothesis
+from taichi_erosion.evidence.inference.marginal_likelihood import Expansion, ScoredHypothesis
 from taichi_erosion.evidence.inference.pipeline import enough_for_levels, level_share
 from taichi_erosion.evidence.inference.posterior import level_shifts
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
@@ -58,8 +60,23 @@ def compare(problem: Problem, progress: Progress = no_progress, seed: int = SEED
         p_levels_free=p_free,
         stuck=tuple(goodness_of_fit.stuck_numbers(prepared, base.expansion)) if known else (),
         worst_row=goodness_of_fit.worst_row(prepared, base.expansion) if known else None,
-        scatter_factor=goodness_of_fit.scatter_factor(prepared, base.expansion) if known else nan,
+        scatter_factor=possible_scatter(prepared, base.expansion) if known else nan,
+        lack_of_fit=lack_of_fit(prepared, base.expansion),
     )
+
+
+def lack_of_fit(prepared: PreparedProblem, expansion: Expansion) -> dict[str, LackOfFit]:
+    """Tests of a calibrated model against the scatter between repeats."""
+    left = marginal_likelihood.projected_residual(prepared, expansion)
+    residual, leverage = left.white.unmixed(left.whole), np.sum(left.row_basis**2, axis=1)
+    return tested_by_repeats(prepared.rows, prepared.variance, residual, leverage)
+
+
+def possible_scatter(prepared: PreparedProblem, expansion: Expansion) -> float:
+    """True over stated sd that would make the misfit chance; NaN where repeats contradict it."""
+    joint = lack_of_fit(prepared, expansion).get(JOINT)
+    contradicted = joint is not None and levels.fails(joint.p)
+    return nan if contradicted else goodness_of_fit.scatter_factor(prepared, expansion)
 
 
 def levels_freed(

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.evidence.answers.compare import calibrated_base
+from taichi_erosion.evidence.answers.compare import calibrated_base, possible_scatter
 from taichi_erosion.evidence.answers.documents import discovery_sentences
 from taichi_erosion.evidence.answers.effect_action import effect_actions, opposed_signs
 from taichi_erosion.evidence.answers.finding_sentences import mechanism_sentences
@@ -174,7 +174,7 @@ def error_fields(found: Analysis) -> dict[str, Any]:
         "errors_probability": found.errors_probability,
         "errors_stated": likeliest_words(found.stated.posterior) if found.stated else "",
         "variants": variants(found),
-        "scatter_factor": goodness_of_fit.scatter_factor(found.fitted.prepared, found.fitted.base.expansion),
+        "scatter_factor": possible_scatter(found.fitted.prepared, found.fitted.base.expansion),
     }
 
 

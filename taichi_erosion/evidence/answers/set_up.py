@@ -14,10 +14,10 @@ import numpy as np
 
 from taichi_erosion.evidence.answers.discover import Answer, analysed, nameless_discovery
 from taichi_erosion.evidence.answers.study_files.start_values import model_at_start
-from taichi_erosion.evidence.data.comparison_rows import comparison_rows
+from taichi_erosion.evidence.data.comparison_rows import comparison_rows, condition_numbers
 from taichi_erosion.evidence.data.findings import Estimate, LevelShift, Rows, SetUpFault
 from taichi_erosion.evidence.data.number_words import plain
-from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Problem, Progress
+from taichi_erosion.evidence.data.problem import Bools, Floats, Problem, Progress
 from taichi_erosion.evidence.data.tables.spreadsheet import source_changed
 from taichi_erosion.evidence.inference.prepared_problem import NO_VALUE
 from taichi_erosion.evidence.inference.verdict_levels import REJECTION_LEVEL, fails, least_rows, too_few_rows
@@ -48,7 +48,8 @@ NOTHING = "Nothing is named: the set-up comes first."
 
 def sentences(faults: Sequence[SetUpFault]) -> list[str]:
     """Sentences before an answer; the last one says whether the verdict on physics waits."""
-    told = [fault.sentence for fault in sorted(faults, key=lambda fault: not fault.blocks)]
+    order = sorted(faults, key=lambda fault: (fault.kind != "repeats", not fault.blocks))
+    told = [fault.sentence for fault in order]
     return [*dict.fromkeys(told), *([WAITS] if blocked(faults) else [])]
 
 
@@ -103,7 +104,25 @@ def source_faults(study: Study) -> Iterator[SetUpFault]:
 
 def table_faults(problem: Problem) -> tuple[SetUpFault, ...]:
     """What the table of a study cannot carry, known before its model is asked."""
-    return (*row_faults(problem), *repeat_faults(problem))
+    return (*disagreements(problem), *repeat_faults(problem), *row_faults(problem))
+
+
+def disagreements(problem: Problem) -> Iterator[SetUpFault]:
+    """Repeats of which the table, held-out rows included, has a wrong value."""
+    table = problem.measurements
+    for each in comparison_rows(problem, table).apart:
+        gap = table.table_units.value_text(each.observable, each.gap)
+        words = (
+            f"{each.observable}: {numbered(each.lines)} are repeats and differ by {gap}: "
+            f"check {numbered(each.suspects)}"
+        )
+        yield SetUpFault("repeats", each.observable, words, False)
+
+
+def numbered(lines: Sequence[int]) -> str:
+    """`row 17`, `rows 4, 17 and 18`."""
+    *first, last = map(str, lines)
+    return f"rows {', '.join(first)} and {last}" if first else f"row {last}"
 
 
 def row_faults(problem: Problem) -> Iterator[SetUpFault]:
@@ -123,7 +142,8 @@ def row_faults(problem: Problem) -> Iterator[SetUpFault]:
 
 def counted_rows(problem: Problem) -> tuple[int, int]:
     """Visible rows under different conditions, and calibrated numbers."""
-    points = len(set(condition_keys(problem.visible())))
+    table = problem.visible()
+    points = len(set(zip(table.observable, condition_numbers(table), strict=True)))
     return points, len(problem.parameters) + len(problem.adopted)
 
 
@@ -135,38 +155,15 @@ def missing_rows(problem: Problem) -> int:
 
 def repeat_faults(problem: Problem) -> Iterator[SetUpFault]:
     """Rows under the same conditions that differ much more than their stated scatter."""
-    table = problem.visible()
-    for name, noise in comparison_rows(problem, table).noise.items():
+    for name, noise in comparison_rows(problem, problem.visible()).noise.items():
         factor = noise.stated_factor
         if not factor > UNLIKE or not noise.p < REJECTION_LEVEL:
             continue
         words = (
             f"{name}: rows under the same conditions differ {factor:.2g} times as much as their stated "
-            f"scatter ({widest_repeats(table, name)}): a condition that the table or the study lacks, or a "
-            "scatter that is stated too small"
+            "scatter: a condition that the table or the study lacks, or a scatter that is stated too small"
         )
         yield SetUpFault("repeats", name, words, factor > FAR)
-
-
-def condition_keys(table: Measurements) -> list[tuple[str, ...]]:
-    """Observable and conditions of every row."""
-    columns = list(table.conditions.values())
-    return [
-        (name, *(f"{column[row]:.9g}" for column in columns)) for row, name in enumerate(table.observable)
-    ]
-
-
-def widest_repeats(table: Measurements, name: str) -> str:
-    """Repeated rows of an observable that differ most: values and conditions as the table has them."""
-    cells: dict[tuple[str, ...], list[int]] = {}
-    for row, key in enumerate(condition_keys(table)):
-        if key[0] == name and np.isfinite(table.value[row]):
-            cells.setdefault(key, []).append(row)
-    rows = max(cells.values(), key=lambda rows: float(np.ptp(table.value[rows])))
-    units, value = table.table_units, table.value[rows]
-    at = units.setting_text({key: float(column[rows[0]]) for key, column in table.conditions.items()})
-    told = f"{plain(units.value(name, value.min()) or 0.0)} to {units.value_text(name, value.max())}"
-    return told + (f" at {at}" if at else "")
 
 
 def values_at_start(study: Study, rows: Rows) -> Floats:

@@ -1,8 +1,8 @@
 """Measurements on the comparison scale: repeats merged, the sources of error known."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -22,11 +22,12 @@ from taichi_erosion.evidence.data.problem import (
     Problem,
     rows_picked,
 )
+from taichi_erosion.evidence.data.repeats import Disagreement, LackOfFit, lack_of_fit, pure_error, suspects
 from taichi_erosion.evidence.data.tables.table_changes import source_names
 from taichi_erosion.evidence.data.transforms import slope, to_scale
 
 ROW_WISE = ("which", "z", "variance", "censored", "reach", "conditions", "group", "source", "slope", "stated")
-ROW_WISE += ("condition_sd", "heaps")  # fields with one entry for each row, beside shared errors
+ROW_WISE += ("condition_sd", "heaps", "lines")  # fields with one entry for each row, beside shared errors
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,9 @@ class ComparisonRows:
     condition_set: frozenset[str] = frozenset()  # of these, conditions that were set and not measured
     heaps: tuple[Mapping[str, float], ...] = ()  # of each row: heap -> repeats on it; '' where it is unknown
     covariance: Floats | None = None  # (n, n), covariance of z of rows of one heap, diagonal 0; None: none
+    lines: tuple[tuple[int, ...], ...] = ()  # rows of the table that each row merges
+    pure: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # `Scatter.pure` by observable
+    apart: tuple[Disagreement, ...] = ()  # repeats that are not merged and tell nothing of the scatter
 
     @property
     def size(self) -> int:
@@ -68,6 +72,14 @@ class ComparisonRows:
         return tuple(
             "" if reach == 0.0 else "below" if reach == -np.inf else "above" if reach == np.inf else "between"
             for reach in self.reach
+        )
+
+    @property
+    def suspect(self) -> Bools:
+        """Rows to check, which differ grossly from their repeats."""
+        off = {(each.observable, line) for each in self.apart for line in each.suspects}
+        return np.array(
+            [(name, own[0]) in off for name, own in zip(self.names, self.lines, strict=True)], bool
         )
 
     @property
@@ -120,7 +132,7 @@ class ComparisonRows:
 
 def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
     """The rows of a table on their comparison scales, with repeated rows merged."""
-    names = sorted(set(table.observable))
+    names, table = sorted(set(table.observable)), replace(table, line=table.lines)
     observables = tuple(problem.observables.get(name, Observable(name)) for name in names)
     named = np.array(table.observable)
     found = [
@@ -155,12 +167,13 @@ def merged_rows(
     notes = row_notes(observable, table, usable)
     table, value, z, steepness = table.rows(usable), value[usable], z[usable], steepness[usable]
     reach = reach[usable]
-    cell = condition_numbers(table)
+    cell = repeat_numbers(table)
     repeats = np.where(table.n >= 1.0, table.n, 1.0)
     shapes = scatter_shapes(observable, value, steepness)
-    scatter = measurement_scatter(z, np.abs(table.sd * steepness), repeats, cell, shapes)
+    exact = np.where(table.censored, np.nan, z)  # a limit is no repeat
+    scatter = measurement_scatter(exact, np.abs(table.sd * steepness), repeats, cell, shapes)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
-    first, mean, total = weighted_means(z, weight, keys := repeat_keys(table, cell, reach))
+    first, mean, total = weighted_means(z, weight, keys := repeat_keys(table, cell, reach, scatter.off))
     steep = steepness[first]
     numerical = (observable.sd_numerical * steep) ** 2
     unknown = ~np.isfinite(scatter.variance[first])
@@ -184,6 +197,9 @@ def merged_rows(
         freedom=np.nan,
         noise={observable.name: noise_budget(variance, shared, numerical, scatter)},
         warnings=tuple(notes),
+        lines=tuple(tuple(np.array(table.line)[keys == key].tolist()) for key in keys[first]),
+        pure={observable.name: scatter.pure},
+        apart=tuple(disagreements(observable, table, exact, cell, scatter.off)),
     )
     return with_heaps(with_condition_errors(rows, table, first), table, keys, keys[first]), scatter
 
@@ -221,9 +237,43 @@ def with_condition_errors(rows: ComparisonRows, table: Measurements, first: Inte
     return replace(rows, condition_sd=stated, condition_set=table.condition_set)
 
 
-def repeat_keys(table: Measurements, cell: Floats, reach: Floats) -> np.ndarray:
+def disagreements(
+    observable: Observable, table: Measurements, z: Floats, cell: Floats, off: Bools
+) -> Iterator[Disagreement]:
+    """Repeats of one observable that disagree grossly, with the rows to check."""
+    for number in np.unique(cell[off]):
+        rows = np.flatnonzero((cell == number) & np.isfinite(z))
+        check = suspects(z, rows, off, tuple(table.conditions.values()))
+        lines, wrong = (tuple(table.line[row] for row in chosen) for chosen in (rows, check))
+        yield Disagreement(observable.name, lines, wrong, float(np.ptp(table.value[rows])))
+
+
+def tested_by_repeats(
+    rows: ComparisonRows, variance: Floats, residual: Floats, leverage: Floats
+) -> dict[str, LackOfFit]:
+    """Lack of fit of a model: residuals (n,) over their sd, and shares of them that calibration removes.
+
+    `variance` (n,) is that of the residuals. Limits, and rows to check, have no part in it.
+    """
+    cell, parts = repeat_numbers(rows), {}
+    for name in rows.pure:
+        own = (np.array(rows.names) == name) & ~rows.censored & ~rows.suspect
+        squares, within = pure_error(rows.z[own], 1.0 / variance[own], cell[own])
+        left = float(np.sum(1.0 - leverage[own])) - within
+        parts[name] = (float(residual[own] @ residual[own]) - squares, left, *rows.pure[name])
+    return lack_of_fit(parts)
+
+
+def repeat_numbers(table: Measurements | ComparisonRows) -> Floats:
+    """Number of each row's set of conditions and source; equal for repeated rows."""
+    source = np.unique(np.array(source_names(table.source)), return_inverse=True)[1]
+    return condition_numbers(table) * table.size + source
+
+
+def repeat_keys(table: Measurements, cell: Floats, reach: Floats, off: Bools) -> np.ndarray:
     """Keys by row, equal for rows that repeat one measurement: same conditions, group, source and reach."""
-    labels = zip(cell, table.group, table.source, reach, strict=True)
+    alone = np.where(off, np.arange(off.size), -1)
+    labels = zip(cell, table.group, table.source, reach, alone, strict=True)
     return np.array(["|".join(map(str, each)) for each in labels])
 
 
@@ -313,27 +363,20 @@ def noise_budget(variance: Floats, shared: Floats, numerical: Floats, scatter: S
 
 def joined(parts: Sequence[ComparisonRows]) -> ComparisonRows:
     """Rows of all observables."""
-    shared = np.vstack([part.shared for part in parts])
+
+    def all_of(name: str) -> Any:
+        first, *_ = found = [getattr(part, name) for part in parts]
+        if isinstance(first, np.ndarray):
+            return np.concatenate(found)
+        if isinstance(first, tuple):
+            return tuple(each for own in found for each in own)
+        return {key: np.concatenate([own[key] for own in found]) for key in first}
+
+    shared = all_of("shared")
     return replace(
         parts[0],
-        which=np.concatenate([part.which for part in parts]).astype(np.int64),
-        z=np.concatenate([part.z for part in parts]),
-        variance=np.concatenate([part.variance for part in parts]),
-        censored=np.concatenate([part.censored for part in parts]),
-        reach=np.concatenate([part.reach for part in parts]),
-        shared=shared[:, np.any(shared != 0.0, axis=0)],
-        conditions={
-            name: np.concatenate([part.conditions[name] for part in parts]) for name in parts[0].conditions
-        },
-        group=tuple(group for part in parts for group in part.group),
-        source=tuple(source for part in parts for source in part.source),
-        slope=np.concatenate([part.slope for part in parts]),
-        stated=np.concatenate([part.stated for part in parts]),
+        **{name: all_of(name) for name in (*ROW_WISE, "warnings", "apart")}
+        | {"heaps": heaps_of(parts), "shared": shared[:, np.any(shared != 0.0, axis=0)]},
         noise={name: noise for part in parts for name, noise in part.noise.items()},
-        warnings=tuple(note for part in parts for note in part.warnings),
-        condition_sd={
-            name: np.concatenate([part.condition_sd[name] for part in parts])
-            for name in parts[0].condition_sd
-        },
-        heaps=heaps_of(parts),
+        pure={name: pure for part in parts for name, pure in part.pure.items()},
     )

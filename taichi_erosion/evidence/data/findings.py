@@ -10,6 +10,7 @@ from taichi_erosion.evidence.data.problem import Bools, Floats, rows_picked
 if TYPE_CHECKING:
     from taichi_erosion.evidence.data.fresh_findings import FreshCheck
     from taichi_erosion.evidence.data.mechanism_findings import BeyondList, DoseEstimate, StrengthTrend
+    from taichi_erosion.evidence.data.repeats import LackOfFit
 
 Verdict = Literal["present", "group", "none_detected", "outside_library", "not_testable", "unstable"]
 Status = Literal["present", "excluded", "not_testable"]
@@ -212,6 +213,7 @@ class Comparison:
     stuck: tuple[str, ...] = ()  # calibrated numbers that would leave their range
     worst_row: RowMisfit | None = None  # where one row holds most of a misfit
     scatter_factor: float = nan  # true over stated sd that would explain the misfit
+    lack_of_fit: Mapping[str, "LackOfFit"] = field(default_factory=dict)  # by observable, and of all together
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -69,7 +69,9 @@ def heap_correlation(
     if not np.any(shared_share(rows, unit)):
         return None
     target = np.eye(len(names)) if replicates is None else model_correlation(rows, replicates)
-    sample, freedom = sample_correlation(rows.observables, table)
+    wrong = {(each.observable, line) for each in rows.apart for line in each.suspects}
+    sound = [key not in wrong for key in zip(table.observable, table.lines, strict=True)]
+    sample, freedom = sample_correlation(rows.observables, table.rows(np.array(sound)))
     known = (freedom >= LEAST_FREEDOM) & ~np.eye(len(names), dtype=np.bool_)
     found = shrunk(sample, freedom, known, target)
     if np.array_equal(found, np.eye(len(names))):

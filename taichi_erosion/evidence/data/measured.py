@@ -161,6 +161,7 @@ def study_measurements(
         condition_set=frozenset(table.set_conditions),
         drawn=tuple(row.drawn for row in rows),
         heap=heaps_of(rows),
+        line=tuple(int(place["line"]) if (place := PLACE.fullmatch(r.source)) else r.line for r in rows),
     )
     notes = [*unused_notes(table, file), *ignored_notes(table, file), *error_notes(measurements)]
     return measurements, [*table.notes, *notes]

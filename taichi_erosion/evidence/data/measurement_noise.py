@@ -1,23 +1,21 @@
 """Scatter of measurements: stated, measured by repeats, and the one checked against the other."""
 
 from dataclasses import dataclass
-from math import log, sqrt
+from math import exp, log, nan, sqrt
 
 import numpy as np
-from scipy import special, stats
+from scipy import optimize, special, stats
 
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
-from taichi_erosion.evidence.data.problem import Floats
+from taichi_erosion.evidence.data.problem import Bools, Floats
+from taichi_erosion.evidence.data.repeats import disagreeing, factors, pure_error
 
-RIGHT_SHARE = 0.8  # of stated sd that are right [1]
-RIGHT_SD = 0.05  # of ln(true / stated sd) where it is right
-WRONG_MEAN, WRONG_SD = 0.2, 0.4  # of ln(true / stated sd) where it is not
 LEAST_FREEDOM = 3  # degrees of freedom from which repeats alone are believed
 UNEVEN = 0.01  # chance below which sample variances are taken to differ in truth
 LEAST_VARIANCE = 1e-3  # of the typical one, that any sample variance is taken to be
 SHAPE_GAIN = 1.0  # ln likelihood by which another way of the scatter must be better
 LEAST_SHAPE = 0.5  # of the typical sd
-LEAST_PRIOR = 4.0  # least nu_0, degrees of freedom of the common level
+LEAST_PRIOR, MOST_PRIOR = 4.0, 1e6  # of nu_0, degrees of freedom of the common level
 UNCHECKED_LOG = 0.2  # mean of ln(true sd / stated sd) where nothing checks it: exponential above 1
 
 
@@ -30,25 +28,16 @@ class Scatter:
     own_freedom: float  # degrees of freedom of the sample variances that it is made of
     factor: float  # scatter between repeated rows over stated scatter; NaN without repeated rows
     p: float
+    pure: tuple[float, float]  # squares between repeats over these variances, degrees of freedom
+    off: Bools  # rows that disagree grossly with their repeats
 
 
-def trigamma_inverse(value: float) -> float:
-    """Y with trigamma(y) = value, by Newton steps on 1 / trigamma.
-
-    Reference: Smyth (2004), Stat. Appl. Genet. Mol. Biol. 3(1), 3, appendix.
-    """
-    if value > 1e7:
-        return 1.0 / sqrt(value)
-    if value < 1e-6:
-        return 1.0 / value
-    y = 0.5 + 1.0 / value
-    for _ in range(50):
-        trigamma = float(special.polygamma(1, y))
-        change = trigamma * (1.0 - trigamma / value) / float(special.polygamma(2, y))
-        y += change
-        if abs(change) < 1e-9 * y:
-            break
-    return y
+def prior_freedom(excess: float) -> float:
+    """Degrees of freedom nu_0 of the common level: trigamma(nu_0 / 2) = excess, from LEAST_PRIOR up."""
+    low, high = 0.5 * LEAST_PRIOR, MOST_PRIOR
+    wanted = min(max(excess, float(special.polygamma(1, high))), float(special.polygamma(1, low)))
+    found = optimize.root_scalar(lambda y: float(special.polygamma(1, y)) - wanted, bracket=(low, high))
+    return 2.0 * float(found.root)
 
 
 def moderated(variance: Floats, freedom: Floats, shapes: Floats) -> tuple[Floats, float]:
@@ -79,7 +68,7 @@ def moderated(variance: Floats, freedom: Floats, shapes: Floats) -> tuple[Floats
     excess = spread - float(np.mean(special.polygamma(1, freedom / 2.0)))
     if excess <= 0.0:
         return even
-    prior = max(2.0 * trigamma_inverse(excess), LEAST_PRIOR)
+    prior = prior_freedom(excess)
     total = prior + freedom
     common = np.exp(level.mean() + special.digamma(prior / 2.0) - log(prior / 2.0))
     mixed = (prior * common + freedom * relative) / total
@@ -93,12 +82,17 @@ def likely_shape(variance: Floats, freedom: Floats, shapes: Floats) -> Floats:
 
     No row is given less than LEAST_SHAPE of the typical sd: a value near zero has more than a relative error.
     """
-    usual = np.median(shapes, axis=1, keepdims=True)
-    bounded = np.maximum(shapes / np.where(usual > 0.0, usual, 1.0), LEAST_SHAPE)
+    bounded = bounded_shapes(shapes)
     pooled = np.sum(freedom * variance / bounded**2, axis=1) / np.sum(freedom)
     fit = -0.5 * (np.sum(freedom) * np.log(pooled) + np.sum(freedom * np.log(bounded**2), axis=1))
     best = int(np.argmax(fit))
     return bounded[best if fit[best] > fit[0] + SHAPE_GAIN else 0]
+
+
+def bounded_shapes(shapes: Floats) -> Floats:
+    """Shapes (k, n) over their typical values, none below LEAST_SHAPE of it."""
+    usual = np.median(shapes, axis=1, keepdims=True)
+    return np.maximum(shapes / np.where(usual > 0.0, usual, 1.0), LEAST_SHAPE)
 
 
 def uneven_p(variance: Floats, freedom: Floats) -> float:
@@ -116,62 +110,38 @@ def uneven_p(variance: Floats, freedom: Floats) -> float:
 def measurement_scatter(z: Floats, sd: Floats, repeats: Floats, cell: Floats, shapes: Floats) -> Scatter:
     """Scatter of the rows of one observable.
 
-    `cell` numbers the conditions, equal for repeated rows; `shapes` are the ways in which sd may vary over
-    the rows, on the comparison scale, the likeliest first.
+    `cell` is equal for rows that repeat one another; `shapes` are the ways in which sd may vary over the
+    rows, on the comparison scale, the likeliest first.
     """
     variance = np.where(sd > 0.0, sd, np.nan) ** 2
     sampled = np.isfinite(variance) & (repeats >= 2.0)
     own = 0.0
     if sampled.any():
         variance[sampled], own = moderated(variance[sampled], repeats[sampled] - 1.0, shapes[:, sampled])
-    squares, between = between_repeats(z, variance, repeats, cell)
-    if np.isfinite(variance).any():
-        variance = np.where(np.isfinite(variance), variance, np.nanmedian(variance))
-        return corrected_by_repeats(variance, squares, between, own)
-    squares, freedom = between_repeats(z, np.ones(z.size), repeats, cell)
+    known = np.isfinite(variance)
+    if known.any():
+        off = disagreeing(z, [weight := repeats / variance], cell, True)
+        squares, between = pure_error(np.where(off, nan, z), weight, cell)
+        variance = np.where(known, variance, np.nanmedian(variance))
+        return corrected_by_repeats(variance, squares, between, own, off)
+    off = disagreeing(z, list(repeats / bounded_shapes(shapes) ** 2), cell, False)
+    squares, freedom = pure_error(np.where(off, nan, z), repeats, cell)
     if freedom >= LEAST_FREEDOM and squares > 0.0:
         # the variance of the t distribution that a residual over the measured scatter has
         variance, own = np.full(z.size, squares / (freedom - 2.0)), float(freedom)
-    return Scatter(variance, 0.0, own, np.nan, np.nan)
+    return Scatter(variance, 0.0, own, nan, nan, (max(own - 2.0, 0.0), own), off)
 
 
-def between_repeats(z: Floats, variance: Floats, repeats: Floats, cell: Floats) -> tuple[float, int]:
-    """Weighted sum of squares of repeated rows about their means, and its degrees of freedom."""
-    total, freedom = 0.0, 0
-    good = np.isfinite(variance) & np.isfinite(z)
-    for number in np.unique(cell[good]):
-        rows = good & (cell == number)
-        if rows.sum() > 1:
-            weight = repeats[rows] / variance[rows]
-            mean = np.average(z[rows], weights=weight)
-            total += float(np.sum(weight * (z[rows] - mean) ** 2))
-            freedom += int(rows.sum()) - 1
-    return total, freedom
-
-
-def corrected_by_repeats(variance: Floats, squares: float, between: int, own: float) -> Scatter:
+def corrected_by_repeats(variance: Floats, squares: float, between: int, own: float, off: Bools) -> Scatter:
     """Stated variances, scaled by the scatter of repeated rows: SS_pe ~ chi^2(nu) if they are right."""
     if between == 0:
-        return Scatter(variance, 0.0, own, np.nan, np.nan)
+        return Scatter(variance, 0.0, own, nan, nan, (0.0, 0.0), off)
     factor = sqrt(squares / between)
     tail = float(stats.chi2.sf(squares, between))
-    scale = likely_factor(squares, between) ** 2
-    return Scatter(variance * scale, float(between), own, factor, min(1.0, 2.0 * min(tail, 1.0 - tail)))
-
-
-def likely_factor(squares: float, between: int) -> float:
-    """True over stated sd, given the scatter between repeated rows: exp E[ln f].
-
-    Most statements are right to a few percent, some are wrong by a factor (an instrument's error given for
-    the scatter of samples, a standard error for an sd); under the mixture eight repeats do not overrule a
-    good statement by their own chance, and do overrule a bad one.
-    """
-    grid = np.linspace(-1.2, 1.6, 281)  # ln f
-    right = log(RIGHT_SHARE / RIGHT_SD) - 0.5 * (grid / RIGHT_SD) ** 2
-    wrong = log((1.0 - RIGHT_SHARE) / WRONG_SD) - 0.5 * ((grid - WRONG_MEAN) / WRONG_SD) ** 2
-    weight = np.logaddexp(right, wrong) - between * grid - 0.5 * squares * np.exp(-2.0 * grid)
-    weight = np.exp(weight - weight.max())
-    return float(np.exp(np.sum(weight * grid) / weight.sum()))
+    grid, share = factors(squares, between)
+    scale = exp(2.0 * float(share @ grid))  # of exp E[ln f]
+    p, pure = min(1.0, 2.0 * min(tail, 1.0 - tail)), (squares / scale, float(between))
+    return Scatter(variance * scale, float(between), own, factor, p, pure, off)
 
 
 @dataclass(frozen=True)

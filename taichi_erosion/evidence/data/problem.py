@@ -87,14 +87,20 @@ class Measurements:
     condition_set: frozenset[str] = frozenset()  # of these, conditions that were set and not measured
     drawn: tuple[Drawn, ...] = ()  # in an earlier version of the table; empty: of no row
     heap: tuple[str, ...] = ()  # on which rows of several observables were measured; '': unknown
+    line: tuple[int, ...] = ()  # row in the user's table, the heading being row 1; empty: in this order
 
     @property
     def size(self) -> int:
         return len(self.observable)
 
+    @property
+    def lines(self) -> tuple[int, ...]:
+        """Row of each measurement in the user's table."""
+        return self.line or tuple(range(2, self.size + 2))
+
     def rows(self, chosen: Integers | Bools) -> "Measurements":
         """The table restricted to some rows, in the order given."""
-        return replace(self, **rows_picked(vars(self), chosen))
+        return replace(self, **rows_picked(vars(self) | {"line": self.lines}, chosen))
 
     @property
     def reaches(self) -> Floats:

@@ -62,3 +62,28 @@ def test_rows_of_the_same_conditions_that_differ_more_than_stated_are_told(tmp_p
     with open_study(small_table(tmp_path, rows)) as found:
         told = [fault for fault in found.faults if fault.kind == "repeats"]
     assert [fault.blocks for fault in told] == ([] if blocks is None else [blocks])
+
+
+def test_a_mistyped_repeat_is_told_first_with_its_row_in_the_users_table(tmp_path, capsys):
+    """Angles of a laboratory that measured every heap twice; one cell says 60 for 30."""
+    random = np.random.default_rng(2)
+    places = [(d, w) for d in (0.2, 0.4, 0.8) for w in (0.0, 0.5, 1.0, 2.0) for _ in range(2)]
+    rows = [f"{d};{w};{28.0 + 3.0 * w + 2.0 * d + 0.4 * random.standard_normal():.1f}" for d, w in places]
+    rows[12] = f"{rows[12].rpartition(';')[0]};60.0"
+    text = "\n".join(["diameter [mm];moisture [%];repose angle [deg]", *rows]) + "\n"
+    (tmp_path / "lab.csv").write_text(text, encoding="utf-8")
+    made = ["study", "new", str(tmp_path / "lab.csv"), "--closed-form", "--yes", "--out", str(tmp_path / "s")]
+    study = str(tmp_path / "s" / "lab.toml")
+    told = {}
+    for name, command in {
+        "new": made,
+        "check": ["study", "check", study],
+        "compare": ["compare", study],
+    }.items():
+        assert main([*command, "--json"]) == 0
+        document = json.loads(capsys.readouterr().out)
+        told[name] = document["set_up" if name == "compare" else "notes"][0]
+    assert "rows 14 and 15 are repeats and differ by" in told["new"]
+    assert told["new"].endswith("check row 14")
+    assert len(set(told.values())) == 1
+    assert document["scatter_factor"] is None  # repeats that agree contradict a larger scatter

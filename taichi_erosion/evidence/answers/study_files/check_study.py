@@ -134,7 +134,7 @@ def candidate_faults(path: Path, file: StudyFile, files: tuple[EffectFile, ...])
 def study_document(study: Study, table: Table) -> Document:
     """What was found, as a document."""
     measurements, file = study.problem.measurements, study.file
-    faults = (*source_faults(study), *table_faults(study.problem))
+    faults = (*table_faults(study.problem), *source_faults(study))
     return {
         "study": str(study.path),
         "kind": "evidence",

@@ -1,0 +1,128 @@
+"""Repeats: a wrong value among them is found and sets no scatter; their scatter tests the model."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from doe.trials.reduced.families import FAMILIES
+from taichi_erosion.evidence.data.comparison_rows import comparison_rows
+from taichi_erosion.evidence.data.measurement_noise import measurement_scatter
+from taichi_erosion.evidence.data.problem import Problem
+from taichi_erosion.evidence.data.repeats import JOINT, gross, lack_of_fit, pure_error, repeated
+from taichi_erosion.evidence.race.answer import raced
+
+GROUPS, REPEATS = 8, 3
+CELL = np.repeat(np.arange(float(GROUPS)), REPEATS)
+
+
+def with_value(problem: Problem, row: int, value: float) -> Problem:
+    """A problem with another value in one cell of its table."""
+    values = problem.measurements.value.copy()
+    values[row] = value
+    return replace(problem, measurements=replace(problem.measurements, value=values))
+
+
+def repeats_of(problem: Problem, observable: str) -> list[int]:
+    """Visible rows of an observable that repeat an earlier one."""
+    table, seen, found = problem.measurements, set(), []
+    for row, name in enumerate(table.observable):
+        key = (name, *(float(column[row]) for column in table.conditions.values()))
+        if name == observable and key in seen and row not in problem.vault.rows:
+            found.append(row)
+        seen.add(key)
+    return found
+
+
+@pytest.fixture(scope="module")
+def laboratory() -> tuple[Problem, int]:
+    """A study with repeats of the angle of repose, and the row of one of them."""
+    drawn = FAMILIES["clean"](4242, 1)
+    return drawn.problem, repeats_of(drawn.problem, "repose_angle")[-1]
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_sound_repeats_do_not_disagree(stated):
+    random, off = np.random.default_rng(5), 0
+    for _ in range(200):
+        z = random.standard_normal(CELL.size)
+        off += int(gross(*repeated(z, np.ones(z.size), CELL), stated).any())
+    assert off <= 1  # at a family-wise chance of 1e-4 each
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_two_wrong_values_do_not_hide_one_another(stated):
+    z = np.random.default_rng(6).standard_normal(CELL.size)
+    z[[0, 7]] += [60.0, -50.0]
+    assert np.flatnonzero(gross(*repeated(z, np.ones(z.size), CELL), stated)).tolist() == [0, 2]
+
+
+def test_empty_traps_that_agree_exactly_are_no_standard_for_the_others():
+    """Values rounded to 0.1 without a stated sd; most pairs are equal, and half of them 0."""
+    z = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.1, 2.1, 3.0, 3.1, 4.0, 4.2])
+    shapes, cell = np.array([np.ones(z.size), z]), np.repeat(np.arange(6.0), 2)
+    found = measurement_scatter(z, np.full(z.size, np.nan), np.ones(z.size), cell, shapes)
+    assert not found.off.any()
+    assert found.own_freedom == 6.0
+
+
+def test_scatter_that_is_larger_everywhere_is_no_disagreement():
+    z = 4.0 * np.random.default_rng(7).standard_normal(CELL.size)
+    assert not gross(*repeated(z, np.ones(z.size), CELL), True).any()
+
+
+def test_a_mistyped_cell_is_found_and_leaves_the_scatter_of_the_others(laboratory):
+    problem, row = laboratory
+    wrong = with_value(problem, row, problem.measurements.value[row] + 30.0)
+    before, after = (comparison_rows(each, each.measurements) for each in (problem, wrong))
+    (found,) = after.apart
+    assert not before.apart
+    assert found.suspects == (row + 2,)
+    assert found.gap == pytest.approx(30.0, abs=3.0)
+    own = ((row + 2,),)  # a row of its own; its sound repeats stay merged
+    assert [after.lines[k] for k in np.flatnonzero(after.suspect)] == list(own)
+    same = {lines: k for k, lines in enumerate(before.lines)}
+    pairs = [(same[lines], k) for k, lines in enumerate(after.lines) if lines in same]
+    ratio = [after.variance[k] / before.variance[j] for j, k in pairs]
+    assert len(pairs) == before.size - 1
+    assert ratio == pytest.approx(np.ones(len(ratio)), abs=0.1)
+
+
+@pytest.mark.parametrize(("off", "sound"), [(30.0, True), (-15.0, True)])
+def test_of_a_pair_the_row_far_from_its_neighbours_is_to_be_checked(laboratory, off, sound):
+    problem, row = laboratory
+    table = problem.measurements
+    here = np.all([column == column[row] for column in table.conditions.values()], axis=0)
+    third = np.flatnonzero(here & (np.array(table.observable) == "repose_angle"))
+    left = np.delete(np.arange(table.size), next(each for each in third if each != row))
+    pair = replace(with_value(problem, row, table.value[row] + off).measurements.rows(left), line=())
+    (found,) = comparison_rows(problem, pair).apart
+    assert len(found.lines) == 2
+    assert found.suspects == (int(np.flatnonzero(left == row)[0]) + 2,)
+
+
+def test_lack_of_fit_has_the_size_of_its_level_and_sees_a_misfit():
+    random, chances = np.random.default_rng(8), []
+    for size in (0.0, 6.0):
+        p = []
+        for _ in range(400):
+            z = 3.0 * random.standard_normal(CELL.size) + size * np.sin(CELL)  # the model is 0
+            error, freedom = pure_error(z, np.ones(z.size), CELL)
+            squares = float(z @ z) - error
+            p.append(lack_of_fit({"y": (squares, z.size - freedom, error, freedom)})[JOINT].p)
+        chances.append(float(np.mean(np.array(p) < 0.05)))
+    assert chances[0] == pytest.approx(0.05, abs=3.0 * np.sqrt(0.05 * 0.95 / 400))
+    assert chances[1] > 0.9
+
+
+def test_a_race_names_the_same_where_one_cell_is_mistyped(laboratory):
+    problem, row = laboratory
+    wrong = with_value(problem, row, problem.measurements.value[row] + 30.0)
+    names = []
+    for each in (problem, wrong):
+        found = raced(each, 1)
+        best = max(found.probability, key=lambda hypothesis: found.probability[hypothesis])
+        names.append(best)
+    rows, bad = found.race.prepared.rows, found.race.fits[best].evidence.bad
+    assert names[0] == names[1]
+    assert [rows.lines[each] for each in bad] == [(row + 2,)]
