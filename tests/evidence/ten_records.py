@@ -38,7 +38,15 @@ TITLES = {
     "side_walls": "side walls of a narrow apparatus",
 }
 DOSES = {"rolling_friction": "factor minus one", "contact_pull": "pull over the weight of a grain"}
-VOC = Vocabulary("lab.toml", UNITS, TITLES, DOSES, written="lab_adopted.toml")
+VOC = Vocabulary(
+    "lab.toml",
+    lambda *words: f"`./erosion {' '.join(words)}`",
+    UNITS,
+    TITLES,
+    DOSES,
+    "lab-results/lab.discover.json",
+    "lab_adopted.toml",
+)
 UNKNOWN = Interval(nan, nan, nan)
 
 NONE = Decided(

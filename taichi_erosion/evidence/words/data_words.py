@@ -7,9 +7,9 @@ import numpy as np
 
 from taichi_erosion.evidence.data.number_words import counted, heading, plain
 from taichi_erosion.evidence.race.priors import SURE
-from taichi_erosion.evidence.race.record import ErrorPart, LevelPart, NumberPart, PlacePart, Record
+from taichi_erosion.evidence.race.record import ErrorPart, LevelPart, PlacePart, Record
 from taichi_erosion.evidence.words import vocabulary as say
-from taichi_erosion.evidence.words.vocabulary import Vocabulary
+from taichi_erosion.evidence.words.vocabulary import ADEQUATE
 
 
 def suspects(record: Record) -> str:
@@ -19,7 +19,7 @@ def suspects(record: Record) -> str:
     return f"{'row' if len(rows) == 1 else 'rows'} {say.joined(rows)}" if rows else ""
 
 
-def repeats_line(record: Record, voc: Vocabulary) -> str:
+def repeats_line(record: Record, voc: say.Vocabulary) -> str:
     """Repeats that disagree grossly: told before everything else."""
     words = [
         f"rows {each.rows[0]} and {each.rows[1]} are repeats of {each.observable} and differ by "
@@ -29,61 +29,56 @@ def repeats_line(record: Record, voc: Vocabulary) -> str:
     return f"Check {suspects(record)} first: {say.told(words)}." if words else ""
 
 
-def errors_line(record: Record, voc: Vocabulary) -> str:
+def errors_line(record: Record, voc: say.Vocabulary) -> str:
     """Levels, and errors that nobody stated, but for rows that repeats tell of."""
-    levels = [level_text(each, voc) for each in record.levels if each.probability >= SURE]
+    levels = [each for each in record.levels if each.probability >= SURE]
     known = {str(each.suspect) for each in record.repeats}
     errors = [each for each in record.errors if each.kind != "row" or each.label not in known]
-    words = say.told([*levels, *(error_text(each, voc) for each in errors)])
+    words = say.told([error_text(each, voc) for each in (*levels, *errors)])
     return f"Also: {words}.{' Check method, code and unit.' if levels else ''}" if words else ""
 
 
-def level_text(found: LevelPart, voc: Vocabulary) -> str:
+def error_text(found: LevelPart | ErrorPart, voc: say.Vocabulary) -> str:
     """`radius_90 reads 0.6 mm (0.4 to 0.8) more than the model at all conditions`."""
-    name, more = found.observable, "more" if found.size.value > 0.0 else "less"
-    if found.kind == "factor":
-        return f"{name} reads {say.interval(found.size)} times the model at all conditions"
-    size = f"reads {voc.difference(name, found.size)} {more}"
-    return (
-        f"the zero of {name} is off: it {size}"
-        if found.kind == "zero"
-        else f"{name} {size} than the model everywhere"
-    )
-
-
-def error_text(found: ErrorPart, voc: Vocabulary) -> str:
-    """An error of a source, a batch, a row, or of the stated scatter."""
-    if found.kind == "scatter":
-        where = f" of {found.label}" if found.label else ""
-        return f"the scatter of {found.observable}{where} is {say.interval(found.size)} times what is stated"
-    size, more = voc.difference(found.observable, found.size), "higher" if found.size.value > 0.0 else "lower"
-    rest = "than it should: check it" if found.kind == "row" else "than the others"
-    return f"{found.kind} {found.label} reads {found.observable} {size} {more} {rest}"
+    name, label = found.observable, found.label if isinstance(found, ErrorPart) else ""
+    more = "more" if found.size.value > 0.0 else "less"
+    times, size = f"{say.interval(found.size)} times", f"{voc.difference(name, found.size)} {more}"
+    return {
+        "factor": f"{name} reads {times} the model at all conditions",
+        "offset": f"{name} reads {size} than the model at all conditions",
+        "zero": f"the zero of {name} is off: it reads {size}",
+        "scatter": f"the scatter of {name}{f' of {label}' if label else ''} is {times} what is stated",
+        "row": f"row {label} reads {name} {size} than it should: check it",
+    }.get(found.kind, f"{found.kind} {label} reads {name} {size} than the others")
 
 
 def failing(record: Record) -> list[PlacePart]:
     """Places where the model fails if nothing is missing, the worst first."""
-    return sorted((each for each in record.where if say.fails(each.p)), key=lambda each: each.p)
+    return sorted((each for each in record.where if each.p < ADEQUATE), key=lambda each: each.p)
 
 
 def where_line(record: Record) -> str:
     """`repose_angle is measured above the model towards large moisture (p = 0.002)`."""
     words = [
         f"{each.observable} is measured {'below' if each.sign < 0 else 'above'} the model "
-        f"{'at all conditions' if each.axis == 'level' else f'towards large {each.axis}'} ({say.chance(each.p)})"
+        f"{'everywhere' if each.axis == 'level' else f'towards large {each.axis}'} ({say.chance(each.p)})"
         for each in failing(record)
     ]
     return f"The model as it is fails here: {say.told(words)}." if words else ""
 
 
+def testable(record: Record) -> bool:
+    """Whether these measurements can test any effect."""
+    return record.decided.verdict != "not_testable" and not isnan(record.fit.p_before)
+
+
+def rows_text(record: Record) -> str:
+    return "the other rows" if record.repeats else f"all {counted(record.fit.n, 'row')}"
+
+
 def agrees(record: Record) -> bool:
     """Whether the calibrated model agrees with the fitted rows, as a whole and in every place."""
-    return not say.fails(record.fit.p_before) and not failing(record)
-
-
-def sufficient(record: Record) -> bool:
-    """Whether the model with what is named agrees with the fitted rows."""
-    return not say.fails(record.fit.p_after)
+    return not (record.fit.p_before < ADEQUATE or failing(record))  # an unknown chance fails nothing
 
 
 def fit_line(record: Record, added: str) -> str:
@@ -93,41 +88,31 @@ def fit_line(record: Record, added: str) -> str:
         return ""
     before, after = plain(fit.chi2_before / fit.n, 2), plain(fit.chi2_after / fit.n, 2)
     words = f"Misfit per fitted row: {before} before ({say.chance(fit.p_before)}), {after} with {added}"
-    rest = "" if sufficient(record) else " The model still fails: something else acts too, or by another law."
+    rest = " The model still fails: something else acts too, or by another law." * (fit.p_after < ADEQUATE)
     return f"{words} ({say.chance(fit.p_after)}); 1 is chance.{rest}"
-
-
-def repeats_fit_line(record: Record) -> str:
-    """Lack of fit against the scatter of repeats."""
-    p = record.fit.p_lack_of_fit
-    more = "more" if say.fails(p) else "no more"
-    return "" if isnan(p) else f"Model and measurements differ {more} than repeats do ({say.chance(p)})."
 
 
 def numbers_line(record: Record, before: bool, without: str = "") -> str:
     """Calibrated numbers; those that were biased without an effect, or that end at the end of their range."""
     words, moved, ends = [], [], []
-    for name, each in short_names(record).items():
+    short = [path.rpartition(".")[2] for path in record.numbers]
+    for path, each in record.numbers.items():
+        name = path.rpartition(".")[2] if short.count(path.rpartition(".")[2]) == 1 else path
         words.append(f"{name} {say.interval(each.before if before else each.now, 3)}")
-        if without and not each.before.low <= each.now.value <= each.before.high:
+        if (
+            without
+            and not record.fit.p_after < ADEQUATE
+            and not each.before.low <= each.now.value <= each.before.high
+        ):
             was, now, start = (plain(x, 3) for x in (each.before.value, each.now.value, each.start))
             moved.append(f"{name}, {was} before, {now} now (start {start})")
-        ends += [name] if each.at_end else []
+        ends += [name] * each.at_end
     more = f" Biased without {without}: {say.told(moved)}." if moved else ""
     more += f" At the end of the allowed range: {say.joined(ends)}; check range and unit." if ends else ""
     return f"Calibrated: {say.told(words, ', ')}.{more}" if words else ""
 
 
-def short_names(record: Record) -> dict[str, NumberPart]:
-    """Numbers by the last part of their dotted path, by the whole path where two share it."""
-    last = [path.rpartition(".")[2] for path in record.numbers]
-    return {
-        name if last.count(name) == 1 else path: each
-        for name, (path, each) in zip(last, record.numbers.items(), strict=True)
-    }
-
-
-def observable_rows(record: Record, voc: Vocabulary) -> Iterator[tuple[str, ...]]:
+def observable_rows(record: Record, voc: say.Vocabulary) -> Iterator[tuple[str, ...]]:
     """Misfit of every observable: rows, root of the mean squared error, mean error, where the model fails."""
     names = np.array(record.rows.observable)
     for name in dict.fromkeys(record.rows.observable):
@@ -135,10 +120,3 @@ def observable_rows(record: Record, voc: Vocabulary) -> Iterator[tuple[str, ...]
         axes = ", ".join(each.axis for each in failing(record) if each.observable == name)
         errors = plain(float(np.sqrt(np.mean(gap**2))), 2), plain(float(np.mean(gap)), 2)
         yield heading(name, voc.units.value_unit(name)), str(gap.size), *errors, axes or "nowhere"
-
-
-def stopped_line(record: Record) -> str:
-    """That an answer is what was known when the budget was spent."""
-    spent = f"{counted(record.cost.settings, 'setting')} of the model"
-    told = f"Stopped at the budget ({spent}): this is known so far; a larger --budget may change it."
-    return told if record.cost.stopped else ""

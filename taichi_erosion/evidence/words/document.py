@@ -9,13 +9,10 @@ import numpy as np
 
 from taichi_erosion.evidence.race.record import EffectPart, HeldOutPart, Record
 
-Document = dict[str, Any]
 
-
-def document(record: Record) -> Document:
+def document(record: Record) -> dict[str, Any]:
     """Keys of the contract; `chi2` is a total, and per row where the name says so."""
     decided, fit, cost, parts = record.decided, record.fit, record.cost, asdict(record)
-    chi2 = {"before": fit.chi2_before, "after": fit.chi2_after}
     found = {key: parts[key] for key in ("where", "repeats", "rows")}
     found |= {key: parts["decided"][key] for key in ("verdict", "named", "group", "probabilities")}
     found |= {
@@ -25,14 +22,16 @@ def document(record: Record) -> Document:
         "levels": [each | each.pop("size") for each in parts["levels"]],
         "errors": [each | each.pop("size") for each in parts["errors"]],
         "n": fit.n,
-        **{f"chi2_{key}": value for key, value in chi2.items()},
-        **{f"chi2_per_row_{key}": value / max(fit.n, 1) for key, value in chi2.items()},
+        "chi2_before": fit.chi2_before,
+        "chi2_after": fit.chi2_after,
+        "chi2_per_row_before": fit.chi2_before / max(fit.n, 1),
+        "chi2_per_row_after": fit.chi2_after / max(fit.n, 1),
         "p_misfit": fit.p_before,
         "p_misfit_after": fit.p_after,
         "p_lack_of_fit": fit.p_lack_of_fit,
         "vault": None if record.held_out is None else vault(record.held_out),
         "next_experiments": parts["experiments"],
-        "mechanisms": mechanisms(record, parts["law"]),
+        "mechanisms": mechanisms(record),
         "runs": cost.runs,
         "settings": cost.settings,
         "stopped": cost.stopped,
@@ -42,36 +41,31 @@ def document(record: Record) -> Document:
     return plain_value(found)
 
 
-def effect(part: EffectPart) -> Document:
+def effect(part: EffectPart) -> dict[str, Any]:
     """One candidate; the upper end of an excluded strength is what 95 % lie below."""
     found, strength = asdict(part), part.strength
     high = part.limit if part.status == "excluded" else strength.high
     return found | {"strength": strength.value, "strength_low": strength.low, "strength_high": high}
 
 
-def vault(held: HeldOutPart) -> Document:
+def vault(held: HeldOutPart) -> dict[str, Any]:
     """Errors of the held-out rows: totals, and per row."""
     found = {key: getattr(held, key) for key in ("opened", "n", "p_after", "adopted")}
-    for key, value in {"before": held.before, "after": held.after, "wrong_effect": held.wrong}.items():
+    for key, value in (("before", held.before), ("after", held.after), ("wrong_effect", held.wrong)):
         found |= {f"chi2_{key}": held.n * value, f"chi2_per_row_{key}": value}
     return found
 
 
-def mechanisms(record: Record, law: Document | None) -> Document:
-    """Mechanisms of which one acts, best first; the one with a law has its doses and that law."""
-    found: Document = {
-        name: {"probability": record.decided.probabilities.get(name, 0.0), "doses": [], "law": None}
-        for name in record.decided.mechanisms
-    }
-    if law is not None:
-        doses = [{"conditions": at, "dose": dose["value"]} | dose for at, dose in law["doses"]]
-        powers = law["exponents"].items()
-        ends = {end: {name: power[end] for name, power in powers} for end in ("low", "high")}
-        law |= {"exponents": {name: power["value"] for name, power in powers}} | ends
-        own = {key: law[key] for key in law if key not in ("mechanism", "doses", "template", "sizes")}
-        found[law["mechanism"]] = (
-            {"probability": 0.0} | found.get(law["mechanism"], {}) | {"doses": doses, "law": own}
-        )
+def mechanisms(record: Record) -> dict[str, Any]:
+    """Mechanisms, and what has a law, by name: probability, doses, law."""
+    names = [*record.decided.mechanisms, *([record.law.mechanism] if record.law else [])]
+    found: dict[str, Any] = {n: {"probability": record.decided.probabilities.get(n, 0.0)} for n in names}
+    if record.law is not None:
+        law, powers = asdict(record.law), record.law.exponents.items()
+        doses = [{"conditions": at, "dose": dose["value"], **dose} for at, dose in law.pop("doses")]
+        ends = {"exponents": "value", "low": "low", "high": "high"}
+        law |= {key: {name: getattr(power, end) for name, power in powers} for key, end in ends.items()}
+        found[record.law.mechanism] |= {"doses": doses, "law": law}
     return found
 
 

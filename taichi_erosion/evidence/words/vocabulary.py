@@ -1,29 +1,20 @@
 """Quantities as a person reads them: numbers with units, intervals, names with titles, chances, commands.
 
-Estimates have two significant digits, values and conditions three. "Fails" has one meaning: p < ADEQUATE.
+Estimates have two significant digits, values and conditions three. A model fails where p < ADEQUATE.
 """
 
-import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isnan
 
-from taichi_erosion.core.effect import Effect
 from taichi_erosion.evidence.data.number_words import plain, with_unit
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.race.record import Interval
 
-ADEQUATE = (
-    0.01  # chance from which a misfit is told as chance: one sound table in a hundred is told as failing
-)
+ADEQUATE = 0.01  # chance of a misfit from which it is none: of sound tables, one in a hundred is said to fail
 LEAST_TOLD = 1e-4  # chance below which its size tells a person nothing more
 MOST_TOLD = 3  # things of one kind in a line: more are not read
 EXPLANATIONS = {"none": "no missing effect", "outside_library": "an effect that is not in the list"}
-
-
-def shell_command(*words: object) -> str:
-    """A command in backquotes, as a shell takes its words."""
-    return f"`taichi-erosion {shlex.join(map(str, words))}`"
 
 
 @dataclass(frozen=True)
@@ -31,18 +22,18 @@ class Vocabulary:
     """Names, units and commands of one study, as its user writes them."""
 
     study: str
+    command: Callable[..., str]  # a command in backquotes, of its words
     units: TableUnits = field(default_factory=TableUnits)
     titles: Mapping[str, str] = field(default_factory=dict)  # of effects and mechanisms
     doses: Mapping[str, str] = field(default_factory=dict)  # what the dose of a mechanism counts
     results: str = ""  # file of the answer of `discover`
     written: str = ""  # study that `adopt` wrote
-    command: Callable[..., str] = shell_command
 
     def titled(self, name: str) -> str:
         """`capillary bridges between moist grains (liquid_bridge)`; a name without a title stands alone."""
         base, _, observable = name.partition(":")
-        title, reading = self.titles.get(base, ""), f" for {observable}" if observable else ""
-        return f"{title}{reading} ({name})" if title else name
+        title = self.titles.get(base, "").partition(" (")[0]
+        return f"{title}{f' of {observable}' if observable else ''} ({name})" if title else name
 
     def explanation(self, key: str) -> str:
         """`none`, `a+b` in words."""
@@ -58,11 +49,6 @@ class Vocabulary:
         return interval(found, 2, sign * self.scale(observable), self.units.value_unit(observable))
 
 
-def titles_of(library: Mapping[str, Effect]) -> dict[str, str]:
-    """Titles of effects without what they say in parentheses."""
-    return {name: effect.title.partition(" (")[0] for name, effect in library.items()}
-
-
 def interval(found: Interval, digits: int = 2, scale: float = 1.0, unit: str = "") -> str:
     """`0.9 (0.7 to 1.2)`; a dash where nothing is known."""
     ends = sorted((scale * found.low, scale * found.high))
@@ -73,11 +59,6 @@ def interval(found: Interval, digits: int = 2, scale: float = 1.0, unit: str = "
 def chance(p: float) -> str:
     """`p = 0.03`."""
     return f"p < {plain(LEAST_TOLD)}" if p < LEAST_TOLD else f"p = {plain(p, 2)}"
-
-
-def fails(p: float) -> bool:
-    """Whether a misfit is more than chance; an unknown chance never is."""
-    return p < ADEQUATE
 
 
 def probability(p: float) -> str:
