@@ -72,9 +72,8 @@ def compared(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     fit, rows = record.fit, data_words.rows_text(record)
     if isnan(fit.p_before):
         return "The misfit cannot be judged: the scatter is unknown. Add sd or repeats to the table.", ""
-    repeats = "" if isnan(fit.p_lack_of_fit) else f"; against repeats alone {say.chance(fit.p_lack_of_fit)}"
-    chance = f"{say.chance(fit.p_before)}{repeats}"
-    size = f"misfit per row {plain(fit.chi2_before / fit.n, 2)}, 1 is chance; {chance}"
+    size = f"misfit per row {plain(fit.chi2_before / fit.n, 2)}, 1 is chance; {say.chance(fit.p_before)}"
+    size += "" if isnan(fit.p_lack_of_fit) else f"; against repeats alone {say.chance(fit.p_lack_of_fit)}"
     if data_words.agrees(record):
         last = f"{voc.command('next', voc.study)} proposes measurements that test the model harder"
         return f"The calibrated model agrees with {rows} ({size}).", last
@@ -105,7 +104,7 @@ def after_discovery(record: Record, voc: say.Vocabulary) -> str:
         return f"{own} makes an effect of your own; {proposals} asks for more data."
     if verdict == "unstable":
         return f"{voc.command('discover', voc.study)} makes more runs and tests the answer anew."
-    use = "test what could act unseen" if data_words.agrees(record) else "decide"
+    use = "test the model harder" if data_words.agrees(record) else "decide"
     return f"{proposals} proposes measurements that {use}."
 
 
@@ -115,8 +114,7 @@ def acting_steps(record: Record, voc: say.Vocabulary) -> Iterator[str]:
     if named and sure:
         yield f"{voc.command('adopt', voc.study, *named)} tests {say.joined(named)} on held-out rows"
     elif sure:
-        law = ("--from-discovery", voc.results) if record.law else ()
-        own = voc.command("effects", "new", "NAME", *law)
+        own = voc.command("effects", "new", "NAME", *(["--from-discovery", voc.results] * bool(record.law)))
         yield f"{own} writes {say.joined(sure)} as an effect of your own, and `adopt` tests it"
     if either:
         names = say.joined(either)

@@ -9,7 +9,6 @@ from taichi_erosion.evidence.data.number_words import counted, heading, plain
 from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.race.record import ErrorPart, LevelPart, PlacePart, Record
 from taichi_erosion.evidence.words import vocabulary as say
-from taichi_erosion.evidence.words.vocabulary import ADEQUATE
 
 
 def suspects(record: Record) -> str:
@@ -54,7 +53,7 @@ def error_text(found: LevelPart | ErrorPart, voc: say.Vocabulary) -> str:
 
 def failing(record: Record) -> list[PlacePart]:
     """Places where the model fails if nothing is missing, the worst first."""
-    return sorted((each for each in record.where if each.p < ADEQUATE), key=lambda each: each.p)
+    return sorted((each for each in record.where if each.p < say.ADEQUATE), key=lambda each: each.p)
 
 
 def where_line(record: Record) -> str:
@@ -78,7 +77,7 @@ def rows_text(record: Record) -> str:
 
 def agrees(record: Record) -> bool:
     """Whether the calibrated model agrees with the fitted rows, as a whole and in every place."""
-    return not (record.fit.p_before < ADEQUATE or failing(record))  # an unknown chance fails nothing
+    return not (record.fit.p_before < say.ADEQUATE or failing(record))  # an unknown chance fails nothing
 
 
 def fit_line(record: Record, added: str) -> str:
@@ -88,22 +87,19 @@ def fit_line(record: Record, added: str) -> str:
         return ""
     before, after = plain(fit.chi2_before / fit.n, 2), plain(fit.chi2_after / fit.n, 2)
     words = f"Misfit per fitted row: {before} before ({say.chance(fit.p_before)}), {after} with {added}"
-    rest = " The model still fails: something else acts too, or by another law." * (fit.p_after < ADEQUATE)
-    return f"{words} ({say.chance(fit.p_after)}); 1 is chance.{rest}"
+    rest = " The model still fails: something else acts too, or by another law."
+    return f"{words} ({say.chance(fit.p_after)}); 1 is chance.{rest * (fit.p_after < say.ADEQUATE)}"
 
 
 def numbers_line(record: Record, before: bool, without: str = "") -> str:
     """Calibrated numbers; those that were biased without an effect, or that end at the end of their range."""
     words, moved, ends = [], [], []
+    without = "" if record.fit.p_after < say.ADEQUATE else without
     short = [path.rpartition(".")[2] for path in record.numbers]
     for path, each in record.numbers.items():
         name = path.rpartition(".")[2] if short.count(path.rpartition(".")[2]) == 1 else path
         words.append(f"{name} {say.interval(each.before if before else each.now, 3)}")
-        if (
-            without
-            and not record.fit.p_after < ADEQUATE
-            and not each.before.low <= each.now.value <= each.before.high
-        ):
+        if without and not each.before.low <= each.now.value <= each.before.high:
             was, now, start = (plain(x, 3) for x in (each.before.value, each.now.value, each.start))
             moved.append(f"{name}, {was} before, {now} now (start {start})")
         ends += [name] * each.at_end

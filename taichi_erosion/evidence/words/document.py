@@ -1,19 +1,20 @@
 """The record of an answer as a JSON document: plain tables, null for what is not known."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from math import isfinite
 from typing import Any
 
-import numpy as np
-
 from taichi_erosion.evidence.race.record import EffectPart, HeldOutPart, Record
+from taichi_erosion.measures.result import without_nan
 
 
 def document(record: Record) -> dict[str, Any]:
     """Keys of the contract; `chi2` is a total, and per row where the name says so."""
     decided, fit, cost, parts = record.decided, record.fit, record.cost, asdict(record)
-    found = {key: parts[key] for key in ("where", "repeats", "rows")}
+    columns = parts["rows"] | {
+        key: parts["rows"][key].tolist() for key in ("measured", "sd", "before", "after")
+    }
+    columns["conditions"] = {name: column.tolist() for name, column in record.rows.conditions.items()}
+    found = {"where": parts["where"], "repeats": parts["repeats"], "rows": columns}
     found |= {key: parts["decided"][key] for key in ("verdict", "named", "group", "probabilities")}
     found |= {
         "p": decided.familywise,
@@ -38,7 +39,7 @@ def document(record: Record) -> dict[str, Any]:
         "wall_s": cost.seconds,
         "seed": cost.seed,
     }
-    return plain_value(found)
+    return without_nan(found)
 
 
 def effect(part: EffectPart) -> dict[str, Any]:
@@ -58,8 +59,9 @@ def vault(held: HeldOutPart) -> dict[str, Any]:
 
 def mechanisms(record: Record) -> dict[str, Any]:
     """Mechanisms, and what has a law, by name: probability, doses, law."""
-    names = [*record.decided.mechanisms, *([record.law.mechanism] if record.law else [])]
-    found: dict[str, Any] = {n: {"probability": record.decided.probabilities.get(n, 0.0)} for n in names}
+    names = (*record.decided.mechanisms, *([record.law.mechanism] if record.law else []))
+    shares = record.decided.probabilities
+    found: dict[str, Any] = {n: {"probability": shares.get(n, 0.0), "doses": [], "law": None} for n in names}
     if record.law is not None:
         law, powers = asdict(record.law), record.law.exponents.items()
         doses = [{"conditions": at, "dose": dose["value"], **dose} for at, dose in law.pop("doses")]
@@ -67,14 +69,3 @@ def mechanisms(record: Record) -> dict[str, Any]:
         law |= {key: {name: getattr(power, end) for name, power in powers} for key, end in ends.items()}
         found[record.law.mechanism] |= {"doses": doses, "law": law}
     return found
-
-
-def plain_value(value: Any) -> Any:
-    """A nested value with lists for arrays and tuples, None for numbers that are not finite."""
-    if isinstance(value, np.ndarray | np.generic):
-        return plain_value(value.tolist())
-    if isinstance(value, Mapping):
-        return {str(key): plain_value(entry) for key, entry in value.items()}
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [plain_value(entry) for entry in value]
-    return None if isinstance(value, float) and not isfinite(value) else value

@@ -16,7 +16,7 @@ ONE_LESS = " minus one"  # of what a dose counts
 
 
 def acting(decided: Decided) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What is said to act for sure, and of what one does; nothing where new runs of the scene change the answer."""
+    """What acts for sure, and of what one does; nothing where new runs of the scene change the answer."""
     if decided.verdict == "unstable":
         return (), ()
     sure, either = (decided.mechanisms, ()) if len(decided.mechanisms) == 1 else ((), decided.mechanisms)
