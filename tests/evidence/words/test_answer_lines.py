@@ -184,6 +184,16 @@ def test_levels_have_the_unit_and_the_sign_of_the_table():
     assert any("0.6 mm (-0.1 to 0.8) less" in line for line in discover_answer(below, VOC).lines)
 
 
+@pytest.mark.parametrize("record", [*DISCOVERIES.values(), replace(null, where=single.where)])
+def test_a_comparison_asks_for_an_effect_where_it_fails_as_a_whole_or_in_a_place(record):
+    answer = compare_answer(record, VOC)
+    first, last = headline(answer), answer.lines[-1]
+    assert ("fails" in first) == any("fails here" in line for line in answer.lines)
+    assert ("fails" in first) == any(row[-1] != "nowhere" for row in answer.table.rows)
+    if not record.repeats:
+        assert ("fails" in first) == ("discover" in last)
+
+
 def test_a_spent_budget_is_told_before_the_last_line():
     assert "budget" in discover_answer(DISCOVERIES["stopped"], VOC).lines[-2]
 
