@@ -7,7 +7,7 @@ from taichi_erosion.evidence.inference.prepared_problem import prepare
 from taichi_erosion.evidence.race.doses import add_doses
 from taichi_erosion.evidence.race.expansion import BudgetSpentError, RaceModel
 from taichi_erosion.evidence.race.posterior import Posterior
-from taichi_erosion.evidence.race.priors import SURE
+from taichi_erosion.evidence.race.priors import NOTHING
 from taichi_erosion.evidence.race.search import Hypothesis, Race, search
 
 MOST_SETTINGS = 2000  # of the model, all rows at once, that one answer may take
@@ -23,7 +23,7 @@ def raced(problem: Problem, seed: int, table: Measurements | None = None, most: 
     race = Race(prepared, RaceModel(prepared, most))
     try:
         search(race)
-        if race.posterior()[Hypothesis(())] < SURE:
+        if race.posterior()[Hypothesis(())] < NOTHING:
             add_doses(race)
     except BudgetSpentError:
         race.stopped = True

@@ -29,7 +29,7 @@ from taichi_erosion.evidence.race.priors import LARGE, LENGTH, NEAR, SMALL
 
 Kind = Literal["level", "zero", "source", "batch", "discrepancy", "unlisted", "dose"]
 SMOOTHEST = 1e-3  # of the largest variance of a smooth function, below which a part of it is left out
-LENGTHS = (0.7, 2.0)
+LENGTHS = (1.0,)
 ZERO_SHOWS = 0.2  # change of its shape over the rows from which a zero is told from a level [1]
 
 

@@ -16,7 +16,7 @@ from taichi_erosion.evidence.race.priors import FAMILYWISE, KEEP, SURE
 from taichi_erosion.evidence.race.search import Hypothesis
 
 Verdict = Literal["present", "group", "none_detected", "outside_library"]
-MOST_MECHANISMS = 3  # of a group: more is no answer
+MOST_TOLD = 3  # of a group: more is no answer
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,8 @@ def decide(posterior: Posterior) -> Decision:
     outside = sum(p for h, p in share.items() if not h.names and h.beyond.partition("|")[0] in ("?", *mechanisms))
     named = tuple(name for name in effects if inclusion[name] >= SURE)
     group = smallest(posterior, [name for name in effects if name not in named], inclusion, len(effects) // 2)
-    told = smallest(posterior, mechanisms, beyond, MOST_MECHANISMS) if not named else ()
+    together = inclusion | beyond
+    told = () if named or group else smallest(posterior, list(together), together, MOST_TOLD)
     best = race.fits[max(share, key=lambda h: share[h])]
     chance = familywise_p(race, best) if named or group else 1.0
     if (named or group) and chance > FAMILYWISE:
@@ -56,7 +57,7 @@ def decide(posterior: Posterior) -> Decision:
         verdict = "group"
     elif named:
         verdict = "present"
-    elif outside >= SURE or told:
+    elif outside >= SURE or set(told) - set(effects):
         verdict = "outside_library"
     return Decision(
         verdict,

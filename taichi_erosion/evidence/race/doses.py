@@ -23,6 +23,7 @@ from taichi_erosion.evidence.race.search import SLACK, Doses, Fit, Hypothesis, R
 LEAST_DOSE = -0.95  # a place that is almost switched off
 STEP_W = 0.05  # of w, for a slope
 LARGEST_STEP, STILL = 0.7, 0.02  # of w
+FIRST = 4  # steps with the scales at their priors, so that no level takes what a dose explains
 CARRIED = 4  # kernels with which a mechanism is fitted anew about its own numbers
 
 
@@ -52,13 +53,13 @@ def with_dose(race: Race, parent: Fit, each: "Doser", hypothesis: Hypothesis, fa
             parent, hypothesis=hypothesis, v=v, mean=mean, jacobian=jacobian, dose=doses,
             blocks=(*race.blocks, block), log_prior=each.prior,
         )
-        fit = race.solved(fit, 8 if u is None else 4, u)
+        fit = race.solved(fit, 0 if k < FIRST else 4, u)
         now = fit.evidence.solved
         u, own = now.u, now.rows.block == len(race.blocks)
         tau = float(np.exp(u[len(race.blocks)]))
         step, turn = np.clip(fit.target - v, -1.5, 1.5), tau * now.centre[own] - beta
         turn *= min(1.0, LARGEST_STEP / max(float(np.max(np.abs(factor @ turn))), 1e-12))
-        if np.max(np.abs(step), initial=0.0) < 0.05 and np.max(np.abs(factor @ turn)) < STILL:
+        if np.max(np.abs(step), initial=0.0) < 0.05 and np.max(np.abs(factor @ turn)) < STILL and k >= FIRST:
             break
         before = race.misfit(fit, mean, v) + float(beta @ beta) / tau**2
         for share in (1.0, 0.4, 0.16, 0.06):
@@ -75,7 +76,7 @@ def with_dose(race: Race, parent: Fit, each: "Doser", hypothesis: Hypothesis, fa
             linear = mean + slope * (there - w)
             jacobian = jacobian + np.outer(value - linear - jacobian @ gone, gone) / (gone @ gone)
         v, beta, w, mean = v + gone, tried, there, value
-    return fit
+    return race.solved(fit, 8, u)
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,9 @@ def dosers(race: Race) -> list[Doser]:
     mechanisms, model = race.prepared.problem.mechanisms, race.model
     found = [Doser(m.name, max(m.low, LEAST_DOSE), m.high, race.log_prior_mechanism) for m in mechanisms]
     for name in model.candidates:
+        single = race.fits.get(Hypothesis((name,)))
+        if single is None or single.log_evidence < race.fits[Hypothesis(())].log_evidence:
+            continue  # what explains nothing with one strength is not tried with several
         prior = log_prior(Hypothesis((name,)), len(model.candidates)) + 2.0 * log(STEP)
         found.append(Doser(name, 0.0, model.largest(name), prior))
     return found
@@ -113,15 +117,24 @@ def add_doses(race: Race) -> None:
     All of them with long kernels along each condition, then the likeliest with every kernel, with slopes at
     their own numbers and doses.
     """
-    bare, kernels = race.fits[Hypothesis(())], dose_columns(race.prepared.rows)
+    bare, kernels = at_start(race), dose_columns(race.prepared.rows)
+    if not kernels:
+        return
     for each in dosers(race):
         own = replace(each, prior=each.prior - log(max(len(kernels), 1)))
-        for k in range(1, len(kernels), 2):
+        for k in range(len(kernels)):
             race.kept(with_dose(race, bare, own, hypothesis_of(each, k, kernels), kernels[k][1], 8))
     share = race.posterior()
-    likely = [each for each in dosers(race) if kernels and share_of(share, each.name) > 0.1 * KEEP]
-    for each in sorted(likely, key=lambda each: -share_of(share, each.name))[:CARRIED]:
+    for each in sorted(dosers(race), key=lambda each: -share_of(share, each.name))[:CARRIED]:
         settle(race, replace(each, prior=each.prior - log(len(kernels))), kernels)
+
+
+def at_start(race: Race) -> Fit:
+    """The bare model at the prior mean of its numbers: the calibrated ones have taken what a dose explains."""
+    bare = race.fits[Hypothesis(())]
+    v = np.zeros(race.model.count)
+    mean = race.model.mean((), v)
+    return replace(bare, v=v, mean=mean, jacobian=race.model.jacobian((), v, mean))
 
 
 def share_of(share: dict[Hypothesis, float], name: str) -> float:
@@ -135,16 +148,14 @@ def hypothesis_of(each: Doser, k: int, kernels: Sequence[tuple[str, Floats]]) ->
 
 
 def settle(race: Race, each: Doser, kernels: Sequence[tuple[str, Floats]]) -> None:
-    """A likely mechanism with both kernels of its best condition and of all, from slopes at its best fit."""
+    """A likely mechanism with its two best kernels, from slopes at its best fit."""
     share = race.posterior()
-    best = max(range(1, len(kernels), 2), key=lambda k: share.get(hypothesis_of(each, k, kernels), 0.0))
-    fit = race.fits[hypothesis_of(each, best, kernels)]
-    for k in (best, best - 1):
+    for k in sorted(range(len(kernels)), key=lambda k: -share[hypothesis_of(each, k, kernels)])[:2]:
+        fit = race.fits[hypothesis_of(each, k, kernels)]
         columns = []
         for j in range(fit.v.size):
             h = np.zeros(fit.v.size)
             h[j] = -0.1 if fit.v[j] > 0.0 else 0.1
             columns.append((each.at(race, fit.v + h, fit.dose.w)[1] - fit.mean) / h[j])
         jacobian = np.nan_to_num(np.column_stack(columns)) if columns else fit.jacobian
-        start = replace(fit, jacobian=jacobian)
-        fit = race.kept(with_dose(race, start, each, hypothesis_of(each, k, kernels), kernels[k][1], 10))
+        race.kept(with_dose(race, replace(fit, jacobian=jacobian), each, fit.hypothesis, kernels[k][1], 14))

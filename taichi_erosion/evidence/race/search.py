@@ -257,7 +257,7 @@ class Race:
         """Ln prior of a set of effects, alone or beside what no list holds."""
         share = log(STEP) if hypothesis.beyond and self.prepared.problem.mechanisms else 0.0
         if hypothesis.beyond.startswith("zero"):
-            share = log(STEP) - log(len(self.zeros))
+            share = log(STEP) - log(max(len(self.zeros), len(self.prepared.problem.mechanisms)))
         return log_prior(hypothesis, len(self.model.candidates)) + share
 
     def posterior(self) -> dict[Hypothesis, float]:

@@ -1,0 +1,278 @@
+"""A posterior as the record of an answer: what every candidate, number, level and error comes to.
+
+For a signature g of strength 1 about the bare model, with P = V^-1 under nothing and K of the rows alone,
+
+    limit = max(s, 0) + 1.645 i^-1/2,   s = g^T P y / i,   i = g^T P g      (95 % above which it is excluded)
+    unseen below 3.3 i^-1/2,   absorption = 1 - (g^T P g / g^T K g)^1/2
+
+Reference: Cowan et al. (2011), Eur. Phys. J. C 71, 1554 (upper limits of a strength that is not negative).
+"""
+
+from collections.abc import Iterator
+from math import nan
+
+import numpy as np
+from scipy import stats
+
+from taichi_erosion.evidence.data.problem import Floats
+from taichi_erosion.evidence.data.transforms import axis_value, from_scale
+from taichi_erosion.evidence.models.predictor import axis_scale
+from taichi_erosion.evidence.race.blocks import Block
+from taichi_erosion.evidence.race.decision import Decision, decide
+from taichi_erosion.evidence.race.posterior import Draws, Posterior, quantiles
+from taichi_erosion.evidence.race.priors import KEEP, SURE
+from taichi_erosion.evidence.race.record import (
+    CostPart,
+    Decided,
+    EffectPart,
+    ErrorPart,
+    FitPart,
+    Interval,
+    LevelPart,
+    NumberPart,
+    PlacePart,
+    Record,
+    RowsPart,
+    Status,
+)
+from taichi_erosion.evidence.race.search import Fit, Hypothesis, Race
+
+ONE_SIDED = 1.645  # sd beyond which 5 % of a normal distribution lie
+
+
+def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
+    """The record of a race."""
+    found, race = decision or decide(posterior), posterior.race
+    after = told_fit(posterior, found)
+    bare = race.fits[Hypothesis(())]
+    return Record(
+        decided=decided(posterior, found),
+        effects={name: effect_part(posterior, found, name) for name in race.model.candidates},
+        numbers=number_parts(posterior),
+        levels=tuple(level_parts(posterior)),
+        errors=tuple(error_parts(after, race)),
+        repeats=(),
+        fit=fit_part(race, bare, after),
+        where=tuple(places(race, bare)),
+        rows=rows_part(race, bare, after),
+        cost=CostPart(
+            race.model.settings, race.prepared.predictor.cost.runs, nan, "budget" if race.stopped else ""
+        ),
+    )
+
+
+def told_fit(posterior: Posterior, found: Decision) -> Fit:
+    """The likeliest explanation that holds all that is told; the likeliest of all where nothing is."""
+    share, wanted = posterior.probability, set(found.named)
+    able = [h for h in share if wanted <= set(h.names) | {h.beyond.partition("|")[0]}]
+    if found.verdict == "none_detected":
+        able = [Hypothesis(())]
+    return posterior.race.fits[max(able, key=lambda h: share[h])]
+
+
+def decided(posterior: Posterior, found: Decision) -> Decided:
+    """Probabilities by explanation; a set beside something unlisted counts as the set."""
+    table: dict[str, float] = {"none": found.none, "outside_library": found.outside}
+    for hypothesis, p in posterior.probability.items():
+        kind = hypothesis.beyond.partition("|")[0]
+        varying = (kind,) if kind in found.inclusion else ()
+        if hypothesis.names or varying:
+            key = "+".join((*hypothesis.names, *varying))
+            table[key] = table.get(key, 0.0) + p
+    return Decided(found.verdict, found.named, found.group, found.mechanisms, table, found.familywise)
+
+
+def fit_part(race: Race, bare: Fit, after: Fit) -> FitPart:
+    """Misfit of the fitted rows if nothing is missing, and with what is told."""
+    before, now = misfit(bare), misfit(after)
+    return FitPart(race.prepared.rows.size, before[0], now[0], before[1], now[1], nan)
+
+
+def misfit(fit: Fit) -> tuple[float, float]:
+    """Chi-square of the rows, errors in common at their best, and the chance of as much with these errors."""
+    now = fit.evidence.solved
+    stated = now.rows.y - now.rows.columns @ (now.tau * now.centre)
+    residual, _ = now.precision
+    chance = float(stats.chi2.sf(now.rows.y @ residual, now.rows.y.size))
+    return float(stated @ stated), chance
+
+
+def interval(values: Floats, weight: Floats) -> Interval:
+    """Median and 90 % interval of weighted draws."""
+    low, middle, high = quantiles(values, weight)
+    return Interval(float(middle), float(low), float(high))
+
+
+def number_parts(posterior: Posterior) -> dict[str, NumberPart]:
+    """Every calibrated number if nothing is missing, and averaged over all explanations."""
+    race, (values, weight) = posterior.race, posterior.numbers
+    bare, found = race.fits[Hypothesis(())], {}
+    sd = np.sqrt(np.diag(bare.covariance)) if bare.v.size else np.zeros(0)
+    for j, axis in enumerate(race.prepared.axes):
+        ends = []
+        for shift in (0.0, -ONE_SIDED, ONE_SIDED):
+            v = bare.target.copy()
+            v[j] += shift * sd[j]
+            ends.append(axis_value(axis, race.model.numbers(v)[j]))
+        now = interval(values[:, j], weight)
+        prior = [race.model.numbers(np.full(race.model.count, z))[j] for z in (-ONE_SIDED, ONE_SIDED)]
+        width = axis_value(axis, prior[1]) - axis_value(axis, prior[0])
+        low, high = (axis_value(axis, end) if np.isfinite(end) else np.sign(end) * np.inf for end in (axis.low, axis.high))
+        tenth = 0.1 * (high - low)
+        at_end = bool(np.isfinite(tenth) and not low + tenth < now.value < high - tenth)
+        found[axis.name] = NumberPart(axis_value(axis, 0.0), Interval(*ends), now, (now.high - now.low) / width, at_end)
+    return found
+
+
+def effect_part(posterior: Posterior, found: Decision, name: str) -> EffectPart:
+    """One candidate, from its explanations and its signature about the bare model."""
+    race, candidate = posterior.race, posterior.race.model.candidates[name]
+    bare, single = race.fits[Hypothesis(())], race.fits.get(Hypothesis((name,)))
+    strength = interval(*posterior.strength(name))
+    if single is None:
+        return EffectPart("untestable", found.inclusion[name], strength, nan, 0.0, 1.0, nan, most=candidate.maximum)
+    column = race.prepared.white(signature(race, single, name))
+    along, gram = bare.evidence.solved.against(column[:, np.newaxis])
+    alone = float(column @ (bare.evidence.solved.row_share * column))
+    information = max(float(gram[0, 0]), 1e-12)
+    sd = information**-0.5
+    factor = single.log_evidence - bare.log_evidence
+    absorption = 1.0 - (information / alone) ** 0.5 if alone > 0.0 else 1.0
+    limit = max(float(along[0]) / information, 0.0) + ONE_SIDED * sd
+    alike = tuple(other for other in found.group if other != name) if name in found.group else ()
+    axes = [h.beyond.rpartition("|")[2] for h, p in posterior.probability.items() if h.beyond.startswith(f"{name}|") and p > 0.5]
+    return EffectPart(
+        status_of(name, found, factor, limit, candidate.maximum, absorption),
+        found.inclusion[name],
+        strength,
+        limit,
+        factor,
+        absorption,
+        2.0 * ONE_SIDED * sd,
+        alike,
+        axes[0] if axes else "",
+        candidate.maximum,
+    )
+
+
+def signature(race: Race, single: Fit, name: str) -> Floats:
+    """Change of the rows (n,) per unit of strength, about the fit of the effect alone."""
+    t = float(single.v[-1])
+    rise = (race.model.strength(name, t + 0.05) - race.model.strength(name, t - 0.05)) / 0.1
+    return single.jacobian[:, -1] / max(rise, 1e-9)
+
+
+def status_of(
+    name: str, found: Decision, factor: float, limit: float, most: float, absorption: float
+) -> Status:
+    """What these measurements say of a candidate."""
+    if name in found.named:
+        return "present"
+    if factor > -np.log(KEEP) and found.verdict == "outside_library":
+        return "better_but_not_sufficient"
+    if name in found.group or found.inclusion[name] > 1.0 - SURE:
+        return "open"
+    if limit < 1.0 and factor < 0.0:
+        return "excluded"
+    return "untestable" if absorption > SURE or limit > most else "open"
+
+
+def blocks_with(draws: Draws) -> Iterator[tuple[Block, slice]]:
+    """Blocks of a fit with their columns."""
+    owner = draws.fit.evidence.solved.rows.block
+    for index, block in enumerate(draws.fit.blocks):
+        at = np.flatnonzero(owner == index)
+        if at.size:
+            yield block, slice(int(at[0]), int(at[-1]) + 1)
+
+
+def level_parts(posterior: Posterior) -> Iterator[LevelPart]:
+    """Level and zero of every observable, averaged over all explanations, where more likely off than not."""
+    race = posterior.race
+    weight = np.concatenate([each.weight for each in posterior.draws])
+    for index, observable in enumerate(race.prepared.rows.observables):
+        for kind in ("level", "zero"):
+            sizes = np.concatenate([level_of(each, kind, observable.name) for each in posterior.draws])
+            unit = float(np.median(race.prepared.sd[race.prepared.rows.which == index]))
+            chance = float(weight @ (np.abs(sizes) > 0.5)) / float(weight.sum())
+            if chance > 0.5:
+                factor = kind == "level" and observable.transform != "identity"
+                values = np.exp(unit * sizes) if factor else unit * sizes
+                if kind == "zero":
+                    slope = race.prepared.rows.slope[race.prepared.rows.which == index]
+                    values = values / float(np.median(slope))
+                name = "factor" if factor else "zero" if kind == "zero" else "offset"
+                yield LevelPart(observable.name, name, interval(values, weight), chance)
+
+
+def level_of(draws: Draws, kind: str, observable: str) -> Floats:
+    """Draws of a level, in standard errors of a row; 0 where an explanation has none."""
+    for block, at in blocks_with(draws):
+        if block.kind == kind and block.observable == observable:
+            return draws.values[:, at][:, 0]
+    return np.zeros(draws.weight.size)
+
+
+def error_parts(fit: Fit, race: Race) -> Iterator[ErrorPart]:
+    """Errors of sources, batches, rows and scatter that the likeliest explanation finds, beyond 90 %."""
+    now, rows = fit.evidence.solved, race.prepared.rows
+    sd = np.sqrt(np.diag(now.inverse)) * now.tau
+    best = now.tau * now.centre
+    for index, block in enumerate(fit.blocks):
+        if block.kind in ("source", "batch"):
+            at = np.flatnonzero(now.rows.block == index)
+            for label, j, column in zip(block.labels, at, block.columns.T, strict=True):
+                size = float(np.max(column))
+                if abs(best[j]) > ONE_SIDED * sd[j] and abs(best[j]) > 1.0:
+                    ends = [size * (best[j] + z * sd[j]) for z in (0.0, -ONE_SIDED, ONE_SIDED)]
+                    source, _, observable = label.rpartition("|")
+                    yield ErrorPart(block.kind, observable, source, Interval(*ends))
+    for row in sorted(fit.evidence.bad):
+        gap = float((rows.z[row] - fit.mean[row]) / max(rows.slope[row], 1e-300))
+        width = ONE_SIDED * float(race.prepared.sd[row] / max(rows.slope[row], 1e-300))
+        yield ErrorPart("row", rows.names[row], str(row), Interval(gap, gap - width, gap + width))
+    _, curvature = now.derivatives()
+    spread = np.sqrt(np.diag(np.linalg.inv(curvature)))
+    for j in range(now.rows.blocks, now.u.size):
+        low, middle, high = (float(np.exp(now.u[j] + z * spread[j])) for z in (-ONE_SIDED, 0.0, ONE_SIDED))
+        if low > 1.0 or high < 1.0:
+            name = now.rows.scales.names[j].removeprefix("scatter ")
+            yield ErrorPart("scatter", name, "", Interval(middle, low, high))
+
+
+def places(race: Race, bare: Fit) -> Iterator[PlacePart]:
+    """Trends of the bare model's residual along every condition, as one more column each (Holm)."""
+    rows, found = race.prepared.rows, []
+    scale = bare.evidence.solved
+    kept = [b for b in bare.blocks if b.kind != "discrepancy"]
+    linear, _ = race.linear(Fit(bare.hypothesis, bare.v, bare.mean, bare.jacobian, bare.errors, bare.evidence, tuple(kept)))
+    known = dict(zip(scale.rows.scales.names, scale.u, strict=True))
+    u = np.array([known[name] for name in linear.scales.names])
+    stated = linear.blocks
+    u[stated:] = np.minimum(u[stated:], 0.0)
+    solved = linear.solved(u)
+    for index, observable in enumerate(rows.observables):
+        own = rows.which == index
+        for name, values in rows.conditions.items():
+            axis = axis_scale(values[own])
+            if axis is None:
+                continue
+            column = race.prepared.white(np.where(own, axis(values), 0.0))
+            along, gram = solved.against(column[:, np.newaxis])
+            z = float(along[0] / np.sqrt(max(gram[0, 0], 1e-12)))
+            found.append((2.0 * float(stats.norm.sf(abs(z))), observable.name, name, 1 if z > 0.0 else -1))
+    for rank, (p, observable, name, sign) in enumerate(sorted(found)):
+        yield PlacePart(observable, name, sign, min(1.0, p * (len(found) - rank)))
+
+
+def rows_part(race: Race, bare: Fit, after: Fit) -> RowsPart:
+    """Measured and predicted values in the units of the observables."""
+    rows, columns = race.prepared.rows, []
+    sd = race.prepared.sd / np.maximum(rows.slope, 1e-300)
+    for values in (rows.z, bare.mean, after.mean):
+        own = np.empty(rows.size)
+        for index, observable in enumerate(rows.observables):
+            own[rows.which == index] = from_scale(observable, values[rows.which == index])
+        columns.append(own)
+    measured, before, told = columns
+    return RowsPart(rows.names, rows.conditions, measured, sd, before, told)
