@@ -13,7 +13,7 @@ from taichi_erosion.evidence.words import data_words, effect_words
 from taichi_erosion.evidence.words import vocabulary as say
 
 COMPARED = ("observable", "rows", "rms error", "mean error", "fails along")
-CANDIDATES = ("effect", "status", "strength (90 %)", "probability", "ln Bayes factor")
+CANDIDATES = ("effect", "status", "strength (90 %)", "probability", "ln Bayes factor alone")
 
 
 @dataclass(frozen=True)

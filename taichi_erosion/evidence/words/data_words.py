@@ -57,9 +57,9 @@ def failing(record: Record) -> list[PlacePart]:
 
 
 def where_line(record: Record) -> str:
-    """`repose_angle is measured above the model towards large moisture (p = 0.002)`."""
+    """`measured repose_angle lies above it towards large moisture (p = 0.002)`."""
     words = [
-        f"{each.observable} is measured {'below' if each.sign < 0 else 'above'} the model "
+        f"measured {each.observable} lies {'below' if each.sign < 0 else 'above'} it "
         f"{'everywhere' if each.axis == 'level' else f'towards large {each.axis}'} ({say.chance(each.p)})"
         for each in failing(record)
     ]

@@ -13,6 +13,7 @@ from taichi_erosion.evidence.words import data_words
 from taichi_erosion.evidence.words import vocabulary as say
 
 ONE_LESS = " minus one"  # of what a dose counts
+LIKELY = 0.5  # probability above which an effect acts rather than not
 
 
 def acting(decided: Decided) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -92,8 +93,8 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
     failing = fit.p_before < say.ADEQUATE
     rows, chance = data_words.rows_text(record), say.chance(fit.p_before)
     state = f"the model {'fails on' if failing else 'agrees with'} {rows} ({chance})"
-    if likely == "none" and share >= SURE and not failing:
-        return f"No missing effect is seen: {state}."
+    if likely == "none" and not failing:
+        return f"No missing effect is seen: {state}; probability that none acts: {say.probability(share)}."
     why = f"a name needs {SURE:g}"
     if share >= SURE:
         why = f"among so many candidates one looks as good by chance with {say.chance(decided.familywise)}"
@@ -107,15 +108,14 @@ def status(name: str, record: Record) -> str:
     if name in sure:
         return "present"
     if name in either:
-        others = say.joined((each for each in either if each != name), "or")
-        return f"not told apart from {others}; one of them acts"
+        return f"not told apart from {say.joined((n for n in either if n != name), 'or')}; one of them acts"
     part = record.effects[name]
     if part.status == "excluded":
         return f"excluded above {plain(part.limit, 2)}"
     words = f"could act unseen below {plain(part.unseen_below, 2)}"
     if part.status == "better_but_not_sufficient":
         words = "better than nothing but not sufficient"
-    elif part.probability > 0.5:  # likelier than not
+    elif part.probability > LIKELY:
         words = "likely, but not sure"
     elif part.status == "untestable" or not part.unseen_below < part.most:
         words = "could act unseen at any strength of the list"
@@ -123,13 +123,13 @@ def status(name: str, record: Record) -> str:
 
 
 def effect_rows(record: Record) -> Iterator[tuple[str, ...]]:
-    """Candidates and mechanisms: what acts first, then by probability."""
+    """Candidates and mechanisms: what acts first, then by probability; a strength where it likely acts."""
     acts = [name for names in acting(record.decided) for name in names]
     chances = {name: record.decided.probabilities.get(name, 0.0) for name in acts}
     chances |= {name: part.probability for name, part in record.effects.items()}
     for name in sorted(chances, key=lambda name: (name not in acts, -chances[name])):
         part = record.effects.get(name)
-        hidden = part is None or part.varies_along or (part.status == "excluded" and name not in acts)
+        hidden = part is None or part.varies_along or (name not in acts and part.probability < LIKELY)
         strength = "-" if hidden or part is None else strength_text(part)
         bayes = "-" if part is None else plain(part.log_bayes_factor, 2)
         yield name, status(name, record), strength, say.probability(chances[name]), bayes
