@@ -127,6 +127,8 @@ class LawPart:
     exponents: Mapping[str, Interval]  # by condition
     doses: tuple[tuple[Mapping[str, float], Interval], ...]  # conditions, dose
     held_out_share: float  # of the misfit of left-out groups that it explains
+    template: str = ""  # the expression with the names of its numbers and sizes in braces
+    sizes: Mapping[str, tuple[str, float]] = field(default_factory=dict)  # condition, and a size of it
 
 
 @dataclass(frozen=True)
@@ -139,6 +141,8 @@ class HeldOutPart:
     p_after: float  # of as much if the model with what is named is adequate
     wrong: float  # with a random other effect
     opened: int
+    adopted: tuple[str, ...] = ()  # effects that are tested
+    wrong_effect: str = ""  # the random one
 
 
 @dataclass(frozen=True)
@@ -160,6 +164,7 @@ class CostPart:
     runs: int
     seconds: float
     stopped: Stop
+    seed: int = 0  # of the runs
 
 
 @dataclass(frozen=True)

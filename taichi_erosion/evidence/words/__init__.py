@@ -1,0 +1,1 @@
+"""Sentences of the evidence commands: the only place where they are made."""

@@ -1,0 +1,197 @@
+"""Answers of `compare`, `discover`, `adopt` and `next` as lines and one table, for terminal, page and Python.
+
+Every line has its place: an answer has at most eight, and one table.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isnan
+
+from taichi_erosion.evidence.data.number_words import counted, heading, plain
+from taichi_erosion.evidence.race.record import ExperimentPart, HeldOutPart, Record
+from taichi_erosion.evidence.words import data_words, effect_words
+from taichi_erosion.evidence.words import vocabulary as say
+
+COMPARED = ("observable", "rows", "rms error", "mean error", "fails along")
+CANDIDATES = ("effect", "status", "strength (90 %)", "probability", "ln Bayes factor alone")
+
+
+@dataclass(frozen=True)
+class Table:
+    """The table of an answer, as it is read."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Sentences in the order of the page, and the table."""
+
+    missing: tuple[str, ...]  # what is missing
+    holds: tuple[str, ...]  # does it hold
+    following: tuple[str, ...]  # what next
+    table: Table | None
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        return *self.missing, *self.holds, *self.following
+
+
+def framed(answer: Answer, record: Record, voc: say.Vocabulary) -> Answer:
+    """An answer with gross repeats before everything and a spent budget before the last line."""
+    spent = f"Stopped at the budget ({counted(record.cost.settings, 'setting')} of the model)"
+    stopped = f"{spent}: this is known so far; a larger --budget may change it." * bool(record.cost.stopped)
+    missing, following = (data_words.repeats_line(record, voc), *answer.missing), (stopped, *answer.following)
+    missing, holds, following = (tuple(filter(None, part)) for part in (missing, answer.holds, following))
+    return Answer(missing, holds, following, answer.table)
+
+
+def again(record: Record, command: str, voc: say.Vocabulary) -> str:
+    """What comes before every other step: rows to be checked, a scatter or conditions to be added."""
+    rows = data_words.suspects(record)
+    if not rows and data_words.testable(record):
+        return ""
+    first = f"Correct or confirm {rows} in the table" if rows else "Complete the table"
+    return f"{first}, then give {voc.command(command, voc.study)} again"
+
+
+def compare_answer(record: Record, voc: say.Vocabulary) -> Answer:
+    """Whether the calibrated model agrees, and where it fails."""
+    first, last = compared(record, voc)
+    missing = first, data_words.errors_line(record, voc), data_words.where_line(record)
+    holds = (data_words.numbers_line(record, before=True),)
+    table = Table("measured minus model", COMPARED, tuple(data_words.observable_rows(record, voc)))
+    following = (f"{again(record, 'compare', voc) or last}.",)
+    return framed(Answer(missing, holds, following, table), record, voc)
+
+
+def compared(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
+    """First and last line of a comparison."""
+    fit, rows = record.fit, data_words.rows_text(record)
+    if isnan(fit.p_before):
+        return "The misfit cannot be judged: the scatter is unknown. Add sd or repeats to the table.", ""
+    size = f"misfit per row {plain(fit.chi2_before / fit.n, 2)}, 1 is chance; {say.chance(fit.p_before)}"
+    size += "" if isnan(fit.p_lack_of_fit) else f"; against repeats alone {say.chance(fit.p_lack_of_fit)}"
+    if data_words.agrees(record):
+        last = f"{voc.command('next', voc.study)} proposes measurements that test the model harder"
+        return f"The calibrated model agrees with {rows} ({size}).", last
+    places = "" if fit.p_before < say.ADEQUATE else " in places"
+    last = f"{voc.command('discover', voc.study)} asks which effect is missing"
+    return f"The calibrated model fails{places} ({rows}: {size}).", last
+
+
+def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
+    """What is missing, and how far every candidate is known."""
+    sure, either = effect_words.acting(record.decided)
+    names = say.joined(filter(None, (*sure, say.joined(either, "or"))))
+    fit = " ".join(filter(None, (effect_words.law_line(record), data_words.fit_line(record, names))))
+    numbers = data_words.numbers_line(record, before=not names, without=names)
+    rows = tuple(effect_words.effect_rows(record)) if data_words.testable(record) else ()
+    table = Table("candidates; strength 1 is the textbook value", CANDIDATES, rows) if rows else None
+    headline, errors = effect_words.headline(record, voc), data_words.errors_line(record, voc)
+    missing = headline, errors, data_words.where_line(record)
+    return framed(Answer(missing, (fit, numbers), (after_discovery(record, voc),), table), record, voc)
+
+
+def after_discovery(record: Record, voc: say.Vocabulary) -> str:
+    proposals, verdict = voc.command("next", voc.study), record.decided.verdict
+    if steps := "; then ".join(filter(None, (again(record, "discover", voc), *acting_steps(record, voc)))):
+        return f"{steps}."
+    if verdict == "outside_library":
+        own = voc.command("effects", "new", "NAME")
+        return f"{own} makes an effect of your own; {proposals} asks for more data."
+    if verdict == "unstable":
+        return f"{voc.command('discover', voc.study)} makes more runs and tests the answer anew."
+    use = "test the model harder" if data_words.agrees(record) else "decide"
+    return f"{proposals} proposes measurements that {use}."
+
+
+def acting_steps(record: Record, voc: say.Vocabulary) -> Iterator[str]:
+    """What to do with everything that is said to act."""
+    (sure, either), named = effect_words.acting(record.decided), record.decided.named
+    if named and sure:
+        yield f"{voc.command('adopt', voc.study, *named)} tests {say.joined(named)} on held-out rows"
+    elif sure:
+        own = voc.command("effects", "new", "NAME", *(["--from-discovery", voc.results] * bool(record.law)))
+        yield f"{own} writes {say.joined(sure)} as an effect of your own, and `adopt` tests it"
+    if either:
+        names = say.joined(either)
+        yield f"{voc.command('next', voc.study)} proposes measurements that tell {names} apart"
+
+
+def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
+    """Whether the error falls on rows that no fit has seen."""
+    held = record.held_out
+    if held is None or not held.n:
+        names, proposals = say.joined(record.decided.named), voc.command("next", voc.study)
+        words = f"No held-out row tests {names}: {proposals} proposes measurements that do."
+        return framed(Answer((words,), (), (), None), record, voc)
+    first, numbers, last = adoption(record, held, voc)
+    following = (f"{again(record, 'adopt', voc) or last}.",)
+    return framed(
+        Answer((first,), (control(held), numbers), following, error_table(record, held)), record, voc
+    )
+
+
+def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[str, str, str]:
+    """First line, numbers and last line, from one comparison: the error falls only to an adequate model."""
+    rows, names, numbers = counted(held.n, "held-out row"), say.joined(held.adopted), data_words.numbers_line
+    change = f"from {plain(held.before, 2)} to {plain(held.after, 2)} per row (1 is chance)"
+    misfits = {"held-out": held.p_after, "fitted": record.fit.p_after}
+    failing = [f"{name} rows ({say.chance(p)})" for name, p in misfits.items() if p < say.ADEQUATE]
+    if not held.after < held.before:
+        last = f"Go on with {voc.study}: {voc.command('next', voc.study)} proposes measurements that decide"
+        return f"With {names} the error of {rows} does not fall: it goes {change}. Do not adopt.", "", last
+    if failing:
+        last = f"Go on with {voc.written}: {voc.command('discover', voc.written)} asks what else is missing"
+        first = f"With {names} the error of {rows} goes {change}, but the model still fails"
+        return f"{first}: {say.joined(failing)}.", numbers(record, before=False), last
+    left = f"what is left is chance ({say.chance(held.p_after)})"
+    first = f"The error falls with {names}: {change} on {rows}; {left}."
+    last = f"Go on with {voc.written}: {voc.command('compare', voc.written)} shows the model with it"
+    return first, numbers(record, before=False, without=names), last
+
+
+def control(held: HeldOutPart) -> str:
+    """What a random other effect does, and how unseen the rows are."""
+    end = ", no worse: these rows do not tell which acts" if held.wrong <= held.after else ""
+    words = f"Control: with {held.wrong_effect}, drawn at random, it is {plain(held.wrong, 2)} per row{end}."
+    seen = f"The held-out rows have been opened {held.opened} times: they are no longer unseen."
+    return " ".join([*([] if isnan(held.wrong) else [words]), *([seen] if held.opened > 1 else [])])
+
+
+def error_table(record: Record, held: HeldOutPart) -> Table:
+    """Misfit per row of fitted and held-out rows, with a control."""
+    fit, parts = record.fit, [(name, record.effects.get(name)) for name in held.adopted]
+    before, after = (plain(chi2 / fit.n, 2) for chi2 in (fit.chi2_before, fit.chi2_after))
+    added = say.joined(f"{name} {effect_words.strength_text(part)}" if part else name for name, part in parts)
+    rows = [("before", before, plain(held.before, 2)), (f"with {added}", after, plain(held.after, 2))]
+    rows += [] if isnan(held.wrong) else [(f"control: {held.wrong_effect}", "-", plain(held.wrong, 2))]
+    columns = ("model", f"{fit.n} fitted rows", f"{held.n} held-out rows")
+    return Table("misfit per row (1 is chance)", columns, tuple(rows))
+
+
+def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
+    """The measurements that would decide."""
+    keys = list(dict.fromkeys(key for each in record.experiments for key in each.predictions))
+    if not keys:
+        words = "No measurement within reach would tell the explanations apart any better: stop here."
+        return framed(Answer((words,), (), (), None), record, voc)
+    words = say.joined(map(voc.explanation, keys), "from" if len(keys) == 2 else "and")
+    last = f"Add the new rows to the table and give {voc.command('discover', voc.study)} again."
+    expects = (f"expected by {say.EXPLANATIONS.get(key, key)}" for key in keys)
+    columns = ("measure", "at", *expects, "chance to decide, with those above", "cost")
+    rows = tuple(experiment_row(each, keys, voc) for each in record.experiments)
+    table = Table("next measurements, the best first", columns, rows)
+    return framed(Answer((f"These measurements would separate {words}.",), (), (last,), table), record, voc)
+
+
+def experiment_row(found: ExperimentPart, keys: list[str], voc: say.Vocabulary) -> tuple[str, ...]:
+    """Where to measure, what each explanation expects, the chance to decide."""
+    name, what = found.observable, heading(found.observable, voc.units.value_unit(found.observable))
+    expected = (found.predictions.get(key) for key in keys)
+    values = (say.interval(each, 3, voc.scale(name)) if each else "-" for each in expected)
+    at, chance = voc.units.setting_text(found.conditions), say.probability(found.chance)
+    return what, at, *values, chance, plain(found.cost, 2)

@@ -1,0 +1,118 @@
+"""Measurements and calibrated model in words: repeats, levels, errors, places, misfit, numbers."""
+
+from collections.abc import Iterator
+from math import isnan
+
+import numpy as np
+
+from taichi_erosion.evidence.data.number_words import counted, heading, plain
+from taichi_erosion.evidence.race.priors import SURE
+from taichi_erosion.evidence.race.record import ErrorPart, LevelPart, PlacePart, Record
+from taichi_erosion.evidence.words import vocabulary as say
+
+
+def suspects(record: Record) -> str:
+    """`row 17`, `rows 17 and 18`: what is to be checked; empty where repeats agree."""
+    numbers = [n for each in record.repeats for n in ((each.suspect,) if each.suspect else each.rows)]
+    rows = list(map(str, dict.fromkeys(numbers)))
+    return f"{'row' if len(rows) == 1 else 'rows'} {say.joined(rows)}" if rows else ""
+
+
+def repeats_line(record: Record, voc: say.Vocabulary) -> str:
+    """Repeats that disagree grossly: told before everything else."""
+    words = [
+        f"rows {each.rows[0]} and {each.rows[1]} are repeats of {each.observable} and differ by "
+        f"{voc.units.value_text(each.observable, abs(each.difference))}"
+        for each in record.repeats
+    ]
+    return f"Check {suspects(record)} first: {say.told(words)}." if words else ""
+
+
+def errors_line(record: Record, voc: say.Vocabulary) -> str:
+    """Levels, and errors that nobody stated, but for rows that repeats tell of."""
+    levels = [each for each in record.levels if each.probability >= SURE]
+    known = {str(each.suspect) for each in record.repeats}
+    errors = [each for each in record.errors if each.kind != "row" or each.label not in known]
+    words = say.told([error_text(each, voc) for each in (*levels, *errors)])
+    return f"Also: {words}.{' Check method, code and unit.' if levels else ''}" if words else ""
+
+
+def error_text(found: LevelPart | ErrorPart, voc: say.Vocabulary) -> str:
+    """`radius_90 reads 0.6 mm (0.4 to 0.8) more than the model at all conditions`."""
+    name, label = found.observable, found.label if isinstance(found, ErrorPart) else ""
+    more = "more" if found.size.value > 0.0 else "less"
+    times, size = f"{say.interval(found.size)} times", f"{voc.difference(name, found.size)} {more}"
+    return {
+        "factor": f"{name} reads {times} the model at all conditions",
+        "offset": f"{name} reads {size} than the model at all conditions",
+        "zero": f"the zero of {name} is off: it reads {size}",
+        "scatter": f"the scatter of {name}{f' of {label}' if label else ''} is {times} what is stated",
+        "row": f"row {label} reads {name} {size} than it should: check it",
+    }.get(found.kind, f"{found.kind} {label} reads {name} {size} than the others")
+
+
+def failing(record: Record) -> list[PlacePart]:
+    """Places where the model fails if nothing is missing, the worst first."""
+    return sorted((each for each in record.where if each.p < say.ADEQUATE), key=lambda each: each.p)
+
+
+def where_line(record: Record) -> str:
+    """`measured repose_angle lies above it towards large moisture (p = 0.002)`."""
+    words = [
+        f"measured {each.observable} lies {'below' if each.sign < 0 else 'above'} it "
+        f"{'everywhere' if each.axis == 'level' else f'towards large {each.axis}'} ({say.chance(each.p)})"
+        for each in failing(record)
+    ]
+    return f"The model as it is fails here: {say.told(words)}." if words else ""
+
+
+def testable(record: Record) -> bool:
+    """Whether these measurements can test any effect."""
+    return record.decided.verdict != "not_testable" and not isnan(record.fit.p_before)
+
+
+def rows_text(record: Record) -> str:
+    return "the other rows" if record.repeats else f"all {counted(record.fit.n, 'row')}"
+
+
+def agrees(record: Record) -> bool:
+    """Whether the calibrated model agrees with the fitted rows, as a whole and in every place."""
+    return not (record.fit.p_before < say.ADEQUATE or failing(record))  # an unknown chance fails nothing
+
+
+def fit_line(record: Record, added: str) -> str:
+    """Misfit of the fitted rows before and after what is added."""
+    fit = record.fit
+    if not added or isnan(fit.p_after):
+        return ""
+    before, after = plain(fit.chi2_before / fit.n, 2), plain(fit.chi2_after / fit.n, 2)
+    words = f"Misfit per fitted row: {before} before ({say.chance(fit.p_before)}), {after} with {added}"
+    rest = " The model still fails: something else acts too, or by another law."
+    return f"{words} ({say.chance(fit.p_after)}); 1 is chance.{rest * (fit.p_after < say.ADEQUATE)}"
+
+
+def numbers_line(record: Record, before: bool, without: str = "") -> str:
+    """Calibrated numbers; those that were biased without an effect, or that end at the end of their range."""
+    words, moved, ends = [], [], []
+    without = "" if record.fit.p_after < say.ADEQUATE else without
+    short = [path.rpartition(".")[2] for path in record.numbers]
+    for path, each in record.numbers.items():
+        name = path.rpartition(".")[2] if short.count(path.rpartition(".")[2]) == 1 else path
+        words.append(f"{name} {say.interval(each.before if before else each.now, 3)}")
+        if without and not each.before.low <= each.now.value <= each.before.high:
+            was, now, start = (plain(x, 3) for x in (each.before.value, each.now.value, each.start))
+            moved.append(f"{name}, {was} before, {now} now (start {start})")
+        ends += [name] * each.at_end
+    more = f" Biased without {without}: {say.told(moved)}." if moved else ""
+    more += f" At the end of the allowed range: {say.joined(ends)}; check range and unit." if ends else ""
+    return f"Calibrated: {say.told(words, ', ')}.{more}" if words else ""
+
+
+def observable_rows(record: Record, voc: say.Vocabulary) -> Iterator[tuple[str, ...]]:
+    """Misfit of every observable: rows, root of the mean squared error, mean error, where the model fails."""
+    names = np.array(record.rows.observable)
+    for name in dict.fromkeys(record.rows.observable):
+        gap = voc.scale(name) * (record.rows.measured - record.rows.before)[names == name]
+        axes = ", ".join(each.axis for each in failing(record) if each.observable == name)
+        errors = plain(float(np.sqrt(np.mean(gap**2))), 2), plain(float(np.mean(gap)), 2)
+        yield heading(name, voc.units.value_unit(name)), str(gap.size), *errors, axes or "nowhere"

@@ -1,0 +1,78 @@
+"""Quantities as a person reads them: numbers with units, intervals, names with titles, chances, commands.
+
+Estimates have two significant digits, values and conditions three. A model fails where p < ADEQUATE.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isnan
+
+from taichi_erosion.evidence.data.number_words import plain, with_unit
+from taichi_erosion.evidence.data.table_units import TableUnits
+from taichi_erosion.evidence.race.record import Interval
+
+ADEQUATE = 0.01  # chance of a misfit from which it is none: of sound tables, one in a hundred is said to fail
+LEAST_TOLD = 1e-4  # chance below which its size tells a person nothing more
+MOST_TOLD = 3  # things of one kind in a line: more are not read
+EXPLANATIONS = {"none": "no missing effect", "outside_library": "an effect that is not in the list"}
+
+
+@dataclass(frozen=True)
+class Vocabulary:
+    """Names, units and commands of one study, as its user writes them."""
+
+    study: str
+    command: Callable[..., str]  # a command in backquotes, of its words
+    units: TableUnits = field(default_factory=TableUnits)
+    titles: Mapping[str, str] = field(default_factory=dict)  # of effects and mechanisms
+    doses: Mapping[str, str] = field(default_factory=dict)  # what the dose of a mechanism counts
+    results: str = ""  # file of the answer of `discover`
+    written: str = ""  # study that `adopt` wrote
+
+    def titled(self, name: str) -> str:
+        """`capillary bridges between moist grains (liquid_bridge)`; a name without a title stands alone."""
+        base, _, observable = name.partition(":")
+        title = self.titles.get(base, "").partition(" (")[0]
+        return f"{title}{f' of {observable}' if observable else ''} ({name})" if title else name
+
+    def explanation(self, key: str) -> str:
+        """`none`, `a+b` in words."""
+        return EXPLANATIONS.get(key) or joined(map(self.titled, key.split("+")))
+
+    def scale(self, observable: str) -> float:
+        """Factor from the unit of the model to that of the table."""
+        return self.units.value(observable, 1.0) or 1.0
+
+    def difference(self, observable: str, found: Interval) -> str:
+        """`0.6 mm (0.4 to 0.8)`: size of a difference, counted along its sign."""
+        sign = -1.0 if found.value < 0.0 else 1.0
+        return interval(found, 2, sign * self.scale(observable), self.units.value_unit(observable))
+
+
+def interval(found: Interval, digits: int = 2, scale: float = 1.0, unit: str = "") -> str:
+    """`0.9 (0.7 to 1.2)`; a dash where nothing is known."""
+    ends = sorted((scale * found.low, scale * found.high))
+    value, low, high = (plain(each, digits) for each in (scale * found.value, *ends))
+    return "-" if isnan(found.value) else f"{with_unit(value, unit)} ({low} to {high})"
+
+
+def chance(p: float) -> str:
+    """`p = 0.03`."""
+    return f"p < {plain(LEAST_TOLD)}" if p < LEAST_TOLD else f"p = {plain(p, 2)}"
+
+
+def probability(p: float) -> str:
+    """A probability, never rounded to certainty."""
+    return "> 0.99" if p > 0.99 else "< 0.01" if p < 0.01 else f"{p:.2f}"
+
+
+def joined(words: Iterable[str], last: str = "and") -> str:
+    """`a`, `a and b`, `a, b and c`."""
+    *first, end = tuple(words) or ("",)
+    return f"{', '.join(first)} {last} {end}" if first else end
+
+
+def told(words: Sequence[str], between: str = "; ") -> str:
+    """The first of some clauses, and how many more there are."""
+    more = [f"and {len(words) - MOST_TOLD} more"] if len(words) > MOST_TOLD else []
+    return between.join([*words[:MOST_TOLD], *more])

@@ -1,0 +1,220 @@
+import json
+import re
+from dataclasses import replace
+from math import nan
+
+import pytest
+from ten_records import (
+    ADOPTIONS,
+    DISCOVERIES,
+    VOC,
+    adopted,
+    group,
+    level,
+    mechanism,
+    null,
+    pair,
+    single,
+    typo,
+)
+
+from taichi_erosion.evidence.race.record import EffectPart, Interval, LevelPart
+from taichi_erosion.evidence.words.answer_lines import (
+    Answer,
+    adopt_answer,
+    compare_answer,
+    discover_answer,
+    next_answer,
+)
+from taichi_erosion.evidence.words.document import document
+
+MOST_LINES = 8
+CONTRACT = (
+    *(
+        "verdict",
+        "named",
+        "group",
+        "probabilities",
+        "effects",
+        "parameters",
+        "where",
+        "chi2_before",
+        "chi2_after",
+    ),
+    *("n", "vault", "next_experiments", "mechanisms", "runs", "wall_s", "seed"),
+)
+KNOWN = {*null.effects, "rolling_friction", "contact_pull"}
+ANSWERS = [
+    *(discover_answer(record, VOC) for record in DISCOVERIES.values()),
+    *(compare_answer(record, VOC) for record in DISCOVERIES.values()),
+    *(adopt_answer(record, VOC) for record in ADOPTIONS.values()),
+    *(next_answer(record, VOC) for record in DISCOVERIES.values()),
+]
+
+
+def headline(answer: Answer) -> str:
+    return next(line for line in answer.lines if not line.startswith("Check row"))
+
+
+def named_in(text: str) -> set[str]:
+    return {name for name in KNOWN if re.search(rf"\b{name}\b", text)}
+
+
+def acting_rows(answer: Answer) -> set[str]:
+    rows = answer.table.rows if answer.table else ()
+    return {row[0] for row in rows if row[1] == "present" or "one of them acts" in row[1]}
+
+
+@pytest.mark.parametrize("answer", ANSWERS)
+def test_an_answer_has_at_most_eight_lines_of_whole_sentences_without_gaps(answer: Answer):
+    assert 1 <= len(answer.lines) <= MOST_LINES
+    assert all(line.endswith(".") and "  " not in line and "nan" not in line for line in answer.lines)
+    assert answer.table is None or {len(row) for row in answer.table.rows} == {len(answer.table.columns)}
+
+
+@pytest.mark.parametrize("name", DISCOVERIES)
+def test_headline_table_and_last_line_name_the_same(name: str):
+    record = DISCOVERIES[name]
+    answer = discover_answer(record, VOC)
+    first = headline(answer)
+    acting = named_in(first) if first.startswith("Missing") else set()
+    assert acting == acting_rows(answer)
+    if acting:
+        assert acting == named_in(answer.lines[-1])
+        told = record.decided
+        assert acting == {*told.named, *told.group, *told.mechanisms}
+    else:
+        assert not named_in(answer.lines[-1])
+    assert first.startswith("Missing") == (record.decided.verdict in ("present", "group", "outside_library"))
+
+
+def test_a_status_that_contradicts_the_decision_is_not_told():
+    effects = single.effects | {
+        "liquid_bridge": null.effects["liquid_bridge"],
+        "side_walls": single.effects["liquid_bridge"],
+    }
+    answer = discover_answer(replace(single, effects=effects), VOC)
+    assert acting_rows(answer) == {"liquid_bridge"}
+
+
+def test_with_an_effect_and_a_group_the_last_line_has_a_step_for_both():
+    both = replace(group, decided=replace(group.decided, named=("liquid_bridge",)))
+    last = discover_answer(both, VOC).lines[-1]
+    assert "adopt lab.toml liquid_bridge`" in last
+    assert named_in(last) == {"liquid_bridge", "dry_cohesion", "side_walls"}
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        f(r, VOC)
+        for r in (typo, DISCOVERIES["named_and_typo"])
+        for f in (discover_answer, compare_answer, next_answer)
+    ],
+)
+def test_gross_repeats_come_first(answer: Answer):
+    assert "row 17" in answer.lines[0]
+    assert not any("row 17 reads" in line for line in answer.lines)  # told once
+
+
+def test_a_law_stands_in_the_first_sentence_in_the_units_of_the_table():
+    first = discover_answer(mechanism, VOC).lines[0]
+    assert "(moisture / 5 %)^1.2" in first
+    assert "1 + 0.81" in first
+    falling = replace(mechanism.law, numbers=mechanism.law.numbers | {"a": Interval(-0.4, -0.5, -0.3)})
+    assert "1 - 0.4 (" in discover_answer(replace(mechanism, law=falling), VOC).lines[0]
+    unsaid = replace(mechanism, decided=null.decided)  # a law of what is not said to act
+    assert not any(
+        "moisture /" in line or line.startswith("Law") for line in discover_answer(unsaid, VOC).lines
+    )
+
+
+@pytest.mark.parametrize("name", ADOPTIONS)
+def test_the_error_falls_only_to_a_model_that_is_adequate_on_fitted_and_held_out_rows(name: str):
+    text = " ".join(adopt_answer(ADOPTIONS[name], VOC).lines)
+    assert ("The error falls" in text) == (name == "adopted")
+    assert ("still fails" in text) == name.endswith("fails")
+    assert ("Biased without" in text) == (name == "adopted")
+    assert ("lab_adopted.toml" in text) == (name != "refuted")
+
+
+def test_chances_on_both_sides_of_the_level_of_a_misfit():
+    for p, falls in ((0.0099, False), (0.01, True), (nan, True)):
+        record = replace(adopted, held_out=replace(adopted.held_out, p_after=p))
+        assert adopt_answer(record, VOC).lines[0].startswith("The error falls") == falls
+
+
+def test_rows_that_test_nothing_are_not_told_as_a_success():
+    for held in (None, replace(adopted.held_out, n=0)):
+        answer = adopt_answer(replace(adopted, held_out=held), VOC)
+        assert "falls" not in " ".join(answer.lines)
+        assert answer.table is None
+
+
+def test_a_strength_at_the_limit_of_the_list_is_told_and_its_interval_holds_it():
+    assert "limit" in discover_answer(pair, VOC).lines[0]
+    assert "limit" not in discover_answer(single, VOC).lines[0]
+    told = re.findall(r"strength ([\d.]+) \(([\d.]+) to ([\d.]+)\)", discover_answer(pair, VOC).lines[0])
+    assert len(told) == len(pair.decided.named)
+    assert all(float(low) <= float(value) <= float(high) for value, low, high in told)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"status": "excluded", "limit": 0.123}, "excluded above 0.12"),
+        ({"status": "open", "unseen_below": 0.456}, "could act unseen below 0.46"),
+        ({"status": "open", "unseen_below": nan}, "could act unseen at any"),
+        ({"status": "untestable"}, "could act unseen at any"),
+        ({"status": "better_but_not_sufficient"}, "better than nothing but not sufficient"),
+        ({"status": "open", "alike": ("side_walls",)}, "not told apart from side_walls"),
+    ],
+)
+def test_statuses_in_words(changes: dict, words: str):
+    part: EffectPart = replace(null.effects["liquid_bridge"], **changes)
+    answer = discover_answer(replace(null, effects={"liquid_bridge": part}), VOC)
+    assert words in answer.table.rows[0][1]
+
+
+def test_levels_have_the_unit_and_the_sign_of_the_table():
+    assert any(
+        "radius_90 reads 0.6 mm (0.4 to 0.8) more" in line for line in discover_answer(level, VOC).lines
+    )
+    below = replace(level, levels=(LevelPart("radius_90", "offset", Interval(-6e-4, -8e-4, 1e-4), 0.99),))
+    assert any("0.6 mm (-0.1 to 0.8) less" in line for line in discover_answer(below, VOC).lines)
+
+
+@pytest.mark.parametrize("record", [*DISCOVERIES.values(), replace(null, where=single.where)])
+def test_a_comparison_asks_for_an_effect_where_it_fails_as_a_whole_or_in_a_place(record):
+    answer = compare_answer(record, VOC)
+    first, last = headline(answer), answer.lines[-1]
+    assert ("fails" in first) == any("fails here" in line for line in answer.lines)
+    assert ("fails" in first) == any(row[-1] != "nowhere" for row in answer.table.rows)
+    if not record.repeats:
+        assert ("fails" in first) == ("discover" in last)
+
+
+def test_a_spent_budget_is_told_before_the_last_line():
+    assert "budget" in discover_answer(DISCOVERIES["stopped"], VOC).lines[-2]
+
+
+def test_proposals_are_told_in_the_units_of_the_table_or_as_none():
+    answer = next_answer(group, VOC)
+    assert answer.table.rows[1][:2] == ("threshold_u_star [cm/s]", "moisture = 0 %, diameter = 200 um")
+    assert answer.table.rows[1][2] == "31 (29 to 33)"
+    assert next_answer(null, VOC).table is None
+
+
+@pytest.mark.parametrize("record", [*DISCOVERIES.values(), *ADOPTIONS.values()])
+def test_the_document_is_json_with_the_keys_of_the_contract(record):
+    found = json.loads(json.dumps(document(record), allow_nan=False))
+    assert set(CONTRACT) <= found.keys()
+    keys = {"status", "strength", "strength_low", "strength_high", "log_bayes_factor", "absorption"}
+    assert all(keys <= part.keys() for part in found["effects"].values())
+    assert all({"value", "low", "high"} <= part.keys() for part in found["parameters"].values())
+    assert set(record.decided.mechanisms) <= found["mechanisms"].keys()
+    if record.held_out is not None:
+        assert found["vault"]["chi2_after"] == pytest.approx(record.held_out.n * record.held_out.after)
+    if record.law is not None:
+        law = found["mechanisms"][record.law.mechanism]["law"]
+        assert law["low"]["moisture"] < law["exponents"]["moisture"] < law["high"]["moisture"]
