@@ -98,7 +98,7 @@ def zeros(rows: ComparisonRows, unit: Floats) -> list[Block]:
         if own.sum() > 1 and np.ptp(shape[own]) > ZERO_SHOWS:
             column = np.where(own, float(np.median(unit[own])) * shape, 0.0)
             name = observable.name
-            found.append(Block("zero", name, column[:, None], (name,), scale(f"zero {name}", cauchy=LARGE)))
+            found.append(Block("zero", name, column[:, None], (name,), scale(f"zero {name}", cauchy=NEAR)))
     return found
 
 

@@ -237,7 +237,7 @@ def evidence(rows: LinearRows, u: Floats, steps: int, bad: frozenset[int] = froz
     ln(1 + sum_i o L_i), o the odds of a bad row, L_i = (1 + e P_ii)^-1/2 exp(1/2 e a_i^2 / (1 + e P_ii)),
     e its additional variance, P = V^-1, a = P y.
     """
-    most = max(1, rows.y.size // 12)
+    most = len(bad) + max(1, rows.y.size // 12)
     while True:
         now = with_best_scales(rows.with_bad(bad), u, steps)
         residual, diagonal = now.precision

@@ -87,7 +87,7 @@ class RepeatPart:
     """Two repeats of one measurement that disagree grossly."""
 
     observable: str
-    rows: tuple[int, int]  # numbers in the table
+    rows: tuple[int, ...]  # numbers in the table
     difference: float  # in the unit of the observable
     suspect: int  # the one that the model does not expect; 0: either
 

@@ -15,7 +15,9 @@ from math import nan
 import numpy as np
 from scipy import stats
 
+from taichi_erosion.evidence.data.comparison_rows import tested_by_repeats
 from taichi_erosion.evidence.data.problem import Floats
+from taichi_erosion.evidence.data.repeats import JOINT
 from taichi_erosion.evidence.data.transforms import axis_value, from_scale
 from taichi_erosion.evidence.models.predictor import axis_scale
 from taichi_erosion.evidence.race.blocks import Block
@@ -34,6 +36,7 @@ from taichi_erosion.evidence.race.record import (
     NumberPart,
     PlacePart,
     Record,
+    RepeatPart,
     RowsPart,
     Status,
 )
@@ -52,7 +55,7 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
         numbers=number_parts(posterior),
         levels=tuple(level_parts(posterior)),
         errors=tuple(error_parts(after, race)),
-        repeats=(),
+        repeats=tuple(repeat_parts(race, after)),
         fit=fit_part(race, bare, after),
         where=tuple(places(race, bare)),
         rows=rows_part(race, bare, after),
@@ -63,11 +66,17 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
 
 
 def told_fit(posterior: Posterior, found: Decision) -> Fit:
-    """The likeliest explanation that holds all that is told; the likeliest of all where nothing is."""
-    share, wanted = posterior.probability, set(found.named)
-    able = [h for h in share if wanted <= set(h.names) | {h.kind}]
+    """The likeliest explanation of exactly what is told; of all of them where a group or no set is told."""
+    share = posterior.probability
     if found.verdict == "none_detected":
-        able = [Hypothesis(())]
+        return posterior.race.fits[Hypothesis(())]
+    able = [
+        h
+        for h in share
+        if {*h.names, *({h.kind} & set(found.inclusion))} == set(found.named) and not h.kind == "?"
+    ]
+    if found.verdict != "present" or not able:
+        able = list(share)
     return posterior.race.fits[max(able, key=lambda h: share[h])]
 
 
@@ -83,10 +92,28 @@ def decided(posterior: Posterior, found: Decision) -> Decided:
     return Decided(found.verdict, found.named, found.group, found.mechanisms, table, found.familywise)
 
 
+def repeat_parts(race: Race, after: Fit) -> Iterator[RepeatPart]:
+    """Repeats that disagree grossly, and which of them the told model does not expect."""
+    rows = race.prepared.rows
+    bad = {(rows.names[i], rows.lines[i][0]) for i in after.evidence.bad}
+    for each in rows.apart:
+        found = [line for line in each.suspects if (each.observable, line) in bad]
+        yield RepeatPart(each.observable, each.lines, each.gap, found[0] if len(found) == 1 else 0)
+
+
 def fit_part(race: Race, bare: Fit, after: Fit) -> FitPart:
     """Misfit of the fitted rows if nothing is missing, and with what is told."""
     before, now = misfit(bare), misfit(after)
-    return FitPart(race.prepared.rows.size, before[0], now[0], before[1], now[1], nan)
+    return FitPart(race.prepared.rows.size, before[0], now[0], before[1], now[1], lack_of_fit(race, bare))
+
+
+def lack_of_fit(race: Race, bare: Fit) -> float:
+    """Chance that repeats scatter as far from the calibrated model as their means do; NaN without repeats."""
+    now, p = bare.evidence.solved, race.prepared
+    own = p.white(bare.jacobian)
+    leverage = np.einsum("ij,jk,ik->i", own, now.inverse[: bare.v.size, : bare.v.size], own)
+    found = tested_by_repeats(p.rows, p.variance, p.white(p.rows.z - bare.mean), leverage)
+    return found[JOINT].p if JOINT in found else nan
 
 
 def misfit(fit: Fit) -> tuple[float, float]:
@@ -234,7 +261,7 @@ def error_parts(fit: Fit, race: Race) -> Iterator[ErrorPart]:
         if block.kind in ("source", "batch"):
             at = np.flatnonzero(now.rows.block == index)
             for label, j, column in zip(block.labels, at, block.columns.T, strict=True):
-                size = float(np.max(column))
+                size = float(np.max(column)) / float(np.median(rows.slope[column > 0.0]))
                 if abs(best[j]) > ONE_SIDED * sd[j] and abs(best[j]) > 1.0:
                     ends = [size * (best[j] + z * sd[j]) for z in (0.0, -ONE_SIDED, ONE_SIDED)]
                     source, _, observable = label.rpartition("|")
@@ -242,7 +269,9 @@ def error_parts(fit: Fit, race: Race) -> Iterator[ErrorPart]:
     for row in sorted(fit.evidence.bad):
         gap = float((rows.z[row] - fit.mean[row]) / max(rows.slope[row], 1e-300))
         width = ONE_SIDED * float(race.prepared.sd[row] / max(rows.slope[row], 1e-300))
-        yield ErrorPart("row", rows.names[row], str(row), Interval(gap, gap - width, gap + width))
+        yield ErrorPart(
+            "row", rows.names[row], str(rows.lines[row][0]), Interval(gap, gap - width, gap + width)
+        )
     _, curvature = now.derivatives()
     spread = np.sqrt(np.diag(np.linalg.inv(curvature)))
     for j in range(now.rows.blocks, now.u.size):

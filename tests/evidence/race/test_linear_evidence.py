@@ -1,4 +1,4 @@
-"""Evidence of linear rows against the density of a multivariate normal, and its slopes against differences."""
+"""Evidence of linear rows against the density of a normal distribution, and its slopes against differences."""
 
 from dataclasses import replace
 
@@ -10,8 +10,7 @@ from taichi_erosion.evidence.race.linear_evidence import LinearRows, Scales, evi
 from taichi_erosion.evidence.race.priors import BAD_SD
 
 SCALES = sum(
-    (scale("level", cauchy=0.25), scale("smooth", normal=0.3), scale("first", doubt=0.35)),
-    Scales.none(),
+    (scale("level", cauchy=0.25), scale("smooth", normal=0.3), scale("first", doubt=0.35)), Scales.none()
 ) + scale("second", doubt=0.2)
 U = np.array([0.3, -0.4, 0.1, -0.2])
 
@@ -34,7 +33,7 @@ def covariance(table: LinearRows, u: np.ndarray) -> np.ndarray:
 
 def test_likelihood_is_that_of_a_normal_distribution():
     table = replace(rows(), weight=np.linspace(0.5, 2.0, 14))
-    expected = stats.multivariate_normal(np.zeros(14), covariance(table, U)).logpdf(table.y)
+    expected = stats.multivariate_normal.logpdf(table.y, np.zeros(14), covariance(table, U))
     found = table.solved(U).log_likelihood - 0.5 * 14 * np.log(2.0 * np.pi)
     assert found == pytest.approx(expected, abs=1e-9)
 
