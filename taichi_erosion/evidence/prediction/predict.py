@@ -15,6 +15,7 @@ from taichi_erosion.evidence.answers.held_out_misfit import (
 )
 from taichi_erosion.evidence.answers.next_experiments import repeat_variance
 from taichi_erosion.evidence.data.findings import Estimate
+from taichi_erosion.evidence.data.new_conditions import NewConditions
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Measurements, Problem, Progress
 from taichi_erosion.evidence.data.transforms import from_scale, slope
 from taichi_erosion.evidence.inference.intervals.estimates import estimates_alone
@@ -32,7 +33,6 @@ from taichi_erosion.evidence.prediction.discrepancy_mixture import (
     JointRows,
     joint_prediction,
 )
-from taichi_erosion.evidence.prediction.new_conditions import NewConditions
 from taichi_erosion.scene.schema.units import Scale
 
 SHARE = 0.9  # of the probability that an interval holds
