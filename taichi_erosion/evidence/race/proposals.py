@@ -71,9 +71,9 @@ def proposals(posterior: Posterior, laboratory: Laboratory) -> Proposed:
 # -- explanations
 
 
-def acting(hypothesis: Hypothesis) -> set[str]:
+def acting(hypothesis: Hypothesis) -> frozenset[str]:
     """What acts: effects, a mechanism, something that is not in the list; of an instrument's zero nothing."""
-    return {*hypothesis.names, hypothesis.beyond.partition("|")[0]} - {"", "zero"}
+    return frozenset((*hypothesis.names, hypothesis.beyond.partition("|")[0])) - {"", "zero"}
 
 
 def right(told: Hypothesis, true: Hypothesis) -> bool:
@@ -90,23 +90,19 @@ def name_of(hypothesis: Hypothesis) -> str:
 
 
 def explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypothesis, float]:
-    """The likeliest explanations, best first, kernels of a dose together; they stand for those left out too."""
+    """The likeliest explanations, best first, kernels of a dose together; they stand for all others too."""
     found: dict[tuple, tuple[Hypothesis, float]] = {}
     for h, p in sorted(probability.items(), key=lambda item: -item[1]):
         key = h.names, h.beyond.partition("|")[0]
-        best, whole = found.get(key, (h, 0.0))
-        found[key] = best, whole + p
+        found[key] = found.get(key, (h, 0.0))[0], found.get(key, (h, 0.0))[1] + p
     kept = dict(sorted(found.values(), key=lambda each: -each[1])[:MOST])
     leading = next(iter(kept))
-    kept = {h: p for h, p in kept.items() if p > 0.1 * KEEP or h == leading}
 
-    def share(some: Mapping[Hypothesis, float], agrees: bool) -> float:
-        return sum(p for h, p in some.items() if right(leading, h) == agrees)
+    def agreeing(some: Mapping[Hypothesis, float], h: Hypothesis) -> float:
+        return sum(p for other, p in some.items() if right(leading, other) == right(leading, h))
 
-    scale = {
-        agrees: share(probability, agrees) / max(share(kept, agrees), 1e-300) for agrees in (True, False)
-    }
-    return {h: p * scale[right(leading, h)] for h, p in kept.items()}
+    told = {h: p for h, p in kept.items() if p > 0.1 * KEEP}
+    return {h: p * agreeing(probability, h) / agreeing(told, h) for h, p in told.items()}
 
 
 # -- what they expect
@@ -118,27 +114,24 @@ class Pool:
 
     race: Race
     typical: Integers  # (m,), known row with the median error of the same observable
-    model: RaceModel  # of a study with these measurements for rows
+    ahead: PreparedProblem  # the study with these measurements for rows
+    model: RaceModel  # there
     variance: Floats  # (m,), of the mean of the repeats
     cost: Floats  # (m,)
-
-    @property
-    def ahead(self) -> PreparedProblem:
-        return self.model.prepared
 
     def rival(self, fit: Fit, weight: float) -> Rival:
         """An explanation, given the known rows; every measurement is a batch of its own."""
         n, v, names = fit.mean.size, fit.target, fit.hypothesis.names
         value, bent, offset = self.dosed(fit)
-        middle, root = value(v), np.linalg.cholesky(fit.covariance) if v.size else np.zeros((0, 0))
+        middle, root = value(v), np.linalg.cholesky(fit.covariance)
         change = [0.5 * (value(v + step) - value(v - step)) for step in root.T]
-        slopes = np.linalg.solve(root.T, change).T if v.size else np.zeros((middle.size, 0))
+        slopes = np.linalg.solve(root.T, np.reshape(change, (v.size, middle.size))).T
         blocks = self.blocks(fit, middle, bent)
         known = [replace(b, columns=own[:n]) for b, own in zip(fit.blocks, blocks, strict=True)]
         rows, _ = self.race.linear(replace(fit, blocks=tuple(known)))
         now = rows.with_bad(fit.evidence.bad).solved(fit.evidence.solved.u)
-        errors = np.zeros((middle.size, fit.errors.shape[1]))
-        errors[:, : self.ahead.rows.shared.shape[1]] = self.ahead.rows.shared
+        shared = self.ahead.rows.shared
+        errors = np.pad(shared, ((0, 0), (0, fit.errors.shape[1] - shared.shape[1])))
         columns = np.hstack([slopes, errors, *(own[n:] for own in blocks)]) * now.tau
         mean = middle - offset + columns[:, v.size :] @ now.centre[v.size :]
         scatter = np.append(np.exp(2.0 * now.u[rows.blocks :]), 1.0)[self.race.scatter[self.typical]]
@@ -212,10 +205,11 @@ def pool_of(race: Race, laboratory: Laboratory) -> Pool:
         covariance=None,
     )
     predictor = p.predictor.over(rows.observables, rows.which, rows.conditions)
-    own = {"seed_variance": p.seed_variance[at], "variance": p.variance[at], "condition_errors": None}
+    seeds, variance = p.seed_variance[at], p.variance[at]
+    ahead = replace(p, rows=rows, predictor=predictor, seed_variance=seeds, variance=variance)
+    ahead = replace(ahead, condition_errors=None)
     cost = np.array([laboratory.costs.get(name, 1.0) for name in rows.names])
-    model = RaceModel(replace(p, rows=rows, predictor=predictor, **own))
-    return Pool(race, at, model, p.variance[at] * share, cost)
+    return Pool(race, at, ahead, RaceModel(ahead), variance * share, cost)
 
 
 def settings(rows: ComparisonRows, own: Integers, ranges: Mapping[str, tuple[float, float]]) -> Floats:
@@ -238,7 +232,7 @@ def settings(rows: ComparisonRows, own: Integers, ranges: Mapping[str, tuple[flo
 
 
 def best_design(rivals: Sequence[Rival], cost: Floats) -> list[tuple[int, float]]:
-    """Measurements and the chance that all up to each decide, as far as that rises."""
+    """Measurements and the chance that all up to each decide, as far as it rises; none if surely they do not."""
     valued = np.flatnonzero(np.all([np.isfinite(np.diag(r.covariance) + r.mean) for r in rivals], axis=0))
     mean = np.array([rival.mean[valued] for rival in rivals])
     covariance = np.array([rival.covariance[np.ix_(valued, valued)] for rival in rivals])
@@ -268,4 +262,4 @@ def best_design(rivals: Sequence[Rival], cost: Floats) -> list[tuple[int, float]
         along = (covariance[:, :, at] / covariance[:, at, at, np.newaxis])[:, np.newaxis]
         gap = gap - gap[..., at, np.newaxis] * along
         covariance = covariance - along.transpose(0, 2, 1) * covariance[:, np.newaxis, at]
-    return told[:kept]
+    return told[:kept] if best > 1.0 - SURE else []
