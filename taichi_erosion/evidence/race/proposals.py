@@ -232,7 +232,7 @@ def settings(rows: ComparisonRows, own: Integers, ranges: Mapping[str, tuple[flo
 
 
 def best_design(rivals: Sequence[Rival], cost: Floats) -> list[tuple[int, float]]:
-    """Measurements and the chance that all up to each decide, as far as it rises; none if surely they do not."""
+    """Measurements and the chance that all up to each decide, while it rises; none if surely they do not."""
     valued = np.flatnonzero(np.all([np.isfinite(np.diag(r.covariance) + r.mean) for r in rivals], axis=0))
     mean = np.array([rival.mean[valued] for rival in rivals])
     covariance = np.array([rival.covariance[np.ix_(valued, valued)] for rival in rivals])
