@@ -4,15 +4,14 @@
 
 y_x is the outcome of a measurement x of one observable, y_c those of the measurements chosen before, k the
 explanations with probabilities q_k, each a normal distribution of all outcomes together, conditioned on the
-rows that are known. Slopes are taken over one sd of the posterior on either side, expectations over mirrored
-draws. Settings are those that were measured and a central composite design over the ranges.
+rows that are known (`outlook`). Expectations are over mirrored draws. Settings are those that were measured
+and a central composite design over the ranges.
 
 References: Lindley (1956), Ann. Math. Stat. 27, 986; Box & Hill (1967), Technometrics 9, 57 (information on
 which model holds); Box & Wilson (1951), J. R. Stat. Soc. B 13, 1 (central composite design).
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from copy import copy
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -20,18 +19,18 @@ import numpy as np
 from scipy.linalg import hadamard
 from scipy.stats import norm
 
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, joined
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Integers, Laboratory
-from taichi_erosion.evidence.data.transforms import from_scale, slope
+from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.race.blocks import dose_columns, nuisance, unlisted
-from taichi_erosion.evidence.race.doses import STEP_W, dosers
-from taichi_erosion.evidence.race.expansion import RaceModel
+from taichi_erosion.evidence.prediction.new_conditions import NewConditions
+from taichi_erosion.evidence.race.outlook import kappa, outlook
 from taichi_erosion.evidence.race.posterior import SEED, Posterior
 from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.race.record import ExperimentPart, Interval
-from taichi_erosion.evidence.race.search import UNLISTED_KEY, Fit, Hypothesis, Race
+from taichi_erosion.evidence.race.search import UNLISTED_KEY, Fit, Hypothesis
+from taichi_erosion.evidence.race.unseen_rows import Elsewhere, elsewhere, new_rows
 
 MOST = 6  # explanations that are compared, and measurements: a few days in a laboratory
 LEAST = 0.02  # information [nat] and chance of no worth: of two explanations 0.4 sd apart, d^2 / 8
@@ -62,9 +61,12 @@ def proposals(posterior: Posterior, laboratory: Laboratory) -> Proposed:
     leading = next(iter(weights))
     if sum(p for h, p in posterior.probability.items() if right(leading, h)) >= SURE:
         return Proposed("decided")
-    pool = pool_of(posterior.race, laboratory)
-    rivals = [pool.rival(posterior.race.fits[h], weight) for h, weight in weights.items()]
-    told = tuple(pool.experiment(rivals, at, chance) for at, chance in best_design(rivals, pool.cost))
+    race, rows = posterior.race, possible(posterior.race.prepared, laboratory.ranges)
+    place = elsewhere(race, rows)
+    cost = np.array([laboratory.costs.get(name, 1.0) for name in rows.names])
+    rivals = [rival(place, race.fits[h], weight, laboratory.repeats) for h, weight in weights.items()]
+    design = best_design(rivals, cost)
+    told = tuple(experiment(rows, rivals, at, chance, float(cost[at])) for at, chance in design)
     return Proposed("proposed" if told else "undecidable", told)
 
 
@@ -108,108 +110,35 @@ def explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypothesis, fl
 # -- what they expect
 
 
-@dataclass(frozen=True)
-class Pool:
-    """m measurements that could be made, as rows that follow the n known ones."""
-
-    race: Race
-    typical: Integers  # (m,), known row with the median error of the same observable
-    ahead: PreparedProblem  # the study with these measurements for rows
-    model: RaceModel  # there
-    variance: Floats  # (m,), of the mean of the repeats
-    cost: Floats  # (m,)
-
-    def rival(self, fit: Fit, weight: float) -> Rival:
-        """An explanation, given the known rows; every measurement is a batch of its own."""
-        n, v, names = fit.mean.size, fit.target, fit.hypothesis.names
-        value, bent, offset = self.dosed(fit)
-        middle, root = value(v), np.linalg.cholesky(fit.covariance)
-        change = [0.5 * (value(v + step) - value(v - step)) for step in root.T]
-        slopes = np.linalg.solve(root.T, np.reshape(change, (v.size, middle.size))).T
-        blocks = self.blocks(fit, middle, bent)
-        known = [replace(b, columns=own[:n]) for b, own in zip(fit.blocks, blocks, strict=True)]
-        rows, _ = self.race.linear(replace(fit, blocks=tuple(known)))
-        now = rows.with_bad(fit.evidence.bad).solved(fit.evidence.solved.u)
-        shared = self.ahead.rows.shared
-        errors = np.pad(shared, ((0, 0), (0, fit.errors.shape[1] - shared.shape[1])))
-        columns = np.hstack([slopes, errors, *(own[n:] for own in blocks)]) * now.tau
-        mean = middle - offset + columns[:, v.size :] @ now.centre[v.size :]
-        scatter = np.append(np.exp(2.0 * now.u[rows.blocks :]), 1.0)[self.race.scatter[self.typical]]
-        batch = sum(np.exp(2.0 * now.u[i]) for i, b in enumerate(fit.blocks) if b.kind == "batch")
-        numbers = self.model.numbers(v[: self.model.count])
-        own = self.ahead.predictor.model_errors(numbers, self.model.strengths(names, v))
-        single = np.diag(self.variance * scatter + self.ahead.variance * batch)
-        return Rival(fit.hypothesis, weight, mean, columns @ now.inverse @ columns.T + own @ own.T + single)
-
-    def dosed(self, fit: Fit) -> tuple[Callable[[Floats], Floats], Floats, Floats]:
-        """Mean as a function of v at the likeliest doses, their columns (n + m, r), their part in it (m,)."""
-        n, m, doses = fit.mean.size, self.typical.size, fit.dose
-        if doses is None:
-            names = fit.hypothesis.names
-            return lambda v: self.model.mean(names, v), np.zeros((n + m, 0)), np.zeros(m)
-        name, k, axis = fit.hypothesis.beyond.split("|")
-        there = copy(self.race)
-        there.model = self.model
-        doser = next(each for each in dosers(self.race) if each.name == name)
-        kernels = dose_columns(joined([self.race.prepared.rows, self.ahead.rows]))
-        factor = [each for along, each in kernels if along == axis][int(k) % 2]
-        w = factor[n:] @ np.linalg.lstsq(factor[:n], doses.w, rcond=None)[0]
-        h = np.where(w > 0.5 * doser.top, -STEP_W, STEP_W)
-        bend = (doser.at(there, fit.target, w + h)[1] - doser.at(there, fit.target, w)[1]) / h
-        return lambda v: doser.at(there, v, w)[1], np.append(doses.slope, bend)[:, None] * factor, bend * w
-
-    def blocks(self, fit: Fit, middle: Floats, bent: Floats) -> list[Floats]:
-        """Columns (n + m, q) of every block of a fit, as large in the known rows as there."""
-        steep, p = np.zeros(middle.size), self.race.prepared
-        for observable, own in self.ahead.by_observable():
-            steep[own] = slope(observable, from_scale(observable, middle[own]))
-        rows = joined([p.rows, replace(self.ahead.rows, z=middle, slope=steep)])
-        usual = nuisance(rows, np.arange(rows.size) < p.rows.size, np.append(p.sd, self.ahead.sd))
-        found = {(b.kind, b.observable): b.columns for b in (*usual, *unlisted(usual))} | {("dose", ""): bent}
-        for zero in self.race.zeros:
-            own = np.array(rows.names) == zero.observable
-            found["zero", zero.observable] = np.where(own, rows.slope, 0.0)[:, None]
-        pairs = [(found[b.kind, b.observable], np.linalg.norm(b.columns)) for b in fit.blocks]
-        return [new * size / max(np.linalg.norm(new[: p.rows.size]), 1e-300) for new, size in pairs]
-
-    def experiment(self, rivals: Sequence[Rival], at: int, chance: float) -> ExperimentPart:
-        """One measurement with what every explanation expects of it."""
-        rows, expected = self.ahead.rows, {}
-        for rival in rivals:
-            z = rival.mean[at] + np.sqrt(rival.covariance[at, at]) * norm.ppf([0.5, 0.05, 0.95])
-            expected[name_of(rival.hypothesis)] = Interval(*map(float, from_scale(rows.observable_at(at), z)))
-        stated = {name: value for name, value in rows.conditions_at(at).items() if np.isfinite(value)}
-        return ExperimentPart(rows.names[at], stated, expected, chance, float(self.cost[at]))
+def rival(place: Elsewhere, fit: Fit, weight: float, repeats: int) -> Rival:
+    """An explanation, given the known rows."""
+    told = outlook(place, fit)
+    scatter = kappa(place, told.solved, told.solved.u) ** 2
+    covariance = told.covariance() + np.diag(scatter * place.prepared.variance / repeats)
+    return Rival(fit.hypothesis, weight, told.mean(), covariance)
 
 
-def pool_of(race: Race, laboratory: Laboratory) -> Pool:
+def experiment(
+    rows: ComparisonRows, rivals: Sequence[Rival], at: int, chance: float, cost: float
+) -> ExperimentPart:
+    """One measurement with what every explanation expects of it."""
+    expected = {}
+    for each in rivals:
+        z = each.mean[at] + np.sqrt(each.covariance[at, at]) * norm.ppf([0.5, 0.05, 0.95])
+        expected[name_of(each.hypothesis)] = Interval(*map(float, from_scale(rows.observable_at(at), z)))
+    stated = {name: value for name, value in rows.conditions_at(at).items() if np.isfinite(value)}
+    return ExperimentPart(rows.names[at], stated, expected, chance, cost)
+
+
+def possible(prepared: PreparedProblem, ranges: Mapping[str, tuple[float, float]]) -> ComparisonRows:
     """Every measurement that a laboratory could make."""
-    p, table = race.prepared, race.prepared.problem.visible()
-    named, parts = np.array(table.observable), []
-    for k in np.unique(p.rows.which):
-        own = np.flatnonzero(p.rows.which == k)
-        sets = settings(p.rows, own, laboratory.ranges)
-        behind = np.fmax(table.n[named == p.rows.observables[k].name], 1.0).sum() / own.size  # a row
-        median = own[np.argsort(p.sd[own])[own.size // 2]]
-        parts.append((sets, np.full(len(sets), median), np.full(len(sets), behind / laboratory.repeats)))
-    sets, at, share = map(np.concatenate, zip(*parts, strict=True))
-    none = np.zeros(at.size)
-    rows = replace(
-        p.rows.rows(at),
-        conditions=dict(zip(p.rows.conditions, sets.T, strict=True)),
-        condition_sd={name: np.full(at.size, np.nan) for name in p.rows.condition_sd},
-        group=("",) * at.size,
-        censored=none > 0.0,
-        reach=none,
-        shared=p.rows.shared[at],
-        covariance=None,
-    )
-    predictor = p.predictor.over(rows.observables, rows.which, rows.conditions)
-    seeds, variance = p.seed_variance[at], p.variance[at]
-    ahead = replace(p, rows=rows, predictor=predictor, seed_variance=seeds, variance=variance)
-    ahead = replace(ahead, condition_errors=None)
-    cost = np.array([laboratory.costs.get(name, 1.0) for name in rows.names])
-    return Pool(race, at, ahead, RaceModel(ahead), variance * share, cost)
+    rows, names, sets = prepared.rows, [], []
+    for k in np.unique(rows.which):
+        sets.append(settings(rows, np.flatnonzero(rows.which == k), ranges))
+        names += [rows.observables[k].name] * len(sets[-1])
+    conditions = dict(zip(rows.conditions, np.vstack(sets).T, strict=True))
+    found = new_rows(prepared, NewConditions(tuple(names), conditions))
+    return replace(found, group=tuple(f"|{row}" for row in range(found.size)))  # each a batch of its own
 
 
 def settings(rows: ComparisonRows, own: Integers, ranges: Mapping[str, tuple[float, float]]) -> Floats:
