@@ -122,10 +122,11 @@ def experiment(
     rows: ComparisonRows, rivals: Sequence[Rival], at: int, chance: float, cost: float
 ) -> ExperimentPart:
     """One measurement with what every explanation expects of it."""
-    expected = {}
+    expected, observable = {}, rows.observable_at(at)
     for each in rivals:
         z = each.mean[at] + np.sqrt(each.covariance[at, at]) * norm.ppf([0.5, 0.05, 0.95])
-        expected[name_of(each.hypothesis)] = Interval(*map(float, from_scale(rows.observable_at(at), z)))
+        ends = np.maximum(from_scale(observable, z), 0.0 if observable.transform == "log_floor" else -np.inf)
+        expected[name_of(each.hypothesis)] = Interval(*map(float, ends))
     stated = {name: value for name, value in rows.conditions_at(at).items() if np.isfinite(value)}
     return ExperimentPart(rows.names[at], stated, expected, chance, cost)
 
