@@ -1,0 +1,244 @@
+"""What a race says of rows that it has not seen: the same generative model, conditioned on the fitted rows.
+
+    z' = m' + J' (v - v^) + S' (w' - w^') + sum_b tau_b F'_b u_b + e',   w' = tau L' s,  e' ~ N(0, kappa^2 V')
+
+m', J' and S' are the model and its slopes at the other rows, at the best setting v^ of a hypothesis and the
+doses w^' that its kernel carries there. F and L are built over fitted and other rows together, so that each
+coefficient has a column in both; with X' all columns and c, C mean and covariance of the coefficients,
+
+    E z' = m' - J' v^ - S' w^' + X' c,   cov z' = X' C X'^T + kappa^2 V'
+
+Hypotheses are averaged by their probability, scales by draws (`posterior`). The misfit of held-out rows takes
+physics, levels and sources alone for the prediction: no smooth discrepancy may earn what an effect should.
+
+References: Rasmussen & Williams (2006), Gaussian Processes, 2.2 (conditioning); Hoeting et al. (1999), Stat.
+Sci. 14, 382 (averaging over models).
+"""
+
+from collections.abc import Iterable
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
+from taichi_erosion.evidence.data.linear_algebra import working
+from taichi_erosion.evidence.data.problem import Bools, Floats
+from taichi_erosion.evidence.data.transforms import from_scale
+from taichi_erosion.evidence.models.condition_errors import condition_errors
+from taichi_erosion.evidence.models.predictor import axis_scale
+from taichi_erosion.evidence.race.blocks import (
+    LENGTHS,
+    Block,
+    nuisance,
+    square_distance,
+    square_root,
+    unlisted,
+)
+from taichi_erosion.evidence.race.decision import acts
+from taichi_erosion.evidence.race.doses import STEP_W, dosers
+from taichi_erosion.evidence.race.linear_evidence import Solved
+from taichi_erosion.evidence.race.posterior import SEED, Posterior, draws_of, quantiles
+from taichi_erosion.evidence.race.priors import KEEP
+from taichi_erosion.evidence.race.record import HeldOutPart, Interval
+from taichi_erosion.evidence.race.search import Doses, Fit, Hypothesis
+from taichi_erosion.evidence.race.unseen_rows import Elsewhere, both_rows, elsewhere, held_out_rows
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """What one hypothesis says of other rows, on the comparison scale."""
+
+    fit: Fit  # its linear rows have the columns of both
+    start: Floats  # (m,), with every coefficient at 0; NaN where the model has no value
+    columns: Floats  # (m, q)
+    smooth: Bools  # (q,), columns of smooth discrepancies and of what no list holds
+
+    @property
+    def solved(self) -> Solved:
+        return self.fit.evidence.solved
+
+    def mean(self, smooth: bool = True) -> Floats:
+        """Conditional mean (m,); without `smooth` that of physics, levels and sources alone."""
+        return self.start + self.sized(smooth) @ self.solved.centre
+
+    def covariance(self, smooth: bool = True) -> Floats:
+        """Conditional covariance (m, m) of that mean."""
+        own = self.sized(smooth)
+        return own @ self.solved.inverse @ own.T
+
+    def sized(self, smooth: bool) -> Floats:
+        """Columns in units of the sd of their coefficients."""
+        return self.columns * np.where(self.smooth & (not smooth), 0.0, self.solved.tau)
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """Weighted draws of other rows, averaged over hypotheses, on the comparison scale."""
+
+    rows: ComparisonRows
+    mean: Floats  # (k, m), of many measurements
+    measured: Floats  # (k, m), of one more
+    weight: Floats  # (k,)
+
+    def intervals(self, values: Floats) -> list[Interval]:
+        """Median and 90 % interval of every row in its unit, of `mean` or of `measured`."""
+        found = []
+        for column, k in zip(values.T, self.rows.which, strict=True):
+            observable = self.rows.observables[k]
+            ends = from_scale(observable, quantiles(column, self.weight))
+            low, middle, high = np.maximum(ends, 0.0) if observable.transform == "log_floor" else ends
+            found.append(Interval(float(middle), float(low), float(high)))
+        return found
+
+
+def expanded(place: Elsewhere, fit: Fit) -> tuple[Floats, Floats, Doses | None]:
+    """Mean (m,) and slopes (m, d) of the model at other rows, and the doses that a mechanism has there."""
+    model, names, v, m = place.model, fit.hypothesis.names, fit.v, place.rows.size
+    if fit.dose is None:
+        return model.sure_mean(names, v), model.jacobian(names, v, model.mean(names, v)), None
+    race = copy(place.race)
+    race.model = model
+    each = next(each for each in dosers(race) if each.name == fit.hypothesis.beyond.partition("|")[0])
+    factor = dose_factor(place, fit)
+    w, mean = each.at(race, v, factor[-m:] @ np.linalg.lstsq(factor[:-m], fit.dose.w, rcond=None)[0])
+    h = np.where(w > 0.5 * each.top, -STEP_W, STEP_W)
+    bend = np.nan_to_num((each.at(race, v, w + h)[1] - mean) / h)
+    change = [
+        (each.at(race, v + t * one, w)[1] - mean) / t
+        for one, t in zip(np.eye(v.size), np.where(v > 0.0, -0.1, 0.1), strict=True)
+    ]
+    return mean, np.nan_to_num(np.reshape(change, (v.size, m)).T), Doses(w, bend, factor, fit.dose.axis)
+
+
+def dose_factor(place: Elsewhere, fit: Fit) -> Floats:
+    """Factor (n + m, r) of the doses of fitted and other rows, with the kernel of `blocks.dose_columns`."""
+    _, k, axis = fit.hypothesis.beyond.split("|", 2)
+    square, zero = 0.0, None
+    for name, column in place.race.prepared.rows.conditions.items():
+        scale = axis_scale(column)
+        if scale is not None and axis in (name, "all"):
+            square = square + square_distance(scale(np.append(column, place.rows.conditions[name])))
+            if axis == name and np.nanmin(column) == 0.0:
+                zero = int(np.argmax(column == 0.0))
+    kernel = np.exp(-0.5 * square / LENGTHS[int(k) % len(LENGTHS)] ** 2) + 0.25
+    if zero is not None:
+        kernel = kernel - np.outer(kernel[zero], kernel[zero]) / kernel[zero, zero]
+    return square_root(kernel)
+
+
+def both_blocks(place: Elsewhere, fit: Fit, both: ComparisonRows, doses: Doses | None) -> list[Block]:
+    """The blocks of a fit over fitted and other rows."""
+    p, n = place.race.prepared, fit.mean.size
+    known, unit = np.arange(both.size) < n, np.append(p.sd, np.ones(both.size - n))
+    usual = [with_unseen(block, both, known, unit) for block in nuisance(both, known, unit)]
+    built = {block.scale.names[0]: block.columns for block in (*usual, *unlisted(usual))}
+    for block in fit.blocks:
+        if block.kind == "dose" and fit.dose is not None and doses is not None:
+            built["dose"] = np.append(fit.dose.slope, doses.slope)[:, np.newaxis] * doses.factor
+        if block.kind == "zero":
+            at = int(np.argmax(block.columns[:, 0] != 0.0))
+            shape = np.where(both.which == both.which[at], both.slope / both.slope[at], 0.0)
+            built[block.scale.names[0]] = block.columns[at] * shape[:, np.newaxis]
+    return [replace(block, columns=built[block.scale.names[0]]) for block in fit.blocks]
+
+
+def with_unseen(block: Block, rows: ComparisonRows, known: Bools, unit: Floats) -> Block:
+    """A block of sources or batches with columns for those of other rows that the fitted ones do not have."""
+    if block.kind not in ("source", "batch"):
+        return block
+    label, columns = np.array(rows.source_names if block.kind == "source" else rows.group), [block.columns]
+    for k, observable in enumerate(rows.observables):
+        own = (rows.which == k) & ~known
+        for each in dict.fromkeys(label[own & (label != "")]):
+            if f"{each}|{observable.name}" not in block.labels:
+                size = float(np.median(unit[(rows.which == k) & known]))
+                columns.append(np.where(own & (label == each), size, 0.0)[:, np.newaxis])
+    return replace(block, columns=np.hstack(columns))
+
+
+def outlook(place: Elsewhere, fit: Fit) -> Outlook:
+    """A hypothesis at other rows, conditioned on the fitted ones at the scales of the fit."""
+    p, n, v, model = place.race.prepared, fit.mean.size, fit.v, place.model
+    mean, jacobian, doses = expanded(place, fit)
+    both = both_rows(p.rows, place.rows, mean)
+    predictor = p.predictor.over(both.observables, both.which, both.conditions)
+    joint = replace(p, rows=both, predictor=predictor, condition_errors=condition_errors(both))
+    acting = model.strengths(fit.hypothesis.names, v)
+    errors = np.hstack([both.shared, joint.model_errors(model.numbers(v[: model.count]), acting)])
+    blocks = both_blocks(place, fit, both, doses)
+    fitted = tuple(replace(block, columns=block.columns[:n]) for block in blocks)
+    known = replace(fit, blocks=fitted, errors=errors[:n])
+    rows = place.race.linear(known)[0].with_bad(fit.evidence.bad)
+    smooth = [np.full(b.columns.shape[1], b.kind in ("discrepancy", "unlisted")) for b in blocks]
+    return Outlook(
+        replace(known, evidence=replace(fit.evidence, solved=rows.solved(fit.evidence.solved.u))),
+        mean - jacobian @ v - (0.0 if doses is None else doses.slope * doses.w),
+        np.hstack([jacobian, errors[n:], *(b.columns[n:] for b in blocks)]),
+        np.concatenate([np.zeros(v.size + errors.shape[1], dtype=np.bool_), *smooth]),
+    )
+
+
+def kappa(place: Elsewhere, solved: Solved, u: Floats) -> Floats:
+    """Scatter of other rows over what is stated (..., m), for scales u (..., k)."""
+    at = {name: j for j, name in enumerate(solved.rows.scales.names)}
+    index = np.array([at.get(f"scatter {name}", -1) for name in place.rows.names], dtype=np.int64)
+    return np.where(index >= 0, np.exp(u[..., index]), 1.0)
+
+
+def forecast(posterior: Posterior, place: Elsewhere) -> Forecast:
+    """Other rows by every hypothesis that matters."""
+    random, told = np.random.default_rng(SEED), {h: p for h, p in posterior.probability.items() if p > KEEP}
+    seen = [(outlook(place, place.race.fits[h]), p / sum(told.values())) for h, p in told.items()]
+    parts = [(each, draws_of(each.fit, share, random)) for each, share in seen]
+    mean = np.vstack([each.start + own.values @ each.columns.T for each, own in parts])
+    mean[:, ~np.isfinite(mean).all(axis=0)] = np.nan  # no average over those that have a value
+    tolerance = np.array([place.rows.noise[name].numerical for name in place.rows.names])
+    simulated = place.prepared.variance - place.rows.variance
+    mean = mean + np.sqrt(simulated + tolerance**2) * random.standard_normal(mean.shape)
+    scatter = np.vstack([kappa(place, each.solved, own.scales) for each, own in parts])
+    scatter = scatter * np.sqrt(np.maximum(place.rows.variance - tolerance**2, 0.0))
+    measured = mean + scatter * random.standard_normal(mean.shape)
+    return Forecast(place.rows, mean, measured, np.concatenate([own.weight for _, own in parts]))
+
+
+def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> HeldOutPart | None:
+    """Misfit of held-out rows by nothing, by the likeliest explanation with `names`, and by another effect.
+
+    The other one is drawn by the seed. None without held-out rows or such an explanation.
+    """
+    race, wanted = posterior.race, set(names)
+    rows = held_out_rows(race.prepared)
+    fits = race.likely(0.0, lambda fit: all(acts(fit.hypothesis, {name}) for name in wanted))
+    if rows is None or not fits:
+        return None
+    singles = [h for h in race.fits if len(h.names) == 1 and not h.beyond and not acts(h, wanted)]
+    others = [h for h in singles if not acts(fits[0].hypothesis, set(h.names))]
+    wrong = [others[np.random.default_rng(seed).integers(len(others))]] if others else []
+    place, chosen = elsewhere(race, rows), [Hypothesis(()), fits[0].hypothesis, *wrong]
+    told = [outlook(place, race.fits[h]) for h in chosen]
+    good = np.all([np.isfinite(each.start) for each in told], axis=0)
+    if not good.any():
+        return None
+    before, after, *other = [misfit(place, each, good) for each in told]
+    p_after, opened = chance(place, told[1], good & ~rows.censored), race.prepared.problem.vault.opened + 1
+    return HeldOutPart(int(good.sum()), before, after, p_after, other[0] if other else np.nan, opened)
+
+
+def misfit(place: Elsewhere, told: Outlook, good: Bools) -> float:
+    """Mean square of (z - m) / s of some rows, s^2 = V + diag cov m, by physics, levels and sources alone."""
+    size = np.sqrt(place.prepared.variance + np.diag(told.covariance(False)))
+    work = working(((place.rows.z - told.mean(False)) / size)[good], (place.rows.reach / size)[good])
+    return float(np.mean(work.residual**2))
+
+
+def chance(place: Elsewhere, told: Outlook, good: Bools) -> float:
+    """Chance of as large a misfit r^T cov^-1 r of some rows, smooth discrepancy and scatter included."""
+    noise = np.diag(place.prepared.variance)
+    if place.rows.covariance is not None:
+        noise = noise + place.rows.covariance
+    factor = kappa(place, told.solved, told.solved.u)
+    covariance = (told.covariance() + noise * np.outer(factor, factor))[np.ix_(good, good)]
+    gap = (place.rows.z - told.mean())[good]
+    return float(stats.chi2.sf(gap @ np.linalg.solve(covariance, gap), gap.size))

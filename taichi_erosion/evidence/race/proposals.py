@@ -1,0 +1,195 @@
+"""What to measure next: the measurements that are expected to tell most about which explanation holds.
+
+    I(x) = sum_k q_k E[ln p(k | y_x, y_c) - ln p(k | y_c) | k],   next: max I(x) / cost(x)
+
+y_x is the outcome of a measurement x of one observable, y_c those of the measurements chosen before, k the
+explanations with probabilities q_k, each a normal distribution of all outcomes together, conditioned on the
+rows that are known (`outlook`). Expectations are over mirrored draws. Settings are those that were measured
+and a central composite design over the ranges.
+
+References: Lindley (1956), Ann. Math. Stat. 27, 986; Box & Hill (1967), Technometrics 9, 57 (information on
+which model holds); Box & Wilson (1951), J. R. Stat. Soc. B 13, 1 (central composite design).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy.linalg import hadamard
+from scipy.stats import norm
+
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
+from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
+from taichi_erosion.evidence.data.problem import Floats, Integers, Laboratory
+from taichi_erosion.evidence.data.transforms import from_scale
+from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.prediction.new_conditions import NewConditions
+from taichi_erosion.evidence.race.outlook import kappa, outlook
+from taichi_erosion.evidence.race.posterior import SEED, Posterior
+from taichi_erosion.evidence.race.priors import KEEP, SURE
+from taichi_erosion.evidence.race.record import ExperimentPart, Interval
+from taichi_erosion.evidence.race.search import UNLISTED_KEY, Fit, Hypothesis
+from taichi_erosion.evidence.race.unseen_rows import Elsewhere, elsewhere, new_rows
+
+MOST = 6  # explanations that are compared, and measurements: a few days in a laboratory
+LEAST = 0.02  # information [nat] and chance of no worth: of two explanations 0.4 sd apart, d^2 / 8
+DRAWS = 128  # mirrored pairs of outcomes under each explanation: chances within 0.02
+
+
+@dataclass(frozen=True)
+class Proposed:
+    """The measurements in the order to be made, or why there are none."""
+
+    state: Literal["decided", "undecidable", "proposed"]
+    experiments: tuple[ExperimentPart, ...] = ()
+
+
+@dataclass(frozen=True)
+class Rival:
+    """One explanation and what it expects of every measurement that could be made."""
+
+    hypothesis: Hypothesis
+    weight: float
+    mean: Floats  # (m,)
+    covariance: Floats  # (m, m), errors of the measurements included
+
+
+def proposals(posterior: Posterior, laboratory: Laboratory) -> Proposed:
+    """Measurements that would decide between the explanations that are left."""
+    weights = explanations(posterior.probability)
+    leading = next(iter(weights))
+    if sum(p for h, p in posterior.probability.items() if right(leading, h)) >= SURE:
+        return Proposed("decided")
+    race, rows = posterior.race, possible(posterior.race.prepared, laboratory.ranges)
+    place = elsewhere(race, rows)
+    cost = np.array([laboratory.costs.get(name, 1.0) for name in rows.names])
+    rivals = [rival(place, race.fits[h], weight, laboratory.repeats) for h, weight in weights.items()]
+    design = best_design(rivals, cost)
+    told = tuple(experiment(rows, rivals, at, chance, float(cost[at])) for at, chance in design)
+    return Proposed("proposed" if told else "undecidable", told)
+
+
+# -- explanations
+
+
+def acting(hypothesis: Hypothesis) -> frozenset[str]:
+    """What acts: effects, a mechanism, something that is not in the list; of an instrument's zero nothing."""
+    return frozenset((*hypothesis.names, hypothesis.beyond.partition("|")[0])) - {"", "zero"}
+
+
+def right(told: Hypothesis, true: Hypothesis) -> bool:
+    """Whether what one explanation says is right where another holds: all that it names acts, or nothing."""
+    return acting(told) <= acting(true) if acting(told) else not acting(true)
+
+
+def name_of(hypothesis: Hypothesis) -> str:
+    """`a+b`, `none`, `outside_library`; `a(condition)` of a dose that varies, `zero|a` of an instrument."""
+    key, _, rest = hypothesis.beyond.partition("|")
+    varying = f"{key}({rest.rpartition('|')[2]})"
+    told = {"": "", UNLISTED_KEY: "outside_library", "zero": hypothesis.beyond}.get(key, varying)
+    return "+".join(filter(None, (*hypothesis.names, told))) or "none"
+
+
+def explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypothesis, float]:
+    """The likeliest explanations, best first, kernels of a dose together; they stand for all others too."""
+    found: dict[tuple, tuple[Hypothesis, float]] = {}
+    for h, p in sorted(probability.items(), key=lambda item: -item[1]):
+        key = h.names, h.beyond.partition("|")[0]
+        found[key] = found.get(key, (h, 0.0))[0], found.get(key, (h, 0.0))[1] + p
+    kept = dict(sorted(found.values(), key=lambda each: -each[1])[:MOST])
+    leading = next(iter(kept))
+
+    def agreeing(some: Mapping[Hypothesis, float], h: Hypothesis) -> float:
+        return sum(p for other, p in some.items() if right(leading, other) == right(leading, h))
+
+    told = {h: p for h, p in kept.items() if p > 0.1 * KEEP}
+    return {h: p * agreeing(probability, h) / agreeing(told, h) for h, p in told.items()}
+
+
+# -- what they expect
+
+
+def rival(place: Elsewhere, fit: Fit, weight: float, repeats: int) -> Rival:
+    """An explanation, given the known rows."""
+    told = outlook(place, fit)
+    scatter = kappa(place, told.solved, told.solved.u) ** 2
+    covariance = told.covariance() + np.diag(scatter * place.prepared.variance / repeats)
+    return Rival(fit.hypothesis, weight, told.mean(), covariance)
+
+
+def experiment(
+    rows: ComparisonRows, rivals: Sequence[Rival], at: int, chance: float, cost: float
+) -> ExperimentPart:
+    """One measurement with what every explanation expects of it."""
+    expected, observable = {}, rows.observable_at(at)
+    for each in rivals:
+        z = each.mean[at] + np.sqrt(each.covariance[at, at]) * norm.ppf([0.5, 0.05, 0.95])
+        ends = np.maximum(from_scale(observable, z), 0.0 if observable.transform == "log_floor" else -np.inf)
+        expected[name_of(each.hypothesis)] = Interval(*map(float, ends))
+    stated = {name: value for name, value in rows.conditions_at(at).items() if np.isfinite(value)}
+    return ExperimentPart(rows.names[at], stated, expected, chance, cost)
+
+
+def possible(prepared: PreparedProblem, ranges: Mapping[str, tuple[float, float]]) -> ComparisonRows:
+    """Every measurement that a laboratory could make."""
+    rows, names, sets = prepared.rows, [], []
+    for k in np.unique(rows.which):
+        sets.append(settings(rows, np.flatnonzero(rows.which == k), ranges))
+        names += [rows.observables[k].name] * len(sets[-1])
+    conditions = dict(zip(rows.conditions, np.vstack(sets).T, strict=True))
+    found = new_rows(prepared, NewConditions(tuple(names), conditions))
+    return replace(found, group=tuple(f"|{row}" for row in range(found.size)))  # each a batch of its own
+
+
+def settings(rows: ComparisonRows, own: Integers, ranges: Mapping[str, tuple[float, float]]) -> Floats:
+    """Sets of conditions (m, c) of one observable; what none of its rows states is NaN."""
+    table = np.column_stack(list(rows.conditions.values()))
+    stated = np.isfinite(table[own]).any(axis=0)
+    measured = [(np.nanmin(column), np.nanmax(column)) for column in table.T]
+    low, high = np.array([ranges.get(n, each) for n, each in zip(rows.conditions, measured, strict=True)]).T
+    middle = np.where(low > 0.0, np.sqrt(np.abs(low * high)), 0.5 * (low + high))
+    middle = np.clip([float(f"{each:.2g}") for each in middle], low, high)
+    corners = hadamard(max(16, 2 ** low.size.bit_length()))[:, 1 : low.size + 1]
+    share = np.vstack([corners, np.eye(low.size), -np.eye(low.size), np.zeros((1, low.size))])
+    design = np.where(share > 0.0, high, np.where(share < 0.0, low, middle))
+    inside = np.unique(table[np.all(~stated | ((table >= low) & (table <= high)), axis=1)], axis=0)
+    inside = inside[:: 1 + len(inside) // len(corners)]
+    return np.unique(np.where(stated, np.vstack([design, inside]), np.nan), axis=0)
+
+
+# -- the design
+
+
+def best_design(rivals: Sequence[Rival], cost: Floats) -> list[tuple[int, float]]:
+    """Measurements and the chance that all up to each decide, while it rises; none if surely they do not."""
+    valued = np.flatnonzero(np.all([np.isfinite(np.diag(r.covariance) + r.mean) for r in rivals], axis=0))
+    mean = np.array([rival.mean[valued] for rival in rivals])
+    covariance = np.array([rival.covariance[np.ix_(valued, valued)] for rival in rivals])
+    half = np.random.default_rng(SEED).standard_normal((DRAWS, valued.size))
+    kicks = np.vstack([half, -half]) @ np.linalg.cholesky(covariance).transpose(0, 2, 1)
+    outcomes = (mean[:, np.newaxis] + kicks).reshape(-1, valued.size)
+    gap = outcomes - mean[:, np.newaxis]  # (rivals, outcomes, m), from what each expects after those chosen
+    weight, names = np.array([rival.weight for rival in rivals]), [rival.hypothesis for rival in rivals]
+    rightness = np.array([[right(told, true) for true in names] for told in names], dtype=np.float64)
+    true, every = np.repeat(np.arange(weight.size), 2 * DRAWS), np.arange(gap.shape[1])
+    score, now = np.log(weight)[:, np.newaxis] + 0.0 * gap[..., 0], float(weight @ np.log(weight))
+    told: list[tuple[int, float]] = []
+    kept, best, open_ = 0, 0.0, np.ones(valued.size)
+    while len(told) < min(MOST, valued.size):
+        size = np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300)[:, np.newaxis]
+        after = score[..., np.newaxis] - 0.5 * (np.log(size) + gap**2 / size)
+        after -= log_sum_exp(after, axis=0)
+        gain = open_ * (weight[true] @ after[true, every] / (2 * DRAWS) - now)
+        at = int(np.argmax(np.where(gain > LEAST, gain / cost[valued], -np.inf)))
+        if gain[at] <= LEAST:
+            break
+        score, now, open_[at] = after[..., at], now + gain[at], 0.0
+        sure = (rightness @ np.exp(score))[np.argmax(score, axis=0), every] >= SURE  # of the leading one
+        told.append((int(valued[at]), float(weight[true] @ sure) / (2 * DRAWS)))
+        if told[-1][1] > best + LEAST:
+            kept, best = len(told), told[-1][1]
+        along = (covariance[:, :, at] / covariance[:, at, at, np.newaxis])[:, np.newaxis]
+        gap = gap - gap[..., at, np.newaxis] * along
+        covariance = covariance - along.transpose(0, 2, 1) * covariance[:, np.newaxis, at]
+    return told[:kept] if best > 1.0 - SURE else []

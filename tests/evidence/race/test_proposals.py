@@ -1,0 +1,133 @@
+"""What to measure next: chance and information of normal distributions, studies of known answers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+from taichi_erosion.evidence.data.problem import Laboratory, Problem
+from taichi_erosion.evidence.race import proposals as design
+from taichi_erosion.evidence.race.answer import raced
+from taichi_erosion.evidence.race.decision import decide
+from taichi_erosion.evidence.race.posterior import Posterior
+from taichi_erosion.evidence.race.priors import SURE
+from taichi_erosion.evidence.race.proposals import DRAWS, LEAST, Rival, best_design, proposals
+from taichi_erosion.evidence.race.search import Hypothesis
+from tests.evidence.linear_study import linear_problem
+
+WIDE = Laboratory(ranges={"x": (-3.0, 3.0)})
+SHAPES = {"slope": lambda x: x, "cube": lambda x: 0.7 * x + 0.4 * x**3}
+
+
+def rivals(*means: list[float], weights: tuple[float, ...] = (), level: float = 0.0) -> list[Rival]:
+    """Effects `a`, `b`, ... whose outcomes have sd 1 and an error `level` in common."""
+    share = weights or (1.0 / len(means),) * len(means)
+    size = len(means[0])
+    covariance = np.eye(size) + level**2
+    return [
+        Rival(Hypothesis((chr(97 + k),)), share[k], np.array(mean), covariance)
+        for k, mean in enumerate(means)
+    ]
+
+
+@pytest.mark.parametrize("gap", [1.5, 2.5, 4.0])
+def test_the_chance_of_deciding_between_two_is_that_of_a_likelihood_ratio(gap):
+    ((_, chance),) = best_design(rivals([0.0], [gap]), np.ones(1))
+    # ln L1 / L2 ~ N(gap^2 / 2, gap^2) is beyond ln 9 on either side
+    line, ratio = np.log(SURE / (1.0 - SURE)), stats.norm(0.5 * gap**2, gap)
+    exact = float(ratio.sf(line) + ratio.cdf(-line))
+    sd = float(np.sqrt(exact * (1.0 - exact) / (4 * DRAWS)))
+    assert chance == pytest.approx(exact, abs=4.0 * sd)
+
+
+def information(gap: float) -> float:
+    """About which of two equally likely unit normals holds, by quadrature [nat]."""
+
+    def density(y: float) -> float:
+        first, second = stats.norm.pdf(y), stats.norm.pdf(y - gap)
+        return float(first * np.log(2.0 * first / (first + second)))
+
+    return integrate.quad(density, -8.0, 8.0)[0]
+
+
+def test_least_is_the_information_of_two_explanations_that_are_0_4_sd_apart():
+    assert information(0.4) == pytest.approx(LEAST, rel=0.05)
+
+
+def test_the_most_informative_measurement_for_its_cost_comes_first():
+    two = rivals([0.0, 0.0, 0.0], [1.0, 2.0, 3.0])
+    assert best_design(two, np.ones(3))[0][0] == 2
+    cost = np.array([1.0, 1.0, 1.5 * information(3.0) / information(2.0)])
+    assert best_design(two, cost)[0][0] == 1
+
+
+def test_nothing_that_separates_two_by_0_2_sd_is_proposed():
+    assert best_design(rivals([0.0] * 30, [0.2] * 30), np.ones(30)) == []
+    told = best_design(rivals([0.0] * 30, [3.0] + [0.2] * 29), np.ones(30))
+    assert [at for at, _ in told] == [0]
+
+
+def test_after_a_measurement_with_a_common_error_comes_one_that_cancels_it():
+    # alone, 0 tells most; beside it 1 has the same error and the same sign, 2 the opposite sign
+    told = best_design(rivals([0.0, 0.0, 0.0], [2.1, 2.0, -1.5], level=2.0), np.ones(3))
+    assert [at for at, _ in told[:2]] == [0, 2]
+
+
+def test_chances_rise_and_an_answer_that_all_explanations_share_is_no_decision():
+    three = rivals([0.0, 0.0], [3.0, 0.0], [0.0, 3.0], weights=(0.4, 0.3, 0.3))
+    names = [("a",), ("a", "b"), ("a", "c")]
+    three = [replace(r, hypothesis=Hypothesis(n)) for r, n in zip(three, names, strict=True)]
+    chances = [chance for _, chance in best_design(three, np.ones(2))]
+    assert 0.0 < chances[0] < 1.0, "`a` is right from the start, whether it is alone is not"
+    assert np.all(np.diff(chances) > LEAST)
+
+
+def undecided(problem: Problem) -> Posterior:
+    found = raced(problem, 1)
+    assert decide(found).verdict != "present"
+    return found
+
+
+def measured(problem: Problem, told: design.Proposed, strength: float) -> Problem:
+    """The table with what a world of `slope` gives where it was asked."""
+    x = np.array([each.conditions["x"] for each in told.experiments])
+    table, random = problem.measurements, np.random.default_rng(3)
+    more = replace(
+        table.rows(np.zeros(x.size, dtype=np.int64)),
+        conditions={"x": x},
+        value=strength * x + 0.1 * random.standard_normal(x.size) / np.sqrt(WIDE.repeats),
+        sd=np.full(x.size, 0.1 / np.sqrt(WIDE.repeats)),
+        group=tuple(f"new{k}" for k in range(x.size)),
+    )
+    fields = ("observable", "unit", "source", "group")
+    joined = {name: getattr(table, name) + getattr(more, name) for name in fields}
+    arrays = {
+        name: np.append(getattr(table, name), getattr(more, name)) for name in ("value", "sd", "n", "limit")
+    }
+    columns = {"conditions": {"x": np.append(table.conditions["x"], x)}}
+    censored = np.zeros(table.size + x.size, dtype=np.bool_)
+    return replace(problem, measurements=replace(table, **joined, **arrays, **columns, censored=censored))
+
+
+def test_two_effects_are_told_apart_where_they_differ_and_the_truth_is_named_then():
+    # measured on [-1, 1] a slope and a cube are alike; they part at the ends of a wider range
+    problem = linear_problem(SHAPES, {"slope": 0.3}, sd=0.1)
+    told = proposals(undecided(problem), WIDE)
+    assert told.state == "proposed"
+    first = told.experiments[0]
+    assert abs(first.conditions["x"]) == pytest.approx(3.0)
+    assert {"slope", "cube"} <= set(first.predictions)
+    assert decide(raced(measured(problem, told, 0.3), 1)).named == ("slope",)
+
+
+def test_nothing_would_decide_between_copies():
+    copies = {"slope": lambda x: x, "copy": lambda x: x}
+    told = proposals(undecided(linear_problem(copies, {"slope": 0.6})), WIDE)
+    assert (told.state, told.experiments) == ("undecidable", ())
+
+
+def test_a_decided_study_asks_for_nothing():
+    found = raced(linear_problem({"slope": lambda x: x, "square": lambda x: x**2}, {"slope": 1.0}), 1)
+    assert decide(found).named == ("slope",)
+    assert proposals(found, WIDE) == design.Proposed("decided")
