@@ -4,7 +4,7 @@
     source        one column per source of each observable
     batch         one per group of rows of each observable
     discrepancy   smooth function of the conditions of each observable, without its level:
-                  k(x, x') = prod_c (1 + exp(-1/2 ((x_c - x_c') / LENGTH)^2)), centred, trace n
+                  k(x, x') = prod_c (1 + (1 + r_c) exp(-r_c)), r_c = 3^1/2 |x_c - x_c'| / LENGTH, centred, trace n
 
 All in units of the median standard error of an observable. Rows that are to be predicted have columns too, so
 that they are conditioned on those that are known.
@@ -135,7 +135,8 @@ def smooth_columns(rows: ComparisonRows, own: Bools, known: Bools) -> Floats:
     at, fitted = np.flatnonzero(own), known[own]
     kernel = np.ones((at.size, at.size))
     for column in shares(rows.rows(own), fitted).values():
-        kernel *= 1.0 + np.exp(-0.5 * ((column[:, None] - column) / LENGTH) ** 2)
+        distance = 3.0**0.5 * np.abs(column[:, None] - column) / LENGTH
+        kernel *= 1.0 + (1.0 + distance) * np.exp(-distance)
     centre = np.eye(at.size) - fitted / fitted.sum()
     kernel = centre @ kernel @ centre.T
     size = float(np.trace(kernel[np.ix_(fitted, fitted)])) / fitted.sum()

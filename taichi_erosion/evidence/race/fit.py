@@ -214,13 +214,12 @@ class Race:
         return self.kept(replace(fit, refined=True))
 
     def sharpened(self, fit: Fit) -> Fit:
-        """Slopes at the optimum, the steps that follow, and the mean of many seeds."""
+        """Steps from slopes at the optimum, then slopes where they end and the mean of many seeds."""
         fit = self.moved(self.solved(self.with_slopes(fit), start=fit.scales, fresh=True), 2)
+        last = self.with_slopes(fit)
         if self.model.noisy:
-            fit = self.solved(
-                replace(fit, mean=self.model.sure_mean(fit.hypothesis.names, fit.v)), start=fit.scales
-            )
-        return self.kept(fit)
+            last = replace(last, mean=self.model.sure_mean(fit.hypothesis.names, fit.v))
+        return self.kept(self.solved(last, start=fit.scales))
 
     def kept(self, fit: Fit) -> Fit:
         """The fit, which replaces an earlier one of its hypothesis."""

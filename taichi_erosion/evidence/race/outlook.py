@@ -38,11 +38,11 @@ from taichi_erosion.evidence.race.blocks import (
 )
 from taichi_erosion.evidence.race.decision import acts
 from taichi_erosion.evidence.race.doses import STEP_W, dosers
+from taichi_erosion.evidence.race.fit import Doses, Fit, Hypothesis
 from taichi_erosion.evidence.race.linear_evidence import Solved
 from taichi_erosion.evidence.race.posterior import SEED, Posterior, draws_of, quantiles
 from taichi_erosion.evidence.race.priors import KEEP
 from taichi_erosion.evidence.race.record import HeldOutPart, Interval
-from taichi_erosion.evidence.race.search import Doses, Fit, Hypothesis
 from taichi_erosion.evidence.race.unseen_rows import Elsewhere, both_rows, elsewhere, held_out_rows
 
 

@@ -21,15 +21,15 @@ from scipy.stats import norm
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
+from taichi_erosion.evidence.data.new_conditions import NewConditions
 from taichi_erosion.evidence.data.problem import Floats, Integers, Laboratory
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.prediction.new_conditions import NewConditions
+from taichi_erosion.evidence.race.fit import Fit, Hypothesis
 from taichi_erosion.evidence.race.outlook import kappa, outlook
 from taichi_erosion.evidence.race.posterior import SEED, Posterior
 from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.race.record import ExperimentPart, Interval
-from taichi_erosion.evidence.race.search import UNLISTED_KEY, Fit, Hypothesis
 from taichi_erosion.evidence.race.unseen_rows import Elsewhere, elsewhere, new_rows
 
 MOST = 6  # explanations that are compared, and measurements: a few days in a laboratory
@@ -87,7 +87,7 @@ def name_of(hypothesis: Hypothesis) -> str:
     """`a+b`, `none`, `outside_library`; `a(condition)` of a dose that varies, `zero|a` of an instrument."""
     key, _, rest = hypothesis.beyond.partition("|")
     varying = f"{key}({rest.rpartition('|')[2]})"
-    told = {"": "", UNLISTED_KEY: "outside_library", "zero": hypothesis.beyond}.get(key, varying)
+    told = {"": "", "?": "outside_library", "zero": hypothesis.beyond}.get(key, varying)
     return "+".join(filter(None, (*hypothesis.names, told))) or "none"
 
 

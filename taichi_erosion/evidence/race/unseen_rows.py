@@ -6,13 +6,13 @@ import numpy as np
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows, joined
 from taichi_erosion.evidence.data.heap_correlation import correlated
+from taichi_erosion.evidence.data.new_conditions import NewConditions
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.data.transforms import from_scale, slope
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.condition_errors import condition_errors
-from taichi_erosion.evidence.prediction.new_conditions import NewConditions
 from taichi_erosion.evidence.race.expansion import RaceModel
-from taichi_erosion.evidence.race.search import Race
+from taichi_erosion.evidence.race.fit import Race
 
 
 @dataclass(frozen=True)

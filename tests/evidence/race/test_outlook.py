@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
-from taichi_erosion.evidence.data.problem import Measurements, Parameter, Problem, Vault
-from taichi_erosion.evidence.prediction.new_conditions import NewConditions
+from taichi_erosion.evidence.data.new_conditions import NewConditions
+from taichi_erosion.evidence.data.problem import Measurements, Parameter, Problem
 from taichi_erosion.evidence.race.answer import raced
-from taichi_erosion.evidence.race.outlook import forecast, held_out_part, outlook
+from taichi_erosion.evidence.race.fit import Hypothesis
+from taichi_erosion.evidence.race.outlook import outlook
 from taichi_erosion.evidence.race.priors import KEEP
-from taichi_erosion.evidence.race.search import Hypothesis
 from taichi_erosion.evidence.race.unseen_rows import elsewhere, new_rows
-from tests.evidence.linear_study import linear_problem
 
 PRIOR_SD, SD = 0.7, 0.1
 
@@ -48,15 +47,26 @@ def test_closed_form_with_one_level():
     assert told.covariance() == pytest.approx(prior[3:, 3:] - gain @ prior[:3, 3:], rel=1e-6)
 
 
-@pytest.mark.parametrize(("family", "seed"), [("clean", 15), ("beyond", 5003), ("disturbed", 5), ("intervals", 31003)])
+@pytest.mark.parametrize(
+    ("family", "seed"), [("clean", 15), ("beyond", 5003), ("disturbed", 5), ("intervals", 31003)]
+)
 def test_conditions_that_were_fitted_are_told_as_fitted(family: str, seed: int):
     """Every block carries over: at the fitted conditions each explanation says what it says of the fit."""
     base = {"clean": 4242, "disturbed": 777}.get(family, seed)
     race = (found := raced(FAMILIES[family](base, seed).problem, seed)).race
     rows = race.prepared.rows
-    place = elsewhere(race, replace(new_rows(race.prepared, NewConditions(rows.names, rows.conditions)), group=rows.group, source=rows.source))
+    place = elsewhere(
+        race,
+        replace(
+            new_rows(race.prepared, NewConditions(rows.names, rows.conditions)),
+            group=rows.group,
+            source=rows.source,
+        ),
+    )
     for hypothesis in [h for h, p in found.probability.items() if p > KEEP]:
         fit = race.fits[hypothesis]
         told, now = outlook(place, fit), fit.evidence.solved
-        fitted = race.prepared.rows.z - race.prepared.whitening(race.prepared.working(fit.mean)).back(now.rows.y - now.rows.columns @ (now.tau * now.centre))
-        print(hypothesis, np.abs((told.mean()-fitted)/race.prepared.sd).max())
+        fitted = race.prepared.rows.z - race.prepared.whitening(race.prepared.working(fit.mean)).back(
+            now.rows.y - now.rows.columns @ (now.tau * now.centre)
+        )
+        print(hypothesis, np.abs((told.mean() - fitted) / race.prepared.sd).max())
