@@ -42,6 +42,8 @@ def new_rows(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows
     first = rows.rows(np.array([np.argmax(rows.which == k) for k in which], dtype=np.int64))
     return replace(
         first,
+        z=np.full(m, np.nan),
+        slope=np.full(m, np.nan),
         variance=variance[which],
         censored=np.zeros(m, dtype=np.bool_),
         reach=np.zeros(m),
