@@ -4,7 +4,8 @@
     source        one column per source of each observable
     batch         one per group of rows of each observable
     discrepancy   smooth function of the conditions of each observable, without its level:
-                  k(x, x') = prod_c (1 + (1 + r_c) exp(-r_c)), r_c = 3^1/2 |x_c - x_c'| / LENGTH, centred, trace n
+                  k(x, x') = prod_c (1 + (1 + r_c) exp(-r_c)), r_c = 3^1/2 |x_c - x_c'| / LENGTH,
+                  centred, trace n
 
 All in units of the median standard error of an observable. Rows that are to be predicted have columns too, so
 that they are conditioned on those that are known.

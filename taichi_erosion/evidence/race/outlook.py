@@ -26,7 +26,6 @@ from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.linear_algebra import working
 from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.data.transforms import from_scale
-from taichi_erosion.evidence.models.condition_errors import condition_errors
 from taichi_erosion.evidence.models.predictor import axis_scale
 from taichi_erosion.evidence.race.blocks import (
     LENGTHS,
@@ -94,22 +93,23 @@ class Forecast:
 
 
 def expanded(place: Elsewhere, fit: Fit) -> tuple[Floats, Floats, Doses | None]:
-    """Mean (m,) and slopes (m, d) of the model at other rows, and the doses that a mechanism has there."""
-    model, names, v, m = place.model, fit.hypothesis.names, fit.v, place.rows.size
+    """Mean (n + m,) and slopes of the model at fitted and other rows, and the doses of a mechanism there."""
+    model, names, v, n = place.model, fit.hypothesis.names, fit.v, fit.mean.size
     if fit.dose is None:
         return model.sure_mean(names, v), model.jacobian(names, v, model.mean(names, v)), None
     race = copy(place.race)
     race.model = model
     each = next(each for each in dosers(race) if each.name == fit.hypothesis.beyond.partition("|")[0])
     factor = dose_factor(place, fit)
-    w, mean = each.at(race, v, factor[-m:] @ np.linalg.lstsq(factor[:-m], fit.dose.w, rcond=None)[0])
+    w = factor @ np.linalg.lstsq(factor[:n], fit.dose.w, rcond=None)[0]
+    w, mean = each.at(race, v, np.append(fit.dose.w, w[n:]))
     h = np.where(w > 0.5 * each.top, -STEP_W, STEP_W)
-    bend = np.nan_to_num((each.at(race, v, w + h)[1] - mean) / h)
+    slope = np.nan_to_num((each.at(race, v, w + h)[1] - mean) / h)
     change = [
         (each.at(race, v + t * one, w)[1] - mean) / t
         for one, t in zip(np.eye(v.size), np.where(v > 0.0, -0.1, 0.1), strict=True)
     ]
-    return mean, np.nan_to_num(np.reshape(change, (v.size, m)).T), Doses(w, bend, factor, fit.dose.axis)
+    return mean, np.nan_to_num(np.reshape(change, (v.size, w.size)).T), Doses(w, slope, factor, fit.dose.axis)
 
 
 def dose_factor(place: Elsewhere, fit: Fit) -> Floats:
@@ -135,8 +135,8 @@ def both_blocks(place: Elsewhere, fit: Fit, both: ComparisonRows, doses: Doses |
     usual = [with_unseen(block, both, known, unit) for block in nuisance(both, known, unit)]
     built = {block.scale.names[0]: block.columns for block in (*usual, *unlisted(usual))}
     for block in fit.blocks:
-        if block.kind == "dose" and fit.dose is not None and doses is not None:
-            built["dose"] = np.append(fit.dose.slope, doses.slope)[:, np.newaxis] * doses.factor
+        if block.kind == "dose" and doses is not None:
+            built["dose"] = doses.slope[:, np.newaxis] * doses.factor
         if block.kind == "zero":
             at = int(np.argmax(block.columns[:, 0] != 0.0))
             shape = np.where(both.which == both.which[at], both.slope / both.slope[at], 0.0)
@@ -159,23 +159,32 @@ def with_unseen(block: Block, rows: ComparisonRows, known: Bools, unit: Floats) 
 
 
 def outlook(place: Elsewhere, fit: Fit) -> Outlook:
-    """A hypothesis at other rows, conditioned on the fitted ones at the scales of the fit."""
-    p, n, v, model = place.race.prepared, fit.mean.size, fit.v, place.model
+    """A hypothesis at other rows, conditioned on the fitted ones at the scales of the fit.
+
+    Slopes of both are taken anew, since those of a fit may be updates only.
+    """
+    race, n, v, model = place.race, fit.mean.size, fit.v, place.model
     mean, jacobian, doses = expanded(place, fit)
-    both = both_rows(p.rows, place.rows, mean)
-    predictor = p.predictor.over(both.observables, both.which, both.conditions)
-    joint = replace(p, rows=both, predictor=predictor, condition_errors=condition_errors(both))
-    acting = model.strengths(fit.hypothesis.names, v)
-    errors = np.hstack([both.shared, joint.model_errors(model.numbers(v[: model.count]), acting)])
-    blocks = both_blocks(place, fit, both, doses)
-    fitted = tuple(replace(block, columns=block.columns[:n]) for block in blocks)
-    known = replace(fit, blocks=fitted, errors=errors[:n])
-    rows = place.race.linear(known)[0].with_bad(fit.evidence.bad)
+    both, acting = (
+        both_rows(race.prepared.rows, place.rows, mean[n:]),
+        model.strengths(fit.hypothesis.names, v),
+    )
+    own = model.prepared.model_errors(model.numbers(v[: model.count]), acting)
+    errors, blocks = np.hstack([both.shared, own]), both_blocks(place, fit, both, doses)
+    known = replace(
+        fit,
+        mean=mean[:n],
+        jacobian=jacobian[:n],
+        errors=errors[:n],
+        blocks=tuple(replace(block, columns=block.columns[:n]) for block in blocks),
+        dose=doses and Doses(doses.w[:n], doses.slope[:n], doses.factor[:n], doses.axis),
+    )
+    solved = race.linear(known)[0].with_bad(fit.evidence.bad).solved(fit.evidence.solved.u)
     smooth = [np.full(b.columns.shape[1], b.kind in ("discrepancy", "unlisted")) for b in blocks]
     return Outlook(
-        replace(known, evidence=replace(fit.evidence, solved=rows.solved(fit.evidence.solved.u))),
-        mean - jacobian @ v - (0.0 if doses is None else doses.slope * doses.w),
-        np.hstack([jacobian, errors[n:], *(b.columns[n:] for b in blocks)]),
+        replace(known, evidence=replace(fit.evidence, solved=solved)),
+        (mean - jacobian @ v - (doses.slope * doses.w if doses else 0.0))[n:],
+        np.hstack([jacobian, errors, *(b.columns for b in blocks)])[n:],
         np.concatenate([np.zeros(v.size + errors.shape[1], dtype=np.bool_), *smooth]),
     )
 
@@ -195,8 +204,7 @@ def forecast(posterior: Posterior, place: Elsewhere) -> Forecast:
     mean = np.vstack([each.start + own.values @ each.columns.T for each, own in parts])
     mean[:, ~np.isfinite(mean).all(axis=0)] = np.nan  # no average over those that have a value
     tolerance = np.array([place.rows.noise[name].numerical for name in place.rows.names])
-    simulated = place.prepared.variance - place.rows.variance
-    mean = mean + np.sqrt(simulated + tolerance**2) * random.standard_normal(mean.shape)
+    mean = mean + np.sqrt(place.simulated + tolerance**2) * random.standard_normal(mean.shape)
     scatter = np.vstack([kappa(place, each.solved, own.scales) for each, own in parts])
     scatter = scatter * np.sqrt(np.maximum(place.rows.variance - tolerance**2, 0.0))
     measured = mean + scatter * random.standard_normal(mean.shape)
@@ -228,14 +236,14 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
 
 def misfit(place: Elsewhere, told: Outlook, good: Bools) -> float:
     """Mean square of (z - m) / s of some rows, s^2 = V + diag cov m, by physics, levels and sources alone."""
-    size = np.sqrt(place.prepared.variance + np.diag(told.covariance(False)))
+    size = np.sqrt(place.rows.variance + place.simulated + np.diag(told.covariance(False)))
     work = working(((place.rows.z - told.mean(False)) / size)[good], (place.rows.reach / size)[good])
     return float(np.mean(work.residual**2))
 
 
 def chance(place: Elsewhere, told: Outlook, good: Bools) -> float:
     """Chance of as large a misfit r^T cov^-1 r of some rows, smooth discrepancy and scatter included."""
-    noise = np.diag(place.prepared.variance)
+    noise = np.diag(place.rows.variance + place.simulated)
     if place.rows.covariance is not None:
         noise = noise + place.rows.covariance
     factor = kappa(place, told.solved, told.solved.u)

@@ -17,15 +17,12 @@ from taichi_erosion.evidence.race.fit import Race
 
 @dataclass(frozen=True)
 class Elsewhere:
-    """Rows that a race has not seen, with the model bound to them."""
+    """Rows that a race has not seen, with the model bound to the fitted rows and these."""
 
     race: Race
-    prepared: PreparedProblem  # of these rows
+    rows: ComparisonRows
+    simulated: Floats  # (m,), variance of the simulated mean
     model: RaceModel
-
-    @property
-    def rows(self) -> ComparisonRows:
-        return self.prepared.rows
 
 
 def new_rows(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows:
@@ -45,6 +42,8 @@ def new_rows(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows
     first = rows.rows(np.array([np.argmax(rows.which == k) for k in which], dtype=np.int64))
     return replace(
         first,
+        z=np.full(m, np.nan),
+        slope=np.full(m, np.nan),
         variance=variance[which],
         censored=np.zeros(m, dtype=np.bool_),
         reach=np.zeros(m),
@@ -79,16 +78,10 @@ def by_observable(rows: ComparisonRows, values: Floats) -> Floats:
 def elsewhere(race: Race, rows: ComparisonRows) -> Elsewhere:
     """Other rows of the observables of a race, with the model there."""
     p = race.prepared
-    seeds = by_observable(p.rows, p.seed_variance)[rows.which]
-    there = replace(
-        p,
-        rows=rows,
-        predictor=p.predictor.over(rows.observables, rows.which, rows.conditions),
-        seed_variance=seeds,
-        variance=rows.variance + seeds / p.seeds.scoring.size,
-        condition_errors=condition_errors(rows),
-    )
-    return Elsewhere(race, there, RaceModel(there))
+    both, seeds = both_rows(p.rows, rows, np.zeros(rows.size)), by_observable(p.rows, p.seed_variance)
+    predictor = p.predictor.over(both.observables, both.which, both.conditions)
+    joint = replace(p, rows=both, predictor=predictor, condition_errors=condition_errors(both))
+    return Elsewhere(race, rows, seeds[rows.which] / p.seeds.scoring.size, RaceModel(joint))
 
 
 def both_rows(fitted: ComparisonRows, other: ComparisonRows, mean: Floats) -> ComparisonRows:

@@ -1,4 +1,4 @@
-"""Evidence of linear rows against the density of a normal distribution, and its slopes against differences."""
+"""Evidence of linear rows against the density of a normal distribution, its slopes against differences."""
 
 from dataclasses import replace
 
