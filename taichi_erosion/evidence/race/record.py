@@ -5,6 +5,7 @@ Quantiles are those of the posterior, averaged over all explanations; values are
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import nan
 from typing import Literal
 
 from taichi_erosion.evidence.data.problem import Floats
@@ -12,6 +13,7 @@ from taichi_erosion.evidence.data.problem import Floats
 Verdict = Literal["present", "group", "none_detected", "outside_library", "not_testable", "unstable"]
 Status = Literal["present", "excluded", "open", "untestable", "better_but_not_sufficient"]
 Stop = Literal["", "budget"]
+Outcome = Literal["confirmed", "contradicted", "undecided", "not_made"]
 
 
 @dataclass(frozen=True)
@@ -180,6 +182,41 @@ class RowsPart:
 
 
 @dataclass(frozen=True)
+class GapPart:
+    """Where an emulator lies farthest from fresh runs, in the unit of the observable."""
+
+    effects: tuple[str, ...]  # that act there
+    observable: str
+    conditions: Mapping[str, float]
+    emulated: float
+    emulated_sd: float
+    simulated: float
+    simulated_sd: float
+    p: float  # of as large a gap anywhere if the errors of the emulators are as stated
+
+
+@dataclass(frozen=True)
+class FreshPart:
+    """What runs that no fit has used say of an answer that an emulator has found."""
+
+    outcome: Outcome
+    effects: tuple[str, ...] = ()  # of the likeliest explanation of which the answer is true
+    emulated: float = nan  # probability of the answer, by the emulator
+    expected: float = nan  # by as many fresh runs, were the emulator right
+    simulated: float = nan  # by the fresh runs
+    agreement: float = nan  # share of the seeds, each alone, by which the answer is likelier true than not
+    log_odds: Mapping[str, float] = field(
+        default_factory=dict
+    )  # of these effects over "none", "a+b"; by runs
+    gap: GapPart | None = None
+    runs: int = 0
+    seeds: int = 0  # of every set of conditions
+    failed: int = 0  # runs without a value
+    needed: int = 0  # runs for which the budget has no room, where none was made
+    more_runs: int = 0  # about these explanations, that the next answer makes first
+
+
+@dataclass(frozen=True)
 class Record:
     """One answer."""
 
@@ -196,3 +233,4 @@ class Record:
     law: LawPart | None = None
     held_out: HeldOutPart | None = None
     experiments: tuple[ExperimentPart, ...] = field(default_factory=tuple)
+    fresh: FreshPart | None = None

@@ -1,0 +1,1 @@
+"""Answers of the race to the commands on a study."""

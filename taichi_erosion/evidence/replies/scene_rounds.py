@@ -1,0 +1,118 @@
+"""A race on scenes: rounds of simulations where its posterior is undecided, and the test of its answer.
+
+A round simulates about the sets of effects that have KEEP of the probability, and only while a probability
+that the decision rests on lies between 1 - SURE and SURE. Mechanisms are simulated where no set of listed
+effects explains the rows.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from taichi_erosion.evidence.answers.rounds import (
+    MOST_POINTS,
+    FreshTest,
+    Points,
+    Question,
+    answered,
+    refinement_point,
+)
+from taichi_erosion.evidence.data.problem import Progress
+from taichi_erosion.evidence.emulator.design import RefinementPoint
+from taichi_erosion.evidence.models.load_study import BudgetName, Study
+from taichi_erosion.evidence.race.answer import raced
+from taichi_erosion.evidence.race.decision import Decision, decide
+from taichi_erosion.evidence.race.expansion import Acting
+from taichi_erosion.evidence.race.fit import Fit, Hypothesis
+from taichi_erosion.evidence.race.fresh_test import can_be_tested, fresh_test, kinds_of, setting_of
+from taichi_erosion.evidence.race.posterior import Posterior
+from taichi_erosion.evidence.race.priors import KEEP, SURE
+from taichi_erosion.evidence.race.record import FreshPart
+
+
+@dataclass(frozen=True)
+class SceneAnswer:
+    """The answer of a race on emulators."""
+
+    posterior: Posterior
+    decision: Decision
+    fresh: FreshPart | None = None  # None: nothing that fresh runs can test
+
+    def about(self, fit: Fit) -> RefinementPoint:
+        """The setting of a fit as the centre of a round."""
+        setting = setting_of(self.posterior.race, fit)
+        return refinement_point(setting.parameters, setting.effects)
+
+
+def sets(posterior: Posterior) -> Mapping[Acting, float]:
+    """Probability of every set of listed effects, whatever their strength does and what is beside them."""
+    found: dict[Acting, float] = {}
+    for hypothesis, p in posterior.probability.items():
+        varying = (hypothesis.kind,) if hypothesis.kind in posterior.race.model.candidates else ()
+        names = (*hypothesis.names, *varying)
+        if names or hypothesis.kind in ("", "zero", "?"):
+            found[names] = found.get(names, 0.0) + p
+    return found
+
+
+def undecided(found: Decision) -> bool:
+    """Whether anything that could be said is neither sure nor as good as excluded."""
+    stated = (found.none, found.outside, *found.inclusion.values(), *found.beyond.values())
+    return any(1.0 - SURE < p < SURE for p in stated)
+
+
+def points(found: SceneAnswer) -> Points:
+    """The likeliest sets of effects, the bare model first; none where more runs decide nothing."""
+    share = sets(found.posterior)
+    likely = [names for names in sorted(share, key=lambda names: -share[names]) if share[names] >= KEEP]
+    if not undecided(found.decision) or len(likely) < 2:
+        return []
+    fits = found.posterior.race.fits
+    return [found.about(fits[Hypothesis(names)]) for names in sorted(likely[:MOST_POINTS], key=bool)]
+
+
+def required(found: SceneAnswer) -> Points:
+    """The closest single effect and set of several, before it is said that no list holds what acts."""
+    if found.decision.verdict != "outside_library":
+        return []
+    sets = [fit for fit in found.posterior.race.fits.values() if fit.refined and not fit.hypothesis.beyond]
+    kinds = (
+        [fit for fit in sets if len(fit.hypothesis.names) == 1],
+        [fit for fit in sets if len(fit.hypothesis.names) > 1],
+    )
+    return [found.about(max(fits, key=lambda fit: fit.log_evidence)) for fits in kinds if fits]
+
+
+def beyond(found: SceneAnswer) -> bool:
+    """Whether mechanisms are to be tried: no set of listed effects explains what is missing."""
+    said = found.decision
+    silent = not (said.named or said.group or said.mechanisms)
+    return said.verdict == "outside_library" or (silent and said.none < 0.5)
+
+
+def tested(found: SceneAnswer, fresh: FreshTest, progress: Progress) -> tuple[SceneAnswer, frozenset[str]]:
+    """The answer with its test by fresh runs, and the keys of these.
+
+    Where they contradict it, the next answer starts with a round about what was tested.
+    """
+    if not can_be_tested(found.decision):
+        return found, frozenset()
+    part, keys = fresh_test(found.posterior, found.decision, fresh.simulator.simulate, progress)
+    if part.outcome == "contradicted":
+        about = [found.about(kind.fits[0]) for kind in kinds_of(found.posterior.race, found.decision)]
+        part = replace(part, more_runs=fresh.schedule(about))
+    return replace(found, fresh=part), keys
+
+
+def discover_on_scene(study: Study, budget: BudgetName, progress: Progress) -> tuple[SceneAnswer, Study]:
+    """Which effect is missing from the scenes of a study, and the study as it was when this was answered."""
+
+    def answer(ready: Study, _: Progress) -> SceneAnswer:
+        posterior = raced(ready.problem, study.file.study.seed)
+        return SceneAnswer(posterior, decide(posterior))
+
+    ahead = bool(study.file.laboratory.ranges)
+    names = study.problem.candidate_names
+    question = Question(
+        "discover", answer, points, names, ahead=ahead, required=required, beyond=beyond, tested=tested
+    )
+    return answered(study, budget, question, progress)
