@@ -6,11 +6,19 @@ those that contradict it, and the bare model. Each stands for all of its kind k,
     P'(k) ~ P(k) Z'_k / Z_k
 
 Z_k its evidence by the emulator, Z'_k with the mean of fresh runs and their scatter in place of the mean of
-the emulator and its errors; slopes stay. The answer is contradicted where P' is below SURE although as many
-runs of a right emulator would have kept it, or where an emulator is off by more than its errors (Bonferroni).
+the emulator and its errors. Slopes J along strengths follow what runs show of the effects: with S what these
+do by the emulator, g what runs add to it and G the scatter of g, all whitened,
 
-References: Bastos & O'Hagan (2009), Technometrics 51, 425 (diagnostics of emulators); Jeffreys (1961), Theory
-of Probability, 5.0 (Bayes factors).
+    J' = a J,   a = 1 + S^T C^-1 g / (1 + S^T C^-1 S),   C = 1 + G G^T
+
+From a right emulator runs differ by n = H s, s ~ N(0, 1), H the errors of both, so that with P = V^-1
+
+    ln Z'_k = const + n^T P y - 1/2 n^T P n
+
+An answer with P' below SURE is contradicted where a right emulator leaves as little with a chance below OFF,
+any answer where an emulator is farther off than its errors allow (Bonferroni).
+
+Reference: Bastos & O'Hagan (2009), Technometrics 51, 425 (diagnostics of emulators).
 """
 
 from collections.abc import Callable, Sequence
@@ -19,18 +27,17 @@ from math import sqrt
 
 import numpy as np
 
-from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Progress
 from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, Request, Setting
 from taichi_erosion.evidence.race.decision import Decision
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
-from taichi_erosion.evidence.race.posterior import Posterior
+from taichi_erosion.evidence.race.posterior import DRAWS, SEED, Posterior
 from taichi_erosion.evidence.race.priors import SURE
-from taichi_erosion.evidence.race.record import Decided, FreshPart, GapPart, Outcome
+from taichi_erosion.evidence.race.record import FreshPart, GapPart, Outcome
 
 Simulate = Callable[[Sequence[Setting], Sequence[Request], Floats, Progress], FreshCampaign]
-OFF = 0.01  # chance of a gap below which an emulator is off: a right answer is lost one time in a hundred
+OFF = 0.01  # chance below which an emulator is off: a right answer is lost one time in a hundred
 MOST_FAILED = 0.5  # share of the runs, above which those with a value are no fair sample
 
 
@@ -47,25 +54,44 @@ class Kind:
         """Effects that act."""
         return self.fits[0].hypothesis.names
 
-    def log_evidence(self, mean: Floats, columns: Floats) -> float:
-        """Ln of prior times evidence with a simulated mean and its errors; NaN: the emulator's."""
+    def judged(self, mean: Floats, columns: Floats) -> list[Fit]:
+        """The fits with a simulated mean and its errors in rows that have one, the emulator's in others."""
         at, known = self.fits[0], np.isfinite(mean)[:, np.newaxis]
-        errors = self.race.model.errors(self.names, at.v)
+        errors, own = self.race.model.errors(self.names, at.v), self.emulator
         before = self.race.prepared.rows.shared.shape[1]
-        own = slice(
-            before, before + self.race.prepared.predictor.model_errors(*where(self.race, at)).shape[1]
-        )
-        errors[:, own] = np.where(known, 0.0, errors[:, own])
-        about = replace(
-            at,
-            mean=np.where(known[:, 0], mean, at.mean),
-            errors=np.hstack([errors, np.where(known, columns, 0.0)]),
-        )
+        errors[:, before : before + own.shape[1]] = np.where(known, 0.0, own)
+        mean, columns = np.where(known[:, 0], mean, at.mean), np.where(known, columns, 0.0)
+        errors = np.hstack([errors, columns])
+        jacobian = self.slopes(mean, columns)
+        about = [replace(fit, v=at.v, mean=mean, jacobian=jacobian, errors=errors) for fit in self.fits]
+        return [self.race.solved(fit, start=fit.scales, fresh=True) for fit in about]
+
+    def slopes(self, mean: Floats, columns: Floats) -> Floats:
+        """Slopes (n, d) about a simulated mean with errors."""
+        at, model, prepared = self.fits[0], self.race.model, self.race.prepared
+        without = prepared.predictor.mean(where(self.race, at)[0], {}, prepared.seeds.fitting) + model.shift
+        action, white = prepared.white(at.mean - without), prepared.white(columns)
+        along = np.linalg.solve(np.eye(action.size) + white @ white.T, action)
+        shown = 1.0 + along @ prepared.white(mean - at.mean) / (1.0 + along @ action)
+        return at.jacobian * np.where(np.arange(at.v.size) < model.count, 1.0, shown)
+
+    @property
+    def emulator(self) -> Floats:
+        """Errors of the emulator (n, q)."""
+        return self.race.prepared.predictor.model_errors(*where(self.race, self.fits[0]))
+
+    def if_right(self, runs: FreshRuns, random: np.random.Generator) -> Floats:
+        """Draws of ln of prior times evidence by as many runs of a right emulator."""
+        known = np.isfinite(runs.mean)
+        mean, prepared = np.where(known, self.fits[0].mean, np.nan), self.race.prepared
+        columns = prepared.white(np.hstack([runs.columns, self.emulator]))
+        columns[~known | prepared.rows.censored] = 0.0
+        s = random.standard_normal((DRAWS, columns.shape[1]))
         found = []
-        for each in self.fits:
-            now = replace(about, hypothesis=each.hypothesis, blocks=each.blocks, log_prior=each.log_prior)
-            found.append(score(self.race.solved(now, start=each.scales, fresh=True)))
-        return float(log_sum_exp(np.array(found)))
+        for fit in self.judged(mean, runs.columns):
+            along, gram = fit.evidence.solved.against(columns)
+            found.append(score(fit) + s @ along - 0.5 * np.sum(s @ gram * s, axis=1))
+        return np.logaddexp.reduce(found, axis=0)
 
 
 def where(race: Race, fit: Fit) -> tuple[Floats, dict[str, float]]:
@@ -82,6 +108,11 @@ def setting_of(race: Race, fit: Fit) -> Setting:
 def score(fit: Fit) -> float:
     """Ln of prior times evidence."""
     return fit.log_evidence + fit.log_prior
+
+
+def total(fits: Sequence[Fit]) -> float:
+    """Ln of prior times evidence of all of some explanations."""
+    return float(np.logaddexp.reduce([score(fit) for fit in fits]))
 
 
 def is_true(decision: Decision, hypothesis: Hypothesis) -> bool:
@@ -101,13 +132,8 @@ def kinds_of(race: Race, decision: Decision) -> list[Kind]:
         able = sorted((each for each in fits if each.refined and each.dose is None), key=score, reverse=True)
         if able:
             own = tuple(each for each in able if each.hypothesis.names == able[0].hypothesis.names)
-            found.append(Kind(race, float(log_sum_exp(np.array(list(map(score, fits))))), own))
+            found.append(Kind(race, total(fits), own))
     return found
-
-
-def can_be_tested(decision: Decision) -> bool:
-    """Whether an answer names effects."""
-    return bool(decision.named or decision.group)
 
 
 def fresh_test(
@@ -119,48 +145,35 @@ def fresh_test(
     made = simulate([setting_of(race, kind.fits[0]) for kind in kinds], asked, apart(race, kinds), progress)
     if not made.runs:
         return FreshPart("not_made", needed=len(made.keys)), frozenset()
-    each = list(zip(kinds, made.runs, strict=True))
-    as_emulated = [np.where(np.isfinite(run.mean), kind.fits[0].mean, np.nan) for kind, run in each]
-    as_simulated = [run.mean for run in made.runs]
-
-    def found(means: Sequence[Floats], factor: float = 1.0) -> Floats:
-        rows = zip(each, means, strict=True)
-        return np.array([kind.log_evidence(mean, factor * run.columns) for (kind, run), mean in rows])
-
-    known, simulated = found([np.full_like(mean, np.nan) for mean in as_simulated]), found(as_simulated)
-    expected, after = chance(kinds, found(as_emulated) - known), chance(kinds, simulated - known)
-    alone = [found([run.values[k] for run in made.runs], sqrt(made.seeds)) for k in range(made.seeds)]
-    gap, few = gap_of(race, kinds, made.runs), made.failed > MOST_FAILED * len(made.keys)
-    part = FreshPart(
-        "undecided" if few or not made.runs[0].tests else outcome_of(expected, after, gap),
-        kinds[0].names,
-        chance(kinds, 0.0 * known),
-        expected,
-        after,
-        float(np.mean([chance(kinds, one - known) > 0.5 for one in alone])),
-        {
-            "+".join(kind.names) or "none": simulated[0] - own
-            for kind, own in zip(kinds[1:], simulated[1:], strict=True)
-        },
-        gap,
-        len(made.keys),
-        made.seeds,
-        made.failed,
-    )
-    return part, made.keys
+    each, none = list(zip(kinds, made.runs, strict=True)), np.full(race.prepared.rows.size, np.nan)
+    known = np.array([total(kind.judged(none, run.columns)) for kind, run in each])
+    simulated = np.array([total(kind.judged(run.mean, run.columns)) for kind, run in each])
+    wider = [(kind, run.values, sqrt(made.seeds) * run.columns) for kind, run in each]
+    alone = [[total(kind.judged(own[k], errors)) for kind, own, errors in wider] for k in range(made.seeds)]
+    random = np.random.default_rng(SEED)
+    right = np.transpose([kind.if_right(run, random) for kind, run in each])
+    before, after = (float(chance(kinds, found - known)) for found in (known, simulated))
+    p, gap = float(np.mean(chance(kinds, right - known) <= after)), gap_of(race, kinds, made.runs)
+    few = made.failed > MOST_FAILED * len(made.keys) or not made.runs[0].tests
+    outcome = "undecided" if few else outcome_of(after, p, gap)
+    agreement = float(np.mean(chance(kinds, np.array(alone) - known) > 0.5))
+    cost = (len(made.keys), made.seeds, made.failed)
+    return FreshPart(outcome, kinds[0].names, before, after, p, agreement, gap, *cost), made.keys
 
 
-def outcome_of(expected: float, simulated: float, gap: GapPart | None) -> Outcome:
-    """The verdict on the answer."""
-    if (gap is not None and gap.p < OFF) or expected >= SURE > simulated:
+def outcome_of(simulated: float, p: float, gap: GapPart | None) -> Outcome:
+    """The verdict on an answer."""
+    if gap is not None and gap.p < OFF:
         return "contradicted"
-    return "confirmed" if expected >= SURE else "undecided"
+    if simulated >= SURE:
+        return "confirmed"
+    return "contradicted" if p < OFF else "undecided"
 
 
-def chance(kinds: Sequence[Kind], change: Floats) -> float:
-    """Probability of the answer, the first kind, after a change of the evidence of each."""
-    total = np.array([kind.log_weight for kind in kinds]) + change
-    return float(np.exp(total[0] - log_sum_exp(total)))
+def chance(kinds: Sequence[Kind], change: Floats) -> Floats:
+    """Probability of the answer, the first kind, after a change (..., kinds) of the evidence of each."""
+    weights = np.array([kind.log_weight for kind in kinds]) + change
+    return np.exp(weights[..., 0] - np.logaddexp.reduce(weights, axis=-1))
 
 
 def apart(race: Race, kinds: Sequence[Kind]) -> Floats:
@@ -175,15 +188,7 @@ def gap_of(race: Race, kinds: Sequence[Kind], runs: Sequence[FreshRuns]) -> GapP
     if not tests:
         return None
     worst, name, effects = min(tests, key=lambda each: each[0].p)
-    at = {
-        key: value for key, value in race.prepared.rows.conditions_at(worst.row).items() if np.isfinite(value)
-    }
+    place = race.prepared.rows.conditions_at(worst.row)
+    at = {key: value for key, value in place.items() if np.isfinite(value)}
     told = (worst.emulated, worst.emulated_sd, worst.simulated, worst.simulated_sd)
     return GapPart(effects, name, at, *told, p=min(1.0, len(tests) * worst.p))
-
-
-def after_test(decided: Decided, fresh: FreshPart) -> Decided:
-    """What is said after the test: a name that is contradicted is not stable."""
-    if fresh.outcome != "contradicted":
-        return decided
-    return replace(decided, verdict="unstable", named=(), group=(*decided.named, *decided.group))

@@ -202,12 +202,9 @@ class FreshPart:
     outcome: Outcome
     effects: tuple[str, ...] = ()  # of the likeliest explanation of which the answer is true
     emulated: float = nan  # probability of the answer, by the emulator
-    expected: float = nan  # by as many fresh runs, were the emulator right
     simulated: float = nan  # by the fresh runs
+    p: float = nan  # chance that as many runs of a right emulator leave as little
     agreement: float = nan  # share of the seeds, each alone, by which the answer is likelier true than not
-    log_odds: Mapping[str, float] = field(
-        default_factory=dict
-    )  # of these effects over "none", "a+b"; by runs
     gap: GapPart | None = None
     runs: int = 0
     seeds: int = 0  # of every set of conditions

@@ -23,10 +23,10 @@ from taichi_erosion.evidence.race.answer import raced
 from taichi_erosion.evidence.race.decision import Decision, decide
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis
-from taichi_erosion.evidence.race.fresh_test import can_be_tested, fresh_test, kinds_of, setting_of
+from taichi_erosion.evidence.race.fresh_test import fresh_test, kinds_of, setting_of
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import KEEP, SURE
-from taichi_erosion.evidence.race.record import FreshPart
+from taichi_erosion.evidence.race.record import Decided, FreshPart
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,8 @@ class SceneAnswer:
     def about(self, fit: Fit) -> RefinementPoint:
         """The setting of a fit as the centre of a round."""
         setting = setting_of(self.posterior.race, fit)
-        return refinement_point(setting.parameters, setting.effects)
+        acting = {name: strength for name, strength in setting.effects.items() if strength > 0.0}
+        return refinement_point(setting.parameters, acting)
 
 
 def sets(posterior: Posterior) -> Mapping[Acting, float]:
@@ -94,13 +95,20 @@ def tested(found: SceneAnswer, fresh: FreshTest, progress: Progress) -> tuple[Sc
 
     Where they contradict it, the next answer starts with a round about what was tested.
     """
-    if not can_be_tested(found.decision):
+    if not (found.decision.named or found.decision.group):
         return found, frozenset()
     part, keys = fresh_test(found.posterior, found.decision, fresh.simulator.simulate, progress)
     if part.outcome == "contradicted":
         about = [found.about(kind.fits[0]) for kind in kinds_of(found.posterior.race, found.decision)]
         part = replace(part, more_runs=fresh.schedule(about))
     return replace(found, fresh=part), keys
+
+
+def after_test(decided: Decided, fresh: FreshPart) -> Decided:
+    """What is said after the test: a name that is contradicted is not stable."""
+    if fresh.outcome != "contradicted":
+        return decided
+    return replace(decided, verdict="unstable", named=(), group=(*decided.named, *decided.group))
 
 
 def discover_on_scene(study: Study, budget: BudgetName, progress: Progress) -> tuple[SceneAnswer, Study]:

@@ -1,0 +1,115 @@
+"""An answer tested by runs of a stand-in that agrees with the emulator, contradicts it, or scatters."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from doe.trials.reduced.families import FAMILIES
+from taichi_erosion.evidence.data.transforms import to_scale
+from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, GapTest
+from taichi_erosion.evidence.race.answer import raced
+from taichi_erosion.evidence.race.decision import Decision, decide
+from taichi_erosion.evidence.race.fit import Hypothesis
+from taichi_erosion.evidence.race.fresh_test import fresh_test, is_true, kinds_of
+from taichi_erosion.evidence.race.posterior import Posterior
+from taichi_erosion.evidence.race.priors import SURE
+from taichi_erosion.evidence.race.record import FreshPart
+
+SINGLE = 33  # case of one strong effect
+SEEDS = 4
+SIMILAR = {"o": GapTest(0.5, 0, 1.0, 0.1, 1.0, 0.1)}
+
+
+@cache
+def answered() -> tuple[Posterior, Decision]:
+    posterior = raced(FAMILIES["clean"](4242, SINGLE).problem, SINGLE)
+    return posterior, decide(posterior)
+
+
+def asked(
+    share: float = 1.0, noise: float = 0.1, fails: float = 0.0, tests=SIMILAR, seed: int = 1
+) -> FreshPart:
+    """The test by a simulator in which every effect has a share of its strength and a run scatters by so many
+    sd of a row."""
+    posterior, decision = answered()
+    prepared, model = posterior.race.prepared, posterior.race.prepared.problem.model
+    sd, random = prepared.sd * noise, np.random.default_rng(seed)
+
+    def simulate(settings, requests, weight, progress):
+        assert weight.max() > 1.0
+        made = []
+        for setting in settings:
+            weaker = {name: share * strength for name, strength in setting.effects.items()}
+            values = np.full((SEEDS, sd.size), np.nan)
+            for observable, rows, at in requests:
+                exact = model(observable.name, dict(at), dict(setting.parameters), weaker, np.arange(1, 200))
+                values[:, rows] = np.mean(to_scale(observable, np.asarray(exact)), axis=0)
+            values += sd * random.standard_normal(values.shape)
+            made.append(FreshRuns(values, np.diag(sd / np.sqrt(SEEDS)), tests))
+        keys = frozenset(map(str, range(SEEDS * len(settings))))
+        return FreshCampaign(tuple(made), keys, SEEDS, round(fails * len(keys)))
+
+    part, keys = fresh_test(posterior, decision, simulate, lambda words, share: None)
+    assert len(keys) == part.runs
+    return part
+
+
+def test_runs_that_agree_confirm_the_name():
+    part = asked()
+    assert (part.outcome, part.effects) == ("confirmed", answered()[1].named)
+    assert part.emulated == pytest.approx(answered()[1].inclusion[part.effects[0]], abs=0.02)
+    assert part.simulated > SURE
+    assert part.agreement == 1.0
+    assert part.p > 0.05
+
+
+def test_runs_in_which_the_effect_does_nothing_contradict_it():
+    part = asked(share=0.0)
+    assert part.outcome == "contradicted"
+    assert part.simulated < 0.1 < SURE < part.emulated
+    assert part.agreement == 0.0
+    assert part.p < 0.01
+
+
+def test_runs_that_scatter_do_not_contradict_a_right_emulator():
+    outcomes = [asked(noise=6.0, seed=seed).outcome for seed in range(3)]
+    assert set(outcomes) == {"confirmed", "undecided"}
+
+
+def test_an_effect_that_acts_half_as_strongly_is_still_the_right_name():
+    assert asked(share=0.5).outcome == "confirmed"
+
+
+def test_most_of_the_runs_fail():
+    assert asked(fails=0.6).outcome == "undecided"
+
+
+def test_an_emulator_that_is_off_by_more_than_its_errors_is_believed_nowhere():
+    off = {"o": replace(SIMILAR["o"], p=1e-4, simulated=2.0)}
+    part = asked(tests=off)
+    assert part.outcome == "contradicted"
+    assert part.gap is not None
+    assert part.gap.p == pytest.approx(3 * 1e-4), "one test in each of three explanations"
+    assert asked(tests={"o": replace(SIMILAR["o"], p=0.004)}).outcome == "confirmed"
+
+
+def test_without_room_for_runs_nothing_is_said():
+    posterior, decision = answered()
+
+    def none(*_):
+        return FreshCampaign((), frozenset("abc"), 0)
+
+    part, keys = fresh_test(posterior, decision, none, lambda words, share: None)
+    assert (part.outcome, part.needed, keys) == ("not_made", 3, frozenset())
+
+
+def test_the_rival_contradicts_the_answer_and_the_bare_model_has_no_effect():
+    posterior, decision = answered()
+    told, rival, bare = kinds_of(posterior.race, decision)
+    assert told.names == decision.named
+    assert rival.names
+    assert not is_true(decision, Hypothesis(rival.names))
+    assert bare.names == ()
+    assert {fit.hypothesis.names for fit in bare.fits} == {()}

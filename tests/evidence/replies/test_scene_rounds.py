@@ -1,0 +1,134 @@
+"""Rounds of a race on scenes: about what is undecided, never made twice, and tested by fresh runs."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from doe.trials.reduced.families import FAMILIES
+from taichi_erosion.evidence.answers.commands import open_study
+from taichi_erosion.evidence.emulator import gaussian_process, training_runs
+from taichi_erosion.evidence.race.answer import raced
+from taichi_erosion.evidence.race.decision import decide
+from taichi_erosion.evidence.race.record import Decided
+from taichi_erosion.evidence.replies import scene_rounds
+from taichi_erosion.evidence.replies.scene_rounds import SceneAnswer, after_test, discover_on_scene
+from tests.evidence.emulator.test_fresh_runs import overstated
+from tests.evidence.emulator.test_training_runs import executing, keys, write
+
+NAME = "rolling_resistance"
+STRONG, WEAK = 1.5, 0.1  # strengths of a name that is sure at once, and of one that is not
+NULL, SINGLE, UNLISTED = 1, 33, 113  # cases of one seed of clean ones
+
+
+@dataclass(frozen=True)
+class Told:
+    """An answer and the runs that it asked for, batch by batch."""
+
+    found: SceneAnswer
+    runs: list[list[str]]
+    simulations: int
+
+
+def told(path: Path, wrong: bool = False) -> Told:
+    runs: list[list[str]] = []
+    process = gaussian_process.GaussianProcess
+    with pytest.MonkeyPatch.context() as patch, open_study(path) as study:
+        patch.setattr(training_runs, "execute", executing(runs))
+        if wrong:
+            patch.setattr(process, "mean", overstated(process.mean))
+        found, ready = discover_on_scene(study, "quick", lambda words, share: None)
+    return Told(found, runs, ready.simulations or 0)
+
+
+@cache
+def on_function(number: int) -> SceneAnswer:
+    posterior = raced(FAMILIES["clean"](4242, number).problem, number)
+    return SceneAnswer(posterior, decide(posterior))
+
+
+@pytest.fixture(scope="module")
+def strong(tmp_path_factory) -> tuple[Path, Told]:
+    path = write(tmp_path_factory.mktemp("strong"), STRONG)
+    return path, told(path)
+
+
+def test_a_name_that_is_sure_needs_no_round_and_fresh_runs_confirm_it(strong):
+    _, answer = strong
+    found, fresh = answer.found, answer.found.fresh
+    assert found.decision.named == (NAME,)
+    assert fresh is not None
+    assert (fresh.outcome, fresh.effects, fresh.agreement) == ("confirmed", (NAME,), 1.0)
+    training, tests = answer.runs
+    assert not set(tests) & set(training)
+    # 16 bare, 10 of sticking, 14 of rolling; 2 at each of 8 conditions, 2 of the bare model
+    assert len(set(training)) == 16 + 24
+    assert fresh.runs == len(set(tests)) <= 2 * (8 + 2 + 2)
+    assert answer.simulations == len(keys(answer.runs))
+
+
+def test_the_same_question_asks_for_the_same_runs_and_has_the_same_answer(strong):
+    path, first = strong
+    again = told(path)
+    assert keys(again.runs) == keys(first.runs)
+    assert again.found.posterior.probability == first.found.posterior.probability
+    assert again.found.fresh == first.found.fresh
+
+
+def test_a_round_is_made_about_what_is_undecided(tmp_path):
+    path = write(tmp_path, WEAK, seed=4)
+    answer = told(path)
+    first, more, *_ = answer.runs
+    assert set(first) < set(more), "one round about the bare model, rolling, and perhaps both"
+    assert len(set(more) - set(first)) in (16, 24)
+    assert len(told(path).runs) <= 2, "its rounds are known"
+
+
+def test_nothing_is_simulated_for_a_sure_null(tmp_path):
+    answer = told(write(tmp_path, 0.0))
+    assert answer.found.decision.verdict == "none_detected"
+    assert len(answer.runs) == 1
+    assert answer.found.fresh is None
+
+
+def test_a_name_by_a_wrong_emulator_is_contradicted_and_more_runs_come_first(tmp_path):
+    path = write(tmp_path, STRONG)
+    answer = told(path, wrong=True)
+    fresh = answer.found.fresh
+    assert fresh is not None
+    assert fresh.outcome == "contradicted"
+    assert fresh.gap is not None
+    assert fresh.gap.p < 0.01
+    assert fresh.gap.emulated > fresh.gap.simulated, "the effect was overstated"
+    assert fresh.more_runs == 24
+    before = keys(answer.runs)
+    training, *_ = told(path, wrong=True).runs
+    assert len(set(training) - before) == fresh.more_runs
+    decided = Decided("present", (NAME,), (), (), {}, 0.0)
+    assert after_test(decided, fresh) == replace(decided, verdict="unstable", named=(), group=(NAME,))
+
+
+def test_points_are_the_settings_of_likely_sets_the_bare_model_first():
+    found = on_function(NULL)
+    doubtful = replace(found, decision=replace(found.decision, none=0.5))
+    shares = scene_rounds.sets(found.posterior)
+    assert sum(shares.values()) == pytest.approx(1.0)
+    bare, *others = scene_rounds.points(doubtful)
+    assert bare.effects == {}
+    assert 1 <= len(others) <= 2
+    best = max((names for names in shares if names), key=lambda names: shares[names])
+    assert tuple(others[0].effects) == best
+    assert all(set(point.parameters) == set(bare.parameters) for point in others)
+    assert scene_rounds.points(replace(found, decision=replace(found.decision, none=0.95))) == []
+
+
+def test_mechanisms_are_asked_only_where_no_listed_effect_suffices():
+    assert scene_rounds.beyond(on_function(UNLISTED))
+    assert not scene_rounds.beyond(on_function(SINGLE))
+    assert not scene_rounds.beyond(on_function(NULL))
+    found = on_function(UNLISTED)
+    outside = replace(found, decision=replace(found.decision, verdict="outside_library"))
+    single, several = scene_rounds.required(outside)
+    assert len(single.effects) == 1 < len(several.effects)
+    assert scene_rounds.required(on_function(SINGLE)) == []
