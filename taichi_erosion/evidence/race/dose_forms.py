@@ -15,6 +15,7 @@ dose, so the dose counts from the state without a condition: along one that reac
 there are tried.
 """
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -23,7 +24,7 @@ import numpy as np
 
 from taichi_erosion.evidence.data.problem import Conditions, Floats
 
-DIAMETERS, WINDS = ("diameter", "d"), ("u_star", "friction_velocity")  # names of columns
+SIZES = (("diameter", "d"), ("u_star", "friction_velocity"))  # names of columns
 GROUPS = {  # name -> powers of diameter and wind
     "Bond number of a pull that grows with the diameter": (-2.0, 0.0),
     "Bond number of a constant pull": (-3.0, 0.0),
@@ -41,8 +42,7 @@ class Form:
     name: str
     conditions: tuple[str, ...]
     shape: Callable[[Conditions, Floats], Floats]  # s, of the numbers after a
-    text: str  # expression with the names of its numbers in braces
-    python: str  # the same in Python, conditions as at["name"]
+    python: str  # expression with the names of its numbers in braces, conditions as at["name"]
     names: tuple[str, ...] = ()  # of the numbers after a
     starts: tuple[tuple[float, ...], ...] = ((),)
     low: tuple[float, ...] = ()
@@ -53,6 +53,12 @@ class Form:
         """Doses of the rows."""
         return numbers[0] * np.nan_to_num(self.shape(conditions, numbers[1:]))
 
+    @property
+    def text(self) -> str:
+        """The expression as it is written in a text."""
+        plain = re.sub(r'at\["(\w+)"\]', r"\1", self.python)
+        return plain.replace("np.maximum", "max").replace("np.", "").replace(" ** ", "^").replace(" * ", " ")
+
 
 def typical(column: Floats) -> float:
     """Median of the sizes that are not zero, to three digits."""
@@ -61,18 +67,18 @@ def typical(column: Floats) -> float:
 
 def forms_of(conditions: Conditions) -> Iterator[Form]:
     """All forms that the conditions of some rows allow."""
-    yield Form("constant", (), lambda at, _: np.ones(next(iter(at.values())).size), "{a}", "{a}")
+    yield Form("constant", (), lambda at, _: np.ones(next(iter(at.values())).size), "{a}")
     varied = {
         name: column
         for name, column in conditions.items()
         if np.all(np.isfinite(column)) and np.ptp(column) > 1e-9 * np.abs(column).max()
     }
     positive = {name: column for name, column in varied.items() if column.min() >= 0.0}
-    diameter, wind = (next((c for c in names if c in positive), None) for names in (DIAMETERS, WINDS))
+    sizes = [next((c for c in names if c in positive and positive[c].min() > 0.0), "") for names in SIZES]
     for title, powers in GROUPS.items():
-        fixed = {c: power for c, power in zip((diameter, wind), powers, strict=True) if power}
-        if None not in fixed and all(positive[c].min() > 0.0 for c in fixed):
-            yield power_form(title, {c: positive[c] for c in fixed}, tuple(fixed.values()))
+        fixed = {name: power for name, power in zip(sizes, powers, strict=True) if power}
+        if "" not in fixed:
+            yield power_form(title, {name: positive[name] for name in fixed}, tuple(fixed.values()))
     for name, column in varied.items():
         if column.min() != 0.0:
             yield exponential_form(name, column)
@@ -88,25 +94,19 @@ def power_form(title: str, columns: Conditions, fixed: tuple[float, ...] = ()) -
     """Product of powers, free or fixed; of a condition that reaches zero the power is positive."""
     scales = {name: typical(column) for name, column in columns.items()}
     letters = () if fixed else ("p", "q")[: len(columns)]
-    low = () if fixed else tuple(-STEEPEST if column.min() > 0.0 else FLATTEST for column in columns.values())
+    low = () if fixed else tuple(-STEEPEST if c.min() > 0.0 else FLATTEST for c in columns.values())
     told = [f"{power:g}" for power in fixed] or [f"{{{letter}}}" for letter in letters]
+    factors = [f'(at["{c}"] / {scales[c]:g}) ** {power}' for c, power in zip(columns, told, strict=True)]
 
     def shape(at: Conditions, powers: Floats) -> Floats:
-        bases = np.array([np.maximum(at[name] / scale, 0.0) for name, scale in scales.items()])
+        bases = np.array([at[name] / scale for name, scale in scales.items()])
         return np.prod(bases ** np.array(fixed or powers)[:, np.newaxis], axis=0)
 
-    return Form(
-        title,
-        tuple(columns),
-        shape,
-        "{a} " + " ".join(f"({c} / {scales[c]:g})^{p}" for c, p in zip(columns, told, strict=True)),
-        "{a} * " + " * ".join(f'(at["{c}"] / {scales[c]:g}) ** {p}' for c, p in zip(columns, told, strict=True)),
-        letters,
-        tuple(dict.fromkeys(tuple(sign if end < 0.0 else 1.0 for end in low) for sign in (1.0, -1.0))),
-        low,
-        (STEEPEST,) * len(low),
-        {} if fixed else dict(zip(columns, letters, strict=True)),
-    )
+    starts = [tuple(sign if end < 0.0 else 1.0 for end in low) for sign in (1.0, -1.0)]
+    exponents = dict(zip(columns, letters, strict=False))
+    python = " * ".join(["{a}", *factors])
+    high = (STEEPEST,) * len(low)
+    return Form(title, tuple(columns), shape, python, letters, tuple(set(starts)), low, high, exponents)
 
 
 def onset_form(name: str, column: Floats) -> Form:
@@ -116,8 +116,7 @@ def onset_form(name: str, column: Floats) -> Form:
         "onset",
         (name,),
         lambda at, n: (np.maximum(at[name] - n[1], 0.0) / scale) ** n[0],
-        f"{{a}} (max({name} - {{k}}, 0) / {scale:g})^{{p}}",
-        f'{{a}} * (np.maximum(at["{name}"] - {{k}}, 0.0) / {scale:g}) ** {{p}}',
+        f'{{a}} * (np.maximum(at["{name}"] - {{k}}, 0) / {scale:g}) ** {{p}}',
         ("p", "k"),
         tuple((1.0, float(k)) for k in np.quantile(np.unique(column), (0.1, 0.35, 0.6))),
         (FLATTEST, least),
@@ -128,31 +127,26 @@ def onset_form(name: str, column: Floats) -> Form:
 
 def saturating_form(name: str, column: Floats) -> Form:
     """Growth to a limit."""
-    scale = typical(column)
+    scale, most = typical(column), float(column.max())
+    python = f'{{a}} * (1 - np.exp(-at["{name}"] / {{k}}))'
+    starts, low, high = ((0.3 * scale,), (scale,)), (0.02 * scale,), (2.0 * most,)
     return Form(
-        "saturating",
-        (name,),
-        lambda at, n: -np.expm1(-at[name] / n[0]),
-        f"{{a}} (1 - exp(-{name} / {{k}}))",
-        f'{{a}} * (1.0 - np.exp(-at["{name}"] / {{k}}))',
-        ("k",),
-        ((0.3 * scale,), (scale,)),
-        (0.02 * scale,),
-        (2.0 * float(column.max()),),
+        "saturating", (name,), lambda at, n: -np.expm1(-at[name] / n[0]), python, ("k",), starts, low, high
     )
 
 
 def exponential_form(name: str, column: Floats) -> Form:
     """Growth or decay by a factor of e in each step of the condition."""
     centre, width = float(f"{np.mean(column):.3g}"), float(np.std(column))
+    python = f'{{a}} * np.exp({{b}} * (at["{name}"] - {centre:g}))'
+    starts, low, high = ((0.5 / width,), (-0.5 / width,)), (-STEEPEST / width,), (STEEPEST / width,)
     return Form(
         "exponential",
         (name,),
         lambda at, n: np.exp(n[0] * (at[name] - centre)),
-        f"{{a}} exp({{b}} ({name} - {centre:g}))",
-        f'{{a}} * np.exp({{b}} * (at["{name}"] - {centre:g}))',
+        python,
         ("b",),
-        ((0.5 / width,), (-0.5 / width,)),
-        (-STEEPEST / width,),
-        (STEEPEST / width,),
+        starts,
+        low,
+        high,
     )

@@ -2,46 +2,50 @@
 
     y = G M(w(a)) (1, v) + B s + e,   w = ln(1 + dose(conditions, a)),   v, s, e ~ N(0, 1)
 
-with y the whitened rows, a the numbers of a form, M (n, 1 + p) the mean of the model along the dose, linear in
-the calibrated numbers v, G its whitening, and B all errors in common with the scales of the mechanism's fit;
-its smooth prior of doses is left out. v is at its best for every a. Forms are ranked by
+with y the whitened rows, a the numbers of a form, M (n, 1 + p) the mean of the model along the dose, linear
+in the calibrated numbers v, G its whitening, and B all errors in common with the scales of the mechanism's
+fit; its smooth prior of doses is left out. v is at its best for every a. Forms are ranked by
 
     sum over folds of ln N(rows left out | other rows, a fitted to these) - 1/2 ln n for every number,
 
 less SIMPLE for a form that is no power. The best of them have means and slopes of their own. The share of
-misfit that is told comes from groups that neither the fit nor the choice of the form has seen. Intervals are
-those of draws of a from a t distribution, weighted by exp(-misfit / 2 f) |S^T S + 1|^-1/2, with S the whitened
-slopes along v and f > 1 the misfit per row that is left.
+misfit that is told comes from groups that the fit has not seen, but the choice of the form has. Intervals
+follow from (D^T D)^-1, D the slopes of the whitened residual along a, widened by the misfit that is left.
 
 References: Golub & Pereyra (1973), SIAM J. Numer. Anal. 10, 413 (linear unknowns eliminated); Schwarz (1978),
-Ann. Stat. 6, 461 (price of a number); Varma & Simon (2006), BMC Bioinformatics 7, 91 (nested validation);
-Geweke (1989), Econometrica 57, 1317 (importance sampling with a t distribution).
+Ann. Stat. 6, 461 (price of a number); Stone (1974), J. R. Stat. Soc. B 36, 111 (cross-validation).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import log
 
 import numpy as np
-from scipy import interpolate, linalg, optimize, stats
+from scipy import interpolate, linalg, optimize
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers
 from taichi_erosion.evidence.race.dose_forms import POWERS, Form, forms_of
-from taichi_erosion.evidence.race.doses import Doser, dosers, from_axis, to_axis
-from taichi_erosion.evidence.race.posterior import quantiles
+from taichi_erosion.evidence.race.doses import STILL, Doser, dosers, from_axis, to_axis
+from taichi_erosion.evidence.race.posterior import DRAWS, SEED
 from taichi_erosion.evidence.race.record import Interval, LawPart
-from taichi_erosion.evidence.race.search import Doses, Fit, Race
+from taichi_erosion.evidence.race.search import Fit, Race
 
 SIMPLE = 1.0  # ln score by which a form that is no power must be better: most forces are powers
-LEAST_ROWS = 6  # twice as many as a form has numbers
 FOLDS = 6  # of the groups, at most
 SETTLED, ROUNDS = 5, 3  # forms with means of their own, and expansions of each: 75 settings for 4 numbers
-COARSE, FINE = 7, 9  # doses of the table: over the whole range, and over that of the fit
-STILL = 0.02  # of w, and of a number in prior sd
-ENOUGH = 1e-5  # change of a misfit, and of numbers, over them, below which a fit ends
-DRAWS, SEED, FREEDOM = 1000, 0, 4.0  # of the numbers of a law
+NODES = 8  # doses of the table, over the whole range and again over that of the fit
+
+
+@dataclass(frozen=True)
+class Place:
+    """Numbers and doses about which rows are linear."""
+
+    v: Floats
+    w: Floats  # (n,)
+    mean: Floats  # (n,)
+    slopes: Floats  # (n, p)
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,9 @@ class LawRows:
         """Ln density of rows outside given those inside, and their misfit."""
         linear = self.linear(w)
         variance = self.variance + linear[:, 1:] @ linear[:, 1:].T
-        both, known = (log_density(linear[rows, 0], variance[np.ix_(rows, rows)]) for rows in (inside | outside, inside))
+        both, known = (
+            log_density(linear[rows, 0], variance[np.ix_(rows, rows)]) for rows in (inside | outside, inside)
+        )
         return both - known
 
 
@@ -114,25 +120,25 @@ class FittedForm:
         dose = self.form.dose(self.rows.conditions, numbers)
         return np.where(dose > 0.0, np.log1p(np.maximum(dose, 0.0)), dose)
 
-    def solved(self, numbers: Floats) -> tuple[Floats, Floats, float]:
-        """Best v for some numbers, the residual with its prior, and 1/2 ln |S^T S + 1|."""
+    def solved(self, numbers: Floats) -> tuple[Floats, Floats]:
+        """Best v for some numbers, and the residual with its prior."""
         white = self.root @ self.rows.linear(self.doses(numbers))[self.chosen]
         r, slopes = white[:, 0], white[:, 1:]
         matrix = slopes.T @ slopes + np.eye(slopes.shape[1])
         v = np.linalg.solve(matrix, slopes.T @ r)
-        return v, np.concatenate([r - slopes @ v, v]), 0.5 * float(np.linalg.slogdet(matrix)[1])
+        return v, np.concatenate([r - slopes @ v, v])
 
     def fitted(self, starts: Sequence[Floats]) -> "FittedForm":
         """The form with least misfit, from the best of some starts."""
+        ends, enough = self.ends, 1e-5  # relative, of misfit and numbers: far below their errors
         fits = [
             optimize.least_squares(
                 lambda a: self.solved(a)[1],
-                np.clip(start, *self.ends),
-                bounds=self.ends,
+                start.clip(*ends),
+                bounds=ends,
                 x_scale="jac",
-                ftol=ENOUGH,
-                xtol=ENOUGH,
-                max_nfev=40,
+                ftol=enough,
+                xtol=enough,
             )
             for start in starts
         ]
@@ -144,43 +150,42 @@ class FittedForm:
         """The form fitted to other rows."""
         return replace(self, rows=rows, chosen=chosen).fitted([self.numbers])
 
-    def left_out(self, inside: Bools, outside: Bools) -> Floats:
-        """Ln density of rows outside where it is fitted to those inside, and their misfit."""
-        return self.rows.left_out(self.to(self.rows, inside).w, inside, outside)
+    def doses_by(self, chosen: Bools) -> Floats:
+        """Doses of all rows where the form is fitted to some of them."""
+        return self.to(self.rows, chosen).w
 
-    def draws(self) -> tuple[Floats, Floats]:
-        """Draws of the numbers, and weights."""
+    def draws(self) -> Floats:
+        """Draws (m, k) of the numbers within their range."""
         excess = max(1.0, self.misfit / (self.rows.y.size - self.numbers.size))
-        law = stats.multivariate_t(self.numbers, excess * self.covariance, FREEDOM, allow_singular=True, seed=SEED)
-        draws = law.rvs(DRAWS).reshape(DRAWS, -1)
-        draws = draws[np.all((draws >= self.ends[0]) & (draws <= self.ends[1]), axis=1)]
-        log_weight = -law.logpdf(draws).reshape(-1)
-        for k, each in enumerate(draws):
-            _, residual, volume = self.solved(each)
-            log_weight[k] -= 0.5 * float(residual @ residual) / excess + volume
-        return draws, np.exp(log_weight - log_weight.max())
+        random = np.random.default_rng(SEED)
+        found = random.multivariate_normal(self.numbers, excess * self.covariance, DRAWS)
+        return found.clip(*self.ends)
 
 
 def law_of(race: Race, fit: Fit) -> LawPart | None:
     """The law of the mechanism of a fit; None without one or with few rows. Raises BudgetSpentError."""
-    if fit.dose is None or fit.mean.size < LEAST_ROWS:
+    if fit.dose is None or fit.mean.size < FOLDS:
         return None
     doser = next(each for each in dosers(race) if each.name == fit.hypothesis.beyond.partition("|")[0])
     curve = tabulated(race, doser, fit.v, fit.dose.w)
-    fit = replace(fit, jacobian=along(curve, fit.dose.w)[:, 1:])
-    rows = rows_about(race, fit, curve)
-    first = [first_fit(rows, form, doser, fit.dose.w) for form in forms_of(rows.conditions)]
+    place = Place(fit.v, fit.dose.w, fit.mean, along(curve, fit.dose.w)[:, 1:])
+    rows = rows_about(race, fit, curve, place)
+    first = [first_fit(rows, form, place.w) for form in forms_of(rows.conditions)]
     first.sort(key=lambda each: 0.5 * each.misfit + each.price)
-    settled = [settled_form(race, doser, fit, each) for each in first[:SETTLED]]
-    best = settled[chosen_form(settled, first[0].chosen)]
-    return told(doser.name, best, held_out_share(rows, settled))
+    settled = [settled_form(race, doser, fit, place, each) for each in first[:SETTLED]]
+    scores, misfits = np.array([cross_validated(each.rows, each.doses_by) for each in settled]).T
+    best = int(np.argmax(scores - [each.price for each in settled]))
+    nothing = cross_validated(rows, lambda _: np.zeros(rows.y.size))[1]
+    return told(doser.name, settled[best], float(1.0 - misfits[best] / nothing))
 
 
 def tabulated(race: Race, doser: Doser, v: Floats, w: Floats) -> interpolate.PPoly:
     """M along one dose for all rows, with slopes at the ends of the range, of doses and at 0."""
     low, top = to_axis(doser.low), doser.top
     ends = np.unique(np.clip([low, w.min(), 0.0, w.max(), top], low, top).round(2))
-    nodes = np.concatenate([ends, np.linspace(low, top, COARSE), np.linspace(ends[1], ends[-2], FINE)])
+    nodes = np.concatenate(
+        [ends, np.linspace(low, top, NODES), np.linspace(w.min(), w.max(), NODES).clip(low, top)]
+    )
     nodes = np.unique(nodes.round(2))
     table = np.array([doser.at(race, v, np.full(w.size, node))[1] for node in nodes])
     good = np.all(np.isfinite(table), axis=1)
@@ -188,7 +193,9 @@ def tabulated(race: Race, doser: Doser, v: Floats, w: Floats) -> interpolate.PPo
     ends = ends[np.isin(ends, nodes)]
     bent = [slopes(race, doser, v, np.full(w.size, end), table[nodes == end][0]) for end in ends]
     bent = interpolate.PchipInterpolator(ends, bent, axis=0)(nodes)
-    return interpolate.PchipInterpolator(nodes, np.concatenate([(table - bent @ v)[..., None], bent], 2), axis=0)
+    return interpolate.PchipInterpolator(
+        nodes, np.concatenate([(table - bent @ v)[..., None], bent], 2), axis=0
+    )
 
 
 def slopes(race: Race, doser: Doser, v: Floats, w: Floats, mean: Floats) -> Floats:
@@ -208,91 +215,66 @@ def along(curve: interpolate.PPoly, w: Floats) -> Floats:
 
 
 def fold_numbers(rows: ComparisonRows) -> Integers:
-    """Fold of each row; those of one group, or of one set of conditions where groups are few, are together."""
+    """Fold of each row; rows of one group, or of one set of conditions where groups are few, share it."""
     labels = np.array(rows.group)
     if np.unique(labels).size < FOLDS // 2:
         labels = np.array([repr(each) for each in zip(*rows.conditions.values(), strict=True)])
     return np.unique(labels, return_inverse=True)[1] % FOLDS
 
 
-def rows_about(race: Race, fit: Fit, curve: interpolate.PPoly) -> LawRows:
-    """Rows with M exact at the numbers and doses of a fit, and the scales and bad rows of its evidence."""
+def rows_about(race: Race, fit: Fit, curve: interpolate.PPoly, place: Place) -> LawRows:
+    """Rows with M exact at a place, and the scales and bad rows of the evidence of a fit."""
     p, now = race.prepared, fit.evidence.solved
-    work, root = p.working(fit.mean), np.sqrt(now.row_share)
+    work, root = p.working(place.mean), np.sqrt(now.row_share)
     shared = now.rows.block != len(fit.blocks) - 1
     shared[: fit.v.size] = False
     columns = root[:, np.newaxis] * (now.rows.columns * now.tau)[:, shared]
     gain = (root * work.weight)[:, np.newaxis] * p.white(np.eye(root.size))
-    exact = np.column_stack([fit.mean - fit.jacobian @ fit.v, fit.jacobian])
-    return LawRows(
-        p.rows.conditions,
-        fold_numbers(p.rows),
-        curve,
-        exact - along(curve, fit.dose.w),
-        root * work.residual + gain @ fit.mean,
-        gain,
-        np.eye(root.size) + columns @ columns.T,
-    )
+    offset = np.column_stack([place.mean - place.slopes @ place.v, place.slopes]) - along(curve, place.w)
+    y, variance = root * work.residual + gain @ place.mean, np.eye(root.size) + columns @ columns.T
+    return LawRows(p.rows.conditions, fold_numbers(p.rows), curve, offset, y, gain, variance)
 
 
-def first_fit(rows: LawRows, form: Form, doser: Doser, w: Floats) -> FittedForm:
-    """A form fitted to all rows, from the numbers nearest to some doses and from doses to the other side."""
+def first_fit(rows: LawRows, form: Form, w: Floats) -> FittedForm:
+    """A form fitted to all rows, from the numbers nearest to some doses."""
     dose, starts = np.array([from_axis(each) for each in w]), []
     for rest in form.starts:
         shape = form.dose(rows.conditions, np.array([1.0, *rest]))
-        near = float(shape @ dose / (shape @ shape))
-        far = from_axis(0.5 * (to_axis(doser.low) if near > 0.0 else doser.top))
-        starts += [np.array([a, *rest]) for a in (near, far)]
-    everything = np.ones(w.size, dtype=np.bool_)
-    size = starts[0].size
+        starts.append(np.array([float(shape @ dose / (shape @ shape)), *rest]))
+    everything, size = np.ones(w.size, dtype=np.bool_), starts[0].size
     return FittedForm(form, rows, everything, starts[0], np.inf, np.eye(size)).fitted(starts)
 
 
-def settled_form(race: Race, doser: Doser, fit: Fit, each: FittedForm) -> FittedForm:
+def settled_form(race: Race, doser: Doser, fit: Fit, place: Place, each: FittedForm) -> FittedForm:
     """The form with rows made anew about its own numbers and doses, until they stay."""
     for _ in range(ROUNDS):
-        v = each.solved(each.numbers)[0]
+        v, _ = each.solved(each.numbers)
         w, mean = doser.at(race, v, each.w)
-        move = max(np.max(np.abs(v - fit.v), initial=0.0), np.max(np.abs(w - fit.dose.w)))
+        move = max(np.max(np.abs(v - place.v), initial=0.0), np.max(np.abs(w - place.w)))
         if move < STILL or not np.all(np.isfinite(mean)):
             break
-        fit = replace(fit, v=v, mean=mean, jacobian=slopes(race, doser, v, w, mean), dose=replace(fit.dose, w=w))
-        each = each.to(rows_about(race, fit, each.rows.curve), each.chosen)
+        place = Place(v, w, mean, slopes(race, doser, v, w, mean))
+        each = each.to(rows_about(race, fit, each.rows.curve, place), each.chosen)
     return each
 
 
-def chosen_form(fits: Sequence[FittedForm], chosen: Bools) -> int:
-    """Which form predicts groups within some rows best from the others."""
-    totals, folds = np.array([-each.price for each in fits]), fits[0].rows.folds
-    for fold in np.unique(folds[chosen]):
-        outside = chosen & (folds == fold)
-        totals += [each.left_out(chosen & ~outside, outside)[0] for each in fits]
-    return int(np.argmax(totals))
-
-
-def held_out_share(rows: LawRows, fits: Sequence[FittedForm]) -> float:
-    """Share of the misfit of left-out groups that a form explains which was chosen without them."""
-    before = after = 0.0
-    for fold in np.unique(rows.folds):
-        outside = rows.folds == fold
-        before += rows.left_out(np.zeros(outside.size), ~outside, outside)[1]
-        after += fits[chosen_form(fits, ~outside)].left_out(~outside, outside)[1]
-    return float(1.0 - after / before)
+def cross_validated(rows: LawRows, doses: Callable[[Bools], Floats]) -> Floats:
+    """Ln density of every fold given the others at doses that these say, and its misfit, summed."""
+    outside = [rows.folds == fold for fold in np.unique(rows.folds)]
+    return np.sum([rows.left_out(doses(~each), ~each, each) for each in outside], axis=0)
 
 
 def told(mechanism: str, best: FittedForm, share: float) -> LawPart:
     """The law with its intervals."""
-    form, (draws, weight) = best.form, best.draws()
-    numbers = {
-        name: interval(value, column, weight)
-        for name, value, column in zip(("a", *form.names), best.numbers, draws.T, strict=True)
-    }
+    form, draws = best.form, best.draws()
+    numbers = dict(zip(("a", *form.names), map(interval, best.numbers, draws.T), strict=True))
     values = {name: f"{each.value:.3g}" for name, each in numbers.items()}
-    columns = [best.rows.conditions[name].tolist() for name in form.conditions]
-    at = sorted(set(zip(*columns, strict=True))) or [()]
+    at = sorted(
+        set(zip(*(best.rows.conditions[name].tolist() for name in form.conditions), strict=True))
+    ) or [()]
     sets = dict(zip(form.conditions, np.array(at).T, strict=True)) or {"": np.zeros(1)}
     spread = np.array([form.dose(sets, each) for each in draws]).T
-    doses = [interval(x, own, weight) for x, own in zip(form.dose(sets, best.numbers), spread, strict=True)]
+    doses = map(interval, form.dose(sets, best.numbers), spread)
     return LawPart(
         mechanism,
         form.conditions,
@@ -301,12 +283,13 @@ def told(mechanism: str, best: FittedForm, share: float) -> LawPart:
         form.python.format(**values),
         numbers,
         {condition: numbers[name] for condition, name in form.exponents.items()},
-        tuple((dict(zip(form.conditions, row, strict=True)), dose) for row, dose in zip(at, doses, strict=True)),
+        tuple(
+            (dict(zip(form.conditions, row, strict=True)), dose) for row, dose in zip(at, doses, strict=True)
+        ),
         share,
     )
 
 
-def interval(value: float, draws: Floats, weight: Floats) -> Interval:
+def interval(value: float, draws: Floats) -> Interval:
     """A best value with the 90 % interval of its draws."""
-    low, _, high = quantiles(draws, weight)
-    return Interval(float(value), float(low), float(high))
+    return Interval(float(value), *map(float, np.quantile(draws, (0.05, 0.95))))
