@@ -103,50 +103,43 @@ def power_form(title: str, columns: Conditions, fixed: tuple[float, ...] = ()) -
         return np.prod(bases ** np.array(fixed or powers)[:, np.newaxis], axis=0)
 
     starts = [tuple(sign if end < 0.0 else 1.0 for end in low) for sign in (1.0, -1.0)]
-    exponents = dict(zip(columns, letters, strict=False))
-    python = " * ".join(["{a}", *factors])
-    high = (STEEPEST,) * len(low)
-    return Form(title, tuple(columns), shape, python, letters, tuple(set(starts)), low, high, exponents)
+    python, conditions = " * ".join(["{a}", *factors]), tuple(columns)
+    high, exponents = (STEEPEST,) * len(low), dict(zip(columns, letters, strict=False))
+    return Form(title, conditions, shape, python, letters, tuple(dict.fromkeys(starts)), low, high, exponents)
 
 
 def onset_form(name: str, column: Floats) -> Form:
     """A power of what a condition has above an onset."""
     scale, least, most = typical(column), float(column.min()), float(column.max())
-    return Form(
-        "onset",
-        (name,),
-        lambda at, n: (np.maximum(at[name] - n[1], 0.0) / scale) ** n[0],
-        f'{{a}} * (np.maximum(at["{name}"] - {{k}}, 0) / {scale:g}) ** {{p}}',
-        ("p", "k"),
-        tuple((1.0, float(k)) for k in np.quantile(np.unique(column), (0.1, 0.35, 0.6))),
-        (FLATTEST, least),
-        (STEEPEST, least + 0.9 * (most - least)),
-        {name: "p"},
-    )
+
+    def shape(at: Conditions, n: Floats) -> Floats:
+        return (np.maximum(at[name] - n[1], 0.0) / scale) ** n[0]
+
+    python = f'{{a}} * (np.maximum(at["{name}"] - {{k}}, 0) / {scale:g}) ** {{p}}'
+    starts = tuple((1.0, float(k)) for k in np.quantile(np.unique(column), (0.1, 0.35, 0.6)))
+    low, high = (FLATTEST, least), (STEEPEST, least + 0.9 * (most - least))
+    return Form("onset", (name,), shape, python, ("p", "k"), starts, low, high, {name: "p"})
 
 
 def saturating_form(name: str, column: Floats) -> Form:
     """Growth to a limit."""
     scale, most = typical(column), float(column.max())
+
+    def shape(at: Conditions, n: Floats) -> Floats:
+        return -np.expm1(-at[name] / n[0])
+
     python = f'{{a}} * (1 - np.exp(-at["{name}"] / {{k}}))'
     starts, low, high = ((0.3 * scale,), (scale,)), (0.02 * scale,), (2.0 * most,)
-    return Form(
-        "saturating", (name,), lambda at, n: -np.expm1(-at[name] / n[0]), python, ("k",), starts, low, high
-    )
+    return Form("saturating", (name,), shape, python, ("k",), starts, low, high)
 
 
 def exponential_form(name: str, column: Floats) -> Form:
     """Growth or decay by a factor of e in each step of the condition."""
     centre, width = float(f"{np.mean(column):.3g}"), float(np.std(column))
+
+    def shape(at: Conditions, n: Floats) -> Floats:
+        return np.exp(n[0] * (at[name] - centre))
+
     python = f'{{a}} * np.exp({{b}} * (at["{name}"] - {centre:g}))'
     starts, low, high = ((0.5 / width,), (-0.5 / width,)), (-STEEPEST / width,), (STEEPEST / width,)
-    return Form(
-        "exponential",
-        (name,),
-        lambda at, n: np.exp(n[0] * (at[name] - centre)),
-        python,
-        ("b",),
-        starts,
-        low,
-        high,
-    )
+    return Form("exponential", (name,), shape, python, ("b",), starts, low, high)

@@ -16,10 +16,9 @@ References: Golub & Pereyra (1973), SIAM J. Numer. Anal. 10, 413 (linear unknown
 Ann. Stat. 6, 461 (price of a number); Stone (1974), J. R. Stat. Soc. B 36, 111 (cross-validation).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import log
 
 import numpy as np
 from scipy import interpolate, linalg, optimize
@@ -70,10 +69,8 @@ class LawRows:
         """Ln density of rows outside given those inside, and their misfit."""
         linear = self.linear(w)
         variance = self.variance + linear[:, 1:] @ linear[:, 1:].T
-        both, known = (
-            log_density(linear[rows, 0], variance[np.ix_(rows, rows)]) for rows in (inside | outside, inside)
-        )
-        return both - known
+        some, known = (log_density(linear[k, 0], variance[np.ix_(k, k)]) for k in (inside | outside, inside))
+        return some - known
 
 
 def log_density(r: Floats, variance: Floats) -> Floats:
@@ -101,47 +98,32 @@ class FittedForm:
         return np.linalg.inv(linalg.cholesky(variance, lower=True))
 
     @property
-    def w(self) -> Floats:
-        """Doses of all rows, on their axis."""
-        return self.doses(self.numbers)
-
-    @property
     def price(self) -> float:
         """Ln score by which the form must be better than one without numbers."""
-        return 0.5 * log(self.rows.y.size) * self.numbers.size + SIMPLE * (self.form.name not in POWERS)
+        return 0.5 * np.log(self.rows.y.size) * self.numbers.size + SIMPLE * (self.form.name not in POWERS)
 
     @property
     def ends(self) -> tuple[Floats, Floats]:
         """Range of the numbers."""
         return np.array([-np.inf, *self.form.low]), np.array([np.inf, *self.form.high])
 
-    def doses(self, numbers: Floats) -> Floats:
-        """Doses of all rows for some numbers, on their axis."""
-        dose = self.form.dose(self.rows.conditions, numbers)
+    def doses(self, numbers: Floats | None = None) -> Floats:
+        """Doses of all rows, on their axis, by default for the best numbers."""
+        dose = self.form.dose(self.rows.conditions, self.numbers if numbers is None else numbers)
         return np.where(dose > 0.0, np.log1p(np.maximum(dose, 0.0)), dose)
 
     def solved(self, numbers: Floats) -> tuple[Floats, Floats]:
         """Best v for some numbers, and the residual with its prior."""
         white = self.root @ self.rows.linear(self.doses(numbers))[self.chosen]
         r, slopes = white[:, 0], white[:, 1:]
-        matrix = slopes.T @ slopes + np.eye(slopes.shape[1])
-        v = np.linalg.solve(matrix, slopes.T @ r)
+        v = linalg.solve(slopes.T @ slopes + np.eye(slopes.shape[1]), slopes.T @ r)
         return v, np.concatenate([r - slopes @ v, v])
 
     def fitted(self, starts: Sequence[Floats]) -> "FittedForm":
         """The form with least misfit, from the best of some starts."""
-        ends, enough = self.ends, 1e-5  # relative, of misfit and numbers: far below their errors
-        fits = [
-            optimize.least_squares(
-                lambda a: self.solved(a)[1],
-                start.clip(*ends),
-                bounds=ends,
-                x_scale="jac",
-                ftol=enough,
-                xtol=enough,
-            )
-            for start in starts
-        ]
+        ends, enough = self.ends, 1e-5  # relative change of misfit and numbers, far below their errors
+        options = {"bounds": ends, "x_scale": "jac", "ftol": enough, "xtol": enough}
+        fits = [optimize.least_squares(lambda a: self.solved(a)[1], x.clip(*ends), **options) for x in starts]
         best = min(fits, key=lambda each: each.cost)
         covariance = np.linalg.pinv(best.jac.T @ best.jac, hermitian=True)
         return replace(self, numbers=best.x, misfit=2.0 * best.cost, covariance=covariance)
@@ -149,10 +131,6 @@ class FittedForm:
     def to(self, rows: LawRows, chosen: Bools) -> "FittedForm":
         """The form fitted to other rows."""
         return replace(self, rows=rows, chosen=chosen).fitted([self.numbers])
-
-    def doses_by(self, chosen: Bools) -> Floats:
-        """Doses of all rows where the form is fitted to some of them."""
-        return self.to(self.rows, chosen).w
 
     def draws(self) -> Floats:
         """Draws (m, k) of the numbers within their range."""
@@ -173,9 +151,9 @@ def law_of(race: Race, fit: Fit) -> LawPart | None:
     first = [first_fit(rows, form, place.w) for form in forms_of(rows.conditions)]
     first.sort(key=lambda each: 0.5 * each.misfit + each.price)
     settled = [settled_form(race, doser, fit, place, each) for each in first[:SETTLED]]
-    scores, misfits = np.array([cross_validated(each.rows, each.doses_by) for each in settled]).T
+    scores, misfits = np.array([cross_validated(each.rows, each) for each in settled]).T
     best = int(np.argmax(scores - [each.price for each in settled]))
-    nothing = cross_validated(rows, lambda _: np.zeros(rows.y.size))[1]
+    nothing = cross_validated(rows)[1]
     return told(doser.name, settled[best], float(1.0 - misfits[best] / nothing))
 
 
@@ -183,19 +161,16 @@ def tabulated(race: Race, doser: Doser, v: Floats, w: Floats) -> interpolate.PPo
     """M along one dose for all rows, with slopes at the ends of the range, of doses and at 0."""
     low, top = to_axis(doser.low), doser.top
     ends = np.unique(np.clip([low, w.min(), 0.0, w.max(), top], low, top).round(2))
-    nodes = np.concatenate(
-        [ends, np.linspace(low, top, NODES), np.linspace(w.min(), w.max(), NODES).clip(low, top)]
-    )
-    nodes = np.unique(nodes.round(2))
+    near = np.linspace(ends[1], ends[-2], NODES)
+    nodes = np.unique(np.concatenate([ends, np.linspace(low, top, NODES), near]).round(2))
     table = np.array([doser.at(race, v, np.full(w.size, node))[1] for node in nodes])
     good = np.all(np.isfinite(table), axis=1)
     nodes, table = nodes[good], table[good]
     ends = ends[np.isin(ends, nodes)]
     bent = [slopes(race, doser, v, np.full(w.size, end), table[nodes == end][0]) for end in ends]
     bent = interpolate.PchipInterpolator(ends, bent, axis=0)(nodes)
-    return interpolate.PchipInterpolator(
-        nodes, np.concatenate([(table - bent @ v)[..., None], bent], 2), axis=0
-    )
+    both = np.concatenate([(table - bent @ v)[..., np.newaxis], bent], axis=2)
+    return interpolate.PchipInterpolator(nodes, both, axis=0)
 
 
 def slopes(race: Race, doser: Doser, v: Floats, w: Floats, mean: Floats) -> Floats:
@@ -249,7 +224,7 @@ def settled_form(race: Race, doser: Doser, fit: Fit, place: Place, each: FittedF
     """The form with rows made anew about its own numbers and doses, until they stay."""
     for _ in range(ROUNDS):
         v, _ = each.solved(each.numbers)
-        w, mean = doser.at(race, v, each.w)
+        w, mean = doser.at(race, v, each.doses())
         move = max(np.max(np.abs(v - place.v), initial=0.0), np.max(np.abs(w - place.w)))
         if move < STILL or not np.all(np.isfinite(mean)):
             break
@@ -258,10 +233,14 @@ def settled_form(race: Race, doser: Doser, fit: Fit, place: Place, each: FittedF
     return each
 
 
-def cross_validated(rows: LawRows, doses: Callable[[Bools], Floats]) -> Floats:
-    """Ln density of every fold given the others at doses that these say, and its misfit, summed."""
-    outside = [rows.folds == fold for fold in np.unique(rows.folds)]
-    return np.sum([rows.left_out(doses(~each), ~each, each) for each in outside], axis=0)
+def cross_validated(rows: LawRows, fit: FittedForm | None = None) -> Floats:
+    """Ln density of every fold given the others with a form fitted to these, and its misfit, summed."""
+    found = np.zeros(2)
+    for fold in np.unique(rows.folds):
+        outside = rows.folds == fold
+        w = np.zeros(outside.size) if fit is None else fit.to(rows, ~outside).doses()
+        found += rows.left_out(w, ~outside, outside)
+    return found
 
 
 def told(mechanism: str, best: FittedForm, share: float) -> LawPart:
@@ -269,12 +248,12 @@ def told(mechanism: str, best: FittedForm, share: float) -> LawPart:
     form, draws = best.form, best.draws()
     numbers = dict(zip(("a", *form.names), map(interval, best.numbers, draws.T), strict=True))
     values = {name: f"{each.value:.3g}" for name, each in numbers.items()}
-    at = sorted(
-        set(zip(*(best.rows.conditions[name].tolist() for name in form.conditions), strict=True))
-    ) or [()]
+    columns = [best.rows.conditions[name].tolist() for name in form.conditions]
+    at = sorted(set(zip(*columns, strict=True))) or [()]
     sets = dict(zip(form.conditions, np.array(at).T, strict=True)) or {"": np.zeros(1)}
     spread = np.array([form.dose(sets, each) for each in draws]).T
     doses = map(interval, form.dose(sets, best.numbers), spread)
+    named = [dict(zip(form.conditions, each, strict=True)) for each in at]
     return LawPart(
         mechanism,
         form.conditions,
@@ -283,9 +262,7 @@ def told(mechanism: str, best: FittedForm, share: float) -> LawPart:
         form.python.format(**values),
         numbers,
         {condition: numbers[name] for condition, name in form.exponents.items()},
-        tuple(
-            (dict(zip(form.conditions, row, strict=True)), dose) for row, dose in zip(at, doses, strict=True)
-        ),
+        tuple(zip(named, doses, strict=True)),
         share,
     )
 
