@@ -26,10 +26,10 @@ from scipy import interpolate, linalg, optimize
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers
 from taichi_erosion.evidence.race.dose_forms import POWERS, Form, forms_of
-from taichi_erosion.evidence.race.doses import STILL, Doser, dosers, from_axis, to_axis
+from taichi_erosion.evidence.race.doses import STILL, Dosing, dosings, from_axis
+from taichi_erosion.evidence.race.fit import Fit, Race
 from taichi_erosion.evidence.race.posterior import DRAWS, SEED
 from taichi_erosion.evidence.race.record import Interval, LawPart
-from taichi_erosion.evidence.race.search import Fit, Race
 
 SIMPLE = 1.0  # ln score by which a form that is no power must be better: most forces are powers
 FOLDS = 6  # of the groups, at most
@@ -144,39 +144,40 @@ def law_of(race: Race, fit: Fit) -> LawPart | None:
     """The law of the mechanism of a fit; None without one or with few rows. Raises BudgetSpentError."""
     if fit.dose is None or fit.mean.size < FOLDS:
         return None
-    doser = next(each for each in dosers(race) if each.name == fit.hypothesis.beyond.partition("|")[0])
-    curve = tabulated(race, doser, fit.v, fit.dose.w)
+    every = dosings(race, ((fit.dose.axis, fit.dose.factor),))
+    dosing = next(each for each in every if each.name == fit.hypothesis.kind)
+    curve = tabulated(race, dosing, fit.v, fit.dose.w)
     place = Place(fit.v, fit.dose.w, fit.mean, along(curve, fit.dose.w)[:, 1:])
     rows = rows_about(race, fit, curve, place)
     first = [first_fit(rows, form, place.w) for form in forms_of(rows.conditions)]
     first.sort(key=lambda each: 0.5 * each.misfit + each.price)
-    settled = [settled_form(race, doser, fit, place, each) for each in first[:SETTLED]]
+    settled = [settled_form(race, dosing, fit, place, each) for each in first[:SETTLED]]
     scores, misfits = np.array([cross_validated(each.rows, each) for each in settled]).T
     best = int(np.argmax(scores - [each.price for each in settled]))
     nothing = cross_validated(rows)[1]
-    return told(doser.name, settled[best], float(1.0 - misfits[best] / nothing))
+    return told(dosing.name, settled[best], float(1.0 - misfits[best] / nothing))
 
 
-def tabulated(race: Race, doser: Doser, v: Floats, w: Floats) -> interpolate.PPoly:
+def tabulated(race: Race, dosing: Dosing, v: Floats, w: Floats) -> interpolate.PPoly:
     """M along one dose for all rows, with slopes at the ends of the range, of doses and at 0."""
-    low, top = to_axis(doser.low), doser.top
+    low, top = dosing.ends
     ends = np.unique(np.clip([low, w.min(), 0.0, w.max(), top], low, top).round(2))
     near = np.linspace(ends[1], ends[-2], NODES)
     nodes = np.unique(np.concatenate([ends, np.linspace(low, top, NODES), near]).round(2))
-    table = np.array([doser.at(race, v, np.full(w.size, node))[1] for node in nodes])
+    table = np.array([dosing.at(v, np.full(w.size, node))[1] for node in nodes])
     good = np.all(np.isfinite(table), axis=1)
     nodes, table = nodes[good], table[good]
     ends = ends[np.isin(ends, nodes)]
-    bent = [slopes(race, doser, v, np.full(w.size, end), table[nodes == end][0]) for end in ends]
+    bent = [slopes(race, dosing, v, np.full(w.size, end), table[nodes == end][0]) for end in ends]
     bent = interpolate.PchipInterpolator(ends, bent, axis=0)(nodes)
     both = np.concatenate([(table - bent @ v)[..., np.newaxis], bent], axis=2)
     return interpolate.PchipInterpolator(nodes, both, axis=0)
 
 
-def slopes(race: Race, doser: Doser, v: Floats, w: Floats, mean: Floats) -> Floats:
+def slopes(race: Race, dosing: Dosing, v: Floats, w: Floats, mean: Floats) -> Floats:
     """Slopes of the mean along v (n, p) by differences towards the prior."""
     h = np.where(v > 0.0, -0.1, 0.1)
-    steps = [(doser.at(race, v + step, w)[1] - mean) / step.sum() for step in np.diag(h)]
+    steps = [(dosing.at(v + step, w)[1] - mean) / step.sum() for step in np.diag(h)]
     return np.nan_to_num(np.array(steps).reshape(v.size, w.size).T)
 
 
@@ -212,7 +213,7 @@ def rows_about(race: Race, fit: Fit, curve: interpolate.PPoly, place: Place) -> 
 
 def first_fit(rows: LawRows, form: Form, w: Floats) -> FittedForm:
     """A form fitted to all rows, from the numbers nearest to some doses."""
-    dose, starts = np.array([from_axis(each) for each in w]), []
+    dose, starts = from_axis(w), []
     for rest in form.starts:
         shape = form.dose(rows.conditions, np.array([1.0, *rest]))
         starts.append(np.array([float(shape @ dose / (shape @ shape)), *rest]))
@@ -220,15 +221,15 @@ def first_fit(rows: LawRows, form: Form, w: Floats) -> FittedForm:
     return FittedForm(form, rows, everything, starts[0], np.inf, np.eye(size)).fitted(starts)
 
 
-def settled_form(race: Race, doser: Doser, fit: Fit, place: Place, each: FittedForm) -> FittedForm:
+def settled_form(race: Race, dosing: Dosing, fit: Fit, place: Place, each: FittedForm) -> FittedForm:
     """The form with rows made anew about its own numbers and doses, until they stay."""
     for _ in range(ROUNDS):
         v, _ = each.solved(each.numbers)
-        w, mean = doser.at(race, v, each.doses())
+        w, mean = dosing.at(v, each.doses())
         move = max(np.max(np.abs(v - place.v), initial=0.0), np.max(np.abs(w - place.w)))
         if move < STILL or not np.all(np.isfinite(mean)):
             break
-        place = Place(v, w, mean, slopes(race, doser, v, w, mean))
+        place = Place(v, w, mean, slopes(race, dosing, v, w, mean))
         each = each.to(rows_about(race, fit, each.rows.curve, place), each.chosen)
     return each
 

@@ -11,10 +11,10 @@ from taichi_erosion.evidence.inference.prepared_problem import prepare
 from taichi_erosion.evidence.race.blocks import dose_columns
 from taichi_erosion.evidence.race.dose_forms import forms_of
 from taichi_erosion.evidence.race.dose_laws import law_of
-from taichi_erosion.evidence.race.doses import dosers, hypothesis_of, with_dose
+from taichi_erosion.evidence.race.doses import dosings
 from taichi_erosion.evidence.race.expansion import RaceModel
+from taichi_erosion.evidence.race.fit import Race
 from taichi_erosion.evidence.race.record import LawPart
-from taichi_erosion.evidence.race.search import Race
 
 COUNT, SD, DOSE = 20, 0.3, 0.8
 MOST_SETTINGS = 120  # that a law may take
@@ -55,12 +55,14 @@ def law(exponent: float, seed: int) -> tuple[LawPart, int]:
     problem = Problem(table, {}, (level,), (), value, mechanisms=(Mechanism("pull", -0.9, 10.0),))
     prepared = prepare(problem, table, seed)
     race = Race(prepared, RaceModel(prepared))
-    (pull,), kernels = dosers(race), dose_columns(prepared.rows)
-    fit = with_dose(race, race.bare(), pull, hypothesis_of(pull, 1, kernels), kernels[1][1], 8)
+    bare = race.bare(0.0)
+    kernels = dose_columns(prepared.rows, np.ones(prepared.rows.size, dtype=np.bool_))
+    (pull,) = dosings(race, kernels)
+    fit = pull.fitted(bare)
     before = race.model.settings
     found = law_of(race, fit)
     assert found is not None
-    assert law_of(race, race.bare()) is None
+    assert law_of(race, bare) is None
     return found, race.model.settings - before
 
 
