@@ -18,7 +18,7 @@ from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.race.record import FreshPart
 
 SINGLE = 33  # case of one strong effect
-SEEDS = 4
+SEEDS = 2
 SIMILAR = {"o": GapTest(0.5, 0, 1.0, 0.1, 1.0, 0.1)}
 
 
@@ -73,9 +73,9 @@ def test_runs_in_which_the_effect_does_nothing_contradict_it():
     assert part.p < 0.01
 
 
-def test_runs_that_scatter_do_not_contradict_a_right_emulator():
-    outcomes = [asked(noise=6.0, seed=seed).outcome for seed in range(3)]
-    assert set(outcomes) == {"confirmed", "undecided"}
+@pytest.mark.parametrize(("share", "never"), [(1.0, "contradicted"), (0.0, "confirmed")])
+def test_runs_that_scatter_say_less_but_nothing_wrong(share, never):
+    assert never not in [asked(share, noise=6.0, seed=seed).outcome for seed in range(3)]
 
 
 def test_an_effect_that_acts_half_as_strongly_is_still_the_right_name():

@@ -19,7 +19,7 @@ from tests.evidence.emulator.test_training_runs import executing, keys, write
 
 NAME = "rolling_resistance"
 STRONG, WEAK = 1.5, 0.1  # strengths of a name that is sure at once, and of one that is not
-NULL, SINGLE, UNLISTED = 1, 33, 113  # cases of one seed of clean ones
+NULL, SINGLE = 1, 33  # cases of one seed of clean ones
 
 
 @dataclass(frozen=True)
@@ -48,14 +48,8 @@ def on_function(number: int) -> SceneAnswer:
     return SceneAnswer(posterior, decide(posterior))
 
 
-@pytest.fixture(scope="module")
-def strong(tmp_path_factory) -> tuple[Path, Told]:
-    path = write(tmp_path_factory.mktemp("strong"), STRONG)
-    return path, told(path)
-
-
-def test_a_name_that_is_sure_needs_no_round_and_fresh_runs_confirm_it(strong):
-    _, answer = strong
+def test_a_name_that_is_sure_needs_no_round_and_fresh_runs_confirm_it(tmp_path):
+    answer = told(write(tmp_path, STRONG))
     found, fresh = answer.found, answer.found.fresh
     assert found.decision.named == (NAME,)
     assert fresh is not None
@@ -68,21 +62,18 @@ def test_a_name_that_is_sure_needs_no_round_and_fresh_runs_confirm_it(strong):
     assert answer.simulations == len(keys(answer.runs))
 
 
-def test_the_same_question_asks_for_the_same_runs_and_has_the_same_answer(strong):
-    path, first = strong
+def test_a_round_is_made_once_about_what_is_undecided(tmp_path, monkeypatch):
+    monkeypatch.setattr(scene_rounds, "undecided", lambda _: True)
+    path = write(tmp_path, WEAK, seed=4)
+    first = told(path)
+    training, more, *_ = first.runs
+    assert set(training) < set(more), "about the bare model, rolling, and perhaps both"
+    assert len(set(more) - set(training)) in (16, 24)
     again = told(path)
     assert keys(again.runs) == keys(first.runs)
+    assert len(again.runs) < len(first.runs), "the round is known"
     assert again.found.posterior.probability == first.found.posterior.probability
     assert again.found.fresh == first.found.fresh
-
-
-def test_a_round_is_made_about_what_is_undecided(tmp_path):
-    path = write(tmp_path, WEAK, seed=4)
-    answer = told(path)
-    first, more, *_ = answer.runs
-    assert set(first) < set(more), "one round about the bare model, rolling, and perhaps both"
-    assert len(set(more) - set(first)) in (16, 24)
-    assert len(told(path).runs) <= 2, "its rounds are known"
 
 
 def test_nothing_is_simulated_for_a_sure_null(tmp_path):
@@ -124,11 +115,13 @@ def test_points_are_the_settings_of_likely_sets_the_bare_model_first():
 
 
 def test_mechanisms_are_asked_only_where_no_listed_effect_suffices():
-    assert scene_rounds.beyond(on_function(UNLISTED))
-    assert not scene_rounds.beyond(on_function(SINGLE))
-    assert not scene_rounds.beyond(on_function(NULL))
-    found = on_function(UNLISTED)
-    outside = replace(found, decision=replace(found.decision, verdict="outside_library"))
-    single, several = scene_rounds.required(outside)
-    assert len(single.effects) == 1 < len(several.effects)
-    assert scene_rounds.required(on_function(SINGLE)) == []
+    null, single = on_function(NULL), on_function(SINGLE)
+    assert not scene_rounds.beyond(null)
+    assert scene_rounds.beyond(replace(null, decision=replace(null.decision, none=0.4)))
+    assert not scene_rounds.beyond(single), "P(none) is small, but an effect is named"
+    assert scene_rounds.required(single) == []
+    outside = replace(single, decision=replace(single.decision, verdict="outside_library", named=()))
+    assert scene_rounds.beyond(outside)
+    closest, *several = scene_rounds.required(outside)
+    assert tuple(closest.effects) == single.decision.named
+    assert all(len(point.effects) > 1 for point in several)
