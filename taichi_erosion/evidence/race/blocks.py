@@ -90,14 +90,15 @@ def nuisance(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
     return found
 
 
-def zeros(rows: ComparisonRows, unit: Floats) -> list[Block]:
+def zeros(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
     """The zero of every instrument that is compared on a logarithmic scale, where it differs from a level."""
     found = []
     for index, observable in enumerate(rows.observables):
         own = rows.which == index
-        shape = rows.slope / float(np.median(rows.slope[own]))
-        if own.sum() > 1 and np.ptp(shape[own]) > ZERO_SHOWS:
-            column = np.where(own, float(np.median(unit[own])) * shape, 0.0)
+        fitted = own & known
+        shape = rows.slope / float(np.median(rows.slope[fitted]))
+        if fitted.sum() > 1 and np.ptp(shape[fitted]) > ZERO_SHOWS:
+            column = np.where(own, float(np.median(unit[fitted])) * shape, 0.0)
             name = observable.name
             found.append(Block("zero", name, column[:, None], (name,), scale(f"zero {name}", cauchy=NEAR)))
     return found
@@ -106,17 +107,22 @@ def zeros(rows: ComparisonRows, unit: Floats) -> list[Block]:
 def shared_columns(
     rows: ComparisonRows, known: Bools, labels: Sequence[str], unit: Floats
 ) -> tuple[Floats, tuple[str, ...]]:
-    """A column for each label of each observable that has several rows of it and others too."""
+    """A column for each label of each observable that has several rows of it and others too.
+
+    A label of no known row has one too: what is known of the others says how large it may be.
+    """
     columns, names, label = [], [], np.array(labels)
     for index, observable in enumerate(rows.observables):
         own = rows.which == index
         count = int(np.sum(own & known))
         for each in dict.fromkeys(label[own]):
             chosen = own & (label == each)
-            if 1 < np.sum(chosen & known) < count:
+            seen = int(np.sum(chosen & known))
+            if 1 < seen < count or not seen:
                 columns.append(np.where(chosen, float(np.median(unit[own & known])), 0.0))
                 names.append(f"{each}|{observable.name}")
-    return (np.column_stack(columns) if columns else np.zeros((rows.size, 0))), tuple(names)
+    names = names if any(np.any(column[known]) for column in columns) else []
+    return (np.column_stack(columns) if names else np.zeros((rows.size, 0))), tuple(names)
 
 
 def shares(rows: ComparisonRows, known: Bools) -> dict[str, Floats]:
@@ -156,7 +162,7 @@ def square_root(kernel: Floats) -> Floats:
     return np.asarray(vectors[:, kept] * np.sqrt(values[kept]), dtype=np.float64)
 
 
-def dose_columns(rows: ComparisonRows) -> list[tuple[str, Floats]]:
+def dose_columns(rows: ComparisonRows, known: Bools) -> list[tuple[str, Floats]]:
     """Factors L (n, r) of what a dose may be over the conditions, along each and along all of them.
 
     A dose is a function of conditions shared by all observables: L L^T = exp(-1/2 d^2 / l^2) + 1/4; along a
@@ -164,14 +170,14 @@ def dose_columns(rows: ComparisonRows) -> list[tuple[str, Floats]]:
     """
     found, squares = [], []
     for name, column in rows.conditions.items():
-        axis = axis_scale(column)
+        axis = axis_scale(column[known])
         if axis is None:
             continue
         place, zero = axis(column), column == 0.0
         squares.append(square_distance(place))
         for length in LENGTHS:
             kernel = np.exp(-0.5 * squares[-1] / length**2) + 0.25
-            if zero.any() and np.nanmin(column) == 0.0:
+            if zero[known].any() and np.nanmin(column[known]) == 0.0:
                 at = int(np.argmax(zero))
                 kernel = kernel - np.outer(kernel[at], kernel[at]) / kernel[at, at]
             found.append((name, square_root(kernel)))

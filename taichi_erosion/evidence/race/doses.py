@@ -23,7 +23,7 @@ from taichi_erosion.evidence.race.blocks import Block, dose_columns
 from taichi_erosion.evidence.race.fit import FAR, SHARES, SLACK, Doses, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import scale
 from taichi_erosion.evidence.race.priors import DOSE, STEP
-from taichi_erosion.evidence.race.search import log_prior, log_prior_mechanism
+from taichi_erosion.evidence.race.search import log_prior_mechanism
 
 LEAST_DOSE = -0.95  # a place that is almost switched off
 LARGEST_STEP, STILL = 0.7, 0.02  # of w
@@ -82,10 +82,14 @@ class Dosing:
         held = np.round(np.clip(w, *self.ends), 3)
         return held, self.race.model.dosed(v, self.name, from_axis(held))
 
+    def slope(self, v: Floats, w: Floats, mean: Floats) -> Floats:
+        """Slope (n,) of the mean along w."""
+        h = np.where(w > np.mean(self.ends), -0.05, 0.05)
+        return np.nan_to_num((self.at(v, w + h)[1] - mean) / h)
+
     def expanded(self, at: Fit, beta: Any, w: Floats, u: Floats | None, steps: int) -> Fit:
         """The race's rows about numbers, doses w and their coefficients."""
-        h = np.where(w > np.mean(self.ends), -0.05, 0.05)
-        slope = np.nan_to_num((self.at(at.v, w + h)[1] - at.mean) / h)
+        slope = self.slope(at.v, w, at.mean)
         block = Block("dose", "", slope[:, np.newaxis] * self.factor, (), scale("dose", cauchy=DOSE))
         return self.race.solved(
             replace(
@@ -127,7 +131,9 @@ class Dosing:
                 linear = fit.mean + fit.dose.slope * (there - w) if fit.dose is not None else fit.mean
                 jacobian = jacobian + np.outer(mean - linear - jacobian @ gone, gone) / (gone @ gone)
             fit, beta, w = replace(fit, v=v, mean=mean, jacobian=jacobian), tried, there
-        return self.race.kept(self.expanded(fit, beta, w, u, 8))
+        found = self.expanded(fit, beta, w, u, 8)
+        old = self.race.fits.get(self.hypothesis, found)
+        return self.race.kept(max(found, old, key=lambda each: each.log_evidence))
 
     def steps_of(self, fit: Fit, beta: Floats) -> tuple[Floats, Floats, float]:
         """Steps of the numbers and of the coefficients to the best of the linear model, and tau of these."""
@@ -149,17 +155,17 @@ class Dosing:
 
 
 def dosings(race: Race, kernels: Kernels) -> list[Dosing]:
-    """Every mechanism, and every effect that explains more than nothing, with another law of its strength."""
+    """Every mechanism, and the effects that explain most alone, with another law of their strength."""
     found = [
         Dosing(race, m.name, max(m.low, LEAST_DOSE), m.high, log_prior_mechanism(race), kernels)
         for m in race.prepared.problem.mechanisms
     ]
     bare = race.fits[Hypothesis(())]
-    for name in race.model.candidates:
-        single = race.fits.get(Hypothesis((name,)))
-        if single is not None and single.log_evidence > bare.log_evidence:
-            prior = log_prior(race, single.hypothesis) + 2.0 * log(STEP)
-            found.append(Dosing(race, name, 0.0, race.model.largest(name), prior, kernels))
+    singles = [fit for h, fit in race.fits.items() if len(h.names) == 1 and not h.beyond]
+    better = [fit for fit in singles if fit.log_evidence > bare.log_evidence]
+    for single in sorted(better, key=lambda fit: -fit.log_evidence)[:SETTLED]:
+        (name,), prior = single.hypothesis.names, single.log_prior + 2.0 * log(STEP)
+        found.append(Dosing(race, name, 0.0, race.model.largest(name), prior, kernels))
     return found
 
 
@@ -168,7 +174,7 @@ def add_doses(race: Race) -> None:
 
     They start at the prior mean of the numbers: calibrated ones have taken what a dose explains.
     """
-    kernels = dose_columns(race.prepared.rows)
+    kernels = dose_columns(race.prepared.rows, np.ones(race.prepared.rows.size, dtype=np.bool_))
     if not kernels:
         return
     v = np.zeros(race.model.count)
@@ -186,4 +192,6 @@ def add_doses(race: Race) -> None:
     for each in sorted(every, key=probability, reverse=True)[:SETTLED]:
         own = sorted(map(each.with_kernel, range(len(kernels))), key=lambda one: -share[one.hypothesis])
         for one in own[:2]:
-            one.fitted(one.with_slopes(race.fits[one.hypothesis]))
+            fit = one.fitted(one.with_slopes(race.fits[one.hypothesis]))
+            if one.low < 0.0 and fit.dose is not None:  # the other side of 0, which no step crosses to
+                one.fitted(replace(start, dose=replace(fit.dose, w=-0.5 * fit.dose.w)))

@@ -122,9 +122,10 @@ class Race:
 
     def __post_init__(self) -> None:
         rows, sd = self.prepared.rows, self.prepared.sd
-        self.blocks = tuple(nuisance(rows, np.ones(rows.size, dtype=np.bool_), sd))
+        known = np.ones(rows.size, dtype=np.bool_)
+        self.blocks = tuple(nuisance(rows, known, sd))
         self.large = tuple(unlisted(self.blocks))
-        self.zeros = zeros(rows, sd)
+        self.zeros = zeros(rows, known, sd)
         self.scatter, self.scatter_scales = scatter_of(self.prepared)
         alone = {(each.observable, *each.suspects) for each in rows.apart if len(each.suspects) == 1}
         told = zip(rows.names, rows.lines, strict=True)

@@ -26,17 +26,9 @@ from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.linear_algebra import working
 from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.data.transforms import from_scale
-from taichi_erosion.evidence.models.predictor import axis_scale
-from taichi_erosion.evidence.race.blocks import (
-    LENGTHS,
-    Block,
-    nuisance,
-    square_distance,
-    square_root,
-    unlisted,
-)
+from taichi_erosion.evidence.race.blocks import Block, dose_columns, nuisance, unlisted, zeros
 from taichi_erosion.evidence.race.decision import acts
-from taichi_erosion.evidence.race.doses import STEP_W, dosers
+from taichi_erosion.evidence.race.doses import dosings
 from taichi_erosion.evidence.race.fit import Doses, Fit, Hypothesis
 from taichi_erosion.evidence.race.linear_evidence import Solved
 from taichi_erosion.evidence.race.posterior import SEED, Posterior, draws_of, quantiles
@@ -97,65 +89,28 @@ def expanded(place: Elsewhere, fit: Fit) -> tuple[Floats, Floats, Doses | None]:
     model, names, v, n = place.model, fit.hypothesis.names, fit.v, fit.mean.size
     if fit.dose is None:
         return model.sure_mean(names, v), model.jacobian(names, v, model.mean(names, v)), None
+    both = model.prepared.rows
+    kernels = dose_columns(both, np.arange(both.size) < n)
     race = copy(place.race)
     race.model = model
-    each = next(each for each in dosers(race) if each.name == fit.hypothesis.beyond.partition("|")[0])
-    factor = dose_factor(place, fit)
-    w = factor @ np.linalg.lstsq(factor[:n], fit.dose.w, rcond=None)[0]
-    w, mean = each.at(race, v, np.append(fit.dose.w, w[n:]))
-    h = np.where(w > 0.5 * each.top, -STEP_W, STEP_W)
-    slope = np.nan_to_num((each.at(race, v, w + h)[1] - mean) / h)
-    change = [
-        (each.at(race, v + t * one, w)[1] - mean) / t
-        for one, t in zip(np.eye(v.size), np.where(v > 0.0, -0.1, 0.1), strict=True)
-    ]
-    return mean, np.nan_to_num(np.reshape(change, (v.size, w.size)).T), Doses(w, slope, factor, fit.dose.axis)
-
-
-def dose_factor(place: Elsewhere, fit: Fit) -> Floats:
-    """Factor (n + m, r) of the doses of fitted and other rows, with the kernel of `blocks.dose_columns`."""
-    _, k, axis = fit.hypothesis.beyond.split("|", 2)
-    square, zero = 0.0, None
-    for name, column in place.race.prepared.rows.conditions.items():
-        scale = axis_scale(column)
-        if scale is not None and axis in (name, "all"):
-            square = square + square_distance(scale(np.append(column, place.rows.conditions[name])))
-            if axis == name and np.nanmin(column) == 0.0:
-                zero = int(np.argmax(column == 0.0))
-    kernel = np.exp(-0.5 * square / LENGTHS[int(k) % len(LENGTHS)] ** 2) + 0.25
-    if zero is not None:
-        kernel = kernel - np.outer(kernel[zero], kernel[zero]) / kernel[zero, zero]
-    return square_root(kernel)
+    every = {each.name: each for each in dosings(place.race, kernels)}
+    own = replace(every[fit.hypothesis.kind], race=race, k=int(fit.hypothesis.beyond.split("|")[1]))
+    w = own.factor @ np.linalg.lstsq(own.factor[:n], fit.dose.w, rcond=None)[0]
+    w, mean = own.at(v, np.append(fit.dose.w, w[n:]))
+    known = replace(fit, mean=mean, dose=Doses(w, own.slope(v, w, mean), own.factor, fit.dose.axis))
+    return mean, own.with_slopes(known).jacobian, known.dose
 
 
 def both_blocks(place: Elsewhere, fit: Fit, both: ComparisonRows, doses: Doses | None) -> list[Block]:
     """The blocks of a fit over fitted and other rows."""
     p, n = place.race.prepared, fit.mean.size
     known, unit = np.arange(both.size) < n, np.append(p.sd, np.ones(both.size - n))
-    usual = [with_unseen(block, both, known, unit) for block in nuisance(both, known, unit)]
-    built = {block.scale.names[0]: block.columns for block in (*usual, *unlisted(usual))}
-    for block in fit.blocks:
-        if block.kind == "dose" and doses is not None:
-            built["dose"] = doses.slope[:, np.newaxis] * doses.factor
-        if block.kind == "zero":
-            at = int(np.argmax(block.columns[:, 0] != 0.0))
-            shape = np.where(both.which == both.which[at], both.slope / both.slope[at], 0.0)
-            built[block.scale.names[0]] = block.columns[at] * shape[:, np.newaxis]
+    usual = nuisance(both, known, unit)
+    every = (*usual, *unlisted(usual), *zeros(both, known, unit))
+    built = {block.scale.names[0]: block.columns for block in every}
+    if doses is not None:
+        built["dose"] = doses.slope[:, np.newaxis] * doses.factor
     return [replace(block, columns=built[block.scale.names[0]]) for block in fit.blocks]
-
-
-def with_unseen(block: Block, rows: ComparisonRows, known: Bools, unit: Floats) -> Block:
-    """A block of sources or batches with columns for those of other rows that the fitted ones do not have."""
-    if block.kind not in ("source", "batch"):
-        return block
-    label, columns = np.array(rows.source_names if block.kind == "source" else rows.group), [block.columns]
-    for k, observable in enumerate(rows.observables):
-        own = (rows.which == k) & ~known
-        for each in dict.fromkeys(label[own & (label != "")]):
-            if f"{each}|{observable.name}" not in block.labels:
-                size = float(np.median(unit[(rows.which == k) & known]))
-                columns.append(np.where(own & (label == each), size, 0.0)[:, np.newaxis])
-    return replace(block, columns=np.hstack(columns))
 
 
 def outlook(place: Elsewhere, fit: Fit) -> Outlook:

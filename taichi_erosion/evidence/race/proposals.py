@@ -114,7 +114,7 @@ def rival(place: Elsewhere, fit: Fit, weight: float, repeats: int) -> Rival:
     """An explanation, given the known rows."""
     told = outlook(place, fit)
     scatter = kappa(place, told.solved, told.solved.u) ** 2
-    covariance = told.covariance() + np.diag(scatter * place.prepared.variance / repeats)
+    covariance = told.covariance() + np.diag(scatter * place.rows.variance / repeats)
     return Rival(fit.hypothesis, weight, told.mean(), covariance)
 
 

@@ -1,0 +1,273 @@
+"""The law that the doses of a mechanism follow, fitted to the rows themselves.
+
+    y = G M(w(a)) (1, v) + B s + e,   w = ln(1 + dose(conditions, a)),   v, s, e ~ N(0, 1)
+
+with y the whitened rows, a the numbers of a form, M (n, 1 + p) the mean of the model along the dose, linear
+in the calibrated numbers v, G its whitening, and B all errors in common with the scales of the mechanism's
+fit; its smooth prior of doses is left out. v is at its best for every a. Forms are ranked by
+
+    sum over folds of ln N(rows left out | other rows, a fitted to these) - 1/2 ln n for every number,
+
+less SIMPLE for a form that is no power. The best of them have means and slopes of their own. The share of
+misfit that is told comes from groups that the fit has not seen, but the choice of the form has. Intervals
+follow from (D^T D)^-1, D the slopes of the whitened residual along a, widened by the misfit that is left.
+
+References: Golub & Pereyra (1973), SIAM J. Numer. Anal. 10, 413 (linear unknowns eliminated); Schwarz (1978),
+Ann. Stat. 6, 461 (price of a number); Stone (1974), J. R. Stat. Soc. B 36, 111 (cross-validation).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy import interpolate, linalg, optimize
+
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
+from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers
+from taichi_erosion.evidence.race.dose_forms import POWERS, Form, forms_of
+from taichi_erosion.evidence.race.doses import STILL, Dosing, dosings, from_axis
+from taichi_erosion.evidence.race.fit import Fit, Race
+from taichi_erosion.evidence.race.posterior import DRAWS, SEED
+from taichi_erosion.evidence.race.record import Interval, LawPart
+
+SIMPLE = 1.0  # ln score by which a form that is no power must be better: most forces are powers
+FOLDS = 6  # of the groups, at most
+SETTLED, ROUNDS = 5, 3  # forms with means of their own, and expansions of each: 75 settings for 4 numbers
+NODES = 8  # doses of the table, over the whole range and again over that of the fit
+
+
+@dataclass(frozen=True)
+class Place:
+    """Numbers and doses about which rows are linear."""
+
+    v: Floats
+    w: Floats  # (n,)
+    mean: Floats  # (n,)
+    slopes: Floats  # (n, p)
+
+
+@dataclass(frozen=True)
+class LawRows:
+    """Rows about some numbers and doses, linear in everything but the doses."""
+
+    conditions: Conditions
+    folds: Integers  # (n,)
+    curve: interpolate.PPoly  # M of w
+    offset: Floats  # (n, 1 + p), of M, so that it is exact about these numbers and doses
+    y: Floats
+    gain: Floats  # G (n, n)
+    variance: Floats  # 1 + B B^T
+
+    def linear(self, w: Floats) -> Floats:
+        """Residual at v = 0 and minus slopes along v (n, 1 + p), at doses of all rows."""
+        found = self.gain @ (along(self.curve, w) + self.offset)
+        found[:, 0] = self.y - found[:, 0]
+        return found
+
+    def left_out(self, w: Floats, inside: Bools, outside: Bools) -> Floats:
+        """Ln density of rows outside given those inside, and their misfit."""
+        linear = self.linear(w)
+        variance = self.variance + linear[:, 1:] @ linear[:, 1:].T
+        some, known = (log_density(linear[k, 0], variance[np.ix_(k, k)]) for k in (inside | outside, inside))
+        return some - known
+
+
+def log_density(r: Floats, variance: Floats) -> Floats:
+    """Ln of a normal density, and r^T V^-1 r."""
+    root = linalg.cholesky(variance, lower=True)
+    misfit = float(np.sum(linalg.solve_triangular(root, r, lower=True) ** 2))
+    return np.array([-0.5 * misfit - float(np.sum(np.log(np.diag(root)))), misfit])
+
+
+@dataclass(frozen=True)
+class FittedForm:
+    """A form fitted to some rows."""
+
+    form: Form
+    rows: LawRows
+    chosen: Bools
+    numbers: Floats
+    misfit: float
+    covariance: Floats  # of the numbers
+
+    @cached_property
+    def root(self) -> Floats:
+        """Inverse root of the variance of the rows."""
+        variance = self.rows.variance[np.ix_(self.chosen, self.chosen)]
+        return np.linalg.inv(linalg.cholesky(variance, lower=True))
+
+    @property
+    def price(self) -> float:
+        """Ln score by which the form must be better than one without numbers."""
+        return 0.5 * np.log(self.rows.y.size) * self.numbers.size + SIMPLE * (self.form.name not in POWERS)
+
+    @property
+    def ends(self) -> tuple[Floats, Floats]:
+        """Range of the numbers."""
+        return np.array([-np.inf, *self.form.low]), np.array([np.inf, *self.form.high])
+
+    def doses(self, numbers: Floats | None = None) -> Floats:
+        """Doses of all rows, on their axis, by default for the best numbers."""
+        dose = self.form.dose(self.rows.conditions, self.numbers if numbers is None else numbers)
+        return np.where(dose > 0.0, np.log1p(np.maximum(dose, 0.0)), dose)
+
+    def solved(self, numbers: Floats) -> tuple[Floats, Floats]:
+        """Best v for some numbers, and the residual with its prior."""
+        white = self.root @ self.rows.linear(self.doses(numbers))[self.chosen]
+        r, slopes = white[:, 0], white[:, 1:]
+        v = linalg.solve(slopes.T @ slopes + np.eye(slopes.shape[1]), slopes.T @ r)
+        return v, np.concatenate([r - slopes @ v, v])
+
+    def fitted(self, starts: Sequence[Floats]) -> "FittedForm":
+        """The form with least misfit, from the best of some starts."""
+        ends, enough = self.ends, 1e-5  # relative change of misfit and numbers, far below their errors
+        options = {"bounds": ends, "x_scale": "jac", "ftol": enough, "xtol": enough}
+        fits = [optimize.least_squares(lambda a: self.solved(a)[1], x.clip(*ends), **options) for x in starts]
+        best = min(fits, key=lambda each: each.cost)
+        covariance = np.linalg.pinv(best.jac.T @ best.jac, hermitian=True)
+        return replace(self, numbers=best.x, misfit=2.0 * best.cost, covariance=covariance)
+
+    def to(self, rows: LawRows, chosen: Bools) -> "FittedForm":
+        """The form fitted to other rows."""
+        return replace(self, rows=rows, chosen=chosen).fitted([self.numbers])
+
+    def draws(self) -> Floats:
+        """Draws (m, k) of the numbers within their range."""
+        excess = max(1.0, self.misfit / (self.rows.y.size - self.numbers.size))
+        random = np.random.default_rng(SEED)
+        found = random.multivariate_normal(self.numbers, excess * self.covariance, DRAWS)
+        return found.clip(*self.ends)
+
+
+def law_of(race: Race, fit: Fit) -> LawPart | None:
+    """The law of the mechanism of a fit; None without one or with few rows. Raises BudgetSpentError."""
+    if fit.dose is None or fit.mean.size < FOLDS:
+        return None
+    every = dosings(race, ((fit.dose.axis, fit.dose.factor),))
+    dosing = next(each for each in every if each.name == fit.hypothesis.kind)
+    curve = tabulated(race, dosing, fit.v, fit.dose.w)
+    place = Place(fit.v, fit.dose.w, fit.mean, along(curve, fit.dose.w)[:, 1:])
+    rows = rows_about(race, fit, curve, place)
+    first = [first_fit(rows, form, place.w) for form in forms_of(rows.conditions)]
+    first.sort(key=lambda each: 0.5 * each.misfit + each.price)
+    settled = [settled_form(race, dosing, fit, place, each) for each in first[:SETTLED]]
+    scores, misfits = np.array([cross_validated(each.rows, each) for each in settled]).T
+    best = int(np.argmax(scores - [each.price for each in settled]))
+    nothing = cross_validated(rows)[1]
+    return told(dosing.name, settled[best], float(1.0 - misfits[best] / nothing))
+
+
+def tabulated(race: Race, dosing: Dosing, v: Floats, w: Floats) -> interpolate.PPoly:
+    """M along one dose for all rows, with slopes at the ends of the range, of doses and at 0."""
+    low, top = dosing.ends
+    ends = np.unique(np.clip([low, w.min(), 0.0, w.max(), top], low, top).round(2))
+    near = np.linspace(ends[1], ends[-2], NODES)
+    nodes = np.unique(np.concatenate([ends, np.linspace(low, top, NODES), near]).round(2))
+    table = np.array([dosing.at(v, np.full(w.size, node))[1] for node in nodes])
+    good = np.all(np.isfinite(table), axis=1)
+    nodes, table = nodes[good], table[good]
+    ends = ends[np.isin(ends, nodes)]
+    bent = [slopes(race, dosing, v, np.full(w.size, end), table[nodes == end][0]) for end in ends]
+    bent = interpolate.PchipInterpolator(ends, bent, axis=0)(nodes)
+    both = np.concatenate([(table - bent @ v)[..., np.newaxis], bent], axis=2)
+    return interpolate.PchipInterpolator(nodes, both, axis=0)
+
+
+def slopes(race: Race, dosing: Dosing, v: Floats, w: Floats, mean: Floats) -> Floats:
+    """Slopes of the mean along v (n, p) by differences towards the prior."""
+    h = np.where(v > 0.0, -0.1, 0.1)
+    steps = [(dosing.at(v + step, w)[1] - mean) / step.sum() for step in np.diag(h)]
+    return np.nan_to_num(np.array(steps).reshape(v.size, w.size).T)
+
+
+def along(curve: interpolate.PPoly, w: Floats) -> Floats:
+    """M (n, 1 + p) of rows with a dose of its own each, held within the table."""
+    held = np.clip(w, curve.x[0], curve.x[-1])
+    piece = np.clip(np.searchsorted(curve.x, held, side="right") - 1, 0, curve.x.size - 2)
+    a, b, c, d = curve.c[:, piece, np.arange(w.size)]
+    t = (held - curve.x[piece])[:, np.newaxis]
+    return ((a * t + b) * t + c) * t + d
+
+
+def fold_numbers(rows: ComparisonRows) -> Integers:
+    """Fold of each row; rows of one group, or of one set of conditions where groups are few, share it."""
+    labels = np.array(rows.group)
+    if np.unique(labels).size < FOLDS // 2:
+        labels = np.array([repr(each) for each in zip(*rows.conditions.values(), strict=True)])
+    return np.unique(labels, return_inverse=True)[1] % FOLDS
+
+
+def rows_about(race: Race, fit: Fit, curve: interpolate.PPoly, place: Place) -> LawRows:
+    """Rows with M exact at a place, and the scales and bad rows of the evidence of a fit."""
+    p, now = race.prepared, fit.evidence.solved
+    work, root = p.working(place.mean), np.sqrt(now.row_share)
+    shared = now.rows.block != len(fit.blocks) - 1
+    shared[: fit.v.size] = False
+    columns = root[:, np.newaxis] * (now.rows.columns * now.tau)[:, shared]
+    gain = (root * work.weight)[:, np.newaxis] * p.white(np.eye(root.size))
+    offset = np.column_stack([place.mean - place.slopes @ place.v, place.slopes]) - along(curve, place.w)
+    y, variance = root * work.residual + gain @ place.mean, np.eye(root.size) + columns @ columns.T
+    return LawRows(p.rows.conditions, fold_numbers(p.rows), curve, offset, y, gain, variance)
+
+
+def first_fit(rows: LawRows, form: Form, w: Floats) -> FittedForm:
+    """A form fitted to all rows, from the numbers nearest to some doses."""
+    dose, starts = from_axis(w), []
+    for rest in form.starts:
+        shape = form.dose(rows.conditions, np.array([1.0, *rest]))
+        starts.append(np.array([float(shape @ dose / (shape @ shape)), *rest]))
+    everything, size = np.ones(w.size, dtype=np.bool_), starts[0].size
+    return FittedForm(form, rows, everything, starts[0], np.inf, np.eye(size)).fitted(starts)
+
+
+def settled_form(race: Race, dosing: Dosing, fit: Fit, place: Place, each: FittedForm) -> FittedForm:
+    """The form with rows made anew about its own numbers and doses, until they stay."""
+    for _ in range(ROUNDS):
+        v, _ = each.solved(each.numbers)
+        w, mean = dosing.at(v, each.doses())
+        move = max(np.max(np.abs(v - place.v), initial=0.0), np.max(np.abs(w - place.w)))
+        if move < STILL or not np.all(np.isfinite(mean)):
+            break
+        place = Place(v, w, mean, slopes(race, dosing, v, w, mean))
+        each = each.to(rows_about(race, fit, each.rows.curve, place), each.chosen)
+    return each
+
+
+def cross_validated(rows: LawRows, fit: FittedForm | None = None) -> Floats:
+    """Ln density of every fold given the others with a form fitted to these, and its misfit, summed."""
+    found = np.zeros(2)
+    for fold in np.unique(rows.folds):
+        outside = rows.folds == fold
+        w = np.zeros(outside.size) if fit is None else fit.to(rows, ~outside).doses()
+        found += rows.left_out(w, ~outside, outside)
+    return found
+
+
+def told(mechanism: str, best: FittedForm, share: float) -> LawPart:
+    """The law with its intervals."""
+    form, draws = best.form, best.draws()
+    numbers = dict(zip(("a", *form.names), map(interval, best.numbers, draws.T), strict=True))
+    values = {name: f"{each.value:.3g}" for name, each in numbers.items()}
+    columns = [best.rows.conditions[name].tolist() for name in form.conditions]
+    at = sorted(set(zip(*columns, strict=True))) or [()]
+    sets = dict(zip(form.conditions, np.array(at).T, strict=True)) or {"": np.zeros(1)}
+    spread = np.array([form.dose(sets, each) for each in draws]).T
+    doses = map(interval, form.dose(sets, best.numbers), spread)
+    named = [dict(zip(form.conditions, each, strict=True)) for each in at]
+    return LawPart(
+        mechanism,
+        form.conditions,
+        form.name,
+        form.text.format(**values),
+        form.python.format(**values),
+        numbers,
+        {condition: numbers[name] for condition, name in form.exponents.items()},
+        tuple(zip(named, doses, strict=True)),
+        share,
+    )
+
+
+def interval(value: float, draws: Floats) -> Interval:
+    """A best value with the 90 % interval of its draws."""
+    return Interval(float(value), *map(float, np.quantile(draws, (0.05, 0.95))))
