@@ -8,7 +8,6 @@ doses       doses of a mechanism with their law
 ladder      misfit per row of fitted and held-out rows
 """
 
-import re
 from collections.abc import Iterator, Mapping
 from textwrap import fill
 
@@ -19,6 +18,7 @@ from matplotlib.figure import Figure
 
 from taichi_erosion.evidence.data.number_words import heading, plain
 from taichi_erosion.evidence.race.record import Interval, LawPart, Record
+from taichi_erosion.evidence.race.summary import ONE_SIDED
 from taichi_erosion.evidence.words import page_words
 from taichi_erosion.evidence.words.data_words import failing
 from taichi_erosion.evidence.words.effect_words import LIKELY, acting
@@ -49,10 +49,8 @@ from taichi_erosion.report.pictures.measured_marks import (
     value_range,
 )
 
-HALF_WIDTH = 1.645  # of a normal 90 % interval, in sd
 LETTERS = 6.0  # of a label per inch of the figure
-LINE, MARGIN, LOW = 0.2, 0.55, 2.0  # heights of a line of a chart, of its axis, of a panel on a phone [in]
-LAW = re.compile(r'(?:at\["\w+"\]|np\.(?:exp|maximum)|[-\d.e+*/(), ])+')  # what a law is written with
+LINE, MARGIN = 0.2, 0.55  # heights of a line of a chart, and of its axis [in]
 
 
 def places(record: Record) -> list[tuple[str, str]]:
@@ -82,17 +80,14 @@ def points_of(record: Record, voc: Vocabulary, observable: str, axis: str) -> pd
 
 def row_text(record: Record, voc: Vocabulary, place: int) -> str:
     """Everything about one row: measured, predicted, conditions."""
-    rows, name = record.rows, record.rows.observable[place]
-    value, sd = float(rows.measured[place]), HALF_WIDTH * float(np.nan_to_num(rows.sd[place]))
-    measured = interval(
-        Interval(value, value - sd, value + sd), 3, voc.scale(name), voc.units.value_unit(name)
-    )
+    rows, name, units = record.rows, record.rows.observable[place], voc.units
+    value, error = float(rows.measured[place]), ONE_SIDED * float(np.nan_to_num(rows.sd[place]))
+    ends = Interval(value, value - error, value + error)
+    measured = interval(ends, 3, voc.scale(name), units.value_unit(name))
     models = {page_words.BARE: rows.before, page_words.added_words(record): rows.after}
-    told = [
-        f"{key}: {voc.units.value_text(name, float(column[place]))}" for key, column in models.items() if key
-    ]
+    told = [f"{key}: {units.value_text(name, float(of[place]))}" for key, of in models.items() if key]
     at = {axis: float(column[place]) for axis, column in rows.conditions.items()}
-    return "\n".join([f"{page_words.MEASURED} {measured}", *told, *voc.units.setting_text(at).split(", ")])
+    return "\n".join([f"{page_words.MEASURED} {measured}", *told, *units.setting_text(at).split(", ")])
 
 
 def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, number: int) -> Picture:
@@ -100,30 +95,27 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
     points = points_of(record, voc, observable, axis)
     models = {"before": BEFORE} | ({"after": AFTER} if page_words.added_words(record) else {})
     x, y, sd = (points[name].to_numpy() for name in ("x", "measured", "sd"))
-    error = HALF_WIDTH * np.nan_to_num(sd)
-    gaps = {key: (y - points[key].to_numpy()) / sd for key in models}
+    error = ONE_SIDED * np.nan_to_num(sd)
+    gaps = {key: y - points[key].to_numpy() for key in models}
     shown = value_range(points[["measured", *models]].to_numpy().ravel(), np.append(y - error, y + error))
-    left = value_range(np.concatenate([[0.0], *gaps.values()]), np.zeros(0))
-    texts = hover_texts("measured", list(points["text"]), y, shown)
-    for key, gap in gaps.items():
-        texts |= hover_texts(key, list(points["text"]), gap, left)
+    texts = hover_texts(list(points["text"]), y, shown)
+    texts |= {key: list(points["text"]) for key in models}
 
     def draw(width: float) -> Figure:
-        columns = 2 if width == WIDE else 1
-        figure, (values, residuals) = panels(2, columns, (width / columns, PANEL[1] if columns == 2 else LOW))
+        columns, share = (2, 1.0) if width == WIDE else (1, 0.7)  # lower on a phone: one above the other
+        figure, (values, residuals) = panels(2, columns, (width / columns, share * PANEL[1]))
         values.errorbar(x, y, error, fmt="none", ecolor=INK, elinewidth=0.9)
-        draw_points(values, x, y, shown, INK, "measured")
+        draw_points(values, x, y, shown)
         residuals.axhline(0.0, color=SOFT, lw=0.8)
         for key, colour in models.items():
             values.plot(x, points[key], "_", ms=9.0, mew=1.8, color=colour, gid=f"layer:{key}")
-            draw_points(residuals, x, gaps[key], left, colour, key)
-        for frame, limits in ((values, shown), (residuals, left)):
+            residuals.plot(x, gaps[key], "o", ms=4.0, color=colour, gid=f"rows:{key}")
+        for frame, title in ((values, observable), (residuals, page_words.RESIDUAL)):
             scale_axis(frame, "x", x)
-            scale_axis(frame, "y", np.array([limits.low, limits.high]), limits.logarithmic)
-            frame.set_ylim(limits.low, limits.high)
             frame.set_xlabel(heading(axis or "row", voc.units.condition_unit(axis)))
-        values.set_title(heading(observable, voc.units.value_unit(observable)), loc="left")
-        residuals.set_title(page_words.RESIDUAL, loc="left")
+            frame.set_title(heading(title, voc.units.value_unit(observable)), loc="left")
+        scale_axis(values, "y", np.array([shown.low, shown.high]), shown.logarithmic)
+        values.set_ylim(shown.low, shown.high)
         return figure
 
     caption = page_words.CAPTIONS["rows"].format(observable=observable, axis=axis or "rows")
@@ -137,20 +129,18 @@ def marked(values: Floats, shown: ValueRange) -> Iterator[tuple[str, Bools]]:
     yield from ((kind, own) for kind, own in kinds.items() if own.any())
 
 
-def draw_points(frame: Axes, x: Floats, y: Floats, shown: ValueRange, colour: str, name: str) -> None:
-    """Dots; those beyond the axis stand at its edge, one alone with its value: several would overlap."""
-    style = DOTS | {"marker": "o", "ms": 4.0, "color": colour, "mfc": colour}
+def draw_points(frame: Axes, x: Floats, y: Floats, shown: ValueRange) -> None:
+    """Measured values; one beyond the axis stands at its edge, with its value if no other is there."""
     for kind, own in marked(y, shown):
-        draw_marks(frame, x[own], edge_of(shown, kind, y[own]), kind, style, f"rows:{name}#{kind}")
+        at, style = edge_of(shown, kind, y[own]), DOTS | {"marker": "o"}
+        draw_marks(frame, x[own], at, kind, style, f"rows:measured#{kind}")
         if kind and own.sum() == 1:
             draw_edge_texts(frame, x[own], [plain(float(y[own][0]))], kind)
 
 
-def hover_texts(name: str, texts: list[str], y: Floats, shown: ValueRange) -> dict[str, list[str]]:
+def hover_texts(texts: list[str], y: Floats, shown: ValueRange) -> dict[str, list[str]]:
     """Texts of dots in the order of drawing."""
-    return {
-        f"{name}#{kind}": [texts[place] for place in np.flatnonzero(own)] for kind, own in marked(y, shown)
-    }
+    return {f"measured#{kind}": [texts[k] for k in np.flatnonzero(own)] for kind, own in marked(y, shown)}
 
 
 def chart(width: float, labels: list[str]) -> tuple[Figure, Axes, Floats]:
@@ -235,46 +225,33 @@ def number_picture(record: Record) -> Picture:
     return responsive(draw, page_words.CAPTIONS["numbers"], "numbers")
 
 
-def law_values(law: LawPart, at: Mapping[str, Floats]) -> Floats:
-    """The law at some conditions; of an expression of numbers, conditions, powers and `LAW` alone."""
-    if not LAW.fullmatch(law.python):
-        return np.full(np.broadcast(*at.values()).shape, np.nan)
-    return eval(law.python, {"__builtins__": {}, "np": np, "at": at}) * np.ones(1)
-
-
 def dose_pictures(law: LawPart, voc: Vocabulary) -> Iterator[Picture]:
-    """Doses with their law along each of its conditions."""
-    table = pd.DataFrame([dict(at) for at, _ in law.doses])
+    """Doses of a law along each of its conditions, in the order of the first of them."""
+    doses = sorted(law.doses, key=lambda each: tuple(each[0].values()))
+    texts = {"doses": [dose_text(at, dose, voc) for at, dose in doses]}
+    value, low, high = np.array([(dose.value, dose.low, dose.high) for _, dose in doses]).T
     for number, axis in enumerate(law.conditions):
-        words = {"mechanism": voc.titled(law.mechanism), "axis": axis}
+        x = np.array([voc.units.condition(axis, at[axis]) for at, _ in doses])
 
-        def draw(width: float, axis: str = axis) -> Figure:
-            return draw_doses(law, voc, table, axis, width)
+        def draw(width: float, axis: str = axis, x: Floats = x) -> Figure:
+            figure, frame = single(width, PANEL[1])
+            frame.axhline(0.0, color=SOFT, lw=0.8)
+            if len(law.conditions) == 1:
+                frame.plot(x, value, color=AFTER, lw=1.7)
+                frame.fill_between(x, low, high, color=AFTER, alpha=0.16, lw=0.0)
+            ends = np.maximum([value - low, high - value], 0.0)
+            frame.errorbar(x, value, ends, fmt="none", ecolor=AFTER, elinewidth=0.9)
+            draw_marks(
+                frame, x, value, "", DOTS | {"marker": "o", "color": AFTER, "mfc": AFTER}, "rows:doses"
+            )
+            scale_axis(frame, "x", x)
+            frame.set_xlabel(heading(axis, voc.units.condition_unit(axis)))
+            counts = voc.doses.get(law.mechanism.partition(":")[0], "strength")
+            frame.set_title(f"{law.mechanism}: {counts}", loc="left")
+            return figure
 
-        texts = {"doses": [dose_text(at, dose, voc) for at, dose in law.doses]}
-        yield responsive(draw, page_words.CAPTIONS["doses"].format(**words), f"doses{number}", texts)
-
-
-def draw_doses(law: LawPart, voc: Vocabulary, table: pd.DataFrame, axis: str, width: float) -> Figure:
-    """Doses and law against one condition."""
-    figure, frame = single(width, 2.9)
-    alone, x = len(law.conditions) == 1, table[axis].to_numpy()
-    at = np.linspace(x.min(), x.max(), 99) if alone else x
-    curve = law_values(law, {axis: at} if alone else {name: table[name].to_numpy() for name in table})
-    shown = np.array([voc.units.condition(axis, float(each)) for each in at])
-    frame.axhline(0.0, color=SOFT, lw=0.8)
-    frame.plot(shown, curve, "-" if alone else "_", color=AFTER, lw=1.7, ms=9.0, mew=1.8, gid="layer:law")
-    value, low, high = np.array([(dose.value, dose.low, dose.high) for _, dose in law.doses]).T
-    x = np.array([voc.units.condition(axis, float(each)) for each in x])
-    frame.errorbar(
-        x, value, np.maximum([value - low, high - value], 0.0), fmt="none", ecolor=INK, elinewidth=0.9
-    )
-    draw_marks(frame, x, value, "", DOTS | {"marker": "o"}, "rows:doses")
-    scale_axis(frame, "x", x)
-    frame.set_xlabel(heading(axis, voc.units.condition_unit(axis)))
-    counted = voc.doses.get(law.mechanism.partition(":")[0], "strength")
-    frame.set_title(f"{law.mechanism}: {counted}", loc="left")
-    return figure
+        caption = page_words.CAPTIONS["doses"].format(mechanism=law.mechanism, axis=axis)
+        yield responsive(draw, caption, f"doses{number}", texts)
 
 
 def dose_text(at: Mapping[str, float], dose: Interval, voc: Vocabulary) -> str:

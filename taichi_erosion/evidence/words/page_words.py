@@ -11,15 +11,15 @@ from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, j
 
 SECTIONS = ("What is missing", "Does it hold", "What next", "Methods")
 MEASURED, BARE = "measured", "the model as it is"
-RESIDUAL = "measured less predicted [standard errors]"
+RESIDUAL = "measured less predicted"
 CAPTIONS = {
     "rows": "{observable} along {axis}: values, with 90 % intervals of those measured; residuals.",
     "posterior": "Probability of every explanation after the measurements.",
     "strengths": "Strength of every candidate. Dot: it acts or likely does; 90 % interval. Bar: it could act "
     "unseen; where the bar is closed, more is excluded. Dotted: 1, the textbook value.",
     "numbers": "Calibrated numbers with 90 % intervals, each on its own axis. Dotted: where it started.",
-    "doses": "How much of {mechanism} acts along {axis}: dots with 90 % intervals, one for every set of "
-    "conditions; its law as a line, or as dashes where other conditions vary too. At 0 nothing is missing.",
+    "doses": "Dose of {mechanism} along {axis}: its law at the measured conditions, with 90 % intervals. At 0 "
+    "nothing is missing.",
     "ladder": "Misfit per row. Filled: fitted rows; open: held-out rows. Dotted: 1, what chance alone gives.",
 }
 METHODS = (
