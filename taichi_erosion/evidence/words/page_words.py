@@ -18,8 +18,8 @@ CAPTIONS = {
     "strengths": "Strength of every candidate. Dot: it acts or likely does; 90 % interval. Bar: it could act "
     "unseen; where the bar is closed, more is excluded. Dotted: 1, the textbook value.",
     "numbers": "Calibrated numbers with 90 % intervals, each on its own axis. Dotted: where it started.",
-    "doses": "Dose of {mechanism} along {axis}: its law at the measured conditions, with 90 % intervals. At 0 "
-    "nothing is missing.",
+    "doses": "Dose of {mechanism} along {axis}: its law at the measured conditions, with 90 % intervals. At "
+    "0 nothing is missing.",
     "ladder": "Misfit per row. Filled: fitted rows; open: held-out rows. Dotted: 1, what chance alone gives.",
 }
 METHODS = (
