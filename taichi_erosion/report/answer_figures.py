@@ -218,6 +218,7 @@ def number_picture(record: Record) -> Picture:
             if is_told:
                 draw_interval(frame, 0.0, part.now, AFTER)
             frame.set(ylim=(-0.7, 1.7) if is_told else (0.3, 1.7), yticks=[])
+            frame.locator_params(axis="x", nbins=int(width))  # a label needs about an inch
             frame.spines["left"].set_visible(False)
             frame.set_title(path, loc="left")
         return figure
