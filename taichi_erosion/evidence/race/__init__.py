@@ -1,1 +1,34 @@
-"""One race: everything that could explain a misfit competes at once, and one rule decides."""
+"""One race: everything that could explain a misfit competes at once, and one rule decides.
+
+The model of n rows on the comparison scale, whitened by their stated errors:
+
+    y = J (v' - v) + sum_b tau_b F_b u_b + f e,      v', u_b, e ~ N(0, 1)
+
+v' are calibrated numbers and strengths in standard coordinates, J the slopes of the model about its best
+setting. The blocks F_b are errors that rows have in common: a level of each observable, sources, batches and
+a small smooth discrepancy; tau_b is half-Cauchy or half-normal, so that most are near zero and any can be
+large. f is the scatter over what is stated, narrowed by repeats; a row may be bad. Every hypothesis has all.
+
+    hypothesis                                  what acts beside the blocks             prior
+    nothing                                     -                                       NOTHING
+    a set of 1 to MOST listed effects           their strengths, among v'               STEP for one more
+    a mechanism, or a strength that varies      a dose for every set of conditions      UNLISTED, STEP
+    what no list holds; an instrument's zero    a large smooth discrepancy; a column    UNLISTED, STEP
+
+The evidence of each is the integral over everything unknown: exact over v', u and e, by Laplace's method over
+tau and f. What is said has SURE of the probability of all hypotheses together.
+
+    priors             every number of the inference, with its reason
+    linear_evidence    evidence and posterior of linear rows
+    blocks             the blocks
+    expansion          standard coordinates, the model and its slopes
+    fit, search        the best setting of one hypothesis; which of them are visited
+    doses, dose_laws   mechanisms, and the law that their doses follow (forms in dose_forms)
+    posterior          probabilities and draws, averaged over hypotheses
+    predictive_check   is a name better than chance makes it?
+    decision           the one rule
+    outlook            rows that the race has not seen: predictions, held-out rows (unseen_rows)
+    proposals          measurements that would move the posterior
+    summary, record    the answer, as numbers and enumerations
+    answer             all of it, for one study
+"""

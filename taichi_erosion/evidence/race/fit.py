@@ -26,6 +26,7 @@ from taichi_erosion.evidence.race.priors import DOUBT
 SLACK = 2.0  # of a misfit, by which a step may raise it: the noise of a few seeds
 FAR = 1.5  # farthest step of one coordinate
 STILL = 0.1  # squared length of a step, in posterior sd, that is not made
+ROUNDS = 6  # of slopes and three steps, while these go far
 SHARES = (1.0, 0.4, 0.16, 0.06)  # of a step, that are tried in turn
 TYPICAL_SLOPE = 0.8  # of the model along the coordinate of a strength, over its change by that strength
 
@@ -210,7 +211,11 @@ class Race:
     def refined(self, fit: Fit) -> Fit:
         """The best setting, first with the scales at their priors: no level takes what an effect explains."""
         fit = self.moved(self.solved(fit, 0), 1, 0)
-        fit = self.moved(self.solved(self.with_slopes(fit), 0), 3, 0)
+        for _ in range(ROUNDS):
+            before = fit.v
+            fit = self.moved(self.solved(self.with_slopes(fit), 0), 3, 0)
+            if np.max(np.abs(fit.v - before), initial=0.0) < FAR:
+                break
         fit = self.moved(self.solved(self.with_slopes(fit), start=fit.scales, fresh=True), 2)
         return self.kept(replace(fit, refined=True))
 
