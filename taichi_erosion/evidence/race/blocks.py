@@ -30,8 +30,6 @@ from taichi_erosion.evidence.race.priors import LARGE, LENGTH, NEAR, SMALL
 
 Kind = Literal["level", "zero", "source", "batch", "discrepancy", "unlisted", "dose"]
 SMOOTHEST = 1e-3  # of the largest variance of a smooth function, below which a part of it is left out
-LENGTHS = (1.0,)
-ZERO_SHOWS = 0.2  # change of its shape over the rows from which a zero is told from a level [1]
 
 
 @dataclass(frozen=True)
@@ -97,7 +95,7 @@ def zeros(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
         own = rows.which == index
         fitted = own & known
         shape = rows.slope / float(np.median(rows.slope[fitted]))
-        if fitted.sum() > 1 and np.ptp(shape[fitted]) > ZERO_SHOWS:
+        if fitted.sum() > 1 and observable.transform != "identity":
             column = np.where(own, float(np.median(unit[fitted])) * shape, 0.0)
             name = observable.name
             found.append(Block("zero", name, column[:, None], (name,), scale(f"zero {name}", cauchy=NEAR)))
@@ -165,7 +163,7 @@ def square_root(kernel: Floats) -> Floats:
 def dose_columns(rows: ComparisonRows, known: Bools) -> list[tuple[str, Floats]]:
     """Factors L (n, r) of what a dose may be over the conditions, along each and along all of them.
 
-    A dose is a function of conditions shared by all observables: L L^T = exp(-1/2 d^2 / l^2) + 1/4; along a
+    All observables share it: L L^T = exp(-1/2 d^2) + 1/4 with d in sd of a condition; along a
     condition that reaches 0 it is 0 there, and the same is true of L.
     """
     found, squares = [], []
@@ -175,14 +173,13 @@ def dose_columns(rows: ComparisonRows, known: Bools) -> list[tuple[str, Floats]]
             continue
         place, zero = axis(column), column == 0.0
         squares.append(square_distance(place))
-        for length in LENGTHS:
-            kernel = np.exp(-0.5 * squares[-1] / length**2) + 0.25
-            if zero[known].any() and np.nanmin(column[known]) == 0.0:
-                at = int(np.argmax(zero))
-                kernel = kernel - np.outer(kernel[at], kernel[at]) / kernel[at, at]
-            found.append((name, square_root(kernel)))
+        kernel = np.exp(-0.5 * squares[-1]) + 0.25
+        if zero[known].any() and np.nanmin(column[known]) == 0.0:
+            at = int(np.argmax(zero))
+            kernel = kernel - np.outer(kernel[at], kernel[at]) / kernel[at, at]
+        found.append((name, square_root(kernel)))
     if len(squares) > 1:
-        found += [("all", square_root(np.exp(-0.5 * sum(squares) / length**2) + 0.25)) for length in LENGTHS]
+        found.append(("all", square_root(np.exp(-0.5 * sum(squares)) + 0.25)))
     return found
 
 

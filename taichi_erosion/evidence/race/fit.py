@@ -21,14 +21,13 @@ from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.race.blocks import Block, nuisance, unlisted, zeros
 from taichi_erosion.evidence.race.expansion import Acting, RaceModel
 from taichi_erosion.evidence.race.linear_evidence import Evidence, LinearRows, Scales, evidence, scale
-from taichi_erosion.evidence.race.priors import DOUBT
+from taichi_erosion.evidence.race.priors import DOUBT, SPREAD
 
 SLACK = 2.0  # of a misfit, by which a step may raise it: the noise of a few seeds
 FAR = 1.5  # farthest step of one coordinate
 STILL = 0.1  # squared length of a step, in posterior sd, that is not made
 ROUNDS = 6  # of slopes and three steps, while these go far
 SHARES = (1.0, 0.4, 0.16, 0.06)  # of a step, that are tried in turn
-TYPICAL_SLOPE = 0.8  # of the model along the coordinate of a strength, over its change by that strength
 
 
 @dataclass(frozen=True)
@@ -256,7 +255,7 @@ class Race:
                 break
         else:
             return None
-        jacobian = np.insert(parent.jacobian, at, TYPICAL_SLOPE * (mean - parent.mean), axis=1)
+        jacobian = np.insert(parent.jacobian, at, SPREAD * (mean - parent.mean), axis=1)
         hypothesis = Hypothesis(names)
         fit = Expansion(hypothesis, v, mean, jacobian, parent.errors, parent.blocks, log_prior)
         return self.kept(self.solved(fit, 5))

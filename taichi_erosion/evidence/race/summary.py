@@ -41,7 +41,7 @@ from taichi_erosion.evidence.race.record import (
     Status,
 )
 
-ONE_SIDED = 1.645  # sd beyond which 5 % of a normal distribution lie
+ONE_SIDED = float(stats.norm.ppf(0.95))  # sd beyond which 5 % of a normal distribution lie
 
 
 def summary(posterior: Posterior, decision: Decision | None = None) -> Record:

@@ -1,0 +1,79 @@
+"""The page of a study in words: the lines of its commands in one order, labels, captions, and the method."""
+
+from collections.abc import Iterator, Mapping
+
+from taichi_erosion.evidence.data.number_words import counted
+from taichi_erosion.evidence.race.priors import KEEP, SURE
+from taichi_erosion.evidence.race.record import Record
+from taichi_erosion.evidence.words import answer_lines as lines
+from taichi_erosion.evidence.words.effect_words import acting
+from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, joined, probability
+
+SECTIONS = ("What is missing", "Does it hold", "What next", "Methods")
+MEASURED, BARE = "measured", "the model as it is"
+RESIDUAL = "measured less predicted"
+CAPTIONS = {
+    "rows": "{observable} along {axis}: values, with 90 % intervals of those measured; residuals.",
+    "posterior": "Probability of every explanation after the measurements.",
+    "strengths": "Strength of every candidate. Dot: it acts or likely does; 90 % interval. Bar: it could act "
+    "unseen; where the bar is closed, more is excluded. Dotted: 1, the textbook value.",
+    "numbers": "Calibrated numbers with 90 % intervals, each on its own axis. Dotted: where it started.",
+    "doses": "Dose of {mechanism} along {axis}: its law at the measured conditions, with 90 % intervals. At "
+    "0 nothing is missing.",
+    "ladder": "Misfit per row. Filled: fitted rows; open: held-out rows. Dotted: 1, what chance alone gives.",
+}
+METHODS = (
+    "Every explanation (nothing, up to four listed effects, one mechanism, something not in the list) is the "
+    "model, linearised about its own best fit: y measured less predicted in standard errors of a row, J its "
+    "slopes along calibrated numbers and strengths t, F u an error that rows have in common (level, source, "
+    "batch, smooth discrepancy, dose) of an unknown size \N{GREEK SMALL LETTER TAU}, e scatter, f times as "
+    "large as stated.",
+    "Its probability is its share before the measurements times their density under it, over all t, u, sizes "
+    "and f; an effect acts if the explanations that hold it have {sure:g} of the probability together and "
+    "chance alone rarely makes a candidate look as good.",
+    "In the table of candidates strength is the median with a 90 % interval over these explanations, "
+    "probability is that the effect acts, and ln Bayes factor alone weighs it by itself against nothing.",
+    "Misfit per row is the mean squared residual in standard errors without errors in common, p the chance "
+    "of as much with them; this answer took {settings} of the model, {runs}, seed {seed}.",
+)
+
+
+def answers(records: Mapping[str, Record], voc: Vocabulary) -> dict[str, lines.Answer]:
+    """Answer of every command that was given."""
+    commands = {"compare": lines.compare_answer, "discover": lines.discover_answer}
+    commands |= {"adopt": lines.adopt_answer, "next": lines.next_answer}
+    return {name: answer(records[name], voc) for name, answer in commands.items() if name in records}
+
+
+def page_lines(found: Mapping[str, lines.Answer]) -> tuple[tuple[str, ...], ...]:
+    """What is missing, does it hold, what next; a line that several commands tell stands once."""
+    told = next(found[name] for name in ("discover", "adopt", "compare") if name in found)
+    held, proposed = found.get("adopt", told), found["next"].lines if "next" in found else ()
+    unseen = held.missing if held is not told else ()
+    parts, seen = (told.missing, (*unseen, *held.holds), (*held.following, *proposed)), set()
+    return tuple(tuple(line for line in part if not (line in seen or seen.add(line))) for part in parts)
+
+
+def added_words(record: Record) -> str:
+    """What the model of the answer has beside the model as it is; empty where nothing is told."""
+    sure, either = acting(record.decided)
+    if sure or either:
+        return f"with {joined([*sure, *([f'the likeliest of {joined(either)}'] if either else [])])}"
+    return "with something not in the list" if record.decided.verdict == "outside_library" else ""
+
+
+def explanations(record: Record) -> Iterator[tuple[str, float, str]]:
+    """Explanations with their probabilities, the likeliest first; small ones together."""
+    ranked = sorted(record.decided.probabilities.items(), key=lambda item: -item[1])
+    small = [p for _, p in ranked if p < KEEP]
+    shown = [(EXPLANATIONS.get(key, key.replace("+", " + ")), p) for key, p in ranked if p >= KEEP]
+    for label, p in [*shown, *([(counted(len(small), "other explanation"), sum(small))] if small else [])]:
+        yield label, p, probability(p)
+
+
+def methods(record: Record) -> tuple[str, ...]:
+    """How the answer was found, in four sentences."""
+    settings, runs = counted(record.cost.settings, "setting"), counted(record.cost.runs, "run")
+    return tuple(
+        each.format(sure=SURE, seed=record.cost.seed, settings=settings, runs=runs) for each in METHODS
+    )

@@ -1,0 +1,282 @@
+"""Figures of an answer, each drawn from its record alone, for the width of a page and for that of a phone.
+
+rows        measured beside predicted, and measured less predicted, along a condition
+posterior   probabilities of explanations
+strengths   strengths of candidates, and what could act unseen
+numbers     calibrated numbers, each on its own axis
+doses       doses of a mechanism with their law
+ladder      misfit per row of fitted and held-out rows
+"""
+
+from collections.abc import Iterator, Mapping
+from textwrap import fill
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from taichi_erosion.evidence.data.number_words import heading, plain
+from taichi_erosion.evidence.race.record import Interval, LawPart, Record
+from taichi_erosion.evidence.race.summary import ONE_SIDED
+from taichi_erosion.evidence.words import page_words
+from taichi_erosion.evidence.words.data_words import failing
+from taichi_erosion.evidence.words.effect_words import LIKELY, acting
+from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, interval
+from taichi_erosion.report.figure_style import (
+    AFTER,
+    BEFORE,
+    CONTROL,
+    INK,
+    PANEL,
+    PAPER,
+    SOFT,
+    WIDE,
+    Floats,
+    Picture,
+    panels,
+    responsive,
+    scale_axis,
+    single,
+)
+from taichi_erosion.report.pictures.measured_marks import (
+    DOTS,
+    Bools,
+    ValueRange,
+    draw_edge_texts,
+    draw_marks,
+    edge_of,
+    value_range,
+)
+
+LETTERS = 6.0  # of a label per inch of the figure
+LINE, MARGIN = 0.2, 0.55  # heights of a line of a chart, and of its axis [in]
+
+
+def places(record: Record) -> list[tuple[str, str]]:
+    """Every observable along the conditions where it fails, else along its worst one; the worst first."""
+    conditions = record.rows.conditions
+    ranked = sorted((each for each in record.where if each.axis in conditions), key=lambda each: each.p)
+    fails, found = failing(record), []
+    for each in ranked:
+        if each in fails or each.observable not in {name for name, _ in found}:
+            found.append((each.observable, each.axis))
+    most = max(conditions, key=lambda name: np.unique(conditions[name]).size, default="")
+    rest = [name for name in dict.fromkeys(record.rows.observable) if name not in {name for name, _ in found}]
+    return [*found, *((name, most) for name in rest)]
+
+
+def points_of(record: Record, voc: Vocabulary, observable: str, axis: str) -> pd.DataFrame:
+    """Rows of an observable in order of a condition, in the units of the table; without one in their own."""
+    rows, scale = record.rows, voc.scale(observable)
+    columns = {"measured": rows.measured, "sd": rows.sd, "before": rows.before, "after": rows.after}
+    table = pd.DataFrame({name: scale * column for name, column in columns.items()})
+    x = rows.conditions.get(axis, np.arange(1.0, len(table) + 1.0))
+    table["x"] = [voc.units.condition(axis, float(each)) for each in x]
+    table["text"] = [row_text(record, voc, place) for place in range(len(table))]
+    own = table["x"].notna() & table["measured"].notna() & (np.array(rows.observable) == observable)
+    return table.loc[own].sort_values("x", kind="stable")
+
+
+def row_text(record: Record, voc: Vocabulary, place: int) -> str:
+    """Everything about one row: measured, predicted, conditions."""
+    rows, name, units = record.rows, record.rows.observable[place], voc.units
+    value, error = float(rows.measured[place]), ONE_SIDED * float(np.nan_to_num(rows.sd[place]))
+    ends = Interval(value, value - error, value + error)
+    measured = interval(ends, 3, voc.scale(name), units.value_unit(name))
+    models = {page_words.BARE: rows.before, page_words.added_words(record): rows.after}
+    told = [f"{key}: {units.value_text(name, float(of[place]))}" for key, of in models.items() if key]
+    at = {axis: float(column[place]) for axis, column in rows.conditions.items()}
+    return "\n".join([f"{page_words.MEASURED} {measured}", *told, *units.setting_text(at).split(", ")])
+
+
+def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, number: int) -> Picture:
+    """Measured values with both models, and what they leave, along one condition."""
+    points = points_of(record, voc, observable, axis)
+    models = {"before": BEFORE} | ({"after": AFTER} if page_words.added_words(record) else {})
+    x, y, sd = (points[name].to_numpy() for name in ("x", "measured", "sd"))
+    error = ONE_SIDED * np.nan_to_num(sd)
+    gaps = {key: y - points[key].to_numpy() for key in models}
+    shown = value_range(points[["measured", *models]].to_numpy().ravel(), np.append(y - error, y + error))
+    texts = hover_texts(list(points["text"]), y, shown)
+    texts |= {key: list(points["text"]) for key in models}
+
+    def draw(width: float) -> Figure:
+        columns, share = (2, 1.0) if width == WIDE else (1, 0.7)  # lower on a phone: one above the other
+        figure, (values, residuals) = panels(2, columns, (width / columns, share * PANEL[1]))
+        values.errorbar(x, y, error, fmt="none", ecolor=INK, elinewidth=0.9)
+        draw_points(values, x, y, shown)
+        residuals.axhline(0.0, color=SOFT, lw=0.8)
+        for key, colour in models.items():
+            values.plot(x, points[key], "_", ms=9.0, mew=1.8, color=colour, gid=f"layer:{key}")
+            residuals.plot(x, gaps[key], "o", ms=4.0, color=colour, gid=f"rows:{key}")
+        for frame, title in ((values, observable), (residuals, page_words.RESIDUAL)):
+            scale_axis(frame, "x", x)
+            frame.set_xlabel(heading(axis or "row", voc.units.condition_unit(axis)))
+            frame.set_title(heading(title, voc.units.value_unit(observable)), loc="left")
+        scale_axis(values, "y", np.array([shown.low, shown.high]), shown.logarithmic)
+        values.set_ylim(shown.low, shown.high)
+        return figure
+
+    caption = page_words.CAPTIONS["rows"].format(observable=observable, axis=axis or "rows")
+    return responsive(draw, caption, f"rows{number}", texts)
+
+
+def marked(values: Floats, shown: ValueRange) -> Iterator[tuple[str, Bools]]:
+    """Kinds of marks, of values on the axis and beyond its ends, with their rows."""
+    kinds = {"high": values > shown.high, "low": values < shown.low}
+    kinds[""] = np.isfinite(values) & ~kinds["high"] & ~kinds["low"]
+    yield from ((kind, own) for kind, own in kinds.items() if own.any())
+
+
+def draw_points(frame: Axes, x: Floats, y: Floats, shown: ValueRange) -> None:
+    """Measured values; one beyond the axis stands at its edge, with its value if no other is there."""
+    for kind, own in marked(y, shown):
+        at, style = edge_of(shown, kind, y[own]), DOTS | {"marker": "o"}
+        draw_marks(frame, x[own], at, kind, style, f"rows:measured#{kind}")
+        if kind and own.sum() == 1:
+            draw_edge_texts(frame, x[own], [plain(float(y[own][0]))], kind)
+
+
+def hover_texts(texts: list[str], y: Floats, shown: ValueRange) -> dict[str, list[str]]:
+    """Texts of dots in the order of drawing."""
+    return {f"measured#{kind}": [texts[k] for k in np.flatnonzero(own)] for kind, own in marked(y, shown)}
+
+
+def chart(width: float, labels: list[str]) -> tuple[Figure, Axes, Floats]:
+    """Frame with a line for every label, the first on top, and their heights."""
+    names = [fill(label, int(LETTERS * width)) for label in labels]
+    figure, frame = single(width, MARGIN + LINE * sum(name.count("\n") + 1 for name in names))
+    at = np.arange(len(names), dtype=np.float64)[::-1]
+    frame.set_yticks(at, names)
+    frame.set_ylim(-0.6, len(names) - 0.4)
+    return figure, frame, at
+
+
+def draw_interval(frame: Axes, at: float, found: Interval, colour: str) -> None:
+    """Median with its 90 % interval."""
+    ends = [[found.value - found.low], [found.high - found.value]]
+    frame.errorbar(found.value, at, xerr=np.maximum(ends, 0.0), fmt="o", color=colour, ms=4.5, elinewidth=1.4)
+
+
+def posterior_picture(record: Record) -> Picture:
+    """Bars of the probabilities of explanations."""
+    bars = list(page_words.explanations(record))
+
+    def draw(width: float) -> Figure:
+        figure, frame, at = chart(width, [label for label, *_ in bars])
+        colours = [CONTROL if label in EXPLANATIONS.values() else AFTER for label, *_ in bars]
+        frame.barh(at, [p for _, p, _ in bars], 0.62, color=colours)
+        for y, (_, p, text) in zip(at, bars, strict=True):
+            frame.text(p + 0.01, y, text, va="center", fontsize=8.0)
+        frame.set(xlim=(0.0, 1.15), xticks=[0.0, 0.5, 1.0], xlabel="probability")
+        return figure
+
+    return responsive(draw, page_words.CAPTIONS["posterior"], "posterior")
+
+
+def strength_bars(record: Record) -> Iterator[tuple[str, Interval | None, float, bool]]:
+    """Candidates: strength where one acts, else what is not seen, and whether more is excluded."""
+    names = {name for names in acting(record.decided) for name in names}
+    for name, part in sorted(record.effects.items(), key=lambda item: -item[1].probability):
+        acts = (name in names or part.probability > LIKELY) and not part.varies_along
+        excluded = part.status == "excluded" and not acts
+        end = np.nan_to_num(part.limit if excluded else part.unseen_below, nan=part.most)
+        yield name, part.strength if acts else None, min(float(end), part.most), excluded
+
+
+def strength_picture(record: Record) -> Picture:
+    """Strengths of what acts, and of the others as far as these measurements see them."""
+    bars = list(strength_bars(record))
+
+    def draw(width: float) -> Figure:
+        figure, frame, at = chart(width, [name for name, *_ in bars])
+        frame.axvline(1.0, color=SOFT, lw=0.8, ls=":")
+        for y, (_, strength, end, excluded) in zip(at, bars, strict=True):
+            if strength is not None:
+                draw_interval(frame, y, strength, AFTER)
+                continue
+            frame.barh(y, end, 0.3, color=CONTROL, alpha=0.45)
+            if excluded:
+                frame.plot([end, end], [y - 0.3, y + 0.3], color=CONTROL, lw=1.8)
+        frame.set_xlim(left=0.0)
+        frame.set_xlabel("strength")
+        return figure
+
+    return responsive(draw, page_words.CAPTIONS["strengths"], "strengths")
+
+
+def number_picture(record: Record) -> Picture:
+    """Calibrated numbers if nothing is missing, and with what is told."""
+    is_told = bool(page_words.added_words(record))
+
+    def draw(width: float) -> Figure:
+        figure, frames = panels(len(record.numbers), 1, (width, 0.75))
+        for frame, (path, part) in zip(frames, record.numbers.items(), strict=True):
+            frame.axvline(part.start, color=SOFT, lw=0.8, ls=":")
+            draw_interval(frame, 1.0, part.before, BEFORE)
+            if is_told:
+                draw_interval(frame, 0.0, part.now, AFTER)
+            frame.set(ylim=(-0.7, 1.7) if is_told else (0.3, 1.7), yticks=[])
+            frame.locator_params(axis="x", nbins=int(width))  # a label needs about an inch
+            frame.spines["left"].set_visible(False)
+            frame.set_title(path, loc="left")
+        return figure
+
+    return responsive(draw, page_words.CAPTIONS["numbers"], "numbers")
+
+
+def dose_pictures(law: LawPart, voc: Vocabulary) -> Iterator[Picture]:
+    """Doses of a law along each of its conditions, in the order of the first of them."""
+    doses = sorted(law.doses, key=lambda each: tuple(each[0].values()))
+    texts = {"doses": [dose_text(at, dose, voc) for at, dose in doses]}
+    value, low, high = np.array([(dose.value, dose.low, dose.high) for _, dose in doses]).T
+    for number, axis in enumerate(law.conditions):
+        x = np.array([voc.units.condition(axis, at[axis]) for at, _ in doses])
+
+        def draw(width: float, axis: str = axis, x: Floats = x) -> Figure:
+            figure, frame = single(width, PANEL[1])
+            frame.axhline(0.0, color=SOFT, lw=0.8)
+            if len(law.conditions) == 1:
+                frame.plot(x, value, color=AFTER, lw=1.7)
+                frame.fill_between(x, low, high, color=AFTER, alpha=0.16, lw=0.0)
+            ends = np.maximum([value - low, high - value], 0.0)
+            frame.errorbar(x, value, ends, fmt="none", ecolor=AFTER, elinewidth=0.9)
+            draw_marks(
+                frame, x, value, "", DOTS | {"marker": "o", "color": AFTER, "mfc": AFTER}, "rows:doses"
+            )
+            scale_axis(frame, "x", x)
+            frame.set_xlabel(heading(axis, voc.units.condition_unit(axis)))
+            counts = voc.doses.get(law.mechanism.partition(":")[0], "strength")
+            frame.set_title(f"{law.mechanism}: {counts}", loc="left")
+            return figure
+
+        caption = page_words.CAPTIONS["doses"].format(mechanism=law.mechanism, axis=axis)
+        yield responsive(draw, caption, f"doses{number}", texts)
+
+
+def dose_text(at: Mapping[str, float], dose: Interval, voc: Vocabulary) -> str:
+    """A dose with its conditions."""
+    return "\n".join([interval(dose), *voc.units.setting_text(at).split(", ")])
+
+
+def ladder_picture(record: Record) -> Picture:
+    """Misfit per row before and after, of rows that were fitted and of those that no fit has seen."""
+    fit, held = record.fit, record.held_out
+    n = max(fit.n, 1)
+    steps = {page_words.BARE: (fit.chi2_before / n, held.before if held else np.nan)}
+    steps[page_words.added_words(record)] = fit.chi2_after / n, held.after if held else np.nan
+    if held and np.isfinite(held.wrong):
+        steps[f"control: {held.wrong_effect}"] = np.nan, held.wrong
+
+    def draw(width: float) -> Figure:
+        figure, frame, at = chart(width, list(steps))
+        fitted, unseen = np.array(list(steps.values())).T
+        frame.axvline(1.0, color=SOFT, lw=0.8, ls=":")
+        for values, face in ((fitted, INK), (unseen, PAPER)):
+            frame.plot(values, at, "o", color=INK, mfc=face, ms=6.0)
+        scale_axis(frame, "x", np.append(np.concatenate([fitted, unseen]), 1.0))
+        frame.set_xlabel("misfit per row")
+        return figure
+
+    return responsive(draw, page_words.CAPTIONS["ladder"], "ladder")

@@ -1,0 +1,115 @@
+"""The page of a study from records of every kind: what a reader sees first, and that he sees all of it."""
+
+import re
+from dataclasses import replace
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ten_records import VOC, adopted, group, mechanism, null, single, typo
+
+from taichi_erosion.evidence.race.record import Interval, NumberPart, RowsPart
+from taichi_erosion.report.answer_page import answer_page
+from tests.report.browser import assert_readable
+
+HOME = Path("/home/somebody/soils")
+
+
+def many_rows() -> RowsPart:
+    """Thirty heaps that a model without water does not follow; one row is far off."""
+    wet, size = np.repeat(np.linspace(0.0, 0.08, 10), 3), np.tile([1e-4, 3e-4, 9e-4], 10)
+    before, sd = 30.0 + 1e4 * size, np.full(30, 0.6)
+    after = before + 60.0 * wet
+    measured = after + sd * np.sin(np.arange(30.0))
+    measured[4] = 400.0
+    return RowsPart(("repose_angle",) * 30, {"moisture": wet, "diameter": size}, measured, sd, before, after)
+
+
+NARROW = {
+    "k": NumberPart(0.1, Interval(0.0981, 0.0974, 0.0988), Interval(0.0972, 0.0966, 0.0977), 0.02, False)
+}
+PAGES = {
+    "adopted": {"compare": adopted, "discover": adopted, "adopt": adopted, "next": group},
+    "group": {"discover": replace(group, rows=many_rows(), numbers=NARROW), "next": group},
+    "law": {"compare": mechanism, "discover": replace(mechanism, rows=many_rows())},
+    "typo": {"discover": typo},
+    "compared": {"compare": single},
+}
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("pages")
+    voc = replace(VOC, study=str(HOME / "lab.toml"), results=str(HOME / VOC.results))
+    return {
+        name: answer_page("Heaps", records, voc, folder / f"{name}.html") for name, records in PAGES.items()
+    }
+
+
+def lead(page: Path) -> list[str]:
+    return [unescape(text) for text in re.findall('<p class="lead">(.*?)</p>', page.read_text("utf-8"))]
+
+
+def test_the_first_sentence_is_what_was_found(pages):
+    assert lead(pages["law"])[0].startswith(
+        "Missing: a factor of rolling friction (rolling_friction) with the law"
+    )
+    assert "(moisture / 5 %)^1.2" in lead(pages["law"])[0]
+    assert lead(pages["adopted"])[0].startswith(
+        "Missing: capillary bridges between moist grains (liquid_bridge)"
+    )
+    assert lead(pages["compared"])[0].startswith("The calibrated model fails")
+    check, found = lead(pages["typo"])[:2]
+    assert check.startswith("Check row 17 first")
+    assert found.startswith("No missing effect is seen")
+
+
+def test_missing_holding_and_next_stand_in_this_order_and_the_method_last(pages):
+    for page in pages.values():
+        titles = re.findall("<h2>(.*?)</h2>", page.read_text("utf-8"))
+        assert titles == ["What is missing", "Does it hold", "What next", "Methods"]
+        method = page.read_text("utf-8").partition("<h2>Methods</h2>")[2]
+        assert method.count("<p>") == 4
+        assert "&tau;<sub>b</sub>" in method
+
+
+def test_every_figure_that_the_record_allows_is_there(pages):
+    def drawn(name: str) -> set[str]:
+        return set(re.findall(r'id="([a-z]+)\d*-figure_1"', pages[name].read_text("utf-8")))
+
+    assert drawn("law") == {"rows", "posterior", "strengths", "doses", "ladder", "numbers"}
+    assert drawn("adopted") == {"rows", "posterior", "strengths", "ladder", "numbers"}
+    assert drawn("typo") == {"rows", "posterior", "strengths", "numbers"}
+    assert drawn("compared") == {"rows", "ladder", "numbers"}
+
+
+def test_a_page_names_no_folder_of_the_machine_and_no_other_file(pages):
+    for page in pages.values():
+        text = page.read_text("utf-8")
+        assert str(HOME) not in text
+        assert str(page.parent) not in text
+        assert not re.search(r'(?:src|href)="(?!#|data:)', text)
+        assert not re.search(r"\bnan\b", text)
+
+
+def test_headline_and_marked_rows_of_the_table_name_the_same(pages):
+    known = {*null.effects, "rolling_friction", "contact_pull"}
+    for name, acts in (("adopted", 1), ("group", 2), ("law", 1), ("typo", 0)):
+        marked = set(re.findall(r'<tr class="named"><td[^>]*>(\w+)<', pages[name].read_text("utf-8")))
+        said = next((line for line in lead(pages[name]) if line.startswith("Missing")), "")
+        assert marked == {each for each in known if each in said}
+        assert len(marked) == acts
+
+
+def test_every_row_tells_what_was_measured_and_what_both_models_say(pages):
+    text = pages["law"].read_text("utf-8")
+    rows = re.findall(r"<title>measured (.*?)</title>", text, re.DOTALL)
+    assert rows[0].startswith("400 deg"), "the mark beyond the axis, drawn first, has the text of another row"
+    told = {unescape(row) for row in rows if row.startswith("400 deg")}
+    for row in told:
+        assert "the model as it is: 33 deg\nwith rolling_friction: 33.5 deg\nmoisture = 0.889 %" in row
+
+
+def test_a_browser_shows_every_page_on_a_desk_and_on_a_phone(pages, tmp_path):
+    assert_readable(pages, tmp_path)
