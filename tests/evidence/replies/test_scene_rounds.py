@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
@@ -14,8 +15,9 @@ from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.record import Decided
 from taichi_erosion.evidence.replies import scene_rounds
 from taichi_erosion.evidence.replies.scene_rounds import SceneAnswer, after_test, discover_on_scene
+from tests.evidence.emulator import test_training_runs as made_up
 from tests.evidence.emulator.test_fresh_runs import overstated
-from tests.evidence.emulator.test_training_runs import executing, keys, write
+from tests.evidence.emulator.test_training_runs import SCATTER, STUDY, executing, heights, keys, write
 
 NAME = "rolling_resistance"
 STRONG, WEAK = 1.5, 0.1  # strengths of a name that is sure at once, and of one that is not
@@ -125,3 +127,30 @@ def test_mechanisms_are_asked_only_where_no_listed_effect_suffices():
     closest, *several = scene_rounds.required(outside)
     assert tuple(closest.effects) == single.decision.named
     assert all(len(point.effects) > 1 for point in several)
+
+
+def with_a_dose(payload: dict) -> tuple[float, float]:
+    """A run in which rolling friction has a dose, and no other mechanism does anything."""
+    scene, noise = payload["scene"], np.random.default_rng(payload["seed"]).normal(0.0, SCATTER, 2)
+    dose = scene["effects"].get("rolling_friction", {}).get("dose", 0.0)
+    pull = scene["effects"].get("dry_adhesion", {}).get("strength", 0.0)
+    friction = scene["contact"]["grain-grain"]["friction_rolling"] * (1.0 + dose)
+    pile, centroid = heights(scene["grains"]["size"]["diameter"], friction, 0.0, pull) * np.exp(noise)
+    return pile, centroid
+
+
+@pytest.mark.slow
+def test_what_no_list_holds_is_simulated_as_mechanisms_and_found_among_them(tmp_path, monkeypatch):
+    monkeypatch.setattr(made_up, "simulated", with_a_dose)
+    path = write(tmp_path, STRONG, text=STUDY.replace('"rolling_resistance", ', ""))
+    head, *lines = (tmp_path / "heap.csv").read_text("utf-8").splitlines()
+    cells = [
+        line.split(",") for line in lines
+    ]  # a group for each heap: that of an angularity would be a batch
+    lines = [",".join([*each[:4], f"h{each[5]}{each[6]}", *each[5:]]) for each in cells]
+    (tmp_path / "heap.csv").write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
+    answer = told(path)
+    first, closest, mechanisms = map(set, answer.runs)
+    assert first < closest < mechanisms, "the closest single effect before, then doses"
+    assert answer.found.decision.mechanisms == ("rolling_friction",)
+    assert answer.found.fresh is None
