@@ -75,12 +75,11 @@ def required(found: SceneAnswer) -> Points:
     """The closest single effect and set of several, before it is said that no list holds what acts."""
     if found.decision.verdict != "outside_library":
         return []
-    sets = [fit for fit in found.posterior.race.fits.values() if fit.refined and not fit.hypothesis.beyond]
-    kinds = (
-        [fit for fit in sets if len(fit.hypothesis.names) == 1],
-        [fit for fit in sets if len(fit.hypothesis.names) > 1],
-    )
-    return [found.about(max(fits, key=lambda fit: fit.log_evidence)) for fits in kinds if fits]
+    fits = [fit for fit in found.posterior.race.fits.values() if fit.refined and not fit.hypothesis.beyond]
+    single = [fit for fit in fits if len(fit.hypothesis.names) == 1]
+    several = [fit for fit in fits if len(fit.hypothesis.names) > 1]
+    best = [max(kind, key=lambda fit: fit.log_evidence) for kind in (single, several) if kind]
+    return [found.about(fit) for fit in best]
 
 
 def beyond(found: SceneAnswer) -> bool:
