@@ -28,11 +28,11 @@ from taichi_erosion.evidence.answers.compare import SEED, calibrated_base, no_pr
 from taichi_erosion.evidence.answers.discover import discover
 from taichi_erosion.evidence.data.findings import Discovery
 from taichi_erosion.evidence.data.mechanism_findings import BeyondList
-from taichi_erosion.evidence.data.new_conditions import NewConditions
 from taichi_erosion.evidence.data.problem import Candidate, Problem
 from taichi_erosion.evidence.inference import verdict_levels as levels
 from taichi_erosion.evidence.inference.intervals.estimates import estimates_alone
 from taichi_erosion.evidence.inference.posterior import parameter_estimates
+from taichi_erosion.evidence.models.new_conditions import NewConditions
 from taichi_erosion.evidence.models.own_effects import DosedModel
 from taichi_erosion.evidence.prediction.predict import predict
 

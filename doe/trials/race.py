@@ -21,8 +21,8 @@ from doe.trials.answers import LEAST, Answer
 from doe.trials.reduced.families import FAMILIES
 from doe.trials.table import Row, add_rows, read_rows, table_of
 from taichi_erosion.evidence.data.problem import Problem
-from taichi_erosion.evidence.race.answer import raced
 from taichi_erosion.evidence.race.decision import decide
+from taichi_erosion.evidence.race.posterior import raced
 from taichi_erosion.evidence.race.record import Interval
 from taichi_erosion.evidence.race.summary import summary
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from doe.trials.reduced import beyond, clean, correlated, disturbed, several, smooth
 from doe.trials.reduced.oracle import difficulty
-from taichi_erosion.evidence.data.new_conditions import NewConditions
 from taichi_erosion.evidence.data.problem import Problem
+from taichi_erosion.evidence.models.new_conditions import NewConditions
 
 LEAST_RATIO = 7.0  # of every effect in the designs of `several`
 NULLS = 0.45  # share of disturbed cases in which nothing is missing

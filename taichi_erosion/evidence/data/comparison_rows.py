@@ -160,48 +160,54 @@ def merged_rows(
 ) -> tuple[ComparisonRows, Scatter]:
     """Rows of one observable, repeats merged by inverse variance."""
     observable = observables[index]
-    value = np.where(table.censored, table.limit, table.value)
-    z, reach = censored_scale(observable, value, table.reaches)
-    steepness = slope(observable, value)
+    z, steepness = scaled(observable, table)[::2]
     usable = np.isfinite(z) & np.isfinite(steepness)
-    notes = row_notes(observable, table, usable)
-    table, value, z, steepness = table.rows(usable), value[usable], z[usable], steepness[usable]
-    reach = reach[usable]
-    cell = repeat_numbers(table)
-    repeats = np.where(table.n >= 1.0, table.n, 1.0)
-    shapes = scatter_shapes(observable, value, steepness)
-    exact = np.where(table.censored, np.nan, z)  # a limit is no repeat
+    notes, table = row_notes(observable, table, usable), table.rows(usable)
+    z, reach, steepness, value = scaled(observable, table)
+    cell, exact = repeat_numbers(table), np.where(table.censored, np.nan, z)  # a limit is no repeat
+    repeats, shapes = np.where(table.n >= 1.0, table.n, 1.0), scatter_shapes(observable, value, steepness)
     scatter = measurement_scatter(exact, np.abs(table.sd * steepness), repeats, cell, shapes)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
     first, mean, total = weighted_means(z, weight, keys := repeat_keys(table, cell, reach, scatter.off))
-    steep = steepness[first]
+    steep, own = steepness[first], table.rows(first)
     numerical = (observable.sd_numerical * steep) ** 2
-    unknown = ~np.isfinite(scatter.variance[first])
-    notes += unknown_notes(observable, unknown)
-    shared = np.zeros((first.size, len(observables)))
-    shared[:, index] = np.hypot(observable.sd_shared, observable.sd_shared_relative * value[first]) * steep
+    notes += unknown_notes(observable, unknown := ~np.isfinite(scatter.variance[first]))
+    shared = np.hypot(observable.sd_shared, observable.sd_shared_relative * value[first]) * steep
+    shared = shared[:, np.newaxis] * (np.arange(len(observables)) == index)
     variance = np.where(unknown, np.nan, 1.0 / np.where(total > 0, total, 1.0) + numerical)
     rows = ComparisonRows(
         observables,
         which=np.full(first.size, index),
         z=mean,
         variance=variance,
-        censored=table.censored[first],
+        censored=own.censored,
         reach=reach[first],
         shared=shared,
-        conditions={name: column[first] for name, column in table.conditions.items()},
-        group=tuple(table.group[i] for i in first),
-        source=tuple(table.source[i] for i in first),
+        conditions=own.conditions,
+        group=own.group,
+        source=own.source,
         slope=steep,
         stated=np.isin(keys[first], keys[(table.sd > 0.0) | table.censored]),
         freedom=np.nan,
         noise={observable.name: noise_budget(variance, shared, numerical, scatter)},
         warnings=tuple(notes),
-        lines=tuple(tuple(np.array(table.line)[keys == key].tolist()) for key in keys[first]),
+        lines=lines_of(table, keys, first),
         pure={observable.name: scatter.pure},
         apart=tuple(disagreements(observable, table, exact, cell, scatter.off)),
     )
     return with_heaps(with_condition_errors(rows, table, first), table, keys, keys[first]), scatter
+
+
+def scaled(observable: Observable, table: Measurements) -> tuple[Floats, Floats, Floats, Floats]:
+    """Values on the comparison scale, reaches, slopes of that scale, values; of censored rows the limit."""
+    value = np.where(table.censored, table.limit, table.value)
+    z, reach = censored_scale(observable, value, table.reaches)
+    return z, reach, slope(observable, value), value
+
+
+def lines_of(table: Measurements, keys: np.ndarray, first: Integers) -> tuple[tuple[int, ...], ...]:
+    """Rows of the table behind each merged row."""
+    return tuple(tuple(np.array(table.line)[keys == key].tolist()) for key in keys[first])
 
 
 def heaps_of(parts: Sequence[ComparisonRows]) -> tuple[Mapping[str, float], ...]:

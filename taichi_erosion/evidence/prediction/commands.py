@@ -16,10 +16,10 @@ from taichi_erosion.evidence.answers.rounds import (
     values,
 )
 from taichi_erosion.evidence.data.held_out_rows import COUNTER, read_counter, record_opening
-from taichi_erosion.evidence.data.new_conditions import NewConditions, read_new_conditions
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.models.column_units import place_units
 from taichi_erosion.evidence.models.load_study import LONGEST_CHAIN, NO_OPTIONS, Study, StudyOptions
+from taichi_erosion.evidence.models.new_conditions import NewConditions, read_new_conditions
 from taichi_erosion.evidence.prediction.predict import Prediction, predict
 
 

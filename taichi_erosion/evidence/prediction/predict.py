@@ -15,7 +15,6 @@ from taichi_erosion.evidence.answers.held_out_misfit import (
 )
 from taichi_erosion.evidence.answers.next_experiments import repeat_variance
 from taichi_erosion.evidence.data.findings import Estimate
-from taichi_erosion.evidence.data.new_conditions import NewConditions
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Measurements, Problem, Progress
 from taichi_erosion.evidence.data.transforms import from_scale, slope
 from taichi_erosion.evidence.inference.intervals.estimates import estimates_alone
@@ -27,6 +26,7 @@ from taichi_erosion.evidence.inference.marginal_likelihood import (
 )
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.condition_errors import error_columns
+from taichi_erosion.evidence.models.new_conditions import NewConditions
 from taichi_erosion.evidence.models.predictor import LOG_SPAN
 from taichi_erosion.evidence.prediction.discrepancy_mixture import (
     JointPrediction,

@@ -24,11 +24,9 @@ tau and f. What is said has SURE of the probability of all hypotheses together.
     expansion          standard coordinates, the model and its slopes
     fit, search        the best setting of one hypothesis; which of them are visited
     doses, dose_laws   mechanisms, and the law that their doses follow (forms in dose_forms)
-    posterior          probabilities and draws, averaged over hypotheses
-    predictive_check   is a name better than chance makes it?
-    decision           the one rule
-    outlook            rows that the race has not seen: predictions, held-out rows (unseen_rows)
+    posterior          the race of a study; probabilities and draws, averaged over hypotheses
+    decision           the one rule, and whether a name is better than chance makes it
+    outlook            rows that the race has not seen: predictions, held-out rows
     proposals          measurements that would move the posterior
     summary, record    the answer, as numbers and enumerations
-    answer             all of it, for one study
 """

@@ -84,7 +84,8 @@ def nuisance(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
     for kind, labels in several:
         columns, names = shared_columns(rows, known, labels, unit)
         if names:
-            found.append(Block(kind, "", columns, names, scale(kind, cauchy=NEAR)))
+            prior = scale(kind, cauchy=NEAR) if kind == "source" else scale(kind, normal=2.0 * NEAR)
+            found.append(Block(kind, "", columns, names, prior))
     return found
 
 

@@ -3,19 +3,28 @@
 An effect is named if the explanations that hold it have SURE together; effects that these measurements do not
 tell apart are one group if one of them acts with SURE; a mechanism, or at most three, likewise; "not in the
 list" is said if what no list holds has SURE. Else nothing is named, and the probabilities are told. A name
-that the best of all candidates could have by chance (`predictive_check`) is not given.
+that the best of all candidates could have by chance by max-T is not given.
+
+The check, max-T, of signatures g_k of all candidates about the bare model, with P = V^-1 under nothing and
+the errors that the best explanation leaves; candidates that imitate each other count once:
+
+    z_k = g_k^T P y / (g_k^T P g_k)^1/2,   z ~ N(0, R),   R = corr of g under P,   p = P(max z >= observed)
+
+Reference: Westfall & Young (1993), Resampling-Based Multiple Testing, 2.3 (max-T).
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from taichi_erosion.evidence.race.fit import Hypothesis
+import numpy as np
+
+from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.posterior import Posterior
-from taichi_erosion.evidence.race.predictive_check import familywise_p
 from taichi_erosion.evidence.race.priors import FAMILYWISE, KEEP, SURE
 
 Verdict = Literal["present", "group", "none_detected", "outside_library"]
+DRAWS = 4000  # of the largest of all candidates by chance
 MOST_TOLD = 3  # of a group: more is no answer
 
 
@@ -97,3 +106,28 @@ def smallest(
         if probability(posterior, ranked[:count]) >= SURE:
             return tuple(name for name in ranked[:count] if single[name] > KEEP)
     return ()
+
+
+def familywise_p(race: Race, best: Fit) -> float:
+    """Chance of a candidate as good as the best one if nothing acts and errors are those of `best`."""
+    bare = race.fits[Hypothesis(())]
+    singles = [fit for key, fit in race.fits.items() if len(key.names) == 1 and not key.beyond]
+    if not singles:
+        return 1.0
+    rows, _ = race.linear(bare)
+    known = dict(zip(best.evidence.solved.rows.scales.names, best.evidence.solved.u, strict=True))
+    u = np.array(
+        [known.get(name, start) for name, start in zip(rows.scales.names, rows.scales.start, strict=True)]
+    )
+    signatures = np.column_stack([race.prepared.white(fit.jacobian[:, -1]) for fit in singles])
+    along, gram = rows.with_bad(best.evidence.bad).solved(u).against(signatures)
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-12))
+    seen = size > 1e-3
+    if not seen.any():
+        return 1.0
+    observed = float(np.max((along / size)[seen]))
+    correlation = (gram / np.outer(size, size))[np.ix_(seen, seen)]
+    values, vectors = np.linalg.eigh(correlation)
+    draws = np.random.default_rng(0).standard_normal((DRAWS, values.size))
+    largest = np.max(draws * np.sqrt(np.maximum(values, 0.0)) @ vectors.T, axis=1)
+    return float((1 + np.sum(largest >= observed)) / (1 + DRAWS))

@@ -244,7 +244,7 @@ class Race:
     def with_effect(self, parent: Fit, name: str, log_prior: float) -> Fit | None:
         """The parent's optimum with one more effect, linear in its strength: one setting of the model.
 
-        None where the model has no value with it.
+        None where the model has no value with it, or no other one than without it.
         """
         names = tuple(sorted((*parent.hypothesis.names, name)))
         at = self.model.count + names.index(name)
@@ -254,6 +254,8 @@ class Race:
             if np.all(np.isfinite(mean)):
                 break
         else:
+            return None
+        if np.array_equal(mean, parent.mean):
             return None
         jacobian = np.insert(parent.jacobian, at, SPREAD * (mean - parent.mean), axis=1)
         hypothesis = Hypothesis(names)

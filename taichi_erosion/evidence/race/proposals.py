@@ -21,16 +21,15 @@ from scipy.stats import norm
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
-from taichi_erosion.evidence.data.new_conditions import NewConditions
 from taichi_erosion.evidence.data.problem import Floats, Integers, Laboratory
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.models.new_conditions import NewConditions
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis
-from taichi_erosion.evidence.race.outlook import kappa, outlook
+from taichi_erosion.evidence.race.outlook import Elsewhere, elsewhere, kappa, new_rows, outlook
 from taichi_erosion.evidence.race.posterior import SEED, Posterior
 from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.race.record import ExperimentPart, Interval
-from taichi_erosion.evidence.race.unseen_rows import Elsewhere, elsewhere, new_rows
 
 MOST = 6  # explanations that are compared, and measurements: a few days in a laboratory
 LEAST = 0.02  # information [nat] and chance of no worth: of two explanations 0.4 sd apart, d^2 / 8

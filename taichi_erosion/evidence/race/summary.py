@@ -82,12 +82,12 @@ def told_fit(posterior: Posterior, found: Decision) -> Fit:
 
 def decided(posterior: Posterior, found: Decision) -> Decided:
     """Probabilities by explanation; a set beside something unlisted counts as the set."""
-    table: dict[str, float] = {"none": found.none, "outside_library": found.outside}
+    named = {*found.inclusion, *found.beyond}
+    table: dict[str, float] = {"none": found.none, "outside_library": 0.0}
     for hypothesis, p in posterior.probability.items():
-        kind = hypothesis.kind
-        varying = (kind,) if kind in found.inclusion else ()
-        if hypothesis.names or varying:
-            key = "+".join((*hypothesis.names, *varying))
+        acting = (*hypothesis.names, *([hypothesis.kind] if hypothesis.kind in named else []))
+        if acting or hypothesis.kind == "?":
+            key = "+".join(acting) or "outside_library"
             table[key] = table.get(key, 0.0) + p
     return Decided(found.verdict, found.named, found.group, found.mechanisms, table, found.familywise)
 
@@ -117,12 +117,15 @@ def lack_of_fit(race: Race, bare: Fit) -> float:
 
 
 def misfit(fit: Fit) -> tuple[float, float]:
-    """Chi-square of the rows, errors in common at their best, and the chance of as much with these errors."""
+    """Chi-square of the rows, levels, sources and batches at their best, and the chance of as much.
+
+    No smooth discrepancy takes away what is missing.
+    """
     now = fit.evidence.solved
-    stated = now.rows.y - now.rows.columns @ (now.tau * now.centre)
-    residual, _ = now.precision
-    chance = float(stats.chi2.sf(now.rows.y @ residual, now.rows.y.size))
-    return float(stated @ stated), chance
+    smooth = [k for k, block in enumerate(fit.blocks) if block.kind in ("discrepancy", "unlisted")]
+    best = np.where(np.isin(now.rows.block, smooth), 0.0, now.tau * now.centre)
+    stated, (residual, _) = now.rows.y - now.rows.columns @ best, now.precision
+    return float(stated @ stated), float(stats.chi2.sf(now.rows.y @ residual, now.rows.y.size))
 
 
 def interval(values: Floats, weight: Floats) -> Interval:

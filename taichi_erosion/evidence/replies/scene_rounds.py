@@ -19,14 +19,13 @@ from taichi_erosion.evidence.answers.rounds import (
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.emulator.design import RefinementPoint
 from taichi_erosion.evidence.models.load_study import BudgetName, Study
-from taichi_erosion.evidence.race.answer import raced
 from taichi_erosion.evidence.race.decision import Decision, decide
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis
-from taichi_erosion.evidence.race.fresh_test import fresh_test, kinds_of, setting_of
-from taichi_erosion.evidence.race.posterior import Posterior
+from taichi_erosion.evidence.race.posterior import Posterior, raced
 from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.race.record import Decided, FreshPart
+from taichi_erosion.evidence.replies.fresh_test import fresh_test, kinds_of, setting_of
 
 
 @dataclass(frozen=True)

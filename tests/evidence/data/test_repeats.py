@@ -10,7 +10,7 @@ from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.data.measurement_noise import measurement_scatter
 from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.data.repeats import JOINT, gross, lack_of_fit, pure_error, repeated
-from taichi_erosion.evidence.race.answer import raced
+from taichi_erosion.evidence.race.posterior import raced
 
 GROUPS, REPEATS = 8, 3
 CELL = np.repeat(np.arange(float(GROUPS)), REPEATS)

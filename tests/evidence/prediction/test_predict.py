@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from doe.trials.reduced.smooth import draw
-from taichi_erosion.evidence.data.new_conditions import NewConditions
+from taichi_erosion.evidence.models.new_conditions import NewConditions
 from taichi_erosion.evidence.prediction.predict import SHARE, check_of, predict
 from tests.evidence.answers.test_held_out_misfit import silent_laboratory
 

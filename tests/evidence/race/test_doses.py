@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from doe.trials.reduced import beyond
-from taichi_erosion.evidence.race.answer import raced
 from taichi_erosion.evidence.race.blocks import dose_columns
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.doses import from_axis, to_axis
+from taichi_erosion.evidence.race.posterior import raced
 
 CASE = 5058  # restitution that grows with moisture
 

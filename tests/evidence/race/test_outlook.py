@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
-from taichi_erosion.evidence.data.new_conditions import NewConditions
 from taichi_erosion.evidence.data.problem import Measurements, Parameter, Problem, Vault
-from taichi_erosion.evidence.race.answer import raced
+from taichi_erosion.evidence.models.new_conditions import NewConditions
 from taichi_erosion.evidence.race.fit import Hypothesis
-from taichi_erosion.evidence.race.outlook import forecast, held_out_part, outlook
-from taichi_erosion.evidence.race.unseen_rows import elsewhere, new_rows
+from taichi_erosion.evidence.race.outlook import elsewhere, forecast, held_out_part, new_rows, outlook
+from taichi_erosion.evidence.race.posterior import raced
 from tests.evidence.linear_study import linear_problem
 
 PRIOR_SD, SD = 0.7, 0.1

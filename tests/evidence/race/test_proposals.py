@@ -8,10 +8,9 @@ from scipy import integrate, stats
 
 from taichi_erosion.evidence.data.problem import Laboratory, Problem
 from taichi_erosion.evidence.race import proposals as design
-from taichi_erosion.evidence.race.answer import raced
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.fit import Hypothesis
-from taichi_erosion.evidence.race.posterior import Posterior
+from taichi_erosion.evidence.race.posterior import Posterior, raced
 from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.race.proposals import DRAWS, LEAST, Rival, best_design, proposals
 from tests.evidence.linear_study import linear_problem

@@ -8,9 +8,8 @@ import pytest
 
 from doe.trials.reduced.families import FAMILIES, Drawn
 from taichi_erosion.evidence.data.problem import Candidate, Numbers
-from taichi_erosion.evidence.race.answer import raced
 from taichi_erosion.evidence.race.decision import Decision, decide
-from taichi_erosion.evidence.race.posterior import Posterior, quantiles
+from taichi_erosion.evidence.race.posterior import Posterior, quantiles, raced
 from taichi_erosion.evidence.race.summary import summary
 from tests.evidence.linear_study import linear_problem
 

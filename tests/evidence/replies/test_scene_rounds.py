@@ -10,8 +10,8 @@ import pytest
 from doe.trials.reduced.families import FAMILIES
 from taichi_erosion.evidence.answers.commands import open_study
 from taichi_erosion.evidence.emulator import gaussian_process, training_runs
-from taichi_erosion.evidence.race.answer import raced
 from taichi_erosion.evidence.race.decision import decide
+from taichi_erosion.evidence.race.posterior import raced
 from taichi_erosion.evidence.race.record import Decided
 from taichi_erosion.evidence.replies import scene_rounds
 from taichi_erosion.evidence.replies.scene_rounds import SceneAnswer, after_test, discover_on_scene

@@ -9,13 +9,12 @@ import pytest
 from doe.trials.reduced.families import FAMILIES
 from taichi_erosion.evidence.data.transforms import to_scale
 from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, GapTest
-from taichi_erosion.evidence.race.answer import raced
 from taichi_erosion.evidence.race.decision import Decision, decide
 from taichi_erosion.evidence.race.fit import Hypothesis
-from taichi_erosion.evidence.race.fresh_test import fresh_test, is_true, kinds_of
-from taichi_erosion.evidence.race.posterior import Posterior
+from taichi_erosion.evidence.race.posterior import Posterior, raced
 from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.race.record import FreshPart
+from taichi_erosion.evidence.replies.fresh_test import fresh_test, is_true, kinds_of
 
 SINGLE = 33  # case of one strong effect
 SEEDS = 2
