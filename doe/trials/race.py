@@ -1,7 +1,8 @@
-"""The race on stored cases: drawn again from their seeds, answered anew, beside what the former method said.
+"""The race beside the former method, on stored cases drawn again from their seeds and on new ones.
 
-    python -m doe.trials.race clean first --cases 300 --processes 2      adds the set `first, race`
-    python -m doe.trials.score clean                                     scores both
+    python -m doe.trials.race again clean first --cases 200     adds the set `first, race`
+    python -m doe.trials.race beside disturbed 777 --cases 150  adds `beside` and `beside, race`
+    python -m doe.trials.score clean                            scores both
 
 Only sets that keep their seeds can be drawn again (README).
 """
@@ -17,7 +18,7 @@ from typing import Any
 import typer
 
 from doe.common.cases import method_commit
-from doe.trials.answers import LEAST, Answer
+from doe.trials.answers import LEAST, Answer, answered
 from doe.trials.reduced.families import FAMILIES
 from doe.trials.table import Row, add_rows, read_rows, table_of
 from taichi_erosion.evidence.data.problem import Problem
@@ -26,6 +27,7 @@ from taichi_erosion.evidence.race.posterior import raced
 from taichi_erosion.evidence.race.record import Interval
 from taichi_erosion.evidence.race.summary import summary
 
+app = typer.Typer(add_completion=False)
 ANEW = ", race"  # end of the name of a set that was answered by the race
 
 
@@ -72,7 +74,18 @@ def plain(truth: Mapping[str, Any]) -> tuple[Any, ...]:
     return truth.get("kind"), truth.get("name"), tuple(truth.get("effects") or ())
 
 
-def main(trial: str, name: str, cases: int = 300, first: int = 0, processes: int = 2) -> None:
+def drawn_and_answered(trial: str, seed: int, number: int, method: str) -> list[Row]:
+    """A new case answered by the former method, and by the race."""
+    case = FAMILIES[trial](seed, number)
+    head = {"set": "beside", "case": number, "method": method, "seed": f"{seed:x}"}
+    told = {"truth": case.truth, "difficulty": case.difficulty()}
+    answers = answered(number, case.problem), race_answer(case.problem, number)
+    rows = [head | told | {"answer": answer} for answer in answers]
+    return [rows[0], rows[1] | {"set": f"beside{ANEW}"}]
+
+
+@app.command()
+def again(trial: str, name: str, cases: int = 300, first: int = 0, processes: int = 2) -> None:
     """Draw stored cases again and answer them by the race."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     stored = [row for row in read_rows(table_of(trial)) if row["set"] == name and "seed" in row]
@@ -85,5 +98,15 @@ def main(trial: str, name: str, cases: int = 300, first: int = 0, processes: int
     add_rows(trial, rows)
 
 
+@app.command()
+def beside(trial: str, seed: int, cases: int = 150, processes: int = 2) -> None:
+    """Draw new cases and answer them by both."""
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    method = method_commit()
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        found = pool.map(drawn_and_answered, repeat(trial), repeat(seed), range(cases), repeat(method))
+        add_rows(trial, [row for rows in found for row in rows])
+
+
 if __name__ == "__main__":
-    typer.run(main)
+    app()
