@@ -16,7 +16,8 @@ References: Golub & Pereyra (1973), SIAM J. Numer. Anal. 10, 413 (linear unknown
 Ann. Stat. 6, 461 (price of a number); Stone (1974), J. R. Stat. Soc. B 36, 111 (cross-validation).
 """
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -265,7 +266,24 @@ def told(mechanism: str, best: FittedForm, share: float) -> LawPart:
         {condition: numbers[name] for condition, name in form.exponents.items()},
         tuple(zip(named, doses, strict=True)),
         share,
+        *written(form, numbers),
     )
+
+
+def written(form: Form, numbers: Mapping[str, Interval]) -> tuple[str, dict[str, tuple[str, float]]]:
+    """The expression with sizes of conditions named, and these; none where a number has another unit."""
+    if form.name == "exponential":
+        return "", {}
+    sizes: dict[str, tuple[str, float]] = {}
+    names = iter(form.conditions)
+
+    def named(found: re.Match[str]) -> str:
+        name = next(names)
+        sizes[f"{name}_0"] = name, float(found[0])
+        return f"{{{name}_0}}"
+
+    text = re.sub(r"(?<=/ )[\d.e+-]+(?=\))", named, form.text)
+    return text, sizes | ({"k": (form.conditions[0], numbers["k"].value)} if "k" in numbers else {})
 
 
 def interval(value: float, draws: Floats) -> Interval:

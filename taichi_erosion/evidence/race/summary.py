@@ -117,15 +117,17 @@ def lack_of_fit(race: Race, bare: Fit) -> float:
 
 
 def misfit(fit: Fit) -> tuple[float, float]:
-    """Chi-square of the rows, levels, sources and batches at their best, and the chance of as much.
+    """Chi-square of the rows with levels, sources and batches at their best, and the chance of as much.
 
-    No smooth discrepancy takes away what is missing.
+    No smooth discrepancy takes away what is missing; the chance is that of errors of the size that their
+    priors expect.
     """
     now = fit.evidence.solved
     smooth = [k for k, block in enumerate(fit.blocks) if block.kind in ("discrepancy", "unlisted")]
     best = np.where(np.isin(now.rows.block, smooth), 0.0, now.tau * now.centre)
-    stated, (residual, _) = now.rows.y - now.rows.columns @ best, now.precision
-    return float(stated @ stated), float(stats.chi2.sf(now.rows.y @ residual, now.rows.y.size))
+    stated = now.rows.y - now.rows.columns @ best
+    residual, _ = now.rows.solved(now.rows.scales.start).precision
+    return float(now.rows.weight @ stated**2), float(stats.chi2.sf(now.rows.y @ residual, now.rows.y.size))
 
 
 def interval(values: Floats, weight: Floats) -> Interval:
