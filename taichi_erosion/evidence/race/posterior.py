@@ -134,7 +134,7 @@ def raced(
     race = Race(prepared, RaceModel(prepared, most))
     try:
         search(race)
-        if race.posterior()[Hypothesis(())] < NOTHING or strained(race):
+        if strained(race):
             add_doses(race)
     except BudgetSpentError:
         race.stopped = True
@@ -142,7 +142,11 @@ def raced(
 
 
 def strained(race: Race) -> bool:
-    """Whether the bare model needs larger errors than their priors expect."""
-    rows, _ = race.linear(race.fits[Hypothesis(())])
+    """Whether listed effects leave something open: they are unlikely, or need errors larger than expected."""
+    listed = race.likely(0.0, lambda fit: not fit.hypothesis.beyond)
+    share = race.posterior()
+    if sum(share[fit.hypothesis] for fit in listed) < NOTHING:
+        return True
+    rows = listed[0].evidence.solved.rows
     residual, _ = rows.solved(rows.scales.start).precision
     return bool(stats.chi2.sf(rows.y @ residual, rows.y.size) < FAMILYWISE)
