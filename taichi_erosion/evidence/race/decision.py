@@ -5,7 +5,7 @@ tell apart are one group if one of them acts with SURE; a mechanism, or at most 
 list" is said if what no list holds has SURE. Else nothing is named, and the probabilities are told. A name
 that the best of all candidates could have by chance by max-T is not given.
 
-The check, max-T, of signatures g_k of all candidates about the bare model, with P = V^-1 under nothing and
+The check, max-T, of the changes g_k that candidates make alone, fitted, with P = V^-1 under nothing and
 the errors that the best explanation leaves; candidates that imitate each other count once:
 
     z_k = g_k^T P y / (g_k^T P g_k)^1/2,   z ~ N(0, R),   R = corr of g under P,   p = P(max z >= observed)
@@ -119,7 +119,7 @@ def familywise_p(race: Race, best: Fit) -> float:
     u = np.array(
         [known.get(name, start) for name, start in zip(rows.scales.names, rows.scales.start, strict=True)]
     )
-    signatures = np.column_stack([race.prepared.white(fit.jacobian[:, -1]) for fit in singles])
+    signatures = np.column_stack([race.prepared.white(fit.mean - bare.mean) for fit in singles])
     along, gram = rows.with_bad(best.evidence.bad).solved(u).against(signatures)
     size = np.sqrt(np.maximum(np.diag(gram), 1e-12))
     seen = size > 1e-3

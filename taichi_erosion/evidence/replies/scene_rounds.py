@@ -22,7 +22,7 @@ from taichi_erosion.evidence.models.load_study import BudgetName, Study
 from taichi_erosion.evidence.race.decision import Decision, decide
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis
-from taichi_erosion.evidence.race.posterior import Posterior, raced
+from taichi_erosion.evidence.race.posterior import Posterior, raced, strained
 from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.race.record import Decided, FreshPart
 from taichi_erosion.evidence.replies.fresh_test import fresh_test, kinds_of, setting_of
@@ -82,10 +82,8 @@ def required(found: SceneAnswer) -> Points:
 
 
 def beyond(found: SceneAnswer) -> bool:
-    """Whether mechanisms are to be tried: no set of listed effects explains what is missing."""
-    said = found.decision
-    silent = not (said.named or said.group or said.mechanisms)
-    return said.verdict == "outside_library" or (silent and said.none < 0.5)
+    """Whether mechanisms are to be tried: the listed effects leave something open."""
+    return strained(found.posterior.race)
 
 
 def tested(found: SceneAnswer, fresh: FreshTest, progress: Progress) -> tuple[SceneAnswer, frozenset[str]]:
