@@ -89,7 +89,9 @@ def gross(groups: Sequence[Integers], squares: Floats, stated: bool) -> Bools:
             grid, share = factors(scale * sharp, sharp)
             chance = float(share @ special.chdtrc(own, squares[k] * np.exp(-2.0 * grid)))
         elif sharp:
-            chance = float(special.fdtrc(own, sharp, squares[k] / own / scale))
+            rest = np.delete(squares, k).sum() / others.size  # few groups: their mean is sharper
+            each = ((sharp, scale), (others.size, rest))
+            chance = min(float(special.fdtrc(own, nu, squares[k] / own / size)) for nu, size in each)
         found[k] = chance * freedom.size < GROSS
     return found & (found.sum() <= max(1, freedom.size // 4))
 

@@ -126,3 +126,9 @@ def test_a_race_names_the_same_where_one_cell_is_mistyped(laboratory):
     rows, bad = found.race.prepared.rows, found.race.fits[best].evidence.bad
     assert names[0] == names[1]
     assert [rows.lines[each] for each in bad] == [(row + 2,)]
+
+
+def test_one_of_five_pairs_without_a_stated_sd_is_told():
+    z = np.array([31.2, 31.9, 33.0, 32.6, 35.1, 65.2, 37.0, 36.6, 38.1, 38.9])
+    groups, squares = repeated(z, np.ones(10), np.repeat(np.arange(5.0), 2))
+    np.testing.assert_array_equal(gross(groups, squares, False), np.arange(5) == 2)
