@@ -137,7 +137,7 @@ def answer(
     as_json: bool,
 ) -> None:
     """Run a command with progress on stderr and print its result; finished runs survive Ctrl-C."""
-    from taichi_erosion.evidence.answers.documents import without_rows
+    from taichi_erosion.evidence.answers.files import without_rows
 
     with interruptible(title, KEPT) as progress:
         document = compute(lambda text, share: progress(share, text))

@@ -27,13 +27,6 @@ TIDY = "_tidy.csv"  # end of the name of a table that `study new` wrote
 STUDY_FOLDERS = (".", "../doe", "../studies")  # beside a scene, where its studies are looked for
 
 
-def command(*words: object, files: Sequence[Path] = ()) -> str:
-    """A command in backquotes, as the user called the program and as a shell takes its words."""
-    program = "./erosion" if NAME_SWITCH in os.environ else "taichi-erosion"
-    options = [word for file in files for word in ("--effect", file)]
-    return f"`{program} {shlex.join(map(str, (*words, *options)))}`"
-
-
 def after_run(document: Record) -> Iterator[str]:
     """What the measures of a run mean beside the measured values, and the studies of its scene."""
     compared = list(comparisons(document))
@@ -123,106 +116,6 @@ def kind_of_study(path: Path, scene: Path) -> str | None:
     if not is_named:
         return None
     return "calibration" if "targets" in table else "evidence" if "study" in table else None
-
-
-def waits(document: Record) -> bool:
-    """Whether a fault of the set-up comes before any verdict on physics."""
-    return any(fault["blocks"] for fault in document.get("faults", ()))
-
-
-def while_it_waits(document: Record, files: Sequence[Path]) -> str:
-    """What to do before a verdict on physics."""
-    if {fault["kind"] for fault in document.get("faults", ()) if fault["blocks"]} != {"too_few_rows"}:
-        return SETTLE
-    return f"{command('next', document['study'], files=files)} proposes the measurements that tell most."
-
-
-def after_comparison(document: Record, files: Sequence[Path] = ()) -> Iterator[str]:
-    """Next steps after a comparison."""
-    study = document["study"]
-    if waits(document):
-        yield while_it_waits(document, files)
-        return
-    if document["p"] is None:
-        yield "With sd or repeats in the table the size of the misfit can be judged."
-    elif fails(document["p"]) or any(fails(place["p"]) for place in document["where"]):
-        yield f"{command('discover', study, files=files)} asks which effect is missing."
-    elif is_untested(document):
-        yield "Measurements at other conditions would test the model."
-    else:
-        yield "These measurements leave nothing to explain; other conditions test the model harder."
-    yield f"{command('report', study)} draws model and measurements on one page."
-
-
-def after_discovery(document: Record, files: Sequence[Path] = ()) -> Iterator[str]:
-    """Next steps after a discovery, by its verdict."""
-    study, verdict, named = document["study"], document["verdict"], document["named"]
-    if waits(document):
-        yield while_it_waits(document, files)
-        return
-    if document.get("row_off"):
-        yield check_row(document["row_off"])
-    if named:
-        words = f"{command('adopt', study, *named, files=files)} adds {' and '.join(named)} and tests it"
-        held = document["rows_hidden"]
-        yield f"{words} on {held} held-out rows." if held else f"{words}; no row is held out."
-    if verdict == "outside_library":
-        has_law = any(clue["law"] is not None for clue in document["clues"])
-        results = Path(study).with_name(f"{Path(study).stem}-results") / f"{Path(study).stem}.discover.json"
-        new = command("effects", "new", "NAME", *(("--from-discovery", results) if has_law else ()))
-        yield f"An effect of your own may explain it: {new}{', with the law above' if has_law else ''}."
-    if verdict == "unstable":
-        yield more_runs(study, files, document.get("fresh_runs"))
-    yield f"{command('next', study, files=files)} proposes the measurements that would decide."
-    yield f"{command('report', study)} makes the page."
-
-
-def more_runs(study: str, files: Sequence[Path], fresh: Record | None) -> str:
-    """How an answer that changes with the runs of the model is decided."""
-    if not fresh:
-        return f"More seeds decide: {command('discover', study, '--budget', 'full', files=files)}."
-    if fresh["more_runs"]:
-        words = f"makes {fresh['more_runs']} runs more about these explanations, and tests the answer anew"
-        return f"{command('discover', study, files=files)} {words}."
-    return f"The budget has no room for more runs: raise `runs` under [budget] of {study}."
-
-
-def check_row(row: Record) -> str:
-    """Where a row that no explanation comes near is to be checked."""
-    side = "above" if row["residual_sd"] > 0.0 else "below"
-    at, source = (
-        f" {lead} {row[key]}" if row[key] else "" for lead, key in (("at", "setting"), ("of", "source"))
-    )
-    words = f"{row['observable']}{at}{source} lies {abs(row['residual_sd']):.2g} sd {side} the model"
-    return f"Check one row first: {words} under every explanation."
-
-
-def after_adoption(document: Record, files: Sequence[Path] = ()) -> Iterator[str]:
-    """What the held-out rows said, and the study to go on with."""
-    before, after = (document[key]["vault_chi2_per_row"] for key in ("base", "added"))
-    rows = f"rows {unseen_words(document['vault']['opened'])}"
-    if after is None or before is None:
-        yield "No held-out row tests the effect: measure under further conditions before you trust it."
-    elif after <= HELD_OUT_SHARE * before:
-        errors = (document[key]["vault_rmse"] for key in ("base", "added"))
-        yield f"The error {by_observable(*errors)} on {rows}."
-    else:
-        again = command("next", document["study"], files=files)
-        yield f"The {rows} do not support it: go on with the old study."
-        yield f"{again} proposes the measurements that would decide."
-        return
-    yield f"{command('compare', document['written'])} shows what is left."
-    yield f"{command('report', document['study'])} makes the page."
-
-
-def after_next(document: Record, files: Sequence[Path] = ()) -> Iterator[str]:
-    """What to do with proposed experiments."""
-    table, again = document["measurements"], command("discover", document["study"], files=files)
-    if document["next_experiments"] and table.endswith(TIDY):
-        yield f"Add the new rows to the table of which {table} was made, give {command('study', 'new')} on it"
-        yield f"with the same options again, then {again}."
-    elif document["next_experiments"]:
-        yield f"Add the new rows to {table}, and give {again} again."
 
 
 def after_calibration(document: Record) -> Iterator[str]:

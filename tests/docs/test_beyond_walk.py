@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.evidence.answers.documents import read_answer
+from taichi_erosion.evidence.answers.files import read_answer
 from taichi_erosion.report import write_report
 from tests.report.browser import assert_readable
 

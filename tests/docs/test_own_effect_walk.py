@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.evidence.answers.documents import read_answer
+from taichi_erosion.evidence.answers.files import read_answer
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "write_an_effect.md").read_text(encoding="utf-8")

@@ -10,7 +10,7 @@ import numpy as np
 from taichi_erosion.evidence.data.problem import Candidate, Measurements, Parameter, Problem
 from taichi_erosion.evidence.inference.map_fit import fit_base
 from taichi_erosion.evidence.inference.marginal_likelihood import expand
-from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
+from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.inference.screen import Screen, screen
 
 Shape = Callable[[np.ndarray], np.ndarray]

@@ -4,7 +4,7 @@ import numpy as np
 
 from taichi_erosion.evidence.data.problem import Candidate, Measurements, Observable, Parameter, Problem
 from taichi_erosion.evidence.inference.map_fit import fit_base
-from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
+from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, prepare
 
 CELLS, REPEATS, SLOPE_SD = 10, 3, 0.5
 

@@ -23,7 +23,7 @@ from taichi_erosion.evidence.data.problem import (
     Vault,
 )
 from taichi_erosion.evidence.inference.map_fit import fit_base
-from taichi_erosion.evidence.inference.prepared_problem import prepare
+from taichi_erosion.evidence.models.prepared_problem import prepare
 from taichi_erosion.evidence.models import reduced, reduced_places
 
 Shares = tuple[float, float, float]

@@ -15,7 +15,7 @@ from doe.trials.reduced.laboratory import CaseModel
 from taichi_erosion.evidence.data.problem import Candidate, Floats
 from taichi_erosion.evidence.data.transforms import position_of
 from taichi_erosion.evidence.inference.map_fit import STEPS, fit
-from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
+from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.models.reduced import EFFECTS
 
 START = 1.0  # strength from which a rival is fitted

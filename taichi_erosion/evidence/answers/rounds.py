@@ -8,11 +8,11 @@ the runs of earlier ones.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from taichi_erosion.evidence.answers import documents
+from taichi_erosion.evidence.answers import files
 from taichi_erosion.evidence.answers.study_files.start_values import evaluations_sentence
-from taichi_erosion.evidence.data.findings import Adoption, Comparison, Discovery, Estimate
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
 from taichi_erosion.evidence.emulator import training_runs
@@ -21,7 +21,6 @@ from taichi_erosion.evidence.emulator.fresh_runs import FreshSimulator, fresh_co
 from taichi_erosion.evidence.emulator.mechanism_runs import fits_budget, with_mechanisms
 from taichi_erosion.evidence.emulator.plan_cost import plan_cost, shares
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns
-from taichi_erosion.evidence.inference.doses.mechanism_search import doubtful, missing
 from taichi_erosion.evidence.models.load_study import BudgetName, Study
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.scene.load import file_text
@@ -194,7 +193,7 @@ def acting(point: RefinementPoint) -> frozenset[str]:
 
 def read_rounds(study: Study) -> Rounds:
     """Points of earlier rounds; none where the study or its table has changed since."""
-    document = documents.read_answer(study.results, study.path.stem, documents.ROUNDS)
+    document = files.read_document(rounds_file(study))
     if document is None or document.get("of") != state_of(study):
         return {}
     return {
@@ -205,7 +204,7 @@ def read_rounds(study: Study) -> Rounds:
 
 def read_fresh(study: Study) -> dict[str, Any]:
     """Fresh runs that were made by question: after how many of its rounds, and their keys."""
-    document = documents.read_answer(study.results, study.path.stem, documents.ROUNDS)
+    document = files.read_document(rounds_file(study))
     if document is None or document.get("of") != state_of(study):
         return {}
     return document.get("fresh", {})
@@ -214,9 +213,13 @@ def read_fresh(study: Study) -> dict[str, Any]:
 def write_rounds(study: Study, rounds: Rounds, fresh: Mapping[str, Any] | None = None) -> None:
     """Store the points of all rounds, and the fresh runs by question; as stored where none are given."""
     plain = {name: [[asdict(point) for point in points] for points in each] for name, each in rounds.items()}
-    file = documents.document_file(study.results, study.path.stem, documents.ROUNDS)
     tests = read_fresh(study) if fresh is None else dict(fresh)
-    documents.write_document(file, {"of": state_of(study), "rounds": plain, "fresh": tests})
+    files.write_document(rounds_file(study), {"of": state_of(study), "rounds": plain, "fresh": tests})
+
+
+def rounds_file(study: Study) -> Path:
+    """What the rounds of a study were about."""
+    return files.document_file(study.results, study.path.stem, files.ROUNDS)
 
 
 def state_of(study: Study) -> str:
@@ -232,40 +235,8 @@ def last_budget(study: Study) -> BudgetName:
         return study.options.budget
     if study.file.study.model is not None:
         return study.problem.budget.name
-    last = documents.read_answer(study.results, study.path.stem, "discover")
-    return "full" if last is not None and last.get("budget") == "full" else "quick"
-
-
-def comparison_points(found: Comparison) -> Points:
-    """The calibrated bare model."""
-    return [refinement_point(values(found.parameters), {})]
-
-
-def discovery_points(found: Discovery) -> Points:
-    """The likeliest explanations, the bare model first."""
-    likely = sorted(found.survivors, key=lambda each: bool(each.names))
-    return [refinement_point(each.parameters, each.strengths) for each in likely[:MOST_POINTS]]
-
-
-def required_points(found: Discovery) -> Points:
-    """The closest single effect and set of several, before the verdict is that no candidate describes it."""
-    closest = found.closest if found.verdict == "outside_library" else ()
-    return [refinement_point(each.parameters, each.strengths) for each in closest]
-
-
-def asks_mechanisms(found: Discovery) -> bool:
-    """Whether the answer has to stand beside mechanisms, or to be found among them."""
-    return missing(found.verdict, found) or doubtful(found.verdict, found, found.trend)
-
-
-def adoption_points(found: Adoption) -> Points:
-    """The model before and after, and with the controls."""
-    return [refinement_point(values(fit.parameters), values(fit.strengths)) for fit in found.fits]
-
-
-def values(estimates: Mapping[str, Estimate]) -> dict[str, float]:
-    """Estimates without their intervals."""
-    return {name: estimate.value for name, estimate in estimates.items()}
+    last = files.read_reply(study.results, study.path.stem, "discover")
+    return "full" if last is not None and last.about["budget"] == "full" else "quick"
 
 
 def refinement_point(parameters: Mapping[str, float], strengths: Mapping[str, float]) -> RefinementPoint:

@@ -6,8 +6,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from taichi_erosion.evidence.data.findings import ObservableNoise
 from taichi_erosion.evidence.data.measurement_noise import (
+    ObservableNoise,
     Scatter,
     measurement_scatter,
     unchecked_noise_sentence,

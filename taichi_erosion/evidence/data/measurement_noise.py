@@ -20,6 +20,20 @@ UNCHECKED_LOG = 0.2  # mean of ln(true sd / stated sd) where nothing checks it: 
 
 
 @dataclass(frozen=True)
+class ObservableNoise:
+    """Noise budget of one observable on its comparison scale: medians over its rows."""
+
+    lab: float  # standard error of a row
+    simulator: float  # standard error of the model's mean
+    shared: float
+    numerical: float
+    repeats: int  # degrees of freedom behind the laboratory's own scatter
+    stated_factor: float  # scatter found between repeated rows over stated scatter; NaN without such rows
+    p: float  # of a factor as far from 1 by chance; NaN without repeated rows
+    seed_correlation: float  # between paired seeds with and without an effect; NaN for a model without noise
+
+
+@dataclass(frozen=True)
 class Scatter:
     """Variance of single repeats, row by row, on the comparison scale; NaN where it is unknown."""
 

@@ -105,11 +105,16 @@ def split_setting(axes: tuple[Axis, ...], x: Floats) -> tuple[dict[str, float], 
     parameters, effects = {}, {}
     for axis, position in zip(axes, x, strict=True):
         value = axis_value(axis, float(position))
-        if axis.name.startswith(EFFECTS) and axis.name.endswith(STRENGTH) and not axis.logarithmic:
+        if is_strength(axis.name) and not axis.logarithmic:
             effects[axis.name[len(EFFECTS) : -len(STRENGTH)]] = value
         else:
             parameters[axis.name] = value
     return parameters, effects
+
+
+def is_strength(path: str) -> bool:
+    """Whether a number is the strength of an effect."""
+    return path.startswith(EFFECTS) and path.endswith(STRENGTH)
 
 
 def effect_of(path: str) -> str | None:

@@ -17,7 +17,6 @@ from taichi_erosion.campaign.execute import execute
 from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.core.effect import read_params
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-from taichi_erosion.evidence.data.findings import SetUpFault
 from taichi_erosion.evidence.data.problem import (
     Budget,
     Candidate,
@@ -30,6 +29,7 @@ from taichi_erosion.evidence.data.problem import (
     Progress,
     expected_strength,
 )
+from taichi_erosion.evidence.data.set_up_fault import SetUpFault
 from taichi_erosion.evidence.data.transforms import parameter_axis
 from taichi_erosion.evidence.emulator import design
 from taichi_erosion.evidence.emulator.design import PlanSize, RefinementPoint, Row, StudyScene, TrainingRun

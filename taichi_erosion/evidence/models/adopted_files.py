@@ -6,22 +6,43 @@ They are named by the study and by all effects, and carry the mark of the study 
     SCENE_STUDY_with_EFFECT[_and_EFFECT].toml        beside each scene
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from os.path import relpath
 from pathlib import Path
+from typing import Protocol
 
 from taichi_erosion.campaign.study_file import entry, with_entry
 from taichi_erosion.core.effect_loading import effect_in
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import marked_toml, refuse_foreign, without_mark, write_atomic
 from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
-from taichi_erosion.evidence.data.findings import Adoption, Estimate
 from taichi_erosion.evidence.data.problem import stronger_candidate
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene.load import file_text
 
 DIGITS = 6  # of a calibrated number
+
+
+class Estimate(Protocol):
+    """A number with its 90 % interval."""
+
+    @property
+    def value(self) -> float: ...
+    @property
+    def low(self) -> float: ...
+    @property
+    def high(self) -> float: ...
+
+
+@dataclass(frozen=True)
+class Adopted:
+    """What an adoption states: new effects, strengths of all that act, calibrated numbers by path."""
+
+    effects: Sequence[str]
+    strengths: Mapping[str, Estimate]
+    numbers: Mapping[str, Estimate]
 
 
 def adopted_path(study: Path, effects: Sequence[str]) -> Path:
@@ -47,9 +68,9 @@ def refuse_foreign_files(study: Study, effects: Sequence[str], force: bool = Fal
         refuse_foreign(path, study.path, force)
 
 
-def write_adopted_files(study: Study, found: Adoption, force: bool = False) -> list[Path]:
+def write_adopted_files(study: Study, found: Adopted, force: bool = False) -> list[Path]:
     """Write the study in which the effects are adopted, then its scenes; returns these files."""
-    effects = found.added.effects
+    effects = found.effects
     refuse_foreign_files(study, effects, force)
     adopted = adopted_path(study.path, effects)
     write_atomic(adopted, marked_toml(adopted, study.path, study_text(study, found)))
@@ -57,11 +78,11 @@ def write_adopted_files(study: Study, found: Adoption, force: bool = False) -> l
     return [adopted, *(write_scene(scene, scene_path(scene, adopted), study, found, own) for scene in scenes)]
 
 
-def files_of(study: Study, found: Adoption) -> list[EffectFile]:
+def files_of(study: Study, found: Adopted) -> list[EffectFile]:
     """Files of acting effects, which the study or one of its scenes names."""
     named = [file for scene in scenes_of(study) for file in named_in(scene)]
     files = dict.fromkeys((*study.effect_files, *named))
-    return [file for file in files if effect_in(file).name in found.added.strengths]
+    return [file for file in files if effect_in(file).name in found.strengths]
 
 
 def named_in(scene: Path) -> Sequence[EffectFile]:
@@ -78,23 +99,23 @@ def with_effect_files(text: str, section: str, folder: Path, files: Sequence[Eff
     return with_entry(text, (section, "effect_files"), [*stated, *missing]) if missing else text
 
 
-def study_text(study: Study, found: Adoption) -> str:
+def study_text(study: Study, found: Adopted) -> str:
     """Text of the study with the effects under [adopted], below the calibrated numbers as comments."""
     text = without_mark(file_text(study.path, str(study.path)))
     text = with_entry(text, ("study", "follows"), study.path.name)
     text = with_effect_files(text, "study", study.path.parent, study.effect_files)
     candidates = {candidate.name: candidate for candidate in study.problem.candidates}
-    for effect in found.added.effects:
-        strength = rounded(found.added.strengths[effect].value)
+    for effect in found.effects:
+        strength = rounded(found.strengths[effect].value)
         text = with_entry(text, ("adopted", effect, "strength"), strength)
         if effect in candidates:
             listed = candidates[effect]
             allowed = stronger_candidate(listed) if strength > listed.maximum else listed
             text = with_entry(text, ("adopted", effect, "prior_scale"), allowed.prior_scale)
             text = with_entry(text, ("adopted", effect, "max"), allowed.maximum)
-    names = " and ".join(found.added.effects)
+    names = " and ".join(found.effects)
     head = f"{HEAD} from {study.path.name}: the model has {names} now. Calibrated with it:\n"
-    numbers = {**found.added.parameters, **found.added.strengths}
+    numbers = {**found.numbers, **found.strengths}
     lines = "".join(
         f"#   {name} = {number.value:.4g} ({interval(number)})\n" for name, number in numbers.items()
     )
@@ -115,17 +136,17 @@ def without_head(text: str) -> str:
     return "".join(lines[rest:])
 
 
-def write_scene(scene: Path, path: Path, study: Study, found: Adoption, own: Sequence[EffectFile]) -> Path:
+def write_scene(scene: Path, path: Path, study: Study, found: Adopted, own: Sequence[EffectFile]) -> Path:
     """Write a scene with the effects, their files, and those calibrated numbers that it has."""
     text = without_head(without_mark(file_text(scene, str(scene))))
     text = with_effect_files(text, "scene", scene.parent, own)
-    for name, strength in found.added.strengths.items():
+    for name, strength in found.strengths.items():
         text = with_entry(text, ("effects", name, "strength"), rounded(strength.value), calibrated(strength))
-    for name, number in found.added.parameters.items():
+    for name, number in found.numbers.items():
         value = rounded(number.value)
         if takes(scene, name, value, study.effect_files):
             text = with_entry(text, tuple(name.split(".")), value, calibrated(number))
-    names = " and ".join(found.added.effects)
+    names = " and ".join(found.effects)
     head = f"{HEAD} from {scene.name} and {study.path.name}: {names} acts; the calibrated numbers are set.\n"
     return write_atomic(path, marked_toml(path, study.path, head + text))
 

@@ -16,7 +16,6 @@ from taichi_erosion.campaign.study_file import (
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import ArchChoice, Decomposition
-from taichi_erosion.evidence.data.findings import SetUpFault
 from taichi_erosion.evidence.data.held_out_rows import content_digest, openings, split
 from taichi_erosion.evidence.data.measured import read_table, study_measurements, table_faults_of
 from taichi_erosion.evidence.data.problem import (
@@ -31,6 +30,7 @@ from taichi_erosion.evidence.data.problem import (
     Vault,
     with_stated,
 )
+from taichi_erosion.evidence.data.set_up_fault import SetUpFault
 from taichi_erosion.evidence.models.column_units import place_units
 from taichi_erosion.evidence.models.own_effects import function_candidate, function_effects, with_effects
 from taichi_erosion.evidence.models.plugin import ModelErrorCovariance, NameMapping, Plugin, load_plugin

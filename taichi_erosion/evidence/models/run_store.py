@@ -65,6 +65,10 @@ class RunStore:
         return self.database
 
 
+class BudgetSpentError(BadInput):
+    """No further value of the model may be computed."""
+
+
 @dataclass(frozen=True)
 class CachedModel:
     """A model whose values are read from the store where they are there."""
@@ -92,12 +96,12 @@ class CachedModel:
         return np.array([known[key] for key in keys])
 
     def count(self, keys: list[bytes], rows: int) -> None:
-        """Count the runs behind new keys: one a row. Raises BadInput before the cap is passed."""
+        """Count the runs behind new keys: one a row. Raises BudgetSpentError before the cap is passed."""
         self.asked.update(dict.fromkeys(keys, rows))
         if self.cap is not None and (total := sum(self.asked.values())) > self.cap:
-            raise BadInput(
+            raise BudgetSpentError(
                 f"the budget of {self.cap:,} runs is used up: {total:,} and more are needed; those that were "
-                "made are kept. Raise budget.runs, or ask for --budget quick"
+                "made are kept. Raise budget.runs"
             )
 
 

@@ -26,11 +26,14 @@ from scipy import interpolate, linalg, optimize
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers
+from taichi_erosion.evidence.models.run_store import BudgetSpentError
+from taichi_erosion.evidence.race.decision import Decision
 from taichi_erosion.evidence.race.dose_forms import POWERS, Form, forms_of
 from taichi_erosion.evidence.race.doses import STILL, Dosing, dosings, from_axis
 from taichi_erosion.evidence.race.fit import Fit, Race
-from taichi_erosion.evidence.race.posterior import DRAWS, SEED
+from taichi_erosion.evidence.race.posterior import DRAWS, SEED, Posterior
 from taichi_erosion.evidence.race.record import Interval, LawPart
+from taichi_erosion.evidence.race.summary import told_fit
 
 SIMPLE = 1.0  # ln score by which a form that is no power must be better: most forces are powers
 FOLDS = 6  # of the groups, at most
@@ -139,6 +142,16 @@ class FittedForm:
         random = np.random.default_rng(SEED)
         found = random.multivariate_normal(self.numbers, excess * self.covariance, DRAWS)
         return found.clip(*self.ends)
+
+
+def told_law(posterior: Posterior, found: Decision) -> LawPart | None:
+    """The law of the doses of what is told; None where its strength is constant, or the budget is spent."""
+    if not (found.named or found.mechanisms):
+        return None
+    try:
+        return law_of(posterior.race, told_fit(posterior, found))
+    except BudgetSpentError:
+        return None
 
 
 def law_of(race: Race, fit: Fit) -> LawPart | None:

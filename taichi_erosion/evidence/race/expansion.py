@@ -18,19 +18,17 @@ from math import exp, log
 
 import numpy as np
 
-from taichi_erosion.evidence.data.problem import Candidate, Floats, Integers
+from taichi_erosion.evidence.data.problem import Candidate, Floats, Integers, Progress
 from taichi_erosion.evidence.data.transforms import Axis, effect_of
-from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.predictor import Predictor, seed_mean
+from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race.priors import BEYOND, SPREAD
 
 Acting = tuple[str, ...]
 EDGE = 0.02  # least share of a range that its start is taken to be away from an end
+USUAL = 300  # settings of an answer: only progress is told by it
 TYPICAL = 2.0 / 3.0  # strength expected, over the scale of its prior
-
-
-class BudgetSpentError(Exception):
-    """No further setting of the model may be evaluated."""
 
 
 def position(axis: Axis, v: float) -> float:
@@ -58,6 +56,7 @@ class RaceModel:
 
     prepared: PreparedProblem
     most: float = np.inf  # settings that may be evaluated
+    progress: Progress = lambda _, __: None
     settings: int = 0
     known: set[tuple] = field(default_factory=set)
     shift: Floats | float = 0.0  # of a mean over many seeds over that of the few that every setting has
@@ -103,9 +102,10 @@ class RaceModel:
         key = (x.tobytes(), tuple(sorted(acting.items())), seeds.size)
         if key not in self.known:
             if self.settings >= self.most:
-                raise BudgetSpentError
+                raise BudgetSpentError(f"the {self.most:g} settings of an answer are used up")
             self.known.add(key)
             self.settings += 1
+            self.progress(f"{self.settings} settings of the model", self.settings / (self.settings + USUAL))
         return seed_mean(self.predictor.predict(x, acting, seeds))
 
     def mean(self, names: Acting, v: Floats, dose: Mapping[str, float] | None = None) -> Floats:
@@ -115,7 +115,7 @@ class RaceModel:
     def dosed(self, v: Floats, name: str, doses: Floats) -> Floats:
         """Mean (n,) with a dose of a mechanism of its own in every row: as many runs as one setting."""
         if self.settings >= self.most:
-            raise BudgetSpentError
+            raise BudgetSpentError(f"the {self.most:g} settings of an answer are used up")
         self.settings += 1
         x, p, found = self.numbers(v[: self.count]), self.predictor, np.zeros(doses.size)
         for dose in np.unique(doses):

@@ -17,7 +17,7 @@ import numpy as np
 
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Integers
-from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.race.blocks import Block, nuisance, unlisted, zeros
 from taichi_erosion.evidence.race.expansion import Acting, RaceModel
 from taichi_erosion.evidence.race.linear_evidence import Evidence, LinearRows, Scales, evidence, scale

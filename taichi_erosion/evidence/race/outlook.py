@@ -27,9 +27,9 @@ from taichi_erosion.evidence.data.heap_correlation import correlated
 from taichi_erosion.evidence.data.linear_algebra import working
 from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.data.transforms import from_scale, slope
-from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.condition_errors import condition_errors
 from taichi_erosion.evidence.models.new_conditions import NewConditions
+from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.race.blocks import Block, dose_columns, nuisance, unlisted, zeros
 from taichi_erosion.evidence.race.decision import acts
 from taichi_erosion.evidence.race.doses import dosings
@@ -259,26 +259,27 @@ def forecast(posterior: Posterior, place: Elsewhere) -> Forecast:
 
 
 def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> HeldOutPart | None:
-    """Misfit of held-out rows by nothing, by the likeliest explanation with `names`, and by another effect.
+    """Misfit of held-out rows by nothing, by the likeliest explanation, with `names`, and by another effect.
 
-    The other one is drawn by the seed. None without held-out rows or such an explanation.
+    The other one is drawn by the seed. None without held-out rows.
     """
     race, wanted = posterior.race, set(names)
     rows = held_out_rows(race.prepared)
-    fits = race.likely(0.0, lambda fit: all(acts(fit.hypothesis, {name}) for name in wanted))
-    if rows is None or not fits:
+    if rows is None:
         return None
-    singles = [h for h in race.fits if len(h.names) == 1 and not h.beyond and not acts(h, wanted)]
-    others = [h for h in singles if not acts(fits[0].hypothesis, set(h.names))]
+    others = [h for h in race.fits if len(h.names) == 1 and not h.beyond and not acts(h, wanted)]
     wrong = [others[np.random.default_rng(seed).integers(len(others))]] if others else []
-    place, chosen = elsewhere(race, rows), [Hypothesis(()), fits[0].hypothesis, *wrong]
+    place, chosen = elsewhere(race, rows), [Hypothesis(()), posterior.best.hypothesis, *wrong]
     told = [outlook(place, race.fits[h]) for h in chosen]
     good = np.all([np.isfinite(each.start) for each in told], axis=0)
     if not good.any():
         return None
     before, after, *other = [misfit(place, each, good) for each in told]
     p_after, opened = chance(place, told[1], good & ~rows.censored), race.prepared.problem.vault.opened + 1
-    return HeldOutPart(int(good.sum()), before, after, p_after, other[0] if other else np.nan, opened)
+    drawn = (
+        (other[0], opened, tuple(names), wrong[0].names[0]) if other else (np.nan, opened, tuple(names), "")
+    )
+    return HeldOutPart(int(good.sum()), before, after, p_after, *drawn)
 
 
 def misfit(place: Elsewhere, told: Outlook, good: Bools) -> float:

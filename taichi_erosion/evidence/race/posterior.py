@@ -17,14 +17,16 @@ import numpy as np
 from numpy.linalg import LinAlgError
 from scipy import stats
 
-from taichi_erosion.evidence.data.problem import Floats, Measurements, Problem
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.problem import Floats, Measurements, Problem, Progress
 from taichi_erosion.evidence.data.transforms import axis_value
-from taichi_erosion.evidence.inference.prepared_problem import prepare
+from taichi_erosion.evidence.models.prepared_problem import prepare
+from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race.doses import add_doses
-from taichi_erosion.evidence.race.expansion import BudgetSpentError, RaceModel
+from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.priors import FAMILYWISE, NOTHING
-from taichi_erosion.evidence.race.search import search
+from taichi_erosion.evidence.race.search import log_prior, search
 
 SCALES, DRAWS = 60, 2000  # draws of scales of one hypothesis, and of everything
 FREEDOM = 4.0  # degrees of freedom of the t distribution of the scales
@@ -95,6 +97,11 @@ class Posterior:
             )
         return np.vstack(found), np.concatenate([each.weight for each in self.draws])
 
+    @property
+    def best(self) -> Fit:
+        """The likeliest explanation."""
+        return self.race.fits[max(self.probability, key=lambda h: self.probability[h])]
+
     def strength(self, name: str) -> tuple[Floats, Floats]:
         """Strength of an effect where it acts with one strength, and weights."""
         values, weights = [np.zeros(0)], [np.zeros(0)]
@@ -123,7 +130,11 @@ def quantiles(values: Floats, weight: Floats, shares: Sequence[float] = (0.05, 0
 
 
 def raced(
-    problem: Problem, seed: int, table: Measurements | None = None, most: float = MOST_SETTINGS
+    problem: Problem,
+    seed: int,
+    table: Measurements | None = None,
+    most: float = MOST_SETTINGS,
+    progress: Progress = lambda _, __: None,
 ) -> Posterior:
     """The posterior of all explanations of a table, by default the rows outside the vault.
 
@@ -131,14 +142,34 @@ def raced(
     `Race.stopped` says so.
     """
     prepared = prepare(problem, problem.visible() if table is None else table, seed)
-    race = Race(prepared, RaceModel(prepared, most))
+    race = Race(prepared, RaceModel(prepared, most, progress))
     try:
         search(race)
         if strained(race):
             add_doses(race)
     except BudgetSpentError:
         race.stopped = True
+        if not race.fits:
+            raise BadInput(
+                "the budget of runs ends before the model is calibrated: raise budget.runs"
+            ) from None
+    race.model.most = np.inf
     return Posterior(race, race.posterior())
+
+
+def given(posterior: Posterior, effects: Sequence[str]) -> Posterior:
+    """The posterior if exactly these effects act, each with one strength."""
+    race, names = posterior.race, tuple(sorted(effects))
+    fit = race.fits[Hypothesis(())]
+    for name in names:
+        hypothesis = Hypothesis(tuple(sorted((*fit.hypothesis.names, name))))
+        added = race.fits.get(hypothesis) or race.with_effect(fit, name, log_prior(race, hypothesis))
+        if added is None:
+            raise BadInput(f"{name} changes nothing in this model at the measured conditions")
+        fit = added if added.refined else race.refined(added)
+    share = {h: p for h, p in race.posterior().items() if h.names == names and h.kind in ("", "zero", "?")}
+    total = max(sum(share.values()), 1e-300)
+    return Posterior(race, {h: p / total for h, p in share.items()})
 
 
 def strained(race: Race) -> bool:

@@ -6,7 +6,10 @@ Quantiles are those of the posterior, averaged over all explanations; values are
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import nan
-from typing import Literal
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import PlainSerializer, PlainValidator
 
 from taichi_erosion.evidence.data.problem import Floats
 
@@ -14,6 +17,9 @@ Verdict = Literal["present", "group", "none_detected", "outside_library", "not_t
 Status = Literal["present", "excluded", "open", "untestable", "better_but_not_sufficient"]
 Stop = Literal["", "budget"]
 Outcome = Literal["confirmed", "contradicted", "undecided", "not_made"]
+to_array = PlainValidator(lambda each: np.array(each, dtype=np.float64))
+to_list = PlainSerializer(lambda each: each.tolist())
+Column = Annotated[Floats, to_array, to_list]  # as stored, a list
 
 
 @dataclass(frozen=True)
@@ -174,11 +180,11 @@ class RowsPart:
     """Measured beside predicted, row by row, in the unit of the observable."""
 
     observable: tuple[str, ...]
-    conditions: Mapping[str, Floats]
-    measured: Floats
-    sd: Floats
-    before: Floats
-    after: Floats
+    conditions: Mapping[str, Column]
+    measured: Column
+    sd: Column
+    before: Column
+    after: Column
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import pytest
 from taichi_erosion.evidence.answers.effect_action import effect_actions, opposed_signs
 from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.inference.map_fit import Fit
-from taichi_erosion.evidence.inference.prepared_problem import prepare
+from taichi_erosion.evidence.models.prepared_problem import prepare
 from tests.evidence.linear_study import linear_problem
 
 SHAPES = {"rising": lambda x: x, "raising": lambda x: 1.0 + 0.5 * x}

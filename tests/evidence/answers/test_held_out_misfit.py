@@ -18,7 +18,7 @@ from taichi_erosion.evidence.answers.held_out_misfit import (
 from taichi_erosion.evidence.data.problem import Problem, Vault
 from taichi_erosion.evidence.inference.map_fit import fit
 from taichi_erosion.evidence.inference.marginal_likelihood import expand
-from taichi_erosion.evidence.inference.prepared_problem import prepare
+from taichi_erosion.evidence.models.prepared_problem import prepare
 from tests.evidence.inference.robustness.test_error_accounts import SD, SHAPES, with_silent_source
 from tests.evidence.linear_study import linear_problem
 

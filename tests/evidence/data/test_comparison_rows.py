@@ -9,7 +9,7 @@ from scipy import stats
 from taichi_erosion.evidence.data.comparison_rows import censored_scale
 from taichi_erosion.evidence.data.problem import Observable, Problem
 from taichi_erosion.evidence.inference.map_fit import fit_base
-from taichi_erosion.evidence.inference.prepared_problem import prepare
+from taichi_erosion.evidence.models.prepared_problem import prepare
 from tests.evidence.linear_study import LEVEL_SD, linear_problem
 
 

@@ -10,7 +10,7 @@ from taichi_erosion.evidence.data.problem import Candidate, Problem
 from taichi_erosion.evidence.inference.map_fit import fit
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
 from taichi_erosion.evidence.inference.posterior import strength_estimates
-from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
+from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, prepare
 from tests.evidence.linear_study import linear_problem
 
 SD, SD_X, SLOPE, COUNT = 0.1, 0.25, 1.2, 24

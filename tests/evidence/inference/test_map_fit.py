@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.evidence.inference.map_fit import deviance, fit
-from taichi_erosion.evidence.inference.prepared_problem import prepare
+from taichi_erosion.evidence.models.prepared_problem import prepare
 from tests.evidence.linear_study import LEVEL_SD, linear_problem
 
 SHAPES = {"slope": lambda x: x, "bend": lambda x: x**2}

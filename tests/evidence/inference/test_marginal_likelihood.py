@@ -6,7 +6,7 @@ from scipy import integrate, stats
 
 from taichi_erosion.evidence.inference.map_fit import fit
 from taichi_erosion.evidence.inference.marginal_likelihood import cell_width, expand, log_prior, score
-from taichi_erosion.evidence.inference.prepared_problem import prepare
+from taichi_erosion.evidence.models.prepared_problem import prepare
 from tests.evidence.linear_study import LEVEL_SD, linear_problem
 
 SHAPES = {"slope": lambda x: x}

@@ -17,7 +17,7 @@ from taichi_erosion.evidence.inference.posterior import (
     strength_estimates,
     upper_strength,
 )
-from taichi_erosion.evidence.inference.prepared_problem import prepare
+from taichi_erosion.evidence.models.prepared_problem import prepare
 from taichi_erosion.evidence.inference.verdict_levels import (
     MOST_EFFECTS,
     PRIOR_NONE,

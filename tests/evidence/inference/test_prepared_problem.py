@@ -8,7 +8,7 @@ from scipy import stats
 
 from taichi_erosion.evidence.inference.map_fit import fit_base
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
-from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from tests.evidence.one_heap_study import calibrated, heaps
 
 

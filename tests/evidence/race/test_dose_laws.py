@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.evidence.data.problem import Measurements, Mechanism, Parameter, Problem
-from taichi_erosion.evidence.inference.prepared_problem import prepare
+from taichi_erosion.evidence.models.prepared_problem import prepare
 from taichi_erosion.evidence.race.blocks import dose_columns
 from taichi_erosion.evidence.race.dose_forms import forms_of
 from taichi_erosion.evidence.race.dose_laws import law_of

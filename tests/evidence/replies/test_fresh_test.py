@@ -14,7 +14,7 @@ from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.posterior import Posterior, raced
 from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.race.record import FreshPart
-from taichi_erosion.evidence.replies.fresh_test import fresh_test, is_true, kinds_of
+from taichi_erosion.evidence.answers.fresh_test import fresh_test, is_true, kinds_of
 
 SINGLE = 33  # case of one strong effect
 SEEDS = 2

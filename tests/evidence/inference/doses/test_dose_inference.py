@@ -15,7 +15,7 @@ from taichi_erosion.evidence.inference.doses.dose_inference import (
 )
 from taichi_erosion.evidence.inference.doses.dose_path import dose_path
 from taichi_erosion.evidence.inference.doses.dose_search import dose_searches
-from taichi_erosion.evidence.inference.prepared_problem import PreparedProblem, prepare
+from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, prepare
 
 SD, SETS = 0.1, 12
 WEIGHTS = {"angle": 2.0, "height": -0.7}  # change of each observable per dose

@@ -18,7 +18,7 @@ from taichi_erosion.evidence.inference.model_discrepancy import (
     discrepancy_gain,
     kernels,
 )
-from taichi_erosion.evidence.inference.prepared_problem import LEVEL_WIDTHS, PreparedProblem, prepare
+from taichi_erosion.evidence.models.prepared_problem import LEVEL_WIDTHS, PreparedProblem, prepare
 from taichi_erosion.evidence.inference.refit import FittedHypothesis
 from tests.evidence.linear_study import LEVEL_SD, linear_problem
 

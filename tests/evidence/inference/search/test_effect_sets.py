@@ -12,7 +12,7 @@ from taichi_erosion.evidence.inference.map_fit import fit
 from taichi_erosion.evidence.inference.marginal_likelihood import expand, score
 from taichi_erosion.evidence.inference.pipeline import analyse
 from taichi_erosion.evidence.inference.posterior import strength_estimates
-from taichi_erosion.evidence.inference.prepared_problem import prepare
+from taichi_erosion.evidence.models.prepared_problem import prepare
 from tests.evidence.linear_study import LEVEL_SD, linear_problem
 
 SHAPES = {

@@ -5,32 +5,25 @@ that the decision rests on lies between 1 - SURE and SURE. Mechanisms are simula
 effects explains the rows.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from taichi_erosion.evidence.answers.rounds import (
-    MOST_POINTS,
-    FreshTest,
-    Points,
-    Question,
-    answered,
-    refinement_point,
-)
+from taichi_erosion.evidence.answers.fresh_test import fresh_test, kinds_of, setting_of
+from taichi_erosion.evidence.answers.rounds import MOST_POINTS, FreshTest, Points, Question, refinement_point
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.emulator.design import RefinementPoint
-from taichi_erosion.evidence.models.load_study import BudgetName, Study
-from taichi_erosion.evidence.race.decision import Decision, decide
+from taichi_erosion.evidence.models.load_study import Study
+from taichi_erosion.evidence.race.decision import Decision
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis
-from taichi_erosion.evidence.race.posterior import Posterior, raced, strained
+from taichi_erosion.evidence.race.posterior import Posterior, strained
 from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.race.record import Decided, FreshPart
-from taichi_erosion.evidence.replies.fresh_test import fresh_test, kinds_of, setting_of
 
 
 @dataclass(frozen=True)
-class SceneAnswer:
-    """The answer of a race on emulators."""
+class RacedStudy:
+    """The race of a study, with what fresh runs of its scenes say of it."""
 
     posterior: Posterior
     decision: Decision
@@ -41,6 +34,11 @@ class SceneAnswer:
         setting = setting_of(self.posterior.race, fit)
         acting = {name: strength for name, strength in setting.effects.items() if strength > 0.0}
         return refinement_point(setting.parameters, acting)
+
+    @property
+    def about_bare(self) -> RefinementPoint:
+        """The calibrated model as the centre of a round."""
+        return self.about(self.posterior.race.fits[Hypothesis(())])
 
 
 def sets(posterior: Posterior) -> Mapping[Acting, float]:
@@ -60,7 +58,7 @@ def undecided(found: Decision) -> bool:
     return any(1.0 - SURE < p < SURE for p in stated)
 
 
-def points(found: SceneAnswer) -> Points:
+def points(found: RacedStudy) -> Points:
     """The likeliest sets of effects, the bare model first; none where more runs decide nothing."""
     share = sets(found.posterior)
     likely = [names for names in sorted(share, key=lambda names: -share[names]) if share[names] >= KEEP]
@@ -70,7 +68,7 @@ def points(found: SceneAnswer) -> Points:
     return [found.about(fits[Hypothesis(names)]) for names in sorted(likely[:MOST_POINTS], key=bool)]
 
 
-def required(found: SceneAnswer) -> Points:
+def required(found: RacedStudy) -> Points:
     """The closest single effect and set of several, before it is said that no list holds what acts."""
     if found.decision.verdict != "outside_library":
         return []
@@ -81,12 +79,12 @@ def required(found: SceneAnswer) -> Points:
     return [found.about(fit) for fit in best]
 
 
-def beyond(found: SceneAnswer) -> bool:
+def beyond(found: RacedStudy) -> bool:
     """Whether mechanisms are to be tried: the listed effects leave something open."""
     return strained(found.posterior.race)
 
 
-def tested(found: SceneAnswer, fresh: FreshTest, progress: Progress) -> tuple[SceneAnswer, frozenset[str]]:
+def tested(found: RacedStudy, fresh: FreshTest, progress: Progress) -> tuple[RacedStudy, frozenset[str]]:
     """The answer with its test by fresh runs, and the keys of these.
 
     Where they contradict it, the next answer starts with a round about what was tested.
@@ -107,16 +105,10 @@ def after_test(decided: Decided, fresh: FreshPart) -> Decided:
     return replace(decided, verdict="unstable", named=(), group=(*decided.named, *decided.group))
 
 
-def discover_on_scene(study: Study, budget: BudgetName, progress: Progress) -> tuple[SceneAnswer, Study]:
-    """Which effect is missing from the scenes of a study, and the study as it was when this was answered."""
-
-    def answer(ready: Study, _: Progress) -> SceneAnswer:
-        posterior = raced(ready.problem, study.file.study.seed)
-        return SceneAnswer(posterior, decide(posterior))
-
+def discovery_question(study: Study, answer: Callable[[Study, Progress], RacedStudy]) -> Question[RacedStudy]:
+    """Which effect is missing, as a question that scenes answer in rounds."""
     ahead = bool(study.file.laboratory.ranges)
     names = study.problem.candidate_names
-    question = Question(
+    return Question(
         "discover", answer, points, names, ahead=ahead, required=required, beyond=beyond, tested=tested
     )
-    return answered(study, budget, question, progress)

@@ -1,0 +1,165 @@
+"""Answers in the results folder: what an answer is about, its record, and the ladder of adoptions.
+
+A file `STUDY.COMMAND.json` holds the keys of docs/json.md and under `record` all that pages are drawn from.
+"""
+
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from math import isfinite
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import TypeAdapter, ValidationError
+
+from taichi_erosion import __version__
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import read_text_file, write_atomic
+from taichi_erosion.effects import load_library
+from taichi_erosion.evidence.data.table_units import KEY, TableUnits
+from taichi_erosion.evidence.models.load_study import Study
+from taichi_erosion.evidence.race.record import Record
+from taichi_erosion.evidence.words import answer_lines as lines
+from taichi_erosion.evidence.words.document import document
+from taichi_erosion.evidence.words.vocabulary import Vocabulary, shell_command
+from taichi_erosion.mechanisms.library import dose_meaning, load_mechanisms
+
+Command = Literal["compare", "discover", "adopt", "next", "predict", "rounds"]
+Document = dict[str, Any]
+FORMAT = 3  # of documents: their keys are those of docs/json.md
+LADDER = "ladder.json"  # errors after each adoption, shared by the studies that follow one another
+ROUNDS: Command = "rounds"  # no command: what the rounds of simulations were about
+STORED = ("record", "rows")  # of a document: what figures are drawn from is not printed
+LIBRARIES = ("numpy", "scipy")
+WORDS = {"compare": lines.compare_answer, "discover": lines.discover_answer}
+WORDS |= {"adopt": lines.adopt_answer, "next": lines.next_answer}
+RECORD = TypeAdapter(Record)
+
+
+@dataclass(frozen=True)
+class Reply:
+    """An answer of a command: its record, and what it is about."""
+
+    command: Command
+    about: Document  # study, table, versions, faults of the set-up, files written
+    record: Record
+
+    @property
+    def document(self) -> Document:
+        """What `--json` prints."""
+        return self.about | document(self.record)
+
+    def vocabulary(self, *options: str) -> Vocabulary:
+        """Names and units of the study, and its commands as the user gives them, with further options."""
+        about = self.about
+        mechanisms = load_mechanisms()
+        known = {**mechanisms, **load_library(map(Path, about["effect_files"]))}
+        return Vocabulary(
+            about["study"],
+            lambda *words: shell_command(*words, *options),
+            TableUnits.of(about),
+            {name: effect.title for name, effect in known.items()},
+            {name: dose_meaning(each) for name, each in mechanisms.items()},
+            str(document_file(Path(about["results"]), Path(about["study"]).stem, "discover")),
+            about.get("written", ""),
+        )
+
+    def answer(self, *options: str) -> lines.Answer:
+        """Sentences and table."""
+        return WORDS[self.command](self.record, self.vocabulary(*options))
+
+
+def study_document(study: Study) -> Document:
+    """The part of every document that describes its study."""
+    table = study.problem.measurements
+    versions = {"taichi_erosion": __version__, "python": platform.python_version()}
+    return {
+        "format": FORMAT,
+        "study": str(study.path),
+        "title": study.file.study.title,
+        "model": study.model,
+        "measurements": study.file.study.measurements,
+        "results": str(study.results),
+        "digest": study.digest[:12],
+        "adopted": list(study.file.adopted),
+        "candidates": study.problem.candidate_names,
+        "effect_files": [str(file.path) for file in study.effect_files],
+        "units": dict(zip(table.observable, table.unit, strict=True)),
+        KEY: table.table_units.record(),
+        "notes": list(study.notes),
+        "rows_visible": table.size - len(study.problem.vault.rows),
+        "rows_hidden": len(study.problem.vault.rows),
+        "versions": versions | {name: version(name) for name in LIBRARIES},
+    }
+
+
+def printed(found: Mapping[str, Any]) -> Document:
+    """A document as printed: what figures are drawn from stays in the results folder."""
+    return {key: value for key, value in found.items() if key not in STORED}
+
+
+def document_file(folder: Path, stem: str, command: Command) -> Path:
+    """File of the last answer of a command; studies that follow one another share a folder."""
+    return folder / f"{stem}.{command}.json"
+
+
+def write_reply(folder: Path, stem: str, reply: Reply) -> Reply:
+    """Store an answer in place of an earlier one."""
+    whole = reply.document | {"record": storable(RECORD.dump_python(reply.record, mode="json"))}
+    write_document(document_file(folder, stem, reply.command), whole)
+    return reply
+
+
+def storable(found: Any) -> Any:
+    """Nested tables with "nan" and "inf" for numbers that JSON does not have."""
+    if isinstance(found, dict):
+        return {key: storable(each) for key, each in found.items()}
+    if isinstance(found, list):
+        return [storable(each) for each in found]
+    return str(found) if isinstance(found, float) and not isfinite(found) else found
+
+
+def write_document(file: Path, found: Document) -> Path:
+    """Write a document in place of an earlier one."""
+    return write_atomic(file, (json.dumps(found, indent=1, allow_nan=False) + "\n").encode())
+
+
+def read_reply(folder: Path, stem: str, command: Command) -> Reply | None:
+    """The last answer of a command; None if it has not been given in this format."""
+    found = read_document(document_file(folder, stem, command))
+    if found is None or found.get("format") != FORMAT:
+        return None
+    try:
+        record = RECORD.validate_python(found["record"])
+    except (ValidationError, KeyError):
+        raise BadInput(f"{document_file(folder, stem, command)}: holds no result; ask again") from None
+    about = {key: value for key, value in found.items() if key not in STORED}
+    return Reply(command, about, record)
+
+
+def read_document(file: Path) -> Document | None:
+    """A stored document, None if there is none; raises BadInput for a damaged one."""
+    if not file.exists():
+        return None
+    try:
+        found = json.loads(read_text_file(file))
+    except (ValueError, OSError) as error:
+        raise BadInput(f"{file}: cannot be read ({error}); remove it and ask again") from None
+    if not isinstance(found, dict):
+        raise BadInput(f"{file}: holds no result; remove it and ask again")
+    return found
+
+
+def extend_ladder(folder: Path, rung: Document) -> None:
+    """Add a rung to the error ladder; adopting the same effects again replaces it and all above it."""
+    kept = [r for r in ladder(folder, rung["of"]) if len(r["effects"]) < len(rung["effects"])]
+    write_document(folder / LADDER, {"rungs": [*kept, rung]})
+
+
+def ladder(folder: Path, digest: str) -> list[Document]:
+    """Rungs of the error ladder on a table, from the model as it came to the last adoption."""
+    found = read_document(folder / LADDER)
+    rungs = [] if found is None else found["rungs"]
+    return [each for each in rungs if each.get("of") == digest and "chi2_per_row_fitted" in each]

@@ -1,1 +1,0 @@
-"""Errors that nobody stated, and answers repeated under changed assumptions."""

@@ -1,1 +1,0 @@
-"""Predictions of a calibrated model at new conditions, with intervals that hold what is uncertain."""

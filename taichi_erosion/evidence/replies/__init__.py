@@ -1,1 +1,0 @@
-"""Answers of the race to the commands on a study."""
