@@ -9,7 +9,7 @@ References: Hoeting et al. (1999), Stat. Sci. 14, 382 (averaging over models); G
 1317 (importance sampling with a t distribution).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -167,7 +167,12 @@ def given(posterior: Posterior, effects: Sequence[str]) -> Posterior:
         if added is None:
             raise BadInput(f"{name} changes nothing in this model at the measured conditions")
         fit = added if added.refined else race.refined(added)
-    share = {h: p for h, p in race.posterior().items() if h.names == names and h.kind in ("", "zero", "?")}
+    return only(race, lambda h: h.names == names and h.kind in ("", "zero", "?"))
+
+
+def only(race: Race, wanted: Callable[[Hypothesis], bool]) -> Posterior:
+    """The posterior if one of some hypotheses is true."""
+    share = {h: p for h, p in race.posterior().items() if wanted(h)}
     total = max(sum(share.values()), 1e-300)
     return Posterior(race, {h: p / total for h, p in share.items()})
 
