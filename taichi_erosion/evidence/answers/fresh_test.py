@@ -32,8 +32,8 @@ from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns
 from taichi_erosion.evidence.race.decision import Decision
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
-from taichi_erosion.evidence.race.posterior import DRAWS, SEED, Posterior
-from taichi_erosion.evidence.race.priors import SURE
+from taichi_erosion.evidence.race.posterior import Posterior
+from taichi_erosion.evidence.race.priors import DRAWS, SEED, SURE
 from taichi_erosion.evidence.race.record import FreshPart, GapPart, Outcome
 
 Simulate = Callable[[Sequence[Setting], Sequence[Request], Floats, Progress], FreshCampaign]

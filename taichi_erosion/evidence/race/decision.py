@@ -21,10 +21,9 @@ import numpy as np
 
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.posterior import Posterior
-from taichi_erosion.evidence.race.priors import FAMILYWISE, KEEP, SURE
+from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SURE
 
 Verdict = Literal["present", "group", "none_detected", "outside_library"]
-DRAWS = 4000  # of the largest of all candidates by chance
 MOST_TOLD = 3  # of a group: more is no answer
 
 
@@ -128,6 +127,6 @@ def familywise_p(race: Race, best: Fit) -> float:
     observed = float(np.max((along / size)[seen]))
     correlation = (gram / np.outer(size, size))[np.ix_(seen, seen)]
     values, vectors = np.linalg.eigh(correlation)
-    draws = np.random.default_rng(0).standard_normal((DRAWS, values.size))
+    draws = np.random.default_rng(SEED).standard_normal((DRAWS, values.size))
     largest = np.max(draws * np.sqrt(np.maximum(values, 0.0)) @ vectors.T, axis=1)
     return float((1 + np.sum(largest >= observed)) / (1 + DRAWS))

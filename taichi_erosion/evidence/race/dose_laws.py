@@ -8,7 +8,7 @@ fit; its smooth prior of doses is left out. v is at its best for every a. Forms 
 
     sum over folds of ln N(rows left out | other rows, a fitted to these) - 1/2 ln n for every number,
 
-less SIMPLE for a form that is no power. The best of them have means and slopes of their own. The share of
+with one STEP less for a form that is no power. The best have means and slopes of their own. The share of
 misfit that is told comes from groups that the fit has not seen, but the choice of the form has. Intervals
 follow from (D^T D)^-1, D the slopes of the whitened residual along a, widened by the misfit that is left.
 
@@ -31,13 +31,13 @@ from taichi_erosion.evidence.race.decision import Decision
 from taichi_erosion.evidence.race.dose_forms import POWERS, Form, forms_of
 from taichi_erosion.evidence.race.doses import STILL, Dosing, dosings, from_axis
 from taichi_erosion.evidence.race.fit import Fit, Race
-from taichi_erosion.evidence.race.posterior import DRAWS, SEED, Posterior
+from taichi_erosion.evidence.race.posterior import Posterior
+from taichi_erosion.evidence.race.priors import CARRIED, DRAWS, SEED, STEP
 from taichi_erosion.evidence.race.record import Interval, LawPart
 from taichi_erosion.evidence.race.summary import told_fit
 
-SIMPLE = 1.0  # ln score by which a form that is no power must be better: most forces are powers
 FOLDS = 6  # of the groups, at most
-SETTLED, ROUNDS = 5, 3  # forms with means of their own, and expansions of each: 75 settings for 4 numbers
+ROUNDS = 3  # expansions of a form about its own mean
 NODES = 8  # doses of the table, over the whole range and again over that of the fit
 
 
@@ -104,7 +104,9 @@ class FittedForm:
     @property
     def price(self) -> float:
         """Ln score by which the form must be better than one without numbers."""
-        return 0.5 * np.log(self.rows.y.size) * self.numbers.size + SIMPLE * (self.form.name not in POWERS)
+        return 0.5 * np.log(self.rows.y.size) * self.numbers.size - np.log(STEP) * (
+            self.form.name not in POWERS
+        )
 
     @property
     def ends(self) -> tuple[Floats, Floats]:
@@ -165,7 +167,7 @@ def law_of(race: Race, fit: Fit) -> LawPart | None:
     rows = rows_about(race, fit, curve, place)
     first = [first_fit(rows, form, place.w) for form in forms_of(rows.conditions)]
     first.sort(key=lambda each: 0.5 * each.misfit + each.price)
-    settled = [settled_form(race, dosing, fit, place, each) for each in first[:SETTLED]]
+    settled = [settled_form(race, dosing, fit, place, each) for each in first[:CARRIED]]
     scores, misfits = np.array([cross_validated(each.rows, each) for each in settled]).T
     best = int(np.argmax(scores - [each.price for each in settled]))
     nothing = cross_validated(rows)[1]

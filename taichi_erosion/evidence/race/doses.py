@@ -22,16 +22,12 @@ from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.race.blocks import Block, dose_columns
 from taichi_erosion.evidence.race.fit import FAR, SHARES, SLACK, Doses, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import scale
-from taichi_erosion.evidence.race.priors import DOSE, STEP
+from taichi_erosion.evidence.race.priors import CARRIED, DOSE, STEP
 from taichi_erosion.evidence.race.search import log_prior_mechanism
 
 LEAST_DOSE = -0.95  # a place that is almost switched off
 LARGEST_STEP, STILL = 0.7, 0.02  # of w
-FIRST, THEN = (
-    4,
-    14,
-)  # steps with the scales at their priors, so that no level takes what a dose does; all steps
-SETTLED = 4  # mechanisms that get slopes of their own
+FIRST, THEN = 4, 14  # steps with the scales at their priors, so that no level takes what a dose does; all
 
 Kernels = Sequence[tuple[str, Floats]]  # condition, L (n, r)
 
@@ -163,7 +159,7 @@ def dosings(race: Race, kernels: Kernels) -> list[Dosing]:
     bare = race.fits[Hypothesis(())]
     singles = [fit for h, fit in race.fits.items() if len(h.names) == 1 and not h.beyond]
     better = [fit for fit in singles if fit.log_evidence > bare.log_evidence]
-    for single in sorted(better, key=lambda fit: -fit.log_evidence)[:SETTLED]:
+    for single in sorted(better, key=lambda fit: -fit.log_evidence)[:CARRIED]:
         (name,), prior = single.hypothesis.names, single.log_prior + 2.0 * log(STEP)
         found.append(Dosing(race, name, 0.0, race.model.largest(name), prior, kernels))
     return found
@@ -189,7 +185,7 @@ def add_doses(race: Race) -> None:
     def probability(each: Dosing) -> float:
         return sum(p for hypothesis, p in share.items() if hypothesis.kind == each.name)
 
-    for each in sorted(every, key=probability, reverse=True)[:SETTLED]:
+    for each in sorted(every, key=probability, reverse=True)[:CARRIED]:
         own = sorted(map(each.with_kernel, range(len(kernels))), key=lambda one: -share[one.hypothesis])
         for one in own[:2]:
             fit = one.fitted(one.with_slopes(race.fits[one.hypothesis]))

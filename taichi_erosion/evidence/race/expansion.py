@@ -27,7 +27,6 @@ from taichi_erosion.evidence.race.priors import BEYOND, SPREAD
 
 Acting = tuple[str, ...]
 EDGE = 0.02  # least share of a range that its start is taken to be away from an end
-USUAL = 300  # settings of an answer: only progress is told by it
 TYPICAL = 2.0 / 3.0  # strength expected, over the scale of its prior
 
 
@@ -105,7 +104,7 @@ class RaceModel:
                 raise BudgetSpentError(f"the {self.most:g} settings of an answer are used up")
             self.known.add(key)
             self.settings += 1
-            self.progress(f"{self.settings} settings of the model", self.settings / (self.settings + USUAL))
+            self.progress(f"{self.settings} settings of the model", self.settings / self.most)
         return seed_mean(self.predictor.predict(x, acting, seeds))
 
     def mean(self, names: Acting, v: Floats, dose: Mapping[str, float] | None = None) -> Floats:

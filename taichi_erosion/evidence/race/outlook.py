@@ -36,8 +36,8 @@ from taichi_erosion.evidence.race.doses import dosings
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import Doses, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import Solved
-from taichi_erosion.evidence.race.posterior import SEED, Posterior, draws_of, quantiles
-from taichi_erosion.evidence.race.priors import KEEP
+from taichi_erosion.evidence.race.posterior import Posterior, draws_of, quantiles
+from taichi_erosion.evidence.race.priors import KEEP, SEED
 from taichi_erosion.evidence.race.record import HeldOutPart, Interval
 
 

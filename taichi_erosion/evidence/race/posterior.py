@@ -25,13 +25,12 @@ from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race.doses import add_doses
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
-from taichi_erosion.evidence.race.priors import FAMILYWISE, NOTHING
+from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, NOTHING, SEED
 from taichi_erosion.evidence.race.search import log_prior, search
 
-SCALES, DRAWS = 60, 2000  # draws of scales of one hypothesis, and of everything
+SCALES = 60  # draws of the scales of one hypothesis
 FREEDOM = 4.0  # degrees of freedom of the t distribution of the scales
 MOST_SETTINGS = 2000  # of the model, all rows at once, that one answer may take
-SEED = 0  # of all draws: the same table has the same answer
 
 
 @dataclass(frozen=True)

@@ -20,4 +20,6 @@ LENGTH = 0.5  # of a smooth discrepancy, over the range of a condition
 DOSE = 1.0  # half-Cauchy of ln(1 + dose)
 SURE = 0.9  # probability from which a thing is said
 FAMILYWISE = 0.02  # chance below which the best of all candidates is no accident
+CARRIED = 5  # likely explanations, mechanisms or laws that get slopes of their own
+DRAWS, SEED = 2000, 0  # of everything that is drawn: the same table has the same answer
 KEEP = 0.01  # probability from which a hypothesis is worth another run of the model

@@ -27,13 +27,13 @@ from taichi_erosion.evidence.models.new_conditions import NewConditions
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis
 from taichi_erosion.evidence.race.outlook import Elsewhere, elsewhere, kappa, new_rows, outlook
-from taichi_erosion.evidence.race.posterior import SEED, Posterior
-from taichi_erosion.evidence.race.priors import KEEP, SURE
+from taichi_erosion.evidence.race.posterior import Posterior
+from taichi_erosion.evidence.race.priors import KEEP, SEED, SURE
 from taichi_erosion.evidence.race.record import ExperimentPart, Interval
 
 MOST = 6  # explanations that are compared, and measurements: a few days in a laboratory
 LEAST = 0.02  # information [nat] and chance of no worth: of two explanations 0.4 sd apart, d^2 / 8
-DRAWS = 128  # mirrored pairs of outcomes under each explanation: chances within 0.02
+PAIRS = 128  # mirrored pairs of outcomes under each explanation: chances within 0.02
 
 
 @dataclass(frozen=True)
@@ -165,13 +165,13 @@ def best_design(rivals: Sequence[Rival], cost: Floats) -> list[tuple[int, float]
     valued = np.flatnonzero(np.all([np.isfinite(np.diag(r.covariance) + r.mean) for r in rivals], axis=0))
     mean = np.array([rival.mean[valued] for rival in rivals])
     covariance = np.array([rival.covariance[np.ix_(valued, valued)] for rival in rivals])
-    half = np.random.default_rng(SEED).standard_normal((DRAWS, valued.size))
+    half = np.random.default_rng(SEED).standard_normal((PAIRS, valued.size))
     kicks = np.vstack([half, -half]) @ np.linalg.cholesky(covariance).transpose(0, 2, 1)
     outcomes = (mean[:, np.newaxis] + kicks).reshape(-1, valued.size)
     gap = outcomes - mean[:, np.newaxis]  # (rivals, outcomes, m), from what each expects after those chosen
     weight, names = np.array([rival.weight for rival in rivals]), [rival.hypothesis for rival in rivals]
     rightness = np.array([[right(told, true) for true in names] for told in names], dtype=np.float64)
-    true, every = np.repeat(np.arange(weight.size), 2 * DRAWS), np.arange(gap.shape[1])
+    true, every = np.repeat(np.arange(weight.size), 2 * PAIRS), np.arange(gap.shape[1])
     score, now = np.log(weight)[:, np.newaxis] + 0.0 * gap[..., 0], float(weight @ np.log(weight))
     told: list[tuple[int, float]] = []
     kept, best, open_ = 0, 0.0, np.ones(valued.size)
@@ -179,13 +179,13 @@ def best_design(rivals: Sequence[Rival], cost: Floats) -> list[tuple[int, float]
         size = np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300)[:, np.newaxis]
         after = score[..., np.newaxis] - 0.5 * (np.log(size) + gap**2 / size)
         after -= log_sum_exp(after, axis=0)
-        gain = open_ * (weight[true] @ after[true, every] / (2 * DRAWS) - now)
+        gain = open_ * (weight[true] @ after[true, every] / (2 * PAIRS) - now)
         at = int(np.argmax(np.where(gain > LEAST, gain / cost[valued], -np.inf)))
         if gain[at] <= LEAST:
             break
         score, now, open_[at] = after[..., at], now + gain[at], 0.0
         sure = (rightness @ np.exp(score))[np.argmax(score, axis=0), every] >= SURE  # of the leading one
-        told.append((int(valued[at]), float(weight[true] @ sure) / (2 * DRAWS)))
+        told.append((int(valued[at]), float(weight[true] @ sure) / (2 * PAIRS)))
         if told[-1][1] > best + LEAST:
             kept, best = len(told), told[-1][1]
         along = (covariance[:, :, at] / covariance[:, at, at, np.newaxis])[:, np.newaxis]

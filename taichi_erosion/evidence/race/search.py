@@ -14,9 +14,7 @@ from math import comb, log
 
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
-from taichi_erosion.evidence.race.priors import KEEP, MOST, NOTHING, STEP, UNLISTED
-
-CARRIED = 5  # likely hypotheses that get slopes of their own in the end
+from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, NOTHING, STEP, UNLISTED
 
 
 def log_prior(race: Race, hypothesis: Hypothesis) -> float:
