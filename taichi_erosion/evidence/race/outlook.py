@@ -260,9 +260,8 @@ def forecast(posterior: Posterior, place: Elsewhere) -> Forecast:
 
 def below(told: Forecast, place: Elsewhere) -> Floats:
     """Share of the forecast of one more measurement that lies below each measured value (m,)."""
-    return np.where(
-        np.isfinite(told.mean).all(axis=0), told.weight @ (told.measured < place.rows.z), np.nan
-    ) / np.sum(told.weight)
+    lower = told.weight @ (told.measured < place.rows.z) / np.sum(told.weight)
+    return np.where(np.isfinite(told.mean).all(axis=0), lower, np.nan)
 
 
 def left_out(posterior: Posterior) -> Floats:
@@ -281,7 +280,8 @@ def left_out(posterior: Posterior) -> Floats:
     for each in posterior.draws:
         solved, bad = each.fit.evidence.solved, list(each.fit.evidence.bad)
         scales, which = np.unique(each.scales, axis=0, return_inverse=True)
-        for u, weight in zip(scales, np.bincount(which.ravel(), each.weight), strict=True):
+        own = np.bincount(which.ravel(), each.weight)
+        for u, weight in zip(scales[own > 0.0], own[own > 0.0], strict=True):
             now = solved.rows.solved(u)
             residual, diagonal = now.precision
             gap, variance = residual / diagonal, 1.0 / diagonal
