@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from taichi_erosion.evidence.answers.commands import adopt_study, bare, no_progress
+from taichi_erosion.evidence.answers.commands import adopt_study, no_progress
 from taichi_erosion.evidence.answers.predictions import predict_study, prediction, read_prediction
 from taichi_erosion.evidence.data.problem import Vault
 from taichi_erosion.evidence.models.new_conditions import NewConditions
