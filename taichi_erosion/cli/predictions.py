@@ -19,13 +19,13 @@ PREDICTED = ("model", "value", "low", "high", "measured_low", "measured_high")
 
 
 def print_prediction(reply: "PredictionReply") -> None:
-    """Print what is wrong with the set-up, the table, then what the intervals rest on."""
+    """Print what is wrong with the set-up, what the intervals rest on, and the table."""
     answer = reply.answer()
-    for sentence in reply.about["set_up"]:
-        typer.echo(f"set-up: {sentence}")
+    set_up = (f"set-up: {sentence}" for sentence in reply.about["set_up"])
+    typer.echo("\n".join((*set_up, *answer.missing, *answer.holds)))
     if answer.table is not None:
         print_table(answer.table.title, answer.table.columns, answer.table.rows)
-    for line in answer.lines:
+    for line in answer.following:
         typer.echo(line)
 
 

@@ -15,7 +15,8 @@ from pydantic import TypeAdapter
 from scipy import stats
 
 from taichi_erosion.evidence.answers import files
-from taichi_erosion.evidence.answers.commands import asked, bare, framed, open_study
+from taichi_erosion.evidence.answers.commands import asked, framed, open_study
+from taichi_erosion.evidence.answers.commands import bare as without_candidates
 from taichi_erosion.evidence.answers.files import Document
 from taichi_erosion.evidence.answers.rounds import Question, answered, last_budget
 from taichi_erosion.evidence.data.held_out_rows import COUNTER, openings, read_counter, record_opening
@@ -70,19 +71,19 @@ def read_prediction(folder: Path, stem: str) -> PredictionReply | None:
 
 
 def predict_study(
-    path: Path, at: Path, progress: Progress, options: StudyOptions = NO_OPTIONS, alone: bool = False
+    path: Path, at: Path, progress: Progress, options: StudyOptions = NO_OPTIONS, bare: bool = False
 ) -> PredictionReply:
     """What the calibrated model of a study says at the conditions of a table.
 
-    Where effects have been adopted, the adopted model answers, unless `alone`. Rows of a vault that has been
+    Where effects have been adopted, the adopted model answers, unless `bare`. Rows of a vault that has been
     opened for it check the intervals; that is one opening more for each adopted model. Raises BadInput.
     """
     start = perf_counter()
-    chosen, outdated = (path, ()) if alone else adopted_study(path, options)
+    chosen, outdated = (path, ()) if bare else adopted_study(path, options)
     with open_study(chosen, options) as study:
         places = place_units(study.file, study.path, study.effect_files)
         wanted = read_new_conditions(at, study.file, places, study.problem.measurements)
-        question = Question("predict", asked(bare), lambda found: [found.about_bare], most=1)
+        question = Question("predict", asked(without_candidates), lambda found: [found.about_bare], most=1)
         found, ready = answered(study, last_budget(study), question, progress)
         opened = bool(study.file.adopted) and len(study.problem.vault.rows) > 0
         record = prediction(found.posterior, wanted, opened)
@@ -157,8 +158,8 @@ def predicted_rows(posterior: Posterior, wanted: NewConditions, chosen: list[int
             unit=units[names[k]],
             **asdict(mean),
             model=float(from_scale(observable, model[k : k + 1])[0]),
-            measured_low=measured.low,
-            measured_high=measured.high,
+            measured_low=min(mean.low, measured.low),  # both are quantiles of draws
+            measured_high=max(mean.high, measured.high),
             outside=dict(beyond(table, names[k], wanted, i)),
         )
 

@@ -109,7 +109,7 @@ def test_the_adopted_model_answers_until_the_table_changes(study):
     assert after.record.held_out.n > 0
     assert [asked(study).about["vault_opened"] for _ in range(2)] == [2, 2], "one opening for one model"
     assert read_prediction(Path(after.about["results"]), Path(after.about["study"]).stem) is not None
-    assert asked(study, alone=True).about["adopted"] == []
+    assert asked(study, bare=True).about["adopted"] == []
     wet = [row for row in after.record.rows if row.observable == "threshold_u_star"][1]
     assert (wet.conditions, wet.condition_units) == (
         {"moisture": 2.0, "diameter": 300.0},
