@@ -7,6 +7,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, Union, Unpack
 
 from taichi_erosion.api.notebook import frame, html, progress
+from taichi_erosion.api.predictions import PredictionResult
 from taichi_erosion.api.runs import PathLike
 from taichi_erosion.api.wording import all_in_python, in_python, python_words
 from taichi_erosion.core.errors import BadInput
@@ -193,29 +194,6 @@ class ExperimentsResult(Result):
         return frame(dict(each) for each in self.document["next_experiments"])
 
 
-@dataclass(frozen=True, repr=False)
-class PredictionResult(Result):
-    """What the calibrated, adopted model says at new conditions."""
-
-    @property
-    def found(self) -> list[str]:
-        return list(self.document["sentences"])
-
-    @property
-    def table(self) -> "pd.DataFrame":
-        """Predictions in the units of the observables, one row each, conditions as the table had them.
-
-        `low` and `high` are the 90 % interval of what many repeats give on average, `measured_low` and
-        `measured_high` that of one measurement; `model` is the calibrated model alone.
-        """
-        keys = ("model", "value", "low", "high", "measured_low", "measured_high", "unit")
-        return frame(
-            {"observable": row["observable"], **row["conditions"], **{key: row[key] for key in keys}}
-            | {"outside": "; ".join(row["outside"])}
-            for row in self.document["rows"]
-        )
-
-
 @all_in_python
 @dataclass(frozen=True)
 class Study:
@@ -285,15 +263,15 @@ class Study:
         model answers where effects have been adopted, unless `bare`. Raises BadInput with all faults of
         the table.
         """
-        from taichi_erosion.evidence.prediction.commands import predict_study
+        from taichi_erosion.evidence.answers.predictions import predict_study
 
-        with TemporaryDirectory() as folder:
+        with TemporaryDirectory() as folder, progress("predicting") as report:
             file = table_file(table, Path(folder) / "conditions")
 
-            document = self.answered(
-                "predicting", lambda path, report, options: predict_study(path, file, report, options, bare)
-            )
-            return PredictionResult(self.path, document)
+            def told(words: str, share: float) -> None:
+                report(share, words)
+
+            return PredictionResult(self.path, predict_study(self.path, file, told, self.options, bare))
 
     def report(self, to: PathLike | None = None) -> Path:
         """Write the page of all answers (HTML). Raises BadInput before the first answer."""

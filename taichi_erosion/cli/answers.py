@@ -1,15 +1,12 @@
 """Answers about studies for a terminal: sentences first, then a table, then the limits of the result."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
 from taichi_erosion.cli import next_steps, output
 from taichi_erosion.cli.output import MARK_MISSING, Record, print_table
-from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import one_line_name
 from taichi_erosion.evidence.answers.agreement_words import (
     FITTED_ERRORS,
     HELD_OUT_ERRORS,
@@ -19,8 +16,6 @@ from taichi_erosion.evidence.data.number_words import heading, plain
 from taichi_erosion.evidence.inference.verdict_levels import CORRELATED, p_number
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from taichi_erosion.evidence.data.table_units import TableUnits
     from taichi_erosion.evidence.models.load_study import StudyOptions
 
@@ -35,7 +30,6 @@ CONTROLS = {
     "best_wrong": "control: best other effect",
     "random_wrong": "control: effect drawn at random",
 }
-PREDICTED = ("model", "value", "low", "high", "measured_low", "measured_high")
 
 
 def print_comparison(document: Record, options: "StudyOptions") -> None:
@@ -139,53 +133,6 @@ def print_experiments(document: Record, options: "StudyOptions") -> None:
         typer.echo(f"{rank}. {experiment['sentence']}")
     print_lines(document["notes"], "note: ")
     print_lines(next_steps.after_next(document, options.effect_files))
-
-
-def print_prediction(document: Record) -> None:
-    """Print predictions with their intervals, then what the intervals rest on."""
-    print_lines(document["set_up"], "set-up: ")
-    for name, table in prediction_table(document).groupby("observable", sort=False):
-        conditions = list(table.columns[1 : -len(PREDICTED) - 2])
-        told = table[conditions].map("{:.4g}".format)
-        told["model"], told["value"] = table["model"].map(number), table["value"].map(number)
-        for heading_, ends in (("90 % interval", ("low", "high")), ("of one measurement", PREDICTED[4:])):
-            told[heading_] = [interval(*pair) for pair in zip(*(table[end] for end in ends), strict=True)]
-        told["note"] = [f"extrapolates: {text}" if text else "" for text in table["outside"]]
-        print_table(heading(str(name), units_of(document).value_unit(str(name))), told.columns, told.values)
-    print_lines(document["sentences"])
-    print_limits(document)
-
-
-def prediction_table(document: Record) -> "pd.DataFrame":
-    """Predictions in the units of the study's table: conditions, values and intervals, one row each."""
-    import pandas as pd
-
-    units, rows = units_of(document), document["rows"]
-    condition_units = rows[0]["condition_units"] if rows else {}
-    columns = ["observable", *map(heading, condition_units, condition_units.values()), *PREDICTED]
-    cells = (
-        (
-            row["observable"],
-            *(row["conditions"][name] for name in condition_units),
-            *(units.value(row["observable"], row[key]) for key in PREDICTED),
-            units.value_unit(row["observable"]) or "1",
-            "; ".join(row["outside"]),
-        )
-        for row in rows
-    )
-    return pd.DataFrame(cells, columns=[*columns, "unit", "outside"])
-
-
-def prediction_csv(document: Record) -> str:
-    """Predictions as CSV."""
-    return prediction_table(document).to_csv(index=False, float_format="%.6g", lineterminator="\n")
-
-
-def refuse_other_table(path: Path) -> None:
-    """Raise BadInput where a file exists that holds no predictions."""
-    columns = ",".join((*PREDICTED, "unit", "outside")).encode()
-    if path.exists() and not (path.is_file() and columns in path.read_bytes().partition(b"\n")[0]):
-        raise BadInput(f"--out {one_line_name(path)}: exists, and holds no predictions; name another file")
 
 
 def print_new_study(document: Record) -> None:

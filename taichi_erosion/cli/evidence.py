@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taichi_erosion.cli import answers, next_steps, output
+from taichi_erosion.cli import answers, next_steps, output, predictions
 from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.output import Arch, AsJson, Decomposition, EffectFiles, Force, Record
 from taichi_erosion.cli.progress import KEPT, announce, interruptible
@@ -202,15 +202,15 @@ def predict(
 ) -> None:
     """Predict values at new conditions by the calibrated or adopted model, with 90 % intervals."""
     from taichi_erosion.core.files import write_atomic
-    from taichi_erosion.evidence.prediction.commands import predict_study
+    from taichi_erosion.evidence.answers.predictions import predict_study
 
     if out is not None:
-        answers.refuse_other_table(out)
+        predictions.refuse_other_table(out)
     with interruptible("predicting", KEPT) as progress:
-        document = predict_study(study, at, lambda text, share: progress(share, text), options, bare)
-    output.print_result(document, as_json, answers.print_prediction)
+        reply = predict_study(study, at, lambda text, share: progress(share, text), options, bare)
+    output.print_json(reply.document) if as_json else predictions.print_prediction(reply)
     if out is not None:
-        write_atomic(out, answers.prediction_csv(document).encode())
+        write_atomic(out, predictions.prediction_csv(reply).encode())
         if not as_json:
             typer.echo(f"written: {out}")
 

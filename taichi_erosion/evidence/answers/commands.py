@@ -213,9 +213,15 @@ def stored(
     study: Study, command: Command, found: RacedStudy, record: Record, start: float, **told: Any
 ) -> Reply:
     """The reply of a command, written into the results folder, with what all of it has cost."""
-    faults, runs = study.faults, study.simulations
+    runs = study.simulations
     cost = replace(record.cost, seconds=perf_counter() - start, seed=study.file.study.seed)
     record = replace(record, cost=cost if runs is None else replace(cost, runs=runs))
-    about = files.study_document(study) | {"faults": [asdict(each) for each in faults]}
-    about |= {"set_up": sentences(faults), "warnings": list(found.posterior.race.prepared.warnings)}
-    return files.write_reply(study.results, study.path.stem, Reply(command, about | told, record))
+    reply = Reply(command, framed(study, found) | told, record)
+    return files.write_reply(study.results, study.path.stem, reply)
+
+
+def framed(study: Study, found: RacedStudy) -> files.Document:
+    """What every answer says of its study and of the set-up."""
+    about = files.study_document(study) | {"faults": [asdict(each) for each in study.faults]}
+    about |= {"set_up": sentences(study.faults), "warnings": list(found.posterior.race.prepared.warnings)}
+    return about

@@ -29,7 +29,7 @@ def from_scale(observable: Observable, scaled: Floats) -> Floats:
         return np.asarray(scaled, dtype=float)
     raised = np.exp(np.clip(scaled, -700.0, 700.0))
     value = raised - offset(observable)
-    return np.where(np.abs(value) > ROUNDING * raised, value, 0.0)
+    return np.where(np.abs(value) <= ROUNDING * raised, 0.0, value)
 
 
 def slope(observable: Observable, value: Floats) -> Floats:

@@ -35,7 +35,7 @@ class NewConditions:
     written: tuple[Mapping[str, float], ...] = ()  # the conditions in the units of the table
     scales: Mapping[str, Scale] = field(default_factory=dict)  # of `written`, as the model takes them
     file: str = ""
-    notes: tuple[str, ...] = ()
+    constant: Mapping[str, float] = field(default_factory=dict)  # not set by the table: as in the study
 
 
 def read_new_conditions(
@@ -65,7 +65,7 @@ def read_new_conditions(
         written,
         {name: replace(scales[name], unit=scales[name].unit or places.get(name, "")) for name in columns},
         str(path),
-        tuple(constant_notes(constant, known)),
+        {name: value for name, value in constant.items() if np.isfinite(value)},
     )
 
 
@@ -130,14 +130,6 @@ def constant_value(cells: Cells, name: str, known: Measurements) -> float:
         span = " to ".join(known.table_units.condition_text(name, float(values[k])) for k in (0, -1))
         raise BadInput(f"{cells.file}: no column sets {name}, which the study varies from {span}; add it")
     return float(values[0]) if values.size else np.nan
-
-
-def constant_notes(constant: Mapping[str, float], known: Measurements) -> Iterator[str]:
-    """Conditions that are as in the study because the table leaves them out."""
-    for name, value in constant.items():
-        if np.isfinite(value):
-            told = known.table_units.condition_text(name, value)
-            yield f"{name} is {told}, as in the study: the table does not set it."
 
 
 def wanted_rows(cells: Cells, observables: Sequence[str]) -> Iterator[tuple[int, str]]:

@@ -37,7 +37,7 @@ from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import Doses, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import Solved
 from taichi_erosion.evidence.race.posterior import Posterior, draws_of, quantiles
-from taichi_erosion.evidence.race.priors import KEEP, SEED
+from taichi_erosion.evidence.race.priors import BAD_SD, KEEP, SEED
 from taichi_erosion.evidence.race.record import HeldOutPart, Interval
 
 
@@ -256,6 +256,40 @@ def forecast(posterior: Posterior, place: Elsewhere) -> Forecast:
     scatter = scatter * np.sqrt(np.maximum(place.rows.variance - tolerance**2, 0.0))
     measured = mean + scatter * random.standard_normal(mean.shape)
     return Forecast(place.rows, mean, measured, np.concatenate([own.weight for _, own in parts]))
+
+
+def below(told: Forecast, place: Elsewhere) -> Floats:
+    """Share of the forecast of one more measurement that lies below each measured value (m,)."""
+    lower = told.weight @ (told.measured < place.rows.z) / np.sum(told.weight)
+    return np.where(np.isfinite(told.mean).all(axis=0), lower, np.nan)
+
+
+def left_out(posterior: Posterior) -> Floats:
+    """Share of its prediction by all other rows that lies below each fitted row (n,), whitened.
+
+    With P = V^-1 at scales u of a hypothesis, and b by how much the variance of a bad row exceeds the usual,
+
+        y_i - E[y_i | others] = [P y]_i / P_ii,   var[y_i | others] = 1 / P_ii,   1 / P_ii - b if it were good
+
+    averaged over u and hypotheses with weights w / p(y_i | others, u).
+
+    References: Rasmussen & Williams (2006), Gaussian Processes, 5.4.2 (leaving out); Gelfand, Dey & Chang
+    (1992), Bayesian Statistics 4, 147 (weights).
+    """
+    weights, shares = [], []
+    for each in posterior.draws:
+        solved, bad = each.fit.evidence.solved, list(each.fit.evidence.bad)
+        scales, which = np.unique(each.scales, axis=0, return_inverse=True)
+        own = np.bincount(which.ravel(), each.weight)
+        for u, weight in zip(scales[own > 0.0], own[own > 0.0], strict=True):
+            now = solved.rows.solved(u)
+            residual, diagonal = now.precision
+            gap, variance = residual / diagonal, 1.0 / diagonal
+            weights.append(np.log(weight) - stats.norm.logpdf(gap, scale=np.sqrt(variance)))
+            variance[bad] -= (1.0 - BAD_SD**-2) / now.row_share[bad]
+            shares.append(stats.norm.cdf(gap / np.sqrt(variance)))
+    share = np.exp(weights - np.max(weights, axis=0))
+    return np.sum(share * shares, axis=0) / np.sum(share, axis=0)
 
 
 def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> HeldOutPart | None:

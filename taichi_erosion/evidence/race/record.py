@@ -237,3 +237,43 @@ class Record:
     held_out: HeldOutPart | None = None
     experiments: tuple[ExperimentPart, ...] = field(default_factory=tuple)
     fresh: FreshPart | None = None
+
+
+@dataclass(frozen=True)
+class PredictedPart:
+    """Values at one new set of conditions, in the unit of the observable; NaN where the model has none."""
+
+    line: int  # row of the table of new conditions
+    observable: str
+    conditions: Mapping[str, float]  # in the units of the table
+    condition_units: Mapping[str, str]
+    unit: str
+    value: float  # median: the model, corrected by what its residuals show
+    low: float  # 90 % interval of what many repeats would give on average
+    high: float
+    model: float  # the calibrated model alone
+    measured_low: float  # 90 % interval of one measurement
+    measured_high: float
+    outside: Mapping[str, float]  # end of the measured range, of every condition beyond it
+
+
+@dataclass(frozen=True)
+class CheckPart:
+    """Measured values beside 90 % intervals that did not use them."""
+
+    n: int
+    inside: int
+    p: float  # chance of as few inside where the intervals are right; NaN without rows
+
+
+@dataclass(frozen=True)
+class PredictionPart:
+    """What the calibrated model says at new conditions, and how such intervals have held."""
+
+    rows: tuple[PredictedPart, ...]
+    fitted: CheckPart  # every fitted row, predicted from the others
+    held_out: CheckPart | None  # of an open vault
+    unlisted: float  # probability that something acts that the model does not have
+    outdated: tuple[str, ...]  # effects adopted before the study or its table changed: left out
+    lost: tuple[str, ...]  # observables without a row of known scatter: not predicted
+    constant: Mapping[str, float]  # conditions that the table does not set, as in the study

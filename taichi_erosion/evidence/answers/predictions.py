@@ -1,0 +1,196 @@
+"""Command `predict`: a study and a table of conditions in, values with 90 % intervals out.
+
+The race answers without candidates: what is adopted belongs to the model. Every fitted row is predicted from
+the others to check the intervals, and so are held-out rows where an adoption has opened the vault.
+"""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from math import nan
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from pydantic import TypeAdapter
+from scipy import stats
+
+from taichi_erosion.evidence.answers import files
+from taichi_erosion.evidence.answers.commands import asked, framed, open_study
+from taichi_erosion.evidence.answers.commands import bare as without_candidates
+from taichi_erosion.evidence.answers.files import Document
+from taichi_erosion.evidence.answers.rounds import Question, answered, last_budget
+from taichi_erosion.evidence.data.held_out_rows import COUNTER, openings, read_counter, record_opening
+from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Progress
+from taichi_erosion.evidence.data.table_units import TableUnits
+from taichi_erosion.evidence.data.transforms import from_scale
+from taichi_erosion.evidence.models.column_units import place_units
+from taichi_erosion.evidence.models.load_study import LONGEST_CHAIN, NO_OPTIONS, Study, StudyOptions
+from taichi_erosion.evidence.models.new_conditions import NewConditions, read_new_conditions
+from taichi_erosion.evidence.race.fit import Hypothesis
+from taichi_erosion.evidence.race.outlook import below, elsewhere, forecast, held_out_rows, left_out, new_rows
+from taichi_erosion.evidence.race.posterior import Posterior
+from taichi_erosion.evidence.race.record import CheckPart, PredictedPart, PredictionPart
+from taichi_erosion.evidence.words.answer_lines import Answer
+from taichi_erosion.evidence.words.prediction_words import prediction_answer
+from taichi_erosion.measures.result import without_nan
+from taichi_erosion.scene.schema.units import Scale
+
+SHARE = 0.9  # of the probability that an interval holds
+RECORD = TypeAdapter(PredictionPart)
+
+
+@dataclass(frozen=True)
+class PredictionReply:
+    """An answer of `predict`: its record, and what it is about."""
+
+    about: Document
+    record: PredictionPart
+
+    @property
+    def document(self) -> Document:
+        """What `--json` prints."""
+        return self.about | without_nan(asdict(self.record))
+
+    @property
+    def units(self) -> TableUnits:
+        """Units of the study's table."""
+        return TableUnits.of(self.about)
+
+    def answer(self) -> Answer:
+        """Sentences and table."""
+        return prediction_answer(self.record, self.about, self.units)
+
+
+def read_prediction(folder: Path, stem: str) -> PredictionReply | None:
+    """The last predictions of a study; None if there are none in this format."""
+    found = files.read_document(files.document_file(folder, stem, "predict"))
+    if found is None or found.get("format") != files.FORMAT:
+        return None
+    record = RECORD.validate_python(found.pop("record"))
+    return PredictionReply({key: each for key, each in found.items() if not hasattr(record, key)}, record)
+
+
+def predict_study(
+    path: Path, at: Path, progress: Progress, options: StudyOptions = NO_OPTIONS, bare: bool = False
+) -> PredictionReply:
+    """What the calibrated model of a study says at the conditions of a table.
+
+    Where effects have been adopted, the adopted model answers, unless `bare`. Rows of a vault that has been
+    opened for it check the intervals; that is one opening more for each adopted model. Raises BadInput.
+    """
+    start = perf_counter()
+    chosen, outdated = (path, ()) if bare else adopted_study(path, options)
+    with open_study(chosen, options) as study:
+        places = place_units(study.file, study.path, study.effect_files)
+        wanted = read_new_conditions(at, study.file, places, study.problem.measurements)
+        question = Question("predict", asked(without_candidates), lambda found: [found.about_bare], most=1)
+        found, ready = answered(study, last_budget(study), question, progress)
+        opened = bool(study.file.adopted) and len(study.problem.vault.rows) > 0
+        record = prediction(found.posterior, wanted, opened)
+        record, model = replace(record, outdated=outdated), found.posterior.race.prepared.predictor
+        about = framed(ready, found) | {"at": wanted.file, "vault_opened": opening(study, opened)}
+        about |= {"seed": study.file.study.seed, "runs": ready.simulations or model.cost.runs}
+        reply = PredictionReply(about | {"wall_s": perf_counter() - start}, record)
+        whole = reply.document | {"record": files.storable(RECORD.dump_python(record, mode="json"))}
+        files.write_document(files.document_file(study.results, study.path.stem, "predict"), whole)
+        return reply
+
+
+def adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tuple[Path, tuple[str, ...]]:
+    """The study that the last of several adoptions wrote, or the study itself.
+
+    Comes with the effects of an adoption that answers no longer, since the study or its table has changed.
+    """
+    for _ in range(LONGEST_CHAIN):
+        with open_study(path, options) as study:
+            last = files.read_reply(study.results, path.stem, "adopt")
+        if last is None:
+            return path, ()
+        if last.about["digest"] != study.digest[:12]:
+            return path, last.record.decided.named
+        written = path.with_name(Path(last.about["written"]).name)
+        if written == path or not written.is_file():
+            return path, ()
+        path = written
+    return path, ()
+
+
+def opening(study: Study, opened: bool) -> int:
+    """Openings of the vault, with that of this model where it is compared with."""
+    name = f"predict {study.path.stem}"
+    if opened and name not in read_counter(study.results / COUNTER).get(study.drawn_from, []):
+        return record_opening(study.results, study.drawn_from, name)
+    return openings(study.results, study.drawn_from)
+
+
+def prediction(posterior: Posterior, wanted: NewConditions, opened: bool = False) -> PredictionPart:
+    """Predictions at new rows, and checks of their intervals; `opened`: the vault may be compared with."""
+    fitted = posterior.race.prepared.rows
+    known = np.array([name in fitted.names for name in wanted.observable], dtype=np.bool_)
+    lost = [name for name, there in zip(wanted.observable, known, strict=True) if not there]
+    return PredictionPart(
+        rows=tuple(predicted_rows(posterior, wanted, np.flatnonzero(known).tolist())),
+        fitted=check_of(left_out(posterior), ~fitted.censored),
+        held_out=held_out_check(posterior) if opened else None,
+        unlisted=sum(p for hypothesis, p in posterior.probability.items() if hypothesis.beyond),
+        outdated=(),
+        lost=tuple(dict.fromkeys(lost)),
+        constant=wanted.constant,
+    )
+
+
+def predicted_rows(posterior: Posterior, wanted: NewConditions, chosen: list[int]) -> Iterator[PredictedPart]:
+    """Predictions of some of the wanted rows, in the units of the observables."""
+    race, table = posterior.race, posterior.race.prepared.problem.visible()
+    names, at = [wanted.observable[i] for i in chosen], {k: c[chosen] for k, c in wanted.conditions.items()}
+    place = elsewhere(race, new_rows(race.prepared, NewConditions(tuple(names), at)))
+    told, fit = forecast(posterior, place), race.fits[Hypothesis(())]
+    model = place.model.sure_mean((), fit.v)[fit.mean.size :]
+    units = dict(zip(table.observable, table.unit, strict=True))
+    means, single = told.intervals(told.mean), told.intervals(told.measured)
+    for k, (i, mean, measured) in enumerate(zip(chosen, means, single, strict=True)):
+        observable = place.rows.observable_at(k)
+        yield PredictedPart(
+            line=wanted.lines[i] if wanted.lines else i + 1,
+            observable=names[k],
+            conditions=dict(wanted.written[i]) if wanted.written else place.rows.conditions_at(k),
+            condition_units={name: scale.unit for name, scale in wanted.scales.items()},
+            unit=units[names[k]],
+            **asdict(mean),
+            model=float(from_scale(observable, model[k : k + 1])[0]),
+            measured_low=min(mean.low, measured.low),  # both are quantiles of draws
+            measured_high=max(mean.high, measured.high),
+            outside=dict(beyond(table, names[k], wanted, i)),
+        )
+
+
+def beyond(
+    table: Measurements, observable: str, wanted: NewConditions, row: int
+) -> Iterator[tuple[str, float]]:
+    """Conditions of a new row outside the range in which its observable was measured, with its end."""
+    own = np.array(table.observable) == observable
+    for name, column in wanted.conditions.items():
+        measured = table.conditions[name][own]
+        measured, value = measured[np.isfinite(measured)], float(column[row])
+        if not measured.size or not np.isfinite(value):
+            continue
+        end = float(np.clip(value, measured.min(), measured.max()))
+        if abs(value - end) > 1e-9 * np.abs(measured).max():
+            scale = wanted.scales.get(name, table.table_units.conditions.get(name, Scale()))
+            yield name, scale.written(end)
+
+
+def held_out_check(posterior: Posterior) -> CheckPart | None:
+    """Held-out rows inside their intervals."""
+    rows = held_out_rows(posterior.race.prepared)
+    if rows is None:
+        return None
+    place = elsewhere(posterior.race, rows)
+    return check_of(below(forecast(posterior, place), place), ~rows.censored)
+
+
+def check_of(below: Floats, counted: Bools) -> CheckPart:
+    """Count of measured values inside their intervals, from the share of the prediction below each."""
+    own = below[counted & np.isfinite(below)]
+    inside = int(np.sum(np.abs(own - 0.5) <= 0.5 * SHARE))
+    return CheckPart(own.size, inside, float(stats.binom.cdf(inside, own.size, SHARE)) if own.size else nan)
