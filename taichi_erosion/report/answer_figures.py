@@ -49,6 +49,7 @@ from taichi_erosion.report.pictures.measured_marks import (
     value_range,
 )
 
+MODELS = {"before": BEFORE, "after": AFTER}
 LETTERS = 6.0  # of a label per inch of the figure
 LINE, MARGIN = 0.2, 0.55  # heights of a line of a chart, and of its axis [in]
 
@@ -78,6 +79,11 @@ def points_of(record: Record, voc: Vocabulary, observable: str, axis: str) -> pd
     return table.loc[own].sort_values("x", kind="stable")
 
 
+def key(record: Record) -> tuple[str, str, str]:
+    """What is drawn beside each other: measured, the model before and after; empty where nothing is added."""
+    return page_words.MEASURED, page_words.BARE, page_words.added_words(record)
+
+
 def row_text(record: Record, voc: Vocabulary, place: int) -> str:
     """Everything about one row: measured, predicted, conditions."""
     rows, name, units = record.rows, record.rows.observable[place], voc.units
@@ -93,13 +99,13 @@ def row_text(record: Record, voc: Vocabulary, place: int) -> str:
 def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, number: int) -> Picture:
     """Measured values with both models, and what they leave, along one condition."""
     points = points_of(record, voc, observable, axis)
-    models = {"before": BEFORE} | ({"after": AFTER} if page_words.added_words(record) else {})
+    labels = {name: label for name, label in zip(MODELS, key(record)[1:], strict=True) if label}
     x, y, sd = (points[name].to_numpy() for name in ("x", "measured", "sd"))
     error = ONE_SIDED * np.nan_to_num(sd)
-    gaps = {key: y - points[key].to_numpy() for key in models}
-    shown = value_range(points[["measured", *models]].to_numpy().ravel(), np.append(y - error, y + error))
+    gaps = {key: y - points[key].to_numpy() for key in labels}
+    shown = value_range(points[["measured", *labels]].to_numpy().ravel(), np.append(y - error, y + error))
     texts = hover_texts(list(points["text"]), y, shown)
-    texts |= {key: list(points["text"]) for key in models}
+    texts |= {key: list(points["text"]) for key in labels}
 
     def draw(width: float) -> Figure:
         columns, share = (2, 1.0) if width == WIDE else (1, 0.7)  # lower on a phone: one above the other
@@ -107,9 +113,10 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
         values.errorbar(x, y, error, fmt="none", ecolor=INK, elinewidth=0.9)
         draw_points(values, x, y, shown)
         residuals.axhline(0.0, color=SOFT, lw=0.8)
-        for key, colour in models.items():
-            values.plot(x, points[key], "_", ms=9.0, mew=1.8, color=colour, gid=f"layer:{key}")
-            residuals.plot(x, gaps[key], "o", ms=4.0, color=colour, gid=f"rows:{key}")
+        for name, label in labels.items():
+            dash = {"ls": "", "marker": "_", "ms": 9.0, "mew": 1.8, "label": label}
+            values.plot(x, points[name], color=MODELS[name], gid=f"layer:{name}", **dash)
+            residuals.plot(x, gaps[name], "o", ms=4.0, color=MODELS[name], gid=f"rows:{name}")
         for frame, title in ((values, observable), (residuals, page_words.RESIDUAL)):
             scale_axis(frame, "x", x)
             frame.set_xlabel(heading(axis or "row", voc.units.condition_unit(axis)))
@@ -132,7 +139,8 @@ def marked(values: Floats, shown: ValueRange) -> Iterator[tuple[str, Bools]]:
 def draw_points(frame: Axes, x: Floats, y: Floats, shown: ValueRange) -> None:
     """Measured values; one beyond the axis stands at its edge, with its value if no other is there."""
     for kind, own in marked(y, shown):
-        at, style = edge_of(shown, kind, y[own]), DOTS | {"marker": "o"}
+        label = "" if kind else page_words.MEASURED
+        at, style = edge_of(shown, kind, y[own]), DOTS | {"marker": "o", "label": label}
         draw_marks(frame, x[own], at, kind, style, f"rows:measured#{kind}")
         if kind and own.sum() == 1:
             draw_edge_texts(frame, x[own], [plain(float(y[own][0]))], kind)
