@@ -2,9 +2,10 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, Union, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, Union, Unpack
 
 from taichi_erosion.api.notebook import frame, html, progress
 from taichi_erosion.api.runs import PathLike
@@ -15,12 +16,15 @@ from taichi_erosion.evidence.data.number_words import heading
 if TYPE_CHECKING:
     import pandas as pd
 
+    from taichi_erosion.evidence.answers.files import Reply
     from taichi_erosion.evidence.data.table_units import TableUnits
     from taichi_erosion.evidence.models.load_study import StudyOptions
+    from taichi_erosion.evidence.race.record import ExperimentPart, LawPart, Record
     from taichi_erosion.report.figure_style import Figure
 
 Document = Mapping[str, Any]
-Progress = Callable[[str, float], None]  # (words, share done [1])
+Report = Callable[[str, float], None]  # (words, share done [1])
+Kind = TypeVar("Kind", bound="ReplyResult")
 TableLike = Union[PathLike, Mapping[str, Sequence[Any]], "pd.DataFrame"]
 
 
@@ -32,45 +36,45 @@ class StatedGrains(TypedDict, total=False):
     grains: int  # of a run
 
 
-def row_frame(rows: Document | None, units: "TableUnits") -> "pd.DataFrame":
-    """Measured and modelled values in the units of the table, one row of measurements a row.
-
-    The headings of conditions have their units; without rows the table is empty.
-    """
-    if not rows:
-        return frame([])
-    names = rows["observable"]
-    columns = {"observable": names, "unit": [units.value_unit(name) or "1" for name in names]}
-    for key in ("measured", "measured_sd", "predicted", "predicted_sd"):
-        columns[key] = [units.value(name, number) for name, number in zip(names, rows[key], strict=True)]
-    for name, numbers in rows["conditions"].items():
-        columns[heading(name, units.condition_unit(name))] = [
-            None if number is None else units.condition(name, number) for number in numbers
-        ]
-    return frame(dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True))
-
-
 @dataclass(frozen=True, repr=False)
 class Result:
-    """Answer to a command of the loop: its document as `--json` prints it, with the rows of its figures."""
+    """Answer to a command of the loop, with the document that `--json` prints."""
 
     study: Path
     document: Document
 
     @property
-    def sentences(self) -> list[str]:
-        """What was found, in plain sentences."""
-        return [python_words(each) for each in (*self.document.get("set_up", ()), *self.found)]
-
-    @property
     def found(self) -> list[str]:
-        """Sentences of this command."""
-        return []
+        """What was found, in plain sentences; what is wrong with the set-up comes first."""
+        return [python_words(each) for each in (*self.document.get("set_up", ()), *self.lines())]
+
+    def lines(self) -> Sequence[str]:
+        """Sentences of this command, as the command line prints them."""
+        raise NotImplementedError
 
     @property
     def table(self) -> "pd.DataFrame":
         """Main table of the answer."""
-        return row_frame(self.document.get("rows"), self.units)
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        first = next(iter(self.found), "nothing found")
+        return f"{type(self).__name__}({self.study}: {first})"
+
+    def _repr_html_(self) -> str:
+        return html(self.document["title"] or str(self.study), self.found, [self.table])
+
+
+@dataclass(frozen=True, repr=False)
+class ReplyResult(Result):
+    """Answer with its record, from which tables and figures are made."""
+
+    reply: "Reply"
+
+    @property
+    def record(self) -> "Record":
+        """All numbers of the answer, in the units of the model."""
+        return self.reply.record
 
     @property
     def units(self) -> "TableUnits":
@@ -79,99 +83,98 @@ class Result:
 
         return TableUnits.of(self.document)
 
+    @property
+    def rows(self) -> "pd.DataFrame":
+        """Fitted rows in the units of the table: measured, and the model before and after."""
+        import pandas as pd
+
+        rows, units = self.record.rows, self.units
+        columns = {"observable": rows.observable, "unit": [unit_of(units, name) for name in rows.observable]}
+        for key in ("measured", "sd", "before", "after"):
+            pairs = zip(rows.observable, getattr(rows, key), strict=True)
+            columns[key] = [units.value(name, number) for name, number in pairs]
+        for name, numbers in rows.conditions.items():
+            columns[condition_heading(units, name)] = [units.condition(name, number) for number in numbers]
+        return pd.DataFrame(columns)
+
+    def lines(self) -> Sequence[str]:
+        return self.reply.answer().lines
+
     def figure(self) -> "Figure":
         """First figure of the study's page: measured values and the model before and after."""
-        from taichi_erosion.report.evidence_page import first_figure
+        from taichi_erosion.report.study_page import first_figure
 
-        return first_figure(self.study)
-
-    def __repr__(self) -> str:
-        first = next(iter(self.sentences), "nothing found")
-        return f"{type(self).__name__}({self.study}: {first})"
-
-    def _repr_html_(self) -> str:
-        return html(self.document["title"] or str(self.study), self.sentences, [self.table])
+        return first_figure(self.reply)
 
 
 @dataclass(frozen=True, repr=False)
-class ComparisonResult(Result):
+class ComparisonResult(ReplyResult):
     """Where the calibrated model fails."""
 
     @property
-    def found(self) -> list[str]:
-        from taichi_erosion.evidence.answers.agreement_words import comparison_sentences
-
-        return comparison_sentences(self.document)
-
-    @property
-    def p(self) -> float | None:
-        """Probability of so large a misfit if nothing is missing; None where the scatter is not known [1]."""
-        return self.document["p"]
+    def p(self) -> float:
+        """Probability of so large a misfit if nothing is missing; NaN where the scatter is not known [1]."""
+        return self.record.fit.p_before
 
     @property
-    def misfit(self) -> "pd.DataFrame":
-        """Misfit of every observable; `rmse` and `bias` in the unit of the table."""
-        units = self.units
-        rows = (
-            {
-                **{"observable": name, "unit": units.value_unit(name) or "1", **each},
-                **{key: units.value(name, each[key]) for key in ("rmse", "bias")},
-            }
-            for name, each in self.document["observables"].items()
-        )
-        return frame(rows).set_index("observable")
+    def table(self) -> "pd.DataFrame":
+        """Misfit of every observable in its unit; `bias` is the mean of measured less predicted."""
+        rows = self.rows
+        gaps = rows.assign(gap=rows["measured"] - rows["before"]).groupby(["observable", "unit"], sort=False)
+        found = gaps["gap"].agg(n="size", rmse=lambda gap: (gap**2).mean() ** 0.5, bias="mean")
+        return found.reset_index("unit")
 
 
 @dataclass(frozen=True, repr=False)
-class DiscoveryResult(Result):
+class DiscoveryResult(ReplyResult):
     """Which effect is missing."""
-
-    @property
-    def found(self) -> list[str]:
-        return list(self.document["sentences"])
 
     @property
     def named(self) -> list[str]:
         """Effects that are missing; empty where none is sure."""
-        return list(self.document["named"])
+        return list(self.record.decided.named)
+
+    @property
+    def probabilities(self) -> dict[str, float]:
+        """Probability of every explanation: `none`, `outside_library`, an effect, or a set `a+b` [1]."""
+        return dict(self.record.decided.probabilities)
+
+    @property
+    def law(self) -> "LawPart | None":
+        """Law of what is missing beyond one strength; None where there is none."""
+        return self.record.law
 
     @property
     def table(self) -> "pd.DataFrame":
-        """Candidates, the likeliest first: status, strength [1] with its 90 % interval, probability [1]."""
-        strength = ("strength", "strength_low", "strength_high")
-        keys = ("status", *strength, "probability", "log_bayes_factor", "power")
-        found = self.document["effects"].items()
-        rows = ({"effect": name, **{key: each.get(key) for key in keys}} for name, each in found)
-        table = frame(rows, dict.fromkeys(keys[1:], "1")).set_index("effect")
+        """Candidates, the likeliest first; strengths [1] where they act, with 90 % intervals.
+
+        A strength above `limit` is excluded with 95 %; one below `unseen_below` could act and not be seen.
+        """
+        rows = (
+            {"effect": name, "status": each.status, "probability": each.probability}
+            | {"strength": each.strength.value, "low": each.strength.low, "high": each.strength.high}
+            | {key: getattr(each, key) for key in ("limit", "unseen_below", "log_bayes_factor")}
+            for name, each in self.record.effects.items()
+        )
+        table = frame(rows, columns=("effect", "status", "probability")).set_index("effect")
         return table.sort_values("probability", ascending=False)
 
     effects = table
 
 
 @dataclass(frozen=True, repr=False)
-class AdoptionResult(Result):
-    """Error on fitted and held-out rows before and after effects are added, beside controls."""
-
-    @property
-    def found(self) -> list[str]:
-        return [self.document["sentence"]]
+class AdoptionResult(ReplyResult):
+    """Error on fitted and held-out rows before and after effects are added, beside a control."""
 
     @property
     def table(self) -> "pd.DataFrame":
-        """chi2 per row of every model, and the error of the held-out rows in the units of the table."""
-        units = self.units
-        labels = {"base": "before", "added": "after", "with_all": "with all that was named"}
-        labels |= {"best_wrong": "control: best other effect", "random_wrong": "control: drawn at random"}
-        rows = (
-            {"model": label, "fitted": fit["chi2_per_row"], "held_out": fit["vault_chi2_per_row"]}
-            | {
-                f"rmse of held-out {heading(name, units.value_unit(name))}": units.value(name, error)
-                for name, error in (fit["vault_rmse"] or {}).items()
-            }
-            for key, label in labels.items()
-            if (fit := self.document.get(key))
-        )
-        return frame(rows, {"fitted": "1", "held_out": "1"}).set_index("model")
+        """Misfit per row, 1 is chance, of every model; NaN where it is not known [1]."""
+        import pandas as pd
+
+        fit, held = self.record.fit, self.record.held_out
+        unseen = (held.before, held.after, held.wrong) if held else (nan, nan, nan)
+        fitted = (fit.chi2_before / fit.n, fit.chi2_after / fit.n, nan)
+        return pd.DataFrame({"fitted": fitted, "held_out": unseen}, ["before", "after", "control"])
 
     @property
     def files(self) -> list[Path]:
@@ -180,26 +183,45 @@ class AdoptionResult(Result):
 
 
 @dataclass(frozen=True, repr=False)
-class ExperimentsResult(Result):
+class ExperimentsResult(ReplyResult):
     """Experiments that would decide."""
 
     @property
-    def found(self) -> list[str]:
-        return [self.document["sentence"]] if self.document["sentence"] else []
-
-    @property
     def table(self) -> "pd.DataFrame":
-        """Proposed experiments, the best first."""
-        return frame(dict(each) for each in self.document["next_experiments"])
+        """Proposed experiments, the best first, with what each explanation expects, in units of the table."""
+        return frame(
+            (experiment_row(each, self.units) for each in self.record.experiments),
+            columns=("observable", "unit", "chance", "cost"),
+        )
+
+
+def experiment_row(found: "ExperimentPart", units: "TableUnits") -> dict[str, Any]:
+    """An experiment in the units of the table; columns of what is expected are named by the explanation."""
+    name, at = found.observable, found.conditions.items()
+    row: dict[str, Any] = {"observable": name, "unit": unit_of(units, name)}
+    row |= {condition_heading(units, condition): units.condition(condition, x) for condition, x in at}
+    for key, expected in found.predictions.items():
+        ends = {key: expected.value, f"{key} low": expected.low, f"{key} high": expected.high}
+        row |= {column: units.value(name, number) for column, number in ends.items()}
+    return row | {"chance": found.chance, "cost": found.cost}
+
+
+def unit_of(units: "TableUnits", observable: str) -> str:
+    """Unit of an observable, `1` for a pure number."""
+    return units.value_unit(observable) or "1"
+
+
+def condition_heading(units: "TableUnits", name: str) -> str:
+    """`diameter [mm]`."""
+    return heading(name, units.condition_unit(name))
 
 
 @dataclass(frozen=True, repr=False)
 class PredictionResult(Result):
     """What the calibrated, adopted model says at new conditions."""
 
-    @property
-    def found(self) -> list[str]:
-        return list(self.document["sentences"])
+    def lines(self) -> Sequence[str]:
+        return self.document["sentences"]
 
     @property
     def table(self) -> "pd.DataFrame":
@@ -248,13 +270,13 @@ class Study:
         """Calibrate the model, and find where it still fails."""
         from taichi_erosion.evidence.answers.commands import compare_study
 
-        return ComparisonResult(self.path, self.answered("comparing", compare_study))
+        return self.answered(ComparisonResult, "comparing", compare_study)
 
     def discover(self) -> DiscoveryResult:
         """Find the missing effect."""
         from taichi_erosion.evidence.answers.commands import discover_study
 
-        return DiscoveryResult(self.path, self.answered("discovering", discover_study))
+        return self.answered(DiscoveryResult, "discovering", discover_study)
 
     def adopt(self, *effects: str | Sequence[str], force: bool = False) -> AdoptionResult:
         """Add effects, by names or lists of names; calibrate again, open the vault.
@@ -267,16 +289,16 @@ class Study:
         if not names:
             raise BadInput("adopt: name the effects to add")
 
-        document = self.answered(
-            "adopting", lambda path, report, options: adopt_study(path, names, report, options, force)
-        )
-        return AdoptionResult(self.path, document)
+        def adopt(path: Path, report: Report, options: "StudyOptions") -> "Reply":
+            return adopt_study(path, names, report, options, force)
+
+        return self.answered(AdoptionResult, "adopting", adopt)
 
     def next(self) -> ExperimentsResult:
         """Find the cheapest experiments that tell the named explanation from its rivals."""
         from taichi_erosion.evidence.answers.commands import next_study
 
-        return ExperimentsResult(self.path, self.answered("planning", next_study))
+        return self.answered(ExperimentsResult, "planning", next_study)
 
     def predict(self, table: TableLike, *, bare: bool = False) -> PredictionResult:
         """What the calibrated model says at the conditions of a table, with 90 % intervals.
@@ -290,9 +312,10 @@ class Study:
         with TemporaryDirectory() as folder:
             file = table_file(table, Path(folder) / "conditions")
 
-            document = self.answered(
-                "predicting", lambda path, report, options: predict_study(path, file, report, options, bare)
-            )
+            with progress("predicting") as report:
+                document = predict_study(
+                    self.path, file, lambda words, share: report(share, words), self.options, bare
+                )
             return PredictionResult(self.path, document)
 
     def report(self, to: PathLike | None = None) -> Path:
@@ -301,10 +324,13 @@ class Study:
 
         return write_report(self.path, None if to is None else Path(to), True)
 
-    def answered(self, title: str, command: Callable[[Path, Progress, "StudyOptions"], Document]) -> Document:
-        """Document of a command, with a progress bar."""
+    def answered(
+        self, kind: type[Kind], title: str, command: Callable[[Path, Report, "StudyOptions"], "Reply"]
+    ) -> Kind:
+        """Result of a command, with a progress bar."""
         with progress(title) as report:
-            return command(self.path, lambda words, share: report(share, words), self.options)
+            reply = command(self.path, lambda words, share: report(share, words), self.options)
+        return kind(self.path, reply.document, reply)
 
 
 @in_python

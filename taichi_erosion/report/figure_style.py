@@ -64,10 +64,10 @@ class Picture:
     """Figure of a page: an SVG element, or the data address of a picture file, and its description."""
 
     description: str
-    name: str = ""
     address: str = ""
     svg: str = ""
     narrow: str = ""  # the same for a phone, where it is drawn anew
+    name: str = ""
     figure: Figure | None = field(default=None, compare=False)  # source of `svg`; None for a picture file
 
 
@@ -82,7 +82,7 @@ def picture(
     """Figure as SVG element; equal figures give equal texts."""
     svg = inline_svg(figure, name, texts or {})
     plt.close(figure)
-    return Picture(description, name, svg=svg, figure=figure)
+    return Picture(description, svg=svg, name=name, figure=figure)
 
 
 def responsive(
