@@ -23,7 +23,8 @@ def many_rows() -> RowsPart:
     after = before + 60.0 * wet
     measured = after + sd * np.sin(np.arange(30.0))
     measured[4] = 400.0
-    return RowsPart(("repose_angle",) * 30, {"moisture": wet, "diameter": size}, measured, sd, before, after)
+    conditions = {"moisture": wet, "diameter": size}
+    return RowsPart(("repose_angle",) * 30, conditions, measured, measured, measured, sd, before, after)
 
 
 NARROW = {

@@ -91,3 +91,19 @@ def test_a_recording_holds_the_lines_the_tables_and_the_figures(study):
         "numbers",
     }
     assert {"/summary", "/table"} <= entities
+
+
+def test_limits_are_drawn_and_told_as_limits(study):
+    table = study.with_name("heap.csv")
+    heading, *rows = table.read_text("utf-8").splitlines()
+    cells = [row.split(",") for row in rows]
+    lowest = min((row for row in cells if row[0] == "repose_angle"), key=lambda row: float(row[1]))
+    alike = [row for row in cells if (row[0], row[4]) == ("repose_angle", lowest[4])]
+    for row, value in zip(alike, ("<60", "10..50", ">5"), strict=True):
+        row[1] = value
+    table.write_text("\n".join([heading, *map(",".join, cells)]) + "\n", "utf-8")
+    study.write_text(study.read_text("utf-8").replace("fraction = 0.3", "fraction = 0.0"), "utf-8")
+    compare_study(study, silent)
+    page = write_report(study).read_text("utf-8")
+    for words in ("below 60 deg", "between 10 deg and 50 deg", "above 5 deg"):
+        assert f"measured {words}" in page
