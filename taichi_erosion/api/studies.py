@@ -2,29 +2,32 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, Union, Unpack
 
-from taichi_erosion.api.notebook import frame, html, progress
+from taichi_erosion.api.notebook import progress
+from taichi_erosion.api.results import (
+    AdoptionResult,
+    ComparisonResult,
+    DiscoveryResult,
+    ExperimentsResult,
+    PredictionResult,
+    Result,
+)
 from taichi_erosion.api.runs import PathLike
-from taichi_erosion.api.wording import all_in_python, in_python, python_words
+from taichi_erosion.api.wording import all_in_python, in_python
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.number_words import heading
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from taichi_erosion.evidence.answers.files import Reply
-    from taichi_erosion.evidence.data.table_units import TableUnits
     from taichi_erosion.evidence.models.load_study import StudyOptions
-    from taichi_erosion.evidence.race.record import ExperimentPart, LawPart, Record
-    from taichi_erosion.report.figure_style import Figure
 
 Document = Mapping[str, Any]
 Report = Callable[[str, float], None]  # (words, share done [1])
-Kind = TypeVar("Kind", bound="ReplyResult")
+Kind = TypeVar("Kind", bound=Result)
 TableLike = Union[PathLike, Mapping[str, Sequence[Any]], "pd.DataFrame"]
 
 
@@ -34,208 +37,6 @@ class StatedGrains(TypedDict, total=False):
     diameter: str  # with its unit
     density: str  # with its unit
     grains: int  # of a run
-
-
-@dataclass(frozen=True, repr=False)
-class Result:
-    """Answer to a command of the loop, with the document that `--json` prints."""
-
-    study: Path
-    document: Document
-
-    @property
-    def found(self) -> list[str]:
-        """What was found, in plain sentences; what is wrong with the set-up comes first."""
-        return [python_words(each) for each in (*self.document.get("set_up", ()), *self.lines())]
-
-    def lines(self) -> Sequence[str]:
-        """Sentences of this command, as the command line prints them."""
-        raise NotImplementedError
-
-    @property
-    def table(self) -> "pd.DataFrame":
-        """Main table of the answer."""
-        raise NotImplementedError
-
-    def __repr__(self) -> str:
-        first = next(iter(self.found), "nothing found")
-        return f"{type(self).__name__}({self.study}: {first})"
-
-    def _repr_html_(self) -> str:
-        return html(self.document["title"] or str(self.study), self.found, [self.table])
-
-
-@dataclass(frozen=True, repr=False)
-class ReplyResult(Result):
-    """Answer with its record, from which tables and figures are made."""
-
-    reply: "Reply"
-
-    @property
-    def record(self) -> "Record":
-        """All numbers of the answer, in the units of the model."""
-        return self.reply.record
-
-    @property
-    def units(self) -> "TableUnits":
-        """Units in which the study's table has values and conditions."""
-        from taichi_erosion.evidence.data.table_units import TableUnits
-
-        return TableUnits.of(self.document)
-
-    @property
-    def rows(self) -> "pd.DataFrame":
-        """Fitted rows in the units of the table: measured, and the model before and after."""
-        import pandas as pd
-
-        rows, units = self.record.rows, self.units
-        columns = {"observable": rows.observable, "unit": [unit_of(units, name) for name in rows.observable]}
-        for key in ("measured", "sd", "before", "after"):
-            pairs = zip(rows.observable, getattr(rows, key), strict=True)
-            columns[key] = [units.value(name, number) for name, number in pairs]
-        for name, numbers in rows.conditions.items():
-            columns[condition_heading(units, name)] = [units.condition(name, number) for number in numbers]
-        return pd.DataFrame(columns)
-
-    def lines(self) -> Sequence[str]:
-        return self.reply.answer().lines
-
-    def figure(self) -> "Figure":
-        """First figure of the study's page: measured values and the model before and after."""
-        from taichi_erosion.report.study_page import first_figure
-
-        return first_figure(self.reply)
-
-
-@dataclass(frozen=True, repr=False)
-class ComparisonResult(ReplyResult):
-    """Where the calibrated model fails."""
-
-    @property
-    def p(self) -> float:
-        """Probability of so large a misfit if nothing is missing; NaN where the scatter is not known [1]."""
-        return self.record.fit.p_before
-
-    @property
-    def table(self) -> "pd.DataFrame":
-        """Misfit of every observable in its unit; `bias` is the mean of measured less predicted."""
-        rows = self.rows
-        gaps = rows.assign(gap=rows["measured"] - rows["before"]).groupby(["observable", "unit"], sort=False)
-        found = gaps["gap"].agg(n="size", rmse=lambda gap: (gap**2).mean() ** 0.5, bias="mean")
-        return found.reset_index("unit")
-
-
-@dataclass(frozen=True, repr=False)
-class DiscoveryResult(ReplyResult):
-    """Which effect is missing."""
-
-    @property
-    def named(self) -> list[str]:
-        """Effects that are missing; empty where none is sure."""
-        return list(self.record.decided.named)
-
-    @property
-    def probabilities(self) -> dict[str, float]:
-        """Probability of every explanation: `none`, `outside_library`, an effect, or a set `a+b` [1]."""
-        return dict(self.record.decided.probabilities)
-
-    @property
-    def law(self) -> "LawPart | None":
-        """Law of what is missing beyond one strength; None where there is none."""
-        return self.record.law
-
-    @property
-    def table(self) -> "pd.DataFrame":
-        """Candidates, the likeliest first; strengths [1] where they act, with 90 % intervals.
-
-        A strength above `limit` is excluded with 95 %; one below `unseen_below` could act and not be seen.
-        """
-        rows = (
-            {"effect": name, "status": each.status, "probability": each.probability}
-            | {"strength": each.strength.value, "low": each.strength.low, "high": each.strength.high}
-            | {key: getattr(each, key) for key in ("limit", "unseen_below", "log_bayes_factor")}
-            for name, each in self.record.effects.items()
-        )
-        table = frame(rows, columns=("effect", "status", "probability")).set_index("effect")
-        return table.sort_values("probability", ascending=False)
-
-    effects = table
-
-
-@dataclass(frozen=True, repr=False)
-class AdoptionResult(ReplyResult):
-    """Error on fitted and held-out rows before and after effects are added, beside a control."""
-
-    @property
-    def table(self) -> "pd.DataFrame":
-        """Misfit per row, 1 is chance, of every model; NaN where it is not known [1]."""
-        import pandas as pd
-
-        fit, held = self.record.fit, self.record.held_out
-        unseen = (held.before, held.after, held.wrong) if held else (nan, nan, nan)
-        fitted = (fit.chi2_before / fit.n, fit.chi2_after / fit.n, nan)
-        return pd.DataFrame({"fitted": fitted, "held_out": unseen}, ["before", "after", "control"])
-
-    @property
-    def files(self) -> list[Path]:
-        """Files that were written, the new study first."""
-        return [Path(file) for file in self.document["files"]]
-
-
-@dataclass(frozen=True, repr=False)
-class ExperimentsResult(ReplyResult):
-    """Experiments that would decide."""
-
-    @property
-    def table(self) -> "pd.DataFrame":
-        """Proposed experiments, the best first, with what each explanation expects, in units of the table."""
-        return frame(
-            (experiment_row(each, self.units) for each in self.record.experiments),
-            columns=("observable", "unit", "chance", "cost"),
-        )
-
-
-def experiment_row(found: "ExperimentPart", units: "TableUnits") -> dict[str, Any]:
-    """An experiment in the units of the table; columns of what is expected are named by the explanation."""
-    name, at = found.observable, found.conditions.items()
-    row: dict[str, Any] = {"observable": name, "unit": unit_of(units, name)}
-    row |= {condition_heading(units, condition): units.condition(condition, x) for condition, x in at}
-    for key, expected in found.predictions.items():
-        ends = {key: expected.value, f"{key} low": expected.low, f"{key} high": expected.high}
-        row |= {column: units.value(name, number) for column, number in ends.items()}
-    return row | {"chance": found.chance, "cost": found.cost}
-
-
-def unit_of(units: "TableUnits", observable: str) -> str:
-    """Unit of an observable, `1` for a pure number."""
-    return units.value_unit(observable) or "1"
-
-
-def condition_heading(units: "TableUnits", name: str) -> str:
-    """`diameter [mm]`."""
-    return heading(name, units.condition_unit(name))
-
-
-@dataclass(frozen=True, repr=False)
-class PredictionResult(Result):
-    """What the calibrated, adopted model says at new conditions."""
-
-    def lines(self) -> Sequence[str]:
-        return self.document["sentences"]
-
-    @property
-    def table(self) -> "pd.DataFrame":
-        """Predictions in the units of the observables, one row each, conditions as the table had them.
-
-        `low` and `high` are the 90 % interval of what many repeats give on average, `measured_low` and
-        `measured_high` that of one measurement; `model` is the calibrated model alone.
-        """
-        keys = ("model", "value", "low", "high", "measured_low", "measured_high", "unit")
-        return frame(
-            {"observable": row["observable"], **row["conditions"], **{key: row[key] for key in keys}}
-            | {"outside": "; ".join(row["outside"])}
-            for row in self.document["rows"]
-        )
 
 
 @all_in_python
@@ -307,16 +108,15 @@ class Study:
         model answers where effects have been adopted, unless `bare`. Raises BadInput with all faults of
         the table.
         """
-        from taichi_erosion.evidence.prediction.commands import predict_study
+        from taichi_erosion.evidence.answers.predictions import predict_study
 
         with TemporaryDirectory() as folder:
             file = table_file(table, Path(folder) / "conditions")
 
-            with progress("predicting") as report:
-                document = predict_study(
-                    self.path, file, lambda words, share: report(share, words), self.options, bare
-                )
-            return PredictionResult(self.path, document)
+            def predict(path: Path, report: Report, options: "StudyOptions") -> Any:
+                return predict_study(path, file, report, options, bare)
+
+            return self.answered(PredictionResult, "predicting", predict)
 
     def report(self, to: PathLike | None = None) -> Path:
         """Write the page of all answers (HTML). Raises BadInput before the first answer."""
@@ -325,12 +125,13 @@ class Study:
         return write_report(self.path, None if to is None else Path(to), True)
 
     def answered(
-        self, kind: type[Kind], title: str, command: Callable[[Path, Report, "StudyOptions"], "Reply"]
+        self, kind: type[Kind], title: str, command: Callable[[Path, Report, "StudyOptions"], Any]
     ) -> Kind:
         """Result of a command, with a progress bar."""
         with progress(title) as report:
-            reply = command(self.path, lambda words, share: report(share, words), self.options)
-        return kind(self.path, reply.document, reply)
+            return kind(
+                self.path, command(self.path, lambda words, share: report(share, words), self.options)
+            )
 
 
 @in_python

@@ -43,7 +43,7 @@ class AnswerPage:
     made: str
     warnings: Sequence[str]  # before everything else
     lead: Sequence[str]
-    first: Picture | None  # None where the scatter of no row is known
+    first: Picture
     key: tuple[str, str, str]  # of the first picture: measured, both models
     sections: Sequence[Section]
     method_title: str
@@ -63,8 +63,8 @@ def answer_page(
     voc, told = portable(vocabulary), leading(records)
     found = page_words.answers(records, voc)
     parts = page_words.page_lines(found)
-    rows = row_pictures(told, voc)
-    drawn = (missing_pictures(told, voc, found), [*holding_pictures(records, told), *rows[1:]], [])
+    first, *others = row_pictures(told, voc)
+    drawn = (missing_pictures(told, voc, found), [*holding_pictures(records, told), *others], [])
     lead = 1 + bool(told.repeats)  # repeats that disagree stand before what was found
     lines = parts[0][lead:], *parts[1:]
     tables = ([found[key].table for key in keys if key in found] for keys in TABLES)
@@ -75,7 +75,7 @@ def answer_page(
         made=made({"taichi_erosion": __version__}, f"seed {told.cost.seed}"),
         warnings=warnings,
         lead=parts[0][:lead],
-        first=next(iter(rows), None),
+        first=first,
         key=figures.key(told),
         sections=[
             Section(name, own, [each for each in stated if each], pictures)

@@ -42,7 +42,7 @@ def write_recording(study: Path) -> Path:
         title=page.title,
         summary=summary(page),
         table="\n".join(f"## {each.title}\n\n{markdown_table(each.columns, each.rows)}" for each in tables),
-        figures={each.name: raster(with_key(each)) for each in pictures if each},
+        figures={each.name: raster(with_key(each)) for each in pictures},
         properties={"rows": about["rows_visible"], "held_out": about["rows_hidden"], "seed": seed},
     )
     return record_study(folder_of(study) / f"{study.stem}.{RECORDING}", recorded)
@@ -79,10 +79,9 @@ def stored_replies(study: Path) -> tuple[Replies, list[Command]]:
 
 
 def first_figure(reply: Reply) -> Figure:
-    """Measured values, the model before and after, where it fails most. Raises BadInput without a row."""
-    for place in places(reply.record):
-        return with_key(row_picture(reply.record, reply.vocabulary(), *place, 0))
-    raise BadInput(f"{reply.about['study']}: the scatter of no row is known: add sd or repeats to the table")
+    """Measured values, the model before and after, where it fails most."""
+    place = places(reply.record)[0]
+    return with_key(row_picture(reply.record, reply.vocabulary(), *place, 0))
 
 
 def folder_of(study: Path) -> Path:

@@ -246,8 +246,9 @@ def evidence(rows: LinearRows, u: Floats, steps: int, bad: frozenset[int] = froz
         gain = ODDS - 0.5 * np.log(grown) + 0.5 * extra * residual**2 / grown
         gain[list(bad)] = -np.inf
         gain[rows.scatter < 0] = -np.inf
-        if np.max(gain, initial=0.0) < 1.0 or len(bad) >= most:
+        worst = int(np.argmax(gain))
+        if gain[worst] < 1.0 or len(bad) >= most:
             break
-        bad, u = bad | {int(np.argmax(gain))}, now.u
+        bad, u = bad | {worst}, now.u
     total = now.log_evidence + len(bad) * ODDS + float(np.log1p(np.sum(np.exp(np.minimum(gain, 30.0)))))
     return Evidence(now, bad, total)

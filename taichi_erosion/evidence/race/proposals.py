@@ -60,8 +60,6 @@ def proposals(posterior: Posterior, laboratory: Laboratory) -> Proposed:
     leading = next(iter(weights))
     if sum(p for h, p in posterior.probability.items() if right(leading, h)) >= SURE:
         return Proposed("decided")
-    if not posterior.race.prepared.rows.size:  # no scatter is known
-        return Proposed("undecidable")
     race, rows = posterior.race, possible(posterior.race.prepared, laboratory.ranges)
     place = elsewhere(race, rows)
     cost = np.array([laboratory.costs.get(name, 1.0) for name in rows.names])

@@ -237,9 +237,9 @@ def level_parts(posterior: Posterior) -> Iterator[LevelPart]:
     for index, observable in enumerate(race.prepared.rows.observables):
         for kind in ("level", "zero"):
             sizes = np.concatenate([level_of(each, kind, observable.name) for each in posterior.draws])
+            unit = float(np.median(race.prepared.sd[race.prepared.rows.which == index]))
             chance = float(weight @ (np.abs(sizes) > 0.5)) / float(weight.sum())
             if chance > 0.5:
-                unit = float(np.median(race.prepared.sd[race.prepared.rows.which == index]))
                 factor = kind == "level" and observable.transform != "identity"
                 values = np.exp(unit * sizes) if factor else unit * sizes
                 if kind == "zero":

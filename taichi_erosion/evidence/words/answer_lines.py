@@ -178,8 +178,6 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     keys = list(dict.fromkeys(key for each in record.experiments for key in each.predictions))
     if not keys:
         words = "No measurement within reach would tell the explanations apart any better: stop here."
-        if isnan(record.fit.p_before):
-            words = "No measurement is proposed: the scatter is unknown. Add sd or repeats to the table."
         return framed(Answer((words,), (), (), None), record, voc)
     words = say.joined(map(voc.explanation, keys), "from" if len(keys) == 2 else "and")
     last = f"Add the new rows to the table and give {voc.command('discover', voc.study)} again."
