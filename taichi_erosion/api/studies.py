@@ -129,9 +129,8 @@ class Study:
     ) -> Kind:
         """Result of a command, with a progress bar."""
         with progress(title) as report:
-            return kind(
-                self.path, command(self.path, lambda words, share: report(share, words), self.options)
-            )
+            reply = command(self.path, lambda words, share: report(share, words), self.options)
+        return kind(self.path, reply)
 
 
 @in_python

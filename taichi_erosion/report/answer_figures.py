@@ -146,6 +146,7 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
         return figure
 
     caption = page_words.CAPTIONS["rows"].format(observable=observable, axis=axis or "rows")
+    caption += page_words.CAPTIONS["limits"] * bool((points["limit"] != "").any())
     return responsive(draw, caption, f"rows{number}", texts)
 
 

@@ -107,3 +107,4 @@ def test_limits_are_drawn_and_told_as_limits(study):
     page = write_report(study).read_text("utf-8")
     for words in ("below 60 deg", "between 10 deg and 50 deg", "above 5 deg"):
         assert f"measured {words}" in page
+    assert "Arrow: a limit" in page
