@@ -18,16 +18,15 @@ input raises `BadInput`, a run that its guards stop `SimulationStopped`. Results
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from taichi_erosion.api.runs import Run, effects, open_run, run
-from taichi_erosion.api.studies import (
+from taichi_erosion.api.results import (
     AdoptionResult,
     ComparisonResult,
     DiscoveryResult,
     ExperimentsResult,
-    Study,
-    new_study,
-    study,
+    PredictionResult,
 )
+from taichi_erosion.api.runs import Run, effects, open_run, run
+from taichi_erosion.api.studies import Study, new_study, study
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 
 if TYPE_CHECKING:
@@ -40,6 +39,7 @@ __all__ = [
     "DiscoveryResult",
     "ExperimentsResult",
     "LiveSession",
+    "PredictionResult",
     "Run",
     "SimulationStopped",
     "Study",

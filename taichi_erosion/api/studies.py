@@ -4,24 +4,30 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, Union, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, Union, Unpack
 
-from taichi_erosion.api.notebook import frame, html, progress
-from taichi_erosion.api.predictions import PredictionResult
+from taichi_erosion.api.notebook import progress
+from taichi_erosion.api.results import (
+    AdoptionResult,
+    ComparisonResult,
+    DiscoveryResult,
+    ExperimentsResult,
+    PredictionResult,
+    Result,
+)
 from taichi_erosion.api.runs import PathLike
-from taichi_erosion.api.wording import all_in_python, in_python, python_words
+from taichi_erosion.api.wording import all_in_python, in_python
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.number_words import heading
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from taichi_erosion.evidence.data.table_units import TableUnits
+    from taichi_erosion.evidence.answers.files import Reply
     from taichi_erosion.evidence.models.load_study import StudyOptions
-    from taichi_erosion.report.figure_style import Figure
 
 Document = Mapping[str, Any]
-Progress = Callable[[str, float], None]  # (words, share done [1])
+Report = Callable[[str, float], None]  # (words, share done [1])
+Kind = TypeVar("Kind", bound=Result)
 TableLike = Union[PathLike, Mapping[str, Sequence[Any]], "pd.DataFrame"]
 
 
@@ -31,167 +37,6 @@ class StatedGrains(TypedDict, total=False):
     diameter: str  # with its unit
     density: str  # with its unit
     grains: int  # of a run
-
-
-def row_frame(rows: Document | None, units: "TableUnits") -> "pd.DataFrame":
-    """Measured and modelled values in the units of the table, one row of measurements a row.
-
-    The headings of conditions have their units; without rows the table is empty.
-    """
-    if not rows:
-        return frame([])
-    names = rows["observable"]
-    columns = {"observable": names, "unit": [units.value_unit(name) or "1" for name in names]}
-    for key in ("measured", "measured_sd", "predicted", "predicted_sd"):
-        columns[key] = [units.value(name, number) for name, number in zip(names, rows[key], strict=True)]
-    for name, numbers in rows["conditions"].items():
-        columns[heading(name, units.condition_unit(name))] = [
-            None if number is None else units.condition(name, number) for number in numbers
-        ]
-    return frame(dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True))
-
-
-@dataclass(frozen=True, repr=False)
-class Result:
-    """Answer to a command of the loop: its document as `--json` prints it, with the rows of its figures."""
-
-    study: Path
-    document: Document
-
-    @property
-    def sentences(self) -> list[str]:
-        """What was found, in plain sentences."""
-        return [python_words(each) for each in (*self.document.get("set_up", ()), *self.found)]
-
-    @property
-    def found(self) -> list[str]:
-        """Sentences of this command."""
-        return []
-
-    @property
-    def table(self) -> "pd.DataFrame":
-        """Main table of the answer."""
-        return row_frame(self.document.get("rows"), self.units)
-
-    @property
-    def units(self) -> "TableUnits":
-        """Units in which the study's table has values and conditions."""
-        from taichi_erosion.evidence.data.table_units import TableUnits
-
-        return TableUnits.of(self.document)
-
-    def figure(self) -> "Figure":
-        """First figure of the study's page: measured values and the model before and after."""
-        from taichi_erosion.report.evidence_page import first_figure
-
-        return first_figure(self.study)
-
-    def __repr__(self) -> str:
-        first = next(iter(self.sentences), "nothing found")
-        return f"{type(self).__name__}({self.study}: {first})"
-
-    def _repr_html_(self) -> str:
-        return html(self.document["title"] or str(self.study), self.sentences, [self.table])
-
-
-@dataclass(frozen=True, repr=False)
-class ComparisonResult(Result):
-    """Where the calibrated model fails."""
-
-    @property
-    def found(self) -> list[str]:
-        from taichi_erosion.evidence.answers.agreement_words import comparison_sentences
-
-        return comparison_sentences(self.document)
-
-    @property
-    def p(self) -> float | None:
-        """Probability of so large a misfit if nothing is missing; None where the scatter is not known [1]."""
-        return self.document["p"]
-
-    @property
-    def misfit(self) -> "pd.DataFrame":
-        """Misfit of every observable; `rmse` and `bias` in the unit of the table."""
-        units = self.units
-        rows = (
-            {
-                **{"observable": name, "unit": units.value_unit(name) or "1", **each},
-                **{key: units.value(name, each[key]) for key in ("rmse", "bias")},
-            }
-            for name, each in self.document["observables"].items()
-        )
-        return frame(rows).set_index("observable")
-
-
-@dataclass(frozen=True, repr=False)
-class DiscoveryResult(Result):
-    """Which effect is missing."""
-
-    @property
-    def found(self) -> list[str]:
-        return list(self.document["sentences"])
-
-    @property
-    def named(self) -> list[str]:
-        """Effects that are missing; empty where none is sure."""
-        return list(self.document["named"])
-
-    @property
-    def table(self) -> "pd.DataFrame":
-        """Candidates, the likeliest first: status, strength [1] with its 90 % interval, probability [1]."""
-        strength = ("strength", "strength_low", "strength_high")
-        keys = ("status", *strength, "probability", "log_bayes_factor", "power")
-        found = self.document["effects"].items()
-        rows = ({"effect": name, **{key: each.get(key) for key in keys}} for name, each in found)
-        table = frame(rows, dict.fromkeys(keys[1:], "1")).set_index("effect")
-        return table.sort_values("probability", ascending=False)
-
-    effects = table
-
-
-@dataclass(frozen=True, repr=False)
-class AdoptionResult(Result):
-    """Error on fitted and held-out rows before and after effects are added, beside controls."""
-
-    @property
-    def found(self) -> list[str]:
-        return [self.document["sentence"]]
-
-    @property
-    def table(self) -> "pd.DataFrame":
-        """chi2 per row of every model, and the error of the held-out rows in the units of the table."""
-        units = self.units
-        labels = {"base": "before", "added": "after", "with_all": "with all that was named"}
-        labels |= {"best_wrong": "control: best other effect", "random_wrong": "control: drawn at random"}
-        rows = (
-            {"model": label, "fitted": fit["chi2_per_row"], "held_out": fit["vault_chi2_per_row"]}
-            | {
-                f"rmse of held-out {heading(name, units.value_unit(name))}": units.value(name, error)
-                for name, error in (fit["vault_rmse"] or {}).items()
-            }
-            for key, label in labels.items()
-            if (fit := self.document.get(key))
-        )
-        return frame(rows, {"fitted": "1", "held_out": "1"}).set_index("model")
-
-    @property
-    def files(self) -> list[Path]:
-        """Files that were written, the new study first."""
-        return [Path(file) for file in self.document["files"]]
-
-
-@dataclass(frozen=True, repr=False)
-class ExperimentsResult(Result):
-    """Experiments that would decide."""
-
-    @property
-    def found(self) -> list[str]:
-        return [self.document["sentence"]] if self.document["sentence"] else []
-
-    @property
-    def table(self) -> "pd.DataFrame":
-        """Proposed experiments, the best first."""
-        return frame(dict(each) for each in self.document["next_experiments"])
 
 
 @all_in_python
@@ -226,13 +71,13 @@ class Study:
         """Calibrate the model, and find where it still fails."""
         from taichi_erosion.evidence.answers.commands import compare_study
 
-        return ComparisonResult(self.path, self.answered("comparing", compare_study))
+        return self.answered(ComparisonResult, "comparing", compare_study)
 
     def discover(self) -> DiscoveryResult:
         """Find the missing effect."""
         from taichi_erosion.evidence.answers.commands import discover_study
 
-        return DiscoveryResult(self.path, self.answered("discovering", discover_study))
+        return self.answered(DiscoveryResult, "discovering", discover_study)
 
     def adopt(self, *effects: str | Sequence[str], force: bool = False) -> AdoptionResult:
         """Add effects, by names or lists of names; calibrate again, open the vault.
@@ -245,16 +90,16 @@ class Study:
         if not names:
             raise BadInput("adopt: name the effects to add")
 
-        document = self.answered(
-            "adopting", lambda path, report, options: adopt_study(path, names, report, options, force)
-        )
-        return AdoptionResult(self.path, document)
+        def adopt(path: Path, report: Report, options: "StudyOptions") -> "Reply":
+            return adopt_study(path, names, report, options, force)
+
+        return self.answered(AdoptionResult, "adopting", adopt)
 
     def next(self) -> ExperimentsResult:
         """Find the cheapest experiments that tell the named explanation from its rivals."""
         from taichi_erosion.evidence.answers.commands import next_study
 
-        return ExperimentsResult(self.path, self.answered("planning", next_study))
+        return self.answered(ExperimentsResult, "planning", next_study)
 
     def predict(self, table: TableLike, *, bare: bool = False) -> PredictionResult:
         """What the calibrated model says at the conditions of a table, with 90 % intervals.
@@ -265,13 +110,13 @@ class Study:
         """
         from taichi_erosion.evidence.answers.predictions import predict_study
 
-        with TemporaryDirectory() as folder, progress("predicting") as report:
+        with TemporaryDirectory() as folder:
             file = table_file(table, Path(folder) / "conditions")
 
-            def told(words: str, share: float) -> None:
-                report(share, words)
+            def predict(path: Path, report: Report, options: "StudyOptions") -> Any:
+                return predict_study(path, file, report, options, bare)
 
-            return PredictionResult(self.path, predict_study(self.path, file, told, self.options, bare))
+            return self.answered(PredictionResult, "predicting", predict)
 
     def report(self, to: PathLike | None = None) -> Path:
         """Write the page of all answers (HTML). Raises BadInput before the first answer."""
@@ -279,10 +124,13 @@ class Study:
 
         return write_report(self.path, None if to is None else Path(to), True)
 
-    def answered(self, title: str, command: Callable[[Path, Progress, "StudyOptions"], Document]) -> Document:
-        """Document of a command, with a progress bar."""
+    def answered(
+        self, kind: type[Kind], title: str, command: Callable[[Path, Report, "StudyOptions"], Any]
+    ) -> Kind:
+        """Result of a command, with a progress bar."""
         with progress(title) as report:
-            return command(self.path, lambda words, share: report(share, words), self.options)
+            reply = command(self.path, lambda words, share: report(share, words), self.options)
+        return kind(self.path, reply)
 
 
 @in_python

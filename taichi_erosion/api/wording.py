@@ -16,6 +16,7 @@ Given = ParamSpec("Given")
 Found = TypeVar("Found")
 Kind = TypeVar("Kind", bound=type)
 FILE = r"'?((?<=')[^']+|[^\s']+?)'?(?=;|$)"  # a file as a shell takes it
+PROGRAM = r"(?:(?:\./erosion|taichi-erosion) )?"
 TOML = r"(?:'[^']+\.toml'|\S+\.toml)"  # a study, likewise
 
 KEYWORDS = {  # option of the command line with its value -> keyword of the call
@@ -28,6 +29,7 @@ KEYWORDS = {  # option of the command line with its value -> keyword of the call
     r"--replicas (\d+)": r"replicas=\1",
     r"--arch (\w+)": r'arch="\1"',
     r"--precision (\w+)": r'precision="\1"',
+    r"larger --budget\b": "larger budget",
     r"--budget (\w+(?:\.\w+)?)": r'budget="\1"',
     r"--apparatus (\w+)": r'apparatus="\1"',
     r"--apparatus": "apparatus=NAME",
@@ -36,10 +38,18 @@ KEYWORDS = {  # option of the command line with its value -> keyword of the call
     r"--observable\s+'?([^'\s=]+)=(\w+)'?": r'observables={"\1": "\2"}',
     r"--condition\s+'?([^'\s=]+)=([\w.]+)'?": r'conditions={"\1": "\2"}',
 }
+
+
+def adopt_call(found: re.Match[str]) -> str:
+    """`study.adopt("a", "b")`."""
+    return "study.adopt({})".format(", ".join(f'"{name}"' for name in found[1].split()))
+
+
 CALLS = {  # command -> call
-    r"`?(?:\./erosion )?\b(compare|discover|next|report) " + TOML + "`?": r"study.\1()",
+    f"Go on with ({TOML}): ": r'Go on with study = te.study("\1"): ',
+    rf"`?{PROGRAM}\b(compare|discover|next|report) {TOML}`?": r"study.\1()",
     r"`(compare|discover|next|report)`": r"study.\1()",
-    r"`?(?:\./erosion )?\badopt " + TOML + r" (\w+)`?": r'study.adopt("\1")',
+    rf"`{PROGRAM}adopt {TOML}((?: \w+)+)`": adopt_call,
     r"`adopt`": "study.adopt(...)",
     rf"\./erosion run {FILE}": r'te.run("\1")',
     rf"\./erosion study new {FILE}": r'te.new_study("\1")',

@@ -14,18 +14,18 @@ def write_report(source: Path, to: Path | None = None, force: bool = False) -> P
 
     `force` replaces a file that is not the page of this study or run.
     """
-    from taichi_erosion.report import calibration_page, evidence_page, run_page
+    from taichi_erosion.report import calibration_page, run_page, study_page
 
     if source.suffix in RUNS:
         return run_page.write_report(source, to, force)
-    return (calibration_page if is_calibration(source) else evidence_page).write_report(source, to, force)
+    return (calibration_page if is_calibration(source) else study_page).write_report(source, to, force)
 
 
 def write_recording(study: Path) -> Path:
     """Write the recording of a study from the files in its folder. Raises BadInput where there are none."""
-    from taichi_erosion.report import calibration_page, evidence_page
+    from taichi_erosion.report import calibration_page, study_page
 
-    return (calibration_page if is_calibration(study) else evidence_page).write_recording(study)
+    return (calibration_page if is_calibration(study) else study_page).write_recording(study)
 
 
 def is_calibration(study: Path) -> bool:

@@ -41,14 +41,16 @@ from taichi_erosion.report.figure_style import (
 )
 from taichi_erosion.report.pictures.measured_marks import (
     DOTS,
-    Bools,
+    EDGES,
     ValueRange,
     draw_edge_texts,
+    draw_intervals,
     draw_marks,
     edge_of,
     value_range,
 )
 
+MODELS = {"before": BEFORE, "after": AFTER}
 LETTERS = 6.0  # of a label per inch of the figure
 LINE, MARGIN = 0.2, 0.55  # heights of a line of a chart, and of its axis [in]
 
@@ -69,8 +71,10 @@ def places(record: Record) -> list[tuple[str, str]]:
 def points_of(record: Record, voc: Vocabulary, observable: str, axis: str) -> pd.DataFrame:
     """Rows of an observable in order of a condition, in the units of the table; without one in their own."""
     rows, scale = record.rows, voc.scale(observable)
-    columns = {"measured": rows.measured, "sd": rows.sd, "before": rows.before, "after": rows.after}
+    columns = {key: getattr(rows, key) for key in ("measured", "low", "high", "sd", "before", "after")}
+    columns |= {f"gap_{key}": rows.gap(columns[key]) for key in MODELS}
     table = pd.DataFrame({name: scale * column for name, column in columns.items()})
+    table["limit"] = list(map(limit_of, rows.low, rows.high))
     x = rows.conditions.get(axis, np.arange(1.0, len(table) + 1.0))
     table["x"] = [voc.units.condition(axis, float(each)) for each in x]
     table["text"] = [row_text(record, voc, place) for place in range(len(table))]
@@ -78,38 +82,61 @@ def points_of(record: Record, voc: Vocabulary, observable: str, axis: str) -> pd
     return table.loc[own].sort_values("x", kind="stable")
 
 
+def key(record: Record) -> tuple[str, str, str]:
+    """What is drawn beside each other: measured, the model before and after; empty where nothing is added."""
+    return page_words.MEASURED, page_words.BARE, page_words.added_words(record)
+
+
+def limit_of(low: float, high: float) -> str:
+    """On which side of a measured value what was measured lies; empty for an ordinary value."""
+    return "below" if low == -np.inf else "above" if high == np.inf else "between" if low < high else ""
+
+
+def measured_text(record: Record, voc: Vocabulary, place: int) -> str:
+    """`0.3 m/s (0.28 to 0.32)`, `below 0.3 m/s`, `between 0.2 m/s and 0.3 m/s`."""
+    rows, name = record.rows, record.rows.observable[place]
+    value, low, high = (float(column[place]) for column in (rows.measured, rows.low, rows.high))
+    side = limit_of(low, high)
+    if side == "between":
+        return f"between {' and '.join(voc.units.value_text(name, end) for end in (low, high))}"
+    if side:
+        return f"{side} {voc.units.value_text(name, value)}"
+    error = ONE_SIDED * float(np.nan_to_num(rows.sd[place]))
+    ends = Interval(value, value - error, value + error)
+    return interval(ends, 3, voc.scale(name), voc.units.value_unit(name))
+
+
 def row_text(record: Record, voc: Vocabulary, place: int) -> str:
     """Everything about one row: measured, predicted, conditions."""
     rows, name, units = record.rows, record.rows.observable[place], voc.units
-    value, error = float(rows.measured[place]), ONE_SIDED * float(np.nan_to_num(rows.sd[place]))
-    ends = Interval(value, value - error, value + error)
-    measured = interval(ends, 3, voc.scale(name), units.value_unit(name))
     models = {page_words.BARE: rows.before, page_words.added_words(record): rows.after}
     told = [f"{key}: {units.value_text(name, float(of[place]))}" for key, of in models.items() if key]
     at = {axis: float(column[place]) for axis, column in rows.conditions.items()}
-    return "\n".join([f"{page_words.MEASURED} {measured}", *told, *units.setting_text(at).split(", ")])
+    measured = f"{page_words.MEASURED} {measured_text(record, voc, place)}"
+    return "\n".join([measured, *told, *units.setting_text(at).split(", ")])
 
 
 def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, number: int) -> Picture:
     """Measured values with both models, and what they leave, along one condition."""
     points = points_of(record, voc, observable, axis)
-    models = {"before": BEFORE} | ({"after": AFTER} if page_words.added_words(record) else {})
-    x, y, sd = (points[name].to_numpy() for name in ("x", "measured", "sd"))
-    error = ONE_SIDED * np.nan_to_num(sd)
-    gaps = {key: y - points[key].to_numpy() for key in models}
-    shown = value_range(points[["measured", *models]].to_numpy().ravel(), np.append(y - error, y + error))
-    texts = hover_texts(list(points["text"]), y, shown)
-    texts |= {key: list(points["text"]) for key in models}
+    labels = {name: label for name, label in zip(MODELS, key(record)[1:], strict=True) if label}
+    x, y, sd, low, high = (points[name].to_numpy() for name in ("x", "measured", "sd", "low", "high"))
+    error = np.where(points["limit"] == "", ONE_SIDED * np.nan_to_num(sd), 0.0)
+    ends = np.concatenate([y - error, y + error, low, high])
+    shown = value_range(points[["measured", *labels]].to_numpy().ravel(), ends)
+    texts = hover_texts(points, shown)
+    texts |= {key: list(points["text"]) for key in labels}
 
     def draw(width: float) -> Figure:
         columns, share = (2, 1.0) if width == WIDE else (1, 0.7)  # lower on a phone: one above the other
         figure, (values, residuals) = panels(2, columns, (width / columns, share * PANEL[1]))
         values.errorbar(x, y, error, fmt="none", ecolor=INK, elinewidth=0.9)
-        draw_points(values, x, y, shown)
+        draw_points(values, points, shown)
         residuals.axhline(0.0, color=SOFT, lw=0.8)
-        for key, colour in models.items():
-            values.plot(x, points[key], "_", ms=9.0, mew=1.8, color=colour, gid=f"layer:{key}")
-            residuals.plot(x, gaps[key], "o", ms=4.0, color=colour, gid=f"rows:{key}")
+        for name, label in labels.items():
+            dash = {"ls": "", "marker": "_", "ms": 9.0, "mew": 1.8, "label": label}
+            values.plot(x, points[name], color=MODELS[name], gid=f"layer:{name}", **dash)
+            residuals.plot(x, points[f"gap_{name}"], "o", ms=4.0, color=MODELS[name], gid=f"rows:{name}")
         for frame, title in ((values, observable), (residuals, page_words.RESIDUAL)):
             scale_axis(frame, "x", x)
             frame.set_xlabel(heading(axis or "row", voc.units.condition_unit(axis)))
@@ -119,28 +146,33 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
         return figure
 
     caption = page_words.CAPTIONS["rows"].format(observable=observable, axis=axis or "rows")
+    caption += page_words.CAPTIONS["limits"] * bool((points["limit"] != "").any())
     return responsive(draw, caption, f"rows{number}", texts)
 
 
-def marked(values: Floats, shown: ValueRange) -> Iterator[tuple[str, Bools]]:
-    """Kinds of marks, of values on the axis and beyond its ends, with their rows."""
-    kinds = {"high": values > shown.high, "low": values < shown.low}
-    kinds[""] = np.isfinite(values) & ~kinds["high"] & ~kinds["low"]
-    yield from ((kind, own) for kind, own in kinds.items() if own.any())
+def marked(points: pd.DataFrame, shown: ValueRange) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Rows by their marks: values beyond the ends of the axis, limits and intervals, ordinary values."""
+    values = points["measured"]
+    kinds = points["limit"].mask(values > shown.high, "high").mask(values < shown.low, "low")
+    groups = sorted(points.groupby(kinds), key=lambda each: str(each[0]), reverse=True)
+    yield from ((str(kind), own) for kind, own in groups)  # ordinary values last, above the others
 
 
-def draw_points(frame: Axes, x: Floats, y: Floats, shown: ValueRange) -> None:
+def draw_points(frame: Axes, points: pd.DataFrame, shown: ValueRange) -> None:
     """Measured values; one beyond the axis stands at its edge, with its value if no other is there."""
-    for kind, own in marked(y, shown):
-        at, style = edge_of(shown, kind, y[own]), DOTS | {"marker": "o"}
-        draw_marks(frame, x[own], at, kind, style, f"rows:measured#{kind}")
-        if kind and own.sum() == 1:
-            draw_edge_texts(frame, x[own], [plain(float(y[own][0]))], kind)
+    for kind, own in marked(points, shown):
+        x, y, low, high = (own[name].to_numpy() for name in ("x", "measured", "low", "high"))
+        style = DOTS | {"marker": "o", "label": "" if kind else page_words.MEASURED}
+        draw_marks(frame, x, edge_of(shown, kind, y), kind, style, f"rows:measured#{kind}")
+        if kind == "between":
+            draw_intervals(frame, x, low, high, INK, "layer:measured")
+        if kind in EDGES and len(own) == 1:
+            draw_edge_texts(frame, x, [plain(float(y[0]))], kind)
 
 
-def hover_texts(texts: list[str], y: Floats, shown: ValueRange) -> dict[str, list[str]]:
+def hover_texts(points: pd.DataFrame, shown: ValueRange) -> dict[str, list[str]]:
     """Texts of dots in the order of drawing."""
-    return {f"measured#{kind}": [texts[k] for k in np.flatnonzero(own)] for kind, own in marked(y, shown)}
+    return {f"measured#{kind}": list(own["text"]) for kind, own in marked(points, shown)}
 
 
 def chart(width: float, labels: list[str]) -> tuple[Figure, Axes, Floats]:

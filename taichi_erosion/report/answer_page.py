@@ -1,21 +1,18 @@
-"""Page of an evidence study from the records of its answers: one self-contained HTML file.
+"""What the page of an evidence study holds, from the records of its answers, and its HTML.
 
 The first screen holds what was found, in a sentence and in one figure. Then follow what is missing, does it
 hold, and what next, each with its lines, tables and figures; the method stands at the end.
 """
 
 import os
-import re
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from markupsafe import Markup, escape
-
 from taichi_erosion import __version__
-from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.race.record import Record
 from taichi_erosion.evidence.words import page_words
+from taichi_erosion.evidence.words.answer_lines import Table
 from taichi_erosion.evidence.words.effect_words import acting
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.report import answer_figures as figures
@@ -24,42 +21,81 @@ from taichi_erosion.report.html import made, render
 
 TEMPLATE = "answer.html"
 FILES = ("study", "results", "written")  # of a vocabulary
+TABLES = (("discover",), ("compare", "adopt"), ("next",))  # of the sections, by command
 
 
-def answer_page(title: str, records: Mapping[str, Record], vocabulary: Vocabulary, out: Path) -> Path:
-    """Write the page of a study from its records by command."""
-    voc = portable(vocabulary)
+@dataclass(frozen=True)
+class Section:
+    """A part of the page."""
+
+    title: str
+    lines: Sequence[str]
+    tables: Sequence[Table]
+    pictures: Sequence[Picture]
+
+
+@dataclass(frozen=True)
+class AnswerPage:
+    """Content of the page, in the order of reading."""
+
+    title: str
+    about: str
+    made: str
+    warnings: Sequence[str]  # before everything else
+    lead: Sequence[str]
+    first: Picture
+    key: tuple[str, str, str]  # of the first picture: measured, both models
+    sections: Sequence[Section]
+    method_title: str
+    methods: Sequence[str]
+    notes: Sequence[str]  # on table and runs
+    acting: frozenset[str]
+
+
+def answer_page(
+    title: str,
+    records: Mapping[str, Record],
+    vocabulary: Vocabulary,
+    warnings: Sequence[str] = (),
+    notes: Sequence[str] = (),
+) -> AnswerPage:
+    """Content of the page of a study, from its records by command."""
+    voc, told = portable(vocabulary), leading(records)
     found = page_words.answers(records, voc)
-    told = next(records[name] for name in ("discover", "adopt", "compare") if name in records)
     parts = page_words.page_lines(found)
     first, *others = row_pictures(told, voc)
-    tables = [["discover"], ["compare", "adopt"], ["next"]]
     drawn = (missing_pictures(told, voc, found), [*holding_pictures(records, told), *others], [])
     lead = 1 + bool(told.repeats)  # repeats that disagree stand before what was found
-    sections = [
-        {
-            "title": name,
-            "lines": [commands(line) for line in lines],
-            "tables": [found[key].table for key in keys if key in found and found[key].table],
-            "pictures": pictures,
-        }
-        for name, lines, keys, pictures in zip(
-            page_words.SECTIONS, (parts[0][lead:], *parts[1:]), tables, drawn, strict=False
-        )
-    ]
-    fields = {
-        "title": title,
-        "about": voc.study,
-        "made": made({"taichi_erosion": __version__}, f"seed {told.cost.seed}"),
-        "lead": [commands(line) for line in parts[0][:lead]],
-        "first": first,
-        "key": (page_words.MEASURED, page_words.BARE, page_words.added_words(told)),
-        "sections": sections,
-        "methods": page_words.methods(told),
-        "method_title": page_words.SECTIONS[-1],
-        "acting": {name for names in acting(told.decided) for name in names},
-    }
-    return write_atomic(out, render(TEMPLATE, fields).encode())
+    lines = parts[0][lead:], *parts[1:]
+    tables = ([found[key].table for key in keys if key in found] for keys in TABLES)
+    *titles, method_title = page_words.SECTIONS
+    return AnswerPage(
+        title=title,
+        about=voc.study,
+        made=made({"taichi_erosion": __version__}, f"seed {told.cost.seed}"),
+        warnings=warnings,
+        lead=parts[0][:lead],
+        first=first,
+        key=figures.key(told),
+        sections=[
+            Section(name, own, [each for each in stated if each], pictures)
+            for name, own, stated, pictures in zip(titles, lines, tables, drawn, strict=True)
+        ],
+        method_title=method_title,
+        methods=page_words.methods(told),
+        notes=notes,
+        acting=frozenset(name for names in acting(told.decided) for name in names),
+    )
+
+
+def html_page(page: AnswerPage) -> str:
+    """The page as one self-contained HTML file."""
+    return render(TEMPLATE, vars(page))
+
+
+def leading(records: Mapping[str, Record]) -> Record:
+    """The record that says most of what is missing."""
+    return next(records[name] for name in page_words.LEADING if name in records)
 
 
 def portable(voc: Vocabulary) -> Vocabulary:
@@ -69,11 +105,6 @@ def portable(voc: Vocabulary) -> Vocabulary:
     return replace(
         voc, **{key: os.path.relpath(file, home) for key, file in files.items() if os.path.isabs(file)}
     )
-
-
-def commands(line: str) -> Markup:
-    """A line with its commands marked."""
-    return Markup(re.sub("`(.+?)`", r"<code>\1</code>", str(escape(line))))
 
 
 def row_pictures(record: Record, voc: Vocabulary) -> list[Picture]:

@@ -8,8 +8,8 @@ import io
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
-from math import ceil, nan
+from dataclasses import dataclass, field, replace
+from math import ceil
 from typing import Any, Literal
 from xml.etree import ElementTree as ET
 
@@ -27,10 +27,10 @@ Floats = NDArray[np.float64]
 
 DOTS_PER_INCH = 150
 INK, SOFT, PAPER = "#1c2227", "#5b6670", "#fdfefe"
-BEFORE, AFTER, CONTROL, OTHER = "#b4553d", "#1f4e79", "#8a93a0", "#4c8a6a"
+BEFORE, AFTER, CONTROL = "#b4553d", "#1f4e79", "#8a93a0"
 ROLES = {  # colour of a figure -> variable of the page's style sheet, which has others for a dark page
     **{INK: "--ink", PAPER: "--paper", SOFT: "--soft", "#d9dde1": "--line"},
-    **{BEFORE: "--before", AFTER: "--after", CONTROL: "--control", OTHER: "--other"},
+    **{BEFORE: "--before", AFTER: "--after", CONTROL: "--control"},
 }
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
@@ -67,6 +67,7 @@ class Picture:
     address: str = ""
     svg: str = ""
     narrow: str = ""  # the same for a phone, where it is drawn anew
+    name: str = ""
     figure: Figure | None = field(default=None, compare=False)  # source of `svg`; None for a picture file
 
 
@@ -81,7 +82,7 @@ def picture(
     """Figure as SVG element; equal figures give equal texts."""
     svg = inline_svg(figure, name, texts or {})
     plt.close(figure)
-    return Picture(description, svg=svg, figure=figure)
+    return Picture(description, svg=svg, name=name, figure=figure)
 
 
 def responsive(
@@ -94,27 +95,27 @@ def responsive(
     with page_style():
         wide = picture(draw(WIDE), description, name, texts)
         narrow = picture(draw(NARROW), description, f"{name}-narrow", texts)
-    return Picture(description, svg=wide.svg, narrow=narrow.svg, figure=wide.figure)
+    return replace(wide, narrow=narrow.svg)
 
 
-def detached(draw: Callable[[], Figure]) -> Figure:
-    """Figure in the style of a page that no window and no notebook shows by itself."""
-    with page_style():
-        figure = draw()
-    plt.close(figure)
-    return figure
+def with_key(found: Picture) -> Figure:
+    """Figure of a picture that stands alone, with the key that a page has beside it."""
+    assert found.figure is not None
+    handles, labels = found.figure.axes[0].get_legend_handles_labels()
+    if labels:
+        with page_style():
+            found.figure.legend(handles, labels, loc="outside upper left", ncols=len(labels), fontsize=8.0)
+    return found.figure
 
 
 def curve_figure(time: Sequence[float], value: Sequence[float], name: str) -> Figure:
     """Figure of a number over the simulated time [s] of a live session."""
-
-    def draw() -> Figure:
+    with page_style():
         figure, frame = single(*CURVE)
         frame.plot(time, value, lw=1.2)
         frame.set(xlabel="simulated time [s]", ylabel=name)
-        return figure
-
-    return detached(draw)
+    plt.close(figure)  # no window and no notebook shows it by itself
+    return figure
 
 
 def raster(figure: Figure) -> bytes:
@@ -186,11 +187,6 @@ def panels(
 def single(width: float, height: float) -> tuple[Figure, Axes]:
     """Figure of one panel [in]."""
     return plt.subplots(figsize=(width, height), layout="constrained")
-
-
-def numbers(values: Sequence[float | None]) -> Floats:
-    """Array of a document's numbers; NaN for None."""
-    return np.array([nan if value is None else value for value in values], dtype=np.float64)
 
 
 def is_wide(values: Floats) -> bool:

@@ -1,6 +1,7 @@
 """Self-contained HTML pages: templates, formats of numbers, embedded picture files."""
 
 import base64
+import re
 from collections.abc import Mapping
 from datetime import date
 from math import isfinite
@@ -8,12 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
 
-from taichi_erosion.evidence.data.number_words import heading, plain
-from taichi_erosion.evidence.inference.verdict_levels import p_number
-from taichi_erosion.report.words import effect_words
+from taichi_erosion.evidence.data.number_words import plain
 
-LEAST_SHARE = 1e-3  # that is printed
 MEDIA_TYPES = {".png": "image/png", ".gif": "image/gif", ".jpg": "image/jpeg", ".svg": "image/svg+xml"}
 
 
@@ -25,13 +24,7 @@ def render(template: str, fields: Mapping[str, Any]) -> str:
         undefined=StrictUndefined,
         trim_blocks=True,
     )
-    environment.filters |= {
-        "number": number,
-        "percent": percent,
-        "words": effect_words,
-        "heading": heading,
-        "chance": chance,
-    }
+    environment.filters |= {"number": number, "commands": commands}
     return environment.get_template(template).render(**fields)
 
 
@@ -45,18 +38,9 @@ def number(value: float | None) -> str:
     return "-" if value is None or not isfinite(value) else plain(value)
 
 
-def chance(p: float | None) -> str:
-    """Probability of a misfit; one too small to be computed is not called zero."""
-    return number(p) if p is None else p_number(p)
-
-
-def percent(value: float | None) -> str:
-    """Share in percent; "-" for None."""
-    if value is None:
-        return "-"
-    if 0.0 < value < LEAST_SHARE:
-        return f"< {100.0 * LEAST_SHARE:g} %"
-    return f"{100.0 * value:.0f} %" if value >= 0.1 else f"{100.0 * value:.1f} %"
+def commands(line: str) -> Markup:
+    """A line with its commands marked."""
+    return Markup(re.sub("`(.+?)`", r"<code>\1</code>", str(escape(line))))
 
 
 def address_of(file: Path) -> str:

@@ -18,39 +18,52 @@ def wet(tmp_path_factory) -> te.Study:
 
 def test_a_comparison_has_the_rows_of_the_table_in_its_units(wet):
     comparison = wet.compare()
-    table = comparison.table
-    assert len(table) == comparison.document["rows_visible"] == 18
-    assert set(table["unit"]) == {"cm/s"}
-    first = table.iloc[0]
-    assert (first["measured"], first["diameter [µm]"], first["moisture [%]"]) == pytest.approx(
-        (13.9, 90.0, 0.0)
+    rows = comparison.rows
+    assert len(rows) == comparison.document["rows_visible"] == 18
+    assert set(rows["unit"]) == {"cm/s"}
+    assert rows.loc[0, ["measured", "diameter [µm]", "moisture [%]"]].to_list() == pytest.approx(
+        [13.9, 90, 0]
     )
-    assert table["moisture [%]"].max() == pytest.approx(1.2)
+    assert rows["moisture [%]"].max() == pytest.approx(1.2)
     assert comparison.p < 1e-6
-    assert comparison.sentences[0].startswith("The model does not agree with the 18 rows")
-    assert "too high" in comparison.sentences[1]
-    assert comparison.misfit.loc["threshold_u_star", ["n", "unit"]].to_list() == [18, "cm/s"]
-    off = table["measured"] - table["predicted"]
-    assert comparison.misfit.loc["threshold_u_star", "rmse"] == pytest.approx((off**2).mean() ** 0.5)
+    assert comparison.found[0].startswith("The calibrated model fails (all 18 rows")
+    assert comparison.found[-1].startswith("study.discover() asks")
+    assert comparison.table.loc["threshold_u_star", ["n", "unit"]].to_list() == [18, "cm/s"]
+    off = rows["measured"] - rows["before"]
+    assert comparison.table.loc["threshold_u_star", "rmse"] == pytest.approx((off**2).mean() ** 0.5)
+    assert comparison.table.loc["threshold_u_star", "bias"] == pytest.approx(off.mean())
 
 
 def test_a_discovery_lists_the_likeliest_candidate_first_and_adoption_lowers_the_error(wet):
     discovery = wet.discover()
     assert discovery.named == [discovery.effects.index[0]] == ["liquid_bridge"]
+    found = discovery.table.loc["liquid_bridge"]
+    assert found["low"] < found["strength"] < found["high"] < found["limit"]
+    assert sum(discovery.probabilities.values()) == pytest.approx(1.0)
+    assert discovery.law is None
     adoption = wet.adopt(["liquid_bridge"])
     assert adoption.table.loc["after", "held_out"] < 0.1 * adoption.table.loc["before", "held_out"]
-    error = adoption.table["rmse of held-out threshold_u_star [cm/s]"]
-    assert error["after"] < 0.2 * error["before"]
-    assert error["before"] > 1.0, "cm/s, not m/s"
+    assert adoption.table.loc["control", "held_out"] > 10.0
     assert adoption.files[0].is_file()
-    assert adoption.figure().axes
     assert "liquid_bridge" in discovery._repr_html_()
+    assert repr(adoption).startswith(f"AdoptionResult({wet.path}: The error falls with liquid_bridge")
+    values, residuals = adoption.figure().axes
+    assert values.get_title("left") == "threshold_u_star [cm/s]"
+    assert residuals.lines
+
+
+def test_experiments_and_a_page_follow(wet):
+    assert {"observable", "unit", "chance", "cost"} <= set(wet.next().table.columns)
+    assert wet.report().read_text("utf-8").count("<h2>") == 4
 
 
 def test_a_data_frame_is_a_table(tmp_path):
-    table = pd.DataFrame({"diameter [mm]": [0.1, 0.2, 0.4, 0.8], "threshold_u_star [cm/s]": [14, 17, 24, 34]})
+    diameters, thresholds = [0.1, 0.2, 0.4, 0.8], [14.0, 17.0, 24.0, 34.0, 14.5, 17.4, 23.6, 34.7]
+    table = pd.DataFrame({"diameter [mm]": 2 * diameters, "threshold_u_star [cm/s]": thresholds})
     study = te.new_study(table, tmp_path / "mine", closed_form=True)
-    assert list(study.compare().table["measured"]) != []
+    with pytest.raises(te.BadInput, match=r"has no answer yet; study.compare\(\) gives the first"):
+        study.report()
+    assert set(study.compare().rows["measured"].round(6)) <= set(thresholds)
 
 
 def test_wrong_input_raises_one_kind_of_error(tmp_path):

@@ -23,6 +23,13 @@ OPTION = re.compile(r"--\w")
         ("`compare` says where the model fails.", "study.compare() says where the model fails."),
         ("run ./erosion compare doe/a.toml first", "run study.compare() first"),
         ("`./erosion adopt doe/a.toml glue`", 'study.adopt("glue")'),
+        ("`taichi-erosion adopt 'my lab/a.toml' glue mud` tests", 'study.adopt("glue", "mud") tests'),
+        ("`taichi-erosion discover a.toml` asks", "study.discover() asks"),
+        ("so far; a larger --budget may change it", "so far; a larger budget may change it"),
+        (
+            "Go on with b.toml: `./erosion compare b.toml` shows it",
+            'Go on with study = te.study("b.toml"): study.compare() shows it',
+        ),
         (
             "simulate it: ./erosion run 'my lab/a.toml'; a study is",
             'simulate it: te.run("my lab/a.toml"); a study is',

@@ -66,10 +66,13 @@ NUMBERS = {
 MOVED = NUMBERS | {
     SLIDING: NumberPart(0.5, Interval(0.684, 0.651, 0.712), Interval(0.52, 0.48, 0.56), 0.1, False)
 }
+MEASURED = np.array([33.1, 38.0, 0.0512])
 ROWS = RowsPart(
     ("repose_angle", "repose_angle", "radius_90"),
     {"moisture": np.array([0.0, 0.05, 0.05])},
-    np.array([33.1, 38.0, 0.0512]),
+    MEASURED,
+    MEASURED,
+    MEASURED,
     np.array([0.5, 0.5, 5e-4]),
     np.array([33.0, 37.6, 0.0509]),
     np.array([33.0, 37.9, 0.0511]),

@@ -10,7 +10,7 @@ import pytest
 from ten_records import VOC, adopted, group, mechanism, null, single, typo
 
 from taichi_erosion.evidence.race.record import Interval, NumberPart, RowsPart
-from taichi_erosion.report.answer_page import answer_page
+from taichi_erosion.report.answer_page import AnswerPage, answer_page, html_page
 from tests.report.browser import assert_readable
 
 HOME = Path("/home/somebody/soils")
@@ -23,7 +23,8 @@ def many_rows() -> RowsPart:
     after = before + 60.0 * wet
     measured = after + sd * np.sin(np.arange(30.0))
     measured[4] = 400.0
-    return RowsPart(("repose_angle",) * 30, {"moisture": wet, "diameter": size}, measured, sd, before, after)
+    conditions = {"moisture": wet, "diameter": size}
+    return RowsPart(("repose_angle",) * 30, conditions, measured, measured, measured, sd, before, after)
 
 
 NARROW = {
@@ -43,8 +44,14 @@ def pages(tmp_path_factory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
     voc = replace(VOC, study=str(HOME / "lab.toml"), results=str(HOME / VOC.results))
     return {
-        name: answer_page("Heaps", records, voc, folder / f"{name}.html") for name, records in PAGES.items()
+        name: written(folder / f"{name}.html", answer_page("Heaps", records, voc))
+        for name, records in PAGES.items()
     }
+
+
+def written(file: Path, page: AnswerPage) -> Path:
+    file.write_text(html_page(page), "utf-8")
+    return file
 
 
 def lead(page: Path) -> list[str]:

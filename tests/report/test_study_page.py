@@ -1,32 +1,37 @@
-"""The page of a study at every stage of the loop: its first screen, and that a browser shows all of it."""
+"""Page and recording of a study from its stored answers, at every stage of the loop."""
 
-import json
 import re
 import shutil
 from pathlib import Path
 
 import pytest
 
-from taichi_erosion.cli.main import main
-from taichi_erosion.report import write_report
-from taichi_erosion.report.results import layers, stored_results
-from taichi_erosion.report.study_figures import panels_of, points_of
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.answers.commands import adopt_study, compare_study, discover_study, next_study
+from taichi_erosion.evidence.answers.commands import no_progress as silent
+from taichi_erosion.recording.readback import read_chunks
+from taichi_erosion.report import write_recording, write_report
 from tests.evidence.small_study import write_study
 from tests.report.browser import assert_readable
 
 
 @pytest.fixture(scope="module")
 def stages(tmp_path_factory) -> dict[str, Path]:
-    """Pages of one study after compare, discover, adopt, and after adopt alone."""
+    """Pages of one study after compare, discover, adopt and next."""
     study = write_study(tmp_path_factory.mktemp("stages"), {"liquid_bridge": 1.0})
     pages = {}
-    for words in (["compare"], ["discover", "--budget", "quick"], ["adopt", "liquid_bridge"]):
-        assert main([words[0], str(study), *words[1:]]) == 0
-        pages[words[0]] = write_report(study, study.with_name(f"after_{words[0]}.html"))
-    alone = shutil.copytree(study.parent, tmp_path_factory.mktemp("alone") / "study")
-    for command in ("compare", "discover"):
-        (alone / "heap-results" / f"heap.{command}.json").unlink()
-    return pages | {"alone": write_report(alone / "heap.toml", alone / "alone.html")}
+    commands = {"compare": compare_study, "discover": discover_study, "next": next_study}
+    commands["adopt"] = lambda path, progress: adopt_study(path, ["liquid_bridge"], progress)
+    for name, command in commands.items():
+        command(study, silent)
+        pages[name] = write_report(study, study.with_name(f"after_{name}.html"))
+    return pages
+
+
+@pytest.fixture
+def study(stages, tmp_path) -> Path:
+    """A copy of the study with all its answers."""
+    return shutil.copytree(stages["adopt"].parent, tmp_path / "study") / "heap.toml"
 
 
 def first_screen(page: Path) -> str:
@@ -37,168 +42,69 @@ def test_a_browser_shows_every_stage_of_a_study_on_a_desk_and_on_a_phone(stages,
     assert_readable(stages, tmp_path)
 
 
-def test_the_first_screen_says_where_the_model_fails(stages):
+def test_the_first_screen_says_what_was_found(stages):
+    assert "The calibrated model fails" in first_screen(stages["compare"])
+    for name in ("discover", "next", "adopt"):
+        assert "Missing: capillary bridges between moist grains (liquid_bridge)" in first_screen(stages[name])
+    assert "The error falls with liquid_bridge" in stages["adopt"].read_text("utf-8")
+
+
+def test_a_page_names_no_folder_of_the_machine(stages):
     for page in stages.values():
-        assert "than the model says" in first_screen(page)
+        assert str(page.parent) not in page.read_text("utf-8")
 
 
-def test_after_an_adoption_the_first_screen_says_how_far_the_error_falls(stages):
-    words = first_screen(stages["adopt"])
-    seen = "10 measured means of 30 rows that no fit has seen"
-    assert f"With liquid bridge the error on {seen} falls: " in words
-    assert 'data-layer="held"' in words
-    assert 'data-layer="held"' not in stages["discover"].read_text("utf-8"), "the vault is closed"
-
-
-def test_every_measured_value_tells_its_row_its_source_and_its_models(stages):
-    found = re.findall(r"<title>(measured .*?)</title>", stages["adopt"].read_text("utf-8"), re.DOTALL)
-    assert found
-    for text in found:
-        assert re.search(r"^rows \d+, \d+ and \d+ of the table, repeats: 3$", text, re.MULTILINE), text
-        assert "diameter 0." in text
-        assert "model with liquid bridge: " in text
-        assert text.endswith("made")
-
-
-def test_a_strength_is_told_by_what_it_moves(stages):
-    assert re.search(
-        r"it raises the threshold friction velocity from .* m/s at", stages["adopt"].read_text("utf-8")
-    )
-
-
-def test_an_answer_to_an_older_table_is_left_out_and_told(stages, tmp_path):
-    study = shutil.copytree(stages["adopt"].parent, tmp_path / "study") / "heap.toml"
+def test_an_answer_to_an_older_table_is_left_out_and_told(study):
     table = study.with_name("heap.csv")
     table.write_text(table.read_text("utf-8").replace("33.", "34."), "utf-8")
-    assert main(["compare", str(study)]) == 0
-    page = write_report(study).read_text("utf-8")
-    assert "the answer of `adopt` rests on another version of the table" in page
-    assert "With liquid bridge the error" not in page
-
-
-def test_the_cost_of_an_answer_stays_that_of_the_first_time(stages, tmp_path):
-    study = shutil.copytree(stages["adopt"].parent, tmp_path / "study") / "heap.toml"
-    stored = study.parent / "heap-results" / "heap.compare.json"
-    first = json.loads(stored.read_text("utf-8"))
-    stored.write_text(json.dumps(first | {"runs": 10**9, "wall_s": 6789.0}), "utf-8")
-    assert main(["compare", str(study)]) == 0
-    again = json.loads(stored.read_text("utf-8"))
-    assert (again["runs"], again["wall_s"]) == (10**9, 6789.0)
-
-
-LABORATORY = """
-[study]
-measurements = "t.csv"
-model = "taichi_erosion.evidence.models.reduced:predict"
-[observables.threshold_u_star]
-unit = "m/s"
-transform = "log"
-[conditions]
-diameter = "diameter"
-[parameters.threshold_coefficient]
-start = 0.1
-low = 0.05
-high = 0.2
-[candidates.dry_cohesion]
-[candidates.gusts]
-"""
-DIAMETERS = (60, 75, 90, 125, 180, 250, 355, 500, 710, 900)  # um
-
-
-def laboratory_study(folder: Path, values: list[str]) -> Path:
-    """Study of thresholds in cm/s against diameters in um."""
-    rows = [
-        f"threshold_u_star,{value},{'' if value[0] == '<' else 0.6},3,cm/s,{size}"
-        for value, size in zip(values, DIAMETERS, strict=False)
-    ]
-    text = "\n".join(["observable,value,sd,n,unit,diameter [um]", *rows])
-    (folder / "t.csv").write_text(text + "\n", "utf-8")
-    (folder / "t.toml").write_text(LABORATORY, "utf-8")
-    return folder / "t.toml"
-
-
-def cohesive(size: int) -> str:
-    """Threshold that a bare model with the root of the diameter cannot follow [cm/s]."""
-    return f"{23.0 * (size / 250.0) ** 0.5 * (1.0 + 80.0 / size):.3f}"
-
-
-def test_page_and_terminal_tell_units_of_the_table(tmp_path, capsys):
-    study = laboratory_study(tmp_path, [cohesive(size) for size in DIAMETERS])
-    for command in ("compare", "discover", "next"):
-        assert main([command, str(study)]) == 0
-    page, told = write_report(study).read_text("utf-8"), capsys.readouterr().out
-    assert "threshold_u_star [cm/s]" in told
-    assert re.search(r"too low .* diameter = \d+ um", told)
-    assert not re.search(r"diameter = (0\.0|\d+e-)", told + page), "SI numbers under a table in um"
-    assert "threshold friction velocity [cm/s]" in page
-    assert "<td>threshold_u_star [cm/s]</td>" in page
-    measured = [float(text) for text in re.findall(r"measured ([\d.]+) cm/s", page)]
-    assert measured
-    assert min(measured) > 10.0
-
-
-def test_a_limit_is_drawn_as_an_arrow_and_told_as_a_limit(tmp_path):
-    values = [cohesive(size) for size in DIAMETERS]
-    study = laboratory_study(tmp_path, ["<30", *values[1:]])
-    assert main(["compare", str(study)]) == 0
-    page = write_report(study).read_text("utf-8")
-    assert "measured: below 30.0 cm/s" in page
-    assert "measured 30.0 cm/s" not in page
-    rows = json.loads((tmp_path / "t-results" / "t.compare.json").read_text("utf-8"))["rows"]
-    assert rows["limit"].count("below") == 1
-
-
-def test_an_interval_is_drawn_as_a_bar_with_ends_and_told_as_one(tmp_path):
-    values = [cohesive(size) for size in DIAMETERS]
-    study = laboratory_study(tmp_path, [*values[:4], "18..24", *values[5:]])
-    study.write_text(LABORATORY + "[vault]\nfraction = 0.0\n", "utf-8")
-    assert main(["compare", str(study)]) == 0
-    rows = json.loads((tmp_path / "t-results" / "t.compare.json").read_text("utf-8"))["rows"]
-    place = rows["limit"].index("between")
-    ends = (rows["low"][place], rows["high"][place])
-    assert ends == pytest.approx((0.18, 0.24)), "in the unit of the model"
-    assert [end for k, end in enumerate(rows["low"]) if k != place] == [None] * 9
-    found = stored_results(study)
-    (panel,) = panels_of(["threshold_u_star"], layers(found), found.table, found.units)
-    points = points_of(panel, layers(found)[0].fitted)
-    (inside,) = points[points["limit"] == "between"].itertuples()
-    assert (inside.low, inside.high) == pytest.approx((18.0, 24.0))
-    page = write_report(study).read_text("utf-8")
-    assert "measured: between 18.0 and 24.0 cm/s" in page
-    assert "A bar with ends: the value lies between them." in page
-    assert "An arrow" not in page
-
-
-def test_a_single_row_tests_nothing_and_is_told_so(tmp_path, capsys):
-    study = laboratory_study(tmp_path, ["11.5"])
-    assert main(["compare", str(study)]) == 0
-    told = capsys.readouterr().out
-    assert "1 measured mean cannot test a model with 1 calibrated number" in told
-    assert "consistent" not in told
-    assert "1 measured mean cannot test" in first_screen(write_report(study))
-
-
-def test_an_outlier_leads_the_page_and_is_marked_at_the_edge(tmp_path):
-    values = [cohesive(size) for size in DIAMETERS]
-    study = laboratory_study(tmp_path, [*values[:5], "950", *values[6:]])
-    study.write_text(LABORATORY + "[vault]\nfraction = 0.0\n", "utf-8")
-    assert main(["compare", str(study)]) == 0
+    discover_study(study, silent)
     page = write_report(study)
-    assert "diameter = 250 um" in first_screen(page)
-    assert "Check that row in the table" in first_screen(page)
-    assert_readable({"outlier": page}, tmp_path)
+    told = "Left out, for they rest on another version of the table: answers of "
+    assert told + "<code>adopt</code>, <code>compare</code> and <code>next</code>." in first_screen(page)
+    assert "The error falls" not in page.read_text("utf-8")
 
 
-def test_rows_of_a_vault_that_was_opened_twice_are_not_called_unseen(stages, tmp_path):
-    study = shutil.copytree(stages["adopt"].parent, tmp_path / "study") / "heap.toml"
-    assert main(["adopt", str(study), "gusts"]) == 0
-    words = first_screen(write_report(study))
-    assert "no fit has seen" not in words
-    assert "opened 2 times" in words
-    assert "they do not confirm it" in words
+def test_a_page_of_somebody_else_is_not_replaced(study):
+    page = study.with_name("mine.html")
+    page.write_text("mine", "utf-8")
+    with pytest.raises(BadInput, match="this program did not write it"):
+        write_report(study, page)
+    assert write_report(study, page, force=True) == write_report(study, page)
 
 
-def test_an_interval_that_holds_the_textbook_strength_excludes_nothing(stages):
-    found = json.loads((stages["adopt"].parent / "heap-results" / "heap.discover.json").read_text("utf-8"))
-    for name, effect in found["effects"].items():
-        assert effect["status"] != "excluded" or effect["strength_high"] < 1.0, name
+def test_there_is_no_page_before_the_first_answer(tmp_path):
+    fresh = write_study(tmp_path, {})
+    for write in (write_report, write_recording):
+        with pytest.raises(BadInput, match=r"heap\.toml: has no answer yet; .*compare"):
+            write(fresh)
+
+
+def test_a_recording_holds_the_lines_the_tables_and_the_figures(study):
+    chunks = read_chunks(write_recording(study))
+    entities = {str(chunk.entity_path) for chunk in chunks}
+    figures = {each.removeprefix("/figures/") for each in entities if each.startswith("/figures/")}
+    assert {re.sub(r"\d+$", "", name) for name in figures} == {
+        "rows",
+        "posterior",
+        "strengths",
+        "ladder",
+        "numbers",
+    }
+    assert {"/summary", "/table"} <= entities
+
+
+def test_limits_are_drawn_and_told_as_limits(study):
+    table = study.with_name("heap.csv")
+    heading, *rows = table.read_text("utf-8").splitlines()
+    cells = [row.split(",") for row in rows]
+    lowest = min((row for row in cells if row[0] == "repose_angle"), key=lambda row: float(row[1]))
+    alike = [row for row in cells if (row[0], row[4]) == ("repose_angle", lowest[4])]
+    for row, value in zip(alike, ("<60", "10..50", ">5"), strict=True):
+        row[1] = value
+    table.write_text("\n".join([heading, *map(",".join, cells)]) + "\n", "utf-8")
+    study.write_text(study.read_text("utf-8").replace("fraction = 0.3", "fraction = 0.0"), "utf-8")
+    compare_study(study, silent)
+    page = write_report(study).read_text("utf-8")
+    for words in ("below 60 deg", "between 10 deg and 50 deg", "above 5 deg"):
+        assert f"measured {words}" in page
+    assert "Arrow: a limit" in page

@@ -5,7 +5,7 @@ Quantiles are those of the posterior, averaged over all explanations; values are
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import nan
+from math import isfinite, nan
 from typing import Annotated, Literal
 
 import numpy as np
@@ -18,8 +18,8 @@ Status = Literal["present", "excluded", "open", "untestable", "better_but_not_su
 Stop = Literal["", "budget"]
 Outcome = Literal["confirmed", "contradicted", "undecided", "not_made"]
 to_array = PlainValidator(lambda each: np.array(each, dtype=np.float64))
-to_list = PlainSerializer(lambda each: each.tolist())
-Column = Annotated[Floats, to_array, to_list]  # as stored, a list
+to_list = PlainSerializer(lambda each: [x if isfinite(x) else str(x) for x in each.tolist()])
+Column = Annotated[Floats, to_array, to_list]  # as stored, a list, with "nan" and "inf"
 
 
 @dataclass(frozen=True)
@@ -181,10 +181,16 @@ class RowsPart:
 
     observable: tuple[str, ...]
     conditions: Mapping[str, Column]
-    measured: Column
+    measured: Column  # of a limit its number, of an interval its middle
+    low: Column  # ends of what was measured: `measured` itself, but of a limit and an interval
+    high: Column
     sd: Column
     before: Column
     after: Column
+
+    def gap(self, predicted: Floats) -> Floats:
+        """Measured less predicted; 0 within a limit and an interval."""
+        return np.clip(predicted, self.low, self.high) - predicted
 
 
 @dataclass(frozen=True)

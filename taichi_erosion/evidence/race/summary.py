@@ -315,10 +315,12 @@ def rows_part(race: Race, bare: Fit, after: Fit) -> RowsPart:
     """Measured and predicted values in the units of the observables."""
     rows, columns = race.prepared.rows, []
     sd = race.prepared.sd / np.maximum(rows.slope, 1e-300)
-    for values in (rows.z, bare.mean, after.mean):
+    half = np.where(np.isfinite(rows.reach), rows.reach, 0.0)
+    for values in (rows.z, rows.z - half, rows.z + half, bare.mean, after.mean):
         own = np.empty(rows.size)
         for index, observable in enumerate(rows.observables):
             own[rows.which == index] = from_scale(observable, values[rows.which == index])
         columns.append(own)
-    measured, before, told = columns
-    return RowsPart(rows.names, rows.conditions, measured, sd, before, told)
+    measured, low, high, before, told = columns
+    low, high = np.where(rows.reach == -np.inf, -np.inf, low), np.where(rows.reach == np.inf, np.inf, high)
+    return RowsPart(rows.names, rows.conditions, measured, low, high, sd, before, told)

@@ -121,7 +121,7 @@ def observable_rows(record: Record, voc: say.Vocabulary) -> Iterator[tuple[str, 
     """Misfit of every observable: rows, root of the mean squared error, mean error, where the model fails."""
     names = np.array(record.rows.observable)
     for name in dict.fromkeys(record.rows.observable):
-        gap = voc.scale(name) * (record.rows.measured - record.rows.before)[names == name]
+        gap = voc.scale(name) * record.rows.gap(record.rows.before)[names == name]
         axes = ", ".join(each.axis for each in failing(record) if each.observable == name)
         errors = plain(float(np.sqrt(np.mean(gap**2))), 2), plain(float(np.mean(gap)), 2)
         yield heading(name, voc.units.value_unit(name)), str(gap.size), *errors, axes or "nowhere"

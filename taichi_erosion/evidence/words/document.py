@@ -11,7 +11,7 @@ def document(record: Record) -> dict[str, Any]:
     """Keys of the contract; `chi2` is a total, and per row where the name says so."""
     decided, fit, cost, parts = record.decided, record.fit, record.cost, asdict(record)
     columns = parts["rows"] | {
-        key: parts["rows"][key].tolist() for key in ("measured", "sd", "before", "after")
+        key: parts["rows"][key].tolist() for key in ("measured", "low", "high", "sd", "before", "after")
     }
     columns["conditions"] = {name: column.tolist() for name, column in record.rows.conditions.items()}
     found = {"where": parts["where"], "repeats": parts["repeats"], "rows": columns}

@@ -1,6 +1,6 @@
 """The page of a study in words: the lines of its commands in one order, labels, captions, and the method."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from taichi_erosion.evidence.data.number_words import counted
 from taichi_erosion.evidence.race.priors import KEEP, SURE
@@ -9,11 +9,13 @@ from taichi_erosion.evidence.words import answer_lines as lines
 from taichi_erosion.evidence.words.effect_words import acting
 from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, joined, probability
 
+LEADING = ("discover", "adopt", "compare")  # commands, the one that says most of what is missing first
 SECTIONS = ("What is missing", "Does it hold", "What next", "Methods")
 MEASURED, BARE = "measured", "the model as it is"
 RESIDUAL = "measured less predicted"
 CAPTIONS = {
     "rows": "{observable} along {axis}: values, with 90 % intervals of those measured; residuals.",
+    "limits": " Arrow: a limit; bar with ends: the value lies between them.",
     "posterior": "Probability of every explanation after the measurements.",
     "strengths": "Strength of every candidate. Dot: it acts or likely does; 90 % interval. Bar: it could act "
     "unseen; where the bar is closed, more is excluded. Dotted: 1, the textbook value.",
@@ -47,11 +49,17 @@ def answers(records: Mapping[str, Record], voc: Vocabulary) -> dict[str, lines.A
 
 def page_lines(found: Mapping[str, lines.Answer]) -> tuple[tuple[str, ...], ...]:
     """What is missing, does it hold, what next; a line that several commands tell stands once."""
-    told = next(found[name] for name in ("discover", "adopt", "compare") if name in found)
+    told = next(found[name] for name in LEADING if name in found)
     held, proposed = found.get("adopt", told), found["next"].lines if "next" in found else ()
     unseen = held.missing if held is not told else ()
     parts, seen = (told.missing, (*unseen, *held.holds), (*held.following, *proposed)), set()
     return tuple(tuple(line for line in part if not (line in seen or seen.add(line))) for part in parts)
+
+
+def left_out(commands: Iterable[str]) -> str:
+    """Answers that rest on another table than the newest one; empty where there are none."""
+    names = joined(f"`{name}`" for name in commands)
+    return f"Left out, for they rest on another version of the table: answers of {names}." if names else ""
 
 
 def added_words(record: Record) -> str:

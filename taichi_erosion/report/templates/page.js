@@ -48,21 +48,6 @@
   addEventListener("scroll", hide, { passive: true });
   addEventListener("keydown", (event) => { if (event.key === "Escape") hide(); });
 
-  // layers, observables and conditions that can be switched off
-  const update = () => {
-    for (const box of all("input[data-layer-of]"))
-      for (const part of all(`[data-layer="${box.dataset.layerOf}"]`)) part.classList.toggle("off", !box.checked);
-    const condition = document.querySelector("select[data-conditions]");
-    const hidden = new Set(all("input[data-observable-of]").filter((box) => !box.checked).map((box) => box.dataset.observableOf));
-    for (const panel of all("[data-observable]")) {
-      const other = condition && panel.dataset.condition && !panel.dataset.condition.split("|").includes(condition.value);
-      panel.classList.toggle("off", hidden.has(panel.dataset.observable) || Boolean(other));
-    }
-  };
-  document.addEventListener("change", (event) => { if (event.target.closest(".key")) update(); });
-  for (const control of all(".scripted")) control.hidden = false;
-  update();
-
   // tables wider than the screen: a hint above them, for as long as they are
   const hinted = () => {
     for (const box of all(".scroll")) {

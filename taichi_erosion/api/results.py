@@ -1,0 +1,215 @@
+"""Answers of a study from Python: sentences, tables, figures."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import nan
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from taichi_erosion.api.notebook import frame, html
+from taichi_erosion.api.wording import python_words
+from taichi_erosion.evidence.data.number_words import heading
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from taichi_erosion.evidence.answers.files import Reply
+    from taichi_erosion.evidence.data.table_units import TableUnits
+    from taichi_erosion.evidence.race.record import ExperimentPart, LawPart, Record
+    from taichi_erosion.report.figure_style import Figure
+
+
+@dataclass(frozen=True, repr=False)
+class Result:
+    """Answer to a command: sentences and a table."""
+
+    study: Path
+    reply: Any  # of the command: what it is about, its record, its answer in words
+
+    @property
+    def document(self) -> Mapping[str, Any]:
+        """What `--json` prints."""
+        return self.reply.document
+
+    @property
+    def found(self) -> list[str]:
+        """What was found, in plain sentences; what is wrong with the set-up comes first."""
+        return [python_words(each) for each in (*self.reply.about["set_up"], *self.reply.answer().lines)]
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """Main table of the answer."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.study}: {self.found[0]})"
+
+    def _repr_html_(self) -> str:
+        return html(self.document["title"] or str(self.study), self.found, [self.table])
+
+
+@dataclass(frozen=True, repr=False)
+class RaceResult(Result):
+    """Answer to `compare`, `discover`, `adopt` or `next`."""
+
+    reply: "Reply"
+
+    @property
+    def record(self) -> "Record":
+        """All numbers of the answer, in the units of the model."""
+        return self.reply.record
+
+    @property
+    def units(self) -> "TableUnits":
+        """Units in which the study's table has values and conditions."""
+        return self.reply.vocabulary().units
+
+    @property
+    def rows(self) -> "pd.DataFrame":
+        """Fitted rows in the units of the table: measured, and the model before and after."""
+        import pandas as pd
+
+        rows, units = self.record.rows, self.units
+        columns = {"observable": rows.observable, "unit": [unit_of(units, name) for name in rows.observable]}
+        for key in ("measured", "sd", "before", "after"):
+            pairs = zip(rows.observable, getattr(rows, key), strict=True)
+            columns[key] = [units.value(name, number) for name, number in pairs]
+        for name, numbers in rows.conditions.items():
+            columns[condition_heading(units, name)] = [units.condition(name, number) for number in numbers]
+        return pd.DataFrame(columns)
+
+    def figure(self) -> "Figure":
+        """First figure of the study's page: measured values and the model before and after."""
+        from taichi_erosion.report.study_page import first_figure
+
+        return first_figure(self.reply)
+
+
+@dataclass(frozen=True, repr=False)
+class ComparisonResult(RaceResult):
+    """Where the calibrated model fails."""
+
+    @property
+    def p(self) -> float:
+        """Probability of so large a misfit if nothing is missing; NaN where the scatter is not known [1]."""
+        return self.record.fit.p_before
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """Misfit of every observable in its unit; `bias` is the mean of measured less predicted."""
+        rows = self.rows
+        gaps = rows.assign(gap=rows["measured"] - rows["before"]).groupby(["observable", "unit"], sort=False)
+        found = gaps["gap"].agg(n="size", rmse=lambda gap: (gap**2).mean() ** 0.5, bias="mean")
+        return found.reset_index("unit")
+
+
+@dataclass(frozen=True, repr=False)
+class DiscoveryResult(RaceResult):
+    """Which effect is missing."""
+
+    @property
+    def named(self) -> list[str]:
+        """Effects that are missing; empty where none is sure."""
+        return list(self.record.decided.named)
+
+    @property
+    def probabilities(self) -> dict[str, float]:
+        """Probability of every explanation: `none`, `outside_library`, an effect, or a set `a+b` [1]."""
+        return dict(self.record.decided.probabilities)
+
+    @property
+    def law(self) -> "LawPart | None":
+        """Law of what is missing beyond one strength; None where there is none."""
+        return self.record.law
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """Candidates, the likeliest first; strengths [1] where they act, with 90 % intervals.
+
+        A strength above `limit` is excluded with 95 %; one below `unseen_below` could act and not be seen.
+        """
+        rows = (
+            {"effect": name, "status": each.status, "probability": each.probability}
+            | {"strength": each.strength.value, "low": each.strength.low, "high": each.strength.high}
+            | {key: getattr(each, key) for key in ("limit", "unseen_below", "log_bayes_factor")}
+            for name, each in self.record.effects.items()
+        )
+        table = frame(rows, columns=("effect", "status", "probability")).set_index("effect")
+        return table.sort_values("probability", ascending=False)
+
+    effects = table
+
+
+@dataclass(frozen=True, repr=False)
+class AdoptionResult(RaceResult):
+    """Error on fitted and held-out rows before and after effects are added, beside a control."""
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """Misfit per row, 1 is chance, of every model; NaN where it is not known [1]."""
+        import pandas as pd
+
+        fit, held = self.record.fit, self.record.held_out
+        unseen = (held.before, held.after, held.wrong) if held else (nan, nan, nan)
+        fitted = (fit.chi2_before / fit.n, fit.chi2_after / fit.n, nan)
+        return pd.DataFrame({"fitted": fitted, "held_out": unseen}, ["before", "after", "control"])
+
+    @property
+    def files(self) -> list[Path]:
+        """Files that were written, the new study first."""
+        return [Path(file) for file in self.document["files"]]
+
+
+@dataclass(frozen=True, repr=False)
+class ExperimentsResult(RaceResult):
+    """Experiments that would decide."""
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """Proposed experiments, the best first, with what each explanation expects, in units of the table."""
+        return frame(
+            (experiment_row(each, self.units) for each in self.record.experiments),
+            columns=("observable", "unit", "chance", "cost"),
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class PredictionResult(Result):
+    """What the calibrated, adopted model says at new conditions."""
+
+    @property
+    def table(self) -> "pd.DataFrame":
+        """Predictions in the units of the observables, one row each, conditions as the table had them.
+
+        `low` and `high` are the 90 % interval of what many repeats give on average, `measured_low` and
+        `measured_high` that of one measurement; `model` is the calibrated model alone.
+        """
+        from taichi_erosion.evidence.words.prediction_words import outside_text
+
+        keys = ("model", "value", "low", "high", "measured_low", "measured_high", "unit")
+        return frame(
+            {"observable": row.observable, **row.conditions, **{key: getattr(row, key) for key in keys}}
+            | {"outside": outside_text(row)}
+            for row in self.reply.record.rows
+        )
+
+
+def experiment_row(found: "ExperimentPart", units: "TableUnits") -> dict[str, Any]:
+    """An experiment in the units of the table; columns of what is expected are named by the explanation."""
+    name, at = found.observable, found.conditions.items()
+    row: dict[str, Any] = {"observable": name, "unit": unit_of(units, name)}
+    row |= {condition_heading(units, condition): units.condition(condition, x) for condition, x in at}
+    for key, expected in found.predictions.items():
+        ends = {key: expected.value, f"{key} low": expected.low, f"{key} high": expected.high}
+        row |= {column: units.value(name, number) for column, number in ends.items()}
+    return row | {"chance": found.chance, "cost": found.cost}
+
+
+def unit_of(units: "TableUnits", observable: str) -> str:
+    """Unit of an observable, `1` for a pure number."""
+    return units.value_unit(observable) or "1"
+
+
+def condition_heading(units: "TableUnits", name: str) -> str:
+    """`diameter [mm]`."""
+    return heading(name, units.condition_unit(name))
