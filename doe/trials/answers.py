@@ -1,8 +1,8 @@
 """What the program says of one case, without the truth: of a problem file, or of a study by the commands.
 
-Both give the same entries: verdict, named, group, mechanisms, probabilities (above LEAST), strengths, parameters
-and powers (value, low, high), vault (misfit a held-out row before, after, with a random other effect), settings,
-runs and seconds.
+Both give the same entries: verdict, named, group, mechanisms, probabilities (above LEAST), strengths,
+parameters and powers of the law (value, low, high), vault (misfit a held-out row before, after, with a random
+other effect), settings, runs and seconds.
 """
 
 import json
@@ -10,26 +10,18 @@ import os
 import pickle
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from itertools import repeat
 from multiprocessing import get_context
 from pathlib import Path
 from time import process_time
 from typing import Any
 
-import numpy as np
-
 from doe.common.cases import method_commit
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.evidence.answers.commands import (
-    adopt_study,
-    discover_record,
-    discover_study,
-    no_progress,
-)
+from taichi_erosion.evidence.answers.commands import adopt_study, discover_record, discover_study, no_progress
 from taichi_erosion.evidence.answers.scene_rounds import RacedStudy
-from taichi_erosion.evidence.data.problem import BudgetName, Problem
-from taichi_erosion.evidence.models.load_study import StudyOptions
+from taichi_erosion.evidence.data.problem import Problem
+from taichi_erosion.evidence.models.load_study import BudgetName, StudyOptions
 from taichi_erosion.evidence.models.new_conditions import NewConditions
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.outlook import elsewhere, forecast, held_out_part, new_rows
@@ -108,6 +100,7 @@ def kept(record: Record, held: HeldOutPart | None) -> Answer:
         "p_misfit": record.fit.p_before,
         "strengths": intervals({name: record.effects[name].strength for name in decided.named}),
         "parameters": intervals({path: part.now for path, part in record.numbers.items()}),
+        "law": record.law.mechanism if record.law else "",
         "powers": intervals(record.law.exponents) if record.law else {},
         "vault": [held.before, held.after, held.wrong] if held else [None] * 3,
         "settings": record.cost.settings,

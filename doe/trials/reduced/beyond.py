@@ -24,8 +24,8 @@ from taichi_erosion.evidence.data.problem import (
     Vault,
 )
 from taichi_erosion.evidence.data.transforms import position_of
-from taichi_erosion.evidence.models.prepared_problem import prepare
 from taichi_erosion.evidence.models import reduced, reduced_places
+from taichi_erosion.evidence.models.prepared_problem import prepare
 
 Shares = tuple[float, float, float]
 KINDS, SHARES = ("outside", "null", "listed"), (0.4, 0.4, 0.2)

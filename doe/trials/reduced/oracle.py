@@ -88,7 +88,7 @@ def least_misfit(prepared: PreparedProblem, x: Floats, acting: Mapping[str, floa
     return misfit
 
 
-def whole_residual(prepared: PreparedProblem, x: Floats, acting: Mapping[str, float]) -> Floats:
+def whole_residual(prepared: PreparedProblem, x: Floats, acting: dict[str, float]) -> Floats:
     """Whitened residual; of a censored row the root of its deviance."""
     mean = prepared.predictor.mean(x, acting, prepared.seeds.fitting)
     found, reach = prepared.white(prepared.rows.z - mean), prepared.white_reach
