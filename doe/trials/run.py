@@ -1,16 +1,16 @@
 """Blind trials: draws cases, solves them without their truth, opens them.
 
-    python -m doe.trials.run seal TRIAL SET SECRET --cases 500   truths into SECRET, digests into seals/
+    python -m doe.trials.run seal TRIAL SET SECRET --cases 500  truths into SECRET, digests into seals/
     git commit doe/trials/seals
-    python -m doe.trials.run solve TRIAL SET --processes 2       in fresh processes; goes on where it stopped
-    python -m doe.trials.run open TRIAL SET SECRET               results/TRIAL.jsonl.gz, and its score
-    python -m doe.trials.run again TRIAL SET --cases 200         stored cases by the present method: `SET, again`
+    python -m doe.trials.run solve TRIAL SET --processes 2      in fresh processes; goes on where it stopped
+    python -m doe.trials.run open TRIAL SET SECRET              results/TRIAL.jsonl.gz, and its score
+    python -m doe.trials.run again TRIAL SET --cases 200        stored cases by this method, as `SET, again`
 
-TRIAL is reduced (the closed-form model: disturbed, beyond, clean and several in turn, which are trials of their
-own too, as is intervals), same_laws or other_laws (heaps of our own simulator), or lammps (heaps of that code);
-of heaps `make TRIAL SET SECRET` measures the tables after `seal`. SECRET is a folder outside the tree that no
-solving process is given; there lie 128 random bits of the operating system for every case, out of which it
-follows. Nothing is solved before the digests are committed; every row names the commit that answered it.
+TRIAL is reduced (the closed-form model: disturbed, beyond, clean and several in turn, each a trial too, as is
+intervals), same_laws or other_laws (heaps of our own simulator), or lammps (heaps of that code); of heaps
+`make TRIAL SET SECRET` measures the tables after `seal`. SECRET is a folder outside the tree that no solving
+process is given; there lie 128 random bits of the operating system for every case, out of which it follows.
+Nothing is solved before the digests are committed; every row names the commit that answered it.
 """
 
 import json
