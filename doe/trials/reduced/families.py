@@ -4,12 +4,13 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from doe.trials.reduced import beyond, clean, disturbed, several, smooth
+from doe.trials.reduced import beyond, clean, disturbed, smooth
 from doe.trials.reduced.oracle import difficulty
 from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.models.new_conditions import NewConditions
 
-LEAST_RATIO = 7.0  # of every effect in the designs of `several`
+LEAST_RATIO, TRIES = 7.0, 500  # of every effect in `several`; draws until one is as clear
+SEVERAL = ("pair", "triple", "four")
 NULLS = 0.45  # share of disturbed cases in which nothing is missing
 MIX = ("disturbed", "beyond", "clean", "disturbed", "several")  # of the family `reduced`, in turn
 DISCREPANCIES = (0.0, 0.5, 1.0, 2.0)  # rms over the standard error of a row
@@ -31,16 +32,24 @@ def clean_case(seed: int, number: int) -> Drawn:
 
 
 def disturbed_case(seed: int, number: int) -> Drawn:
-    case = disturbed.draw_case(f"{seed:x}", number, NULLS)
-    plain = disturbed.undisturbed(case)
-    return Drawn(case.problem, asdict(case.truth), lambda: difficulty(plain))
+    return told(disturbed.draw_case(f"{seed:x}", number, NULLS))
 
 
 def several_case(seed: int, number: int) -> Drawn:
-    """Kinds in turn."""
-    kind = list(several.KINDS)[number % len(several.KINDS)]
-    case = several.draw_several(seed, number, kind, LEAST_RATIO)
-    return Drawn(case.problem, asdict(case.truth), lambda: difficulty(case))
+    """A disturbed case of two to four effects, of which each could be seen."""
+    for turn in range(TRIES):
+        case = disturbed.draw_case(f"{seed:x}/{turn}", number, 0.0)
+        if case.truth.kind not in SEVERAL:
+            continue
+        if difficulty(disturbed.undisturbed(case), apart=False)["ratio"] >= LEAST_RATIO:
+            return told(case)
+    raise RuntimeError(f"no design in {TRIES} shows every effect")
+
+
+def told(case: clean.Case) -> Drawn:
+    """A disturbed case, as hard as if it were not disturbed."""
+    plain = disturbed.undisturbed(case)
+    return Drawn(case.problem, asdict(case.truth), lambda: difficulty(plain))
 
 
 def beyond_case(seed: int, _number: int) -> Drawn:

@@ -25,8 +25,11 @@ START = 1.0  # strength from which a rival is fitted
 NO_VALUE = 1e6  # residual where the model has no value
 
 
-def difficulty(case: Case) -> dict[str, float]:
-    """Least `ratio` and `separation` [sd] over the effects that act; of a null 0 and infinite."""
+def difficulty(case: Case, apart: bool = True) -> dict[str, float]:
+    """Least `ratio` and `separation` [sd] over the effects that act; of a null 0 and infinite.
+
+    Without `apart` rivals are not tried.
+    """
     if not case.truth.effects:
         return {"ratio": 0.0, "separation": np.inf}
     prepared, x = noise_free(case)
@@ -40,7 +43,7 @@ def difficulty(case: Case) -> dict[str, float]:
         rivals = [
             root(least_misfit(prepared, x, {**others, rival: START}) - floor)
             for rival in listed
-            if rival not in truth
+            if apart and rival not in truth
         ]
         ratios.append(ratio)
         separations.append(min([ratio, *rivals]))
