@@ -1,21 +1,14 @@
 """Laboratories of another code: heaps that LAMMPS made with hidden effects, which the commands have to find.
 
-    python -m doe.trials.lammps make       seven chosen laboratories in the whole apparatus, an hour
-    python -m doe.trials.lammps solve      discover and adopt, by the commands; several core-hours
-    python -m doe.trials.lammps open       results/lammps.jsonl.gz, set `whole`
-
-Drawn cases (`DRAWN`, by `doe.trials.run`) have the 100 grains of `heaps.py` on a plate that does not stick,
-chosen ones the 1800 grains of `doe/foreign_lab_c.toml`. Packings, contact law and every effect are
-written here a second time, in the ways that LAMMPS has.
+Drawn and made by `doe.trials.run`: the 100 grains of `heaps.py` on a plate that does not stick. Packings,
+contact law and every effect are written here a second time, in the ways that LAMMPS has.
 """
 
-import json
 import random
 import subprocess
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from hashlib import sha256
 from math import exp, log, pi
 from pathlib import Path
 from typing import Any
@@ -23,11 +16,7 @@ from typing import Any
 import numpy as np
 import typer
 
-from doe.common.cases import ROOT
-from doe.common.command import run_step
-from doe.trials.answers import answer_all
 from doe.trials.heaps import DENSITY, GRAVITY, SCENE, Case, Laboratory, between, drawn, line_of, write_study
-from doe.trials.table import add_rows
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
@@ -80,7 +69,6 @@ class Apparatus:
 
 
 SMALL = Apparatus(100, 5e5, 2e-2, 950.0, tube_d=3.5, fill_d=3.0, box_d=40.0)  # of column.toml
-WHOLE = Apparatus(1800, 5e6, 1e-2, 3000.0, tube_d=9.0, fill_d=8.4, box_d=55.0)  # of ../foreign_lab
 SPRING = 0.005  # of rolling, over E d [1]
 
 
@@ -221,76 +209,3 @@ def measure(folder: Path, cases: Sequence[Case], seed: int) -> None:
 
 
 DRAWN = Laboratory(lambda generator: drawn(generator, HIDDEN, drawn_case), measure)
-
-
-# Chosen laboratories in the whole apparatus; what is hidden in them stands here.
-FOLDER = ROOT / "campaigns" / "trials" / "whole"
-STUDY, WHOLE_SCENE = ROOT / "doe" / "foreign_lab_c.toml", ROOT / "doe" / "foreign_lab" / "column.toml"
-BARE = Grains(sliding=0.54, rolling=0.12)
-WEIGHT_D = DENSITY * pi / 6.0 * DIAMETERS[0] ** 2 * GRAVITY  # of the smaller grains, over d [N m-1]
-WET, ANGULAR = ((0.0, 0.0), (0.01, 0.0), (0.02, 0.0)), ((0.0, 0.0), (0.0, 0.5), (0.0, 1.0))
-CHOSEN: dict[str, tuple[Sequence[tuple[float, float]], Callable[[float, float], Grains]]] = {
-    "wet_linear": ((*WET, (0.04, 0.0)), lambda w, a: Grains(BARE.sliding, BARE.rolling, WEIGHT_D * w / 0.02)),
-    "null": (((0.0, 0.0), (0.02, 0.0), (0.0, 1.0)), lambda w, a: BARE),
-    "pair": (
-        ((0.0, 0.0), (0.02, 0.0), (0.0, 1.0), (0.02, 1.0)),
-        lambda w, a: Grains(BARE.sliding, BARE.rolling + 0.25 * a, 0.8 * WEIGHT_D * (w > 0.0)),
-    ),
-    "friction_angular": (ANGULAR, lambda w, a: Grains(BARE.sliding * (1.0 + 0.5 * a), BARE.rolling)),
-    "dry_pull": (ANGULAR, lambda w, a: Grains(BARE.sliding, BARE.rolling, WEIGHT_D)),
-    "rolling_wet": (WET, lambda w, a: Grains(BARE.sliding, BARE.rolling + 15.0 * w)),
-    "slippery": (WET, lambda w, a: Grains(BARE.sliding * (1.0 - 30.0 * w), BARE.rolling)),
-}  # conditions (moisture, angularity), and the grains at each
-WHOLE_REPEATS, REPEATS_BARE = 3, 6
-WHOLE_HEAD = "observable,value,sd,n,unit,group,moisture,diameter,angularity,source"
-
-
-def chosen_lines(name: str) -> list[str]:
-    """Table of one chosen laboratory: means of its repeats."""
-    conditions, grains_at = CHOSEN[name]
-    lines = [WHOLE_HEAD]
-    for d in DIAMETERS:
-        for w, a in conditions:
-            grains = grains_at(w, a)
-            who = "base" if grains == BARE else name
-            count = REPEATS_BARE if (w, a) == (0.0, 0.0) else WHOLE_REPEATS
-            keys = [f"{who}_{d:g}_{w:g}_{a:g}_{k}".encode() for k in range(count)]
-            seeds = [int.from_bytes(sha256(key).digest()[:4], "big") for key in keys]
-            heaps = [laboratory_run(WHOLE, grains, d, np.random.default_rng(seed)) for seed in seeds]
-            for observable, first in heaps[0].items():
-                values = [heap[observable].value for heap in heaps]
-                mean, sd = np.mean(values), np.std(values, ddof=1)
-                group = "fill" if observable == "column_height" else "collapse"
-                at = f"{first.unit},{group},{w:g},{d:g},{a:g}"
-                lines.append(f"{observable},{mean:.6g},{sd:.6g},{count},{at},LAMMPS")
-    return lines
-
-
-def make_chosen() -> None:
-    """Tables and studies."""
-    (FOLDER / "foreign_lab").mkdir(parents=True, exist_ok=True)
-    (FOLDER / "foreign_lab" / "column.toml").write_text(WHOLE_SCENE.read_text("utf-8"), encoding="utf-8")
-    for name in CHOSEN:
-        (FOLDER / f"{name}.csv").write_text("\n".join(chosen_lines(name)) + "\n", encoding="utf-8")
-        text = STUDY.read_text("utf-8").replace('"measured/lab_c.csv"', f'"{name}.csv"\nruns = "runs"')
-        (FOLDER / f"{name}.toml").write_text(text, encoding="utf-8")
-
-
-def open_chosen() -> None:
-    """The rows of those that are solved."""
-    rows = []
-    for name in CHOSEN:
-        answer = (FOLDER / name).with_suffix(".json")
-        if answer.exists():
-            found = json.loads(answer.read_text("utf-8"))
-            rows.append({"set": "whole", "case": name, "method": found.pop("method"), "answer": found})
-    add_rows("lammps", rows)
-
-
-def solve_chosen() -> None:
-    """What the commands say; what has been solved is not solved again."""
-    answer_all([(FOLDER / name).with_suffix(".toml") for name in CHOSEN])
-
-
-if __name__ == "__main__":
-    run_step(__doc__, {"make": make_chosen, "solve": solve_chosen, "open": open_chosen})

@@ -9,8 +9,10 @@ import numpy as np
 from scipy import stats
 
 from doe.trials.table import Row
-from taichi_erosion.evidence.data.findings import NONE, OUTSIDE
 
+NONE, OUTSIDE = "none", "outside_library"  # explanations that name nothing
+ACTING = ("null", "single", "pair", "triple", "four")  # kinds by the number of effects that act
+MOST_TOLD = 3  # members of a group that is an answer
 STRONG, IDENTIFIABLE, DISTINCT = 7.0, 4.5, 3.0  # signal-to-noise ratios and separation [sd]
 CONFIDENT = 0.9
 TAIL = 0.025  # to either side of a bound
@@ -33,12 +35,21 @@ class Case:
 
     @property
     def kind(self) -> str:
-        return self.truth["kind"]
+        """One of ACTING, impossible, unlisted (an effect that is not in the list), mechanism."""
+        kind = self.truth["kind"]
+        if kind == "outside":
+            return "mechanism" if "form" in self.truth else "unlisted"
+        return kind if kind in ("null", "impossible") else ACTING[len(self.acting)]
 
     @property
     def acting(self) -> set[str]:
-        """Effects that act."""
-        return set(self.truth["effects"])
+        """Listed or unlisted effects that act."""
+        return set(self.truth["effects"] if "effects" in self.truth else self.listed)
+
+    @property
+    def listed(self) -> dict[str, float]:
+        """The listed effect of a case beyond the list, if that acts."""
+        return {self.truth["name"]: self.truth["size"]} if self.truth["kind"] == "listed" else {}
 
     @property
     def named(self) -> set[str]:
@@ -65,18 +76,23 @@ class Case:
         return self.answer["verdict"] == "outside_library"
 
     @property
+    def mechanisms(self) -> tuple[str, ...]:
+        """Mechanisms told, best first."""
+        return tuple(self.answer.get("mechanisms") or ())
+
+    @property
     def ratio(self) -> float:
         return self.row["difficulty"]["ratio"]
 
     @property
     def separation(self) -> float:
-        separation = self.row["difficulty"]["separation"]
+        separation = self.row["difficulty"].get("separation")
         return inf if separation is None else separation
 
     @property
     def honest(self) -> bool:
         """The sd is as stated."""
-        return self.truth["understated"] == 1.0
+        return self.truth.get("understated", 1.0) == 1.0
 
     @property
     def top(self) -> str:
@@ -85,25 +101,18 @@ class Case:
         return max(named, key=lambda key: named[key]) if named else NONE
 
     @property
-    def is_top(self) -> bool:
-        """The effects that act are the likeliest explanation."""
-        return set(self.top.split("+")) == self.acting
-
-    @property
     def misnamed(self) -> bool:
         """Something is named with confidence."""
-        likely = self.answer["probabilities"].get(self.top, 0.0)
+        likely = self.answer.get("probabilities", {}).get(self.top, 0.0)
         return self.answer["verdict"] == "present" and likely > CONFIDENT
 
     def intervals(self, what: str) -> list[bool]:
-        """Whether each interval of what acts (`strengths`, `parameters`) holds the truth."""
-        counted = self.answer.get({"strengths": "strengths_held", "parameters": "numbers_held"}[what])
-        if counted:
-            return [k < counted[0] for k in range(counted[1])]
-        truth = self.truth["effects" if what == "strengths" else what]
-        return [
-            low <= truth[name] <= high for name, (_, low, high) in self.answer[what].items() if name in truth
-        ]
+        """Whether each interval (`strengths` of what acts, `parameters`) holds the truth."""
+        truth = self.truth["parameters"]
+        if what == "strengths":
+            truth = self.truth.get("effects", self.listed)
+        known = self.answer.get(what, {})
+        return [low <= truth[name] <= high for name, (_, low, high) in known.items() if name in truth]
 
 
 Cases = Sequence[Case]

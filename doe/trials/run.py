@@ -1,33 +1,42 @@
 """Blind trials: draws cases, solves them without their truth, opens them.
 
-    python -m doe.trials.run seal TRIAL SET SECRET --cases 200    truths into SECRET, digests into seals/
-    python -m doe.trials.run solve TRIAL SET --processes 2        in fresh processes; goes on where it stopped
-    python -m doe.trials.run open TRIAL SET SECRET                results/TRIAL.jsonl.gz
+    python -m doe.trials.run seal TRIAL SET SECRET --cases 500  truths into SECRET, digests into seals/
+    git commit doe/trials/seals
+    python -m doe.trials.run solve TRIAL SET --processes 2      in fresh processes; goes on where it stopped
+    python -m doe.trials.run open TRIAL SET SECRET              results/TRIAL.jsonl.gz, and its score
+    python -m doe.trials.run again TRIAL SET --cases 200        stored cases by this method, as `SET, again`
 
-TRIAL is clean, disturbed, several, beyond, correlated or intervals (reduced model), same_laws or other_laws
-(heaps of our own simulator), or lammps (heaps of that code); of heaps `make TRIAL SET SECRET` measures the
-tables after `seal`. SECRET is a folder outside the tree that no solving process is given; there lie 128
-random bits of the operating system, out of which every case follows. The digests are committed before the
-first answer; every row names the commit that answered it.
+TRIAL is reduced (the closed-form model: disturbed, beyond, clean and several in turn, each a trial too, as is
+intervals), same_laws or other_laws (heaps of our own simulator), or lammps (heaps of that code); of heaps
+`make TRIAL SET SECRET` measures the tables after `seal`. SECRET is a folder outside the tree that no solving
+process is given; there lie 128 random bits of the operating system for every case, out of which it follows.
+Nothing is solved before the digests are committed; every row names the commit that answered it.
 """
 
 import json
+import os
 import pickle
 import random
-from collections.abc import Sequence
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from hashlib import sha256
+from itertools import repeat
+from multiprocessing import get_context
 from pathlib import Path
 from secrets import randbits
 from typing import Annotated, Any
 
 import typer
 
-from doe.common.cases import ROOT
+from doe.common.cases import ROOT, method_commit
 from doe.trials import heaps, lammps
-from doe.trials.answers import answer_all
+from doe.trials.answers import answer_all, answered
 from doe.trials.reduced.families import FAMILIES, Drawn
-from doe.trials.table import HERE, Row, add_rows
+from doe.trials.score import scores
+from doe.trials.table import HERE, Row, add_rows, read_rows, table_of
 from taichi_erosion.core.files import write_atomic
 
 LABORATORIES = {"same_laws": heaps.SAME_LAWS, "other_laws": heaps.OTHER_LAWS, "lammps": lammps.DRAWN}
@@ -93,6 +102,13 @@ def seal(place: SealedSet, secret: Path, cases: int) -> None:
     write_atomic(place.seals, "\n".join(["case,sha256", *lines, ""]).encode())
 
 
+def committed(file: Path) -> bool:
+    """Whether a file is in the history as it is."""
+    words = ["git", "status", "--porcelain", "--ignored", "--", str(file)]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
+    return file.exists() and not done.stdout
+
+
 def opened(place: SealedSet, secret: Path) -> list[tuple[int, str, Any]]:
     """Seed, digest and case of every number; raises ValueError where a truth is not the one sealed."""
     file = secret / f"{place.trial}_{place.name}.json"
@@ -109,6 +125,20 @@ def opened(place: SealedSet, secret: Path) -> list[tuple[int, str, Any]]:
             raise ValueError(f"{place.name}, case {k}: the truth is not the one that was sealed")
         found.append((seed, digest(text), case))
     return found
+
+
+def answered_again(trial: str, row: Row, method: str) -> Row:
+    """A stored case drawn again from its seed. Raises ValueError where that gives another one."""
+    case = FAMILIES[trial](int(row["seed"], 16), row["case"])
+    if plain(case.truth) != plain(row["truth"]):
+        raise ValueError(f"{trial}, {row['set']}, case {row['case']} is drawn otherwise than it was")
+    found = answered(case.problem, row["case"], case.asked)
+    return row | {"set": f"{row['set']}, again", "method": method, "answer": found}
+
+
+def plain(truth: Mapping[str, Any]) -> tuple[Any, ...]:
+    """What two draws of one case have in common."""
+    return truth.get("kind"), truth.get("name"), tuple(truth.get("effects") or ())
 
 
 def rows(place: SealedSet, secret: Path) -> list[Row]:
@@ -128,8 +158,10 @@ def rows(place: SealedSet, secret: Path) -> list[Row]:
 
 
 @app.command("seal")
-def seal_command(trial: str, name: str, secret: Secret, cases: int = 200) -> None:
+def seal_command(trial: str, name: str, secret: Secret, cases: int = 500) -> None:
     """Draw a set; commit its digests before it is solved."""
+    if secret.resolve().is_relative_to(ROOT):
+        raise typer.BadParameter(f"{secret} lies in the tree")
     seal(SealedSet(trial, name), secret, cases)
 
 
@@ -144,13 +176,28 @@ def make(trial: str, name: str, secret: Secret) -> None:
 @app.command("solve")
 def solve_command(trial: str, name: str, processes: int = 1) -> None:
     """Answer every case that has no answer yet."""
-    answer_all(SealedSet(trial, name).tasks, processes)
+    place = SealedSet(trial, name)
+    if not committed(place.seals):
+        raise typer.BadParameter(f"commit {place.seals} first")
+    answer_all(place.tasks, processes)
 
 
 @app.command("open")
 def open_command(trial: str, name: str, secret: Secret) -> None:
     """Compare the answers with the truths."""
     add_rows(trial, rows(SealedSet(trial, name), secret))
+    sys.stdout.writelines(scores(trial, [name]))
+
+
+@app.command()
+def again(trial: str, name: str, cases: int = 200, first: int = 0, processes: int = 1) -> None:
+    """Answer stored cases by the present method."""
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # read by the processes when they start
+    stored = [row for row in read_rows(table_of(trial)) if row["set"] == name and "seed" in row]
+    wanted = stored[first : first + cases]
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        add_rows(trial, list(pool.map(answered_again, repeat(trial), wanted, repeat(method_commit()))))
+    sys.stdout.writelines(scores(trial, [f"{name}, again"]))
 
 
 if __name__ == "__main__":

@@ -33,10 +33,11 @@ def write_rows(table: Path, rows: Iterable[Row]) -> None:
 
 
 def add_rows(trial: str, rows: list[Row]) -> None:
-    """Rows of one set and method in place of earlier ones of the same."""
-    new = {(row["set"], row["method"]) for row in rows}
-    kept = [row for row in read_rows(table_of(trial)) if (row["set"], row.get("method")) not in new]
-    write_rows(table_of(trial), [*kept, *rows])
+    """Rows of some sets in place of earlier ones of the same."""
+    new = {row["set"] for row in rows}
+    write_rows(
+        table_of(trial), [*(row for row in read_rows(table_of(trial)) if row["set"] not in new), *rows]
+    )
 
 
 def short(value: Any) -> Any:

@@ -1,10 +1,9 @@
-"""Published series, each with a source left out as vault: error before and after.
+"""Published series, each with a source left out as vault: misfit before and after.
 
     python -m doe.trials.published.folds solve      discover and adopt, by the commands; goes on
     python -m doe.trials.published.folds open       results/published.jsonl.gz
 
-Every source is left out in turn. What is named is adopted; where a group is told, its first member; where
-nothing is named, the likeliest candidate, so that its error shows whether the silence was right.
+Every source is left out in turn. What is named is adopted; where a group is told, its first member.
 """
 
 import csv
@@ -14,16 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from doe.common.cases import ROOT, method_commit
+from doe.common.cases import ROOT
 from doe.common.command import run_step
-from doe.trials.answers import study_answer
-from doe.trials.table import Row, add_rows
+from doe.trials.answers import answer_all
+from doe.trials.table import add_rows
 from taichi_erosion.campaign.study_file import read_evidence_study, with_entry
-from taichi_erosion.core.files import write_atomic
-from taichi_erosion.evidence.data.problem import Integers, Problem
-from taichi_erosion.evidence.models.load_study import load_study
 
 HERE = Path(__file__).parent
 FOLDER = ROOT / "campaigns" / "trials" / "published"
@@ -91,66 +85,23 @@ def write_study(fold: Fold) -> None:
     fold.study.write_text(text, encoding="utf-8")
 
 
-def comparable(problem: Problem) -> dict[str, tuple[Integers, int]]:
-    """Held-out rows of every observable whose value is known, and how many have a value of the model.
-
-    The error of a document counts censored rows too; they add nothing where the model keeps their limit.
-    """
-    held_out = problem.hidden()
-    start = {each.path: each.start for each in problem.parameters}
-    none = {each.name: 0.0 for each in problem.candidates}
-    named, found = np.array(held_out.observable), {}
-    for name in dict.fromkeys(held_out.observable):
-        own = np.flatnonzero(named == name)
-        at = {condition: column[own] for condition, column in held_out.conditions.items()}
-        told = own[np.isfinite(problem.model(name, at, start, none, np.array([1]))[0])]
-        found[name] = told[~held_out.censored[told]], told.size
-    return found
-
-
-def fit_error(fit: Mapping[str, Any], problem: Problem) -> float:
-    """Root mean squared error of an adopted model over the mean of the held-out values [%].
-
-    All observables together, each over its own mean.
-    """
-    value, known = problem.hidden().value, comparable(problem)
-    sums = [
-        fit["vault_rmse"][name] ** 2 * count / float(np.mean(value[own])) ** 2
-        for name, (own, count) in known.items()
-    ]
-    return 100.0 * (sum(sums) / sum(own.size for own, _ in known.values())) ** 0.5
-
-
-def row_of(fold: Fold) -> Row:
-    """One row of the table of results."""
-    found = json.loads(fold.answer.read_text(encoding="utf-8"))
-    method, fits = found.pop("method"), found.pop("fits", {})
-    problem = load_study(fold.study).problem
-    told = {when: fit_error(fit, problem) for when, fit in fits.items()}
-    strengths = fits["added"]["strengths"].values() if fits else ()
-    found |= {
-        "rows_fitted": found.pop("n"),
-        "rows_held_out": found.pop("rows_hidden"),
-        "p_held_out": [fit["vault_p"] for fit in fits.values()],
-        "error_before": told.get("base"),
-        "error_after": told.get("added"),
-        "strength": " ".join(f"{each['value']:.2g}" for each in strengths),
-    }
-    return {"set": fold.series, "case": fold.source, "method": method, "answer": found}
-
-
 def solve() -> None:
     """What the commands say; what has been solved is not solved again."""
-    for fold in folds():
-        if not fold.answer.exists():
-            write_study(fold)
-            found = {"method": method_commit(), **study_answer(fold.study, "full", likeliest=True)}
-            write_atomic(fold.answer, json.dumps(found).encode())
+    every = list(folds())
+    for fold in every:
+        write_study(fold)
+    answer_all([fold.study for fold in every])
 
 
 def open_folds() -> None:
     """The rows of the folds that are solved."""
-    add_rows("published", [row_of(fold) for fold in folds() if fold.answer.exists()])
+    rows = []
+    for fold in folds():
+        if fold.answer.exists():
+            found = json.loads(fold.answer.read_text(encoding="utf-8"))
+            head = {"set": "all", "case": f"{fold.series}: {fold.source}", "method": found.pop("method")}
+            rows.append(head | {"answer": found})
+    add_rows("published", rows)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from doe.trials.reduced.laboratory import Readings, table_of
+from doe.trials.reduced.oracle import least_misfit, root
 from taichi_erosion.evidence.data.problem import (
     Candidate,
     Conditions,
@@ -22,9 +23,9 @@ from taichi_erosion.evidence.data.problem import (
     Problem,
     Vault,
 )
-from taichi_erosion.evidence.inference.map_fit import fit_base
-from taichi_erosion.evidence.models.prepared_problem import prepare
+from taichi_erosion.evidence.data.transforms import position_of
 from taichi_erosion.evidence.models import reduced, reduced_places
+from taichi_erosion.evidence.models.prepared_problem import prepare
 
 Shares = tuple[float, float, float]
 KINDS, SHARES = ("outside", "null", "listed"), (0.4, 0.4, 0.2)
@@ -178,5 +179,5 @@ def ratio(problem: Problem, truth: Truth) -> float:
         rows = named == observable
         own = {name: column[rows] for name, column in table.conditions.items()}
         value[rows] = exact(truth, observable, own)
-    _, best, _ = fit_base(prepare(problem, replace(table, value=value), 0))
-    return float(np.sqrt(max(best.misfit, 0.0)))
+    prepared = prepare(problem, replace(table, value=value), 0)
+    return root(least_misfit(prepared, position_of(prepared.axes, truth.parameters, {}), {}))

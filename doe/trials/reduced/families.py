@@ -1,17 +1,18 @@
 """Trials on the reduced model by name: a seed and a number make a case."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from doe.trials.reduced import beyond, clean, correlated, disturbed, several, smooth
+from doe.trials.reduced import beyond, clean, disturbed, smooth
 from doe.trials.reduced.oracle import difficulty
 from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.models.new_conditions import NewConditions
 
-LEAST_RATIO = 7.0  # of every effect in the designs of `several`
+LEAST_RATIO, TRIES = 7.0, 500  # of every effect in `several`; draws until one is as clear
+SEVERAL = ("pair", "triple", "four")
 NULLS = 0.45  # share of disturbed cases in which nothing is missing
-CORRELATIONS = (0.8, 0.0, -0.8)
+MIX = ("disturbed", "beyond", "clean", "disturbed", "several")  # of the family `reduced`, in turn
 DISCREPANCIES = (0.0, 0.5, 1.0, 2.0)  # rms over the standard error of a row
 
 
@@ -31,28 +32,29 @@ def clean_case(seed: int, number: int) -> Drawn:
 
 
 def disturbed_case(seed: int, number: int) -> Drawn:
-    case = disturbed.draw_case(f"{seed:x}", number, NULLS)
-    plain = disturbed.undisturbed(case)
-    return Drawn(case.problem, asdict(case.truth), lambda: difficulty(plain))
+    return told(disturbed.draw_case(f"{seed:x}", number, NULLS))
 
 
 def several_case(seed: int, number: int) -> Drawn:
-    """Kinds in turn."""
-    kind = list(several.KINDS)[number % len(several.KINDS)]
-    case = several.draw_several(seed, number, kind, LEAST_RATIO)
-    return Drawn(case.problem, asdict(case.truth), lambda: difficulty(case))
+    """A disturbed case of two to four effects, of which each could be seen."""
+    for turn in range(TRIES):
+        case = disturbed.draw_case(f"{seed:x}/{turn}", number, 0.0)
+        if case.truth.kind not in SEVERAL:
+            continue
+        if difficulty(disturbed.undisturbed(case), apart=False)["ratio"] >= LEAST_RATIO:
+            return told(case)
+    raise RuntimeError(f"no design in {TRIES} shows every effect")
+
+
+def told(case: clean.Case) -> Drawn:
+    """A disturbed case, as hard as if it were not disturbed."""
+    plain = disturbed.undisturbed(case)
+    return Drawn(case.problem, asdict(case.truth), lambda: difficulty(plain))
 
 
 def beyond_case(seed: int, _number: int) -> Drawn:
     problem, truth = beyond.draw(seed)
     return Drawn(problem, asdict(truth), lambda: {"ratio": beyond.ratio(problem, truth)})
-
-
-def correlated_case(seed: int, number: int) -> Drawn:
-    """Correlations in turn, rows told to be of one run or not, with an effect in every fourth case."""
-    which, told = CORRELATIONS[number % 3], number % 2 == 0
-    problem, truth = correlated.draw(seed, number, which, number % 4 == 3, told)
-    return Drawn(problem, {"correlation": which, "told": told, **truth})
 
 
 def intervals_case(seed: int, number: int) -> Drawn:
@@ -65,11 +67,18 @@ def intervals_case(seed: int, number: int) -> Drawn:
     )
 
 
+def reduced_case(seed: int, number: int) -> Drawn:
+    """Families in turn."""
+    turn, place = divmod(number, len(MIX))
+    drawn = FAMILIES[MIX[place]](seed, turn)
+    return replace(drawn, truth={"family": MIX[place], **drawn.truth})
+
+
 FAMILIES: dict[str, Callable[[int, int], Drawn]] = {
+    "reduced": reduced_case,
     "clean": clean_case,
     "disturbed": disturbed_case,
     "several": several_case,
     "beyond": beyond_case,
-    "correlated": correlated_case,
     "intervals": intervals_case,
 }

@@ -6,29 +6,36 @@ candidate in its place. At a ratio of 5 an effect is at the line of being identi
 two effects are told apart in 93 % of cases.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from scipy import optimize
 
 from doe.trials.reduced.clean import Case
 from doe.trials.reduced.laboratory import CaseModel
+from taichi_erosion.evidence.data.linear_algebra import censored_terms
 from taichi_erosion.evidence.data.problem import Candidate, Floats
 from taichi_erosion.evidence.data.transforms import position_of
-from taichi_erosion.evidence.inference.map_fit import STEPS, fit
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.models.reduced import EFFECTS
 
+STEPS = (0.3, 1e-3)  # relative, of slopes: wide ones see past the kinks of a threshold
 START = 1.0  # strength from which a rival is fitted
+NO_VALUE = 1e6  # residual where the model has no value
 
 
-def difficulty(case: Case) -> dict[str, float]:
-    """Least `ratio` and `separation` [sd] over the effects that act; of a null 0 and infinite."""
+def difficulty(case: Case, apart: bool = True) -> dict[str, float]:
+    """Least `ratio` and `separation` [sd] over the effects that act; of a null 0 and infinite.
+
+    Without `apart` rivals are not tried.
+    """
     if not case.truth.effects:
         return {"ratio": 0.0, "separation": np.inf}
     prepared, x = noise_free(case)
     listed = [candidate.name for candidate in case.problem.candidates]
     truth = case.truth.effects
-    floor = least_misfit(prepared, x, dict(truth))
+    floor = least_misfit(prepared, x, truth)
     ratios, separations = [], []
     for name in truth:
         others = {key: value for key, value in truth.items() if key != name}
@@ -36,7 +43,7 @@ def difficulty(case: Case) -> dict[str, float]:
         rivals = [
             root(least_misfit(prepared, x, {**others, rival: START}) - floor)
             for rival in listed
-            if rival not in truth
+            if apart and rival not in truth
         ]
         ratios.append(ratio)
         separations.append(min([ratio, *rivals]))
@@ -64,11 +71,34 @@ def noise_free(case: Case) -> tuple[PreparedProblem, Floats]:
     return replace(prepared, rows=replace(prepared.rows, z=exact)), x
 
 
-def least_misfit(prepared: PreparedProblem, x: Floats, acting: dict[str, float]) -> float:
-    """Misfit + prior of a hypothesis after recalibration, from the true numbers."""
-    names = tuple(acting)
-    psi = np.array([acting[name] for name in names])
-    return fit(prepared, names, [np.concatenate([x, psi])], STEPS).misfit
+def least_misfit(prepared: PreparedProblem, x: Floats, acting: Mapping[str, float]) -> float:
+    """Misfit + prior of a hypothesis after recalibration, from the numbers x."""
+    candidates = {each.name: each for each in prepared.problem.candidates}
+    scale = np.array([1.0] * x.size + [candidates[name].prior_scale for name in acting])
+    low = np.append(prepared.low, np.zeros(len(acting))) / scale
+    high = np.append(prepared.high, [candidates[name].maximum for name in acting]) / scale
+
+    def residual(position: Floats) -> Floats:
+        numbers, strengths = np.split(position * scale, [x.size])
+        told = dict(zip(acting, map(float, strengths), strict=True))
+        return np.append(whole_residual(prepared, numbers, told), position)
+
+    start = np.clip(np.append(x, list(acting.values())) / scale, low, high)
+    misfit = float(np.sum(residual(start) ** 2))
+    for step in STEPS if start.size else ():
+        found = optimize.least_squares(residual, start, bounds=(low, high), diff_step=step, ftol=1e-4)
+        start, misfit = found.x, min(misfit, 2.0 * float(found.cost))
+    return misfit
+
+
+def whole_residual(prepared: PreparedProblem, x: Floats, acting: dict[str, float]) -> Floats:
+    """Whitened residual; of a censored row the root of its deviance."""
+    mean = prepared.predictor.mean(x, acting, prepared.seeds.fitting)
+    found, reach = prepared.white(prepared.rows.z - mean), prepared.white_reach
+    own = reach != 0.0
+    if own.any():
+        found[own] = np.sqrt(-2.0 * censored_terms(found[own], reach[own])[0])
+    return np.nan_to_num(found, nan=NO_VALUE, posinf=NO_VALUE, neginf=-NO_VALUE)
 
 
 def root(misfit: float) -> float:

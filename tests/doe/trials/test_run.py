@@ -6,8 +6,9 @@ from dataclasses import asdict
 
 import pytest
 
-from doe.trials.reduced import beyond, clean
-from doe.trials.run import SealedSet, digest, opened, rows, seal, truth_text
+from doe.trials.reduced import beyond
+from doe.trials.reduced.families import FAMILIES, MIX
+from doe.trials.run import SealedSet, answered_again, committed, opened, plain, rows, seal
 from doe.trials.table import add_rows, read_rows, table_of, write_rows
 from taichi_erosion.core.files import write_atomic
 
@@ -48,26 +49,43 @@ def test_a_set_is_sealed_once_and_its_problems_hold_no_truth(trial, tmp_path):
     assert not hasattr(pickle.loads(task)[0], "truth")
 
 
-def test_stored_cases_are_drawn_again_from_their_seed():
-    for row in read_rows(table_of("clean"))[:3]:
-        drawn = clean.draw_case(int(row["seed"], 16), row["case"]).truth
-        assert (drawn.kind, set(drawn.effects)) == (row["truth"]["kind"], set(row["truth"]["effects"]))
-        assert drawn.parameters == pytest.approx(row["truth"]["parameters"], rel=1e-4)
-    for row in [row for row in read_rows(table_of("beyond")) if row["set"] == "fourth"][:3]:
-        seed = int(row["seed"], 16)
-        truth = asdict(beyond.draw(seed)[1])
-        assert digest(truth_text(seed, row["case"], truth)) == row["sha256"]
+@pytest.mark.parametrize("trial", ["clean", "disturbed", "beyond"])
+def test_stored_cases_are_drawn_again_from_their_seed(trial):
+    for row in read_rows(table_of(trial))[:3]:
+        truth = FAMILIES[trial](int(row["seed"], 16), row["case"]).truth
+        assert plain(truth) == plain(row["truth"])
+        assert truth["parameters"] == pytest.approx(row["truth"]["parameters"], rel=1e-4)
 
 
-def test_rows_of_a_set_and_method_are_replaced_and_make_the_same_bytes(tmp_path, monkeypatch):
+def test_a_case_is_answered_again_and_one_that_is_drawn_otherwise_is_not():
+    row = read_rows(table_of("beyond"))[0]
+    found = answered_again("beyond", row, "m")
+    assert (found["set"], found["method"]) == (f"{row['set']}, again", "m")
+    assert {"verdict", "named", "strengths", "parameters", "vault", "settings"} <= set(found["answer"])
+    with pytest.raises(ValueError, match="drawn otherwise"):
+        answered_again("beyond", row | {"truth": row["truth"] | {"name": "another"}}, "m")
+
+
+def test_every_family_of_the_mix_is_drawn_in_turn():
+    drawn = [FAMILIES["reduced"](7, number).truth for number in range(len(MIX))]
+    assert tuple(truth["family"] for truth in drawn) == MIX
+    assert len(drawn[MIX.index("several")]["effects"]) > 1
+
+
+def test_a_seal_that_is_not_in_the_history_is_seen():
+    assert committed(table_of("clean"))
+    assert not committed(table_of("no trial"))
+
+
+def test_rows_of_a_set_are_replaced_and_make_the_same_bytes(tmp_path, monkeypatch):
     monkeypatch.setattr("doe.trials.table.HERE", tmp_path)
     one = {"set": "a", "method": "m", "case": 0, "answer": {"p": 1.0 / 3.0, "vault": [float("nan")]}}
     add_rows("trial", [one])
     before = table_of("trial").read_bytes()
     add_rows("trial", [one])
     assert table_of("trial").read_bytes() == before
-    add_rows("trial", [one | {"method": "other"}])
-    assert [row["method"] for row in read_rows(table_of("trial"))] == ["m", "other"]
+    add_rows("trial", [one | {"set": "b"}])
+    assert [row["set"] for row in read_rows(table_of("trial"))] == ["a", "b"]
     assert read_rows(table_of("trial"))[0]["answer"] == {"p": 0.333333, "vault": [None]}
     write_rows(table_of("trial"), [])
     assert read_rows(table_of("trial")) == []

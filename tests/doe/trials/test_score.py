@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from doe.trials.metrics import Case, median, share
-from doe.trials.score import TRIALS, beyond_metrics, clean_metrics, groups_of, judged, paired_difference
+from doe.trials.metrics import Case, Metric, median, share
+from doe.trials.score import TRIALS, groups_of, judged, reduced_metrics
+from doe.trials.table import HERE
 
 WATER, ROLLING = "liquid_bridge", "rolling_resistance"
 UNLISTED = "restitution that falls with moisture"
@@ -27,40 +28,48 @@ def test_bounds_of_a_median_hold_it_as_often_as_they_say():
     assert held / 2000 == pytest.approx(exact, abs=0.015)
 
 
-def test_the_bounds_of_a_paired_difference_exclude_zero_where_the_exact_test_rejects():
-    for first, second in ((12, 3), (9, 4), (20, 5), (6, 0)):
-        found = paired_difference("d", first, second, 100)
-        assert found.value == pytest.approx((first - second) / 100)
-        assert found.low < found.value <= found.high
-        rejected = stats.binomtest(first, first + second).pvalue < 0.05
-        assert (found.low > 0.0) == rejected
-    assert paired_difference("d", 0, 0, 50).value == 0.0
+def case(truth: dict[str, Any], answer: dict[str, Any], ratio: float = 10.0) -> Case:
+    plain = {"verdict": "none_detected", "named": [], "group": [], "seconds": 0.2}
+    truth = {"parameters": {}, "understated": 1.0, "outside": ""} | truth
+    difficulty = {"ratio": ratio, "separation": None}
+    return Case({"truth": truth, "difficulty": difficulty, "answer": plain | answer})
 
 
-def null(named: list[str], **row: Any) -> Case:
-    truth = {"kind": "null", "effects": {}, "parameters": {}, "understated": 1.0, "outside": ""}
-    verdict, likely = ("present", {"none": 0.1, "gusts": 0.9}) if named else ("none_detected", {"none": 0.8})
-    answer = {"verdict": verdict, "named": named, "group": [], "probabilities": likely, "seconds": 0.2}
-    answer |= {"strengths": {}, "parameters": {}, "vault": [None] * 3}
-    return Case({"truth": truth, "difficulty": {"ratio": 0.0, "separation": None}, "answer": answer, **row})
+def scored(cases: list[Case]) -> dict[str, Metric]:
+    return {metric.name: metric for metric in reduced_metrics(cases)}
 
 
-def test_false_alarms_are_counted_and_further_cases_are_not():
-    cases = [null([]), null([]), null([]), null(["gusts"]), null(["gusts"], further=True)]
-    alarms = next(clean_metrics(cases))
+def test_false_alarms_are_counted():
+    null = {"kind": "null", "effects": {}}
+    named = {"verdict": "present", "named": ["gusts"]}
+    alarms = scored([case(null, {})] * 3 + [case(null, named)])["nulls: any name"]
     assert (alarms.value, alarms.count, alarms.met) == (0.25, 4, False)
 
 
-def test_gain_and_offset_of_one_instrument_count_as_one_member_of_a_group():
-    law = {"exponents": {"diameter": {"low": -1.0, "high": -0.5}}}
+def test_cases_count_by_what_acts():
+    known = {
+        "single": {"kind": "listed", "name": "gusts", "size": 1.0},
+        "pair": {"kind": "pair", "effects": {"gusts": 1.0, "sheltering": 1.0}},
+        "four": {"kind": "quadruple", "effects": dict.fromkeys("abcd", 1.0)},
+        "unlisted": {"kind": "outside", "effects": {"gusts": 1.0}},
+        "mechanism": {"kind": "outside", "name": "drag", "form": "power"},
+        "impossible": {"kind": "impossible", "effects": {"gusts": 1.0}},
+    }
+    assert {kind: case(truth, {}).kind for kind, truth in known.items()} == {kind: kind for kind in known}
+    held = {"named": ["gusts"], "verdict": "present", "strengths": {"gusts": [1.1, 0.9, 1.3]}}
+    assert case(known["single"], held).intervals("strengths") == [True]
+
+
+@pytest.mark.parametrize(("told", "first", "few"), [(2, 1.0, 1.0), (4, 1.0, 0.0)])
+def test_a_group_of_more_than_three_mechanisms_is_no_answer(told, first, few):
     truth = {"kind": "outside", "name": "drag", "form": "power", "condition": "diameter", "exponent": 0.8}
-    told = ["drag", "lift", "reading_gain:flux", "reading_offset:flux"]
-    answer = {"verdict": "outside_library", "named": [], "seconds": 1.0, "mechanisms": told, "law": law}
-    answer |= {"beyond": "group", "held_out": [10.0, 1.0]}
-    case = Case({"truth": truth, "difficulty": {"ratio": 10.0}, "answer": answer})
-    found = {metric.name: metric.value for metric in beyond_metrics([case])}
-    assert found["outside, ratio >= 7: mechanism told, alone or in a group of at most three"] == 1.0
-    assert found["power laws, mechanism right: exponent in its 90 % interval"] == 1.0
+    answer = {"verdict": "outside_library", "mechanisms": ["drag", "lift", "gustiness", "restitution"][:told]}
+    answer |= {"law": "drag", "powers": {"diameter": [-0.7, -1.0, -0.5]}, "vault": [10.0, 1.0, 9.0]}
+    found = scored([case(truth, answer)])
+    assert found["mechanism, ratio >= 7: told first"].value == first
+    assert found["mechanism, ratio >= 7: alone or in a group of at most three"].value == few
+    assert found["power laws: exponent in its 90 % interval"].value == 1.0
+    assert found["the same, right mechanism first"].value == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(
@@ -89,8 +98,9 @@ def test_a_group_or_a_superset_is_not_the_exact_name(effects, outside, verdict, 
     )
 
 
-@pytest.mark.parametrize("trial", TRIALS)
-def test_every_stored_case_can_be_scored(trial):
+@pytest.mark.parametrize("table", sorted((HERE / "results").iterdir()), ids=lambda table: table.name)
+def test_every_stored_case_can_be_scored(table):
+    trial = table.name.partition(".")[0]
     groups = groups_of(trial)
     assert groups
     for cases in groups.values():
