@@ -8,10 +8,6 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from taichi_erosion.evidence.data.problem import Candidate, Measurements, Parameter, Problem
-from taichi_erosion.evidence.inference.map_fit import fit_base
-from taichi_erosion.evidence.inference.marginal_likelihood import expand
-from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, prepare
-from taichi_erosion.evidence.inference.screen import Screen, screen
 
 Shape = Callable[[np.ndarray], np.ndarray]
 LEVEL_SD = 5.0  # prior sd of the level: a quarter of its range
@@ -51,9 +47,3 @@ def linear_problem(
     )
     level = (Parameter("level", 0.0, -2.0 * LEVEL_SD, 2.0 * LEVEL_SD),) if calibrated else ()
     return Problem(table, {}, level, tuple(Candidate(name) for name in shapes), model)
-
-
-def screened(problem: Problem) -> tuple[PreparedProblem, Screen]:
-    """The calibrated bare model with the signatures of all candidates."""
-    prepared, best, _ = fit_base(prepare(problem, problem.measurements, 1))
-    return prepared, screen(prepared, expand(prepared, best))

@@ -17,7 +17,13 @@ from taichi_erosion.evidence.answers import files
 from taichi_erosion.evidence.answers.files import Command, Reply
 from taichi_erosion.evidence.answers.rounds import Question, answered, last_budget
 from taichi_erosion.evidence.answers.scene_rounds import RacedStudy, after_test, discovery_question
-from taichi_erosion.evidence.answers.set_up import blocked, sentences, source_faults, table_faults
+from taichi_erosion.evidence.answers.set_up import (
+    blocked,
+    refuse_unknown_scatter,
+    sentences,
+    source_faults,
+    table_faults,
+)
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Problem, Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH, is_strength
@@ -45,6 +51,7 @@ def open_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Iterator[Study
     """
     with threadpool_limits(1, user_api="blas"):
         study = load_study(path, options)
+        refuse_unknown_scatter(study)
         study = replace(study, faults=(*study.faults, *source_faults(study), *table_faults(study.problem)))
         try:
             yield study
@@ -121,7 +128,10 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
         found, ready = answered(study, last_budget(study), question, progress)
         stated = study.file.laboratory
         laboratory = Laboratory(ranges=dict(stated.ranges), costs=dict(stated.costs), repeats=stated.repeats)
-        return stored(ready, "next", found, next_record(found.posterior, laboratory), start)
+        record = next_record(found.posterior, laboratory)
+        if blocked(ready.faults):
+            record = replace(record, decided=waiting(record.decided), experiments=())
+        return stored(ready, "next", found, record, start)
 
 
 def whole(problem: Problem) -> Problem:

@@ -5,6 +5,7 @@ Faults of runs come from `emulator/run_faults.py`. Where a fault blocks, nothing
 
 from collections.abc import Iterator, Sequence
 
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows, condition_numbers
 from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.data.set_up_fault import SetUpFault
@@ -38,6 +39,13 @@ def source_faults(study: Study) -> Iterator[SetUpFault]:
     if head.made_from and source_changed(source := study.path.parent / head.made_from, head.made_from_digest):
         words = f"{source.name} has changed since `study new`: run it again to take over the changes"
         yield SetUpFault("source_changed", "table", words, False)
+
+
+def refuse_unknown_scatter(study: Study) -> None:
+    """Raises BadInput for a table of which no misfit can be judged."""
+    if not comparison_rows(study.problem, study.problem.visible()).known.any():
+        words = "no row has an sd, and no measurement is repeated: the scatter is unknown"
+        raise BadInput(f"{study.file.study.measurements}: {words}. Add a column sd, or repeats")
 
 
 def table_faults(problem: Problem) -> tuple[SetUpFault, ...]:

@@ -118,6 +118,7 @@ class Race:
     prepared: PreparedProblem
     model: RaceModel
     fits: dict[Hypothesis, Fit] = field(default_factory=dict)
+    tried: bool = False  # whether every effect has been, once
     stopped: bool = False  # at the budget of settings
 
     def __post_init__(self) -> None:

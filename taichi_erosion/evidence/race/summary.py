@@ -103,7 +103,7 @@ def repeat_parts(race: Race, after: Fit) -> Iterator[RepeatPart]:
 
 def fit_part(race: Race, bare: Fit, after: Fit) -> FitPart:
     """Misfit of the fitted rows if nothing is missing, and with what is told."""
-    before, now = misfit(bare), misfit(after)
+    before, now = misfit(bare), misfit(after, told=True)
     return FitPart(race.prepared.rows.size, before[0], now[0], before[1], now[1], lack_of_fit(race, bare))
 
 
@@ -116,17 +116,18 @@ def lack_of_fit(race: Race, bare: Fit) -> float:
     return found[JOINT].p if JOINT in found else nan
 
 
-def misfit(fit: Fit) -> tuple[float, float]:
+def misfit(fit: Fit, told: bool = False) -> tuple[float, float]:
     """Chi-square of the rows with levels, sources and batches at their best, and the chance of as much.
 
     No smooth discrepancy takes away what is missing; the chance is that of errors of the size that their
-    priors expect.
+    priors expect, and of levels, sources and batches as large as they are `told`.
     """
     now = fit.evidence.solved
     smooth = [k for k, block in enumerate(fit.blocks) if block.kind in ("discrepancy", "unlisted")]
     best = np.where(np.isin(now.rows.block, smooth), 0.0, now.tau * now.centre)
     stated = now.rows.y - now.rows.columns @ best
-    residual, _ = now.rows.solved(now.rows.scales.start).precision
+    shared = [told and name.startswith(("level", "source", "batch")) for name in now.rows.scales.names]
+    residual, _ = now.rows.solved(np.where(shared, now.u, now.rows.scales.start)).precision
     return float(now.rows.weight @ stated**2), float(stats.chi2.sf(now.rows.y @ residual, now.rows.y.size))
 
 
