@@ -5,7 +5,7 @@ Headline, table and last line take the same names from `acting`, so that they ca
 
 from collections.abc import Iterator
 
-from taichi_erosion.evidence.data.number_words import counted, plain
+from taichi_erosion.evidence.data.number_words import plain
 from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.race.record import Decided, EffectPart, LawPart, Record
 from taichi_erosion.evidence.words import data_words
