@@ -10,9 +10,7 @@ from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.race.record import ErrorPart, LevelPart, PlacePart, Record
 from taichi_erosion.evidence.words import vocabulary as say
 
-UNITS = {57.3: "degrees for radians", 100.0: "percent for a share", 10.0: "a unit", 1e3: "a unit"}
-    (10.0, 1e3, 1e6), "a unit"
-)
+UNITS = {57.3: "degrees for radians", 100.0: "percent for a share", 10.0: "another unit", 1e3: "another unit"}
 NEAR_UNIT = 0.1  # of ln of a factor, within which it is told as that of a unit
 
 
