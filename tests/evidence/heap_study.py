@@ -12,9 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from taichi_erosion.evidence.answers.compare import no_progress
-from taichi_erosion.evidence.answers.discover import discover
-from taichi_erosion.evidence.data.findings import Discovery
 from taichi_erosion.evidence.data.problem import (
     Candidate,
     Measurements,
@@ -24,6 +21,9 @@ from taichi_erosion.evidence.data.problem import (
     Vault,
 )
 from taichi_erosion.evidence.data.table_units import TableUnits
+from taichi_erosion.evidence.race.posterior import raced
+from taichi_erosion.evidence.race.record import Record
+from taichi_erosion.evidence.race.summary import summary
 from taichi_erosion.scene.schema.units import Scale
 
 MOISTURE, DIAMETER = np.linspace(0.0, 1.0, 5), np.array([1.0, 2.0])
@@ -100,15 +100,6 @@ def narrowed(problem: Problem, low: float, high: float) -> Problem:
     return replace(problem, parameters=(replace(number, low=low, high=high),))
 
 
-def declared(problem: Problem, angle: float, height: float) -> Problem:
-    """The same with errors declared that all rows of an observable share."""
-    observables = {
-        "angle": Observable("angle", sd_shared=angle),
-        "height": Observable("height", "log", sd_shared_relative=height),
-    }
-    return replace(problem, observables=observables)
-
-
-def answer(problem: Problem, seed: int = 1) -> Discovery:
-    """What `discover` says."""
-    return discover(problem, seed, problem.budget, no_progress)
+def answer(problem: Problem, seed: int = 1) -> Record:
+    """The record of the race."""
+    return summary(raced(problem, seed))

@@ -3,8 +3,6 @@
 import numpy as np
 
 from taichi_erosion.evidence.data.problem import Candidate, Measurements, Observable, Parameter, Problem
-from taichi_erosion.evidence.inference.map_fit import fit_base
-from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, prepare
 
 CELLS, REPEATS, SLOPE_SD = 10, 3, 0.5
 
@@ -39,7 +37,3 @@ def heaps(seed: int, rho: float = 0.8, named: bool = True, strength: float = 0.0
     observables = {"angle": Observable("angle", sd_shared=0.15)}
     numbers = (Parameter("slope", 0.4, 1e-9, 1e9, SLOPE_SD),)
     return Problem(table, observables, numbers, (Candidate("bend"),), model)
-
-
-def calibrated(problem: Problem) -> PreparedProblem:
-    return fit_base(prepare(problem, problem.measurements, 1))[0]

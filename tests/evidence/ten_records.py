@@ -244,6 +244,5 @@ DISCOVERIES = {
     "unstable": replace(
         single, decided=replace(single.decided, verdict="unstable", named=(), group=("liquid_bridge",))
     ),
-    "no_scatter": replace(null, fit=FitPart(33, nan, nan, nan, nan, nan)),
 }
 ADOPTIONS = {"adopted": adopted, "still_fails": still_fails, "fitted_fails": fitted_fails, "refuted": refuted}

@@ -17,12 +17,19 @@ from taichi_erosion.evidence.answers import files
 from taichi_erosion.evidence.answers.files import Command, Reply
 from taichi_erosion.evidence.answers.rounds import Question, answered, last_budget
 from taichi_erosion.evidence.answers.scene_rounds import RacedStudy, after_test, discovery_question
-from taichi_erosion.evidence.answers.set_up import blocked, sentences, source_faults, table_faults
+from taichi_erosion.evidence.answers.set_up import (
+    blocked,
+    refuse_unknown_scatter,
+    sentences,
+    source_faults,
+    table_faults,
+    unit_faults,
+)
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Problem, Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH, is_strength
 from taichi_erosion.evidence.models.adopted_files import Adopted, refuse_foreign_files, write_adopted_files
-from taichi_erosion.evidence.models.load_study import NO_OPTIONS, Study, StudyOptions, load_study
+from taichi_erosion.evidence.models.load_study import NO_OPTIONS, BudgetName, Study, StudyOptions, load_study
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.dose_laws import told_law
 from taichi_erosion.evidence.race.outlook import held_out_part
@@ -45,6 +52,7 @@ def open_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Iterator[Study
     """
     with threadpool_limits(1, user_api="blas"):
         study = load_study(path, options)
+        refuse_unknown_scatter(study)
         study = replace(study, faults=(*study.faults, *source_faults(study), *table_faults(study.problem)))
         try:
             yield study
@@ -57,7 +65,7 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
     start = perf_counter()
     with open_study(path, options) as study:
         question = Question("compare", asked(bare), lambda found: [found.about_bare], most=1)
-        found, ready = answered(study, last_budget(study), question, progress)
+        found, ready = answer_of(study, last_budget(study), question, progress)
         return stored(ready, "compare", found, compare_record(found), start)
 
 
@@ -68,7 +76,7 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
         budget = study.problem.budget.name
         waits = blocked(study.faults)
         question = discovery_question(study, asked(bare if waits else whole))
-        found, ready = answered(study, budget, question, progress)
+        found, ready = answer_of(study, budget, question, progress)
         record, held = discover_record(found), files.read_reply(study.results, study.path.stem, "adopt")
         if blocked(ready.faults):
             record = replace(record, decided=waiting(record.decided))
@@ -99,7 +107,7 @@ def adopt_study(
             return [found.about_bare, found.about(given(found.posterior, effects).best)]
 
         question = Question(f"adopt {' '.join(effects)}", asked(whole), points, names, most=2)
-        found, ready = answered(study, last_budget(study), question, progress)
+        found, ready = answer_of(study, last_budget(study), question, progress)
         record = adopt_record(found.posterior, effects, study.file.study.seed)
         opened = openings(study.results, study.drawn_from)
         if len(study.problem.vault.rows):
@@ -118,10 +126,13 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
     start = perf_counter()
     with open_study(path, options) as study:
         question = replace(discovery_question(study, asked(whole)), name="next", ahead=True, tested=None)
-        found, ready = answered(study, last_budget(study), question, progress)
+        found, ready = answer_of(study, last_budget(study), question, progress)
         stated = study.file.laboratory
         laboratory = Laboratory(ranges=dict(stated.ranges), costs=dict(stated.costs), repeats=stated.repeats)
-        return stored(ready, "next", found, next_record(found.posterior, laboratory), start)
+        record = next_record(found.posterior, laboratory)
+        if blocked(ready.faults):
+            record = replace(record, decided=waiting(record.decided), experiments=())
+        return stored(ready, "next", found, record, start)
 
 
 def whole(problem: Problem) -> Problem:
@@ -142,6 +153,14 @@ def asked(of: Callable[[Problem], Problem]) -> Callable[[Study, Progress], Raced
         return RacedStudy(posterior, decide(posterior))
 
     return answer
+
+
+def answer_of(
+    study: Study, budget: BudgetName, question: Question[RacedStudy], progress: Progress
+) -> tuple[RacedStudy, Study]:
+    """The answer of a study, and the study with all that its model was asked and the faults that it shows."""
+    found, ready = answered(study, budget, question, progress)
+    return found, replace(ready, faults=(*ready.faults, *unit_faults(found.posterior.race)))
 
 
 def compare_record(found: RacedStudy) -> Record:

@@ -5,12 +5,20 @@ Faults of runs come from `emulator/run_faults.py`. Where a fault blocks, nothing
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows, condition_numbers
+from taichi_erosion.evidence.data.number_words import plain
 from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.data.set_up_fault import SetUpFault
 from taichi_erosion.evidence.data.tables.spreadsheet import source_changed
+from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import Study, first_study
+from taichi_erosion.evidence.race.fit import Hypothesis, Race
+from taichi_erosion.evidence.words.data_words import unit_text
 
+FAR_OFF = 8.0  # factor from the model, typical row, that no effect makes
 SPARE = 3  # rows beyond the calibrated numbers: for an effect, a level, and one that can contradict
 WAITS = "The verdict on physics waits until this is settled."
 
@@ -38,6 +46,27 @@ def source_faults(study: Study) -> Iterator[SetUpFault]:
     if head.made_from and source_changed(source := study.path.parent / head.made_from, head.made_from_digest):
         words = f"{source.name} has changed since `study new`: run it again to take over the changes"
         yield SetUpFault("source_changed", "table", words, False)
+
+
+def refuse_unknown_scatter(study: Study) -> None:
+    """Raises BadInput for a table of which no misfit can be judged."""
+    if not comparison_rows(study.problem, study.problem.visible()).known.any():
+        words = "no row has an sd, and no measurement is repeated: the scatter is unknown"
+        raise BadInput(f"{study.file.study.measurements}: {words}. Add a column sd, or repeats")
+
+
+def unit_faults(race: Race) -> Iterator[SetUpFault]:
+    """Observables that lie far from the calibrated model, as of a wrong unit; amounts above a floor may."""
+    rows, mean = race.prepared.rows, race.fits[Hypothesis(())].mean
+    for index, observable in enumerate(rows.observables):
+        own = (rows.which == index) & ~rows.censored
+        measured, told = (from_scale(observable, values[own]) for values in (rows.z, mean))
+        sound = (measured > 0.0) & (told > 0.0)
+        ratio = float(np.median(measured[sound] / told[sound])) if sound.any() else 1.0
+        if observable.transform != "log_floor" and not 1.0 / FAR_OFF < ratio < FAR_OFF:
+            times = f"{plain(ratio, 2)} times what the calibrated model says{unit_text(ratio)}"
+            words = f"{observable.name}: its rows are about {times}: check the unit of its column"
+            yield SetUpFault("unit", observable.name, words, True)
 
 
 def table_faults(problem: Problem) -> tuple[SetUpFault, ...]:

@@ -4,7 +4,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 FaultKind = Literal[
-    "too_small", "not_converged", "no_value", "failed_runs", "too_few_rows", "repeats", "source_changed"
+    "too_small",
+    "not_converged",
+    "no_value",
+    "failed_runs",
+    "too_few_rows",
+    "repeats",
+    "source_changed",
+    "unit",
 ]
 
 

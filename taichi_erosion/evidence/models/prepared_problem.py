@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
 from taichi_erosion.evidence.data.heap_correlation import (
     HeapCorrelation,
@@ -286,7 +287,7 @@ def bound_predictor(problem: Problem, rows: ComparisonRows) -> Predictor:
 def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem:
     """Everything that is needed before the first fit; the model's own noise is measured at the prior mean.
 
-    Conditions at which the model fails are left out, and so are rows of unknown noise.
+    Conditions at which the model fails are left out, and so are rows of unknown noise. Raises BadInput.
     """
     rows = comparison_rows(problem, table)
     predictor = bound_predictor(problem, rows)
@@ -301,8 +302,8 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
     heaps = heap_correlation(rows, table, replicates)
     rows = correlated(rows, heaps)
     warnings = [*rows.warnings, *(heaps.sentences if heaps is not None else ())]
-    if failed.all() and rows.size:
-        warnings.append(f"{NO_VALUE} any condition with the start values")
+    if failed.all():
+        raise BadInput(f"{NO_VALUE} any measured condition with the start values of its numbers")
     if failed.any():
         words = f"{NO_VALUE} {int(failed.sum())} of {rows.size} conditions; they are left out"
         warnings.append(words)

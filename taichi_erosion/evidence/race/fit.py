@@ -118,6 +118,7 @@ class Race:
     prepared: PreparedProblem
     model: RaceModel
     fits: dict[Hypothesis, Fit] = field(default_factory=dict)
+    tried: bool = False  # whether every effect has been, once
     stopped: bool = False  # at the budget of settings
 
     def __post_init__(self) -> None:
@@ -234,12 +235,17 @@ class Race:
         return fit
 
     def bare(self, log_prior: float) -> Fit:
-        """Nothing is missing."""
+        """Nothing is missing; also from levels as large as they may be, where a unit is wrong."""
         v = np.zeros(self.model.count)
         mean = self.model.mean((), v)
         slopes, errors = self.model.jacobian((), v, mean), self.model.errors((), v)
         start = Expansion(Hypothesis(()), v, mean, slopes, errors, self.blocks, log_prior)
-        return self.sharpened(self.refined(self.moved(self.solved(start, 0), 3, 0)))
+        found = self.sharpened(self.refined(self.moved(self.solved(start, 0), 3, 0)))
+        free = self.solved(start, 20)
+        if free.log_evidence > found.log_evidence:
+            other = self.sharpened(replace(self.moved(free, 6), refined=True))
+            found = self.kept(max(found, other, key=lambda each: each.log_evidence))
+        return found
 
     def with_effect(self, parent: Fit, name: str, log_prior: float) -> Fit | None:
         """The parent's optimum with one more effect, linear in its strength: one setting of the model.

@@ -211,7 +211,7 @@ def with_best_scales(rows: LinearRows, u: Floats, steps: int) -> Solved:
         curvature[np.diag_indices(u.size)] += 0.1
         move = np.clip(np.linalg.solve(curvature, gradient), -1.2, 1.2)
         for share in (1.0, 0.35, 0.12, 0.04):
-            then = rows.solved(np.clip(now.u + share * move, -5.0, 5.0))
+            then = rows.solved(np.clip(now.u + share * move, -5.0, 8.0))
             if then.value > now.value - 1e-9:
                 break
         else:

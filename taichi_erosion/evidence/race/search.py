@@ -56,6 +56,7 @@ def search(race: Race) -> None:
     bare, effects = race.bare(log(NOTHING)), list(race.model.candidates)
     add_unlisted(race, bare)
     add_each(race, bare, effects)
+    race.tried = True
     for single in list(filter(of_size(1), race.fits.values())):
         race.refined(single)
     for size in range(1, min(MOST, len(effects))):

@@ -11,11 +11,12 @@ Reference: Cowan et al. (2011), Eur. Phys. J. C 71, 1554 (upper limits of a stre
 from collections.abc import Iterator
 from dataclasses import replace
 from math import nan
+from typing import Literal
 
 import numpy as np
 from scipy import stats
 
-from taichi_erosion.evidence.data.comparison_rows import tested_by_repeats
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, tested_by_repeats
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.data.repeats import JOINT
 from taichi_erosion.evidence.data.transforms import axis_value, from_scale
@@ -103,7 +104,7 @@ def repeat_parts(race: Race, after: Fit) -> Iterator[RepeatPart]:
 
 def fit_part(race: Race, bare: Fit, after: Fit) -> FitPart:
     """Misfit of the fitted rows if nothing is missing, and with what is told."""
-    before, now = misfit(bare), misfit(after)
+    before, now = misfit(bare), misfit(after, told=True)
     return FitPart(race.prepared.rows.size, before[0], now[0], before[1], now[1], lack_of_fit(race, bare))
 
 
@@ -116,17 +117,18 @@ def lack_of_fit(race: Race, bare: Fit) -> float:
     return found[JOINT].p if JOINT in found else nan
 
 
-def misfit(fit: Fit) -> tuple[float, float]:
+def misfit(fit: Fit, told: bool = False) -> tuple[float, float]:
     """Chi-square of the rows with levels, sources and batches at their best, and the chance of as much.
 
     No smooth discrepancy takes away what is missing; the chance is that of errors of the size that their
-    priors expect.
+    priors expect, and of levels, sources and batches as large as they are `told`.
     """
     now = fit.evidence.solved
     smooth = [k for k, block in enumerate(fit.blocks) if block.kind in ("discrepancy", "unlisted")]
     best = np.where(np.isin(now.rows.block, smooth), 0.0, now.tau * now.centre)
     stated = now.rows.y - now.rows.columns @ best
-    residual, _ = now.rows.solved(now.rows.scales.start).precision
+    shared = [told and name.startswith(("level", "source", "batch")) for name in now.rows.scales.names]
+    residual, _ = now.rows.solved(np.where(shared, now.u, now.rows.scales.start)).precision
     return float(now.rows.weight @ stated**2), float(stats.chi2.sf(now.rows.y @ residual, now.rows.y.size))
 
 
@@ -260,17 +262,9 @@ def level_of(draws: Draws, kind: str, observable: str) -> Floats:
 def error_parts(fit: Fit, race: Race) -> Iterator[ErrorPart]:
     """Errors of sources, batches, rows and scatter that the likeliest explanation finds, beyond 90 %."""
     now, rows = fit.evidence.solved, race.prepared.rows
-    sd = np.sqrt(np.diag(now.inverse)) * now.tau
-    best = now.tau * now.centre
     for index, block in enumerate(fit.blocks):
         if block.kind in ("source", "batch"):
-            at = np.flatnonzero(now.rows.block == index)
-            for label, j, column in zip(block.labels, at, block.columns.T, strict=True):
-                size = float(np.max(column)) / float(np.median(rows.slope[column > 0.0]))
-                if abs(best[j]) > ONE_SIDED * sd[j] and abs(best[j]) > 1.0:
-                    ends = [size * (best[j] + z * sd[j]) for z in (0.0, -ONE_SIDED, ONE_SIDED)]
-                    source, _, observable = label.rpartition("|")
-                    yield ErrorPart(block.kind, observable, source, Interval(*ends))
+            yield from shared_parts(block.kind, fit, index, rows)
     for row in sorted(fit.evidence.bad):
         gap = float((rows.z[row] - fit.mean[row]) / max(rows.slope[row], 1e-300))
         width = ONE_SIDED * float(race.prepared.sd[row] / max(rows.slope[row], 1e-300))
@@ -284,6 +278,28 @@ def error_parts(fit: Fit, race: Race) -> Iterator[ErrorPart]:
         if low > 1.0 or high < 1.0:
             name = now.rows.scales.names[j].removeprefix("scatter ")
             yield ErrorPart("scatter", name, "", Interval(middle, low, high))
+
+
+def shared_parts(
+    kind: Literal["source", "batch"], fit: Fit, index: int, rows: ComparisonRows
+) -> Iterator[ErrorPart]:
+    """How far rows of one source or batch lie from all others of their observable; of two, the second."""
+    now, block = fit.evidence.solved, fit.blocks[index]
+    at, count = np.flatnonzero(now.rows.block == index), np.sum(block.columns > 0.0, axis=0)
+    best, root = (now.tau * now.centre)[at], now.tau[at]
+    covariance = now.inverse[np.ix_(at, at)] * np.outer(root, root)
+    named = np.array([label.rpartition("|")[2] for label in block.labels])
+    for j, column in enumerate(block.columns.T):
+        others = (named == named[j]) & (np.arange(named.size) != j)
+        rest = int(np.sum(np.array(rows.names) == named[j])) - count[j]
+        gap = np.where(others, -count / rest, 0.0)
+        gap[j] = 1.0
+        value, sd = float(gap @ best), float(np.sqrt(gap @ covariance @ gap))
+        told = others.sum() == 1 and int(np.argmax(others)) > j and count[others][0] == rest
+        if abs(value) > max(ONE_SIDED * sd, 1.0) and not told:
+            size = float(np.max(column)) / float(np.median(rows.slope[column > 0.0]))
+            ends = [size * (value + z * sd) for z in (0.0, -ONE_SIDED, ONE_SIDED)]
+            yield ErrorPart(kind, str(named[j]), block.labels[j].rpartition("|")[0], Interval(*ends))
 
 
 def places(race: Race, bare: Fit) -> Iterator[PlacePart]:

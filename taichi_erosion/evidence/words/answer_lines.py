@@ -49,11 +49,11 @@ def framed(answer: Answer, record: Record, voc: say.Vocabulary) -> Answer:
 
 
 def again(record: Record, command: str, voc: say.Vocabulary) -> str:
-    """What comes before every other step: rows to be checked, a scatter or conditions to be added."""
+    """What comes before every other step: rows to be checked, a set-up to be settled."""
     rows = data_words.suspects(record)
     if not rows and data_words.testable(record):
         return ""
-    first = f"Correct or confirm {rows} in the table" if rows else "Complete the table"
+    first = f"Correct or confirm {rows} in the table" if rows else "Settle the set-up"
     return f"{first}, then give {voc.command(command, voc.study)} again"
 
 
@@ -70,8 +70,6 @@ def compare_answer(record: Record, voc: say.Vocabulary) -> Answer:
 def compared(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     """First and last line of a comparison."""
     fit, rows = record.fit, data_words.rows_text(record)
-    if isnan(fit.p_before):
-        return "The misfit cannot be judged: the scatter is unknown. Add sd or repeats to the table.", ""
     size = f"misfit per row {plain(fit.chi2_before / fit.n, 2)}, 1 is chance; {say.chance(fit.p_before)}"
     size += "" if isnan(fit.p_lack_of_fit) else f"; against repeats alone {say.chance(fit.p_lack_of_fit)}"
     if data_words.agrees(record):
@@ -178,6 +176,8 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     keys = list(dict.fromkeys(key for each in record.experiments for key in each.predictions))
     if not keys:
         words = "No measurement within reach would tell the explanations apart any better: stop here."
+        if not data_words.testable(record):
+            words = "No measurement is proposed: what is said of the set-up comes first."
         return framed(Answer((words,), (), (), None), record, voc)
     words = say.joined(map(voc.explanation, keys), "from" if len(keys) == 2 else "and")
     last = f"Add the new rows to the table and give {voc.command('discover', voc.study)} again."

@@ -1,7 +1,7 @@
 """Measurements and calibrated model in words: repeats, levels, errors, places, misfit, numbers."""
 
 from collections.abc import Iterator
-from math import isnan
+from math import log
 
 import numpy as np
 
@@ -9,6 +9,9 @@ from taichi_erosion.evidence.data.number_words import counted, heading, plain
 from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.race.record import ErrorPart, Interval, LevelPart, PlacePart, Record
 from taichi_erosion.evidence.words import vocabulary as say
+
+UNITS = {57.3: "degrees for radians", 100.0: "percent for a share", 10.0: "another unit", 1e3: "another unit"}
+NEAR_UNIT = 0.1  # of ln of a factor, within which it is told as that of a unit
 
 
 def suspects(record: Record) -> str:
@@ -41,9 +44,10 @@ def error_text(found: LevelPart | ErrorPart, voc: say.Vocabulary) -> str:
     """`radius_90 reads 0.6 mm (0.4 to 0.8) more than the model at all conditions`."""
     name, label = found.observable, found.label if isinstance(found, ErrorPart) else ""
     more = "more" if found.size.value > 0.0 else "less"
+    unit = unit_text(found.size.value) if found.kind == "factor" else ""
     times, size = f"{say.interval(found.size)} times", f"{voc.difference(name, found.size)} {more}"
     return {
-        "factor": f"{name} reads {factor_text(found.size)} at all conditions",
+        "factor": f"{name} reads {factor_text(found.size)} at all conditions{unit}",
         "offset": f"{name} reads {size} than the model at all conditions",
         "zero": f"the zero of {name} is off: it reads {size}",
         "scatter": f"the scatter of {name}{f' of {label}' if label else ''} is {times} what is stated",
@@ -58,6 +62,13 @@ def factor_text(size: Interval) -> str:
     sign = 1.0 if size.value > 1.0 else -1.0
     percent = Interval(*(100.0 * sign * (each - 1.0) for each in (size.value, size.low, size.high)))
     return f"{say.interval(percent, unit='%')} {'more' if sign > 0.0 else 'less'} than the model"
+
+
+def unit_text(factor: float) -> str:
+    """` (percent for a share?)`, where a factor or its inverse is that of a unit."""
+    near = (words for size, words in UNITS.items() if abs(abs(log(factor)) - log(size)) < NEAR_UNIT)
+    words = next(near, "")
+    return f" ({words}?)" if words else ""
 
 
 def failing(record: Record) -> list[PlacePart]:
@@ -77,7 +88,7 @@ def where_line(record: Record) -> str:
 
 def testable(record: Record) -> bool:
     """Whether these measurements can test any effect."""
-    return record.decided.verdict != "not_testable" and not isnan(record.fit.p_before)
+    return record.decided.verdict != "not_testable"
 
 
 def rows_text(record: Record) -> str:
@@ -86,13 +97,13 @@ def rows_text(record: Record) -> str:
 
 def agrees(record: Record) -> bool:
     """Whether the calibrated model agrees with the fitted rows, as a whole and in every place."""
-    return not (record.fit.p_before < say.ADEQUATE or failing(record))  # an unknown chance fails nothing
+    return not (record.fit.p_before < say.ADEQUATE or failing(record))
 
 
 def fit_line(record: Record, added: str) -> str:
     """Misfit of the fitted rows before and after what is added."""
     fit = record.fit
-    if not added or isnan(fit.p_after):
+    if not added:
         return ""
     before, after = plain(fit.chi2_before / fit.n, 2), plain(fit.chi2_after / fit.n, 2)
     words = f"Misfit per fitted row: {before} before ({say.chance(fit.p_before)}), {after} with {added}"

@@ -4,9 +4,8 @@ Headline, table and last line take the same names from `acting`, so that they ca
 """
 
 from collections.abc import Iterator
-from math import isnan
 
-from taichi_erosion.evidence.data.number_words import counted, plain
+from taichi_erosion.evidence.data.number_words import plain
 from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.race.record import Decided, EffectPart, LawPart, Record
 from taichi_erosion.evidence.words import data_words
@@ -84,17 +83,16 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
     if decided.verdict == "unstable":
         names = say.joined(map(voc.titled, (*decided.named, *decided.group)), "or")
         return f"No effect is named: new runs of the scene change the answer. Candidates: {names}."
-    if isnan(fit.p_before):
-        return "No effect is named: the scatter is unknown. Add a column sd, or repeats, to the table."
     if not data_words.testable(record):
-        few = f"{counted(fit.n, 'row')}, {counted(len(record.numbers), 'calibrated number')}"
-        return f"No effect is named: too few measurements to test one ({few}). Measure at more conditions."
+        return "No effect is named: what is said of the set-up comes first."
     likely, share = max(decided.probabilities.items(), key=lambda item: item[1])
     failing = fit.p_before < say.ADEQUATE
     rows, chance = data_words.rows_text(record), say.chance(fit.p_before)
     state = f"the model {'fails on' if failing else 'agrees with'} {rows} ({chance})"
-    if likely == "none" and not failing:
-        return f"No missing effect is seen: {state}; probability that none acts: {say.probability(share)}."
+    if likely == "none" and (not failing or share >= SURE):
+        common = " by errors of measurement" * failing
+        none = f"probability that none acts: {say.probability(share)}"
+        return f"No missing effect is seen: {state}{common}; {none}."
     why = f"a name needs {SURE:g}"
     if share >= SURE:
         why = f"among so many candidates one looks as good by chance with {say.chance(decided.familywise)}"

@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 import pytest
-
 from taichi_erosion.evidence.answers.adopt import adopt
 from taichi_erosion.evidence.answers.compare import compare
 from taichi_erosion.evidence.data.findings import NONE
 from taichi_erosion.evidence.inference.verdict_levels import fails
+
 from tests.evidence.heap_study import answer, declared, heap_problem, narrowed
 
 OFFSET = 1.5  # deg, five sd of a row

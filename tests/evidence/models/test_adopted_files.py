@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from taichi_erosion.evidence.data.findings import Adoption, Estimate, HypothesisFit, Rows
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.findings import Adoption, Estimate, HypothesisFit, Rows
 from taichi_erosion.evidence.data.problem import Candidate
 from taichi_erosion.evidence.models.adopted_files import write_adopted_files
 from taichi_erosion.run.checks import read_scene

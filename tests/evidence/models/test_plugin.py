@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from taichi_erosion.evidence.answers.compare import compare
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.compare import compare
 from taichi_erosion.evidence.data.problem import Observable
 from taichi_erosion.evidence.models.load_study import load_study
 

@@ -2,11 +2,12 @@
 
 from functools import cache
 
+from taichi_erosion.evidence.answers.records import adopt_record, compare_record, discover_record, next_record
+
 from doe.trials.reduced import beyond
 from doe.trials.reduced.families import FAMILIES
 from taichi_erosion.evidence.data.problem import Laboratory, Problem
 from taichi_erosion.evidence.race.record import Record
-from taichi_erosion.evidence.answers.records import adopt_record, compare_record, discover_record, next_record
 from taichi_erosion.evidence.words.answer_lines import (
     adopt_answer,
     compare_answer,

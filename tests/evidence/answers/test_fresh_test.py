@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
+from taichi_erosion.evidence.answers.fresh_test import fresh_test, is_true, kinds_of
 from taichi_erosion.evidence.data.transforms import to_scale
 from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, GapTest
 from taichi_erosion.evidence.race.decision import Decision, decide
@@ -14,7 +15,6 @@ from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.posterior import Posterior, raced
 from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.race.record import FreshPart
-from taichi_erosion.evidence.answers.fresh_test import fresh_test, is_true, kinds_of
 
 SINGLE = 33  # case of one strong effect
 SEEDS = 2

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
+from taichi_erosion.evidence.answers import scene_rounds
 from taichi_erosion.evidence.answers.commands import open_study
+from taichi_erosion.evidence.answers.scene_rounds import SceneAnswer, after_test, discover_on_scene
 from taichi_erosion.evidence.emulator import gaussian_process, training_runs
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.posterior import raced
 from taichi_erosion.evidence.race.record import Decided
-from taichi_erosion.evidence.answers import scene_rounds
-from taichi_erosion.evidence.answers.scene_rounds import SceneAnswer, after_test, discover_on_scene
 from tests.evidence.emulator import test_training_runs as made_up
 from tests.evidence.emulator.test_fresh_runs import overstated
 from tests.evidence.emulator.test_training_runs import SCATTER, STUDY, executing, heights, keys, write

@@ -1,0 +1,109 @@
+"""Errors that nobody stated, in tables in which they were put."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from taichi_erosion.evidence.data.problem import Measurements, Problem
+from taichi_erosion.evidence.models.prepared_problem import prepare
+from taichi_erosion.evidence.race.posterior import raced
+from taichi_erosion.evidence.race.record import ErrorPart, Record
+from taichi_erosion.evidence.race.summary import summary
+from tests.evidence.linear_study import linear_problem
+from tests.evidence.one_heap_study import heaps
+
+SD, COUNT = 0.1, 48  # of a row, and rows
+SHAPES = {"bend": lambda x: x**2, "wave": lambda x: np.sin(3.0 * x)}
+BEND = {"bend": 1.0}
+SECOND = np.arange(COUNT) % 2 == 1
+LABORATORIES = tuple("laboratory B" if other else "laboratory A" for other in SECOND)
+
+
+def told(problem: Problem, **changes) -> Record:
+    """The record of a table with some changes."""
+    return summary(raced(replace(problem, measurements=replace(problem.measurements, **changes)), 3))
+
+
+def made(**acting: float) -> tuple[Problem, Measurements]:
+    """A study and its table."""
+    problem = linear_problem(SHAPES, acting, sd=SD, count=COUNT)
+    return problem, problem.measurements
+
+
+def kinds(record: Record) -> list[str]:
+    return [each.kind for each in record.errors]
+
+
+def test_nothing_but_noise_has_no_errors():
+    record = told(made()[0], source=LABORATORIES)
+    assert set(kinds(record)) <= {"scatter"}, "which chance tells in one of ten"
+    assert record.levels == ()
+
+
+def test_batches_are_not_taken_for_an_effect_nor_for_something_unlisted():
+    problem, table = made()
+    shift = 3.0 * SD * np.random.default_rng(5).standard_normal(12)
+    record = told(problem, value=table.value + shift[np.arange(COUNT) % 12])
+    assert record.decided.verdict == "none_detected"
+    assert set(kinds(record)) == {"batch"}
+
+
+def test_a_source_that_reads_higher_is_told_with_its_size():
+    problem, table = made(**BEND)
+    record = told(problem, value=table.value + 5.0 * SD * SECOND, source=LABORATORIES)
+    assert record.decided.named == ("bend",)
+    (source,) = (each for each in record.errors if each.kind == "source")
+    assert source.label == "laboratory B"
+    assert source.size.low < 0.5 < source.size.high < source.size.low + 0.2, "48 rows know it to 0.05"
+
+
+def test_rows_that_are_off_do_not_change_the_answer():
+    problem, table = made(**BEND)
+    value = table.value.copy()
+    value[[17, 30]] += 9.0 * SD
+    record = told(problem, value=value)
+    assert record.decided.named == ("bend",)
+    found: dict[str, ErrorPart] = {each.label: each for each in record.errors if each.kind == "row"}
+    assert set(found) == {"19", "32"}  # line 1 is the head
+    assert found["19"].size.value == pytest.approx(9.0 * SD, abs=3.0 * SD)
+
+
+def test_scatter_that_is_understated_is_told_and_names_nothing():
+    problem, table = made()
+    record = told(problem, value=2.5 * table.value)
+    assert record.decided.verdict == "none_detected"
+    (scatter,) = record.errors
+    assert scatter.kind == "scatter"
+    assert scatter.size.value == pytest.approx(2.5 * np.std(table.value) / SD, rel=0.1)
+
+
+@pytest.mark.parametrize("acting", [{}, BEND], ids=["nothing", "bend"])
+@pytest.mark.parametrize("factor", [0.0, 10.0])
+def test_a_source_that_states_no_sd_has_a_scatter_of_its_own(acting: dict[str, float], factor: float):
+    problem, table = made(**acting)
+    more = SD * factor * np.random.default_rng(2).standard_normal(COUNT) * SECOND
+    sd = np.where(SECOND, np.nan, table.sd)
+    record = told(problem, value=table.value + more, sd=sd, source=LABORATORIES)
+    assert record.decided.named == tuple(acting)
+    assert record.decided.verdict in ("present", "none_detected")
+
+
+def test_rows_of_one_heap_are_whitened_together():
+    prepared = prepare(problem := heaps(0), problem.measurements, 1)
+    rows = prepared.rows
+    assert rows.covariance is not None
+    white = prepared.white(np.eye(rows.size))
+    whole = white @ (np.diag(prepared.variance) + rows.covariance) @ white.T
+    np.testing.assert_allclose(whole, np.eye(rows.size), atol=1e-8)
+
+
+def test_heaps_of_one_row_each_change_no_bit():
+    problem = heaps(3, named=False)
+    lone = tuple(f"lone {k}" for k in range(problem.measurements.size))
+    assert told(problem).decided == told(problem, heap=lone).decided
+
+
+def test_an_effect_of_single_heaps_is_found():
+    assert told(heaps(1)).decided.named == ()
+    assert told(heaps(1, strength=0.5)).decided.named == ("bend",)
