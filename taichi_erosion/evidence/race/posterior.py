@@ -91,10 +91,9 @@ class Posterior:
         count, axes = self.race.model.count, self.race.prepared.axes
         found = []
         for each in self.draws:
-            x = np.array([self.race.model.numbers(v) for v in each.values[:, :count]]).reshape(-1, count)
-            found.append(
-                np.column_stack([axis_values(axis, x[:, j]) for j, axis in enumerate(axes)]) if axes else x
-            )
+            x = np.array([self.race.model.numbers(v) for v in each.values[:, :count]])
+            columns = [axis_values(axis, x[:, j]) for j, axis in enumerate(axes)]
+            found.append(np.reshape(columns, (count, len(x))).T)
         return np.vstack(found), np.concatenate([each.weight for each in self.draws])
 
     @property
