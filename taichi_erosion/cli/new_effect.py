@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from jinja2 import Environment, PackageLoader
 
-from taichi_erosion.cli.next_steps import command
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file
+from taichi_erosion.evidence.words.shell import shell_command
 
 if TYPE_CHECKING:
     from taichi_erosion.core.effect import Effect
@@ -110,7 +110,7 @@ def discovery_of(source: Path) -> tuple[Path, Path | None]:
 
     result = results_folder(source, read_evidence_study(source)) / f"{source.stem}{RESULT}"
     if not result.is_file():
-        raise BadInput(f"{source}: has no discovery yet; {command('discover', source)} makes it")
+        raise BadInput(f"{source}: has no discovery yet; {shell_command('discover', source)} makes it")
     return result, source
 
 
