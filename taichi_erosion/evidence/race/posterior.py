@@ -92,8 +92,9 @@ class Posterior:
         found = []
         for each in self.draws:
             x = np.array([self.race.model.numbers(v) for v in each.values[:, :count]])
-            columns = [axis_values(axis, x[:, j]) for j, axis in enumerate(axes)]
-            found.append(np.reshape(columns, (count, len(x))).T)
+            found.append(
+                np.column_stack([axis_values(axis, x[:, j]) for j, axis in enumerate(axes)]) if axes else x
+            )
         return np.vstack(found), np.concatenate([each.weight for each in self.draws])
 
     @property
@@ -148,10 +149,9 @@ def raced(
             add_doses(race)
     except BudgetSpentError:
         race.stopped = True
-        if not race.fits:
-            raise BadInput(
-                "the budget of runs ends before the model is calibrated: raise budget.runs"
-            ) from None
+        if not race.tried:
+            early = "the budget of runs ends before the model is calibrated and every effect tried once"
+            raise BadInput(f"{early}: raise budget.runs") from None
     race.model.most = np.inf
     return Posterior(race, race.posterior())
 
