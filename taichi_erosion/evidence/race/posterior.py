@@ -149,9 +149,10 @@ def raced(
             add_doses(race)
     except BudgetSpentError:
         race.stopped = True
-        if not race.tried:
-            early = "the budget of runs ends before the model is calibrated and every effect tried once"
-            raise BadInput(f"{early}: raise budget.runs") from None
+        if not race.fits:
+            raise BadInput(
+                "the budget of runs ends before the model is calibrated: raise budget.runs"
+            ) from None
     race.model.most = np.inf
     return Posterior(race, race.posterior())
 
