@@ -10,8 +10,10 @@ import shutil
 import tempfile
 from contextlib import chdir, redirect_stdout
 from pathlib import Path
+from unittest.mock import patch
 
 from taichi_erosion.cli.main import main as run_command
+from taichi_erosion.evidence.words.shell import NAME_SWITCH
 
 DOCS = Path(__file__).resolve().parent
 PAGES = (DOCS / "discover.md", DOCS / "threshold.md", DOCS / "your_table.md", DOCS / "predict.md")
@@ -24,6 +26,7 @@ INPUTS = (
     "windkanal.csv",
     "prediction/grains_to_come.csv",
 )
+PRINTED = {NAME_SWITCH: "./erosion", "COLUMNS": "400"}  # sentences stay on their lines
 COMMAND = r"```sh\n\./erosion (?P<words>[^\n]+)\n```\n\n<!-- output: (?P<lines>\d+) -->\n```text\n"
 STEP = re.compile(rf"(?P<command>{COMMAND}).*?```", re.DOTALL)
 
@@ -51,11 +54,10 @@ def fill(page: str) -> str:
             place = Path(folder) / file.relative_to(DOCS.parent)
             place.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(file, place)
-        with chdir(folder):
+        with chdir(folder), patch.dict(os.environ, PRINTED):
             return STEP.sub(with_output, page)
 
 
 if __name__ == "__main__":
-    os.environ["COLUMNS"] = "400"  # sentences stay on their lines
     for page in PAGES:
         page.write_text(fill(page.read_text(encoding="utf-8")), encoding="utf-8")

@@ -1,138 +1,77 @@
-"""Answers about studies for a terminal: sentences first, then a table, then the limits of the result."""
+"""Answers about studies for a terminal: lines and table of an answer, and what was read of a table."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
-from taichi_erosion.cli import next_steps, output
+from taichi_erosion.cli import output
 from taichi_erosion.cli.output import MARK_MISSING, Record, print_table
-from taichi_erosion.evidence.answers.agreement_words import (
-    FITTED_ERRORS,
-    HELD_OUT_ERRORS,
-    comparison_sentences,
-)
-from taichi_erosion.evidence.data.number_words import heading, plain
-from taichi_erosion.evidence.inference.verdict_levels import CORRELATED, p_number
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import one_line_name
+from taichi_erosion.evidence.data.number_words import counted, heading, plain
+from taichi_erosion.evidence.words.shell import shell_command
 
 if TYPE_CHECKING:
+    import pandas as pd
+
+    from taichi_erosion.evidence.answers.files import Reply
     from taichi_erosion.evidence.data.table_units import TableUnits
-    from taichi_erosion.evidence.models.load_study import StudyOptions
+    from taichi_erosion.evidence.race import record
 
-ANSWERS = 6  # printed probabilities
-CANDIDATE_COLUMNS = ("effect", "status", "strength", "90 % interval", "probability")
-CANDIDATE_COLUMNS += ("ln Bayes factor", "power", "absorbed")
-MOST_ERRORS = 2  # observables whose errors are printed beside chi2
+MOST_LINES = 8  # of an answer, the set-up included: a screen with its table
 MOST_CHANGES = 5  # of one column, told one by one
-ERRORS = ("rmse", "bias")  # columns in the unit of the observable
-CONTROLS = {
-    "with_all": "with all that was named",
-    "best_wrong": "control: best other effect",
-    "random_wrong": "control: effect drawn at random",
-}
+TIDY = "_tidy.csv"  # end of the name of a table that `study new` wrote
+NUMBERS = ("number", "start", "if nothing is missing", "now", "prior left")
+LIMITS = ("candidate", "excluded above (95 %)", "could act unseen below", "imitated by calibration")
 
 
-def print_comparison(document: Record, options: "StudyOptions") -> None:
-    """Print whether the model agrees, where it fails, and the misfit of every observable."""
-    print_lines(document["set_up"], "set-up: ")
-    print_lines(comparison_sentences(document))
-    units = units_of(document)
-    rows = (
-        (
-            heading(name, units.value_unit(name)),
-            str(misfit["n"]),
-            number(misfit["chi2"]),
-            *(number(units.value(name, misfit[key])) for key in ERRORS),
-            MARK_MISSING if misfit["p"] is None else p_number(misfit["p"]),
-        )
-        for name, misfit in document["observables"].items()
+def print_answer(reply: "Reply", options: Sequence[str], verbose: bool) -> None:
+    """Print the set-up, the sentences with the table, and where asked all that the record has beyond.
+
+    `options` are those that the following commands need too.
+    """
+    answer = reply.answer(*options)
+    set_up, room = reply.about["set_up"], max(MOST_LINES - len(answer.lines), 1)
+    if not verbose and len(set_up) > room:
+        set_up = [*set_up[: room - 1], f"{counted(len(set_up) - room + 1, 'sentence')} more: --verbose"]
+    print_lines(set_up, "set-up: ")
+    print_lines((*answer.missing, *answer.holds))
+    if answer.table is not None:
+        print_table(answer.table.title, answer.table.columns, answer.table.rows)
+    print_lines(answer.following)
+    if verbose:
+        print_details(reply)
+
+
+def print_details(reply: "Reply") -> None:
+    """Print limits of the candidates, calibrated numbers, notes, warnings and cost."""
+    from taichi_erosion.evidence.words.vocabulary import interval as told
+
+    about, found = reply.about, reply.record
+    limits = (
+        (name, number(part.limit), number(part.unseen_below), share(part.absorption))
+        for name, part in found.effects.items()
     )
-    print_table("calibrated model against measurement", ("observable", "rows", "chi2", *ERRORS, "p"), rows)
-    typer.echo(FITTED_ERRORS)
-    print_parameters(document["parameters"])
-    print_correlations(document["correlations"])
-    print_limits(document)
-    print_lines(next_steps.after_comparison(document, options.effect_files))
+    numbers = (
+        (path, plain(part.start), told(part.before, 3), told(part.now, 3), share(part.prior_share))
+        for path, part in found.numbers.items()
+    )
+    if found.effects:
+        print_table("limits of the strengths", LIMITS, limits)
+    if found.numbers:
+        print_table("calibrated numbers (90 %)", NUMBERS, numbers)
+    print_lines([*about["notes"], *about["warnings"]], "note: ")
+    print_lines(about.get("files", ()), "written: ")
+    typer.echo(cost_of(found.cost))
+    typer.echo(f"results in {about['results']}; {', '.join(map(' '.join, about['versions'].items()))}")
 
 
-def print_discovery(document: Record, options: "StudyOptions") -> None:
-    """Print the verdict, the table of candidates, and the limits of the result."""
-    print_lines(document["set_up"], "set-up: ")
-    print_lines(document["sentences"])
-    if not next_steps.waits(document):
-        print_table("candidates", CANDIDATE_COLUMNS, candidate_rows(document["effects"]))
-        ranked = sorted(document["probabilities"].items(), key=lambda item: -(item[1] or 0.0))[:ANSWERS]
-        told = (f"{name.replace('_', ' ')} {percent(p)}" for name, p in ranked)
-        typer.echo(f"probabilities: {', '.join(told)}")
-    print_parameters(document["parameters"])
-    print_correlations(document["correlations"])
-    print_lines((clue["sentence"] for clue in document["clues"]), "clue: ")
-    print_lines((experiment["sentence"] for experiment in document["next_experiments"]), "next: ")
-    print_limits(document)
-    print_lines(next_steps.after_discovery(document, options.effect_files))
-
-
-def candidate_rows(effects: Record) -> Iterator[tuple[str, ...]]:
-    """Rows of the table of candidates, in order of probability."""
-    for name, found in sorted(effects.items(), key=lambda item: -(item[1]["probability"] or 0.0)):
-        status = found["status"].replace("_", " ")
-        if found["strength"] is None:  # nothing was weighed
-            yield name, status, *[MARK_MISSING] * (len(CANDIDATE_COLUMNS) - 2)
-            continue
-        interval = f"{number(found['strength_low'])} to {number(found['strength_high'])}"
-        evidence = percent(found["probability"]), number(found["log_bayes_factor"])
-        design = percent(found["power"]), percent(found["absorption"])
-        yield name, status, number(found["strength"]), interval, *evidence, *design
-
-
-def print_adoption(document: Record, options: "StudyOptions") -> None:
-    """Print the error before and after adoption, with two control effects."""
-    print_lines(document["set_up"], "set-up: ")
-    typer.echo(document["sentence"])
-    print_errors(document)
-    print_parameters(document["added"]["strengths"] | document["added"]["parameters"])
-    print_correlations(document["added"]["correlations"])
-    opened = document["vault"]["opened"]
-    if opened > 1:
-        typer.echo(f"note: the vault has been opened {opened} times; its rows are no longer unseen data.")
-    print_lines(document["notes"], "note: ")
-    print_lines(document["files"], "written: ")
-    typer.echo(cost(document))
-    print_lines(next_steps.after_adoption(document, options.effect_files))
-
-
-def print_errors(document: Record) -> None:
-    """Print chi2 per row and the error of the held-out rows of every fit of an adoption."""
-    units, rows = units_of(document), []
-    names = list(document["base"]["vault_rmse"])
-    names = names if len(names) <= MOST_ERRORS else []
-
-    def add(label: str, fit: Record, keys: tuple[str, str, str]) -> None:
-        chi2, errors = (number(fit[key]) for key in keys[:2]), fit.get(keys[2]) or {}
-        rows.append((label, *chi2, *(number(units.value(name, errors.get(name))) for name in names)))
-
-    rungs = document.get("ladder") or []
-    if rungs and rungs[0]["effects"] != document["adopted"]:
-        add("as it was", rungs[0], ("chi2_per_row_fitted", "chi2_per_row_held_out", "rmse_held_out"))
-    labels = {"base": "before", "added": f"with {', '.join(document['added']['effects'])}", **CONTROLS}
-    for key, label in labels.items():
-        if (fit := document.get(key)) is not None:
-            effects = f" ({', '.join(fit['effects'])})" if key in CONTROLS else ""
-            add(label + effects, fit, ("chi2_per_row", "vault_chi2_per_row", "vault_rmse"))
-    columns = [heading("rmse" if len(names) == 1 else name, units.value_unit(name)) for name in names]
-    title = "chi2 per row; rmse of held-out rows" if names else "chi2 per row"
-    print_table(title, ("model", "fitted rows", "held-out rows", *columns), rows)
-    typer.echo(HELD_OUT_ERRORS)
-
-
-def print_experiments(document: Record, options: "StudyOptions") -> None:
-    """Print experiments in order of information per cost."""
-    print_lines(document["set_up"], "set-up: ")
-    typer.echo(document["sentence"])
-    for rank, experiment in enumerate(document["next_experiments"], 1):
-        typer.echo(f"{rank}. {experiment['sentence']}")
-    print_lines(document["notes"], "note: ")
-    print_lines(next_steps.after_next(document, options.effect_files))
+def cost_of(found: "record.CostPart") -> str:
+    """Settings and runs that the answer took, wall time and seed."""
+    settings, runs = counted(found.settings, "setting"), counted(found.runs, "run")
+    return f"{settings} of the model, {runs}, {found.seconds:.1f} s, seed {found.seed}"
 
 
 def print_new_study(document: Record) -> None:
@@ -146,7 +85,7 @@ def print_new_study(document: Record) -> None:
     print_content(document)
     print_lines(document["written"], "written: ")
     if document["written"]:
-        typer.echo(f"next: {next_steps.command('compare', document['study'])}")
+        typer.echo(f"next: {shell_command('compare', document['study'])}")
 
 
 def told_changes(document: Record) -> Iterator[str]:
@@ -160,7 +99,7 @@ def told_changes(document: Record) -> Iterator[str]:
     if changes["added"]:
         yield f"added: row {', '.join(map(str, dict.fromkeys(changes['added'])))}"
     yield from (f"no longer there: {row}" for row in changes["removed"])
-    if any(path.endswith(next_steps.TIDY) for path in document["written"]):
+    if any(path.endswith(TIDY) for path in document["written"]):
         yield "the rows of before stay held out or fitted, and openings of the vault go on being counted"
         yield "answers given before rest on the earlier table: ask again"
     yield from (f"kept: {words}" for words in document["kept"])
@@ -209,23 +148,6 @@ def cost_line(name: str, found: Record) -> str:
     return f"cost with --budget {name}: {found['sentence'].rstrip('.')}{cores}"
 
 
-def print_parameters(parameters: Record) -> None:
-    """Print calibrated parameters with their intervals."""
-    for name, fitted in parameters.items():
-        bound = "; at the limit of its allowed range" if fitted["at_bound"] else ""
-        remark = f"; {fitted['remark']}" if fitted.get("remark") else ""
-        ends = interval(fitted["low"], fitted["high"])
-        typer.echo(f"{name} = {number(fitted['value'])} ({ends}, 90 %){bound}{remark}")
-
-
-def print_correlations(pairs: Sequence[Record]) -> None:
-    """Print pairs of calibrated numbers of which the measurements know little but a combination."""
-    for pair in pairs:
-        if abs(pair["value"]) >= CORRELATED:
-            words = f"{pair['first']} and {pair['second']}: correlation {pair['value']:.2f}"
-            typer.echo(f"{words}; a combination of them is known better than either")
-
-
 def print_limits(document: Record) -> None:
     """Print noise where it was estimated, notes, warnings and cost of a result."""
     print_lines(document.get("noise", {}).get("sentences", ()))
@@ -262,6 +184,6 @@ def interval(low: float | None, high: float | None) -> str:
     return MARK_MISSING if low is None or low != low else f"{number(low)} to {number(high)}"
 
 
-def percent(value: float | None) -> str:
+def share(value: float) -> str:
     """Share in percent."""
-    return MARK_MISSING if value is None else f"{value:.1%}" if value < 0.1 else f"{value:.0%}"
+    return MARK_MISSING if value != value else f"{value:.0%}"

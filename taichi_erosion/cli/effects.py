@@ -14,9 +14,9 @@ import typer
 from taichi_erosion.cli import output
 from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.new_effect import NEW, ScaffoldPlace, write_effect_file
-from taichi_erosion.cli.next_steps import command
 from taichi_erosion.cli.output import AsJson, EffectFiles
 from taichi_erosion.core.errors import BadInput, ExitCode, did_you_mean
+from taichi_erosion.evidence.words.shell import shell_command
 
 if TYPE_CHECKING:
     from taichi_erosion.core.effect import Check, Effect
@@ -77,7 +77,7 @@ def effects(
         case ["new", name]:
             path = write_effect_file(name, discovery, with_memory, place or "pair")
             typer.echo(str(path))
-            typer.echo(f"{command('effects', name, files=[path])} shows and checks it.", err=True)
+            typer.echo(f"{shell_command('effects', name, '--effect', path)} shows and checks it.", err=True)
         case []:
             show_library(list(asked_library(effect, mechanisms).values()), as_json)
             if not as_json:

@@ -1,7 +1,7 @@
 """Commands on studies: `study new`, `study check`, compare, discover, adopt, next, predict, report."""
 
 from collections.abc import Callable, Mapping
-from functools import partial, wraps
+from functools import wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,11 +10,12 @@ import typer
 
 from taichi_erosion.cli import answers, next_steps, output, predictions
 from taichi_erosion.cli.help import help_of
-from taichi_erosion.cli.output import Arch, AsJson, Decomposition, EffectFiles, Force, Record
+from taichi_erosion.cli.output import Arch, AsJson, Decomposition, EffectFiles, Force
 from taichi_erosion.cli.progress import KEPT, announce, interruptible
 from taichi_erosion.core.errors import BadInput
 
 if TYPE_CHECKING:
+    from taichi_erosion.evidence.answers.files import Reply
     from taichi_erosion.evidence.models.load_study import StudyOptions
 
 Command = Callable[..., None]
@@ -44,6 +45,9 @@ Budget = Annotated[
 Workers = Annotated[int | None, typer.Option(min=1, help="Local processes; default: one a core.")]
 Seed = Annotated[
     int | None, typer.Option(min=0, help="Seed of the runs in place of the study's; another one: fresh runs.")
+]
+Verbose = Annotated[
+    bool, typer.Option("--verbose", help="Also limits, calibrated numbers, notes, cost and versions.")
 ]
 PageFile = Annotated[
     Path | None, typer.Option("-o", "--output", metavar="FILE", help="Page to write (HTML).")
@@ -131,37 +135,39 @@ def with_study_options(command: Command) -> Command:
 
 
 def answer(
-    title: str,
-    compute: Callable[[Progress], dict[str, Any]],
-    print_text: Callable[[Record], None],
-    as_json: bool,
+    title: str, compute: "Callable[[Progress], Reply]", options: "StudyOptions", as_json: bool, verbose: bool
 ) -> None:
-    """Run a command with progress on stderr and print its result; finished runs survive Ctrl-C."""
-    from taichi_erosion.evidence.answers.files import without_rows
+    """Run a command with progress on stderr and print its reply; finished runs survive Ctrl-C."""
+    from taichi_erosion.evidence.answers.files import printed
 
     with interruptible(title, KEPT) as progress:
-        document = compute(lambda text, share: progress(share, text))
-    output.print_result(without_rows(document) if as_json else document, as_json, print_text)
+        reply = compute(lambda text, share: progress(share, text))
+    if as_json:
+        return output.print_json(printed(reply.document))
+    needed = [word for file in options.effect_files for word in ("--effect", str(file))]
+    answers.print_answer(reply, needed, verbose)
 
 
 @app.command(**help_of("compare"))
 @with_study_options
-def compare(study: StudyFile, options: "StudyOptions", as_json: AsJson = False) -> None:
+def compare(
+    study: StudyFile, options: "StudyOptions", verbose: Verbose = False, as_json: AsJson = False
+) -> None:
     """Calibrate the model, and show where it still disagrees with the measurements."""
     from taichi_erosion.evidence.answers.commands import compare_study
 
-    printed = partial(answers.print_comparison, options=options)
-    answer("comparing", lambda progress: compare_study(study, progress, options), printed, as_json)
+    answer("comparing", lambda report: compare_study(study, report, options), options, as_json, verbose)
 
 
 @app.command(**help_of("discover"))
 @with_study_options
-def discover(study: StudyFile, options: "StudyOptions", as_json: AsJson = False) -> None:
+def discover(
+    study: StudyFile, options: "StudyOptions", verbose: Verbose = False, as_json: AsJson = False
+) -> None:
     """Find the missing effect: present, excluded, not testable, or not in the list."""
     from taichi_erosion.evidence.answers.commands import discover_study
 
-    printed = partial(answers.print_discovery, options=options)
-    answer("discovering", lambda progress: discover_study(study, progress, options), printed, as_json)
+    answer("discovering", lambda report: discover_study(study, report, options), options, as_json, verbose)
 
 
 @app.command(**help_of("adopt"))
@@ -171,23 +177,27 @@ def adopt(
     effects: EffectNames,
     options: "StudyOptions",
     force: Force = False,
+    verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
     """Add one or more effects, calibrate again, and show the error on held-out measurements."""
     from taichi_erosion.evidence.answers.commands import adopt_study
 
-    printed = partial(answers.print_adoption, options=options)
-    answer("adopting", lambda report: adopt_study(study, effects, report, options, force), printed, as_json)
+    def compute(report: Progress) -> "Reply":
+        return adopt_study(study, effects, report, options, force)
+
+    answer("adopting", compute, options, as_json, verbose)
 
 
 @app.command("next", **help_of("next"))
 @with_study_options
-def next_(study: StudyFile, options: "StudyOptions", as_json: AsJson = False) -> None:
+def next_(
+    study: StudyFile, options: "StudyOptions", verbose: Verbose = False, as_json: AsJson = False
+) -> None:
     """Find the cheapest experiments that tell the named explanation from its rivals."""
     from taichi_erosion.evidence.answers.commands import next_study
 
-    printed = partial(answers.print_experiments, options=options)
-    answer("planning", lambda progress: next_study(study, progress, options), printed, as_json)
+    answer("planning", lambda report: next_study(study, report, options), options, as_json, verbose)
 
 
 @app.command(**help_of("predict"))

@@ -4,7 +4,6 @@ The names of a law are columns of a study's table; an effect reads conditions of
 function, so the study says which is which.
 """
 
-import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,21 +12,20 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from jinja2 import Environment, PackageLoader
 
-from taichi_erosion.cli.next_steps import command
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import read_text_file
+from taichi_erosion.evidence.words.shell import shell_command
 
 if TYPE_CHECKING:
     from taichi_erosion.core.effect import Effect
+    from taichi_erosion.evidence.race.record import LawPart
 
 NEW = "new"  # first word that requests a new file; no effect has this name
 FILE_NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
-FACTOR = re.compile(r"\((?P<name>\w+) / (?P<typical>[-+.\deE]+)\)\^(?P<power>[-+.\deE]+)")
-PARTS = re.compile(r'at\["[^"\]]+"\]|PARAMS_[a-z]|np\.exp|np\.maximum|[\d.]+(?:e[-+]?\d+)?')
+PARTS = re.compile(r'at\["[^"\]\\]+"\]|params\.[a-z]\b|np\.exp|np\.maximum|[\d.]+(?:e[-+]?\d+)?')
 WIDEST = 10.0  # range of a coefficient over its fitted value [1]
+MOST_POINTS = 8  # of a law, at which its file is checked
 ScaffoldPlace = Literal["pair", "grain", "scene", "instrument"]  # places with a scaffold
 RESULT = ".discover.json"  # end of the name of a discovery's result
-OF = ":"  # between a mechanism of an instrument and its observable
 MEANINGS = {"a": "dose at typical conditions", "k": "scale or onset, in the unit of the condition"}
 MEANINGS |= dict.fromkeys(("p", "q"), "exponent")
 
@@ -38,8 +36,6 @@ class NamesOfStudy:
 
     conditions: Mapping[str, str] = field(default_factory=dict)  # column -> condition; "" where there is none
     factors: Mapping[str, float] = field(default_factory=dict)  # condition -> its unit over that of SI
-    observables: Mapping[str, str] = field(default_factory=dict)  # observable -> measure of the model
-    simulated: bool = False  # by scenes, whose measures are in SI units, angles in degrees
 
     def condition(self, column: str) -> str:
         """Condition that an effect reads for a column. Raises BadInput where there is none."""
@@ -49,14 +45,6 @@ class NamesOfStudy:
             f"the law reads the column '{column}', which sets no condition of the scene; let it set one too: "
             f'{column} = "..., conditions.{column}", which [conditions.extra] of the scene declares'
         )
-
-    def reading(self, observable: str, unit: str) -> tuple[str, float]:
-        """Measure that an instrument reads for an observable, and the unit of the study over its own."""
-        from taichi_erosion.scene.schema.units import conversion, parse_unit
-
-        measure = self.observables.get(observable, observable)
-        stated = parse_unit(unit) if self.simulated else None
-        return measure, 1.0 if stated is None else conversion(stated, parse_unit("deg")) or stated.factor
 
 
 def write_effect_file(
@@ -90,42 +78,48 @@ def rendered(kind: str, **entries: Any) -> str:
 def law_file(name: str, source: Path) -> str:
     """Effect file of the law that a discovery found; `source` is its study or its result."""
     result, study = discovery_of(source)
-    document = discovery_document(result, source)
-    names, beyond = names_of_study(study), document.get("beyond")
-    if beyond and beyond["law"] and beyond["group"]:
-        kind, entries = "mechanism_law", mechanism_entries(document, names)
-    else:
-        kind, entries = "law", law_entries(proposed_law(document, result), names, document.get("units", {}))
+    entries = law_entries(found_law(result), names_of_study(study))
     title = name.replace("_", " ").capitalize()
-    return rendered(kind, name=name, title=title, source=result.name, **entries)
+    return rendered("mechanism_law", name=name, title=title, source=result.name, **entries)
 
 
 def discovery_of(source: Path) -> tuple[Path, Path | None]:
-    """Result of a discovery, and its study where that is known."""
+    """Result of a discovery, and its study where that is known. Raises BadInput."""
     if source.suffix != ".toml":
+        if not (source.name.endswith(RESULT) and source.is_file()):
+            raise BadInput(f"{source}: is not a result of discover (STUDY{RESULT}), nor a study")
         study = source.parent.parent / f"{source.name.removesuffix(RESULT)}.toml"
-        return source, study if source.name.endswith(RESULT) and study.is_file() else None
+        return source, study if study.is_file() else None
     from taichi_erosion.campaign.study_file import read_evidence_study
     from taichi_erosion.evidence.models.load_study import results_folder
 
     result = results_folder(source, read_evidence_study(source)) / f"{source.stem}{RESULT}"
     if not result.is_file():
-        raise BadInput(f"{source}: has no discovery yet; {command('discover', source)} makes it")
+        raise BadInput(f"{source}: has no discovery yet; {shell_command('discover', source)} makes it")
     return result, source
 
 
-def discovery_document(result: Path, source: Path) -> dict[str, Any]:
-    """Document of a discovery. Raises BadInput for anything else."""
-    try:
-        document = json.loads(read_text_file(result))
-        document["clues"]
-    except (OSError, ValueError, KeyError, TypeError):
-        raise BadInput(f"{source}: is not a result of discover (STUDY{RESULT}), nor a study") from None
-    return document
+def found_law(result: Path) -> "LawPart":
+    """Law of the dose of a mechanism that a discovery found. Raises BadInput where there is none."""
+    from taichi_erosion.evidence.answers.files import read_reply
+    from taichi_erosion.mechanisms.library import load_mechanisms
+
+    reply = read_reply(result.parent, result.name.removesuffix(RESULT), "discover")
+    if reply is None:
+        raise BadInput(f"{result}: is of an earlier version; give discover again")
+    law = reply.record.law
+    if law is None:
+        raise BadInput(f"{result}: no law; discover finds one only where a mechanism explains a misfit")
+    if law.mechanism not in load_mechanisms():
+        listed = f"the law is of the strength of {law.mechanism}, which is in the list of effects"
+        raise BadInput(f"{result}: {listed}; `adopt` tests it")
+    if set(PARTS.sub("", law.python)) - set(" +-*/(),"):
+        raise BadInput(f"{result}: the law '{law.python}' is not one that discover writes")
+    return law
 
 
 def names_of_study(path: Path | None) -> NamesOfStudy:
-    """What columns and observables of a study are called by effects. Raises BadInput."""
+    """What columns of a study are called by effects. Raises BadInput."""
     if path is None:
         return NamesOfStudy()
     from taichi_erosion.campaign.study_file import read_evidence_study
@@ -134,78 +128,34 @@ def names_of_study(path: Path | None) -> NamesOfStudy:
     from taichi_erosion.scene.schema.units import parse_scale
 
     file = read_evidence_study(path)
-    measures = {name: entry.measure or name for name, entry in file.observables.items()}
     if file.study.model is not None:
-        return NamesOfStudy(dict(file.conditions), observables=measures)
+        return NamesOfStudy(dict(file.conditions))
     units = declared_conditions(file, path.parent)
     factors = {name: parse_scale(unit).factor for name, unit in units.items()}
     set_by = {
         column: next(filter(None, map(condition_name, dotted_paths(paths))), "")
         for column, paths in file.conditions.items()
     }
-    return NamesOfStudy(set_by, factors, measures, simulated=True)
+    return NamesOfStudy(set_by, factors)
 
 
-def proposed_law(document: Mapping[str, Any], result: Path) -> dict[str, Any]:
-    """Law of the worst misfit in a discovery. Raises BadInput where there is none."""
-    laws = [clue["law"] for clue in document["clues"] if clue["law"] is not None]
-    if not laws:
-        raise BadInput(
-            f"{result}: no law; discover fits one only where no effect of the library explains a misfit"
-        )
-    return laws[0]
-
-
-def law_entries(law: dict[str, Any], names: NamesOfStudy, units: Mapping[str, str]) -> dict[str, Any]:
-    """Entries of `law.txt`: a law that changes a reading, in the names and SI units of effects."""
-    typical: dict[str, float] = {}
-
-    def renamed(found: re.Match[str]) -> str:
-        name = names.condition(found["name"])
-        typical[name] = float(found["typical"]) * names.factors.get(name, 1.0)
-        return f"({name} / {typical[name]:g})^{found['power']}"
-
-    formula = FACTOR.sub(renamed, law["expression"].partition(" = ")[2])
-    terms = [{names.condition(name): power for name, power in term.items()} for term in law["terms"]]
-    logarithm = f"ln {law['observable']}" in law["expression"]
-    return {
-        "observable": names.observables.get(law["observable"], law["observable"]),
-        "formula": formula,
-        "logarithm": logarithm,
-        "unit": "1" if logarithm else units.get(law["observable"], "unit of the observable"),
-        "share": f"{law['held_out_share']:.0%}",
-        "typical": typical,
-        "terms": list(zip(terms, law["coefficients"], strict=True)),
-        "widest": WIDEST,
-    }
-
-
-def mechanism_entries(document: Mapping[str, Any], names: NamesOfStudy) -> dict[str, Any]:
-    """Entries of `mechanism_law.txt`: the law of the dose of a mechanism that stands beyond the list."""
+def law_entries(law: "LawPart", names: NamesOfStudy) -> dict[str, Any]:
+    """Entries of `mechanism_law.txt`."""
     from taichi_erosion.mechanisms.library import load_mechanisms
 
-    law, best = document["beyond"]["law"], document["beyond"]["mechanisms"][0]
-    if set(PARTS.sub("", law["python"])) - set(" +-*/(),"):
-        raise BadInput(f"the law '{law['python']}' of the result is not one that discover writes")
-    mechanism, _, observable = best["name"].partition(OF)
-    unit = document.get("units", {}).get(observable)
-    measure, factor = (observable, 1.0) if unit is None else names.reading(observable, unit)
-    columns = {
-        column: (name, names.factors.get(name, 1.0))
-        for column in law["conditions"]
-        for name in [names.condition(column)]
-    }
+    mechanism = load_mechanisms()[law.mechanism]
+    read = {column: names.condition(column) for column in law.conditions}
+    columns = {column: (name, names.factors.get(name, 1.0)) for column, name in read.items()}
+    written = re.sub(r'at\["(\w+)"\]|params\.|np\.', r"\1", law.python)
     return {
-        "mechanism": mechanism,
-        "mechanism_title": best["title"],
-        "observable": measure,
-        "scale": None if best.get("scale") is None else factor * best["scale"],
-        "expression": law["expression"],
-        "python": law["python"].replace("PARAMS_", "params."),
-        "share": f"{max(law['held_out_share'] or 0.0, 0.0):.0%}",
+        "mechanism": law.mechanism,
+        "mechanism_title": mechanism.title,
+        "expression": written.replace("maximum", "max").replace(" ** ", "^").replace(" * ", " "),
+        "python": law.python,
+        "share": f"{max(law.held_out_share, 0.0):.0%}",
         "columns": columns,
-        "numbers": [number_entries(key, each["value"]) for key, each in law["numbers"].items()],
-        "points": points(law, columns, load_mechanisms()[mechanism]),
+        "numbers": [number_entries(key, each.value) for key, each in law.numbers.items()],
+        "points": points(law, columns, mechanism),
     }
 
 
@@ -218,14 +168,14 @@ def number_entries(key: str, value: float) -> tuple[str, float, str, float, floa
 
 
 def points(
-    law: Mapping[str, Any], columns: Mapping[str, tuple[str, float]], mechanism: "Effect"
+    law: "LawPart", columns: Mapping[str, tuple[str, float]], mechanism: "Effect"
 ) -> list[tuple[dict[str, float], float, float]]:
     """Conditions in SI units, dose of the law there, and response of a mechanism on the device."""
+    chosen = law.doses[:: -(-len(law.doses) // MOST_POINTS)]
     stated = [
-        {columns[column][0]: value * columns[column][1] for column, value in at.items()}
-        for at, _ in law["points"]
+        {columns[column][0]: value * columns[column][1] for column, value in at.items()} for at, _ in chosen
     ]
-    doses = [dose for _, dose in law["points"]]
+    doses = [dose.value for _, dose in chosen]
     return list(zip(stated, doses, device_responses(mechanism, doses), strict=True))
 
 

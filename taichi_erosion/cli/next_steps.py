@@ -1,29 +1,21 @@
-"""Last lines of a command: what the result means, and which command comes next.
-
-`files` are the effect files of a command, which the next command needs too.
-"""
+"""Last lines of commands on scenes and calibrations: what the result means, and which command comes next."""
 
 import os
-import shlex
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from math import hypot, isfinite, sqrt
 from pathlib import Path
 from typing import Any
 
 from taichi_erosion.core.files import read_text_file
-from taichi_erosion.evidence.answers.agreement_words import by_observable, is_untested, unseen_words
-from taichi_erosion.evidence.inference.verdict_levels import HELD_OUT_SHARE, fails
+from taichi_erosion.evidence.words.shell import shell_command
 
 Record = Mapping[str, Any]
 
-NAME_SWITCH = "TAICHI_EROSION_NAME"  # environment variable: set by the launcher
 FAR = 3.0  # scatters of both sides together, from which a difference is far outside [1]
-SETTLE = "Mend the set-up first, then give the same command again."
 ERRORS = 2.0  # standard errors, from which a difference is more than chance [1]
 ANGLES = {"repose_angle", "angle_of_repose", "cone_angle", "envelope_angle"}  # of a heap
 LEAST_RUNS = 2  # that show a scatter
-TIDY = "_tidy.csv"  # end of the name of a table that `study new` wrote
 STUDY_FOLDERS = (".", "../doe", "../studies")  # beside a scene, where its studies are looked for
 
 
@@ -34,12 +26,12 @@ def after_run(document: Record) -> Iterator[str]:
     if any(is_off for is_off, _ in compared) or not compared:
         studies = studies_of(Path(str(document["scene"])))
         if "evidence" in studies:
-            yield f"{command('compare', studies['evidence'])} says where the model fails."
+            yield f"{shell_command('compare', studies['evidence'])} says where the model fails."
         if "calibration" in studies:
-            yield f"{command('doe', 'calibrate', studies['calibration'])} calibrates it."
+            yield f"{shell_command('doe', 'calibrate', studies['calibration'])} calibrates it."
     if recording := document.get("recording"):
-        yield f"{command('view', recording)} shows the run."
-        yield f"{command('report', recording)} makes a page of it."
+        yield f"{shell_command('view', recording)} shows the run."
+        yield f"{shell_command('report', recording)} makes a page of it."
     if not document["measured"] and document["measures"]:
         yield "The scene states no measured value: [measured] in the scene file prints one beside it."
 
@@ -121,9 +113,9 @@ def kind_of_study(path: Path, scene: Path) -> str | None:
 def after_calibration(document: Record) -> Iterator[str]:
     """Where the calibrated scene and the page are."""
     for scene in document.get("calibrated_scenes", ()):
-        yield f"{command('run', scene)} runs the calibrated scene."
-    yield f"{command('report', document['study'])} makes one HTML page."
-    yield f"{command('view', document['study'])} shows tables, figures and heaps."
+        yield f"{shell_command('run', scene)} runs the calibrated scene."
+    yield f"{shell_command('report', document['study'])} makes one HTML page."
+    yield f"{shell_command('view', document['study'])} shows tables, figures and heaps."
 
 
 def after_report(page: str) -> str:

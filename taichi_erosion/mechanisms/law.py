@@ -13,7 +13,6 @@ from taichi_erosion.scene.change import sample_scene
 DoseOf = Callable[[Any, Mapping[str, Any]], Any]  # (params, conditions) -> dose [1]
 Point = tuple[dict[str, float], float, float]  # conditions, dose there [1], response of a device effect there
 WIND = {"length": 0.02, "width": 0.01, "height": 0.05, "partition": 0.5}
-SAMPLE_READING = 0.3  # value that an instrument is checked on
 
 
 def law_constants(mechanism: Effect, dose_of: DoseOf) -> Callable[[Any, float, Conditions], Constants] | None:
@@ -28,39 +27,25 @@ def law_constants(mechanism: Effect, dose_of: DoseOf) -> Callable[[Any, float, C
     return of_law
 
 
-def law_act(
-    mechanism: Effect, dose_of: DoseOf, observable: str = "", scale: float | None = None
-) -> Callable[..., Any]:
-    """`act` of a mechanism at the dose of a law; of an instrument for one observable.
-
-    `scale` is that of an offset, in the unit of the reading.
-    """
+def law_act(mechanism: Effect, dose_of: DoseOf) -> Callable[..., Any]:
+    """`act` of a mechanism at the dose of a law."""
     if mechanism.constants is not None:
         return mechanism.act
 
-    def act(params: Any, strength: float, conditions: Conditions, *situation: Any) -> Any:
-        """The changed scene, or the reading of an observable."""
+    def act(params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
+        """The changed scene."""
         dose = strength * float(dose_of(params, conditions))
-        if mechanism.place == "instrument" and (situation[0] != observable or dose == 0.0):
-            return situation[1]
-        return mechanism.act(at_dose(mechanism, dose, scale), 1.0, conditions, *situation)
+        return mechanism.act(at_dose(mechanism, dose), 1.0, conditions, scene)
 
     return act
 
 
-def at_dose(mechanism: Effect, dose: float, scale: float | None = None) -> Any:
-    """Parameters of a mechanism at one dose; of an offset with its scale."""
-    return mechanism.params(dose=dose) if scale is None else mechanism.params(dose=dose, scale=scale)
+def at_dose(mechanism: Effect, dose: float) -> Any:
+    """Parameters of a mechanism at one dose."""
+    return mechanism.params(dose=dose)
 
 
-def law_checks(
-    mechanism: Effect,
-    probe: Probe,
-    params: Any,
-    points: Sequence[Point],
-    observable: str = "",
-    scale: float | None = None,
-) -> Iterator[Check]:
+def law_checks(mechanism: Effect, probe: Probe, params: Any, points: Sequence[Point]) -> Iterator[Check]:
     """One line for each point: the effect does there what the mechanism does at the dose of the point."""
     for conditions, dose, response in points:
         where = ", ".join(f"{name} = {value:g}" for name, value in conditions.items())
@@ -70,11 +55,6 @@ def law_checks(
             found = probe(params, conditions, scene=scene)
             wanted = mechanism.act(at_dose(mechanism, dose), 1.0, conditions, scene)
             yield Check(claim, scene_difference(found, wanted), 0.0, atol=1e-4)
-        elif mechanism.place == "instrument":
-            got = probe(params, conditions, observable=observable, value=SAMPLE_READING)
-            made = at_dose(mechanism, dose, scale)
-            want = mechanism.act(made, 1.0, conditions, observable, SAMPLE_READING)
-            yield Check(claim, got, want, rtol=1e-4)
         else:
             yield Check(claim, device_response(mechanism, probe, params, conditions), response, rtol=1e-3)
 

@@ -2,6 +2,8 @@
 
 import json
 import re
+import shutil
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -9,60 +11,31 @@ from typing import Any
 import pytest
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.evidence.data import findings, fresh_findings, mechanism_findings, repeats
-from taichi_erosion.evidence.prediction.predict import PredictedRow, PredictiveCheck
+from taichi_erosion.evidence.answers import commands
+from taichi_erosion.evidence.answers.files import Reply, printed
+from taichi_erosion.evidence.data.set_up_fault import SetUpFault
+from taichi_erosion.evidence.race import record
 from taichi_erosion.scene.schema.units import Scale
 from taichi_erosion.verification.claims import Outcome
-from tests.evidence.small_study import MODEL, STUDY, write_study
 from tests.verification import ladder
 
-PAGE = (Path(__file__).parents[2] / "docs" / "json.md").read_text("utf-8")
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "json.md").read_text("utf-8")
 SECTION = re.compile(r"^#{2,3} (?P<name>.+)$", re.MULTILINE)
+LINE = re.compile(r"^- (?P<keys>`\w+[^:]*?`): (?P<told>.*)$", re.MULTILINE)
 KEY = re.compile(r"`(?P<name>\w+)(?P<ends>(?:\.\*|\[\])*)`")
-RECORD = re.compile(r"^\*(?P<name>[^*]+)\*")
-ENDS = re.compile(r"; (?P<kind>null|left out)\b")
-COMMON = "Every document of a study"
+COMMON, ANSWER = "Every document of a study", "compare, discover, adopt, next"
 RECORDS = {
-    "fault": findings.SetUpFault,
-    "observable misfit": findings.ObservableMisfit,
-    "place": findings.MisfitPlace,
-    "stretch": findings.Stretch,
-    "noise": findings.Noise,
-    "noise of an observable": findings.ObservableNoise,
-    "lack of fit": repeats.LackOfFit,
-    "estimate": findings.Estimate,
-    "correlation": findings.Correlation,
-    "level": findings.LevelShift,
-    "row misfit": findings.RowMisfit,
-    "row off": findings.RowOff,
-    "unstated error": findings.ErrorFinding,
-    "variants": findings.Variants,
-    "effect": findings.EffectFinding,
-    "strength trend": mechanism_findings.StrengthTrend,
-    "member": findings.MemberFinding,
-    "fresh test": fresh_findings.FreshCheck,
-    "tested explanation": fresh_findings.FreshSetting,
-    "gap": fresh_findings.EmulatorGap,
-    "action": findings.EffectAction,
-    "opposed sign": findings.OpposedSign,
-    "explanation": findings.PlausibleHypothesis,
-    "nearest explanation": findings.NearestHypothesis,
-    "trend": findings.ResidualTrend,
-    "law": findings.Law,
-    "varying number": findings.VaryingNumber,
-    "experiment": findings.Experiment,
-    "vault": findings.VaultErrors,
-    "adopted fit": findings.HypothesisFit,
-    "predicted row": PredictedRow,
-    "check": PredictiveCheck,
-    "mechanisms": mechanism_findings.BeyondList,
-    "mechanism": mechanism_findings.MechanismFinding,
-    "dose": mechanism_findings.DoseEstimate,
-    "law of doses": mechanism_findings.DoseLaw,
+    "fault": SetUpFault,
+    "repeats": record.RepeatPart,
+    "place": record.PlacePart,
+    "interval": record.Interval,
+    "experiment": record.ExperimentPart,
+    "fresh test": record.FreshPart,
+    "gap": record.GapPart,
     "scale": Scale,
 }
-TUPLES = ("points", "table", "curve")  # lists whose entries are lists
-NOT_PRINTED = {"rows", "vault_rows"}  # of fits: figures are drawn from them
+pytestmark = pytest.mark.docs
 
 
 @dataclass(frozen=True)
@@ -71,113 +44,100 @@ class Entry:
 
     ends: tuple[str, ...]  # ".*" and "[]", from outside in
     record: str  # of what it holds; empty for a number or a word
-    null: str  # "never", "null" or "left out"
+    nullable: bool
 
-    @property
-    def optional(self) -> bool:
-        return self.null == "left out"
+
+def entries(text: str) -> dict[str, Entry]:
+    """Keys of one section."""
+    found = {}
+    for line in LINE.finditer(text):
+        named = re.match(r"\*(?P<name>[^*]+)\*", line["told"])
+        for key in KEY.finditer(line["keys"]):
+            ends = tuple(re.findall(r"\.\*|\[\]", key["ends"]))
+            found[key["name"]] = Entry(ends, named["name"] if named else "", "; null: " in line["told"])
+    return found
 
 
 def sections() -> dict[str, dict[str, Entry]]:
     """Keys by section of the page."""
     heads = list(SECTION.finditer(PAGE))
     ends = [*(head.start() for head in heads[1:]), len(PAGE)]
-    found = {}
-    for head, end in zip(heads, ends, strict=True):
-        rows = [
-            [cell.strip() for cell in line.strip("| ").split("|")]
-            for line in PAGE[head.end() : end].splitlines()
-            if line.startswith("| `")
-        ]
-        keys: dict[str, Entry] = {}
-        for cells in rows:
-            assert len(cells) == 2, cells
-            key, record, ends = KEY.search(cells[0]), RECORD.match(cells[1]), ENDS.search(cells[1])
-            assert key is not None, cells
-            marks = tuple(re.findall(r"\.\*|\[\]", key["ends"]))
-            keys[key["name"]] = Entry(
-                marks, record["name"] if record else "", ends["kind"] if ends else "never"
-            )
-        found[head["name"]] = keys
-    return found
+    return {head["name"]: entries(PAGE[head.end() : end]) for head, end in zip(heads, ends, strict=True)}
 
 
 TABLES = sections()
 
 
-def check_record(found: dict[str, Any], keys: dict[str, Entry], where: str) -> None:
+def check_record(found: Mapping[str, Any], keys: dict[str, Entry], where: str) -> None:
     """A record has the keys of the page, and these hold what the page says."""
-    assert found.keys() <= keys.keys(), f"{where}: not on the page: {sorted(found.keys() - keys.keys())}"
-    lost = {key for key, entry in keys.items() if not entry.optional} - found.keys()
-    assert not lost, f"{where}: on the page alone: {sorted(lost)}"
+    assert found.keys() == keys.keys(), where
     for key, value in found.items():
         check_value(value, keys[key], keys[key].ends, f"{where}.{key}")
 
 
 def check_value(value: Any, entry: Entry, ends: tuple[str, ...], where: str) -> None:
     if value is None:
-        assert entry.null != "never", f"{where} is null"
+        assert entry.nullable, f"{where} is null"
     elif ends:
         assert isinstance(value, dict if ends[0] == ".*" else list), where
         for each in value.values() if isinstance(value, dict) else value:
             check_value(each, entry, ends[1:], where)
     elif entry.record:
         check_record(value, TABLES[entry.record], where)
-    elif where.rpartition(".")[2] not in TUPLES:
+    else:
         assert not isinstance(value, dict | list), f"{where} is no single value"
 
 
-def documents(folder: Path, capsys, *steps: tuple[str, ...]) -> None:
-    """Documents of some commands on the study of a folder, each against the page."""
-    for words in steps:
-        capsys.readouterr()
-        assert main([words[0], str(folder / "heap.toml"), *words[1:], "--json"]) == 0
-        found = json.loads(capsys.readouterr().out)
-        check_record(found, TABLES[COMMON] | TABLES[words[0]], words[0])
-        check_sums(found)
-
-
-def check_sums(found: dict[str, Any]) -> None:
-    """What is named per row is what is named in all over the number of rows."""
+def checked(reply: Reply) -> dict[str, Any]:
+    """The document of an answer, against the page."""
+    found = json.loads(json.dumps(printed(reply.document), allow_nan=False))
+    own = TABLES.get(reply.command, {})
+    check_record(found, TABLES[COMMON] | TABLES[ANSWER] | own, reply.command)
     for end in ("before", "after"):
-        if found.get(f"chi2_{end}") is not None:
-            assert found[f"chi2_{end}"] == pytest.approx(found["n"] * found[f"chi2_per_row_{end}"])
-    for effect, each in found.get("effects", {}).items():
-        assert each["probability_alone"] == found["probabilities"].get(effect, 0.0)
-        assert each["probability_alone"] <= each["probability"] + 1e-9
-    fits = [found[key] for key in ("base", "added") if key in found]
-    if fits and fits[0]["vault_chi2_per_row"] is not None:
-        rows = found["vault"]["chi2_before"] / found["vault"]["chi2_per_row_before"]
-        assert rows == pytest.approx(found["held_out"], abs=1e-6)
-        assert found["vault"]["chi2_per_row_after"] == fits[1]["vault_chi2_per_row"]
-        assert found["vault"]["effects"] == fits[1]["effects"]
+        assert found[f"chi2_{end}"] == pytest.approx(found["n"] * found[f"chi2_per_row_{end}"])
+    assert sum(found["probabilities"].values()) == pytest.approx(1.0)
+    return found
 
 
-def test_every_command_prints_the_keys_of_the_page(tmp_path, capsys):
-    write_study(tmp_path, {"liquid_bridge": 1.0})
-    (tmp_path / "at.csv").write_text("observable,moisture,diameter\nrepose_angle,0.01,0.0003\n")
-    quick = ("discover", "--budget", "quick")
-    steps = (("compare",), quick, ("adopt", "gusts"), quick, ("next",))
-    documents(tmp_path, capsys, *steps, ("predict", "--at", str(tmp_path / "at.csv")))
+@pytest.fixture
+def study_of(tmp_path: Path) -> Callable[[str], Path]:
+    """A study of doe/ in a folder of its own."""
+
+    def copied(name: str) -> Path:
+        source = ROOT / "doe" / name
+        shutil.copytree(ROOT / "doe" / "measured", tmp_path / "measured")
+        for file in source.parent.iterdir():
+            if file.is_file():
+                shutil.copy(file, tmp_path)
+        return tmp_path / source.name
+
+    return copied
 
 
-@pytest.mark.docs
-def test_an_answer_beyond_the_list_prints_the_keys_of_the_page(tmp_path, capsys):
-    study = STUDY.format(model=MODEL, candidates="[candidates.gusts]\n[candidates.side_walls]")
-    write_study(tmp_path, {"liquid_bridge": 2.0}, study=study)
-    documents(tmp_path, capsys, ("compare",), ("discover", "--budget", "quick"), ("next",))
+def test_every_command_prints_the_keys_of_the_page(study_of):
+    study = study_of("my_lab.toml")
+    checked(commands.compare_study(study, commands.no_progress))
+    assert checked(commands.discover_study(study, commands.no_progress))["named"] == ["cohesion"]
+    adopted = checked(commands.adopt_study(study, ["cohesion"], commands.no_progress))
+    assert adopted["vault"]["adopted"] == ["cohesion"]
+    assert checked(commands.discover_study(study, commands.no_progress))["vault"] == adopted["vault"]
 
 
-@pytest.mark.docs
-def test_held_out_rows_are_told_of_the_effects_that_were_named(tmp_path, capsys):
-    write_study(tmp_path, {"liquid_bridge": 1.0})
-    for effect, told in (("gusts", False), ("liquid_bridge", True)):
-        assert main(["adopt", str(tmp_path / "heap.toml"), effect]) == 0
-        capsys.readouterr()
-        assert main(["discover", str(tmp_path / "heap.toml"), "--budget", "quick", "--json"]) == 0
-        found = json.loads(capsys.readouterr().out)
-        assert found["named"] == ["liquid_bridge"]
-        assert (found["vault"]["chi2_after"] is not None) == told
+def test_proposed_experiments_have_the_keys_of_the_page(study_of):
+    found = checked(commands.next_study(study_of("my_lab_short_list.toml"), commands.no_progress))
+    assert found["next_experiments"]
+
+
+def test_an_answer_beyond_the_list_prints_the_keys_of_the_page(study_of):
+    found = checked(commands.discover_study(study_of("beyond/rolling_wet.toml"), commands.no_progress))
+    assert found["mechanisms"]["rolling_friction"]["law"] is not None
+
+
+def test_predict_prints_the_keys_of_the_page(study_of, capsys):
+    study = study_of("my_lab.toml")
+    (study.parent / "at.csv").write_text("observable,diameter [mm]\nrepose_angle,0.3\n")
+    assert main(["predict", str(study), "--at", str(study.parent / "at.csv"), "--json"]) == 0
+    check_record(json.loads(capsys.readouterr().out), TABLES[COMMON] | TABLES["predict"], "predict")
 
 
 def test_verify_prints_the_keys_of_the_page(monkeypatch, capsys):
@@ -188,7 +148,7 @@ def test_verify_prints_the_keys_of_the_page(monkeypatch, capsys):
 
 @pytest.mark.parametrize("name", RECORDS)
 def test_the_page_has_every_key_of_a_record(name):
-    assert TABLES[name].keys() == {each.name for each in fields(RECORDS[name])} - NOT_PRINTED
+    assert TABLES[name].keys() == {each.name for each in fields(RECORDS[name])}
 
 
 def test_every_record_that_the_page_names_is_on_it():

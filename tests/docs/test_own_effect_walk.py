@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.evidence.answers.files import read_answer
+from taichi_erosion.evidence.answers.files import read_reply
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "write_an_effect.md").read_text(encoding="utf-8")
@@ -30,13 +30,9 @@ pytestmark = [pytest.mark.docs, pytest.mark.slow]
 def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of what the page reads, whose table another process has just made."""
     folder = tmp_path_factory.mktemp("reader")
-    for name in ("own_effect", "measured"):
-        shutil.copytree(
-            ROOT / "doe" / name, folder / "doe" / name, ignore=shutil.ignore_patterns("*-results")
-        )
-    for file in ROOT.glob("doe/my_lab*"):
-        shutil.copy(file, folder / "doe")
-    table = folder / "doe" / "own_effect" / "pores.csv"
+    own = folder / "doe" / "own_effect"
+    shutil.copytree(ROOT / "doe" / "own_effect", own, ignore=shutil.ignore_patterns("*-results"))
+    table = own / "pores.csv"
     table.unlink()
     words = [sys.executable, "-m", "doe.own_effect.laboratory", str(table)]
     subprocess.run(words, cwd=ROOT, check=True, timeout=600.0)
@@ -64,18 +60,17 @@ def test_an_own_effect_goes_from_a_scaffold_to_a_falling_error(reader, monkeypat
             words = [*shlex.split(text), *(ONE_WORKER if STUDY in text else ())]
             assert main(words) == 0, text
     results = Path("doe/own_effect/pores-results")
-    discovered, adopted = (read_answer(results, "pores", command) for command in ("discover", "adopt"))
+    discovered, adopted = read_reply(results, "pores", "discover"), read_reply(results, "pores", "adopt")
     assert discovered is not None
-    assert (discovered["verdict"], discovered["named"]) == ("present", [NAME])
     assert adopted is not None
-    assert adopted["vault"]["chi2_after"] < 0.5 * adopted["vault"]["chi2_before"]
-    assert adopted["vault"]["chi2_wrong_effect"] > 2.0 * adopted["vault"]["chi2_after"]
+    assert (discovered.record.decided.verdict, discovered.record.decided.named) == ("present", (NAME,))
+    held = adopted.record.held_out
+    assert held is not None
+    assert held.after < 0.1 * held.before
+    assert held.wrong > 2.0 * held.after
     for section, file in (("scene", "fall_pores"), ("study", "pores")):
         written = tomllib.loads(Path(f"doe/own_effect/{file}_with_{NAME}.toml").read_text(encoding="utf-8"))
         assert written[section]["effect_files"] == ["../../pores.py"]
-    law = read_answer(Path("doe/my_lab_short_list-results"), "my_lab_short_list", "adopt")
-    assert law is not None
-    assert law["vault"]["chi2_after"] < 0.1 * law["vault"]["chi2_before"]
 
 
 def test_the_package_that_the_page_shows_offers_its_effect(tmp_path, monkeypatch):

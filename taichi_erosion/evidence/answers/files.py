@@ -23,7 +23,8 @@ from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.race.record import Record
 from taichi_erosion.evidence.words import answer_lines as lines
 from taichi_erosion.evidence.words.document import document
-from taichi_erosion.evidence.words.vocabulary import Vocabulary, shell_command
+from taichi_erosion.evidence.words.shell import shell_command
+from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.mechanisms.library import dose_meaning, load_mechanisms
 
 Command = Literal["compare", "discover", "adopt", "next", "predict", "rounds"]

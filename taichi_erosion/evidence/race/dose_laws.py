@@ -276,7 +276,7 @@ def told(mechanism: str, best: FittedForm, share: float) -> LawPart:
         form.conditions,
         form.name,
         form.text.format(**values),
-        form.python.format(**values),
+        form.python.format(**{name: f"params.{name}" for name in values}),
         numbers,
         {condition: numbers[name] for condition, name in form.exponents.items()},
         tuple(zip(named, doses, strict=True)),

@@ -130,7 +130,7 @@ class LawPart:
     conditions: tuple[str, ...]
     form: str
     expression: str  # with numbers and units of the model
-    python: str
+    python: str  # of `dose_of(params, conditions)`: numbers as params.a, conditions as at["name"]
     numbers: Mapping[str, Interval]
     exponents: Mapping[str, Interval]  # by condition
     doses: tuple[tuple[Mapping[str, float], Interval], ...]  # conditions, dose

@@ -33,6 +33,7 @@ def document(record: Record) -> dict[str, Any]:
         "vault": None if record.held_out is None else vault(record.held_out),
         "next_experiments": parts["experiments"],
         "mechanisms": mechanisms(record),
+        "fresh_runs": parts["fresh"],
         "runs": cost.runs,
         "settings": cost.settings,
         "stopped": cost.stopped,
@@ -51,7 +52,7 @@ def effect(part: EffectPart) -> dict[str, Any]:
 
 def vault(held: HeldOutPart) -> dict[str, Any]:
     """Errors of the held-out rows: totals, and per row."""
-    found = {key: getattr(held, key) for key in ("opened", "n", "p_after", "adopted")}
+    found = {key: getattr(held, key) for key in ("opened", "n", "p_after", "adopted", "wrong_effect")}
     for key, value in (("before", held.before), ("after", held.after), ("wrong_effect", held.wrong)):
         found |= {f"chi2_{key}": held.n * value, f"chi2_per_row_{key}": value}
     return found

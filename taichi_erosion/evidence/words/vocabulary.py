@@ -3,8 +3,6 @@
 Estimates have two significant digits, values and conditions three. A model fails where p < ADEQUATE.
 """
 
-import os
-import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isnan
@@ -16,7 +14,6 @@ from taichi_erosion.evidence.race.record import Interval
 ADEQUATE = 0.01  # chance of a misfit from which it is none: of sound tables, one in a hundred is said to fail
 LEAST_TOLD = 1e-4  # chance below which its size tells a person nothing more
 MOST_TOLD = 3  # things of one kind in a line: more are not read
-NAME_SWITCH = "TAICHI_EROSION_NAME"  # environment variable: set by the launcher
 EXPLANATIONS = {"none": "no missing effect", "outside_library": "an effect that is not in the list"}
 
 
@@ -50,12 +47,6 @@ class Vocabulary:
         """`0.6 mm (0.4 to 0.8)`: size of a difference, counted along its sign."""
         sign = -1.0 if found.value < 0.0 else 1.0
         return interval(found, 2, sign * self.scale(observable), self.units.value_unit(observable))
-
-
-def shell_command(*words: object) -> str:
-    """A command in backquotes, as the user called the program and as a shell takes its words."""
-    program = "./erosion" if NAME_SWITCH in os.environ else "taichi-erosion"
-    return f"`{program} {shlex.join(map(str, words))}`"
 
 
 def interval(found: Interval, digits: int = 2, scale: float = 1.0, unit: str = "") -> str:

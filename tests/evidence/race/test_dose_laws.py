@@ -3,6 +3,8 @@
 y = 30 + level + 4 d z,   f = 5 + level / 2 + 3 ln(1 + d),   d = a (x / 1.2)^p, or a
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -83,9 +85,10 @@ def test_power_with_its_exponent_is_found_within_few_settings(exponent: float) -
 
 def test_doses_are_those_of_the_expression_within_their_intervals() -> None:
     found, _ = law(1.3, 3)
+    params = SimpleNamespace(**{name: number.value for name, number in found.numbers.items()})
     for at, dose in found.doses:
-        told = eval(found.python, {"np": np, "at": at})
-        assert told == pytest.approx(dose.value, rel=0.02)
+        told = eval(found.python, {"np": np, "at": at, "params": params})
+        assert told == pytest.approx(dose.value)
         assert dose.low < dose.value < dose.high
     inside = [dose.low <= DOSE * (at["x"] / 1.2) ** 1.3 <= dose.high for at, dose in found.doses]
     assert np.mean(inside) > 0.7
