@@ -9,6 +9,7 @@ from taichi_erosion.evidence.data.number_words import counted
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers
 from taichi_erosion.evidence.emulator.plan_cost import span
 from taichi_erosion.evidence.models.load_study import Study
+from taichi_erosion.evidence.models.prepared_problem import prepare
 
 BARE, EACH, DOSE = 25, 9, 100  # settings: without candidates; each candidate and number; each mechanism
 MORE = 3  # times as many, below which 9 of 10 answers stay (80 tables of doe/trials, clean and disturbed)
@@ -31,21 +32,20 @@ def usual_settings(numbers: int, candidates: int) -> int:
 
 def evaluations_sentence(study: Study, candidates: int) -> str:
     """What an answer costs where a function is the model, from the time that one setting takes."""
-    table, problem = study.problem.visible(), study.problem
-    settings = usual_settings(len(problem.parameters), candidates)
-    rows = {name: np.array([each == name for each in table.observable]) for name in table.observable}
-    for seed in (study.file.study.seed, study.file.study.seed + 1):  # the first one loads libraries
-        begin = perf_counter()
-        for name, chosen in rows.items():
-            conditions = {key: column[chosen] for key, column in table.conditions.items()}
-            model_at_start(study, name, conditions, np.array([seed]))
+    problem, table = study.problem, study.problem.visible()
+    seeds = prepare(problem, table, study.file.study.seed).seeds.fitting
+    settings, begin = usual_settings(len(problem.parameters), candidates), perf_counter()
+    for name in dict.fromkeys(table.observable):
+        chosen = np.array([each == name for each in table.observable])
+        conditions = {key: column[chosen] for key, column in table.conditions.items()}
+        model_at_start(study, name, conditions, seeds)
     seconds = settings * (perf_counter() - begin + OVERHEAD)
     more = f"up to {MORE} times as many where something acts, " if candidates else ""
     if candidates and problem.mechanisms:
         more += f"{DOSE * len(problem.mechanisms):,} more where mechanisms are tried, "
     return (
         f"{answering(study)} answers: about {settings} settings of {counted(table.size, 'row')} "
-        f"({settings * table.size:,} runs), {span(seconds)}; {more}fewer where they are stored."
+        f"({settings * table.size * seeds.size:,} runs), {span(seconds)}; {more}fewer where they are stored."
     )
 
 
