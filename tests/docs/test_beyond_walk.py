@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.evidence.answers.files import read_answer
+from taichi_erosion.evidence.answers.files import read_reply
 from taichi_erosion.report import write_report
 from tests.report.browser import assert_readable
 
@@ -31,15 +31,17 @@ def test_a_table_beyond_the_list_leads_to_a_law_and_a_falling_error(tmp_path, mo
         for line in block.splitlines():
             assert main(shlex.split(line.removeprefix("./erosion "))) == 0, line
     results = folder / "rolling_wet-results"
-    discovered, adopted = (read_answer(results, "rolling_wet", command) for command in ("discover", "adopt"))
+    discovered, adopted = (read_reply(results, "rolling_wet", command) for command in ("discover", "adopt"))
     assert discovered is not None
-    beyond = discovered["beyond"]
-    assert (beyond["verdict"], beyond["group"]) == ("mechanism", ["rolling_friction"])
-    exponent = beyond["law"]["exponents"]["moisture"]
-    assert exponent["low"] < EXPONENT < exponent["high"]
+    decided, law = discovered.record.decided, discovered.record.law
+    assert (decided.verdict, decided.mechanisms) == ("outside_library", ("rolling_friction",))
+    assert law is not None
+    assert law.exponents["moisture"].low < EXPONENT < law.exponents["moisture"].high
     assert adopted is not None
-    assert adopted["vault"]["chi2_after"] < 0.1 * adopted["vault"]["chi2_before"]
-    assert adopted["vault"]["chi2_wrong_effect"] > 2.0 * adopted["vault"]["chi2_after"]
+    held = adopted.record.held_out
+    assert held is not None
+    assert held.after < 0.1 * held.before
+    assert held.wrong > 2.0 * held.after
     page = write_report(Path("doe/beyond/rolling_wet.toml"), tmp_path / "page.html")
     assert_readable({"page": page}, tmp_path)
     assert 'id="beyond"' in page.read_text(encoding="utf-8")

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.evidence.answers.files import read_answer
+from taichi_erosion.evidence.answers.files import read_reply
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "write_an_effect.md").read_text(encoding="utf-8")
@@ -64,18 +64,18 @@ def test_an_own_effect_goes_from_a_scaffold_to_a_falling_error(reader, monkeypat
             words = [*shlex.split(text), *(ONE_WORKER if STUDY in text else ())]
             assert main(words) == 0, text
     results = Path("doe/own_effect/pores-results")
-    discovered, adopted = (read_answer(results, "pores", command) for command in ("discover", "adopt"))
+    discovered, adopted = (read_reply(results, "pores", command) for command in ("discover", "adopt"))
     assert discovered is not None
-    assert (discovered["verdict"], discovered["named"]) == ("present", [NAME])
+    decided = discovered.record.decided
+    assert (decided.verdict, decided.named) == ("present", (NAME,))
     assert adopted is not None
-    assert adopted["vault"]["chi2_after"] < 0.5 * adopted["vault"]["chi2_before"]
-    assert adopted["vault"]["chi2_wrong_effect"] > 2.0 * adopted["vault"]["chi2_after"]
+    held = adopted.record.held_out
+    assert held is not None
+    assert held.after < 0.5 * held.before
+    assert held.wrong > 2.0 * held.after
     for section, file in (("scene", "fall_pores"), ("study", "pores")):
         written = tomllib.loads(Path(f"doe/own_effect/{file}_with_{NAME}.toml").read_text(encoding="utf-8"))
         assert written[section]["effect_files"] == ["../../pores.py"]
-    law = read_answer(Path("doe/my_lab_short_list-results"), "my_lab_short_list", "adopt")
-    assert law is not None
-    assert law["vault"]["chi2_after"] < 0.1 * law["vault"]["chi2_before"]
 
 
 def test_the_package_that_the_page_shows_offers_its_effect(tmp_path, monkeypatch):

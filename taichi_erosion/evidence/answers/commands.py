@@ -217,5 +217,6 @@ def stored(
     cost = replace(record.cost, seconds=perf_counter() - start, seed=study.file.study.seed)
     record = replace(record, cost=cost if runs is None else replace(cost, runs=runs))
     about = files.study_document(study) | {"faults": [asdict(each) for each in faults]}
-    about |= {"set_up": sentences(faults), "warnings": list(found.posterior.race.prepared.warnings)}
+    warnings = list(found.posterior.race.prepared.warnings)
+    about |= {"set_up": sentences(faults, record.repeats), "warnings": warnings}
     return files.write_reply(study.results, study.path.stem, Reply(command, about | told, record))

@@ -3,6 +3,7 @@
 Faults of runs come from `emulator/run_faults.py`. Where a fault blocks, nothing is named.
 """
 
+import re
 from collections.abc import Iterator, Sequence
 
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows, condition_numbers
@@ -10,16 +11,27 @@ from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.data.set_up_fault import SetUpFault
 from taichi_erosion.evidence.data.tables.spreadsheet import source_changed
 from taichi_erosion.evidence.models.load_study import Study, first_study
+from taichi_erosion.evidence.race.record import RepeatPart
 
 SPARE = 3  # rows beyond the calibrated numbers: for an effect, a level, and one that can contradict
+CHECK = ": check "  # before the rows of which one is wrong
 WAITS = "The verdict on physics waits until this is settled."
 
 
-def sentences(faults: Sequence[SetUpFault]) -> list[str]:
-    """Sentences before an answer; the last one says whether the verdict on physics waits."""
+def sentences(faults: Sequence[SetUpFault], repeats: Sequence[RepeatPart] = ()) -> list[str]:
+    """Sentences before an answer; the last one says whether the verdict on physics waits.
+
+    Repeats that the answer itself tells of are left out.
+    """
     order = sorted(faults, key=lambda fault: (fault.kind != "repeats", not fault.blocks))
-    told = [fault.sentence for fault in order]
+    known = {str(row) for each in repeats for row in each.rows}
+    told = [each.sentence for each in order if each.kind != "repeats" or not known & suspects(each)]
     return [*dict.fromkeys(told), *([WAITS] if blocked(faults) else [])]
+
+
+def suspects(fault: SetUpFault) -> set[str]:
+    """Numbers of the rows that a fault asks to check."""
+    return set(re.findall(r"\d+", fault.sentence.rpartition(CHECK)[2]))
 
 
 def blocked(faults: Sequence[SetUpFault]) -> bool:
@@ -51,8 +63,8 @@ def disagreements(problem: Problem) -> Iterator[SetUpFault]:
     for each in comparison_rows(problem, table).apart:
         gap = table.table_units.value_text(each.observable, each.gap)
         words = (
-            f"{each.observable}: {numbered(each.lines)} are repeats and differ by {gap}: "
-            f"check {numbered(each.suspects)}"
+            f"{each.observable}: {numbered(each.lines)} are repeats and differ by {gap}"
+            f"{CHECK}{numbered(each.suspects)}"
         )
         yield SetUpFault("repeats", each.observable, words, False)
 
