@@ -1,21 +1,16 @@
 """Answers about studies for a terminal: lines and table of an answer, and what was read of a table."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.output import MARK_MISSING, Record, print_table
-from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import one_line_name
-from taichi_erosion.evidence.data.number_words import counted, heading, plain
+from taichi_erosion.evidence.data.number_words import counted, plain
 from taichi_erosion.evidence.words.shell import shell_command
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from taichi_erosion.evidence.answers.files import Reply
     from taichi_erosion.evidence.data.table_units import TableUnits
     from taichi_erosion.evidence.race import record

@@ -2,25 +2,37 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from shutil import copy
 
 import pytest
+from ten_records import DISCOVERIES
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.device import start_device, stop_device
 from taichi_erosion.core.effect_probe import Bench, make_bench
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.effects import load_library
+from taichi_erosion.evidence.answers.files import FORMAT, Reply, write_reply
+from taichi_erosion.evidence.race.record import Interval, LawPart
 from taichi_erosion.verification.effect_contract import breaches
 
-LAW = {
-    "observable": "threshold_u_star",
-    "expression": "change of ln threshold_u_star = +0.852 (diameter / 0.00025)^-1 -0.1 (moisture / 0.02)^2",
-    "terms": [{"diameter": -1.0}, {"moisture": 2.0}],
-    "coefficients": [0.852, -0.1],
-    "held_out_share": 0.62,
-}
+LAW = LawPart(
+    "rolling_friction",
+    ("diameter", "moisture"),
+    "power of two conditions",
+    "0.852 (diameter / 0.00025)^-1 (moisture / 0.02)^2",
+    'params.a * (at["diameter"] / 0.00025) ** params.p * (at["moisture"] / 0.02) ** params.q',
+    {"a": Interval(0.852, 0.7, 1.0), "p": Interval(-1.0, -1.2, -0.8), "q": Interval(2.0, 1.8, 2.2)},
+    {"diameter": Interval(-1.0, -1.2, -0.8), "moisture": Interval(2.0, 1.8, 2.2)},
+    (
+        ({"diameter": 2.5e-4, "moisture": 0.02}, Interval(0.852, 0.7, 1.0)),
+        ({"diameter": 1.25e-4, "moisture": 0.02}, Interval(1.704, 1.4, 2.0)),
+        ({"diameter": 2.5e-4, "moisture": 0.04}, Interval(3.408, 3.0, 4.0)),
+    ),
+    0.62,
+)
 
 
 @pytest.fixture(scope="module")
@@ -36,10 +48,11 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def discovery(folder: Path, *laws: object) -> str:
-    file = folder / "soil.discover.json"
-    file.write_text(json.dumps({"clues": [{"law": law} for law in laws]}), encoding="utf-8")
-    return str(file)
+def discovery(folder: Path, law: LawPart | None) -> str:
+    """File of a discovery with a law."""
+    about = {"format": FORMAT, "study": "soil.toml"}
+    write_reply(folder, "soil", Reply("discover", about, replace(DISCOVERIES["null"], law=law)))
+    return str(folder / "soil.discover.json")
 
 
 def test_the_scaffold_keeps_the_contract_as_it_is(here, bench, capsys):
@@ -73,24 +86,20 @@ def test_an_installed_package_adds_its_effects(here, monkeypatch):
     assert load_library()["constant_pull"].title == "constant pull between touching grains"
 
 
-@pytest.mark.parametrize("scale", ["change of ln threshold_u_star", "change of threshold_u_star"])
-def test_a_discovered_law_becomes_an_effect_that_keeps_the_contract(scale, here, bench):
-    law = LAW | {"expression": LAW["expression"].replace("change of ln threshold_u_star", scale)}
-    assert main(["effects", "new", "found", "--from-discovery", discovery(here, None, law)]) == 0
+def test_a_discovered_law_becomes_an_effect_that_keeps_the_contract(here, bench):
+    assert main(["effects", "new", "found", "--from-discovery", discovery(here, LAW)]) == 0
     effect = load_library([here / "found.py"])["found"]
     assert breaches(effect, bench) == []
-    assert effect.reads == ("diameter", "moisture")
+    assert (effect.reads, effect.mechanism) == (("diameter", "moisture"), "rolling_friction")
 
 
 def test_a_discovered_law_gives_what_the_discovery_wrote(here):
     main(["effects", "new", "found", "--from-discovery", discovery(here, LAW)])
     effect = load_library([here / "found.py"])["found"]
-    dry = {"diameter": 1.25e-4, "moisture": 1e-12}
-    wet = {"diameter": 2.5e-4, "moisture": 0.04}
-    # at half the diameter ln y rises by twice 0.852, at twice the moisture by 0.852 less four times 0.1
-    assert effect.act(effect.params(), 1.0, dry, "threshold_u_star", 0.2) == pytest.approx(0.2 * 5.4959, 1e-4)
-    assert effect.act(effect.params(), 1.0, wet, "threshold_u_star", 0.2) == pytest.approx(0.2 * 1.5715, 1e-4)
-    assert effect.act(effect.params(), 1.0, {"diameter": 1e-4}, "threshold_u_star", 0.2) == 0.2
+    for conditions, dose in LAW.doses:
+        assert effect.dose(effect.params(), conditions) == pytest.approx(dose.value)
+    assert effect.dose(effect.params(), {"diameter": 1e-4}) == 0.0
+    assert "D = a (diameter / 0.00025)^p (moisture / 0.02)^q" in effect.doc
 
 
 @pytest.mark.parametrize(
@@ -110,18 +119,25 @@ def test_a_wrong_word_gets_one_line(words, sentence, capsys):
     assert sentence in capsys.readouterr().err
 
 
-def test_a_discovery_without_a_law_begins_no_file(here, capsys):
-    assert main(["effects", "new", "found", "--from-discovery", discovery(here, None)]) == 2
-    assert "no law" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("law", "sentence"),
+    [
+        (None, "no law"),
+        (replace(LAW, mechanism="liquid_bridge"), "which is in the list of effects"),
+        (replace(LAW, python="__import__('os')"), "is not one that discover writes"),
+    ],
+)
+def test_a_discovery_without_a_law_of_a_mechanism_begins_no_file(law, sentence, here, capsys):
+    assert main(["effects", "new", "found", "--from-discovery", discovery(here, law)]) == 2
+    assert sentence in capsys.readouterr().err
     assert not (here / "found.py").exists()
 
 
 def test_a_law_may_read_a_condition_that_only_its_study_has(here, bench):
-    strange = LAW | {
-        "expression": "change of ln y = +0.5 (colour / 2)^1",
-        "terms": [{"colour": 1.0}],
-        "coefficients": [0.5],
-    }
+    doses = [({"colour": x}, Interval(0.25 * x, 0.0, 1.0)) for x in (1.0, 2.0, 4.0)]
+    python = 'params.a * (at["colour"] / 2) ** params.p'
+    numbers = {"a": Interval(0.5, 0.4, 0.6), "p": Interval(1.0, 0.9, 1.1)}
+    strange = replace(LAW, conditions=("colour",), python=python, numbers=numbers, doses=tuple(doses))
     assert main(["effects", "new", "found", "--from-discovery", discovery(here, strange)]) == 0
     effect = load_library([here / "found.py"])["found"]
     assert (effect.reads, breaches(effect, bench)) == (("colour",), [])
@@ -134,3 +150,11 @@ def test_the_library_is_listed_with_what_was_measured_of_each_effect(capsys):
     assert all(page["reference"] for page in listed.values())
     moved = {row["observable"] for row in listed["rolling_resistance"]["measured"]}
     assert "angle_of_repose" in moved
+
+
+def test_a_law_of_a_force_keeps_the_contract_too(here, capsys):
+    """The last test: it starts a device of its own."""
+    law = discovery(here, replace(LAW, mechanism="contact_pull"))
+    assert main(["effects", "new", "found", "--from-discovery", law]) == 0
+    assert main(["effects", "found", "--effect", "found.py"]) == 0
+    assert "It keeps the contract of effects." in capsys.readouterr().out

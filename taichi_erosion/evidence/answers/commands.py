@@ -35,7 +35,7 @@ from taichi_erosion.evidence.race.dose_laws import told_law
 from taichi_erosion.evidence.race.outlook import held_out_part
 from taichi_erosion.evidence.race.posterior import Posterior, given, only, raced
 from taichi_erosion.evidence.race.proposals import proposals
-from taichi_erosion.evidence.race.record import Decided, Record
+from taichi_erosion.evidence.race.record import Decided, Record, RepeatPart
 from taichi_erosion.evidence.race.summary import summary
 
 
@@ -235,12 +235,12 @@ def stored(
     runs = study.simulations
     cost = replace(record.cost, seconds=perf_counter() - start, seed=study.file.study.seed)
     record = replace(record, cost=cost if runs is None else replace(cost, runs=runs))
-    reply = Reply(command, framed(study, found) | told, record)
+    reply = Reply(command, framed(study, found, record.repeats) | told, record)
     return files.write_reply(study.results, study.path.stem, reply)
 
 
-def framed(study: Study, found: RacedStudy) -> files.Document:
-    """What every answer says of its study and of the set-up."""
+def framed(study: Study, found: RacedStudy, repeats: Sequence[RepeatPart] = ()) -> files.Document:
+    """What every answer says of its study and of the set-up, beside repeats that it tells of itself."""
     about = files.study_document(study) | {"faults": [asdict(each) for each in study.faults]}
-    about |= {"set_up": sentences(study.faults), "warnings": list(found.posterior.race.prepared.warnings)}
-    return about
+    warnings = list(found.posterior.race.prepared.warnings)
+    return about | {"set_up": sentences(study.faults, repeats), "warnings": warnings}

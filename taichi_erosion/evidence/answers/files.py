@@ -53,18 +53,26 @@ class Reply:
         return self.about | document(self.record)
 
     def vocabulary(self, *options: str) -> Vocabulary:
-        """Names and units of the study, and its commands as the user gives them, with further options."""
-        about = self.about
-        mechanisms = load_mechanisms()
+        """Names and units of the study, and its commands as the user gives them, with further options.
+
+        A study that `adopt` wrote states its effect files itself.
+        """
+        about, mechanisms = self.about, load_mechanisms()
+        written = about.get("written", "")
+
+        def command(*words: str) -> str:
+            alone = words[0] == "effects" or written in words
+            return shell_command(*words, *(() if alone else options))
+
         known = {**mechanisms, **load_library(map(Path, about["effect_files"]))}
         return Vocabulary(
             about["study"],
-            lambda *words: shell_command(*words, *options),
+            command,
             TableUnits.of(about),
             {name: effect.title for name, effect in known.items()},
             {name: dose_meaning(each) for name, each in mechanisms.items()},
             str(document_file(Path(about["results"]), Path(about["study"]).stem, "discover")),
-            about.get("written", ""),
+            written,
         )
 
     def answer(self, *options: str) -> lines.Answer:

@@ -68,7 +68,7 @@ def answered(
     """
     first = training_runs.initial_training_runs(study, question.effects, budget, question.ahead)
     if first is None:
-        study.options.announce(evaluations_sentence(study, budget == "quick"))
+        study.options.announce(evaluations_sentence(study, len(question.effects)))
         return question.answer(study, progress), study
     rounds = read_rounds(study)
     runs, own, key, earlier = replayed(first, rounds, question, budget)

@@ -16,6 +16,7 @@ from taichi_erosion.evidence.data.tables.spreadsheet import source_changed
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import Study, first_study
 from taichi_erosion.evidence.race.fit import Hypothesis, Race
+from taichi_erosion.evidence.race.record import RepeatPart
 from taichi_erosion.evidence.words.data_words import unit_text
 
 FAR_OFF = 8.0  # factor from the model, typical row, that no effect makes
@@ -23,10 +24,14 @@ SPARE = 3  # rows beyond the calibrated numbers: for an effect, a level, and one
 WAITS = "The verdict on physics waits until this is settled."
 
 
-def sentences(faults: Sequence[SetUpFault]) -> list[str]:
-    """Sentences before an answer; the last one says whether the verdict on physics waits."""
+def sentences(faults: Sequence[SetUpFault], repeats: Sequence[RepeatPart] = ()) -> list[str]:
+    """Sentences before an answer; the last one says whether the verdict on physics waits.
+
+    Repeats that the answer itself tells of are left out.
+    """
     order = sorted(faults, key=lambda fault: (fault.kind != "repeats", not fault.blocks))
-    told = [fault.sentence for fault in order]
+    known = {row for each in repeats for row in each.rows}
+    told = [each.sentence for each in order if not known & set(each.rows)]
     return [*dict.fromkeys(told), *([WAITS] if blocked(faults) else [])]
 
 
@@ -80,10 +85,10 @@ def disagreements(problem: Problem) -> Iterator[SetUpFault]:
     for each in comparison_rows(problem, table).apart:
         gap = table.table_units.value_text(each.observable, each.gap)
         words = (
-            f"{each.observable}: {numbered(each.lines)} are repeats and differ by {gap}: "
-            f"check {numbered(each.suspects)}"
+            f"{each.observable}: {numbered(each.lines)} are repeats and differ by {gap}"
+            f": check {numbered(each.suspects)}"
         )
-        yield SetUpFault("repeats", each.observable, words, False)
+        yield SetUpFault("repeats", each.observable, words, False, tuple(each.suspects))
 
 
 def numbered(lines: Sequence[int]) -> str:

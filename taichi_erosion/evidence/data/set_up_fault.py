@@ -23,3 +23,4 @@ class SetUpFault:
     place: str  # observable, or path of a calibrated number
     sentence: str
     blocks: bool  # the verdict on physics waits until this is settled
+    rows: tuple[int, ...] = ()  # of the table, one of which is wrong

@@ -196,8 +196,7 @@ def study_cost(study: Study) -> dict[str, Any]:
     for name in PLANS:
         planned = initial_training_runs(study, effects, name)
         if planned is None:
-            found[name] = {"sentence": evaluations_sentence(study, name == "quick")}
-            continue
+            return {"full": {"sentence": evaluations_sentence(study, len(effects))}}
         cost = without_a_trace(planned)
         found[name] = {
             "runs": cost.first + cost.later,

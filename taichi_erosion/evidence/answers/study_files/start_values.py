@@ -1,4 +1,4 @@
-"""The model of a study at its start values, before anything is calibrated."""
+"""What an answer costs where a function is the model, told before anything is calibrated."""
 
 from time import perf_counter
 
@@ -6,36 +6,35 @@ import numpy as np
 
 from taichi_erosion.evidence.answers.study_files.study_text import MODEL
 from taichi_erosion.evidence.data.number_words import counted
-from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers
 from taichi_erosion.evidence.emulator.plan_cost import span
 from taichi_erosion.evidence.models.load_study import Study
+from taichi_erosion.evidence.models.prepared_problem import prepare
 
-SETTINGS = 6000  # below which 9 of 10 answers of a function stay (62 tables of doe/trials, disturbed)
-
-
-def model_at_start(study: Study, name: str, conditions: Conditions, seeds: Integers) -> Floats:
-    """Values [seed, row] of an observable at the start values, with none of the candidates."""
-    problem, file = study.problem, study.file
-    parameters = {parameter.path: parameter.start for parameter in problem.parameters}
-    effects = {candidate.name: 0.0 for candidate in problem.candidates}
-    effects |= {candidate.name: file.adopted[candidate.name].strength for candidate in problem.adopted}
-    return np.asarray(problem.model(name, conditions, parameters, effects, seeds))
+BARE, EACH, DOSE = 25, 9, 100  # settings: without candidates; each candidate and number; each mechanism
+MORE = 3  # times as many, below which 9 of 10 answers stay (80 tables of doe/trials, clean and disturbed)
+OVERHEAD = 0.01  # time that the inference takes for a setting [s]
 
 
-def evaluations_sentence(study: Study, quick: bool) -> str:
+def usual_settings(numbers: int, candidates: int) -> int:
+    """Settings of the model that an answer usually takes."""
+    return BARE + EACH * max(numbers, 1) * candidates
+
+
+def evaluations_sentence(study: Study, candidates: int) -> str:
     """What an answer costs where a function is the model, from the time that one setting takes."""
-    table, settings = study.problem.visible(), SETTINGS
-    rows = {name: np.array([each == name for each in table.observable]) for name in table.observable}
-    for seed in (study.file.study.seed, study.file.study.seed + 1):  # the first one loads libraries
-        begin = perf_counter()
-        for name, chosen in rows.items():
-            conditions = {key: column[chosen] for key, column in table.conditions.items()}
-            model_at_start(study, name, conditions, np.array([seed]))
-    seconds = settings * (perf_counter() - begin)
+    problem = study.problem
+    prepared = prepare(problem, problem.visible(), study.file.study.seed)
+    rows, seeds = prepared.rows.size, prepared.seeds.fitting
+    start = np.array([min(max(0.0, axis.low), axis.high) for axis in prepared.axes])
+    settings, begin = usual_settings(len(problem.parameters), candidates), perf_counter()
+    prepared.predictor.compute(start, {}, seeds)
+    seconds = settings * (perf_counter() - begin + OVERHEAD)
+    more = f"up to {MORE} times as many where something acts, " if candidates else ""
+    if candidates and problem.mechanisms:
+        more += f"{DOSE * len(problem.mechanisms):,} more where mechanisms are tried, "
     return (
-        f"{answering(study)} answers: mostly below {settings * table.size:,} runs "
-        f"({settings:,} settings of {counted(table.size, 'row')}), {span(seconds)}; "
-        f"{'far fewer where nothing is found; ' if quick else ''}those made before are kept."
+        f"{answering(study)} answers: about {settings} settings of {counted(rows, 'row')} "
+        f"({settings * rows * seeds.size:,} runs), {span(seconds)}; {more}fewer where they are stored."
     )
 
 
