@@ -30,13 +30,9 @@ pytestmark = [pytest.mark.docs, pytest.mark.slow]
 def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of what the page reads, whose table another process has just made."""
     folder = tmp_path_factory.mktemp("reader")
-    for name in ("own_effect", "measured"):
-        shutil.copytree(
-            ROOT / "doe" / name, folder / "doe" / name, ignore=shutil.ignore_patterns("*-results")
-        )
-    for file in ROOT.glob("doe/my_lab*"):
-        shutil.copy(file, folder / "doe")
-    table = folder / "doe" / "own_effect" / "pores.csv"
+    study = folder / "doe" / "own_effect"
+    shutil.copytree(ROOT / "doe" / "own_effect", study, ignore=shutil.ignore_patterns("*-results"))
+    table = study / "pores.csv"
     table.unlink()
     words = [sys.executable, "-m", "doe.own_effect.laboratory", str(table)]
     subprocess.run(words, cwd=ROOT, check=True, timeout=600.0)
