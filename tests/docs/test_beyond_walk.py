@@ -44,6 +44,7 @@ def test_a_table_beyond_the_list_leads_to_a_law_and_a_falling_error(tmp_path, mo
     assert held.wrong > 2.0 * held.after
     page = write_report(Path("doe/beyond/rolling_wet.toml"), tmp_path / "page.html")
     assert_readable({"page": page}, tmp_path)
+    assert "Dose of rolling_friction along moisture" in page.read_text(encoding="utf-8")
 
 
 def test_the_committed_table_is_the_one_of_the_laboratory():

@@ -30,9 +30,9 @@ pytestmark = [pytest.mark.docs, pytest.mark.slow]
 def reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of what the page reads, whose table another process has just made."""
     folder = tmp_path_factory.mktemp("reader")
-    own = folder / "doe" / "own_effect"
-    shutil.copytree(ROOT / "doe" / "own_effect", own, ignore=shutil.ignore_patterns("*-results"))
-    table = own / "pores.csv"
+    study = folder / "doe" / "own_effect"
+    shutil.copytree(ROOT / "doe" / "own_effect", study, ignore=shutil.ignore_patterns("*-results"))
+    table = study / "pores.csv"
     table.unlink()
     words = [sys.executable, "-m", "doe.own_effect.laboratory", str(table)]
     subprocess.run(words, cwd=ROOT, check=True, timeout=600.0)

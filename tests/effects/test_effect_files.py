@@ -99,6 +99,7 @@ def test_a_discovered_law_gives_what_the_discovery_wrote(here):
     for conditions, dose in LAW.doses:
         assert effect.dose(effect.params(), conditions) == pytest.approx(dose.value)
     assert effect.dose(effect.params(), {"diameter": 1e-4}) == 0.0
+    assert effect.doc is not None
     assert "D = a (diameter / 0.00025)^p (moisture / 0.02)^q" in effect.doc
 
 
