@@ -11,6 +11,7 @@ import pickle
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from itertools import repeat
+from math import isfinite
 from multiprocessing import get_context
 from pathlib import Path
 from time import process_time
@@ -109,5 +110,6 @@ def kept(record: Record, held: HeldOutPart | None) -> Answer:
 
 
 def intervals(found: Mapping[str, Interval]) -> dict[str, tuple[float, float, float]]:
-    """Value, low, high of every name."""
-    return {name: (each.value, each.low, each.high) for name, each in found.items()}
+    """Value, low, high of every name; a strength that varies has none."""
+    known = {name: each for name, each in found.items() if isfinite(each.value)}
+    return {name: (each.value, each.low, each.high) for name, each in known.items()}

@@ -94,6 +94,7 @@ def unlisted_metrics(unlisted: Cases) -> Iterator[Metric]:
     apart = [c for c in unlisted if c.separation >= DISTINCT]
     yield share("unlisted, ratio and separation >= 7: flagged", [c.flagged for c in clear], ">= 0.85")
     yield share("unlisted, separation >= 3: named, > 0.9", [c.misnamed for c in apart], "<= 0.03")
+    yield share("the same, with a strength that varies", [bool(c.varying) for c in apart])
 
 
 def mechanism_metrics(cases: Cases) -> Iterator[Metric]:
