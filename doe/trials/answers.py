@@ -18,6 +18,7 @@ from time import process_time
 from typing import Any
 
 from doe.common.cases import method_commit
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.commands import adopt_study, discover_record, discover_study, no_progress
 from taichi_erosion.evidence.answers.scene_rounds import RacedStudy
@@ -31,6 +32,7 @@ from taichi_erosion.evidence.race.record import Decided, HeldOutPart, Interval, 
 
 LEAST = 1e-3  # of a probability that is kept
 Answer = dict[str, Any]
+REFUSED: Answer = {"verdict": "refused", "named": [], "group": [], "mechanisms": [], "vault": [None] * 3}
 
 
 def answer_all(tasks: Sequence[Path], processes: int = 1) -> None:
@@ -79,9 +81,15 @@ def predicted(posterior: Posterior, asked: NewConditions) -> list[tuple[float, .
 
 
 def study_answer(study: Path, budget: BudgetName = "quick") -> Answer:
-    """The same by the commands, as a user would ask; of a group its first member is adopted."""
+    """The same by the commands, as a user would ask; of a group its first member is adopted.
+
+    A study that the program refuses, as one whose scatter is unknown, has that verdict and says nothing.
+    """
     options = StudyOptions(budget=budget)
-    record = discover_study(study, no_progress, options).record
+    try:
+        record = discover_study(study, no_progress, options).record
+    except BadInput as refusal:
+        return REFUSED | {"refusal": str(refusal)}
     names = record.decided.named or record.decided.group[:1]
     adopted = adopt_study(study, names, no_progress, options).record if names else None
     answer = kept(record, adopted and adopted.held_out)

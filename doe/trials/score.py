@@ -191,6 +191,7 @@ def laboratory_metrics(cases: Cases) -> Iterator[Metric]:
 
 def published_metrics(cases: Cases) -> Iterator[Metric]:
     """What adopting did at the source that was left out of a series."""
+    yield share("sources left out: answered", [c.answer["verdict"] != "refused" for c in cases])
     yield share("sources left out: something named", [bool(c.named) for c in cases])
     yield share("sources left out: not in the list", [c.flagged for c in cases])
     known = [c.answer["vault"] for c in cases if c.named and c.answer["vault"][0] is not None]
