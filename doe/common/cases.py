@@ -141,10 +141,11 @@ def number(value: float | None) -> float:
 
 
 def method_commit() -> str:
-    """Commit that answers, with a mark where the tree differs from it."""
-    words = ["git", "describe", "--always", "--dirty", "--abbrev=10", "--exclude=*"]
+    """Commit that answers, with a mark where the tree differs from it in more than results of trials."""
+    words = ["git", "describe", "--always", "--abbrev=10", "--exclude=*"]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
-    return done.stdout.strip()
+    differs = ["git", "diff", "--quiet", "HEAD", "--", ".", ":!doe/trials/results"]
+    return done.stdout.strip() + "-dirty" * subprocess.run(differs, cwd=ROOT).returncode
 
 
 def perform(scene: str, cases: Iterable[Case], table: Path) -> None:

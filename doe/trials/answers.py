@@ -11,12 +11,14 @@ import pickle
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from itertools import repeat
+from math import isfinite
 from multiprocessing import get_context
 from pathlib import Path
 from time import process_time
 from typing import Any
 
 from doe.common.cases import method_commit
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.commands import adopt_study, discover_record, discover_study, no_progress
 from taichi_erosion.evidence.answers.scene_rounds import RacedStudy
@@ -30,6 +32,7 @@ from taichi_erosion.evidence.race.record import Decided, HeldOutPart, Interval, 
 
 LEAST = 1e-3  # of a probability that is kept
 Answer = dict[str, Any]
+REFUSED: Answer = {"verdict": "refused", "named": [], "group": [], "mechanisms": [], "vault": [None] * 3}
 
 
 def answer_all(tasks: Sequence[Path], processes: int = 1) -> None:
@@ -78,9 +81,15 @@ def predicted(posterior: Posterior, asked: NewConditions) -> list[tuple[float, .
 
 
 def study_answer(study: Path, budget: BudgetName = "quick") -> Answer:
-    """The same by the commands, as a user would ask; of a group its first member is adopted."""
+    """The same by the commands, as a user would ask; of a group its first member is adopted.
+
+    A study that the program refuses, as one whose scatter is unknown, has that verdict and says nothing.
+    """
     options = StudyOptions(budget=budget)
-    record = discover_study(study, no_progress, options).record
+    try:
+        record = discover_study(study, no_progress, options).record
+    except BadInput as refusal:
+        return REFUSED | {"refusal": str(refusal)}
     names = record.decided.named or record.decided.group[:1]
     adopted = adopt_study(study, names, no_progress, options).record if names else None
     answer = kept(record, adopted and adopted.held_out)
@@ -109,5 +118,6 @@ def kept(record: Record, held: HeldOutPart | None) -> Answer:
 
 
 def intervals(found: Mapping[str, Interval]) -> dict[str, tuple[float, float, float]]:
-    """Value, low, high of every name."""
-    return {name: (each.value, each.low, each.high) for name, each in found.items()}
+    """Value, low, high of every name; a strength that varies has none."""
+    known = {name: each for name, each in found.items() if isfinite(each.value)}
+    return {name: (each.value, each.low, each.high) for name, each in known.items()}

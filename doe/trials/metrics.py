@@ -102,9 +102,14 @@ class Case:
 
     @property
     def misnamed(self) -> bool:
-        """Something is named with confidence."""
+        """Something is named with confidence, with the one strength that its law has."""
         likely = self.answer.get("probabilities", {}).get(self.top, 0.0)
-        return self.answer["verdict"] == "present" and likely > CONFIDENT
+        return self.answer["verdict"] == "present" and likely > CONFIDENT and not self.varying
+
+    @property
+    def varying(self) -> set[str]:
+        """Effects that are named with a strength that varies: their law is another one."""
+        return self.named - set(self.answer.get("strengths", self.named))
 
     def intervals(self, what: str) -> list[bool]:
         """Whether each interval (`strengths` of what acts, `parameters`) holds the truth."""

@@ -94,6 +94,7 @@ def unlisted_metrics(unlisted: Cases) -> Iterator[Metric]:
     apart = [c for c in unlisted if c.separation >= DISTINCT]
     yield share("unlisted, ratio and separation >= 7: flagged", [c.flagged for c in clear], ">= 0.85")
     yield share("unlisted, separation >= 3: named, > 0.9", [c.misnamed for c in apart], "<= 0.03")
+    yield share("the same, with a strength that varies", [bool(c.varying) for c in apart])
 
 
 def mechanism_metrics(cases: Cases) -> Iterator[Metric]:
@@ -190,6 +191,7 @@ def laboratory_metrics(cases: Cases) -> Iterator[Metric]:
 
 def published_metrics(cases: Cases) -> Iterator[Metric]:
     """What adopting did at the source that was left out of a series."""
+    yield share("sources left out: answered", [c.answer["verdict"] != "refused" for c in cases])
     yield share("sources left out: something named", [bool(c.named) for c in cases])
     yield share("sources left out: not in the list", [c.flagged for c in cases])
     known = [c.answer["vault"] for c in cases if c.named and c.answer["vault"][0] is not None]

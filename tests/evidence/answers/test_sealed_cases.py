@@ -107,6 +107,7 @@ def no_rows() -> np.ndarray:
 
 
 def test_the_order_of_rows_and_candidates_does_not_matter():
+    """But for the error of a quantile of 2000 draws: 0.05 sd, of which an interval has 3.3."""
     problem = exact(problem_of(SINGLE))
     order = np.random.default_rng(3).permutation(problem.measurements.size)
     turned = replace(
@@ -115,7 +116,8 @@ def test_the_order_of_rows_and_candidates_does_not_matter():
     one, other = answer(problem), answer(turned)
     assert one["verdict"] == other["verdict"] == "present"
     assert one["named"] == other["named"]
-    assert one["strengths"][one["named"][0]] == pytest.approx(other["strengths"][one["named"][0]], rel=1e-3)
+    first, second = (each["strengths"][each["named"][0]] for each in (one, other))
+    assert first == pytest.approx(second, abs=0.05 * (first[2] - first[1]))
 
 
 @pytest.mark.slow
