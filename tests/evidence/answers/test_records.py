@@ -2,11 +2,19 @@
 
 from functools import cache
 
-from taichi_erosion.evidence.answers.records import adopt_record, compare_record, discover_record, next_record
-
 from doe.trials.reduced import beyond
 from doe.trials.reduced.families import FAMILIES
+from taichi_erosion.evidence.answers.commands import (
+    adopt_record,
+    bare,
+    compare_record,
+    discover_record,
+    next_record,
+)
+from taichi_erosion.evidence.answers.scene_rounds import RacedStudy
 from taichi_erosion.evidence.data.problem import Laboratory, Problem
+from taichi_erosion.evidence.race.decision import decide
+from taichi_erosion.evidence.race.posterior import Posterior, raced
 from taichi_erosion.evidence.race.record import Record
 from taichi_erosion.evidence.words.answer_lines import (
     adopt_answer,
@@ -32,19 +40,28 @@ def acting() -> str:
 
 
 @cache
+def posterior() -> Posterior:
+    return raced(case(), NUMBER)
+
+
+def discovered(found: Posterior) -> Record:
+    return discover_record(RacedStudy(found, decide(found)))
+
+
 def adopted(name: str) -> Record:
-    return adopt_record(case(), [name], NUMBER)
+    return adopt_record(posterior(), [name], NUMBER)
 
 
 def test_a_comparison_fails_without_the_effect():
-    record = compare_record(case(), NUMBER)
+    found = raced(bare(case()), NUMBER)
+    record = compare_record(RacedStudy(found, decide(found)))
     assert record.fit.p_before < 0.01
     assert record.effects == {}
     assert "fails" in compare_answer(record, VOCABULARY).lines[0]
 
 
 def test_an_answer_has_the_effect_in_its_first_line_and_its_table():
-    record, _ = discover_record(case(), NUMBER)
+    record = discovered(posterior())
     told = discover_answer(record, VOCABULARY)
     assert acting() in told.lines[0]
     assert told.table is not None
@@ -68,13 +85,13 @@ def test_adoption_of_another_effect_does_not_claim_that_the_error_falls():
 
 def test_the_law_of_a_mechanism_comes_first():
     problem, truth = beyond.draw(5058)
-    record, _ = discover_record(problem, 58)
+    record = discovered(raced(problem, 58))
     assert record.law is not None
     assert (record.law.mechanism, record.law.conditions) == (truth.name, (truth.condition,))
     assert truth.condition in discover_answer(record, VOCABULARY).lines[0]
 
 
 def test_nothing_is_proposed_where_all_is_decided():
-    record = next_record(case(), Laboratory(), NUMBER)
+    record = next_record(posterior(), Laboratory())
     assert record.experiments == ()
     assert next_answer(record, VOCABULARY).table is None
