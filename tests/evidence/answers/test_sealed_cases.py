@@ -1,4 +1,4 @@
-"""Blind cases of the closed-form model: how often a name is right, and changes that must not change an answer.
+"""Blind cases of the closed-form model: how often a name is right, and changes that must change no answer.
 
 The cases behind the published figures are those of doe/trials; here some others keep watch.
 """
