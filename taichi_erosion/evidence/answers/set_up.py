@@ -83,8 +83,8 @@ def disagreements(problem: Problem) -> Iterator[SetUpFault]:
     for name, noise in rows.noise.items():
         if noise.stated_factor > UNLIKE and noise.p < FAMILYWISE:
             words = (
-                f"{name}: repeats scatter {plain(noise.stated_factor, 2)} times as much as is stated, which is "
-                "taken: a condition that the table lacks, or an sd stated too small"
+                f"{name}: repeats scatter {plain(noise.stated_factor, 2)} times as much as is stated: "
+                "a condition that the table lacks, or an sd stated too small"
             )
             yield SetUpFault("scatter", name, words, False)
     for each in rows.apart:

@@ -8,8 +8,10 @@ import pytest
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers import set_up
 from taichi_erosion.evidence.answers.files import Command
+from tests.evidence import small_study
 from tests.evidence.asking import SILENT, ask
-from tests.evidence.small_study import study_text, table_text
+from tests.evidence.small_study import MODEL as SOUND
+from tests.evidence.small_study import table_text
 
 HEAD = "observable,value,sd,n,unit,group,moisture,diameter [mm],source\n"
 ACTING = {"liquid_bridge": 1.0}
@@ -25,6 +27,12 @@ def partly(observable, conditions, parameters, effects, seeds):
     return np.where(conditions["moisture"] > 0.025, np.nan, found)
 """
 ASKED: list[Command] = ["compare", "discover", "adopt", "next"]
+
+
+def study_text(model: str = SOUND) -> str:
+    return small_study.study_text(("liquid_bridge", "gusts"), model)
+
+
 BEFORE, AFTER = study_text().split("[parameters", 1)[0], study_text()[study_text().index("[candidates]") :]
 
 
