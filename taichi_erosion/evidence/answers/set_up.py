@@ -16,10 +16,12 @@ from taichi_erosion.evidence.data.tables.spreadsheet import source_changed
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import Study, first_study
 from taichi_erosion.evidence.race.fit import Hypothesis, Race
+from taichi_erosion.evidence.race.priors import FAMILYWISE
 from taichi_erosion.evidence.race.record import RepeatPart
 from taichi_erosion.evidence.words.data_words import unit_text
 
 FAR_OFF = 8.0  # factor from the model, typical row, that no effect makes
+UNLIKE = 2.0  # scatter of repeats over what is stated, from which it is told
 SPARE = 3  # rows beyond the calibrated numbers: for an effect, a level, and one that can contradict
 WAITS = "The verdict on physics waits until this is settled."
 
@@ -80,9 +82,17 @@ def table_faults(problem: Problem) -> tuple[SetUpFault, ...]:
 
 
 def disagreements(problem: Problem) -> Iterator[SetUpFault]:
-    """Repeats of which the table, held-out rows included, has a wrong value."""
+    """Repeats, held-out rows included, of which one is wrong, or that differ more than is stated."""
     table = problem.measurements
-    for each in comparison_rows(problem, table).apart:
+    rows = comparison_rows(problem, table)
+    for name, noise in rows.noise.items():
+        if noise.stated_factor > UNLIKE and noise.p < FAMILYWISE:
+            words = (
+                f"{name}: repeats scatter {plain(noise.stated_factor, 2)} times as much as is stated: "
+                "a condition that the table lacks, or an sd stated too small"
+            )
+            yield SetUpFault("scatter", name, words, False)
+    for each in rows.apart:
         gap = table.table_units.value_text(each.observable, each.gap)
         words = (
             f"{each.observable}: {numbered(each.lines)} are repeats and differ by {gap}"

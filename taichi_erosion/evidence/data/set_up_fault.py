@@ -12,6 +12,7 @@ FaultKind = Literal[
     "repeats",
     "source_changed",
     "unit",
+    "scatter",
 ]
 
 

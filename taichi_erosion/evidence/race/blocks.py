@@ -95,8 +95,8 @@ def zeros(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
     for index, observable in enumerate(rows.observables):
         own = rows.which == index
         fitted = own & known
-        shape = rows.slope / float(np.median(rows.slope[fitted]))
         if fitted.sum() > 1 and observable.transform != "identity":
+            shape = rows.slope / float(np.median(rows.slope[fitted]))
             column = np.where(own, float(np.median(unit[fitted])) * shape, 0.0)
             name = observable.name
             found.append(Block("zero", name, column[:, None], (name,), scale(f"zero {name}", cauchy=NEAR)))

@@ -237,6 +237,8 @@ def level_parts(posterior: Posterior) -> Iterator[LevelPart]:
     race = posterior.race
     weight = np.concatenate([each.weight for each in posterior.draws])
     for index, observable in enumerate(race.prepared.rows.observables):
+        if not np.any(race.prepared.rows.which == index):
+            continue
         for kind in ("level", "zero"):
             sizes = np.concatenate([level_of(each, kind, observable.name) for each in posterior.draws])
             unit = float(np.median(race.prepared.sd[race.prepared.rows.which == index]))

@@ -10,28 +10,21 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
-from contextlib import redirect_stdout
 from functools import cache
 from hashlib import sha256
-from io import StringIO
 from pathlib import Path
 
 import pytest
 
-from taichi_erosion.cli.main import main
+from taichi_erosion.evidence.models.load_study import StudyOptions
+from taichi_erosion.evidence.race.record import Record
+from tests.evidence.asking import SILENT, ask
 from tests.evidence.small_scenes import HEAPS, HIDDEN
 
 ROOT = Path(__file__).parents[3]
 SEED = 7
-ONE_WORKER = ("--workers", "1")  # a second one would compile the same kernels again
+QUICK = StudyOptions(budget="quick", workers=1)  # a second worker would compile the same kernels again
 pytestmark = pytest.mark.slow
-
-
-def ask(*words: str) -> dict:
-    told = StringIO()
-    with redirect_stdout(told):
-        assert main([*words, "--json"]) == 0
-    return json.loads(told.getvalue())
 
 
 @pytest.fixture(scope="module")
@@ -49,16 +42,14 @@ def laboratory(tmp_path_factory) -> Callable[[str], Path]:
 
 
 @pytest.fixture(scope="module")
-def found(laboratory) -> Callable[[str], dict[str, dict]]:
+def found(laboratory) -> Callable[[str], tuple[Record, Record]]:
     """What the commands say of a study; all of its runs are made by the first of them."""
 
     @cache
-    def answers(name: str) -> dict[str, dict]:
-        path = str(laboratory(name) / f"{name}.toml")
-        return {
-            "discover": ask("discover", path, "--budget", "quick", *ONE_WORKER),
-            "compare": ask("compare", path, *ONE_WORKER),
-        }
+    def answers(name: str) -> tuple[Record, Record]:
+        path = laboratory(name) / f"{name}.toml"
+        discovered = ask("discover", path, options=QUICK).record
+        return ask("compare", path, options=QUICK).record, discovered
 
     return answers
 
@@ -71,25 +62,25 @@ def truth_in(folder: Path) -> dict[str, float]:
 
 @pytest.mark.parametrize(("name", "axis"), [("heap_moist", "moisture"), ("grain_high", "altitude")])
 def test_a_hidden_effect_is_found_named_and_adopted(laboratory, found, name, axis):
-    compared, discovered = found(name)["compare"], found(name)["discover"]
-    assert compared["p"] < 0.01
-    assert axis in {place["axis"] for place in compared["where"] if place["p"] < 0.05}
-    assert (discovered["verdict"], discovered["named"]) == ("present", [HIDDEN[name]])
+    compared, discovered = found(name)
+    assert compared.fit.p_before < 0.01
+    assert axis in {place.axis for place in compared.where if place.p < 0.05}
+    assert discovered.decided.named == (HIDDEN[name],)
 
-    adopted = ask("adopt", str(laboratory(name) / f"{name}.toml"), discovered["named"][0], *ONE_WORKER)
-    vault = adopted["vault"]
-    assert vault["chi2_after"] < 0.5 * vault["chi2_before"]
-    assert vault["chi2_wrong_effect"] > 2.0 * vault["chi2_after"]
+    adopted = ask("adopt", laboratory(name) / f"{name}.toml", HIDDEN[name], options=QUICK).record
+    held = adopted.held_out
+    assert held.after < 0.5 * held.before
+    assert held.wrong > 2.0 * held.after
 
-    fitted = adopted["added"]["strengths"][HIDDEN[name]]
-    half = 0.5 * (fitted["high"] - fitted["low"])
+    fitted = adopted.effects[HIDDEN[name]].strength
+    half = 0.5 * (fitted.high - fitted.low)
     # the laboratory's other packing and time step move a heap too: five half-widths, not three
-    assert abs(fitted["value"] - truth_in(laboratory(name))[name]) < 5.0 * half
+    assert abs(fitted.value - truth_in(laboratory(name))[name]) < 5.0 * half
 
 
 def test_a_null_stays_a_null(laboratory, found):
-    compared, discovered = found("heap_plain")["compare"], found("heap_plain")["discover"]
-    assert compared["p"] > 0.01
-    assert discovered["verdict"] in ("none_detected", "not_testable")
-    assert discovered["named"] == []
+    compared, discovered = found("heap_plain")
+    assert compared.fit.p_before > 0.01
+    assert discovered.decided.verdict in SILENT
+    assert discovered.decided.named == ()
     assert truth_in(laboratory("heap_plain"))["heap_plain"] == 0.0

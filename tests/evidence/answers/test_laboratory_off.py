@@ -1,80 +1,96 @@
-"""What the evidence loop says where laboratory, code, range or table are off, in closed form."""
+"""What is said where laboratory, code, range or table are off, in closed form."""
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
-from taichi_erosion.evidence.answers.adopt import adopt
-from taichi_erosion.evidence.answers.compare import compare
-from taichi_erosion.evidence.data.findings import NONE
-from taichi_erosion.evidence.inference.verdict_levels import fails
 
-from tests.evidence.heap_study import answer, declared, heap_problem, narrowed
+from taichi_erosion.evidence.answers.commands import adopt_record
+from taichi_erosion.evidence.race.posterior import raced
+from taichi_erosion.evidence.words.answer_lines import discover_answer
+from tests.evidence.heap_study import TRUE_FRICTION, answer, heap_problem, narrowed
+from tests.evidence.ten_records import VOC
 
 OFFSET = 1.5  # deg, five sd of a row
 HIDDEN = (2, 7, 12, 17)  # rows held out: two sets of conditions
-SILENT = ("none_detected", "not_testable")
 
 
 def test_an_offset_of_the_laboratory_is_told_as_a_level_and_along_no_condition():
     found = answer(heap_problem({}, offset=OFFSET))
-    assert found.verdict in SILENT
-    assert found.probabilities[NONE] > 0.8
+    assert found.decided.verdict == "none_detected"
+    assert found.decided.probabilities["none"] > 0.8
     (shift,) = found.levels
     assert (shift.observable, shift.kind) == ("angle", "offset")
-    assert shift.low < OFFSET < shift.high
-    assert fails(found.p_misfit_stated)
-    assert not fails(found.p_misfit)
+    assert shift.size.low < OFFSET < shift.size.high
+    assert found.fit.p_before < 0.01, "calibration alone does not explain it"
+    lines = discover_answer(found, VOC).lines
+    assert lines[0].startswith("No missing effect is seen")
+    assert not any("fails here" in line for line in lines)
 
 
-def test_with_nothing_declared_the_answer_is_that_with_the_declaration():
-    problem = heap_problem({"bridge": 0.5}, offset=OFFSET)
-    free, stated = answer(problem), answer(declared(problem, OFFSET, 0.05))
-    assert (free.verdict, free.named) == (stated.verdict, stated.named) == ("present", ("bridge",))
-    assert not fails(free.p_misfit_after)
-    one, other = free.effects["bridge"], stated.effects["bridge"]
-    assert abs(one.strength - other.strength) < 0.5 * (other.strength_high - other.strength_low)
-
-
-@pytest.mark.parametrize(("factor", "acting"), [(60.0, {}), (10.0, {"bridge": 0.5})])
-def test_a_column_in_a_wrong_unit_is_told_as_a_factor_and_hides_no_effect(factor, acting):
-    found = answer(heap_problem(acting, factor=factor))
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (10.0, "(another unit?)"),
+        (57.3, "(degrees for radians?)"),
+        (100.0, "(percent for a share?)"),
+        (1e-3, "(another unit?)"),
+        (3.0, "at all conditions."),
+    ],
+)
+def test_a_column_in_a_wrong_unit_is_told_as_a_factor_and_no_effect(factor: float, words: str):
+    found = answer(heap_problem({}, factor=factor))
+    assert found.decided.verdict == "none_detected"
     (shift,) = found.levels
     assert (shift.observable, shift.kind) == ("height", "factor")
-    assert shift.value == pytest.approx(factor, rel=0.03)
-    assert found.named == tuple(acting)
+    assert shift.size.value == pytest.approx(factor, rel=0.03)
+    assert any(words in line for line in discover_answer(found, VOC).lines)
+
+
+@pytest.mark.parametrize("factor", [10.0, 57.3, 0.01])
+def test_a_column_in_a_wrong_unit_hides_no_effect(factor: float):
+    found = answer(heap_problem({"bridge": 0.5}, factor=factor))
+    assert found.decided.named == ("bridge",)
+    assert found.fit.p_after > 0.01
 
 
 def test_a_number_beyond_its_range_is_told_and_no_effect_is_named_in_its_place():
-    problem = narrowed(heap_problem({}, friction=0.6), 0.48, 0.53)
-    found = answer(problem)
-    assert found.verdict == "not_testable"
-    assert found.range_suffices
-    assert found.named == ()
-    assert fails(compare(problem).p), "p does not count the number that cannot move"
+    found = answer(narrowed(heap_problem({}, friction=0.6), 0.48, 0.53))
+    assert found.decided.named == found.decided.group == ()
+    assert found.numbers["friction"].at_end
+    assert found.fit.p_before < 0.01
 
 
-def test_silence_on_a_rejected_model_comes_with_its_reason():
-    found = answer(heap_problem({}, scatter=2.0))
-    assert found.verdict in SILENT
-    assert fails(found.p_misfit)
-    assert 1.5 < found.scatter_factor < 2.5
+@pytest.mark.parametrize("seed", range(3))
+def test_scatter_that_is_understated_names_nothing(seed: int):
+    found = answer(heap_problem({}, seed, scatter=2.0))
+    assert found.decided.verdict == "none_detected"
+    assert found.levels == ()
+    assert {each.kind for each in found.errors} <= {"scatter"}
 
 
-def test_one_bad_row_is_told_with_what_the_others_leave():
+def test_one_bad_row_is_told_and_names_nothing():
     problem = heap_problem({})
     value = problem.measurements.value.copy()
-    value[3] += 3.0
+    value[3] += 4.5
     found = answer(replace(problem, measurements=replace(problem.measurements, value=value)))
-    assert found.named == ()
-    worst = found.worst_row
-    assert worst is not None
-    assert worst.observable == "angle"
-    assert (worst.conditions["moisture"], worst.conditions["diameter"]) == (0.25, 2.0)
-    assert worst.residual_sd == pytest.approx(10.0, abs=2.5)  # 3.0 deg over 0.3 deg, and the row's own noise
-    assert not fails(worst.p_without)
+    assert found.decided.named == ()
+    (worst,) = (each for each in found.errors if each.kind == "row")
+    assert (worst.observable, worst.label) == ("angle", "5")
+    assert worst.size.value == pytest.approx(4.5, abs=0.75)
 
 
 def test_an_adopted_effect_is_judged_after_the_offset_of_the_laboratory():
-    found = adopt(heap_problem({"bridge": 0.5}, offset=OFFSET, hidden=HIDDEN), ("bridge",), 1)
-    assert found.added.vault_chi2_per_row < 3.0, "four rows of chi2 1"
-    assert found.added.strengths["bridge"].low < 0.5 < found.added.strengths["bridge"].high
+    posterior = raced(heap_problem({"bridge": 0.5}, offset=OFFSET, hidden=HIDDEN), 1)
+    found = adopt_record(posterior, ("bridge",), 1)
+    assert found.held_out is not None
+    assert found.held_out.after < 3.0 < found.held_out.before
+    assert found.fit.p_after > 0.01
+    assert found.effects["bridge"].strength.low < 0.5 < found.effects["bridge"].strength.high
+
+
+def test_numbers_are_not_moved_by_a_level():
+    found = answer(heap_problem({}, offset=OFFSET, factor=10.0))
+    friction = found.numbers["friction"].now
+    assert friction.low < TRUE_FRICTION < friction.high
+    assert np.isfinite(friction.value)

@@ -8,25 +8,20 @@ hundred runs of half a second each.
 import json
 import subprocess
 import sys
-from contextlib import redirect_stdout
+from dataclasses import replace
 from hashlib import sha256
-from io import StringIO
 from pathlib import Path
 
 import pytest
 
 from taichi_erosion.cli.main import main
+from taichi_erosion.evidence.models.load_study import StudyOptions
+from tests.evidence.asking import SILENT, ask
 
 ROOT = Path(__file__).parents[3]
 SEED = 3
+QUICK = StudyOptions(budget="quick")
 pytestmark = pytest.mark.slow
-
-
-def ask(*words: str) -> dict:
-    told = StringIO()
-    with redirect_stdout(told):
-        assert main([*words, "--json"]) == 0
-    return json.loads(told.getvalue())
 
 
 @pytest.fixture(scope="module")
@@ -46,21 +41,24 @@ def strengths_in(folder: Path) -> dict[str, float]:
 
 def test_a_pull_that_no_list_holds_is_found_and_adopted(laboratory, monkeypatch):
     monkeypatch.chdir(laboratory)
-    found = ask("discover", "wet.toml", "--budget", "quick")
-    assert found["verdict"] == "outside_library"
-    beyond = found["beyond"]
-    assert beyond["group"][0] == "contact_pull"
-    doses = {dose["conditions"]["moisture"]: dose["dose"] for dose in beyond["doses"]}
+    wet = laboratory / "wet.toml"
+    found = ask("discover", wet, options=QUICK).record
+    assert found.decided.verdict == "outside_library"
+    assert found.decided.mechanisms[0] == "contact_pull"
+    assert found.law is not None
+    doses = {at["moisture"]: dose.value for at, dose in found.law.doses}
     assert doses[max(doses)] > doses[min(doses)]
-    assert main(["effects", "new", "sticky", "--from-discovery", "wet.toml"]) == 0
-    vault = ask("adopt", "wet.toml", "sticky", "--effect", "sticky.py")["vault"]
-    assert vault["chi2_after"] < 0.5 * vault["chi2_before"]
+    results = str(laboratory / "wet-results" / "wet.discover.json")
+    assert main(["effects", "new", "sticky", "--from-discovery", results]) == 0
+    own = replace(QUICK, effect_files=(laboratory / "sticky.py",))
+    held = ask("adopt", wet, "sticky", options=own).record.held_out
+    assert held is not None
+    assert held.after < 0.5 * held.before
     assert strengths_in(laboratory)["wet"] > 1.0
 
 
-def test_in_a_null_no_mechanism_is_asked_for(laboratory, monkeypatch):
-    monkeypatch.chdir(laboratory)
-    found = ask("discover", "plain.toml", "--budget", "quick")
-    assert found["verdict"] in ("none_detected", "not_testable")
-    assert found["beyond"] is None
+def test_in_a_null_no_mechanism_is_asked_for(laboratory):
+    found = ask("discover", laboratory / "plain.toml", options=QUICK).record
+    assert found.decided.verdict in SILENT
+    assert found.law is None
     assert strengths_in(laboratory)["plain"] == 0.0

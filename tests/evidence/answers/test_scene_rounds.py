@@ -9,8 +9,9 @@ import pytest
 
 from doe.trials.reduced.families import FAMILIES
 from taichi_erosion.evidence.answers import scene_rounds
-from taichi_erosion.evidence.answers.commands import open_study
-from taichi_erosion.evidence.answers.scene_rounds import SceneAnswer, after_test, discover_on_scene
+from taichi_erosion.evidence.answers.commands import asked, open_study, whole
+from taichi_erosion.evidence.answers.rounds import answered
+from taichi_erosion.evidence.answers.scene_rounds import RacedStudy, after_test, discovery_question
 from taichi_erosion.evidence.emulator import gaussian_process, training_runs
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.posterior import raced
@@ -28,7 +29,7 @@ NULL, SINGLE, UNLISTED = 1, 33, 113  # cases of one seed of clean ones
 class Told:
     """An answer and the runs that it asked for, batch by batch."""
 
-    found: SceneAnswer
+    found: RacedStudy
     runs: list[list[str]]
     simulations: int
 
@@ -40,14 +41,15 @@ def told(path: Path, wrong: bool = False) -> Told:
         patch.setattr(training_runs, "execute", executing(runs))
         if wrong:
             patch.setattr(process, "mean", overstated(process.mean))
-        found, ready = discover_on_scene(study, "quick", lambda words, share: None)
+        question = discovery_question(study, asked(whole))
+        found, ready = answered(study, "quick", question, lambda words, share: None)
     return Told(found, runs, ready.simulations or 0)
 
 
 @cache
-def on_function(number: int) -> SceneAnswer:
+def on_function(number: int) -> RacedStudy:
     posterior = raced(FAMILIES["clean"](4242, number).problem, number)
-    return SceneAnswer(posterior, decide(posterior))
+    return RacedStudy(posterior, decide(posterior))
 
 
 def test_a_name_that_is_sure_needs_no_round_and_fresh_runs_confirm_it(tmp_path):

@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 
 from taichi_erosion.evidence.emulator import gaussian_process, training_runs
-from tests.evidence.emulator.test_training_runs import STUDY, ask, executing, keys, write
+from taichi_erosion.evidence.race.record import Record
+from tests.evidence.asking import ask
+from tests.evidence.emulator.test_training_runs import NAME, QUICK, STUDY, executing, keys, write
 
-NAME = "rolling_resistance"
 OFF = 0.2  # sd of the training values, by which the emulator overstates the effect at strength 1
 MOST = 26  # runs of a budget that the training takes
 
@@ -18,7 +19,7 @@ class Wrong:
     """Answer of an emulator that is wrong, and the runs that it asked for."""
 
     study: Path
-    found: dict
+    found: Record
     runs: list[list[str]]
 
 
@@ -36,7 +37,7 @@ def told_wrong(path: Path) -> Wrong:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(training_runs, "execute", executing(runs))
         patch.setattr(process, "mean", overstated(process.mean))
-        return Wrong(path, ask("discover", str(path), "--budget", "quick"), runs)
+        return Wrong(path, ask("discover", path, options=QUICK).record, runs)
 
 
 @pytest.fixture(scope="module")
@@ -45,35 +46,30 @@ def wrong(tmp_path_factory) -> Wrong:
 
 
 def test_a_name_that_new_simulations_contradict_is_withdrawn(wrong):
-    found, check = wrong.found, wrong.found["fresh_runs"]
-    assert (found["verdict"], found["named"], found["group"]) == ("unstable", [], [NAME])
-    assert check["outcome"] == "contradicted"
-    assert found["effects"][NAME]["status"] == "not_testable"
-    named = check["settings"][0]
-    assert named["chi2_per_row_simulated"] > 3.0 > 1.0 > named["chi2_per_row_emulated"]
-    assert named["gap"]["p"] < 0.01
-    assert named["gap"]["emulated"] > named["gap"]["simulated"], "the effect was overstated"
+    decided, fresh = wrong.found.decided, wrong.found.fresh
+    assert (decided.verdict, decided.named, decided.group) == ("unstable", (), (NAME,))
+    assert fresh.outcome == "contradicted"
+    assert fresh.gap.p < 0.01
+    assert fresh.gap.emulated > fresh.gap.simulated, "the effect was overstated"
 
 
 @pytest.mark.slow
 def test_the_next_answer_makes_more_runs_first_and_is_tested_anew(wrong):
-    more = wrong.found["fresh_runs"]["more_runs"]
+    more = wrong.found.fresh.more_runs
     assert more > 0
     again = told_wrong(wrong.study)
     (training, fresh), before = again.runs, keys(wrong.runs)
     assert len(set(training) - before) == more
     assert not set(fresh) & before
-    assert again.found["verdict"] == "unstable", "the emulator is as wrong as before"
+    assert again.found.decided.verdict == "unstable", "the emulator is as wrong as before"
 
 
 @pytest.mark.slow
 def test_without_room_the_answer_is_told_untested(tmp_path, monkeypatch):
     batches: list[list[str]] = []
     monkeypatch.setattr(training_runs, "execute", executing(batches))
-    path = write(tmp_path, 1.5, text=f"{STUDY}[budget]\nruns = {MOST}\n")
-    found = ask("discover", str(path))
-    check = found["fresh_runs"]
-    assert check["outcome"] == "not_made"
-    assert check["needed"] > MOST - len(keys(batches))
-    assert found["named"] == [NAME]
-    assert found["stability"] is None
+    found = ask("discover", write(tmp_path, 1.5, text=f"{STUDY}[budget]\nruns = {MOST}\n")).record
+    assert found.fresh is not None
+    assert found.fresh.outcome == "not_made"
+    assert found.fresh.needed > MOST - len(keys(batches))
+    assert found.decided.named == (NAME,)

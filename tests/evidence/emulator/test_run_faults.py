@@ -1,6 +1,5 @@
 """Faults of a set-up in its training runs, the campaign replaced by a stand-in."""
 
-import json
 import re
 from pathlib import Path
 
@@ -8,9 +7,11 @@ import numpy as np
 import pytest
 
 from taichi_erosion.campaign.request import RunResult
-from taichi_erosion.cli.main import main
+from taichi_erosion.evidence.answers.files import Command, Reply
 from taichi_erosion.evidence.emulator import training_runs
+from taichi_erosion.evidence.models.load_study import StudyOptions
 from taichi_erosion.measures import shortfalls
+from tests.evidence.asking import ask as asked
 
 SCENE = Path(__file__).parents[3] / "scenes" / "column_collapse.toml"
 STUDY = """
@@ -54,10 +55,10 @@ def record(place: int, kind: str) -> tuple[dict, str | None]:
 
 
 @pytest.fixture
-def ask(tmp_path, monkeypatch, capsys):
+def ask(tmp_path, monkeypatch):
     """The answer of a command where all runs are of one kind."""
 
-    def answer(kind: str, command: str = "compare", more: str = "") -> dict:
+    def answer(kind: str, command: Command = "compare", more: str = "") -> Reply:
         def execute(wanted, store, **options):
             found = [(request.key, *record(place, kind)) for place, request in enumerate(wanted)]
             return [RunResult(key, told, failure) for key, told, failure in found]
@@ -69,9 +70,7 @@ def ask(tmp_path, monkeypatch, capsys):
         (tmp_path / "heap.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
         (tmp_path / SCENE.name).write_text(SCENE.read_text("utf-8"), encoding="utf-8")
         (tmp_path / "heap.toml").write_text(STUDY.format(more=more), encoding="utf-8")
-        capsys.readouterr()
-        assert main([command, str(tmp_path / "heap.toml"), "--budget", "quick", "--json"]) == 0
-        return json.loads(capsys.readouterr().out)
+        return asked(command, tmp_path / "heap.toml", options=StudyOptions(budget="quick"))
 
     return answer
 
@@ -79,24 +78,23 @@ def ask(tmp_path, monkeypatch, capsys):
 def test_a_heap_that_is_too_small_is_told_before_any_effect(ask):
     found = ask("small", "discover")
     advice = shortfalls.small_heap_advice(LACKING["found"], 1800, False, min(MEASURED))
-    told = re.sub(r"3\.6\d", "3.6", found["set_up"][0])
+    told = re.sub(r"3\.6\d", "3.6", found.about["set_up"][0])
     assert told == (
         "angle_of_repose: the heap is too small for its angle: 3.6 deg simulated against 31 to 43 measured, "
         f"{advice}"
     )
     assert "1.2 rows of grains on its flank, 3 are needed" in advice
-    assert (found["verdict"], found["named"]) == ("not_testable", [])
-    assert found["sentences"][0] == "Nothing is named: the set-up comes first."
-    assert {effect["status"] for effect in found["effects"].values()} == {"not_testable"}
+    assert (found.record.decided.verdict, found.record.decided.named) == ("not_testable", ())
+    assert found.answer().lines[0] == "No effect is named: what is said of the set-up comes first."
 
 
 def test_a_laboratory_with_as_small_a_heap_is_no_fault(ask):
     found = ask("small", more="same_size = true")
-    assert not [fault for fault in found["faults"] if fault["kind"] == "too_small"]
+    assert not [fault for fault in found.about["faults"] if fault["kind"] == "too_small"]
 
 
 def test_runs_that_stop_are_told(ask):
     found = ask("stops", more="same_size = true")
-    told = next(fault for fault in found["faults"] if fault["kind"] == "failed_runs")
+    told = next(fault for fault in found.about["faults"] if fault["kind"] == "failed_runs")
     assert "runs stopped and are left out; the first: grains overlap" in told["sentence"]
     assert not told["blocks"]

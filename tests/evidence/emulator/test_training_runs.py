@@ -1,11 +1,8 @@
 """The loop on scenes, its campaign replaced by a stand-in: rounds of runs, shared and never made twice."""
 
-import json
 import re
 import tomllib
-from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
-from io import StringIO
+from dataclasses import dataclass, replace
 from math import tanh
 from pathlib import Path
 
@@ -13,13 +10,19 @@ import numpy as np
 import pytest
 
 from taichi_erosion.campaign.request import RunResult
-from taichi_erosion.cli.main import main
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.answers.files import Reply
 from taichi_erosion.evidence.emulator import training_runs
+from taichi_erosion.evidence.models.load_study import NO_OPTIONS, StudyOptions
+from taichi_erosion.evidence.race.priors import SURE
+from tests.evidence.asking import SILENT, ask
 
 SCENE = Path(__file__).parents[3] / "scenes" / "column_collapse.toml"
 FRICTION = "contact.grain-grain.friction_rolling"
 ANGULARITIES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 DIAMETERS = (1.5, 3.0)  # mm
+NAME = "rolling_resistance"
+QUICK = StudyOptions(budget="quick")
 SCATTER = 0.01  # of one run and of one laboratory repeat, relative
 STUDY = f"""
 [study]
@@ -110,51 +113,39 @@ def write(folder: Path, strength: float, name: str = "heap.toml", text: str = ST
     return path
 
 
-def ask(*words: str) -> dict:
-    """What a command prints."""
-    told = StringIO()
-    with redirect_stdout(told):
-        assert main([*words, "--json"]) == 0
-    return json.loads(told.getvalue())
-
-
 @dataclass(frozen=True)
 class Loop:
     """The whole loop on one study, with the runs that every command asked for."""
 
     study: Path
-    compared: dict
-    found: dict
-    adopted: dict
-    after: dict
+    compared: Reply
+    found: Reply
+    adopted: Reply
+    after: Reply
     runs: dict[str, list[list[str]]]
     cost: str  # as `discover` tells it before its first run
 
 
 @pytest.fixture(scope="module")
 def loop(tmp_path_factory) -> Loop:
-    folder = tmp_path_factory.mktemp("loop")
-    path = write(folder, strength=1.5)
+    path = write(tmp_path_factory.mktemp("loop"), strength=1.5)
     runs: dict[str, list[list[str]]] = {}
-    aside = StringIO()
+    cost: list[str] = []
 
-    def told(name: str, *words: str) -> dict:
+    def told(name: str, *words, options: StudyOptions = NO_OPTIONS) -> Reply:
         runs[name] = []
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(training_runs, "execute", executing(runs[name]))
-            return ask(*words)
+            return ask(*words, options=options)
 
-    compared = told("compare", "compare", str(path))
-    with redirect_stderr(aside):
-        found = told("discover", "discover", str(path), "--budget", "quick")
     return Loop(
         path,
-        compared,
-        found,
-        told("adopt", "adopt", str(path), "rolling_resistance"),
-        told("after", "compare", str(folder / "heap_with_rolling_resistance.toml")),
+        told("compare", "compare", path),
+        told("discover", "discover", path, options=replace(QUICK, announce=cost.append)),
+        told("adopt", "adopt", path, NAME),
+        told("after", "compare", path.with_name(f"heap_with_{NAME}.toml")),
         runs,
-        aside.getvalue().splitlines()[0],
+        cost[0],
     )
 
 
@@ -163,47 +154,33 @@ def keys(batches: list[list[str]]) -> set[str]:
 
 
 def test_the_loop_names_what_acts_and_the_held_out_error_falls(loop):
-    assert loop.compared["p"] < 1e-3
-    assert (loop.found["verdict"], loop.found["named"]) == ("present", ["rolling_resistance"])
-    vault = loop.adopted["vault"]
-    assert vault["chi2_after"] < 0.5 * vault["chi2_before"]
-    fitted = loop.adopted["added"]["strengths"]["rolling_resistance"]
+    assert loop.compared.record.fit.p_before < 1e-3
+    assert loop.found.record.decided.named == (NAME,)
+    held = loop.adopted.record.held_out
+    assert held.after < 0.5 * held.before
+    fitted = loop.adopted.record.effects[NAME].strength
     # the 90 % interval misses one time in ten, three times its half-width once in a million
-    assert abs(fitted["value"] - 1.5) < 1.5 * (fitted["high"] - fitted["low"])
+    assert abs(fitted.value - 1.5) < 1.5 * (fitted.high - fitted.low)
 
 
 def test_a_quick_discovery_over_two_effects_takes_about_a_hundred_runs(loop):
     # 16 bare, 10 of sticking and 14 of rolling; 8 about the bare model for `compare`;
     # 8 about each of three explanations, a pair among them; 2 at each of 8 conditions that are not held out
     # for the name and for a runner-up, of which angularity does not change the bare model
-    assert loop.found["runs"] == len(keys(loop.runs["discover"])) <= 16 + 24 + 8 + 3 * 8 + 2 * (8 + 8 + 2)
-
-
-@pytest.mark.slow
-def test_a_command_given_again_asks_for_the_same_runs_and_says_the_same(loop, asked):
-    again = ask("discover", str(loop.study), "--budget", "quick")
-    assert keys(asked) == keys(loop.runs["discover"])
-    assert len(asked) == 2, "its rounds are known: they, and the test of the name"
-    assert set(asked[-1]) == set(loop.runs["discover"][-1])
-    assert again["probabilities"] == loop.found["probabilities"]
+    count = len(keys(loop.runs["discover"]))
+    assert loop.found.record.cost.runs == count <= 16 + 24 + 8 + 3 * 8 + 2 * (8 + 8 + 2)
 
 
 def test_new_simulations_bear_a_right_name_out(loop):
-    check = loop.found["fresh_runs"]
-    assert check["outcome"] == "confirmed"
-    assert loop.found["stability"] == check["agreement"] == 1.0
-    told, *others = check["settings"]
-    assert (told["role"], told["effects"]) == ("told", ["rolling_resistance"])
-    assert others[-1]["role"] == "bare"
-    assert all(each["log_odds_simulated"] > np.log(4.0) for each in others)
-    assert told["chi2_per_row_simulated"] < 3.0 < others[-1]["chi2_per_row_simulated"]
-    assert all(each["gap"]["p"] > 0.01 for each in check["settings"])
+    fresh = loop.found.record.fresh
+    assert (fresh.outcome, fresh.effects, fresh.agreement) == ("confirmed", (NAME,), 1.0)
+    assert fresh.simulated > SURE
 
 
 def test_the_test_of_a_name_has_seeds_of_its_own_and_trains_nothing(loop):
     *training, fresh = loop.runs["discover"]
     assert not set(fresh) & keys(training)
-    assert len(set(fresh)) == loop.found["fresh_runs"]["runs"]
+    assert len(set(fresh)) == loop.found.record.fresh.runs
     assert not set(fresh) & keys(loop.runs["adopt"])
 
 
@@ -214,13 +191,13 @@ def test_what_compare_has_run_is_not_run_again_for_discover(loop):
 def test_the_study_that_adopt_writes_goes_on_from_the_same_runs(loop):
     first = set(loop.runs["after"][0])
     assert first <= keys(loop.runs["discover"]), "bare runs and those of the adopted effect are there"
-    assert loop.after["p"] > 0.01
+    assert loop.after.record.fit.p_before > 0.01
 
 
 def test_a_null_stays_a_null_and_starts_from_the_same_runs(tmp_path, loop, asked):
-    found = ask("discover", str(write(tmp_path, strength=0.0)), "--budget", "quick")
-    assert found["verdict"] in ("none_detected", "not_testable")
-    assert found["named"] == []
+    found = ask("discover", write(tmp_path, strength=0.0), options=QUICK).record.decided
+    assert found.verdict in SILENT
+    assert found.named == ()
     assert set(asked[0]) <= keys(loop.runs["discover"]), "a plan never follows from a measured value"
 
 
@@ -229,17 +206,17 @@ RANGES = "[laboratory]\nranges = { angularity = [0.0, 1.0] }\n"
 
 @pytest.mark.parametrize("most", [24, pytest.param(60, marks=pytest.mark.slow)])
 def test_no_command_and_not_all_of_them_together_pass_the_budget(tmp_path, asked, most):
-    path = str(write(tmp_path, 1.5, text=f"{STUDY}{RANGES}[budget]\nruns = {most}\n"))
-    commands = [["compare"], ["discover"], ["adopt", "rolling_resistance"], ["next"]]
-    for words in commands if most > 24 else commands[:2]:
-        ask(words[0], path, *words[1:])
+    path = write(tmp_path, 1.5, text=f"{STUDY}{RANGES}[budget]\nruns = {most}\n")
+    commands = [("compare", ()), ("discover", ()), ("adopt", (NAME,)), ("next", ())]
+    for command, effects in commands if most > 24 else commands[:2]:
+        ask(command, path, *effects)
         assert 0 < len(keys(asked)) <= most
     assert len(keys(asked)) > 0.6 * most, "most of what may be spent is spent"
 
 
-def test_a_budget_that_is_too_small_is_refused_before_the_first_run(tmp_path, asked, capsys):
-    assert main(["discover", str(write(tmp_path, 1.5)), "--budget", "10"]) == 2
-    assert "a budget of 10 runs is too small; the study needs at least 16" in capsys.readouterr().err
+def test_a_budget_that_is_too_small_is_refused_before_the_first_run(tmp_path, asked):
+    with pytest.raises(BadInput, match="a budget of 10 runs is too small; the study needs at least 16"):
+        ask("discover", write(tmp_path, 1.5), options=StudyOptions(runs=10))
     assert not asked
 
 
@@ -273,17 +250,18 @@ def test_how_an_effect_grows_with_its_condition_is_calibrated_with_it(tmp_path, 
                 lines += [f"{observable},{value:.6g},1,m,{at},made" for value in heaps]
     path = write(tmp_path, 0.0, text=MOIST)
     (tmp_path / "moist.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    found = ask("discover", str(path), "--budget", "quick")
-    assert (found["verdict"], found["named"]) == ("present", ["liquid_bridge"])
-    fitted = found["parameters"]["effects.liquid_bridge.exponent"]
+    found = ask("discover", path, options=QUICK).record
+    assert found.decided.named == ("liquid_bridge",)
+    fitted = found.numbers["effects.liquid_bridge.exponent"].now
     # the 90 % interval misses one time in ten, three times its half-width once in a million
-    assert abs(fitted["value"] - power) < 1.5 * (fitted["high"] - fitted["low"])
-    assert found["chi2_after"] < 0.05 * found["chi2_before"]
+    assert abs(fitted.value - power) < 1.5 * (fitted.high - fitted.low)
+    assert found.fit.chi2_after < 0.05 * found.fit.chi2_before
 
-    adopted = ask("adopt", str(path), "liquid_bridge")
-    assert adopted["vault"]["chi2_after"] < 0.1 * adopted["vault"]["chi2_before"]
+    adopted = ask("adopt", path, "liquid_bridge").record
+    assert adopted.held_out.after < 0.1 * adopted.held_out.before
+    fitted = adopted.numbers["effects.liquid_bridge.exponent"].now
     scene = tomllib.loads((tmp_path / "column_collapse_heap_with_liquid_bridge.toml").read_text("utf-8"))
-    assert scene["effects"]["liquid_bridge"]["exponent"] == pytest.approx(fitted["value"], rel=0.1)
-    after = ask("compare", str(tmp_path / "heap_with_liquid_bridge.toml"))
-    assert after["p"] > 0.01
-    assert "effects.liquid_bridge.exponent" in after["parameters"]
+    assert scene["effects"]["liquid_bridge"]["exponent"] == pytest.approx(fitted.value, rel=1e-4)
+    after = ask("compare", tmp_path / "heap_with_liquid_bridge.toml").record
+    assert after.fit.p_before > 0.01
+    assert "effects.liquid_bridge.exponent" in after.numbers

@@ -4,13 +4,12 @@ import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
-from taichi_erosion.evidence.data.findings import Adoption, Estimate, HypothesisFit, Rows
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Candidate
-from taichi_erosion.evidence.models.adopted_files import write_adopted_files
+from taichi_erosion.evidence.models.adopted_files import Adopted, write_adopted_files
+from taichi_erosion.evidence.race.record import Interval
 from taichi_erosion.run.checks import read_scene
 
 SCENE = Path(__file__).resolve().parents[3] / "scenes" / "column_collapse.toml"
@@ -21,7 +20,6 @@ measurements = "heap.csv"  # from March
 [observables.repose_angle]
 scene = "heap.toml"
 """
-NO_ROWS = Rows((), (), {}, *[np.zeros(0)] * 8)
 
 
 def study_in(folder: Path, name: str) -> SimpleNamespace:
@@ -37,14 +35,9 @@ def study_in(folder: Path, name: str) -> SimpleNamespace:
     return SimpleNamespace(path=path, problem=problem, file=file, effect_files=())
 
 
-def adoption(*effects: str, friction: float = 0.2) -> Adoption:
-    numbers = {
-        FRICTION: Estimate(friction, 0.1, 0.3, False),
-        "contact.soil-steel.restitution": Estimate(0.5, 0, 1, False),
-    }
-    strengths = {name: Estimate(1.25, 0.5, 2.0, False) for name in effects}
-    fit = HypothesisFit(effects, strengths, numbers, 1.0, 1.0, {}, NO_ROWS, None)
-    return Adoption(effect=effects[0], base=fit, added=fit)
+def adoption(*effects: str, friction: float = 0.2) -> Adopted:
+    numbers = {FRICTION: Interval(friction, 0.1, 0.3), "contact.soil-steel.restitution": Interval(0.5, 0, 1)}
+    return Adopted(effects, dict.fromkeys(effects, Interval(1.25, 0.5, 2.0)), numbers)
 
 
 def test_study_and_scenes_are_named_by_the_study_and_all_effects(tmp_path):

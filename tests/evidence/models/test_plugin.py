@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from taichi_erosion.evidence.answers.compare import compare
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Observable
 from taichi_erosion.evidence.models.load_study import load_study
+from taichi_erosion.evidence.race.posterior import raced
+from taichi_erosion.evidence.race.summary import summary
 
 VALUE, SHARE = 0.3, 0.1  # m/s; error that all rows share, over the value [1]
 MODEL = f"""
@@ -78,8 +79,11 @@ def test_a_model_that_says_nothing_is_what_it_says(study):
 
 def test_a_misfit_that_the_own_errors_of_a_model_can_be_is_none(study):
     # every row a tenth too high: one sd of the shared error, five of every laboratory
-    assert compare(study("sure").problem).p < 1e-6
-    assert compare(study("predict").problem).p > 0.1
+    sure, unsure = (summary(raced(study(name).problem, 1)) for name in ("sure", "predict"))
+    assert sure.fit.p_before < 1e-6
+    assert [level.observable for level in sure.levels] == ["threshold_u_star"]
+    assert unsure.fit.p_before > 0.1
+    assert unsure.levels == ()
 
 
 def test_a_covariance_of_another_shape_is_told(study):

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.models.run_store import CachedModel, RunStore
+from tests.evidence.asking import ask as asked
 from tests.evidence.small_study import study_text, write_study
 
 COUNTING_LAB = """
@@ -103,11 +103,10 @@ def test_a_cap_on_runs_holds_and_counts_every_seed_of_every_row_once(tmp_path):
     assert sum(made) == 8
 
 
-def test_no_answer_of_a_function_passes_its_budget(tmp_path, capsys):
+def test_no_answer_of_a_function_passes_its_budget(tmp_path):
     lab = tmp_path / "counting_lab.py"
     lab.write_text(COUNTING_LAB, encoding="utf-8")
     text = study_text(model="counting_lab:predict") + "[budget]\nruns = 3000\n"
     path = write_study(tmp_path, {"liquid_bridge": 1.0}, study=text)
-    assert main(["compare", str(path)]) == 2
-    assert "the budget of 3,000 runs is used up" in capsys.readouterr().err
-    assert 1000 < sum(map(int, (tmp_path / "calls.txt").read_text("utf-8").split())) <= 3000
+    assert asked("discover", path).record.cost.stopped == "budget"
+    assert 2000 < sum(map(int, (tmp_path / "calls.txt").read_text("utf-8").split())) <= 3000

@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 
 from doe.trials.reduced import beyond
+from taichi_erosion.evidence.answers.commands import discover_record
+from taichi_erosion.evidence.answers.scene_rounds import RacedStudy
 from taichi_erosion.evidence.race.blocks import dose_columns
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.doses import from_axis, to_axis
 from taichi_erosion.evidence.race.posterior import raced
+from taichi_erosion.evidence.words.answer_lines import discover_answer
+from tests.evidence.ten_records import VOC
 
 CASE = 5058  # restitution that grows with moisture
 
@@ -29,6 +33,10 @@ def test_a_mechanism_is_told_with_its_doses():
     assert fit.dose.axis == truth.condition
     true = beyond.doses(truth, posterior.race.prepared.rows.conditions)
     assert np.max(np.abs(from_axis(fit.dose.w) - true)) < 0.35 * np.max(true)
+    record = discover_record(RacedStudy(posterior, found))
+    assert record.law is not None
+    assert (record.law.mechanism, record.law.conditions) == (truth.name, (truth.condition,))
+    assert truth.condition in discover_answer(record, VOC).lines[0]
 
 
 def test_a_dose_is_zero_where_its_condition_is():

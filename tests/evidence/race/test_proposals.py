@@ -12,9 +12,10 @@ from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.posterior import Posterior, raced
 from taichi_erosion.evidence.race.priors import SURE
-from taichi_erosion.evidence.race.proposals import DRAWS, LEAST, Rival, best_design, proposals
+from taichi_erosion.evidence.race.proposals import LEAST, Rival, best_design, proposals
 from tests.evidence.linear_study import linear_problem
 
+OUTCOMES = 512  # mirrored pairs under both explanations
 WIDE = Laboratory(ranges={"x": (-3.0, 3.0)})
 SHAPES = {"slope": lambda x: x, "cube": lambda x: 0.7 * x + 0.4 * x**3}
 
@@ -36,7 +37,7 @@ def test_the_chance_of_deciding_between_two_is_that_of_a_likelihood_ratio(gap):
     # ln L1 / L2 ~ N(gap^2 / 2, gap^2) is beyond ln 9 on either side
     line, ratio = np.log(SURE / (1.0 - SURE)), stats.norm(0.5 * gap**2, gap)
     exact = float(ratio.sf(line) + ratio.cdf(-line))
-    sd = float(np.sqrt(exact * (1.0 - exact) / (4 * DRAWS)))
+    sd = float(np.sqrt(exact * (1.0 - exact) / OUTCOMES))
     assert chance == pytest.approx(exact, abs=4.0 * sd)
 
 

@@ -11,7 +11,6 @@ from taichi_erosion.evidence.data.problem import Candidate, Numbers
 from taichi_erosion.evidence.race.decision import Decision, decide
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles, raced
 from taichi_erosion.evidence.race.summary import summary
-from tests.evidence.linear_study import linear_problem
 
 NULL, SINGLE, UNLISTED, NOISY = 1, 33, 113, 2  # cases of one seed of clean ones
 
@@ -108,26 +107,3 @@ def test_the_record_says_what_was_decided():
     assert {name for name, part in record.effects.items() if part.status == "present"} == set(found.named)
     assert record.fit.p_before < 0.01 < record.fit.p_after
     assert all(np.isfinite(part.now.value) for part in record.numbers.values())
-
-
-def test_a_misfit_of_shape_is_not_told_as_scatter_where_repeats_agree():
-    """Rows without a stated sd, three repeats each, and a wave that no candidate makes."""
-    problem = linear_problem({"slope": lambda x: x}, {}, sd=0.1, count=36)
-    table, random = problem.measurements, np.random.default_rng(3)
-    x = np.repeat(np.linspace(-1.0, 1.0, 12), 3)
-    value = 2.0 * np.sin(4.0 * x) * (1.0 + x) + 0.1 * random.standard_normal(x.size)
-    table = replace(table, value=value, sd=np.full(x.size, np.nan), conditions={"x": x})
-    posterior = raced(replace(problem, measurements=table), 0)
-    found, record = decide(posterior), summary(posterior)
-    assert found.verdict == "outside_library"
-    assert found.named == ()
-    assert not [error for error in record.errors if error.kind == "scatter"]
-
-
-def test_a_strength_beyond_the_list_stays_below_its_limit():
-    problem = linear_problem({"wave": lambda x: np.sin(3.0 * x)}, {"wave": 5.0}, sd=0.1, count=24)
-    posterior = raced(problem, 0)
-    assert decide(posterior).named == ("wave",)
-    low, middle, high = quantiles(*posterior.strength("wave"))
-    assert 3.0 < low < 5.0 < high < posterior.race.model.largest("wave")
-    assert low < middle < high
