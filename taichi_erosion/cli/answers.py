@@ -143,13 +143,6 @@ def cost_line(name: str, found: Record) -> str:
     return f"cost with --budget {name}: {found['sentence'].rstrip('.')}{cores}"
 
 
-def print_limits(document: Record) -> None:
-    """Print noise where it was estimated, notes, warnings and cost of a result."""
-    print_lines(document.get("noise", {}).get("sentences", ()))
-    print_lines([*document["notes"], *document["warnings"]], "note: ")
-    typer.echo(cost(document))
-
-
 def print_lines(sentences: Iterable[str], lead: str = "") -> None:
     """Print one sentence per line, without repetitions."""
     for sentence in dict.fromkeys(sentences):

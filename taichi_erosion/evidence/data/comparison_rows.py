@@ -113,13 +113,6 @@ class ComparisonRows:
         """Conditions of one row."""
         return {name: float(column[row]) for name, column in self.conditions.items()}
 
-    def rescattered(self, factor: Floats) -> "ComparisonRows":
-        """The same with the variance of every row times a factor, correlations kept."""
-        covariance = self.covariance
-        if covariance is not None:
-            covariance = covariance * np.sqrt(np.outer(factor, factor))
-        return replace(self, variance=self.variance * factor, covariance=covariance)
-
     def rows(self, chosen: Integers | Bools) -> "ComparisonRows":
         """Some of the rows."""
         index = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
@@ -363,7 +356,6 @@ def noise_budget(variance: Floats, shared: Floats, numerical: Floats, scatter: S
         repeats=int(scatter.freedom + scatter.own_freedom),
         stated_factor=scatter.factor,
         p=scatter.p,
-        seed_correlation=np.nan,
     )
 
 

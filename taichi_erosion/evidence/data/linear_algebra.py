@@ -18,7 +18,6 @@ of `linear_algebra.working`, and their deviance in place of r^T W r.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy import special
@@ -33,11 +32,6 @@ class Projection:
     basis: Floats  # Q (n + p + q, p + q)
     triangle: Floats  # R, D = Q R
     size: int  # n
-
-    @property
-    def log_determinant(self) -> float:
-        """Ln |D^T D|."""
-        return 2.0 * float(np.sum(np.log(np.abs(np.diag(self.triangle)))))
 
     def free(self, stacked: Floats) -> Floats:
         """M v: the part that calibration and shared errors cannot absorb."""
@@ -115,15 +109,6 @@ class Whitening:
         own = self.unmixed(white)
         return np.asarray((own if self.weight is None else own / self.weight) * self.sd, dtype=np.float64)
 
-    def lone(self) -> Floats:
-        """An error of each row alone, whitened: columns (n, n)."""
-        return np.eye(self.sd.size) if self.root is None else self.root
-
-    def lone_squares(self, basis: Floats) -> Floats:
-        """Squared lengths (n,) of these columns without their parts along an orthonormal basis (n, d)."""
-        lone = self.lone()
-        return np.sum(lone**2, axis=0) - np.sum((basis.T @ lone) ** 2, axis=0)
-
     def variance(self, variance: Floats) -> Floats:
         """Variances (n,) of whitened rows whose independent errors have these variances."""
         own = variance * self.scale**2
@@ -194,16 +179,6 @@ def one_sided_terms(u: Floats, sign: Floats) -> tuple[Floats, Floats, Floats]:
     return log_share, sign * score, np.clip(score**2 + ends, 1e-12, 1.0)
 
 
-def log_box(low: Floats, high: Floats, centre: Floats, sd: Floats) -> Floats:
-    """Ln of the share of a posterior within bounds, number by number, for columns of centres (p, c)."""
-    upper, lower = (high - centre) / sd, (low - centre) / sd
-    flip = lower > 0.0
-    upper, lower = np.where(flip, -lower, upper), np.where(flip, -upper, lower)
-    log_upper = special.log_ndtr(upper)
-    tail = np.exp(np.minimum(special.log_ndtr(lower) - log_upper, -1e-12))
-    return np.sum(log_upper + np.log1p(-tail), axis=0)
-
-
 def log_sum_exp(values: Floats, axis: int | None = None) -> Floats:
     """Ln sum exp without overflow; plain and fast for the small tables used here."""
     if axis is None and np.isfinite(largest := values.max()):
@@ -213,67 +188,3 @@ def log_sum_exp(values: Floats, axis: int | None = None) -> Floats:
     with np.errstate(divide="ignore"):
         total = np.log(np.sum(np.exp(values - top), axis=axis, keepdims=True)) + top
     return np.squeeze(total, axis=axis) if axis is not None else np.asarray(total.reshape(()))
-
-
-@dataclass(frozen=True)
-class ColumnSolution:
-    """Best change of every column, and the least misfit."""
-
-    misfit: Floats  # (columns,)
-    change: Floats  # (d, columns), t
-    covariance: Floats  # (d, d), or (columns, d, d) where rows are censored
-    log_determinant: Floats  # of A, () or (columns,)
-
-    def of(self, column: int) -> Floats:
-        """Covariance of one column (d, d)."""
-        return self.covariance if self.covariance.ndim == 2 else self.covariance[column]
-
-    def sd(self, count: int) -> Floats:
-        """Standard deviations of the first numbers (count, columns), or (count, 1) alike for all columns."""
-        variance = np.einsum("...ii->...i", self.covariance)[..., :count].T
-        return np.sqrt(variance if variance.ndim == 2 else variance[:, np.newaxis])
-
-
-@dataclass(frozen=True)
-class ColumnRows:
-    """Rows whitened at factor 1; what does not depend on the factor is computed once."""
-
-    design: Floats  # D (n, d)
-    residual: Floats  # (n, columns)
-    reach: Floats  # (n,), of censored values; 0 of ordinary ones
-
-    @cached_property
-    def censored(self) -> Bools:
-        return self.reach != 0.0
-
-    @cached_property
-    def ordinary(self) -> tuple[Floats, Floats, Floats]:
-        """D^T D (d, d), D^T r (d, columns) and |r|^2 (columns,) of the ordinary rows."""
-        design, residual = self.design[~self.censored], self.residual[~self.censored]
-        return design.T @ design, design.T @ residual, np.einsum("ij,ij->j", residual, residual)
-
-    @cached_property
-    def outer(self) -> Floats:
-        """Products of the slopes of each censored row (m, d * d)."""
-        design = self.design[self.censored]
-        return (design[:, :, np.newaxis] * design[:, np.newaxis, :]).reshape(design.shape[0], -1)
-
-    def working(self, factor: float) -> Working:
-        """Residuals, weights and deviances of the censored rows."""
-        return working(self.residual[self.censored] / factor, self.reach[self.censored] / factor)
-
-    def solved(self, x: Floats, factor: float) -> ColumnSolution:
-        """All columns that start at x (d, columns)."""
-        matrix, vector, square = self.ordinary
-        matrix, vector = matrix / factor**2 + np.eye(x.shape[0]), vector / factor**2 - x
-        misfit = square / factor**2 + np.einsum("ij,ij->j", x, x)
-        if self.censored.any():
-            work = self.working(factor)
-            size, weight = x.shape[0], work.weight / factor
-            matrix = matrix + (weight.T**2 @ self.outer).reshape(-1, size, size)
-            vector = vector + self.design[self.censored].T @ (weight * work.residual)
-            misfit = misfit + work.deviances
-        covariance = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-        change = covariance @ vector if covariance.ndim == 2 else (covariance @ vector.T[..., None])[..., 0].T
-        misfit = misfit - np.einsum("ij,ij->j", vector, change)
-        return ColumnSolution(misfit, change, covariance, np.asarray(np.linalg.slogdet(matrix)[1]))

@@ -30,7 +30,6 @@ class ObservableNoise:
     repeats: int  # degrees of freedom behind the laboratory's own scatter
     stated_factor: float  # scatter found between repeated rows over stated scatter; NaN without such rows
     p: float  # of a factor as far from 1 by chance; NaN without repeated rows
-    seed_correlation: float  # between paired seeds with and without an effect; NaN for a model without noise
 
 
 @dataclass(frozen=True)
@@ -164,10 +163,6 @@ class NoiseLevelPrior:
 
     factor: Floats
     log_weight: Floats
-
-    def averaged(self, log_evidence: Floats) -> float:
-        """Ln evidence averaged over the factor."""
-        return float(log_sum_exp(self.log_weight + log_evidence))
 
 
 def noise_level_prior(freedom: float) -> NoiseLevelPrior:

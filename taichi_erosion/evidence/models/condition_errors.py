@@ -82,28 +82,3 @@ def change_along(predictor: Predictor, name: str, sd: Floats, x: Floats, acting:
     change = paired_change(runs[1], runs[0], predictor)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.nan_to_num(np.where(width > 0.0, change * sd / width, 0.0))
-
-
-def at_best(
-    errors: ConditionErrors, predictor: Predictor, sizes: Floats, x: Floats, acting: Numbers
-) -> tuple[Predictor, Floats]:
-    """The predictor at the most probable conditions, and the columns F there.
-
-    `sizes` (q,) are the most probable errors in sd. Its values are m(c') - F u', as seen from the stated
-    conditions.
-    """
-    moved, first = {}, 0
-    best = np.clip(sizes, -FARTHEST, FARTHEST)
-    for name, sd in errors.sd.items():
-        cells = np.unique(errors.cell[sd > 0.0])
-        if name in errors.fixed:
-            best[first : first + cells.size] = 0.0
-        own = np.zeros(int(errors.cell.max()) + 1)
-        own[cells] = best[first : first + cells.size]
-        stated = predictor.conditions[name]
-        least = 0.0 if np.nanmin(stated) >= 0.0 else -np.inf
-        moved[name] = np.maximum(stated + sd * own[errors.cell], least)
-        first += cells.size
-    there = predictor.at_conditions(moved)
-    columns = error_columns(errors, there, x, acting)
-    return replace(there, offset=-columns @ best), columns

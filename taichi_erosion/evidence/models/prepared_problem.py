@@ -4,8 +4,8 @@ Seeds for fitting, for signatures and for scoring are disjoint: a residual and a
 noise of one run correlate by chance, and an effect that does nothing looks present.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +18,7 @@ from taichi_erosion.evidence.data.heap_correlation import (
     heap_correlation,
     replicates_of,
 )
-from taichi_erosion.evidence.data.linear_algebra import Whitening, Working, projection, working
+from taichi_erosion.evidence.data.linear_algebra import Whitening, Working, working
 from taichi_erosion.evidence.data.measurement_noise import NoiseLevelPrior, noise_level_prior
 from taichi_erosion.evidence.data.problem import (
     Bools,
@@ -30,22 +30,14 @@ from taichi_erosion.evidence.data.problem import (
     Problem,
     stronger_candidate,
 )
-from taichi_erosion.evidence.data.transforms import Axis, adopted_axis, from_scale, parameter_axis
-from taichi_erosion.evidence.models.condition_errors import (
-    ConditionErrors,
-    at_best,
-    condition_errors,
-    error_columns,
-)
+from taichi_erosion.evidence.data.transforms import Axis, adopted_axis, parameter_axis
+from taichi_erosion.evidence.models.condition_errors import ConditionErrors, condition_errors, error_columns
 from taichi_erosion.evidence.models.predictor import Predictor, seed_mean, seed_variance
 
 PROBE_SEEDS = 4  # enough to see whether the model has noise at all, and how much
 NOISE_SHARE = 0.1  # of the laboratory's variance that the simulator's own may reach
 SCORING_FACTOR, SCORING_FACTOR_QUICK = 4, 2  # scoring seeds per fitting seed: scored once, fitted many times
 MOST_FITTING = 16
-LEVEL_WIDTHS = (0.05, 0.15, 0.5, 1.5, 4.5)  # prior sd of a free level: of ln factor, or over the typical size
-LEVEL_REACH = 1.5  # least prior sd over the level that the calibrated model leaves
-WIDER = 8.0  # prior sd beyond its range at which a calibrated number is tried: is the range to blame?
 NO_VALUE = "the model gives no value at"  # first words of a warning on conditions that are left out
 UNKNOWN_NOISE = 1e-12  # variance where neither side has noise: keeps divisions finite
 
@@ -71,7 +63,6 @@ class PreparedProblem:
     variance: Floats  # (n,), of a scored residual: laboratory, numerical, simulated mean
     doubt: NoiseLevelPrior
     warnings: tuple[str, ...]
-    levels: tuple[str, ...] = ()  # observables of free level: the first columns of the shared errors
     condition_errors: ConditionErrors | None = None  # None: every condition is exact
     heaps: HeapCorrelation | None = None  # None: every row counts as measured on heaps of its own
 
@@ -90,11 +81,6 @@ class PreparedProblem:
     @cached_property
     def high(self) -> Floats:
         return np.array([axis.high for axis in self.axes])
-
-    @property
-    def prior_mean(self) -> Floats:
-        """Prior mean of the calibrated numbers, within their bounds."""
-        return np.clip(np.zeros(len(self.axes)), self.low, self.high)
 
     @cached_property
     def sd(self) -> Floats:
@@ -115,22 +101,6 @@ class PreparedProblem:
         values, vectors = np.linalg.eigh(self.correlation)
         return Whitening(self.sd, root=(vectors / np.sqrt(values)) @ vectors.T)
 
-    def whitening(self, work: Working) -> Whitening:
-        """Whitening of the rows about a residual; no censored row is correlated with others."""
-        return replace(self.white, weight=work.weight)
-
-    @cached_property
-    def log_correlation(self) -> float:
-        """Half of ln |R|: what correlations of rows add to the ln of the volume of their errors."""
-        if self.correlation is None:
-            return 0.0
-        return 0.5 * float(np.linalg.slogdet(self.correlation)[1])
-
-    @cached_property
-    def white_shared(self) -> Floats:
-        """Errors that rows share (n, q), whitened."""
-        return self.white(self.rows.shared)
-
     @cached_property
     def white_reach(self) -> Floats:
         """Reach of censored values, in sd of each row."""
@@ -144,104 +114,12 @@ class PreparedProblem:
         """Whitened residual of a predicted mean (n,), censored rows as ordinary ones."""
         return working(self.white(self.rows.z - mean), self.white_reach)
 
-    def with_rows(self, rows: ComparisonRows) -> "PreparedProblem":
-        """The same with other variances of the laboratory's rows."""
-        return replace(self, rows=rows, variance=self.variance + rows.variance - self.rows.variance)
-
-    @property
-    def has_model_errors(self) -> bool:
-        """Whether values of the model have errors that depend on its setting."""
-        return self.predictor.uncertainty is not None or self.condition_errors is not None
-
     def model_errors(self, x: Floats, acting: dict[str, float]) -> Floats:
         """Columns (n, q) of one sd each: the model's own errors, then those of the stated conditions."""
         own = self.predictor.model_errors(x, acting)
         if self.condition_errors is None:
             return own
         return np.hstack([own, error_columns(self.condition_errors, self.predictor, x, acting)])
-
-    def with_model_errors(
-        self, x: Floats, acting: dict[str, float], moved: bool = False
-    ) -> "PreparedProblem":
-        """The same with the model's own errors at one setting among the shared ones.
-
-        With `moved` the conditions are at their most probable values there.
-        """
-        own = self.model_errors(x, acting)
-        if not own.shape[1]:
-            return self
-        found = replace(self, rows=replace(self.rows, shared=np.hstack([self.rows.shared, own])))
-        errors = self.condition_errors
-        if not moved or errors is None or not errors.movable:
-            return found
-        sizes = found.shared_sizes(x, acting)
-        if sizes is None:
-            return found
-        count = self.rows.shared.shape[1] + self.predictor.model_errors(x, acting).shape[1]
-        predictor, columns = at_best(errors, self.predictor, sizes[count:], x, acting)
-        shared = np.hstack([found.rows.shared[:, :count], columns])
-        return replace(found, rows=replace(found.rows, shared=shared), predictor=predictor)
-
-    def shared_sizes(self, x: Floats, acting: dict[str, float]) -> Floats | None:
-        """Most probable sizes of the shared errors, in their sd; None where the model fails."""
-        mean = self.predictor.mean(x, acting, self.seeds.fitting)
-        if not np.all(np.isfinite(mean)):
-            return None
-        work = self.working(mean)
-        columns = self.whitening(work)(self.rows.shared)
-        part = projection(np.zeros((mean.size, 0)), columns)
-        return part.solve(np.concatenate([work.residual, np.zeros(columns.shape[1])]))
-
-    def with_free_levels(self, widths: Mapping[str, float]) -> "PreparedProblem":
-        """The same with one more number for each observable: how far all its rows lie above the model.
-
-        An offset, on a logarithmic scale a factor, with the prior sd of `widths` on the comparison scale;
-        declared errors that rows share become part of it.
-        """
-        columns, names = [], []
-        for observable, chosen in self.by_observable():
-            own = chosen[:, np.newaxis] * self.rows.shared
-            wide = widths.get(observable.name, 0.0) * level_shape(observable, self.rows.z)
-            columns.append(np.where(chosen, np.hypot(wide, np.sqrt(np.sum(own**2, axis=1))), 0.0))
-            names.append(observable.name)
-        rows = replace(self.rows, shared=np.column_stack(columns))
-        return replace(self, rows=rows, levels=tuple(names))
-
-    def level_widths(self, mean: Floats, least: Mapping[str, float] | None = None) -> dict[str, float]:
-        """Prior sd of every free level: the least of the scale that holds what a calibrated mean leaves.
-
-        None is smaller than in `least`.
-        """
-        found = {}
-        for observable, chosen in self.by_observable():
-            unit = self.level_unit(observable, chosen)
-            gap = np.nan_to_num(np.median(self.rows.z[chosen] - mean[chosen])) / unit
-            held = max(LEVEL_REACH * abs(gap), (least or {}).get(observable.name, 0.0) / unit)
-            widths = [w for w in LEVEL_WIDTHS if w >= held * (1.0 - 1e-9)] or [LEVEL_WIDTHS[-1]]
-            found[observable.name] = widths[0] * unit
-        return found
-
-    def level_columns(self) -> Floats:
-        """Change of the rows (n, observables) by a level of width 1 of each observable."""
-        columns = []
-        for observable, chosen in self.by_observable():
-            unit = self.level_unit(observable, chosen)
-            columns.append(np.where(chosen, unit * level_shape(observable, self.rows.z), 0.0))
-        return np.column_stack(columns)
-
-    def level_unit(self, observable: Observable, chosen: Bools) -> float:
-        """What a level of width 1 is on the comparison scale: a typical value, of logarithms a factor e."""
-        z = self.rows.z[chosen]
-        typical = max(float(np.median(np.abs(z))), float(np.std(z)), 1e-300)
-        return typical if observable.transform == "identity" else 1.0
-
-    def with_wide_ranges(self) -> "PreparedProblem":
-        """The same with the ranges of all calibrated numbers wider by WIDER prior sd, strengths apart."""
-        axes = tuple(
-            replace(axis, low=axis.low - WIDER, high=axis.high + WIDER) if axis.logarithmic else axis
-            for axis in self.axes
-        )
-        return replace(self, predictor=replace(self.predictor, axes=axes))
 
     def by_observable(self) -> Iterator[tuple[Observable, Bools]]:
         """Every observable that has rows, with the mask of its rows."""
@@ -261,13 +139,6 @@ class PreparedProblem:
         if chosen is None:
             return np.ones(self.rows.size, dtype=np.bool_)
         return np.broadcast_to(np.asarray(chosen(self.rows.conditions), dtype=np.bool_), self.rows.size)
-
-
-def level_shape(observable: Observable, z: Floats) -> Floats:
-    """Change of the comparison scale per unit of a free level: 1, but less where a floor dominates."""
-    if observable.transform != "log_floor":
-        return np.ones(z.size)
-    return np.maximum(from_scale(observable, z), 0.0) * np.exp(-z)
 
 
 def bound_predictor(problem: Problem, rows: ComparisonRows) -> Predictor:

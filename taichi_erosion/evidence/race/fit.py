@@ -21,8 +21,10 @@ from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.race.blocks import Block, nuisance, unlisted, zeros
 from taichi_erosion.evidence.race.expansion import Acting, RaceModel
 from taichi_erosion.evidence.race.linear_evidence import Evidence, LinearRows, Scales, evidence, scale
-from taichi_erosion.evidence.race.priors import DOUBT, SPREAD
+from taichi_erosion.evidence.race.priors import DOUBT, SEED, SPREAD
 
+POOR = 4.0  # misfit a row from which a fit may have gone astray
+STARTS, WIDE = 10, 2.0  # other starts of it for every number, and their sd over that of the prior
 SLACK = 2.0  # of a misfit, by which a step may raise it: the noise of a few seeds
 FAR = 1.5  # farthest step of one coordinate
 STILL = 0.1  # squared length of a step, in posterior sd, that is not made
@@ -235,17 +237,38 @@ class Race:
         return fit
 
     def bare(self, log_prior: float) -> Fit:
-        """Nothing is missing; also from levels as large as they may be, where a unit is wrong."""
-        v = np.zeros(self.model.count)
-        mean = self.model.mean((), v)
-        slopes, errors = self.model.jacobian((), v, mean), self.model.errors((), v)
-        start = Expansion(Hypothesis(()), v, mean, slopes, errors, self.blocks, log_prior)
-        found = self.sharpened(self.refined(self.moved(self.solved(start, 0), 3, 0)))
+        """Nothing is missing; also from levels as large as they may be, where a unit is wrong.
+
+        Where the fit is poor it is tried from the best of some draws of the numbers too: beyond a threshold
+        slopes lead nowhere.
+        """
+        start = self.begun(np.zeros(self.model.count), log_prior)
+        first = self.solved(start, 0)
+        found = self.sharpened(self.refined(self.moved(first, 3, 0)))
+        if self.misfit(first, found.mean, found.v) > POOR * found.mean.size:
+            found = self.better(found, self.drawn(first))
         free = self.solved(start, 20)
         if free.log_evidence > found.log_evidence:
             other = self.sharpened(replace(self.moved(free, 6), refined=True))
             found = self.kept(max(found, other, key=lambda each: each.log_evidence))
         return found
+
+    def begun(self, v: Floats, log_prior: float) -> Expansion:
+        """Nothing is missing, about a setting."""
+        mean = self.model.mean((), v)
+        slopes, errors = self.model.jacobian((), v, mean), self.model.errors((), v)
+        return Expansion(Hypothesis(()), v, mean, slopes, errors, self.blocks, log_prior)
+
+    def drawn(self, first: Fit) -> Floats:
+        """The best of some draws of the numbers, wider than their prior, with errors as large as expected."""
+        draws = WIDE * np.random.default_rng(SEED).standard_normal((STARTS * first.v.size, first.v.size))
+        size = [self.misfit(first, self.model.mean((), v), v) for v in draws]
+        return draws[int(np.argmin(np.nan_to_num(size, nan=np.inf)))]
+
+    def better(self, found: Fit, v: Floats) -> Fit:
+        """The likelier of a fit and of one that starts elsewhere."""
+        other = self.sharpened(self.refined(self.moved(self.solved(self.begun(v, found.log_prior), 0), 3, 0)))
+        return self.kept(max(found, other, key=lambda each: each.log_evidence))
 
     def with_effect(self, parent: Fit, name: str, log_prior: float) -> Fit | None:
         """The parent's optimum with one more effect, linear in its strength: one setting of the model.
