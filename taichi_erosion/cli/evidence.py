@@ -38,8 +38,8 @@ Budget = Annotated[
     str | None,
     typer.Option(
         metavar="quick|full|RUNS",
-        help="quick: fewer runs and fewer refits; what it finds is checked with all refits. full: all of "
-        "them. A number: at most so many runs. One run is one set-up, simulated with one seed.",
+        help="quick: fewer runs and fewer rounds about the answer. full: all of them. A number: at most so "
+        "many runs. One run is one set-up, simulated with one seed.",
     ),
 ]
 Workers = Annotated[int | None, typer.Option(min=1, help="Local processes; default: one a core.")]
