@@ -11,7 +11,7 @@ from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.prepared_problem import prepare
 
 BARE, EACH, DOSE = 25, 9, 100  # settings: without candidates; each candidate and number; each mechanism
-MORE = 3  # times as many, below which 9 of 10 answers stay (80 tables of doe/trials, clean and disturbed)
+MORE = 3  # times as many, below which 9 of 10 of 80 tables of doe/trials stay together, not of each kind
 OVERHEAD = 0.01  # time that the inference takes for a setting [s]
 
 
