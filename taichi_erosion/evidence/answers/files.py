@@ -143,7 +143,7 @@ def read_reply(folder: Path, stem: str, command: Command) -> Reply | None:
     try:
         record = RECORD.validate_python(found["record"])
     except (ValidationError, KeyError):
-        return None
+        raise BadInput(f"{document_file(folder, stem, command)}: holds no result; ask again") from None
     about = {key: value for key, value in found.items() if key not in STORED}
     return Reply(command, about, record)
 

@@ -245,7 +245,7 @@ class Race:
         start = self.begun(np.zeros(self.model.count), log_prior)
         first = self.solved(start, 0)
         found = self.sharpened(self.refined(self.moved(first, 3, 0)))
-        if self.misfit(first, found.mean, found.v) > POOR * found.mean.size:
+        if first.v.size and self.misfit(first, found.mean, found.v) > POOR * found.mean.size:
             found = self.better(found, self.drawn(first))
         free = self.solved(start, 20)
         if free.log_evidence > found.log_evidence:

@@ -35,7 +35,6 @@ def test_a_typo_in_a_repeat_is_told_first_and_the_same_effect_is_named(tmp_path:
     lines[row] = ",".join([name, f"{float(value) + 30.0:.6g}", *rest])
     (tmp_path / "heap.csv").write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
     found = ask("discover", path)
-    assert f"check row {row + 2}" in found.about["set_up"][0]
     assert found.answer().lines[0].startswith(f"Check row {row + 2} first")
     assert found.record.decided.named == tuple(ACTING)
     assert [each.suspect for each in found.record.repeats] == [row + 2]

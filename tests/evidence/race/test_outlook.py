@@ -54,8 +54,8 @@ def test_fitted_conditions_are_told_as_they_were_fitted(family: str, seed: int, 
     again = new_rows(p, NewConditions(rows.names, rows.conditions))
     place = elsewhere(race, replace(again, group=rows.group, source=rows.source))
     for fit in race.likely(0.05):
-        now, work = fit.evidence.solved, p.working(fit.mean)
-        left = p.whitening(work).back(now.rows.y - now.rows.columns @ (now.tau * now.centre))
+        now = fit.evidence.solved
+        left = p.white.back(now.rows.y - now.rows.columns @ (now.tau * now.centre))
         gap = np.abs(outlook(place, fit).mean() - (rows.z - left)) / p.sd
         assert gap[~rows.censored].max() < 0.2, fit.hypothesis
 
