@@ -124,7 +124,7 @@ def test_every_command_prints_the_keys_of_the_page(study_of):
 
 
 def test_proposed_experiments_have_the_keys_of_the_page(study_of):
-    found = checked(commands.next_study(study_of("impact_threshold_reduced.toml"), commands.no_progress))
+    found = checked(commands.next_study(study_of("impact_threshold.toml"), commands.no_progress))
     assert found["next_experiments"]
 
 

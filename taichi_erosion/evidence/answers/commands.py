@@ -19,6 +19,7 @@ from taichi_erosion.evidence.answers.rounds import Question, answered, last_budg
 from taichi_erosion.evidence.answers.scene_rounds import RacedStudy, after_test, discovery_question
 from taichi_erosion.evidence.answers.set_up import (
     blocked,
+    only_rows_lack,
     refuse_unknown_scatter,
     sentences,
     source_faults,
@@ -131,7 +132,8 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
         laboratory = Laboratory(ranges=dict(stated.ranges), costs=dict(stated.costs), repeats=stated.repeats)
         record = next_record(found.posterior, laboratory)
         if blocked(ready.faults):
-            record = replace(record, decided=waiting(record.decided), experiments=())
+            more = record.experiments if only_rows_lack(ready.faults) else ()
+            record = replace(record, decided=waiting(record.decided), experiments=more)
         return stored(ready, "next", found, record, start)
 
 

@@ -179,13 +179,20 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
         if not data_words.testable(record):
             words = "No measurement is proposed: what is said of the set-up comes first."
         return framed(Answer((words,), (), (), None), record, voc)
-    words = say.joined(map(voc.explanation, keys), "from" if len(keys) == 2 else "and")
+    shown, more = keys[: say.MOST_TOLD], len(keys) - say.MOST_TOLD
+    told = [*map(short, shown), *([f"{more} more"] if more > 0 else [])]
+    words = say.joined(told, "from" if len(told) == 2 else "and")
     last = f"Add the new rows to the table and give {voc.command('discover', voc.study)} again."
-    expects = (f"expected by {say.EXPLANATIONS.get(key, key)}" for key in keys)
+    expects = (f"expected by {short(key)}" for key in shown)
     columns = ("measure", "at", *expects, "chance to decide, with those above", "cost")
-    rows = tuple(experiment_row(each, keys, voc) for each in record.experiments)
+    rows = tuple(experiment_row(each, shown, voc) for each in record.experiments)
     table = Table("next measurements, the best first", columns, rows)
     return framed(Answer((f"These measurements would separate {words}.",), (), (last,), table), record, voc)
+
+
+def short(key: str) -> str:
+    """`a with b`, `no missing effect`."""
+    return say.EXPLANATIONS.get(key) or key.replace("zero|", "a wrong zero of ").replace("+", " with ")
 
 
 def experiment_row(found: ExperimentPart, keys: list[str], voc: say.Vocabulary) -> tuple[str, ...]:
