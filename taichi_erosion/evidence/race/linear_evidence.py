@@ -148,6 +148,11 @@ class Solved:
     products: Floats  # (scatters + 1, q, q), tau X^T K X tau of the rows of each
     log_likelihood: float
 
+    def scales_of(self, others: Scales) -> Floats:
+        """Scales of these names here; at their priors where there is none."""
+        known = dict(zip(self.rows.scales.names, self.u, strict=True))
+        return np.array([known.get(name, u) for name, u in zip(others.names, others.start, strict=True)])
+
     @property
     def value(self) -> float:
         """Ln of likelihood times prior of the scales."""

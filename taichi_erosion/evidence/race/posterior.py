@@ -158,7 +158,7 @@ def raced(
 def given(posterior: Posterior, effects: Sequence[str]) -> Posterior:
     """The posterior if exactly these effects act, each with one strength."""
     race, names = posterior.race, tuple(sorted(effects))
-    fit = race.fits[Hypothesis(())]
+    fit = race.bare
     for name in names:
         hypothesis = Hypothesis(tuple(sorted((*fit.hypothesis.names, name))))
         added = race.fits.get(hypothesis) or race.with_effect(fit, name, log_prior(race, hypothesis))

@@ -74,7 +74,7 @@ def proposals(posterior: Posterior, laboratory: Laboratory) -> Proposed:
 
 def acting(hypothesis: Hypothesis) -> frozenset[str]:
     """What acts: effects, a mechanism, something that is not in the list; of an instrument's zero nothing."""
-    return frozenset((*hypothesis.names, hypothesis.beyond.partition("|")[0])) - {"", "zero"}
+    return frozenset((*hypothesis.names, hypothesis.kind)) - {"", "zero"}
 
 
 def right(told: Hypothesis, true: Hypothesis) -> bool:
@@ -84,9 +84,8 @@ def right(told: Hypothesis, true: Hypothesis) -> bool:
 
 def name_of(hypothesis: Hypothesis) -> str:
     """`a+b`, `none`, `outside_library`; `a(condition)` of a dose that varies, `zero|a` of an instrument."""
-    key, _, rest = hypothesis.beyond.partition("|")
-    varying = f"{key}({rest.rpartition('|')[2]})"
-    told = {"": "", "?": "outside_library", "zero": hypothesis.beyond}.get(key, varying)
+    varying = f"{hypothesis.kind}({hypothesis.along})"
+    told = {"": "", "?": "outside_library", "zero": hypothesis.beyond}.get(hypothesis.kind, varying)
     return "+".join(filter(None, (*hypothesis.names, told))) or "none"
 
 
@@ -94,7 +93,7 @@ def explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypothesis, fl
     """The likeliest explanations, best first, kernels of a dose together; they stand for all others too."""
     found: dict[tuple, tuple[Hypothesis, float]] = {}
     for h, p in sorted(probability.items(), key=lambda item: -item[1]):
-        key = h.names, h.beyond.partition("|")[0]
+        key = h.names, h.kind
         found[key] = found.get(key, (h, 0.0))[0], found.get(key, (h, 0.0))[1] + p
     kept = dict(sorted(found.values(), key=lambda each: -each[1])[:MOST])
     leading = next(iter(kept))

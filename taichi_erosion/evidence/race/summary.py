@@ -21,7 +21,6 @@ from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.data.repeats import JOINT
 from taichi_erosion.evidence.data.transforms import axis_value, from_scale
 from taichi_erosion.evidence.models.predictor import axis_scale
-from taichi_erosion.evidence.race.blocks import Block
 from taichi_erosion.evidence.race.decision import Decision, decide
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.posterior import Draws, Posterior, quantiles
@@ -49,7 +48,7 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
     """The record of a race."""
     found, race = decision or decide(posterior), posterior.race
     after = told_fit(posterior, found)
-    bare = race.fits[Hypothesis(())]
+    bare = race.bare
     return Record(
         decided=decided(posterior, found),
         effects={name: effect_part(posterior, found, name) for name in race.model.candidates},
@@ -70,7 +69,7 @@ def told_fit(posterior: Posterior, found: Decision) -> Fit:
     """The likeliest explanation of exactly what is told; of all of them where a group or no set is told."""
     share = posterior.probability
     if found.verdict == "none_detected":
-        return posterior.race.fits[Hypothesis(())]
+        return posterior.race.bare
     able = [
         h
         for h in share
@@ -141,7 +140,7 @@ def interval(values: Floats, weight: Floats) -> Interval:
 def number_parts(posterior: Posterior) -> dict[str, NumberPart]:
     """Every calibrated number if nothing is missing, and averaged over all explanations."""
     race, (values, weight) = posterior.race, posterior.numbers
-    bare, found = race.fits[Hypothesis(())], {}
+    bare, found = race.bare, {}
     sd = np.sqrt(np.diag(bare.covariance)) if bare.v.size else np.zeros(0)
     for j, axis in enumerate(race.prepared.axes):
         ends = []
@@ -167,7 +166,7 @@ def number_parts(posterior: Posterior) -> dict[str, NumberPart]:
 def effect_part(posterior: Posterior, found: Decision, name: str) -> EffectPart:
     """One candidate, from its explanations and its signature about the bare model."""
     race, candidate = posterior.race, posterior.race.model.candidates[name]
-    bare, single = race.fits[Hypothesis(())], race.fits.get(Hypothesis((name,)))
+    bare, single = race.bare, race.fits.get(Hypothesis((name,)))
     strength = interval(*posterior.strength(name))
     if single is None:
         return EffectPart(
@@ -182,11 +181,7 @@ def effect_part(posterior: Posterior, found: Decision, name: str) -> EffectPart:
     absorption = 1.0 - (information / alone) ** 0.5 if alone > 0.0 else 1.0
     limit = max(float(along[0]) / information, 0.0) + ONE_SIDED * sd
     alike = tuple(other for other in found.group if other != name) if name in found.group else ()
-    axes = [
-        h.beyond.rpartition("|")[2]
-        for h, p in posterior.probability.items()
-        if h.beyond.startswith(f"{name}|") and p > 0.5
-    ]
+    varying = [h.along for h, p in posterior.probability.items() if h.kind == name and p > 0.5]
     return EffectPart(
         status_of(name, found, factor, limit, candidate.maximum, absorption),
         found.inclusion[name],
@@ -196,7 +191,7 @@ def effect_part(posterior: Posterior, found: Decision, name: str) -> EffectPart:
         absorption,
         2.0 * ONE_SIDED * sd,
         alike,
-        axes[0] if axes else "",
+        varying[0] if varying else "",
         candidate.maximum,
     )
 
@@ -223,15 +218,6 @@ def status_of(
     return "untestable" if absorption > SURE or limit > most else "open"
 
 
-def blocks_with(draws: Draws) -> Iterator[tuple[Block, slice]]:
-    """Blocks of a fit with their columns."""
-    owner = draws.fit.evidence.solved.rows.block
-    for index, block in enumerate(draws.fit.blocks):
-        at = np.flatnonzero(owner == index)
-        if at.size:
-            yield block, slice(int(at[0]), int(at[-1]) + 1)
-
-
 def level_parts(posterior: Posterior) -> Iterator[LevelPart]:
     """Level and zero of every observable, averaged over all explanations, where more likely off than not."""
     race = posterior.race
@@ -255,9 +241,9 @@ def level_parts(posterior: Posterior) -> Iterator[LevelPart]:
 
 def level_of(draws: Draws, kind: str, observable: str) -> Floats:
     """Draws of a level, in standard errors of a row; 0 where an explanation has none."""
-    for block, at in blocks_with(draws):
+    for index, block in enumerate(draws.fit.blocks):
         if block.kind == kind and block.observable == observable:
-            return draws.values[:, at][:, 0]
+            return draws.values[:, int(np.argmax(draws.fit.evidence.solved.rows.block == index))]
     return np.zeros(draws.weight.size)
 
 
@@ -307,13 +293,10 @@ def shared_parts(
 def places(race: Race, bare: Fit) -> Iterator[PlacePart]:
     """Trends of the bare model's residual along every condition, as one more column each (Holm)."""
     rows, found = race.prepared.rows, []
-    scale = bare.evidence.solved
     kept = [b for b in bare.blocks if b.kind != "discrepancy"]
     linear, _ = race.linear(replace(bare, blocks=tuple(kept)))
-    known = dict(zip(scale.rows.scales.names, scale.u, strict=True))
-    u = np.array([known[name] for name in linear.scales.names])
-    stated = linear.blocks
-    u[stated:] = np.minimum(u[stated:], 0.0)
+    u = bare.evidence.solved.scales_of(linear.scales)
+    u[linear.blocks :] = np.minimum(u[linear.blocks :], 0.0)
     solved = linear.solved(u)
     for index, observable in enumerate(rows.observables):
         own = rows.which == index
