@@ -121,25 +121,17 @@ def shared_columns(
     return (np.column_stack(columns) if names else np.zeros((rows.size, 0))), tuple(names)
 
 
-def shares(rows: ComparisonRows, known: Bools) -> dict[str, Floats]:
-    """Every condition that varies, over the range of the known rows and mostly between 0 and 1."""
-    found = {}
-    for name, column in rows.conditions.items():
-        axis = axis_scale(column[known])
-        if axis is not None:
-            filled = axis.filled(column)
-            low, high = float(filled[known].min()), float(filled[known].max())
-            found[name] = (filled - low) / (high - low)
-    return found
-
-
 def smooth_columns(rows: ComparisonRows, own: Bools, known: Bools) -> Floats:
     """Columns F (n, q) of a smooth function of the conditions of one observable: F F^T is its covariance."""
     at, fitted = np.flatnonzero(own), known[own]
     kernel = np.ones((at.size, at.size))
-    for column in shares(rows.rows(own), fitted).values():
-        distance = 3.0**0.5 * np.abs(column[:, None] - column) / LENGTH
-        kernel *= 1.0 + (1.0 + distance) * np.exp(-distance)
+    for column in rows.rows(own).conditions.values():
+        axis = axis_scale(column[fitted])
+        if axis is not None:
+            place = axis.filled(column)
+            share = (place - place[fitted].min()) / np.ptp(place[fitted])
+            distance = 3.0**0.5 * np.abs(share[:, None] - share) / LENGTH
+            kernel *= 1.0 + (1.0 + distance) * np.exp(-distance)
     centre = np.eye(at.size) - fitted / fitted.sum()
     kernel = centre @ kernel @ centre.T
     size = float(np.trace(kernel[np.ix_(fitted, fitted)])) / fitted.sum()

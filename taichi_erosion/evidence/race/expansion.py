@@ -18,7 +18,7 @@ from math import exp, log
 import numpy as np
 
 from taichi_erosion.evidence.data.problem import Candidate, Floats, Integers, Progress
-from taichi_erosion.evidence.data.transforms import Axis, effect_of
+from taichi_erosion.evidence.data.transforms import Axis, axis_value, effect_of
 from taichi_erosion.evidence.models.predictor import Predictor, seed_mean
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
@@ -81,6 +81,11 @@ class RaceModel:
         """Calibrated numbers on their axes."""
         return np.array([position(axis, float(z)) for axis, z in zip(self.prepared.axes, v, strict=True)])
 
+    def unit_values(self, v: Floats) -> Floats:
+        """Calibrated numbers in their units."""
+        told = zip(self.prepared.axes, self.numbers(v), strict=True)
+        return np.array([axis_value(axis, float(x)) for axis, x in told])
+
     def strength(self, name: str, t: float) -> float:
         """Strength of one effect."""
         return strength(self.candidates[name], t, self.largest(name))
@@ -94,12 +99,16 @@ class RaceModel:
         x, acting = self.numbers(v[: self.count]), self.strengths(names, v)
         key = (x.tobytes(), tuple(sorted(acting.items())), seeds.size)
         if key not in self.known:
-            if self.settings >= self.most:
-                raise BudgetSpentError(f"the {self.most:g} settings of an answer are used up")
+            self.spend()
             self.known.add(key)
-            self.settings += 1
-            self.progress(f"{self.settings} settings of the model", self.settings / self.most)
         return seed_mean(self.predictor.predict(x, acting, seeds))
+
+    def spend(self) -> None:
+        """Count one setting. Raises BudgetSpentError."""
+        if self.settings >= self.most:
+            raise BudgetSpentError(f"the {self.most:g} settings of an answer are used up")
+        self.settings += 1
+        self.progress(f"{self.settings} settings of the model", self.settings / self.most)
 
     def mean(self, names: Acting, v: Floats) -> Floats:
         """Mean (n,) as many seeds would have it."""
@@ -107,9 +116,7 @@ class RaceModel:
 
     def dosed(self, v: Floats, name: str, doses: Floats) -> Floats:
         """Mean (n,) with a dose of a mechanism of its own in every row: as many runs as one setting."""
-        if self.settings >= self.most:
-            raise BudgetSpentError(f"the {self.most:g} settings of an answer are used up")
-        self.settings += 1
+        self.spend()
         x, p, found = self.numbers(v[: self.count]), self.predictor, np.zeros(doses.size)
         for dose in np.unique(doses):
             rows = np.flatnonzero(doses == dose)

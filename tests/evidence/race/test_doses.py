@@ -30,7 +30,7 @@ def test_a_mechanism_is_told_with_its_doses():
     share = posterior.probability
     fit = posterior.race.fits[max(share, key=lambda h: share[h])]
     assert fit.dose is not None
-    assert fit.dose.axis == truth.condition
+    assert fit.hypothesis.along == truth.condition
     true = beyond.doses(truth, posterior.race.prepared.rows.conditions)
     assert np.max(np.abs(from_axis(fit.dose.w) - true)) < 0.35 * np.max(true)
     record = discover_record(RacedStudy(posterior, found))
