@@ -153,14 +153,8 @@ class Race:
         block = np.repeat(np.arange(-1, len(white)), [columns.shape[1], *(each.shape[1] for each in white)])
         linear = jacobian @ at.v + (0.0 if at.dose is None else p.white(at.dose.slope * at.dose.w))
         scales = sum((b.scale for b in at.blocks), Scales.none()) + self.scatter_scales
-        rows = LinearRows(
-            work.residual + work.weight * linear,
-            np.hstack([jacobian * work.weight[:, np.newaxis], shared]),
-            block,
-            self.scatter,
-            scales,
-            np.ones(work.residual.size),
-        )
+        y, x = work.residual + work.weight * linear, jacobian * work.weight[:, np.newaxis]
+        rows = LinearRows(y, np.hstack([x, shared]), block, self.scatter, scales, np.ones(y.size))
         return rows, 0.5 * float(np.sum(work.residual**2)) - 0.5 * work.deviance
 
     def solved(self, at: Expansion, steps: int = 8, start: Floats | None = None, fresh: bool = False) -> Fit:

@@ -291,8 +291,10 @@ def places(race: Race, bare: Fit) -> Iterator[PlacePart]:
             along, gram = solved.against(column[:, np.newaxis])
             z = float(along[0] / np.sqrt(max(gram[0, 0], 1e-12)))
             found.append((2.0 * float(stats.norm.sf(abs(z))), observable.name, name, 1 if z > 0.0 else -1))
+    least = 0.0  # an adjusted p is no smaller than those before it
     for rank, (p, observable, name, sign) in enumerate(sorted(found)):
-        yield PlacePart(observable, name, sign, min(1.0, p * (len(found) - rank)))
+        least = max(least, min(1.0, p * (len(found) - rank)))
+        yield PlacePart(observable, name, sign, least)
 
 
 def rows_part(race: Race, bare: Fit, after: Fit) -> RowsPart:
