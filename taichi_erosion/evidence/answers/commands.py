@@ -202,7 +202,7 @@ def adopted_of(record: Record) -> Adopted:
 
 def next_record(posterior: Posterior, laboratory: Laboratory) -> Record:
     """The measurements that would move the posterior."""
-    return replace(summary(posterior), experiments=tuple(proposals(posterior, laboratory).experiments))
+    return replace(summary(posterior), experiments=proposals(posterior, laboratory))
 
 
 def known_effects(effects: Sequence[str], names: Sequence[str], path: Path) -> tuple[str, ...]:

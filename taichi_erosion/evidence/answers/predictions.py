@@ -26,7 +26,6 @@ from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.column_units import place_units
 from taichi_erosion.evidence.models.load_study import LONGEST_CHAIN, NO_OPTIONS, Study, StudyOptions
 from taichi_erosion.evidence.models.new_conditions import NewConditions, read_new_conditions
-from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.outlook import below, elsewhere, forecast, held_out_rows, left_out, new_rows
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.record import CheckPart, PredictedPart, PredictionPart
@@ -144,7 +143,7 @@ def predicted_rows(posterior: Posterior, wanted: NewConditions, chosen: list[int
     race, table = posterior.race, posterior.race.prepared.problem.visible()
     names, at = [wanted.observable[i] for i in chosen], {k: c[chosen] for k, c in wanted.conditions.items()}
     place = elsewhere(race, new_rows(race.prepared, NewConditions(tuple(names), at)))
-    told, fit = forecast(posterior, place), race.fits[Hypothesis(())]
+    told, fit = forecast(posterior, place), race.bare
     model = place.model.sure_mean((), fit.v)[fit.mean.size :]
     units = dict(zip(table.observable, table.unit, strict=True))
     means, single = told.intervals(told.mean), told.intervals(told.measured)

@@ -38,7 +38,7 @@ class RacedStudy:
     @property
     def about_bare(self) -> RefinementPoint:
         """The calibrated model as the centre of a round."""
-        return self.about(self.posterior.race.fits[Hypothesis(())])
+        return self.about(self.posterior.race.bare)
 
 
 def sets(posterior: Posterior) -> Mapping[Acting, float]:

@@ -15,7 +15,7 @@ from taichi_erosion.evidence.data.set_up_fault import SetUpFault
 from taichi_erosion.evidence.data.tables.spreadsheet import source_changed
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import Study, first_study
-from taichi_erosion.evidence.race.fit import Hypothesis, Race
+from taichi_erosion.evidence.race.fit import Race
 from taichi_erosion.evidence.race.priors import FAMILYWISE
 from taichi_erosion.evidence.race.record import RepeatPart
 from taichi_erosion.evidence.words.data_words import unit_text
@@ -69,7 +69,7 @@ def refuse_unknown_scatter(study: Study) -> None:
 
 def unit_faults(race: Race) -> Iterator[SetUpFault]:
     """Observables that lie far from the calibrated model, as of a wrong unit; amounts above a floor may."""
-    rows, mean = race.prepared.rows, race.fits[Hypothesis(())].mean
+    rows, mean = race.prepared.rows, race.bare.mean
     for index, observable in enumerate(rows.observables):
         own = (rows.which == index) & ~rows.censored
         measured, told = (from_scale(observable, values[own]) for values in (rows.z, mean))

@@ -39,8 +39,8 @@ class Block:
     kind: Kind
     observable: str
     columns: Floats  # (n, q), on the comparison scale
-    labels: tuple[str, ...]  # of the columns, where they stand for something
     scale: Scales
+    labels: tuple[str, ...] = ()  # of the columns of sources and batches
 
 
 def unlisted(blocks: Sequence[Block]) -> list[Block]:
@@ -51,7 +51,6 @@ def unlisted(blocks: Sequence[Block]) -> list[Block]:
             "unlisted",
             block.observable,
             np.hstack([block.columns, level[block.observable]]),
-            (),
             scale(f"unlisted {block.observable}", cauchy=LARGE),
         )
         if block.kind == "discrepancy"
@@ -73,19 +72,17 @@ def nuisance(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
         logarithmic = observable.transform != "identity"
         shape = np.clip(value * rows.slope, 0.0, 1.0) if logarithmic else np.ones(rows.size)
         column = np.where(own, size * shape, 0.0)
-        found.append(Block("level", name, column[:, None], (name,), scale(f"level {name}", cauchy=NEAR)))
+        found.append(Block("level", name, column[:, None], scale(f"level {name}", cauchy=NEAR)))
         if fitted.size > 3:
             columns = size * smooth_columns(rows, own, known)
             if columns.shape[1]:
-                found.append(
-                    Block("discrepancy", name, columns, (), scale(f"discrepancy {name}", normal=SMALL))
-                )
+                found.append(Block("discrepancy", name, columns, scale(f"discrepancy {name}", normal=SMALL)))
     several: tuple[tuple[Kind, Sequence[str]], ...] = (("source", rows.source_names), ("batch", rows.group))
     for kind, labels in several:
         columns, names = shared_columns(rows, known, labels, unit)
         if names:
             prior = scale(kind, cauchy=NEAR) if kind == "source" else scale(kind, normal=2.0 * NEAR)
-            found.append(Block(kind, "", columns, names, prior))
+            found.append(Block(kind, "", columns, prior, names))
     return found
 
 
@@ -99,7 +96,7 @@ def zeros(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
             shape = rows.slope / float(np.median(rows.slope[fitted]))
             column = np.where(own, float(np.median(unit[fitted])) * shape, 0.0)
             name = observable.name
-            found.append(Block("zero", name, column[:, None], (name,), scale(f"zero {name}", cauchy=NEAR)))
+            found.append(Block("zero", name, column[:, None], scale(f"zero {name}", cauchy=NEAR)))
     return found
 
 
@@ -124,33 +121,23 @@ def shared_columns(
     return (np.column_stack(columns) if names else np.zeros((rows.size, 0))), tuple(names)
 
 
-def shares(rows: ComparisonRows, known: Bools) -> dict[str, Floats]:
-    """Every condition that varies, over the range of the known rows and mostly between 0 and 1."""
-    found = {}
-    for name, column in rows.conditions.items():
-        axis = axis_scale(column[known])
-        if axis is not None:
-            filled = axis.filled(column)
-            low, high = float(filled[known].min()), float(filled[known].max())
-            found[name] = (filled - low) / (high - low)
-    return found
-
-
 def smooth_columns(rows: ComparisonRows, own: Bools, known: Bools) -> Floats:
     """Columns F (n, q) of a smooth function of the conditions of one observable: F F^T is its covariance."""
     at, fitted = np.flatnonzero(own), known[own]
     kernel = np.ones((at.size, at.size))
-    for column in shares(rows.rows(own), fitted).values():
-        distance = 3.0**0.5 * np.abs(column[:, None] - column) / LENGTH
-        kernel *= 1.0 + (1.0 + distance) * np.exp(-distance)
+    for column in rows.rows(own).conditions.values():
+        axis = axis_scale(column[fitted])
+        if axis is not None:
+            place = axis.filled(column)
+            share = (place - place[fitted].min()) / np.ptp(place[fitted])
+            distance = 3.0**0.5 * np.abs(share[:, None] - share) / LENGTH
+            kernel *= 1.0 + (1.0 + distance) * np.exp(-distance)
     centre = np.eye(at.size) - fitted / fitted.sum()
     kernel = centre @ kernel @ centre.T
     size = float(np.trace(kernel[np.ix_(fitted, fitted)])) / fitted.sum()
-    found = np.zeros((rows.size, 0))
-    if size > 1e-12:
-        columns = square_root(kernel / size)
-        found = np.zeros((rows.size, columns.shape[1]))
-        found[at] = columns
+    columns = square_root(kernel / size) if size > 1e-12 else np.zeros((at.size, 0))
+    found = np.zeros((rows.size, columns.shape[1]))
+    found[at] = columns
     return found
 
 
@@ -161,29 +148,24 @@ def square_root(kernel: Floats) -> Floats:
     return np.asarray(vectors[:, kept] * np.sqrt(values[kept]), dtype=np.float64)
 
 
-def dose_columns(rows: ComparisonRows, known: Bools) -> list[tuple[str, Floats]]:
+def dose_columns(rows: ComparisonRows, known: Bools) -> dict[str, Floats]:
     """Factors L (n, r) of what a dose may be over the conditions, along each and along all of them.
 
     All observables share it: L L^T = exp(-1/2 d^2) + 1/4 with d in sd of a condition; along a
     condition that reaches 0 it is 0 there, and the same is true of L.
     """
-    found, squares = [], []
+    found, squares = {}, []
     for name, column in rows.conditions.items():
         axis = axis_scale(column[known])
         if axis is None:
             continue
         place, zero = axis(column), column == 0.0
-        squares.append(square_distance(place))
+        squares.append((place[:, None] - place) ** 2)
         kernel = np.exp(-0.5 * squares[-1]) + 0.25
         if zero[known].any() and np.nanmin(column[known]) == 0.0:
             at = int(np.argmax(zero))
             kernel = kernel - np.outer(kernel[at], kernel[at]) / kernel[at, at]
-        found.append((name, square_root(kernel)))
+        found[name] = square_root(kernel)
     if len(squares) > 1:
-        found.append(("all", square_root(np.exp(-0.5 * sum(squares)) + 0.25)))
+        found["all"] = square_root(np.exp(-0.5 * sum(squares)) + 0.25)
     return found
-
-
-def square_distance(axis: Floats) -> Floats:
-    """Squared differences (n, n)."""
-    return np.asarray((axis[:, None] - axis) ** 2, dtype=np.float64)

@@ -38,9 +38,7 @@ class Decision:
     none: float  # probability that nothing is missing
     outside: float  # that something acts that is not in the list, and no effect of it
     inclusion: dict[str, float]  # of every effect, that it acts
-    varying: dict[str, float]  # of every effect, that it acts with a strength that varies
     beyond: dict[str, float]  # of every mechanism
-    zeros: dict[str, float]  # of every instrument, that its zero is off
     familywise: float
 
 
@@ -56,8 +54,7 @@ def decide(posterior: Posterior) -> Decision:
     group = smallest(posterior, [name for name in effects if name not in named], inclusion, len(effects) // 2)
     together = inclusion | beyond
     told = () if named or group else smallest(posterior, list(together), together, MOST_TOLD)
-    best = race.fits[max(share, key=lambda h: share[h])]
-    chance = familywise_p(race, best) if named or group else 1.0
+    chance = familywise_p(race, posterior.best) if named or group else 1.0
     if (named or group) and chance > FAMILYWISE:
         named, group = (), ()
     verdict: Verdict = "none_detected"
@@ -75,12 +72,7 @@ def decide(posterior: Posterior) -> Decision:
         none,
         outside,
         inclusion,
-        {name: sum(p for h, p in share.items() if h.kind == name) for name in effects},
         beyond,
-        {
-            z.observable: sum(p for h, p in share.items() if h.beyond == f"zero|{z.observable}")
-            for z in race.zeros
-        },
         chance,
     )
 
@@ -109,15 +101,11 @@ def smallest(
 
 def familywise_p(race: Race, best: Fit) -> float:
     """Chance of a candidate as good as the best one if nothing acts and errors are those of `best`."""
-    bare = race.fits[Hypothesis(())]
-    singles = [fit for key, fit in race.fits.items() if len(key.names) == 1 and not key.beyond]
+    bare, singles = race.bare, race.sets(1)
     if not singles:
         return 1.0
     rows, _ = race.linear(bare)
-    known = dict(zip(best.evidence.solved.rows.scales.names, best.evidence.solved.u, strict=True))
-    u = np.array(
-        [known.get(name, start) for name, start in zip(rows.scales.names, rows.scales.start, strict=True)]
-    )
+    u = best.evidence.solved.scales_of(rows.scales)
     signatures = np.column_stack([race.prepared.white(fit.mean - bare.mean) for fit in singles])
     along, gram = rows.with_bad(best.evidence.bad).solved(u).against(signatures)
     size = np.sqrt(np.maximum(np.diag(gram), 1e-12))

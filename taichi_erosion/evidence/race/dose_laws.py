@@ -29,7 +29,7 @@ from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Inte
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race.decision import Decision
 from taichi_erosion.evidence.race.dose_forms import POWERS, Form, forms_of
-from taichi_erosion.evidence.race.doses import STILL, Dosing, dosings, from_axis
+from taichi_erosion.evidence.race.doses import STILL, Dosing, dosings, from_axis, to_axis
 from taichi_erosion.evidence.race.fit import Fit, Race
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import CARRIED, DRAWS, SEED, STEP
@@ -115,8 +115,7 @@ class FittedForm:
 
     def doses(self, numbers: Floats | None = None) -> Floats:
         """Doses of all rows, on their axis, by default for the best numbers."""
-        dose = self.form.dose(self.rows.conditions, self.numbers if numbers is None else numbers)
-        return np.where(dose > 0.0, np.log1p(np.maximum(dose, 0.0)), dose)
+        return to_axis(self.form.dose(self.rows.conditions, self.numbers if numbers is None else numbers))
 
     def solved(self, numbers: Floats) -> tuple[Floats, Floats]:
         """Best v for some numbers, and the residual with its prior."""
@@ -160,9 +159,9 @@ def law_of(race: Race, fit: Fit) -> LawPart | None:
     """The law of the mechanism of a fit; None without one or with few rows. Raises BudgetSpentError."""
     if fit.dose is None or fit.mean.size < FOLDS:
         return None
-    every = dosings(race, ((fit.dose.axis, fit.dose.factor),))
-    dosing = next(each for each in every if each.name == fit.hypothesis.kind)
-    curve = tabulated(race, dosing, fit.v, fit.dose.w)
+    every = dosings(race, {fit.hypothesis.along: fit.dose.factor})
+    dosing = next(each for each in every if each.hypothesis == fit.hypothesis)
+    curve = tabulated(dosing, fit.v, fit.dose.w)
     place = Place(fit.v, fit.dose.w, fit.mean, along(curve, fit.dose.w)[:, 1:])
     rows = rows_about(race, fit, curve, place)
     first = [first_fit(rows, form, place.w) for form in forms_of(rows.conditions)]
@@ -174,7 +173,7 @@ def law_of(race: Race, fit: Fit) -> LawPart | None:
     return told(dosing.name, settled[best], float(1.0 - misfits[best] / nothing))
 
 
-def tabulated(race: Race, dosing: Dosing, v: Floats, w: Floats) -> interpolate.PPoly:
+def tabulated(dosing: Dosing, v: Floats, w: Floats) -> interpolate.PPoly:
     """M along one dose for all rows, with slopes at the ends of the range, of doses and at 0."""
     low, top = dosing.ends
     ends = np.unique(np.clip([low, w.min(), 0.0, w.max(), top], low, top).round(2))
@@ -184,17 +183,10 @@ def tabulated(race: Race, dosing: Dosing, v: Floats, w: Floats) -> interpolate.P
     good = np.all(np.isfinite(table), axis=1)
     nodes, table = nodes[good], table[good]
     ends = ends[np.isin(ends, nodes)]
-    bent = [slopes(race, dosing, v, np.full(w.size, end), table[nodes == end][0]) for end in ends]
+    bent = [dosing.slopes(v, np.full(w.size, end), table[nodes == end][0]) for end in ends]
     bent = interpolate.PchipInterpolator(ends, bent, axis=0)(nodes)
     both = np.concatenate([(table - bent @ v)[..., np.newaxis], bent], axis=2)
     return interpolate.PchipInterpolator(nodes, both, axis=0)
-
-
-def slopes(race: Race, dosing: Dosing, v: Floats, w: Floats, mean: Floats) -> Floats:
-    """Slopes of the mean along v (n, p) by differences towards the prior."""
-    h = np.where(v > 0.0, -0.1, 0.1)
-    steps = [(dosing.at(v + step, w)[1] - mean) / step.sum() for step in np.diag(h)]
-    return np.nan_to_num(np.array(steps).reshape(v.size, w.size).T)
 
 
 def along(curve: interpolate.PPoly, w: Floats) -> Floats:
@@ -245,7 +237,7 @@ def settled_form(race: Race, dosing: Dosing, fit: Fit, place: Place, each: Fitte
         move = max(np.max(np.abs(v - place.v), initial=0.0), np.max(np.abs(w - place.w)))
         if move < STILL or not np.all(np.isfinite(mean)):
             break
-        place = Place(v, w, mean, slopes(race, dosing, v, w, mean))
+        place = Place(v, w, mean, dosing.slopes(v, w, mean))
         each = each.to(rows_about(race, fit, each.rows.curve, place), each.chosen)
     return each
 

@@ -10,11 +10,9 @@ runs as any other setting.
 Reference: Rasmussen & Williams (2006), Gaussian Processes, 3.4 (Gauss-Newton steps of a latent function).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from math import log
-from typing import Any
 
 import numpy as np
 
@@ -29,12 +27,10 @@ LEAST_DOSE = -0.95  # a place that is almost switched off
 LARGEST_STEP, STILL = 0.7, 0.02  # of w
 FIRST, THEN = 4, 14  # steps with the scales at their priors, so that no level takes what a dose does; all
 
-Kernels = Sequence[tuple[str, Floats]]  # condition, L (n, r)
 
-
-def to_axis(dose: float) -> float:
-    """A dose on its axis."""
-    return float(np.log1p(dose)) if dose > 0.0 else dose
+def to_axis(dose: Floats) -> Floats:
+    """Doses on their axis."""
+    return np.where(dose > 0.0, np.log1p(np.maximum(dose, 0.0)), dose)
 
 
 def from_axis(w: Floats) -> Floats:
@@ -48,30 +44,15 @@ class Dosing:
 
     race: Race
     name: str
-    low: float
-    high: float
-    prior: float  # ln probability of all its kernels together
-    kernels: Kernels
-    k: int = 0
+    ends: Floats  # (2,), range of its doses on their axis
+    log_prior: float
+    axis: str  # condition along which the doses vary
+    factor: Floats  # (n, r), L of the kernel
 
     @property
     def hypothesis(self) -> Hypothesis:
         """Its key in the race."""
-        return Hypothesis((), f"{self.name}|{self.k}|{self.kernels[self.k][0]}")
-
-    @property
-    def factor(self) -> Floats:
-        """Factor L (n, r)."""
-        return self.kernels[self.k][1]
-
-    @cached_property
-    def ends(self) -> tuple[float, float]:
-        """Range of its doses on their axis."""
-        return to_axis(self.low), to_axis(self.high)
-
-    def with_kernel(self, k: int) -> "Dosing":
-        """The same with another kernel."""
-        return replace(self, k=k)
+        return Hypothesis((), f"{self.name}|{self.axis}")
 
     def at(self, v: Floats, w: Floats) -> tuple[Floats, Floats]:
         """Doses on their axis within the range, and the mean (n,) there."""
@@ -83,28 +64,26 @@ class Dosing:
         h = np.where(w > np.mean(self.ends), -0.05, 0.05)
         return np.nan_to_num((self.at(v, w + h)[1] - mean) / h)
 
-    def expanded(self, at: Fit, beta: Any, w: Floats, u: Floats | None, steps: int) -> Fit:
+    def expanded(self, at: Fit, beta: Floats, w: Floats, u: Floats | None, steps: int) -> Fit:
         """The race's rows about numbers, doses w and their coefficients."""
         slope = self.slope(at.v, w, at.mean)
-        block = Block("dose", "", slope[:, np.newaxis] * self.factor, (), scale("dose", cauchy=DOSE))
+        block = Block("dose", "", slope[:, np.newaxis] * self.factor, scale("dose", cauchy=DOSE))
         return self.race.solved(
             replace(
                 at,
                 hypothesis=self.hypothesis,
                 blocks=(*self.race.blocks, block),
-                dose=Doses(self.factor @ beta, slope, self.factor, self.kernels[self.k][0]),
-                log_prior=self.prior - log(len(self.kernels)),
+                dose=Doses(self.factor @ beta, slope, self.factor),
+                log_prior=self.log_prior,
             ),
             steps,
             u,
         )
 
-    def fitted(self, start: Fit) -> Fit:
-        """Numbers and doses by Gauss-Newton steps, none of which raises the misfit."""
-        beta: Any = np.zeros(self.factor.shape[1])
+    def fitted(self, start: Fit, w: Floats) -> Fit:
+        """Numbers and doses by Gauss-Newton steps from some, none of which raises the misfit."""
+        beta: Floats = np.asarray(np.linalg.lstsq(self.factor, w, rcond=None)[0], dtype=np.float64)
         u = None
-        if start.dose is not None:
-            beta = np.linalg.lstsq(self.factor, start.dose.w, rcond=None)[0]
         w, mean = self.at(start.v, self.factor @ beta)
         fit = replace(start, mean=mean)
         for step in range(THEN):
@@ -128,8 +107,7 @@ class Dosing:
                 jacobian = jacobian + np.outer(mean - linear - jacobian @ gone, gone) / (gone @ gone)
             fit, beta, w = replace(fit, v=v, mean=mean, jacobian=jacobian), tried, there
         found = self.expanded(fit, beta, w, u, 8)
-        old = self.race.fits.get(self.hypothesis, found)
-        return self.race.kept(max(found, old, key=lambda each: each.log_evidence))
+        return self.race.better(found, self.race.fits.get(self.hypothesis, found))
 
     def steps_of(self, fit: Fit, beta: Floats) -> tuple[Floats, Floats, float]:
         """Steps of the numbers and of the coefficients to the best of the linear model, and tau of these."""
@@ -140,29 +118,28 @@ class Dosing:
         turn *= min(1.0, LARGEST_STEP / max(float(np.max(np.abs(self.factor @ turn))), 1e-12))
         return np.clip(fit.target - fit.v, -FAR, FAR), turn, tau
 
-    def with_slopes(self, fit: Fit) -> Fit:
-        """The fit with slopes along its numbers at its doses."""
-        columns = [np.zeros((fit.mean.size, 0))]
-        for h in np.diag(np.where(fit.v > 0.0, -0.1, 0.1)):
-            if fit.dose is not None:
-                column = (self.at(fit.v + h, fit.dose.w)[1] - fit.mean) / h.sum()
-                columns.append(np.nan_to_num(column)[:, np.newaxis])
-        return replace(fit, jacobian=np.hstack(columns))
+    def slopes(self, v: Floats, w: Floats, mean: Floats) -> Floats:
+        """Slopes (n, p) of the mean along the numbers, by differences towards the prior."""
+        steps = np.diag(np.where(v > 0.0, -0.1, 0.1))
+        columns = [((self.at(v + h, w)[1] - mean) / h.sum())[:, np.newaxis] for h in steps]
+        return np.nan_to_num(np.hstack([np.zeros((w.size, 0)), *columns]))
 
 
-def dosings(race: Race, kernels: Kernels) -> list[Dosing]:
-    """Every mechanism, and the effects that explain most alone, with another law of their strength."""
-    found = [
-        Dosing(race, m.name, max(m.low, LEAST_DOSE), m.high, log_prior_mechanism(race), kernels)
+def dosings(race: Race, kernels: Mapping[str, Floats]) -> list[Dosing]:
+    """Every mechanism, and the effects that explain most alone, with every kernel L of a condition."""
+    acting = [
+        (m.name, max(m.low, LEAST_DOSE), m.high, log_prior_mechanism(race))
         for m in race.prepared.problem.mechanisms
     ]
-    bare = race.fits[Hypothesis(())]
-    singles = [fit for h, fit in race.fits.items() if len(h.names) == 1 and not h.beyond]
-    better = [fit for fit in singles if fit.log_evidence > bare.log_evidence]
+    better = [fit for fit in race.sets(1) if fit.log_evidence > race.bare.log_evidence]
     for single in sorted(better, key=lambda fit: -fit.log_evidence)[:CARRIED]:
         (name,), prior = single.hypothesis.names, single.log_prior + 2.0 * log(STEP)
-        found.append(Dosing(race, name, 0.0, race.model.largest(name), prior, kernels))
-    return found
+        acting.append((name, 0.0, race.model.largest(name), prior))
+    return [
+        Dosing(race, name, to_axis(np.array([low, high])), prior - log(len(kernels)), axis, factor)
+        for name, low, high, prior in acting
+        for axis, factor in kernels.items()
+    ]
 
 
 def add_doses(race: Race) -> None:
@@ -175,19 +152,17 @@ def add_doses(race: Race) -> None:
         return
     v = np.zeros(race.model.count)
     mean = race.model.mean((), v)
-    start = replace(race.fits[Hypothesis(())], v=v, mean=mean, jacobian=race.model.jacobian((), v, mean))
+    start = replace(race.bare, v=v, mean=mean, jacobian=race.model.jacobian((), v, mean))
     every = dosings(race, kernels)
     for each in every:
-        for k in range(len(kernels)):
-            each.with_kernel(k).fitted(start)
+        each.fitted(start, start.w)
     share = race.posterior()
-
-    def probability(each: Dosing) -> float:
-        return sum(p for hypothesis, p in share.items() if hypothesis.kind == each.name)
-
-    for each in sorted(every, key=probability, reverse=True)[:CARRIED]:
-        own = sorted(map(each.with_kernel, range(len(kernels))), key=lambda one: -share[one.hypothesis])
-        for one in own[:2]:
-            fit = one.fitted(one.with_slopes(race.fits[one.hypothesis]))
-            if one.low < 0.0 and fit.dose is not None:  # the other side of 0, which no step crosses to
-                one.fitted(replace(start, dose=replace(fit.dose, w=-0.5 * fit.dose.w)))
+    total = {one.name: sum(p for h, p in share.items() if h.kind == one.name) for one in every}
+    for name in sorted(total, key=lambda name: -total[name])[:CARRIED]:
+        own = [one for one in every if one.name == name]
+        for one in sorted(own, key=lambda one: -share[one.hypothesis])[:2]:
+            seen = race.fits[one.hypothesis]
+            slopes = one.slopes(seen.v, seen.w, seen.mean)
+            fit = one.fitted(replace(seen, jacobian=slopes), seen.w)
+            if one.ends[0] < 0.0:  # the other side of 0, which no step crosses to
+                one.fitted(start, -0.5 * fit.w)

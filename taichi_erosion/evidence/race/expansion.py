@@ -12,14 +12,13 @@ with psi_0 two thirds of the scale of the strength and s = SPREAD. An effect tha
 has a strength among the calibrated numbers.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import exp, log
 
 import numpy as np
 
 from taichi_erosion.evidence.data.problem import Candidate, Floats, Integers, Progress
-from taichi_erosion.evidence.data.transforms import Axis, effect_of
+from taichi_erosion.evidence.data.transforms import Axis, axis_value, effect_of
 from taichi_erosion.evidence.models.predictor import Predictor, seed_mean
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
@@ -36,11 +35,10 @@ def position(axis: Axis, v: float) -> float:
         return strength(Candidate("", 1.0, axis.high), v, axis.high)
     if not np.isfinite(axis.high - axis.low):
         return float(np.clip(v, axis.low, axis.high))
-    share = float(np.clip(-axis.low / (axis.high - axis.low), EDGE, 1.0 - EDGE))
-    slope = 1.0 / ((axis.high - axis.low) * share * (1.0 - share))
-    return axis.low + (axis.high - axis.low) / (
-        1.0 + exp(-np.clip(log(share / (1 - share)) + slope * v, -60, 60))
-    )
+    width = axis.high - axis.low
+    share = float(np.clip(-axis.low / width, EDGE, 1.0 - EDGE))
+    slope = 1.0 / (width * share * (1.0 - share))
+    return axis.low + width / (1.0 + exp(-np.clip(log(share / (1 - share)) + slope * v, -60, 60)))
 
 
 def strength(candidate: Candidate, v: float, largest: float) -> float:
@@ -81,9 +79,12 @@ class RaceModel:
 
     def numbers(self, v: Floats) -> Floats:
         """Calibrated numbers on their axes."""
-        return np.array(
-            [position(axis, float(each)) for axis, each in zip(self.prepared.axes, v, strict=True)]
-        )
+        return np.array([position(axis, float(z)) for axis, z in zip(self.prepared.axes, v, strict=True)])
+
+    def unit_values(self, v: Floats) -> Floats:
+        """Calibrated numbers in their units."""
+        told = zip(self.prepared.axes, self.numbers(v), strict=True)
+        return np.array([axis_value(axis, float(x)) for axis, x in told])
 
     def strength(self, name: str, t: float) -> float:
         """Strength of one effect."""
@@ -93,29 +94,29 @@ class RaceModel:
         """Strengths of the acting effects."""
         return {name: self.strength(name, float(t)) for name, t in zip(names, v[self.count :], strict=True)}
 
-    def values(
-        self, names: Acting, v: Floats, seeds: Integers, dose: Mapping[str, float] | None = None
-    ) -> Floats:
+    def values(self, names: Acting, v: Floats, seeds: Integers) -> Floats:
         """Mean (n,) over some seeds. Raises BudgetSpentError."""
-        x, acting = self.numbers(v[: self.count]), {**self.strengths(names, v), **(dose or {})}
+        x, acting = self.numbers(v[: self.count]), self.strengths(names, v)
         key = (x.tobytes(), tuple(sorted(acting.items())), seeds.size)
         if key not in self.known:
-            if self.settings >= self.most:
-                raise BudgetSpentError(f"the {self.most:g} settings of an answer are used up")
+            self.spend()
             self.known.add(key)
-            self.settings += 1
-            self.progress(f"{self.settings} settings of the model", self.settings / self.most)
         return seed_mean(self.predictor.predict(x, acting, seeds))
 
-    def mean(self, names: Acting, v: Floats, dose: Mapping[str, float] | None = None) -> Floats:
-        """Mean (n,) as many seeds would have it."""
-        return self.values(names, v, self.prepared.seeds.fitting, dose) + self.shift
-
-    def dosed(self, v: Floats, name: str, doses: Floats) -> Floats:
-        """Mean (n,) with a dose of a mechanism of its own in every row: as many runs as one setting."""
+    def spend(self) -> None:
+        """Count one setting. Raises BudgetSpentError."""
         if self.settings >= self.most:
             raise BudgetSpentError(f"the {self.most:g} settings of an answer are used up")
         self.settings += 1
+        self.progress(f"{self.settings} settings of the model", self.settings / self.most)
+
+    def mean(self, names: Acting, v: Floats) -> Floats:
+        """Mean (n,) as many seeds would have it."""
+        return self.values(names, v, self.prepared.seeds.fitting) + self.shift
+
+    def dosed(self, v: Floats, name: str, doses: Floats) -> Floats:
+        """Mean (n,) with a dose of a mechanism of its own in every row: as many runs as one setting."""
+        self.spend()
         x, p, found = self.numbers(v[: self.count]), self.predictor, np.zeros(doses.size)
         for dose in np.unique(doses):
             rows = np.flatnonzero(doses == dose)
@@ -135,9 +136,7 @@ class RaceModel:
         own = p.model_errors(self.numbers(v[: self.count]), self.strengths(names, v))
         return np.hstack([p.rows.shared, own])
 
-    def jacobian(
-        self, names: Acting, v: Floats, mean: Floats, dose: Mapping[str, float] | None = None
-    ) -> Floats:
+    def jacobian(self, names: Acting, v: Floats, mean: Floats) -> Floats:
         """Slopes (n, d) by finite differences towards the prior, wide for a noisy model."""
         step = 0.7 if self.noisy else 0.1
         columns = np.zeros((mean.size, v.size))
@@ -145,7 +144,7 @@ class RaceModel:
             for sign in (-1.0 if v[j] > 0.0 else 1.0, 1.0 if v[j] > 0.0 else -1.0):
                 h = np.zeros(v.size)
                 h[j] = sign * step
-                slope = (self.mean(names, v + h, dose) - mean) / h[j]
+                slope = (self.mean(names, v + h) - mean) / h[j]
                 if np.all(np.isfinite(slope)):
                     break
             columns[:, j] = np.nan_to_num(slope)

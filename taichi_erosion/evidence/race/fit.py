@@ -10,7 +10,7 @@ References: Broyden (1965), Math. Comput. 19, 577 (updates); Tobin (1958), Econo
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -37,14 +37,17 @@ class Hypothesis:
     """Effects that act, and what acts beside them that is no effect of constant strength."""
 
     names: Acting
-    beyond: str = (
-        ""  # "", "?" what no list holds, "zero|OBSERVABLE", or "MECHANISM OR EFFECT|KERNEL|CONDITION"
-    )
+    beyond: str = ""  # "?" what no list holds, "zero|OBSERVABLE", or "MECHANISM OR EFFECT|CONDITION"
 
     @property
     def kind(self) -> str:
         """Mechanism, effect, "zero" or "?" that acts beside the effects."""
         return self.beyond.partition("|")[0]
+
+    @property
+    def along(self) -> str:
+        """Condition along which a dose varies, or observable whose zero is off."""
+        return self.beyond.partition("|")[2]
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,6 @@ class Doses:
     w: Floats  # (n,)
     slope: Floats  # (n,), of the mean along w
     factor: Floats  # (n, r), L of their prior
-    axis: str  # condition along which they vary
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,11 @@ class Fit(Expansion):
     def covariance(self) -> Floats:
         """Covariance (d, d) of numbers and strengths."""
         return self.evidence.solved.inverse[: self.v.size, : self.v.size]
+
+    @property
+    def w(self) -> Floats:
+        """Doses on their axis; 0 without a mechanism."""
+        return np.zeros(self.mean.size) if self.dose is None else self.dose.w
 
     @property
     def scales(self) -> Floats:
@@ -146,14 +153,8 @@ class Race:
         block = np.repeat(np.arange(-1, len(white)), [columns.shape[1], *(each.shape[1] for each in white)])
         linear = jacobian @ at.v + (0.0 if at.dose is None else p.white(at.dose.slope * at.dose.w))
         scales = sum((b.scale for b in at.blocks), Scales.none()) + self.scatter_scales
-        rows = LinearRows(
-            work.residual + work.weight * linear,
-            np.hstack([jacobian * work.weight[:, np.newaxis], shared]),
-            block,
-            self.scatter,
-            scales,
-            np.ones(work.residual.size),
-        )
+        y, x = work.residual + work.weight * linear, jacobian * work.weight[:, np.newaxis]
+        rows = LinearRows(y, np.hstack([x, shared]), block, self.scatter, scales, np.ones(y.size))
         return rows, 0.5 * float(np.sum(work.residual**2)) - 0.5 * work.deviance
 
     def solved(self, at: Expansion, steps: int = 8, start: Floats | None = None, fresh: bool = False) -> Fit:
@@ -163,7 +164,7 @@ class Race:
         if fresh:
             other = evidence(rows, rows.scales.start, steps, self.suspect)
             found = max(found, other, key=lambda each: each.log_evidence)
-        known: dict[str, Any] = {name: getattr(at, name) for name in Expansion.__dataclass_fields__}
+        known: dict[str, Any] = {each.name: getattr(at, each.name) for each in fields(Expansion)}
         return Fit(**known, evidence=replace(found, log_evidence=found.log_evidence + extra))
 
     def misfit(self, fit: Fit, mean: Floats, v: Floats) -> float:
@@ -236,7 +237,16 @@ class Race:
             self.fits[fit.hypothesis] = fit
         return fit
 
-    def bare(self, log_prior: float) -> Fit:
+    @property
+    def bare(self) -> Fit:
+        """Nothing is missing."""
+        return self.fits[Hypothesis(())]
+
+    def sets(self, size: int) -> list[Fit]:
+        """Plain sets of so many effects."""
+        return [fit for h, fit in self.fits.items() if not h.beyond and len(h.names) == size]
+
+    def calibrated(self, log_prior: float) -> Fit:
         """Nothing is missing; also from levels as large as they may be, where a unit is wrong.
 
         Where the fit is poor it is tried from the best of some draws of the numbers too: beyond a threshold
@@ -244,14 +254,22 @@ class Race:
         """
         start = self.begun(np.zeros(self.model.count), log_prior)
         first = self.solved(start, 0)
-        found = self.sharpened(self.refined(self.moved(first, 3, 0)))
+        found = self.optimum(first)
         if first.v.size and self.misfit(first, found.mean, found.v) > POOR * found.mean.size:
-            found = self.better(found, self.drawn(first))
+            elsewhere = self.solved(self.begun(self.drawn(first), log_prior), 0)
+            found = self.better(found, self.optimum(elsewhere))
         free = self.solved(start, 20)
         if free.log_evidence > found.log_evidence:
-            other = self.sharpened(replace(self.moved(free, 6), refined=True))
-            found = self.kept(max(found, other, key=lambda each: each.log_evidence))
+            found = self.better(found, self.sharpened(replace(self.moved(free, 6), refined=True)))
         return found
+
+    def optimum(self, start: Fit) -> Fit:
+        """The best setting from a start, with slopes there."""
+        return self.sharpened(self.refined(self.moved(start, 3, 0)))
+
+    def better(self, some: Fit, other: Fit) -> Fit:
+        """The likelier of two fits of one hypothesis."""
+        return self.kept(max(some, other, key=lambda each: each.log_evidence))
 
     def begun(self, v: Floats, log_prior: float) -> Expansion:
         """Nothing is missing, about a setting."""
@@ -264,11 +282,6 @@ class Race:
         draws = WIDE * np.random.default_rng(SEED).standard_normal((STARTS * first.v.size, first.v.size))
         size = [self.misfit(first, self.model.mean((), v), v) for v in draws]
         return draws[int(np.argmin(np.nan_to_num(size, nan=np.inf)))]
-
-    def better(self, found: Fit, v: Floats) -> Fit:
-        """The likelier of a fit and of one that starts elsewhere."""
-        other = self.sharpened(self.refined(self.moved(self.solved(self.begun(v, found.log_prior), 0), 3, 0)))
-        return self.kept(max(found, other, key=lambda each: each.log_evidence))
 
     def with_effect(self, parent: Fit, name: str, log_prior: float) -> Fit | None:
         """The parent's optimum with one more effect, linear in its strength: one setting of the model.

@@ -101,13 +101,13 @@ class LinearRows:
     @cached_property
     def products(self) -> tuple[Floats, Floats, Floats, Floats]:
         """X^T w X, X^T w y, y^T w y and numbers of rows, for each scatter and, last, for rows without one."""
-        parts = [np.flatnonzero(self.scatter == k) for k in (*range(self.scatters), -1)]
-        own = [self.columns[rows] * self.weight[rows, np.newaxis] for rows in parts]
+        parts = [self.scatter == k for k in (*range(self.scatters), -1)]
+        each = [(self.columns[rows], self.y[rows], self.weight[rows]) for rows in parts]
         return (
-            np.array([x.T @ self.columns[rows] for x, rows in zip(own, parts, strict=True)]),
-            np.array([x.T @ self.y[rows] for x, rows in zip(own, parts, strict=True)]),
-            np.array([float(self.weight[rows] @ self.y[rows] ** 2) for rows in parts]),
-            np.array([float(rows.size) for rows in parts]),
+            np.array([(x * w[:, np.newaxis]).T @ x for x, _, w in each]),
+            np.array([(x * w[:, np.newaxis]).T @ y for x, y, w in each]),
+            np.array([w @ y**2 for _, y, w in each]),
+            np.array([float(w.size) for _, _, w in each]),
         )
 
     def with_bad(self, bad: frozenset[int]) -> "LinearRows":
@@ -147,6 +147,11 @@ class Solved:
     inverse: Floats  # (q, q), covariance of b / tau
     products: Floats  # (scatters + 1, q, q), tau X^T K X tau of the rows of each
     log_likelihood: float
+
+    def scales_of(self, others: Scales) -> Floats:
+        """Scales of these names here; at their priors where there is none."""
+        known = dict(zip(self.rows.scales.names, self.u, strict=True))
+        return np.array([known.get(name, u) for name, u in zip(others.names, others.start, strict=True)])
 
     @property
     def value(self) -> float:

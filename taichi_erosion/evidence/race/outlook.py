@@ -185,12 +185,11 @@ def expanded(place: Elsewhere, fit: Fit) -> tuple[Floats, Floats, Doses | None]:
     kernels = dose_columns(both, np.arange(both.size) < n)
     race = copy(place.race)
     race.model = model
-    every = {each.name: each for each in dosings(place.race, kernels)}
-    own = replace(every[fit.hypothesis.kind], race=race, k=int(fit.hypothesis.beyond.split("|")[1]))
+    own = next(each for each in dosings(place.race, kernels) if each.hypothesis == fit.hypothesis)
+    own = replace(own, race=race)
     w = own.factor @ np.linalg.lstsq(own.factor[:n], fit.dose.w, rcond=None)[0]
     w, mean = own.at(v, np.append(fit.dose.w, w[n:]))
-    known = replace(fit, mean=mean, dose=Doses(w, own.slope(v, w, mean), own.factor, fit.dose.axis))
-    return mean, own.with_slopes(known).jacobian, known.dose
+    return mean, own.slopes(v, w, mean), Doses(w, own.slope(v, w, mean), own.factor)
 
 
 def both_blocks(place: Elsewhere, fit: Fit, both: ComparisonRows, doses: Doses | None) -> list[Block]:
@@ -212,10 +211,8 @@ def outlook(place: Elsewhere, fit: Fit) -> Outlook:
     """
     race, n, v, model = place.race, fit.mean.size, fit.v, place.model
     mean, jacobian, doses = expanded(place, fit)
-    both, acting = (
-        both_rows(race.prepared.rows, place.rows, mean[n:]),
-        model.strengths(fit.hypothesis.names, v),
-    )
+    both = both_rows(race.prepared.rows, place.rows, mean[n:])
+    acting = model.strengths(fit.hypothesis.names, v)
     own = model.prepared.model_errors(model.numbers(v[: model.count]), acting)
     errors, blocks = np.hstack([both.shared, own]), both_blocks(place, fit, both, doses)
     known = replace(
@@ -224,7 +221,7 @@ def outlook(place: Elsewhere, fit: Fit) -> Outlook:
         jacobian=jacobian[:n],
         errors=errors[:n],
         blocks=tuple(replace(block, columns=block.columns[:n]) for block in blocks),
-        dose=doses and Doses(doses.w[:n], doses.slope[:n], doses.factor[:n], doses.axis),
+        dose=doses and Doses(doses.w[:n], doses.slope[:n], doses.factor[:n]),
     )
     solved = race.linear(known)[0].with_bad(fit.evidence.bad).solved(fit.evidence.solved.u)
     smooth = [np.full(b.columns.shape[1], b.kind in ("discrepancy", "unlisted")) for b in blocks]
@@ -301,7 +298,7 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     rows = held_out_rows(race.prepared)
     if rows is None:
         return None
-    others = [h for h in race.fits if len(h.names) == 1 and not h.beyond and not acts(h, wanted)]
+    others = [h for fit in race.sets(1) if not acts(h := fit.hypothesis, wanted)]
     wrong = [others[np.random.default_rng(seed).integers(len(others))]] if others else []
     place, chosen = elsewhere(race, rows), [Hypothesis(()), posterior.best.hypothesis, *wrong]
     told = [outlook(place, race.fits[h]) for h in chosen]
@@ -310,10 +307,8 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
         return None
     before, after, *other = [misfit(place, each, good) for each in told]
     p_after, opened = chance(place, told[1], good & ~rows.censored), race.prepared.problem.vault.opened + 1
-    drawn = (
-        (other[0], opened, tuple(names), wrong[0].names[0]) if other else (np.nan, opened, tuple(names), "")
-    )
-    return HeldOutPart(int(good.sum()), before, after, p_after, *drawn)
+    misfit_of_wrong, name = (other[0], wrong[0].names[0]) if other else (np.nan, "")
+    return HeldOutPart(int(good.sum()), before, after, p_after, misfit_of_wrong, opened, tuple(names), name)
 
 
 def misfit(place: Elsewhere, told: Outlook, good: Bools) -> float:

@@ -19,7 +19,6 @@ from scipy import stats
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Floats, Measurements, Problem, Progress
-from taichi_erosion.evidence.data.transforms import axis_value
 from taichi_erosion.evidence.models.prepared_problem import prepare
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race.doses import add_doses
@@ -87,14 +86,9 @@ class Posterior:
     @cached_property
     def numbers(self) -> tuple[Floats, Floats]:
         """Calibrated numbers (m, p) in their units, and weights (m,)."""
-        count, axes = self.race.model.count, self.race.prepared.axes
-        found = []
-        for each in self.draws:
-            x = np.array([self.race.model.numbers(v) for v in each.values[:, :count]])
-            found.append(
-                np.column_stack([axis_values(axis, x[:, j]) for j, axis in enumerate(axes)]) if axes else x
-            )
-        return np.vstack(found), np.concatenate([each.weight for each in self.draws])
+        count, unit_values = self.race.model.count, self.race.model.unit_values
+        found = np.array([unit_values(v) for each in self.draws for v in each.values[:, :count]])
+        return found, np.concatenate([each.weight for each in self.draws])
 
     @property
     def best(self) -> Fit:
@@ -113,19 +107,11 @@ class Posterior:
         return np.concatenate(values), np.concatenate(weights)
 
 
-def axis_values(axis, x: Floats) -> Floats:
-    """Numbers in their units."""
-    return np.array([axis_value(axis, float(each)) for each in x])
-
-
 def quantiles(values: Floats, weight: Floats, shares: Sequence[float] = (0.05, 0.5, 0.95)) -> Floats:
     """Quantiles of weighted draws; NaN without any."""
     if not values.size:
         return np.full(len(shares), np.nan)
-    order = np.argsort(values)
-    total = np.cumsum(weight[order])
-    places = np.searchsorted(total, np.array(shares) * total[-1])
-    return values[order][np.minimum(places, values.size - 1)]
+    return np.quantile(values, shares, weights=weight, method="inverted_cdf")
 
 
 def raced(
@@ -158,7 +144,7 @@ def raced(
 def given(posterior: Posterior, effects: Sequence[str]) -> Posterior:
     """The posterior if exactly these effects act, each with one strength."""
     race, names = posterior.race, tuple(sorted(effects))
-    fit = race.fits[Hypothesis(())]
+    fit = race.bare
     for name in names:
         hypothesis = Hypothesis(tuple(sorted((*fit.hypothesis.names, name))))
         added = race.fits.get(hypothesis) or race.with_effect(fit, name, log_prior(race, hypothesis))

@@ -1,9 +1,9 @@
 """Priors and limits of the race: every number of the inference stands here, once, with its reason.
 
 P(nothing) = NOTHING; P(all sets of k + 1 effects) = STEP P(all sets of k); sets of one size share alike; what
-no list holds has UNLISTED, half of it mechanisms. A scale sigma of a block of errors is half-Cauchy or
-half-normal, in units of the standard error of a row; a strength psi and a factor f of the scatter are
-log-normal.
+no list holds has UNLISTED, of which mechanisms, where the model declares some, have all but STEP. A scale
+sigma of a block of errors is half-Cauchy or half-normal, in units of the standard error of a row; a strength
+psi and a factor f of the scatter are log-normal.
 """
 
 NOTHING = 0.5  # as likely as not
@@ -12,7 +12,7 @@ STEP = 0.25  # of one more effect
 MOST = 4  # effects at once: more rows than a table has would be needed to tell five
 SPREAD = 0.8  # sd of ln strength about 2/3 of its scale: one in twelve above three times that
 BEYOND = 3.0  # times the largest strength of the list, that a strength may reach
-NEAR = 0.25  # half-Cauchy of levels, sources and batches: most are small, some are large
+NEAR = 0.25  # half-Cauchy of levels and sources, half-normal twice as wide of batches: most are small
 SMALL, LARGE = 0.4, 2.0  # smooth discrepancy: half-normal in every hypothesis, half-Cauchy if unlisted
 DOUBT = 0.35  # sd of ln of the scatter over what is stated, where no repeat checks it
 BAD_ROW, BAD_SD = 0.01, 10.0  # chance that a row is bad, and its sd over its own

@@ -13,7 +13,6 @@ which model holds); Box & Wilson (1951), J. R. Stat. Soc. B 13, 1 (central compo
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from scipy.linalg import hadamard
@@ -37,14 +36,6 @@ PAIRS = 128  # mirrored pairs of outcomes under each explanation: chances within
 
 
 @dataclass(frozen=True)
-class Proposed:
-    """The measurements in the order to be made, or why there are none."""
-
-    state: Literal["decided", "undecidable", "proposed"]
-    experiments: tuple[ExperimentPart, ...] = ()
-
-
-@dataclass(frozen=True)
 class Rival:
     """One explanation and what it expects of every measurement that could be made."""
 
@@ -54,19 +45,21 @@ class Rival:
     covariance: Floats  # (m, m), errors of the measurements included
 
 
-def proposals(posterior: Posterior, laboratory: Laboratory) -> Proposed:
-    """Measurements that would decide between the explanations that are left."""
+def proposals(posterior: Posterior, laboratory: Laboratory) -> tuple[ExperimentPart, ...]:
+    """Measurements that would decide between the explanations that are left, in the order to be made.
+
+    None where the leading one is SURE, or where no measurements decide.
+    """
     weights = explanations(posterior.probability)
     leading = next(iter(weights))
     if sum(p for h, p in posterior.probability.items() if right(leading, h)) >= SURE:
-        return Proposed("decided")
+        return ()
     race, rows = posterior.race, possible(posterior.race.prepared, laboratory.ranges)
     place = elsewhere(race, rows)
     cost = np.array([laboratory.costs.get(name, 1.0) for name in rows.names])
     rivals = [rival(place, race.fits[h], weight, laboratory.repeats) for h, weight in weights.items()]
     design = best_design(rivals, cost)
-    told = tuple(experiment(rows, rivals, at, chance, float(cost[at])) for at, chance in design)
-    return Proposed("proposed" if told else "undecidable", told)
+    return tuple(experiment(rows, rivals, at, chance, float(cost[at])) for at, chance in design)
 
 
 # -- explanations
@@ -74,7 +67,7 @@ def proposals(posterior: Posterior, laboratory: Laboratory) -> Proposed:
 
 def acting(hypothesis: Hypothesis) -> frozenset[str]:
     """What acts: effects, a mechanism, something that is not in the list; of an instrument's zero nothing."""
-    return frozenset((*hypothesis.names, hypothesis.beyond.partition("|")[0])) - {"", "zero"}
+    return frozenset((*hypothesis.names, hypothesis.kind)) - {"", "zero"}
 
 
 def right(told: Hypothesis, true: Hypothesis) -> bool:
@@ -84,9 +77,8 @@ def right(told: Hypothesis, true: Hypothesis) -> bool:
 
 def name_of(hypothesis: Hypothesis) -> str:
     """`a+b`, `none`, `outside_library`; `a(condition)` of a dose that varies, `zero|a` of an instrument."""
-    key, _, rest = hypothesis.beyond.partition("|")
-    varying = f"{key}({rest.rpartition('|')[2]})"
-    told = {"": "", "?": "outside_library", "zero": hypothesis.beyond}.get(key, varying)
+    varying = f"{hypothesis.kind}({hypothesis.along})"
+    told = {"": "", "?": "outside_library", "zero": hypothesis.beyond}.get(hypothesis.kind, varying)
     return "+".join(filter(None, (*hypothesis.names, told))) or "none"
 
 
@@ -94,8 +86,8 @@ def explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypothesis, fl
     """The likeliest explanations, best first, kernels of a dose together; they stand for all others too."""
     found: dict[tuple, tuple[Hypothesis, float]] = {}
     for h, p in sorted(probability.items(), key=lambda item: -item[1]):
-        key = h.names, h.beyond.partition("|")[0]
-        found[key] = found.get(key, (h, 0.0))[0], found.get(key, (h, 0.0))[1] + p
+        likeliest, whole = found.get((h.names, h.kind), (h, 0.0))
+        found[h.names, h.kind] = likeliest, whole + p
     kept = dict(sorted(found.values(), key=lambda each: -each[1])[:MOST])
     leading = next(iter(kept))
 

@@ -241,7 +241,7 @@ class Record:
     cost: CostPart
     law: LawPart | None = None
     held_out: HeldOutPart | None = None
-    experiments: tuple[ExperimentPart, ...] = field(default_factory=tuple)
+    experiments: tuple[ExperimentPart, ...] = ()
     fresh: FreshPart | None = None
 
 

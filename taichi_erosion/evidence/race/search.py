@@ -46,22 +46,18 @@ def of_size(size: int) -> Callable[[Fit], bool]:
     return lambda fit: not fit.hypothesis.beyond and len(fit.hypothesis.names) == size
 
 
-def is_set(fit: Fit) -> bool:
-    """Whether a fit is a plain set of one effect or more."""
-    return bool(fit.hypothesis.names) and not fit.hypothesis.beyond
-
-
 def search(race: Race) -> None:
     """Nothing, singles, sets grown from the best ones, and each beside something that is not in the list."""
-    bare, effects = race.bare(log(NOTHING)), list(race.model.candidates)
+    bare, effects = race.calibrated(log(NOTHING)), list(race.model.candidates)
     add_unlisted(race, bare)
     add_each(race, bare, effects)
     race.tried = True
-    for single in list(filter(of_size(1), race.fits.values())):
+    for single in race.sets(1):
         race.refined(single)
     for size in range(1, min(MOST, len(effects))):
         grow(race, size, effects)
-    best = [fit.hypothesis.names for fit in race.likely(KEEP, is_set)[:3]]
+    plain = race.likely(KEEP, lambda fit: bool(fit.hypothesis.names) and not fit.hypothesis.beyond)
+    best = [fit.hypothesis.names for fit in plain[:3]]
     smaller = [without(names, name) for names in best for name in names]
     for names in sorted({*best, *smaller} - {()}):
         if Hypothesis(names) in race.fits:
@@ -95,7 +91,7 @@ def grow(race: Race, size: int, effects: Sequence[str]) -> None:
     """Sets of one more effect than `size`, from the best of that size, then swaps of the best of them."""
     parents = race.likely(0.1 * KEEP, of_size(size))[: MOST - size]
     if not parents and size == 1:  # two weak ones may be strong together
-        parents = sorted(filter(of_size(1), race.fits.values()), key=lambda fit: -fit.log_evidence)[:2]
+        parents = sorted(race.sets(1), key=lambda fit: -fit.log_evidence)[:2]
     for parent in parents:
         add_each(race, parent, effects)
     refine(race, size + 1, 6)

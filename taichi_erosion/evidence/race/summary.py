@@ -21,7 +21,6 @@ from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.data.repeats import JOINT
 from taichi_erosion.evidence.data.transforms import axis_value, from_scale
 from taichi_erosion.evidence.models.predictor import axis_scale
-from taichi_erosion.evidence.race.blocks import Block
 from taichi_erosion.evidence.race.decision import Decision, decide
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.posterior import Draws, Posterior, quantiles
@@ -49,7 +48,7 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
     """The record of a race."""
     found, race = decision or decide(posterior), posterior.race
     after = told_fit(posterior, found)
-    bare = race.fits[Hypothesis(())]
+    bare = race.bare
     return Record(
         decided=decided(posterior, found),
         effects={name: effect_part(posterior, found, name) for name in race.model.candidates},
@@ -68,17 +67,13 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
 
 def told_fit(posterior: Posterior, found: Decision) -> Fit:
     """The likeliest explanation of exactly what is told; of all of them where a group or no set is told."""
-    share = posterior.probability
     if found.verdict == "none_detected":
-        return posterior.race.fits[Hypothesis(())]
-    able = [
-        h
-        for h in share
-        if {*h.names, *({h.kind} & set(found.inclusion))} == set(found.named) and not h.kind == "?"
-    ]
+        return posterior.race.bare
+    named, effects = set(found.named), set(found.inclusion)
+    able = [h for h in posterior.probability if h.kind != "?" and {*h.names, *({h.kind} & effects)} == named]
     if found.verdict != "present" or not able:
-        able = list(share)
-    return posterior.race.fits[max(able, key=lambda h: share[h])]
+        return posterior.best
+    return posterior.race.fits[max(able, key=lambda h: posterior.probability[h])]
 
 
 def decided(posterior: Posterior, found: Decision) -> Decided:
@@ -140,39 +135,31 @@ def interval(values: Floats, weight: Floats) -> Interval:
 
 def number_parts(posterior: Posterior) -> dict[str, NumberPart]:
     """Every calibrated number if nothing is missing, and averaged over all explanations."""
-    race, (values, weight) = posterior.race, posterior.numbers
-    bare, found = race.fits[Hypothesis(())], {}
-    sd = np.sqrt(np.diag(bare.covariance)) if bare.v.size else np.zeros(0)
-    for j, axis in enumerate(race.prepared.axes):
-        ends = []
-        for shift in (0.0, -ONE_SIDED, ONE_SIDED):
-            v = bare.target.copy()
-            v[j] += shift * sd[j]
-            ends.append(axis_value(axis, race.model.numbers(v)[j]))
+    (values, weight), model, bare = posterior.numbers, posterior.race.model, posterior.race.bare
+    sd, found = np.sqrt(np.diag(bare.covariance)), {}
+    before = np.array([model.unit_values(bare.target + z * sd) for z in (0.0, -ONE_SIDED, ONE_SIDED)])
+    least, most = (model.unit_values(np.full(model.count, z)) for z in (-ONE_SIDED, ONE_SIDED))
+    for j, axis in enumerate(posterior.race.prepared.axes):
         now = interval(values[:, j], weight)
-        prior = [race.model.numbers(np.full(race.model.count, z))[j] for z in (-ONE_SIDED, ONE_SIDED)]
-        width = axis_value(axis, prior[1]) - axis_value(axis, prior[0])
         low, high = (
             axis_value(axis, end) if np.isfinite(end) else np.sign(end) * np.inf
             for end in (axis.low, axis.high)
         )
         tenth = 0.1 * (high - low)
         at_end = bool(np.isfinite(tenth) and not low + tenth < now.value < high - tenth)
-        found[axis.name] = NumberPart(
-            axis_value(axis, 0.0), Interval(*ends), now, (now.high - now.low) / width, at_end
-        )
+        share = (now.high - now.low) / float(most[j] - least[j])
+        told = Interval(*map(float, before[:, j]))
+        found[axis.name] = NumberPart(axis_value(axis, 0.0), told, now, share, at_end)
     return found
 
 
 def effect_part(posterior: Posterior, found: Decision, name: str) -> EffectPart:
     """One candidate, from its explanations and its signature about the bare model."""
-    race, candidate = posterior.race, posterior.race.model.candidates[name]
-    bare, single = race.fits[Hypothesis(())], race.fits.get(Hypothesis((name,)))
-    strength = interval(*posterior.strength(name))
+    race, most = posterior.race, posterior.race.model.candidates[name].maximum
+    bare, single = race.bare, race.fits.get(Hypothesis((name,)))
+    strength, share = interval(*posterior.strength(name)), found.inclusion[name]
     if single is None:
-        return EffectPart(
-            "untestable", found.inclusion[name], strength, nan, 0.0, 1.0, nan, most=candidate.maximum
-        )
+        return EffectPart("untestable", share, strength, nan, 0.0, 1.0, nan, most=most)
     column = race.prepared.white(signature(race, single, name))
     along, gram = bare.evidence.solved.against(column[:, np.newaxis])
     alone = float(column @ (bare.evidence.solved.row_share * column))
@@ -182,22 +169,18 @@ def effect_part(posterior: Posterior, found: Decision, name: str) -> EffectPart:
     absorption = 1.0 - (information / alone) ** 0.5 if alone > 0.0 else 1.0
     limit = max(float(along[0]) / information, 0.0) + ONE_SIDED * sd
     alike = tuple(other for other in found.group if other != name) if name in found.group else ()
-    axes = [
-        h.beyond.rpartition("|")[2]
-        for h, p in posterior.probability.items()
-        if h.beyond.startswith(f"{name}|") and p > 0.5
-    ]
+    varying = [h.along for h, p in posterior.probability.items() if h.kind == name and p > 0.5]
     return EffectPart(
-        status_of(name, found, factor, limit, candidate.maximum, absorption),
-        found.inclusion[name],
+        status_of(name, found, factor, limit, most, absorption),
+        share,
         strength,
         limit,
         factor,
         absorption,
         2.0 * ONE_SIDED * sd,
         alike,
-        axes[0] if axes else "",
-        candidate.maximum,
+        varying[0] if varying else "",
+        most,
     )
 
 
@@ -223,41 +206,28 @@ def status_of(
     return "untestable" if absorption > SURE or limit > most else "open"
 
 
-def blocks_with(draws: Draws) -> Iterator[tuple[Block, slice]]:
-    """Blocks of a fit with their columns."""
-    owner = draws.fit.evidence.solved.rows.block
-    for index, block in enumerate(draws.fit.blocks):
-        at = np.flatnonzero(owner == index)
-        if at.size:
-            yield block, slice(int(at[0]), int(at[-1]) + 1)
-
-
 def level_parts(posterior: Posterior) -> Iterator[LevelPart]:
     """Level and zero of every observable, averaged over all explanations, where more likely off than not."""
     race = posterior.race
     weight = np.concatenate([each.weight for each in posterior.draws])
-    for index, observable in enumerate(race.prepared.rows.observables):
-        if not np.any(race.prepared.rows.which == index):
-            continue
+    for observable, own in race.prepared.by_observable():
+        unit, slope = np.median(race.prepared.sd[own]), np.median(race.prepared.rows.slope[own])
+        usual = "offset" if observable.transform == "identity" else "factor"
         for kind in ("level", "zero"):
+            name = "zero" if kind == "zero" else usual
             sizes = np.concatenate([level_of(each, kind, observable.name) for each in posterior.draws])
-            unit = float(np.median(race.prepared.sd[race.prepared.rows.which == index]))
             chance = float(weight @ (np.abs(sizes) > 0.5)) / float(weight.sum())
             if chance > 0.5:
-                factor = kind == "level" and observable.transform != "identity"
-                values = np.exp(unit * sizes) if factor else unit * sizes
-                if kind == "zero":
-                    slope = race.prepared.rows.slope[race.prepared.rows.which == index]
-                    values = values / float(np.median(slope))
-                name = "factor" if factor else "zero" if kind == "zero" else "offset"
+                values = unit * sizes / (slope if name == "zero" else 1.0)
+                values = np.exp(values) if name == "factor" else values
                 yield LevelPart(observable.name, name, interval(values, weight), chance)
 
 
 def level_of(draws: Draws, kind: str, observable: str) -> Floats:
     """Draws of a level, in standard errors of a row; 0 where an explanation has none."""
-    for block, at in blocks_with(draws):
+    for index, block in enumerate(draws.fit.blocks):
         if block.kind == kind and block.observable == observable:
-            return draws.values[:, at][:, 0]
+            return draws.values[:, int(np.argmax(draws.fit.evidence.solved.rows.block == index))]
     return np.zeros(draws.weight.size)
 
 
@@ -307,16 +277,12 @@ def shared_parts(
 def places(race: Race, bare: Fit) -> Iterator[PlacePart]:
     """Trends of the bare model's residual along every condition, as one more column each (Holm)."""
     rows, found = race.prepared.rows, []
-    scale = bare.evidence.solved
     kept = [b for b in bare.blocks if b.kind != "discrepancy"]
     linear, _ = race.linear(replace(bare, blocks=tuple(kept)))
-    known = dict(zip(scale.rows.scales.names, scale.u, strict=True))
-    u = np.array([known[name] for name in linear.scales.names])
-    stated = linear.blocks
-    u[stated:] = np.minimum(u[stated:], 0.0)
+    u = bare.evidence.solved.scales_of(linear.scales)
+    u[linear.blocks :] = np.minimum(u[linear.blocks :], 0.0)
     solved = linear.solved(u)
-    for index, observable in enumerate(rows.observables):
-        own = rows.which == index
+    for observable, own in race.prepared.by_observable():
         for name, values in rows.conditions.items():
             axis = axis_scale(values[own])
             if axis is None:
@@ -325,8 +291,10 @@ def places(race: Race, bare: Fit) -> Iterator[PlacePart]:
             along, gram = solved.against(column[:, np.newaxis])
             z = float(along[0] / np.sqrt(max(gram[0, 0], 1e-12)))
             found.append((2.0 * float(stats.norm.sf(abs(z))), observable.name, name, 1 if z > 0.0 else -1))
+    least = 0.0  # an adjusted p is no smaller than those before it
     for rank, (p, observable, name, sign) in enumerate(sorted(found)):
-        yield PlacePart(observable, name, sign, min(1.0, p * (len(found) - rank)))
+        least = max(least, min(1.0, p * (len(found) - rank)))
+        yield PlacePart(observable, name, sign, least)
 
 
 def rows_part(race: Race, bare: Fit, after: Fit) -> RowsPart:
@@ -335,10 +303,10 @@ def rows_part(race: Race, bare: Fit, after: Fit) -> RowsPart:
     sd = race.prepared.sd / np.maximum(rows.slope, 1e-300)
     half = np.where(np.isfinite(rows.reach), rows.reach, 0.0)
     for values in (rows.z, rows.z - half, rows.z + half, bare.mean, after.mean):
-        own = np.empty(rows.size)
-        for index, observable in enumerate(rows.observables):
-            own[rows.which == index] = from_scale(observable, values[rows.which == index])
-        columns.append(own)
+        column = np.empty(rows.size)
+        for observable, own in race.prepared.by_observable():
+            column[own] = from_scale(observable, values[own])
+        columns.append(column)
     measured, low, high, before, told = columns
     low, high = np.where(rows.reach == -np.inf, -np.inf, low), np.where(rows.reach == np.inf, np.inf, high)
     return RowsPart(rows.names, rows.conditions, measured, low, high, sd, before, told)

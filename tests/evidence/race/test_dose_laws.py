@@ -57,10 +57,10 @@ def law(exponent: float, seed: int) -> tuple[LawPart, int]:
     problem = Problem(table, {}, (level,), (), value, mechanisms=(Mechanism("pull", -0.9, 10.0),))
     prepared = prepare(problem, table, seed)
     race = Race(prepared, RaceModel(prepared))
-    bare = race.bare(0.0)
+    bare = race.calibrated(0.0)
     kernels = dose_columns(prepared.rows, np.ones(prepared.rows.size, dtype=np.bool_))
-    (pull,) = dosings(race, kernels)
-    fit = pull.fitted(bare)
+    pull = dosings(race, kernels)[0]
+    fit = pull.fitted(bare, bare.w)
     before = race.model.settings
     found = law_of(race, fit)
     assert found is not None

@@ -30,7 +30,7 @@ def test_a_mechanism_is_told_with_its_doses():
     share = posterior.probability
     fit = posterior.race.fits[max(share, key=lambda h: share[h])]
     assert fit.dose is not None
-    assert fit.dose.axis == truth.condition
+    assert fit.hypothesis.along == truth.condition
     true = beyond.doses(truth, posterior.race.prepared.rows.conditions)
     assert np.max(np.abs(from_axis(fit.dose.w) - true)) < 0.35 * np.max(true)
     record = discover_record(RacedStudy(posterior, found))
@@ -42,7 +42,7 @@ def test_a_mechanism_is_told_with_its_doses():
 def test_a_dose_is_zero_where_its_condition_is():
     problem, _ = beyond.draw(CASE)
     rows = raced(problem, 58, most=30).race.prepared.rows
-    kernels = dict(dose_columns(rows, np.ones(rows.size, dtype=np.bool_)))
+    kernels = dose_columns(rows, np.ones(rows.size, dtype=np.bool_))
     dry = rows.conditions["moisture"] == 0.0
     assert dry.any()
     np.testing.assert_allclose(kernels["moisture"][dry], 0.0, atol=1e-6)
