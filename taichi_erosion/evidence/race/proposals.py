@@ -141,7 +141,9 @@ def settings(rows: ComparisonRows, own: Integers, ranges: Mapping[str, tuple[flo
     low, high = np.array([ranges.get(n, each) for n, each in zip(rows.conditions, measured, strict=True)]).T
     middle = np.where(low > 0.0, np.sqrt(np.abs(low * high)), 0.5 * (low + high))
     middle = np.clip([float(f"{each:.2g}") for each in middle], low, high)
-    corners = hadamard(max(16, 2 ** low.size.bit_length()))[:, 1 : low.size + 1]
+    corners = hadamard(max(16, 2 ** low.size.bit_length()))
+    independent = sorted(range(1, len(corners)), key=int.bit_count)  # columns, then their products
+    corners = corners[:, independent[: low.size]]
     share = np.vstack([corners, np.eye(low.size), -np.eye(low.size), np.zeros((1, low.size))])
     design = np.where(share > 0.0, high, np.where(share < 0.0, low, middle))
     inside = np.unique(table[np.all(~stated | ((table >= low) & (table <= high)), axis=1)], axis=0)
