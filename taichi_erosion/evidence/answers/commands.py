@@ -219,7 +219,7 @@ def extend_ladder(study: Study, record: Record) -> None:
     fit, held, before = record.fit, record.held_out, list(study.file.adopted)
     if not files.ladder(study.results, study.digest[:12]):
         files.extend_ladder(study.results, rung(study, before, fit.chi2_before / fit.n, held and held.before))
-    if held is None or held.after < held.before:
+    if record.improves:
         acting = [*before, *record.decided.named]
         files.extend_ladder(study.results, rung(study, acting, fit.chi2_after / fit.n, held and held.after))
 

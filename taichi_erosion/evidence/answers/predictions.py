@@ -103,7 +103,7 @@ def adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tuple[Path,
     for _ in range(LONGEST_CHAIN):
         with open_study(path, options) as study:
             last = files.read_reply(study.results, path.stem, "adopt")
-        if last is None:
+        if last is None or not last.record.improves:
             return path, ()
         if last.about["digest"] != study.digest[:12]:
             return path, last.record.decided.named
@@ -140,7 +140,7 @@ def prediction(posterior: Posterior, wanted: NewConditions, opened: bool = False
 
 def predicted_rows(posterior: Posterior, wanted: NewConditions, chosen: list[int]) -> Iterator[PredictedPart]:
     """Predictions of some of the wanted rows, in the units of the observables."""
-    race, table = posterior.race, posterior.race.prepared.problem.visible()
+    race, table = posterior.race, posterior.race.prepared.problem.measurements
     names, at = [wanted.observable[i] for i in chosen], {k: c[chosen] for k, c in wanted.conditions.items()}
     place = elsewhere(race, new_rows(race.prepared, NewConditions(tuple(names), at)))
     told, fit = forecast(posterior, place), race.bare

@@ -100,15 +100,15 @@ def disagreements(problem: Problem) -> Iterator[SetUpFault]:
     for each in rows.apart:
         gap = table.table_units.value_text(each.observable, each.gap)
         words = (
-            f"{each.observable}: {numbered(each.lines)} are repeats and differ by {gap}"
-            f": check {numbered(each.suspects)}"
+            f"{each.observable}: repeats in {numbered(each.lines)} differ by {gap}: "
+            f"check {numbered(each.suspects)}"
         )
         yield SetUpFault("repeats", each.observable, words, False, tuple(each.suspects))
 
 
 def numbered(lines: Sequence[int]) -> str:
     """`row 17`, `rows 4, 17 and 18`."""
-    *first, last = map(str, lines)
+    *first, last = map(str, dict.fromkeys(lines))
     return f"rows {', '.join(first)} and {last}" if first else f"row {last}"
 
 

@@ -83,6 +83,12 @@ class ComparisonRows:
         )
 
     @property
+    def contradicted(self) -> Bools:
+        """Readings that their own repeats contradict: they wait for a correction and take no part."""
+        off = {(each.observable, *each.suspects) for each in self.apart}
+        return np.array([(name, *own) in off for name, own in zip(self.names, self.lines, strict=True)], bool)
+
+    @property
     def known(self) -> Bools:
         """Rows whose noise is known."""
         return np.isfinite(self.variance)

@@ -80,6 +80,8 @@ def failures_named(name: str, observable: str) -> Iterator[None]:
     try:
         with stdout_to_stderr():
             yield
+    except KeyError as error:
+        raise BadInput(f"model {name} does not know {error}: check [candidates] and [parameters]") from error
     except Exception as error:
         kind = type(error).__name__
         raise SimulationStopped(f"model {name} failed on {observable}: {kind}: {error}") from error

@@ -158,7 +158,8 @@ def bound_predictor(problem: Problem, rows: ComparisonRows) -> Predictor:
 def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem:
     """Everything that is needed before the first fit; the model's own noise is measured at the prior mean.
 
-    Conditions at which the model fails are left out, and so are rows of unknown noise. Raises BadInput.
+    Conditions at which the model fails are left out, and so are rows of unknown noise and readings that
+    their repeats contradict. Raises BadInput.
     """
     rows = comparison_rows(problem, table)
     predictor = bound_predictor(problem, rows)
@@ -179,7 +180,7 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
         words = f"{NO_VALUE} {int(failed.sum())} of {rows.size} conditions; they are left out"
         warnings.append(words)
         rows, variance = rows.rows(~failed), variance[~failed]
-    known = rows.known
+    known = rows.known & ~rows.contradicted
     rows, variance = rows.rows(known), variance[known]
     predictor = predictor.over(rows.observables, rows.which, rows.conditions)
     total = rows.variance + variance / seeds.scoring.size + UNKNOWN_NOISE

@@ -137,9 +137,6 @@ class Race:
         self.large = tuple(unlisted(self.blocks))
         self.zeros = zeros(rows, known, sd)
         self.scatter, self.scatter_scales = scatter_of(self.prepared)
-        alone = {(each.observable, *each.suspects) for each in rows.apart if len(each.suspects) == 1}
-        told = zip(rows.names, rows.lines, strict=True)
-        self.suspect = frozenset(i for i, (name, line) in enumerate(told) if (name, line[0]) in alone)
         self.white = {id(b): self.prepared.white(b.columns) for b in (*self.blocks, *self.large, *self.zeros)}
 
     def linear(self, at: Expansion) -> tuple[LinearRows, float]:
@@ -160,9 +157,9 @@ class Race:
     def solved(self, at: Expansion, steps: int = 8, start: Floats | None = None, fresh: bool = False) -> Fit:
         """The evidence of an expansion; scales from `start`, and with `fresh` from their priors too."""
         rows, extra = self.linear(at)
-        found = evidence(rows, rows.scales.start if start is None else start, steps, self.suspect)
+        found = evidence(rows, rows.scales.start if start is None else start, steps)
         if fresh:
-            other = evidence(rows, rows.scales.start, steps, self.suspect)
+            other = evidence(rows, rows.scales.start, steps)
             found = max(found, other, key=lambda each: each.log_evidence)
         known: dict[str, Any] = {each.name: getattr(at, each.name) for each in fields(Expansion)}
         return Fit(**known, evidence=replace(found, log_evidence=found.log_evidence + extra))

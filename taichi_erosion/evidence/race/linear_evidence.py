@@ -236,13 +236,14 @@ class Evidence:
     log_evidence: float
 
 
-def evidence(rows: LinearRows, u: Floats, steps: int, bad: frozenset[int] = frozenset()) -> Evidence:
-    """Evidence with the rows in `bad` and every one that is likelier bad than not, summed over one more.
+def evidence(rows: LinearRows, u: Floats, steps: int) -> Evidence:
+    """Evidence with every row that is likelier bad than not, summed over one more.
 
     ln(1 + sum_i o L_i), o the odds of a bad row, L_i = (1 + e P_ii)^-1/2 exp(1/2 e a_i^2 / (1 + e P_ii)),
     e its additional variance, P = V^-1, a = P y.
     """
-    most = len(bad) + max(1, rows.y.size // 12)
+    bad: frozenset[int] = frozenset()
+    most = max(1, rows.y.size // 12)
     while True:
         now = with_best_scales(rows.with_bad(bad), u, steps)
         residual, diagonal = now.precision

@@ -244,6 +244,12 @@ class Record:
     experiments: tuple[ExperimentPart, ...] = ()
     fresh: FreshPart | None = None
 
+    @property
+    def improves(self) -> bool:
+        """Whether what is told lowers the misfit, of held-out rows too where there are any."""
+        held = self.held_out
+        return self.fit.chi2_after < self.fit.chi2_before and (held is None or held.after < held.before)
+
 
 @dataclass(frozen=True)
 class PredictedPart:

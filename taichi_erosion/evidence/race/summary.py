@@ -93,7 +93,8 @@ def repeat_parts(race: Race, after: Fit) -> Iterator[RepeatPart]:
     rows = race.prepared.rows
     bad = {(rows.names[i], rows.lines[i][0]) for i in after.evidence.bad}
     for each in rows.apart:
-        found = [line for line in each.suspects if (each.observable, line) in bad]
+        likely = [line for line in each.suspects if (each.observable, line) in bad]
+        found = each.suspects if len(each.suspects) == 1 else likely
         yield RepeatPart(each.observable, each.lines, each.gap, found[0] if len(found) == 1 else 0)
 
 

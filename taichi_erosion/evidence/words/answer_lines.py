@@ -12,6 +12,7 @@ from taichi_erosion.evidence.race.record import ExperimentPart, HeldOutPart, Rec
 from taichi_erosion.evidence.words import data_words, effect_words
 from taichi_erosion.evidence.words import vocabulary as say
 
+HARDER = "Measurements under other conditions test the model harder"
 COMPARED = ("observable", "rows", "rms error", "mean error", "fails along")
 CANDIDATES = ("effect", "status", "strength (90 %)", "probability", "ln Bayes factor alone")
 
@@ -48,19 +49,23 @@ def framed(answer: Answer, record: Record, voc: say.Vocabulary) -> Answer:
     return Answer(missing, holds, following, answer.table)
 
 
-def again(record: Record, command: str, voc: say.Vocabulary) -> str:
+def again(record: Record, command: str, voc: say.Vocabulary, *words: str) -> str:
     """What comes before every other step: rows to be checked, a set-up to be settled."""
     rows = data_words.suspects(record)
     if not rows and data_words.testable(record):
         return ""
     first = f"Correct or confirm {rows} in the table" if rows else "Settle the set-up"
-    return f"{first}, then give {voc.command(command, voc.study)} again"
+    return f"{first}, then give {voc.command(command, voc.study, *words)} again"
 
 
 def compare_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """Whether the calibrated model agrees, and where it fails."""
     first, last = compared(record, voc)
-    missing = first, data_words.errors_line(record, voc), data_words.where_line(record)
+    missing = (
+        first,
+        data_words.errors_line(record, voc, data_words.agrees(record)),
+        data_words.where_line(record),
+    )
     holds = (data_words.numbers_line(record, before=True),)
     table = Table("measured minus model", COMPARED, tuple(data_words.observable_rows(record, voc)))
     following = (f"{again(record, 'compare', voc) or last}.",)
@@ -73,7 +78,7 @@ def compared(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     size = f"misfit per row {plain(fit.chi2_before / fit.n, 2)}, 1 is chance; {say.chance(fit.p_before)}"
     size += "" if isnan(fit.p_lack_of_fit) else f"; against repeats alone {say.chance(fit.p_lack_of_fit)}"
     if data_words.agrees(record):
-        last = f"{voc.command('next', voc.study)} proposes measurements that test the model harder"
+        last = HARDER
         return f"The calibrated model agrees with {rows} ({size}).", last
     places = "" if fit.p_before < say.ADEQUATE else " in places"
     last = f"{voc.command('discover', voc.study)} asks which effect is missing"
@@ -102,8 +107,7 @@ def after_discovery(record: Record, voc: say.Vocabulary) -> str:
         return f"{own} makes an effect of your own; {proposals} asks for more data."
     if verdict == "unstable":
         return f"{voc.command('discover', voc.study)} makes more runs and tests the answer anew."
-    use = "test the model harder" if data_words.agrees(record) else "decide"
-    return f"{proposals} proposes measurements that {use}."
+    return f"{HARDER}." if data_words.agrees(record) else f"{proposals} proposes measurements that decide."
 
 
 def acting_steps(record: Record, voc: say.Vocabulary) -> Iterator[str]:
@@ -127,7 +131,7 @@ def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
         words = f"No held-out row tests {names}: {proposals} proposes measurements that do."
         return framed(Answer((words,), (), (), None), record, voc)
     first, numbers, last = adoption(record, held, voc)
-    following = (f"{again(record, 'adopt', voc) or last}.",)
+    following = (f"{again(record, 'adopt', voc, *held.adopted) or last}.",)
     return framed(
         Answer((first,), (control(held), numbers), following, error_table(record, held)), record, voc
     )
@@ -139,9 +143,14 @@ def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[st
     change = f"from {plain(held.before, 2)} to {plain(held.after, 2)} per row (1 is chance)"
     misfits = {"held-out": held.p_after, "fitted": record.fit.p_after}
     failing = [f"{name} rows ({say.chance(p)})" for name, p in misfits.items() if p < say.ADEQUATE]
-    if not held.after < held.before:
+    if not record.improves:
         last = f"Go on with {voc.study}: {voc.command('next', voc.study)} proposes measurements that decide"
-        return f"With {names} the error of {rows} does not fall: it goes {change}. Do not adopt.", "", last
+        fit = record.fit
+        fitted = (
+            f"of fitted rows from {plain(fit.chi2_before / fit.n, 2)} to {plain(fit.chi2_after / fit.n, 2)}"
+        )
+        first = f"{names} does not make the model better: the error {fitted}, of {rows} {change}"
+        return f"{first}. Do not adopt.", "", last
     if failing:
         last = f"Go on with {voc.written}: {voc.command('discover', voc.written)} asks what else is missing"
         first = f"With {names} the error of {rows} goes {change}, but the model still fails"
@@ -175,7 +184,8 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """The measurements that would decide."""
     keys = list(dict.fromkeys(key for each in record.experiments for key in each.predictions))
     if not keys:
-        words = "No measurement within reach would tell the explanations apart any better: stop here."
+        where = f"[laboratory] of {voc.study} may state wider ranges"
+        words = f"No measurement under the conditions of the table would decide more; {where}."
         if not data_words.testable(record):
             words = "No measurement is proposed: what is said of the set-up comes first."
         return framed(Answer((words,), (), (), None), record, voc)

@@ -23,19 +23,20 @@ def suspects(record: Record) -> str:
 
 def repeats_line(record: Record, voc: say.Vocabulary) -> str:
     """Repeats that disagree grossly: told before everything else."""
-    words = [
-        f"rows {each.rows[0]} and {each.rows[1]} are repeats of {each.observable} and differ by "
-        f"{voc.units.value_text(each.observable, abs(each.difference))}"
-        for each in record.repeats
-    ]
+    words = []
+    for each in record.repeats:
+        rows = list(map(str, dict.fromkeys(each.rows)))
+        are = f"rows {say.joined(rows)} are repeats" if len(rows) > 1 else f"row {rows[0]} has repeats"
+        gap = voc.units.value_text(each.observable, abs(each.difference))
+        words.append(f"{are} of {each.observable} that differ by {gap}")
     return f"Check {suspects(record)} first: {say.told(words)}." if words else ""
 
 
-def errors_line(record: Record, voc: say.Vocabulary) -> str:
-    """Levels, and errors that nobody stated, but for rows that repeats tell of."""
+def errors_line(record: Record, voc: say.Vocabulary, every: bool = True) -> str:
+    """Levels, and of errors that nobody stated `every` one, but for rows that repeats tell of."""
     levels = [each for each in record.levels if each.probability >= SURE]
     known = {str(each.suspect) for each in record.repeats}
-    errors = [each for each in record.errors if each.kind != "row" or each.label not in known]
+    errors = [each for each in record.errors if every and (each.kind != "row" or each.label not in known)]
     words = say.told([error_text(each, voc) for each in (*levels, *errors)])
     return f"Also: {words}.{' Check method, code and unit.' if levels else ''}" if words else ""
 
@@ -119,7 +120,7 @@ def numbers_line(record: Record, before: bool, without: str = "") -> str:
     for path, each in record.numbers.items():
         name = path.rpartition(".")[2] if short.count(path.rpartition(".")[2]) == 1 else path
         words.append(f"{name} {say.interval(each.before if before else each.now, 3)}")
-        if without and not each.before.low <= each.now.value <= each.before.high:
+        if without and (each.now.low > each.before.value or each.before.value > each.now.high):
             was, now, start = (plain(x, 3) for x in (each.before.value, each.now.value, each.start))
             moved.append(f"{name}, {was} before, {now} now (start {start})")
         ends += [name] * each.at_end

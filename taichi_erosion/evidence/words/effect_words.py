@@ -96,7 +96,7 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
     why = f"a name needs {SURE:g}"
     if share >= SURE:
         why = f"among so many candidates one looks as good by chance with {say.chance(decided.familywise)}"
-    best = f"the likeliest, {voc.explanation(likely)}, has probability {say.probability(share)}; {why}"
+    best = f"the likeliest, {voc.explanation(likely)} alone, has probability {say.probability(share)}; {why}"
     return f"No effect is named: {state}. Of all explanations {best}."
 
 
@@ -116,7 +116,7 @@ def status(name: str, record: Record) -> str:
     elif part.probability > LIKELY:
         words = "likely, but not sure"
     elif part.status == "untestable" or not part.unseen_below < part.most:
-        words = "could act unseen at any strength of the list"
+        words = "these measurements cannot see it"
     return f"{words}; not told apart from {say.joined(part.alike, 'or')}" if part.alike else words
 
 

@@ -103,7 +103,7 @@ def test_the_ladder_has_the_errors_before_and_after(replies):
 
 def test_an_effect_that_does_not_act_is_not_adopted(tmp_path):
     found = ask("adopt", write_study(tmp_path, {}), "side_walls")
-    assert "does not fall" in found.answer().lines[0]
+    assert "does not make the model better" in found.answer().lines[0]
     assert "Do not adopt" in found.answer().lines[0]
 
 

@@ -86,9 +86,8 @@ def test_nothing_is_proposed_that_decides_nothing():
     copies = linear_problem({"slope": lambda x: x, "copy": lambda x: x}, {"slope": 0.6})
     record = next_record(raced(copies, 1), Laboratory(ranges={"x": (-3.0, 3.0)}))
     assert record.experiments == ()
-    assert next_answer(record, VOC).lines == (
-        "No measurement within reach would tell the explanations apart any better: stop here.",
-    )
+    (line,) = next_answer(record, VOC).lines
+    assert line.startswith("No measurement under the conditions of the table would decide more")
 
 
 def test_what_is_proposed_lies_within_the_stated_ranges(tmp_path: Path):

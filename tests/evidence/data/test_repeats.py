@@ -123,9 +123,9 @@ def test_a_race_names_the_same_where_one_cell_is_mistyped(laboratory):
         found = raced(each, 1)
         best = max(found.probability, key=lambda hypothesis: found.probability[hypothesis])
         names.append(best)
-    rows, bad = found.race.prepared.rows, found.race.fits[best].evidence.bad
     assert names[0] == names[1]
-    assert [rows.lines[each] for each in bad] == [(row + 2,)]
+    assert (row + 2,) not in found.race.prepared.rows.lines
+    assert [each.suspects for each in found.race.prepared.rows.apart] == [(row + 2,)]
 
 
 def test_one_of_five_pairs_without_a_stated_sd_is_told():

@@ -164,8 +164,8 @@ def test_a_strength_at_the_limit_of_the_list_is_told_and_its_interval_holds_it()
     [
         ({"status": "excluded", "limit": 0.123}, "excluded above 0.12"),
         ({"status": "open", "unseen_below": 0.456}, "could act unseen below 0.46"),
-        ({"status": "open", "unseen_below": nan}, "could act unseen at any"),
-        ({"status": "untestable"}, "could act unseen at any"),
+        ({"status": "open", "unseen_below": nan}, "these measurements cannot see it"),
+        ({"status": "untestable"}, "these measurements cannot see it"),
         ({"status": "better_but_not_sufficient"}, "better than nothing but not sufficient"),
         ({"status": "open", "alike": ("side_walls",)}, "not told apart from side_walls"),
     ],
