@@ -105,7 +105,8 @@ def study_of(tmp_path: Path) -> Callable[[str], Path]:
 
     def copied(name: str) -> Path:
         source = ROOT / "doe" / name
-        shutil.copytree(ROOT / "doe" / "measured", tmp_path / "measured")
+        for folder in ("measured", "wind"):
+            shutil.copytree(ROOT / "doe" / folder, tmp_path / folder)
         for file in source.parent.iterdir():
             if file.is_file():
                 shutil.copy(file, tmp_path)

@@ -167,7 +167,7 @@ def answer_of(
 
 def compare_record(found: RacedStudy) -> Record:
     """Does the calibrated model agree? Everything is as if nothing is missing."""
-    return summary(only(found.posterior.race, lambda h: not h.names and h.kind in ("", "zero")))
+    return summary(only(found.posterior.race, lambda h: not h.names and not h.kind))
 
 
 def discover_record(found: RacedStudy) -> Record:

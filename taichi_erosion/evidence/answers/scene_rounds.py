@@ -47,7 +47,7 @@ def sets(posterior: Posterior) -> Mapping[Acting, float]:
     for hypothesis, p in posterior.probability.items():
         varying = (hypothesis.kind,) if hypothesis.kind in posterior.race.model.candidates else ()
         names = (*hypothesis.names, *varying)
-        if names or hypothesis.kind in ("", "zero", "?"):
+        if names or hypothesis.kind in ("", "?"):
             found[names] = found.get(names, 0.0) + p
     return found
 

@@ -13,7 +13,7 @@ large. f is the scatter over what is stated, narrowed by repeats; a row may be b
     nothing                                     -                                       NOTHING
     a set of 1 to MOST listed effects           their strengths, among v'               STEP for one more
     a mechanism, or a strength that varies      a dose for every set of conditions      UNLISTED, STEP
-    what no list holds; an instrument's zero    a large smooth discrepancy; a column    UNLISTED, STEP
+    what no list holds                          a large smooth discrepancy              UNLISTED, STEP
 
 The evidence of each is the integral over everything unknown: exact over v', u and e, by Laplace's method over
 tau and f. What is said has SURE of the probability of all hypotheses together.

@@ -28,7 +28,7 @@ from taichi_erosion.evidence.models.predictor import axis_scale
 from taichi_erosion.evidence.race.linear_evidence import Scales, scale
 from taichi_erosion.evidence.race.priors import LARGE, LENGTH, NEAR, SMALL
 
-Kind = Literal["level", "zero", "source", "batch", "discrepancy", "unlisted", "dose"]
+Kind = Literal["level", "source", "batch", "discrepancy", "unlisted", "dose"]
 SMOOTHEST = 1e-3  # of the largest variance of a smooth function, below which a part of it is left out
 
 
@@ -83,20 +83,6 @@ def nuisance(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
         if names:
             prior = scale(kind, cauchy=NEAR) if kind == "source" else scale(kind, normal=2.0 * NEAR)
             found.append(Block(kind, "", columns, prior, names))
-    return found
-
-
-def zeros(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
-    """The zero of every instrument that is compared on a logarithmic scale, where it differs from a level."""
-    found = []
-    for index, observable in enumerate(rows.observables):
-        own = rows.which == index
-        fitted = own & known
-        if fitted.sum() > 1 and observable.transform != "identity":
-            shape = rows.slope / float(np.median(rows.slope[fitted]))
-            column = np.where(own, float(np.median(unit[fitted])) * shape, 0.0)
-            name = observable.name
-            found.append(Block("zero", name, column[:, None], scale(f"zero {name}", cauchy=NEAR)))
     return found
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Integers
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.race.blocks import Block, nuisance, unlisted, zeros
+from taichi_erosion.evidence.race.blocks import Block, nuisance, unlisted
 from taichi_erosion.evidence.race.expansion import Acting, RaceModel
 from taichi_erosion.evidence.race.linear_evidence import Evidence, LinearRows, Scales, evidence, scale
 from taichi_erosion.evidence.race.priors import DOUBT, SEED, SPREAD
@@ -37,16 +37,16 @@ class Hypothesis:
     """Effects that act, and what acts beside them that is no effect of constant strength."""
 
     names: Acting
-    beyond: str = ""  # "?" what no list holds, "zero|OBSERVABLE", or "MECHANISM OR EFFECT|CONDITION"
+    beyond: str = ""  # "?" what no list holds, or "MECHANISM OR EFFECT|CONDITION"
 
     @property
     def kind(self) -> str:
-        """Mechanism, effect, "zero" or "?" that acts beside the effects."""
+        """Mechanism, effect or "?" that acts beside the effects."""
         return self.beyond.partition("|")[0]
 
     @property
     def along(self) -> str:
-        """Condition along which a dose varies, or observable whose zero is off."""
+        """Condition along which a dose varies."""
         return self.beyond.partition("|")[2]
 
 
@@ -135,9 +135,8 @@ class Race:
         known = np.ones(rows.size, dtype=np.bool_)
         self.blocks = tuple(nuisance(rows, known, sd))
         self.large = tuple(unlisted(self.blocks))
-        self.zeros = zeros(rows, known, sd)
         self.scatter, self.scatter_scales = scatter_of(self.prepared)
-        self.white = {id(b): self.prepared.white(b.columns) for b in (*self.blocks, *self.large, *self.zeros)}
+        self.white = {id(b): self.prepared.white(b.columns) for b in (*self.blocks, *self.large)}
 
     def linear(self, at: Expansion) -> tuple[LinearRows, float]:
         """Rows of an expansion, and what censored ones add to its evidence."""

@@ -30,7 +30,7 @@ from taichi_erosion.evidence.data.transforms import from_scale, slope
 from taichi_erosion.evidence.models.condition_errors import condition_errors
 from taichi_erosion.evidence.models.new_conditions import NewConditions
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.race.blocks import Block, dose_columns, nuisance, unlisted, zeros
+from taichi_erosion.evidence.race.blocks import Block, dose_columns, nuisance, unlisted
 from taichi_erosion.evidence.race.decision import acts
 from taichi_erosion.evidence.race.doses import dosings
 from taichi_erosion.evidence.race.expansion import RaceModel
@@ -197,8 +197,7 @@ def both_blocks(place: Elsewhere, fit: Fit, both: ComparisonRows, doses: Doses |
     p, n = place.race.prepared, fit.mean.size
     known, unit = np.arange(both.size) < n, np.append(p.sd, np.ones(both.size - n))
     usual = nuisance(both, known, unit)
-    every = (*usual, *unlisted(usual), *zeros(both, known, unit))
-    built = {block.scale.names[0]: block.columns for block in every}
+    built = {block.scale.names[0]: block.columns for block in (*usual, *unlisted(usual))}
     if doses is not None:
         built["dose"] = doses.slope[:, np.newaxis] * doses.factor
     return [replace(block, columns=built[block.scale.names[0]]) for block in fit.blocks]

@@ -151,7 +151,7 @@ def given(posterior: Posterior, effects: Sequence[str]) -> Posterior:
         if added is None:
             raise BadInput(f"{name} changes nothing in this model at the measured conditions")
         fit = added if added.refined else race.refined(added)
-    return only(race, lambda h: h.names == names and h.kind in ("", "zero", "?"))
+    return only(race, lambda h: h.names == names and h.kind in ("", "?"))
 
 
 def only(race: Race, wanted: Callable[[Hypothesis], bool]) -> Posterior:

@@ -66,8 +66,8 @@ def proposals(posterior: Posterior, laboratory: Laboratory) -> tuple[ExperimentP
 
 
 def acting(hypothesis: Hypothesis) -> frozenset[str]:
-    """What acts: effects, a mechanism, something that is not in the list; of an instrument's zero nothing."""
-    return frozenset((*hypothesis.names, hypothesis.kind)) - {"", "zero"}
+    """What acts: effects, a mechanism, something that is not in the list."""
+    return frozenset((*hypothesis.names, hypothesis.kind)) - {""}
 
 
 def right(told: Hypothesis, true: Hypothesis) -> bool:
@@ -76,9 +76,9 @@ def right(told: Hypothesis, true: Hypothesis) -> bool:
 
 
 def name_of(hypothesis: Hypothesis) -> str:
-    """`a+b`, `none`, `outside_library`; `a(condition)` of a dose that varies, `zero|a` of an instrument."""
+    """`a+b`, `none`, `outside_library`; `a(condition)` of a dose that varies."""
     varying = f"{hypothesis.kind}({hypothesis.along})"
-    told = {"": "", "?": "outside_library", "zero": hypothesis.beyond}.get(hypothesis.kind, varying)
+    told = {"": "", "?": "outside_library"}.get(hypothesis.kind, varying)
     return "+".join(filter(None, (*hypothesis.names, told))) or "none"
 
 

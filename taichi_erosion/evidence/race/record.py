@@ -75,7 +75,7 @@ class LevelPart:
     """How far an observable lies from the model at all conditions."""
 
     observable: str
-    kind: Literal["factor", "offset", "zero"]
+    kind: Literal["factor", "offset"]
     size: Interval
     probability: float  # that it is off by more than half a standard error of a row
 

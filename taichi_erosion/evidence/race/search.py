@@ -27,9 +27,7 @@ def log_prior(race: Race, hypothesis: Hypothesis) -> float:
     mechanisms = len(race.prepared.problem.mechanisms)
     if hypothesis.kind:
         beyond = log(UNLISTED * (1.0 - STEP) * STEP**size) - each
-        if hypothesis.kind == "?":
-            return beyond + (log(STEP) if mechanisms else 0.0)
-        return beyond + log(STEP) - log(max(len(race.zeros), mechanisms))
+        return beyond + (log(STEP) if mechanisms else 0.0)
     if not size:
         return log(NOTHING)
     whole = sum(STEP**k for k in range(1, min(MOST, count) + 1))
@@ -79,12 +77,10 @@ def add_each(race: Race, parent: Fit, effects: Sequence[str]) -> None:
 
 
 def add_unlisted(race: Race, parent: Fit) -> None:
-    """A set beside something that is not in the list, and beside the zero of each instrument."""
-    others = {"?": race.large} | {f"zero|{z.observable}": (*race.blocks, z) for z in race.zeros}
-    for key, blocks in others.items():
-        hypothesis = Hypothesis(parent.hypothesis.names, key)
-        if hypothesis not in race.fits:
-            race.beside(parent, key, blocks, log_prior(race, hypothesis))
+    """A set beside something that is not in the list."""
+    hypothesis = Hypothesis(parent.hypothesis.names, "?")
+    if hypothesis not in race.fits:
+        race.beside(parent, "?", race.large, log_prior(race, hypothesis))
 
 
 def grow(race: Race, size: int, effects: Sequence[str]) -> None:

@@ -208,26 +208,23 @@ def status_of(
 
 
 def level_parts(posterior: Posterior) -> Iterator[LevelPart]:
-    """Level and zero of every observable, averaged over all explanations, where more likely off than not."""
+    """Level of every observable, averaged over all explanations, where more likely off than not."""
     race = posterior.race
     weight = np.concatenate([each.weight for each in posterior.draws])
     for observable, own in race.prepared.by_observable():
-        unit, slope = np.median(race.prepared.sd[own]), np.median(race.prepared.rows.slope[own])
-        usual = "offset" if observable.transform == "identity" else "factor"
-        for kind in ("level", "zero"):
-            name = "zero" if kind == "zero" else usual
-            sizes = np.concatenate([level_of(each, kind, observable.name) for each in posterior.draws])
-            chance = float(weight @ (np.abs(sizes) > 0.5)) / float(weight.sum())
-            if chance > 0.5:
-                values = unit * sizes / (slope if name == "zero" else 1.0)
-                values = np.exp(values) if name == "factor" else values
-                yield LevelPart(observable.name, name, interval(values, weight), chance)
+        sizes = np.concatenate([level_of(each, observable.name) for each in posterior.draws])
+        chance = float(weight @ (np.abs(sizes) > 0.5)) / float(weight.sum())
+        if chance > 0.5:
+            name = "offset" if observable.transform == "identity" else "factor"
+            values = np.median(race.prepared.sd[own]) * sizes
+            values = np.exp(values) if name == "factor" else values
+            yield LevelPart(observable.name, name, interval(values, weight), chance)
 
 
-def level_of(draws: Draws, kind: str, observable: str) -> Floats:
+def level_of(draws: Draws, observable: str) -> Floats:
     """Draws of a level, in standard errors of a row; 0 where an explanation has none."""
     for index, block in enumerate(draws.fit.blocks):
-        if block.kind == kind and block.observable == observable:
+        if block.kind == "level" and block.observable == observable:
             return draws.values[:, int(np.argmax(draws.fit.evidence.solved.rows.block == index))]
     return np.zeros(draws.weight.size)
 

@@ -202,7 +202,7 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
 
 def short(key: str) -> str:
     """`a with b`, `no missing effect`."""
-    return say.EXPLANATIONS.get(key) or key.replace("zero|", "a wrong zero of ").replace("+", " with ")
+    return say.EXPLANATIONS.get(key) or key.replace("+", " with ")
 
 
 def experiment_row(found: ExperimentPart, keys: list[str], voc: say.Vocabulary) -> tuple[str, ...]:

@@ -50,7 +50,6 @@ def error_text(found: LevelPart | ErrorPart, voc: say.Vocabulary) -> str:
     return {
         "factor": f"{name} reads {factor_text(found.size)} at all conditions{unit}",
         "offset": f"{name} reads {size} than the model at all conditions",
-        "zero": f"the zero of {name} is off: it reads {size}",
         "scatter": f"the scatter of {name}{f' of {label}' if label else ''} is {times} what is stated",
         "row": f"row {label} reads {name} {size} than it should: check it",
     }.get(found.kind, f"{found.kind} {label} reads {name} {size} than the others")
