@@ -12,7 +12,6 @@ from taichi_erosion.evidence.words.shell import shell_command
 
 if TYPE_CHECKING:
     from taichi_erosion.evidence.answers.files import Reply
-    from taichi_erosion.evidence.data.table_units import TableUnits
     from taichi_erosion.evidence.race import record
 
 MOST_LINES = 8  # of an answer, the set-up included: a screen with its table
@@ -149,27 +148,9 @@ def print_lines(sentences: Iterable[str], lead: str = "") -> None:
         typer.echo(f"{lead}{sentence}")
 
 
-def cost(document: Record) -> str:
-    """Runs, wall time, seed, and the place of the results."""
-    runs, seconds = document.get("runs"), document.get("wall_s")
-    return f"{runs} runs in {seconds:.1f} s, seed {document['seed']}, results beside {document['study']}"
-
-
-def units_of(document: Record) -> "TableUnits":
-    """Units of the study's table, in which numbers are told."""
-    from taichi_erosion.evidence.data.table_units import TableUnits
-
-    return TableUnits.of(document)
-
-
 def number(value: float | None) -> str:
     """Number in three significant digits."""
     return MARK_MISSING if value is None or value != value else plain(value)
-
-
-def interval(low: float | None, high: float | None) -> str:
-    """Both ends of an interval."""
-    return MARK_MISSING if low is None or low != low else f"{number(low)} to {number(high)}"
 
 
 def share(value: float) -> str:

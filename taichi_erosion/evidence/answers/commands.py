@@ -1,9 +1,9 @@
 """Commands of the evidence loop: a study file in, a reply out, which is stored in the results folder.
 
-All of them condition the same race; `record_of` makes its record, each command adds what it was asked for.
+All of them condition the same race: `summary` makes its record, each command adds what it was asked for.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -27,7 +27,7 @@ from taichi_erosion.evidence.answers.set_up import (
     unit_faults,
 )
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
-from taichi_erosion.evidence.data.problem import Laboratory, Problem, Progress
+from taichi_erosion.evidence.data.problem import Laboratory, Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH, is_strength
 from taichi_erosion.evidence.models.adopted_files import Adopted, refuse_foreign_files, write_adopted_files
 from taichi_erosion.evidence.models.load_study import NO_OPTIONS, BudgetName, Study, StudyOptions, load_study
@@ -37,7 +37,7 @@ from taichi_erosion.evidence.race.outlook import held_out_part
 from taichi_erosion.evidence.race.posterior import Posterior, given, only, raced
 from taichi_erosion.evidence.race.proposals import proposals
 from taichi_erosion.evidence.race.record import Decided, Record, RepeatPart
-from taichi_erosion.evidence.race.summary import summary
+from taichi_erosion.evidence.race.summary import decided, summary
 
 
 def no_progress(_: str, __: float) -> None:
@@ -65,7 +65,7 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
     """Where the model fails if nothing is missing. Raises BadInput."""
     start = perf_counter()
     with open_study(path, options) as study:
-        question = Question("compare", asked(bare), lambda found: [found.about_bare], most=1)
+        question = Question("compare", bare, lambda found: [found.about_bare], most=1)
         found, ready = answer_of(study, last_budget(study), question, progress)
         return stored(ready, "compare", found, compare_record(found), start)
 
@@ -76,7 +76,7 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
     with open_study(path, options) as study:
         budget = study.problem.budget.name
         waits = blocked(study.faults)
-        question = discovery_question(study, asked(bare if waits else whole))
+        question = discovery_question(study, bare if waits else whole)
         found, ready = answer_of(study, budget, question, progress)
         record, held = discover_record(found), files.read_reply(study.results, study.path.stem, "adopt")
         if blocked(ready.faults):
@@ -107,7 +107,7 @@ def adopt_study(
         def points(found: RacedStudy) -> list[Any]:
             return [found.about_bare, found.about(given(found.posterior, effects).best)]
 
-        question = Question(f"adopt {' '.join(effects)}", asked(whole), points, names, most=2)
+        question = Question(f"adopt {' '.join(effects)}", whole, points, names, most=2)
         found, ready = answer_of(study, last_budget(study), question, progress)
         record = adopt_record(found.posterior, effects, study.file.study.seed)
         opened = openings(study.results, study.drawn_from)
@@ -126,7 +126,7 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
     """The measurements that would move the posterior. Raises BadInput."""
     start = perf_counter()
     with open_study(path, options) as study:
-        question = replace(discovery_question(study, asked(whole)), name="next", ahead=True, tested=None)
+        question = replace(discovery_question(study, whole), name="next", ahead=True, tested=None)
         found, ready = answer_of(study, last_budget(study), question, progress)
         stated = study.file.laboratory
         laboratory = Laboratory(ranges=dict(stated.ranges), costs=dict(stated.costs), repeats=stated.repeats)
@@ -137,24 +137,15 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
         return stored(ready, "next", found, record, start)
 
 
-def whole(problem: Problem) -> Problem:
-    """The problem as it is."""
-    return problem
+def whole(ready: Study, progress: Progress) -> RacedStudy:
+    """The race of a study."""
+    posterior = raced(ready.problem, ready.file.study.seed, progress=progress)
+    return RacedStudy(posterior, decide(posterior))
 
 
-def bare(problem: Problem) -> Problem:
-    """The problem without anything that could be missing."""
-    return replace(problem, candidates=(), mechanisms=())
-
-
-def asked(of: Callable[[Problem], Problem]) -> Callable[[Study, Progress], RacedStudy]:
-    """The race of a study on some of its problem."""
-
-    def answer(ready: Study, progress: Progress) -> RacedStudy:
-        posterior = raced(of(ready.problem), ready.file.study.seed, progress=progress)
-        return RacedStudy(posterior, decide(posterior))
-
-    return answer
+def bare(ready: Study, progress: Progress) -> RacedStudy:
+    """The race of a study without anything that could be missing."""
+    return whole(replace(ready, problem=replace(ready.problem, candidates=(), mechanisms=())), progress)
 
 
 def answer_of(
@@ -186,10 +177,10 @@ def waiting(decided: Decided) -> Decided:
 def adopt_record(posterior: Posterior, effects: Sequence[str], seed: int) -> Record:
     """The error of fitted and held-out rows with these effects, numbers and strengths as they then are."""
     known = given(posterior, effects)
-    told = replace(decide(known), verdict="present", named=tuple(effects), group=(), mechanisms=())
-    record, race = summary(known, told), summary(posterior)
-    decided = replace(race.decided, verdict="present", named=tuple(effects), group=(), mechanisms=())
-    return replace(record, decided=decided, held_out=held_out_part(known, effects, seed))
+    named, race = tuple(effects), decided(posterior, decide(posterior))
+    acting = {"verdict": "present", "named": named, "group": (), "mechanisms": ()}
+    record = summary(known, replace(decide(known), **acting))
+    return replace(record, decided=replace(race, **acting), held_out=held_out_part(known, named, seed))
 
 
 def adopted_of(record: Record) -> Adopted:

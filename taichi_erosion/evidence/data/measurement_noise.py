@@ -6,7 +6,6 @@ from math import exp, log, nan, sqrt
 import numpy as np
 from scipy import optimize, special, stats
 
-from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.data.repeats import disagreeing, factors, pure_error
 
@@ -16,7 +15,6 @@ LEAST_VARIANCE = 1e-3  # of the typical one, that any sample variance is taken t
 SHAPE_GAIN = 1.0  # ln likelihood by which another way of the scatter must be better
 LEAST_SHAPE = 0.5  # of the typical sd
 LEAST_PRIOR, MOST_PRIOR = 4.0, 1e6  # of nu_0, degrees of freedom of the common level
-UNCHECKED_LOG = 0.2  # mean of ln(true sd / stated sd) where nothing checks it: exponential above 1
 
 
 @dataclass(frozen=True)
@@ -155,31 +153,6 @@ def corrected_by_repeats(variance: Floats, squares: float, between: int, own: fl
     scale = exp(2.0 * float(share @ grid))  # of exp E[ln f]
     p, pure = min(1.0, 2.0 * min(tail, 1.0 - tail)), (squares / scale, float(between))
     return Scatter(variance * scale, float(between), own, factor, p, pure, off)
-
-
-@dataclass(frozen=True)
-class NoiseLevelPrior:
-    """Prior of the factor by which every stated sd may be wrong: a grid and its log weights."""
-
-    factor: Floats
-    log_weight: Floats
-
-
-def noise_level_prior(freedom: float) -> NoiseLevelPrior:
-    """Prior of the factor on the noise level, given the degrees of freedom that measure it.
-
-    Without repeats a stated sd can only be understated: ln f ~ exponential with mean UNCHECKED_LOG. With nu
-    degrees of freedom ln f ~ N(0, 1 / (2 nu)), never wider than UNCHECKED_LOG.
-    """
-    if freedom < LEAST_FREEDOM:
-        grid = np.linspace(0.0, 6.0 * UNCHECKED_LOG, 10)
-        log_weight = -grid / UNCHECKED_LOG
-        log_weight[0] -= log(2.0)  # half a cell at the end of the grid
-    else:
-        sd = min(UNCHECKED_LOG, sqrt(0.5 / freedom))
-        grid = sd * np.linspace(-3.0, 3.0, 9)
-        log_weight = -0.5 * (grid / sd) ** 2
-    return NoiseLevelPrior(np.exp(grid), log_weight - log_sum_exp(log_weight))
 
 
 def unchecked_noise_sentence(freedom: float) -> str:

@@ -1,7 +1,7 @@
-"""A study prepared for inference: comparison rows, bound model, three disjoint sets of seeds, row variances.
+"""A study prepared for the race: comparison rows, bound model, seeds, variances of the rows.
 
-Seeds for fitting, for signatures and for scoring are disjoint: a residual and a signature that share the
-noise of one run correlate by chance, and an effect that does nothing looks present.
+Seeds for fitting and for scoring are disjoint: settings are compared with few seeds that they share, and the
+mean of many others says where they all lie.
 """
 
 from collections.abc import Iterator
@@ -19,24 +19,15 @@ from taichi_erosion.evidence.data.heap_correlation import (
     replicates_of,
 )
 from taichi_erosion.evidence.data.linear_algebra import Whitening, Working, working
-from taichi_erosion.evidence.data.measurement_noise import NoiseLevelPrior, noise_level_prior
-from taichi_erosion.evidence.data.problem import (
-    Bools,
-    Candidate,
-    Floats,
-    Integers,
-    Measurements,
-    Observable,
-    Problem,
-    stronger_candidate,
-)
+from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Measurements, Observable, Problem
 from taichi_erosion.evidence.data.transforms import Axis, adopted_axis, parameter_axis
 from taichi_erosion.evidence.models.condition_errors import ConditionErrors, condition_errors, error_columns
 from taichi_erosion.evidence.models.predictor import Predictor, seed_mean, seed_variance
 
 PROBE_SEEDS = 4  # enough to see whether the model has noise at all, and how much
 NOISE_SHARE = 0.1  # of the laboratory's variance that the simulator's own may reach
-SCORING_FACTOR, SCORING_FACTOR_QUICK = 4, 2  # scoring seeds per fitting seed: scored once, fitted many times
+SCORING_FACTOR = 4  # scoring seeds per fitting seed: scored once, fitted many times
+BARE, EACH = 25, 9  # settings of an answer without candidates, and for each candidate and number
 MOST_FITTING = 16
 NO_VALUE = "the model gives no value at"  # first words of a warning on conditions that are left out
 UNKNOWN_NOISE = 1e-12  # variance where neither side has noise: keeps divisions finite
@@ -47,7 +38,6 @@ class Seeds:
     """Disjoint sets of seeds."""
 
     fitting: Integers
-    signature: Integers
     scoring: Integers
 
 
@@ -61,7 +51,6 @@ class PreparedProblem:
     seeds: Seeds
     seed_variance: Floats  # (n,), of one seed; zero for a model without noise
     variance: Floats  # (n,), of a scored residual: laboratory, numerical, simulated mean
-    doubt: NoiseLevelPrior
     warnings: tuple[str, ...]
     condition_errors: ConditionErrors | None = None  # None: every condition is exact
     heaps: HeapCorrelation | None = None  # None: every row counts as measured on heaps of its own
@@ -69,18 +58,6 @@ class PreparedProblem:
     @property
     def axes(self) -> tuple[Axis, ...]:
         return self.predictor.axes
-
-    @property
-    def quick(self) -> bool:
-        return self.problem.budget.name == "quick"
-
-    @cached_property
-    def low(self) -> Floats:
-        return np.array([axis.low for axis in self.axes])
-
-    @cached_property
-    def high(self) -> Floats:
-        return np.array([axis.high for axis in self.axes])
 
     @cached_property
     def sd(self) -> Floats:
@@ -128,18 +105,6 @@ class PreparedProblem:
             if chosen.any():
                 yield observable, chosen
 
-    def candidate(self, name: str, beyond: bool = False) -> Candidate:
-        """A candidate; with `beyond` one whose strength may exceed the largest that the list allows."""
-        found = next(candidate for candidate in self.problem.candidates if candidate.name == name)
-        return stronger_candidate(found) if beyond else found
-
-    def mask(self, name: str) -> Bools:
-        """Rows in which a candidate can act."""
-        chosen = self.candidate(name).mask
-        if chosen is None:
-            return np.ones(self.rows.size, dtype=np.bool_)
-        return np.broadcast_to(np.asarray(chosen(self.rows.conditions), dtype=np.bool_), self.rows.size)
-
 
 def bound_predictor(problem: Problem, rows: ComparisonRows) -> Predictor:
     """The model over some rows; it is calibrated by the parameters, then the strengths of adopted effects."""
@@ -184,7 +149,6 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
     rows, variance = rows.rows(known), variance[known]
     predictor = predictor.over(rows.observables, rows.which, rows.conditions)
     total = rows.variance + variance / seeds.scoring.size + UNKNOWN_NOISE
-    prior = noise_level_prior(rows.freedom)
     errors = condition_errors(rows)
     return PreparedProblem(
         problem,
@@ -193,7 +157,6 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
         seeds,
         variance,
         total,
-        prior,
         tuple(warnings),
         condition_errors=errors,
         heaps=heaps,
@@ -205,24 +168,20 @@ def draw_seeds(generator: np.random.Generator, count: int) -> Integers:
     return generator.integers(1, 2**31 - 1, size=count).astype(np.int64)
 
 
-def seed_counts(
-    problem: Problem, rows: ComparisonRows, variance: Floats, noisy: bool
-) -> tuple[int, int, int]:
-    """How many seeds fit, make signatures, score.
+def usual_settings(numbers: int, candidates: int) -> int:
+    """Settings of the model that an answer usually takes (80 tables of doe/trials)."""
+    return BARE + EACH * max(numbers, 1) * candidates
 
-    Seeds per fitted setting: until the simulator's variance is NOISE_SHARE of the laboratory's, within the
-    budget for all settings that an analysis visits, scoring seeds included.
+
+def seed_counts(problem: Problem, rows: ComparisonRows, variance: Floats, noisy: bool) -> tuple[int, int]:
+    """How many seeds fit and score: until the simulator's variance is NOISE_SHARE of the laboratory's.
+
+    The runs of a usual answer stay within the budget.
     """
-    if not noisy:
-        return 1, 1, 1
-    quick = problem.budget.name == "quick"
-    p, k = len(problem.parameters) + len(problem.adopted), len(problem.candidates)
-    settings = 10.0 * p + 12.0 * (p + 1) + 5.0 * k + 8.0 * (6.0 * p + 14.0)
-    if quick:
-        settings = 4.0 * (p + 1) + 3.0 * k + 3.0 * (3.0 * p + 8.0)
-    known, count = rows.known, PROBE_SEEDS
-    if known.any():
+    known, count = rows.known, 1
+    if noisy and known.any():
+        numbers = len(problem.parameters) + len(problem.adopted)
         share = float(np.nanmedian(variance[known] / np.maximum(rows.variance[known], UNKNOWN_NOISE)))
-        most = max(2, min(problem.budget.settings(rows.size) / settings, MOST_FITTING))
-        count = int(np.clip(np.ceil(share / NOISE_SHARE), 2, most))
-    return count, count, count * (SCORING_FACTOR_QUICK if quick else SCORING_FACTOR)
+        most = problem.budget.settings(rows.size) / usual_settings(numbers, len(problem.candidates))
+        count = int(np.clip(np.ceil(share / NOISE_SHARE), 2, max(2, min(most, MOST_FITTING))))
+    return count, count * SCORING_FACTOR if noisy else 1

@@ -48,7 +48,7 @@ def decide(posterior: Posterior) -> Decision:
     effects, mechanisms = list(race.model.candidates), [m.name for m in race.prepared.problem.mechanisms]
     inclusion = {name: probability(posterior, [name]) for name in effects}
     beyond = {name: probability(posterior, [name]) for name in mechanisms}
-    none = sum(p for h, p in share.items() if not h.names and not h.kind)
+    none = share.get(Hypothesis(()), 0.0)
     outside = sum(p for h, p in share.items() if not h.names and h.kind in ("?", *mechanisms))
     named = tuple(name for name in effects if inclusion[name] >= SURE)
     group = smallest(posterior, [name for name in effects if name not in named], inclusion, len(effects) // 2)

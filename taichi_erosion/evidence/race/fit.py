@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
+from scipy.special import logsumexp
 
-from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Integers
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.race.blocks import Block, nuisance, unlisted
@@ -309,7 +309,7 @@ class Race:
     def posterior(self) -> dict[Hypothesis, float]:
         """Probability of every hypothesis that was visited."""
         scores = np.array([fit.log_evidence + fit.log_prior for fit in self.fits.values()])
-        share = np.exp(scores - log_sum_exp(scores))
+        share = np.exp(scores - logsumexp(scores))
         return dict(zip(self.fits, map(float, share), strict=True))
 
     def likely(self, least: float, wanted: Callable[[Fit], bool] = lambda _: True) -> list[Fit]:

@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import hadamard
+from scipy.special import logsumexp
 from scipy.stats import norm
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
-from taichi_erosion.evidence.data.linear_algebra import log_sum_exp
 from taichi_erosion.evidence.data.problem import Floats, Integers, Laboratory
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.new_conditions import NewConditions
@@ -172,7 +172,7 @@ def best_design(rivals: Sequence[Rival], cost: Floats) -> list[tuple[int, float]
     while len(told) < min(MOST, valued.size):
         size = np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300)[:, np.newaxis]
         after = score[..., np.newaxis] - 0.5 * (np.log(size) + gap**2 / size)
-        after -= log_sum_exp(after, axis=0)
+        after = after - np.asarray(logsumexp(after, axis=0))
         gain = open_ * (weight[true] @ after[true, every] / (2 * PAIRS) - now)
         at = int(np.argmax(np.where(gain > LEAST, gain / cost[valued], -np.inf)))
         if gain[at] <= LEAST:

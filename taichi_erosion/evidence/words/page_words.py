@@ -11,6 +11,7 @@ from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, j
 
 LEADING = ("discover", "adopt", "compare")  # commands, the one that says most of what is missing first
 SECTIONS = ("What is missing", "Does it hold", "What next", "Methods")
+PREDICTIONS = "Predictions"
 MEASURED, BARE = "measured", "the model as it is"
 RESIDUAL = "measured less predicted"
 CAPTIONS = {

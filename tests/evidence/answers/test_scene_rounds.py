@@ -9,7 +9,7 @@ import pytest
 
 from doe.trials.reduced.families import FAMILIES
 from taichi_erosion.evidence.answers import scene_rounds
-from taichi_erosion.evidence.answers.commands import asked, open_study, whole
+from taichi_erosion.evidence.answers.commands import open_study, whole
 from taichi_erosion.evidence.answers.rounds import answered
 from taichi_erosion.evidence.answers.scene_rounds import RacedStudy, after_test, discovery_question
 from taichi_erosion.evidence.emulator import gaussian_process, training_runs
@@ -41,7 +41,7 @@ def told(path: Path, wrong: bool = False) -> Told:
         patch.setattr(training_runs, "execute", executing(runs))
         if wrong:
             patch.setattr(process, "mean", overstated(process.mean))
-        question = discovery_question(study, asked(whole))
+        question = discovery_question(study, whole)
         found, ready = answered(study, "quick", question, lambda words, share: None)
     return Told(found, runs, ready.simulations or 0)
 

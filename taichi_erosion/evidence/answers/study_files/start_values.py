@@ -8,16 +8,11 @@ from taichi_erosion.evidence.answers.study_files.study_text import MODEL
 from taichi_erosion.evidence.data.number_words import counted
 from taichi_erosion.evidence.emulator.plan_cost import span
 from taichi_erosion.evidence.models.load_study import Study
-from taichi_erosion.evidence.models.prepared_problem import prepare
+from taichi_erosion.evidence.models.prepared_problem import prepare, usual_settings
 
-BARE, EACH, DOSE = 25, 9, 100  # settings: without candidates; each candidate and number; each mechanism
+DOSE = 100  # settings for each mechanism
 MORE = 3  # times as many, below which 9 of 10 of 80 tables of doe/trials stay together, not of each kind
 OVERHEAD = 0.01  # time that the inference takes for a setting [s]
-
-
-def usual_settings(numbers: int, candidates: int) -> int:
-    """Settings of the model that an answer usually takes."""
-    return BARE + EACH * max(numbers, 1) * candidates
 
 
 def evaluations_sentence(study: Study, candidates: int) -> str:
