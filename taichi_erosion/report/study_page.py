@@ -3,18 +3,21 @@
 Answers with the table of the newest one belong together; the others are left out and named.
 """
 
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import marked_html, refuse_foreign, write_atomic
 from taichi_erosion.evidence.answers.files import Command, Reply, document_file, read_reply
+from taichi_erosion.evidence.answers.predictions import read_prediction
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.evidence.words import page_words
 from taichi_erosion.evidence.words.shell import shell_command
 from taichi_erosion.recording.study_recording import StudyPage, record_study
 from taichi_erosion.report.answer_figures import places, row_picture
-from taichi_erosion.report.answer_page import AnswerPage, answer_page, html_page
+from taichi_erosion.report.answer_page import AnswerPage, Section, answer_page, html_page
 from taichi_erosion.report.figure_style import Figure, raster, with_key
 from taichi_erosion.report.markdown import markdown_table
 
@@ -58,7 +61,17 @@ def told(study: Path) -> tuple[AnswerPage, Reply]:
     records = {name: reply.record for name, reply in replies.items()}
     title = first.about["title"] or study.stem
     warnings, notes = (list(filter(None, dict.fromkeys(lines))) for lines in (warnings, notes))
-    return answer_page(title, records, first.vocabulary(), warnings, notes), first
+    page = answer_page(title, records, first.vocabulary(), warnings, notes)
+    return replace(page, sections=[*page.sections, *prediction_sections(study, first)]), first
+
+
+def prediction_sections(study: Path, first: Reply) -> Iterator[Section]:
+    """The last predictions, of the adopted model where there is one, that rest on the table of the page."""
+    stems = dict.fromkeys((Path(first.about.get("written", study)).stem, study.stem))
+    stored = (read_prediction(folder_of(study), stem) for stem in stems)
+    for found in [each for each in stored if each and each.about["digest"] == first.about["digest"]][:1]:
+        answer = found.answer()
+        yield Section(page_words.PREDICTIONS, answer.lines, [answer.table] if answer.table else [], [])
 
 
 def stored_replies(study: Path) -> tuple[Replies, list[Command]]:

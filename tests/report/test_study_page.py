@@ -9,6 +9,7 @@ import pytest
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.commands import adopt_study, compare_study, discover_study, next_study
 from taichi_erosion.evidence.answers.commands import no_progress as silent
+from taichi_erosion.evidence.answers.predictions import predict_study
 from taichi_erosion.recording.readback import read_chunks
 from taichi_erosion.report import write_recording, write_report
 from tests.evidence.small_study import write_study
@@ -62,6 +63,17 @@ def test_an_answer_to_an_older_table_is_left_out_and_told(study):
     told = "Left out, for they rest on another version of the table: answers of "
     assert told + "<code>adopt</code>, <code>compare</code> and <code>next</code>." in first_screen(page)
     assert "The error falls" not in page.read_text("utf-8")
+
+
+def test_the_last_predictions_of_the_adopted_model_stand_on_the_page(study):
+    assert "<h2>Predictions</h2>" not in write_report(study).read_text("utf-8")
+    conditions = study.with_name("wanted.csv")
+    conditions.write_text("moisture,diameter\n0.007,3e-4\n", "utf-8")
+    told = predict_study(study, conditions, silent).answer()
+    page = write_report(study).read_text("utf-8").partition("<h2>Predictions</h2>")[2]
+    assert "Predicted by the adopted model, with liquid_bridge" in page
+    assert told.table is not None
+    assert all(cell in page for row in told.table.rows for cell in row)
 
 
 def test_a_page_of_somebody_else_is_not_replaced(study):
