@@ -75,8 +75,9 @@ def least_misfit(prepared: PreparedProblem, x: Floats, acting: Mapping[str, floa
     """Misfit + prior of a hypothesis after recalibration, from the numbers x."""
     candidates = {each.name: each for each in prepared.problem.candidates}
     scale = np.array([1.0] * x.size + [candidates[name].prior_scale for name in acting])
-    low = np.append(prepared.low, np.zeros(len(acting))) / scale
-    high = np.append(prepared.high, [candidates[name].maximum for name in acting]) / scale
+    ends = [(axis.low, axis.high) for axis in prepared.axes]
+    ends += [(0.0, candidates[name].maximum) for name in acting]
+    low, high = np.reshape(ends, (-1, 2)).T / scale
 
     def residual(position: Floats) -> Floats:
         numbers, strengths = np.split(position * scale, [x.size])
