@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 MOST_LINES = 8  # of an answer, the set-up included: a screen with its table
 MOST_CHANGES = 5  # of one column, told one by one
 TIDY = "_tidy.csv"  # end of the name of a table that `study new` wrote
-NUMBERS = ("number", "start", "if nothing is missing", "now", "prior left")
+NUMBERS = ("number", "start", "if nothing is missing", "now", "of its prior left")
 LIMITS = ("candidate", "excluded above (95 %)", "could act unseen below", "imitated by calibration")
 
 

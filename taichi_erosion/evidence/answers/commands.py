@@ -157,8 +157,9 @@ def answer_of(
 
 
 def compare_record(found: RacedStudy) -> Record:
-    """Does the calibrated model agree? Everything is as if nothing is missing."""
-    return summary(only(found.posterior.race, lambda h: not h.names and not h.kind))
+    """Does the calibrated model agree? All but the probabilities is as if nothing is missing."""
+    record = summary(only(found.posterior.race, lambda h: not h.names and not h.kind))
+    return replace(record, decided=decided(found.posterior, found.decision))
 
 
 def discover_record(found: RacedStudy) -> Record:

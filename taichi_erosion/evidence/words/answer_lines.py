@@ -164,7 +164,8 @@ def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[st
 def control(held: HeldOutPart) -> str:
     """What a random other effect does, and how unseen the rows are."""
     end = ", no worse: these rows do not tell which acts" if held.wrong <= held.after else ""
-    words = f"Control: with {held.wrong_effect}, drawn at random, it is {plain(held.wrong, 2)} per row{end}."
+    size = f"{plain(held.wrong, 2)} per row"
+    words = f"Control: another effect drawn at random, {held.wrong_effect}, gives {size}{end}."
     seen = f"The held-out rows have been opened {held.opened} times: they are no longer unseen."
     return " ".join([*([] if isnan(held.wrong) else [words]), *([seen] if held.opened > 1 else [])])
 

@@ -1,9 +1,10 @@
 """The record of an answer as a JSON document: plain tables, null for what is not known."""
 
 from dataclasses import asdict
+from math import nan
 from typing import Any
 
-from taichi_erosion.evidence.race.record import EffectPart, HeldOutPart, Record
+from taichi_erosion.evidence.race.record import EffectPart, HeldOutPart, Interval, Record
 from taichi_erosion.measures.result import without_nan
 
 
@@ -44,10 +45,9 @@ def document(record: Record) -> dict[str, Any]:
 
 
 def effect(part: EffectPart) -> dict[str, Any]:
-    """One candidate; the upper end of an excluded strength is what 95 % lie below."""
-    found, strength = asdict(part), part.strength
-    high = part.limit if part.status == "excluded" else strength.high
-    return found | {"strength": strength.value, "strength_low": strength.low, "strength_high": high}
+    """One candidate; an excluded one lies between 0 and what 95 % lie below."""
+    told = Interval(nan, 0.0, part.limit) if part.status == "excluded" else part.strength
+    return asdict(part) | {"strength": told.value, "strength_low": told.low, "strength_high": told.high}
 
 
 def vault(held: HeldOutPart) -> dict[str, Any]:

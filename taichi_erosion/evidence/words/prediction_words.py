@@ -61,7 +61,8 @@ def check_line(rows: str, check: CheckPart) -> str:
 def outside_line(found: PredictionPart) -> str:
     """How many predictions nothing checks."""
     count = sum(bool(row.outside) for row in found.rows)
-    words = f"{count} of {counted(len(found.rows), 'prediction')} lie outside the measured conditions"
+    lie = "lies" if count == 1 else "lie"
+    words = f"{count} of {counted(len(found.rows), 'prediction')} {lie} outside the measured conditions"
     return f"{words}: nothing checks the model there." if count else ""
 
 
