@@ -14,9 +14,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from taichi_erosion.evidence.answers.files import Reply
+    from taichi_erosion.evidence.answers.predictions import PredictionReply
     from taichi_erosion.evidence.data.table_units import TableUnits
     from taichi_erosion.evidence.race.record import ExperimentPart, LawPart, Record
     from taichi_erosion.report.figure_style import Figure
+
+PREDICTED = ("model", "value", "low", "high", "measured_low", "measured_high", "unit", "outside")  # columns
 
 
 @dataclass(frozen=True, repr=False)
@@ -179,19 +182,27 @@ class PredictionResult(Result):
 
     @property
     def table(self) -> "pd.DataFrame":
-        """Predictions in the units of the observables, one row each, conditions as the table had them.
+        """Predictions in the units of the study's table, one row each, conditions as they were asked.
 
         `low` and `high` are the 90 % interval of what many repeats give on average, `measured_low` and
         `measured_high` that of one measurement; `model` is the calibrated model alone.
         """
-        from taichi_erosion.evidence.words.prediction_words import outside_text
+        return prediction_table(self.reply)
 
-        keys = ("model", "value", "low", "high", "measured_low", "measured_high", "unit")
-        return frame(
-            {"observable": row.observable, **row.conditions, **{key: getattr(row, key) for key in keys}}
-            | {"outside": outside_text(row)}
-            for row in self.reply.record.rows
-        )
+
+def prediction_table(reply: "PredictionReply") -> "pd.DataFrame":
+    """Predictions with their conditions, as `PredictionResult.table` and a CSV have them."""
+    from taichi_erosion.evidence.words.prediction_words import outside_text
+
+    units = reply.units
+    rows = (
+        {"observable": row.observable}
+        | {heading(name, unit): row.conditions[name] for name, unit in row.condition_units.items()}
+        | {key: units.value(row.observable, getattr(row, key)) for key in PREDICTED[:-2]}
+        | {"unit": unit_of(units, row.observable), "outside": outside_text(row)}
+        for row in reply.record.rows
+    )
+    return frame(rows, columns=("observable", *PREDICTED))
 
 
 def experiment_row(found: "ExperimentPart", units: "TableUnits") -> dict[str, Any]:

@@ -57,6 +57,15 @@ def test_experiments_and_a_page_follow(wet):
     assert wet.report().read_text("utf-8").count("<h2>") == 4
 
 
+def test_predictions_are_in_the_units_of_the_table(wet):
+    asked = {"diameter [µm]": [200.0, 300.0], "moisture [%]": [0.5, 0.9]}
+    table = wet.predict(asked).table
+    assert table[list(asked)].to_dict("list") == asked
+    assert set(table["unit"]) == {"cm/s"}
+    assert table["value"].between(table["low"], table["high"]).all()
+    assert table["value"].between(10.0, 60.0).all()  # cm/s: sand of this size, moist
+
+
 def test_a_data_frame_is_a_table(tmp_path):
     diameters, thresholds = [0.1, 0.2, 0.4, 0.8], [14.0, 17.0, 24.0, 34.0, 14.5, 17.4, 23.6, 34.7]
     table = pd.DataFrame({"diameter [mm]": 2 * diameters, "threshold_u_star [cm/s]": thresholds})
