@@ -53,6 +53,7 @@ def test_a_discovery_lists_the_likeliest_candidate_first_and_adoption_lowers_the
 
 
 def test_experiments_and_a_page_follow(wet):
+    wet.compare()
     assert {"observable", "unit", "chance", "cost"} <= set(wet.next().table.columns)
     assert wet.report().read_text("utf-8").count("<h2>") == 4
 
