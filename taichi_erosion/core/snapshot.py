@@ -19,7 +19,6 @@ class Status(IntEnum):
     NOT_FINITE = 3  # a coordinate is NaN or infinite
     ENERGY = 4  # mechanical energy appeared
     OVERFLOW = 5  # a list was too short; the host enlarges it and continues
-    RESTITUTION = 6  # a first impact missed the stated coefficient of restitution
     COUNT = 7  # grains or mass are missing
     AIR = 9  # the pressure solve did not converge
 

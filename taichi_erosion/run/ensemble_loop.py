@@ -9,7 +9,7 @@ import numpy as np
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.run import Report
-from taichi_erosion.run.sanity_checks import count_failure, impacts_of, restitution_failure
+from taichi_erosion.run.sanity_checks import count_failure
 from taichi_erosion.run.stages import (
     ROUNDING,
     ReplicaState,
@@ -22,7 +22,6 @@ from taichi_erosion.run.stages import (
 )
 from taichi_erosion.scene import Scene
 from taichi_erosion.simulation import Simulation, advance, energies, failure, statuses
-from taichi_erosion.simulation.first_impacts import Impact
 
 ENERGY_RISE = 0.05  # of the mechanical energy above rest, in one check interval, that stops a replica [1]
 PROGRESS_INTERVAL = 0.2  # s of wall time
@@ -40,7 +39,6 @@ class EnsembleRun:
     checks: int = 0  # check intervals done
     grain_steps: float = 0.0  # released grains times steps
     sums: Floats = field(default_factory=lambda: np.zeros((0, 6)))  # of simulation.energies
-    impacts: list[Impact] = field(default_factory=list)  # of every pair of materials, before the first step
     lifting_energies: Floats = field(init=False)  # J, by replica; see `lifting_energy`
 
     def __post_init__(self) -> None:
@@ -60,7 +58,6 @@ class EnsembleRun:
 def run_ensemble(ensemble: EnsembleRun, callbacks: list[Callback]) -> None:
     """Advance all replicas to their ends, check by check."""
     sim, interval = ensemble.sim, ensemble.check_interval
-    ensemble.impacts = impacts_of(sim, ensemble.scenes)
     for replica, state in enumerate(ensemble.states):
         if state.stage < 0:
             begin_stage(sim, ensemble.scenes[replica], replica, state, ensemble.time)
@@ -82,13 +79,9 @@ def run_ensemble(ensemble: EnsembleRun, callbacks: list[Callback]) -> None:
 
 
 def check_replica(ensemble: EnsembleRun, replica: int, state: ReplicaState) -> None:
-    """Sanity checks, then tilt, frames and the end of the stage; restitution is checked once."""
+    """Sanity checks, then tilt, frames and the end of the stage."""
     sim, scene, now = ensemble.sim, ensemble.scenes[replica], ensemble.time
-    state.failure = (
-        state.failure
-        or (restitution_failure(ensemble.impacts, replica, scene, now) if ensemble.checks == 1 else None)
-        or energy_failure(ensemble, replica, state)
-    )
+    state.failure = state.failure or energy_failure(ensemble, replica, state)
     if state.failure is not None:
         return
     tilt_gravity(sim, scene, replica, state, now)

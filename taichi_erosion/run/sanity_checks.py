@@ -1,35 +1,11 @@
-"""Sanity checks of a running replica: restitution, grain count, mass; messages of failures."""
+"""Sanity checks of a running replica: grain count, mass; messages of failures."""
 
 import numpy as np
 
 from taichi_erosion.core.snapshot import Failure, Status
-from taichi_erosion.scene import Scene
-from taichi_erosion.scene.preparation.limits import expected_speed
 from taichi_erosion.simulation import Simulation, snapshot
-from taichi_erosion.simulation.first_impacts import Impact, first_impacts
 
-RESTITUTION_ERROR = 0.1  # that stops a run: four times the largest of the shipped scenes, 0.024 [1]
-SPEED_LEAST = 1e-2  # m s-1, of an impact where nothing falls
 MASS_ERROR = 1e-5  # of the sum of all masses; they are stored in single precision [1]
-
-
-def impacts_of(sim: Simulation, scenes: list[Scene]) -> list[Impact]:
-    """First impacts of all replicas, at the largest speed that each scene expects."""
-    return first_impacts(sim, [max(expected_speed(scene), SPEED_LEAST) for scene in scenes])
-
-
-def restitution_error(impact: Impact) -> float:
-    """Coefficient of restitution found minus stated [1]; with adhesion only an excess counts."""
-    error = impact.found - impact.stated
-    return max(error, 0.0) if impact.adhesive else abs(error)
-
-
-def restitution_failure(impacts: list[Impact], replica: int, scene: Scene, time: float) -> Failure | None:
-    """Failure where a pair misses its coefficient of restitution and the time step is not forced."""
-    wrong = [i for i in impacts if i.replica == replica and not restitution_error(i) <= RESTITUTION_ERROR]
-    if not wrong or scene.run.force_time_step:
-        return None
-    return Failure(Status.RESTITUTION, time, -1, -1, wrong[0].found)
 
 
 def count_failure(sim: Simulation, replica: int, time: float) -> Failure | None:
@@ -58,7 +34,6 @@ LIKELY_CAUSES = {
     Status.NOT_FINITE: "a parameter is not a number, or forces grew without bound: shorten the time step",
     Status.ENERGY: "the time step is too long for the stiffest contact",
     Status.OVERFLOW: "lists could not grow: out of memory",
-    Status.RESTITUTION: "the time step is too long for impacts at this speed",
     Status.COUNT: "an error of this program: please report it",
     Status.AIR: "the wind crosses more than a cell between two exchanges: lower wind.look_steps",
     Status.RUNNING: "",
@@ -74,7 +49,6 @@ def failure_message(failure: Failure, seed: int) -> str:
         Status.AIR: "the pressure of the air was not found",
         Status.NOT_FINITE: f"grain {failure.grain} has a coordinate that is not a number",
         Status.ENERGY: f"mechanical energy grew by {failure.value:.3g} of itself between two checks",
-        Status.RESTITUTION: f"an impact gave back {failure.value:.3g} of its speed, not what is stated",
         Status.COUNT: f"grain {failure.grain} is missing, or not all mass is there ({failure.value:.3g})",
     }.get(failure.status, failure.status.name.lower())
     likely = LIKELY_CAUSES[failure.status]
