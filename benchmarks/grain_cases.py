@@ -15,8 +15,8 @@ import numpy as np
 from benchmarks.roofline import step_bytes
 from benchmarks.setups import LAWS, SOIL, bed_setup, filled_funnel, lattice_bed
 from benchmarks.stage_times import copy_bandwidth, stage_times
+from benchmarks.vector_width import packed_width
 from benchmarks.wind_cases import blowing_patch
-from taichi_erosion.core.compiler_target import packed_width
 from taichi_erosion.core.setup import Arch, Floats, Numerics, Setup
 from taichi_erosion.core.transfer import NUMBER_BYTES, device_fields, inner_shape
 from taichi_erosion.grains.neighbour_list import ENGAGED

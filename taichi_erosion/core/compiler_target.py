@@ -7,10 +7,8 @@ changes it.
 
 The table `llvm::X86SubTypeKV` is data, rows of 80 bytes {address of the name, 32 bytes of features, 32 of
 tuning, address of the instruction schedule}. Before the first `ti.init` the row `generic` receives
-features, tuning and schedule of a row that the processor satisfies: those of `znver3`, 256 bits wide. A
-processor that carries 512 bits out at once (FULL_WIDTH) receives the features of `icelake-server` with the
-tuning of `znver3`; others split such an instruction in two, which gains nothing. No formula changes and
-fast-math stays off: results keep their bits.
+features, tuning and schedule of `znver3`, 256 bits wide, where the processor has its features. No formula
+changes and fast-math stays off: results keep their bits.
 
 All of it is checked first: Linux on x86-64, this version of Taichi, the size of the table, the name that
 LLVM itself gives to the processor, and the processor's features. Where a check fails, nothing is changed.
@@ -23,10 +21,8 @@ import ctypes
 import mmap
 import os
 import platform
-import re
 import struct
 import sys
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
@@ -40,24 +36,11 @@ TAICHI = (1, 7, 4)
 UNKNOWN = "generic"  # name that LLVM gives to a processor that it does not know
 NAME_FUNCTION = b"_ZN4llvm3sys14getHostCPUNameEv"
 TABLE = b"_ZN4llvm12X86SubTypeKVE"
-ROW, FEATURES, TUNING = 80, 8, 40  # bytes of a row, and where its features and its tuning begin
+ROW, FEATURES = 80, 8  # bytes of a row, and where what follows its name begins
 TABLE_BYTES = 86 * ROW  # LLVM 15.0.4
 SYMBOL = np.dtype([("name", "<u4"), ("kind", "<u4"), ("value", "<u8"), ("size", "<u8")])
-WIDE = "znver3"  # row whose features and tuning suit 256 bits
+WIDE = "znver3"  # row that suits 256 bits
 WIDE_FLAGS = {"avx2", "fma", "bmi1", "bmi2", "f16c", "abm", "movbe", "adx"}  # as /proc/cpuinfo names them
-WIDEST = "icelake-server"  # row whose features suit 512 bits
-WIDEST_FLAGS = WIDE_FLAGS | set(
-    "avx512f avx512bw avx512cd avx512dq avx512vl avx512ifma avx512vbmi avx512_vbmi2 avx512_vnni "
-    "avx512_bitalg avx512_vpopcntdq gfni vaes vpclmulqdq".split()
-)
-# processors whose arithmetic is 512 bits wide, by maker and family: ranges of models. AMD Zen 5 but not its
-# mobile models (32 to 47, 96 to 111), which split 512 bits in two: EPYC 9005, Threadripper 9000, Ryzen 9000
-FULL_WIDTH = {("AuthenticAMD", 26): (range(0x20), range(0x40, 0x50))}
-PACKED_ROOTS = {  # machine code of a packed square root by bits of its vectors
-    512: rb"\x62[\x00-\xff][\x7c\xfd]\x48\x51",
-    256: rb"\xc5[\x7c\x7d\xfc\xfd]\x51",
-    128: rb"\xc5[\x78\xf8]\x51",
-}
 
 
 class StringRef(ctypes.Structure):
@@ -118,11 +101,10 @@ def compiler_rows() -> tuple[str, dict[str, int]]:
     return ctypes.string_at(named.data, named.length).decode(), rows
 
 
-def write_row(target: int, features: int, tuning: int) -> None:
-    """Give a row the features of one row and the tuning and schedule of another, by their addresses."""
+def write_row(target: int, source: int) -> None:
+    """Give a row the features, tuning and schedule of another, by their addresses."""
     library = ctypes.CDLL(None, use_errno=True)
-    content = ctypes.string_at(features + FEATURES, TUNING - FEATURES)
-    content += ctypes.string_at(tuning + TUNING, ROW - TUNING)
+    content = ctypes.string_at(source + FEATURES, ROW - FEATURES)
     first = (target + FEATURES) & ~(mmap.PAGESIZE - 1)
     length = target + ROW - first
     for access in (mmap.PROT_READ | mmap.PROT_WRITE, mmap.PROT_READ):
@@ -152,23 +134,6 @@ def processor_flags() -> set[str]:
     return set(processor_entries().get("flags", "").split())
 
 
-def is_full_width(entries: Mapping[str, str]) -> bool:
-    """Whether a processor carries an instruction of 512 bits out at once."""
-    try:
-        maker = (entries["vendor_id"], int(entries["cpu family"]))
-        return any(int(entries["model"]) in models for models in FULL_WIDTH.get(maker, ()))
-    except (KeyError, ValueError):
-        return False
-
-
-def widest_rows() -> tuple[str, str] | None:
-    """Rows whose features and whose tuning suit this processor; None where it satisfies none."""
-    flags = processor_flags()
-    if flags >= WIDEST_FLAGS and is_full_width(processor_entries()):
-        return WIDEST, WIDE
-    return (WIDE, WIDE) if flags >= WIDE_FLAGS else None
-
-
 @cache
 def compiler_target() -> str:
     """Name of the processor that kernels are compiled for, once it is the widest that can be had."""
@@ -178,25 +143,9 @@ def compiler_target() -> str:
         return platform.machine()
     try:
         name, rows = compiler_rows()
-        suited = widest_rows() if name == UNKNOWN and KEEP not in os.environ else None
-        if suited:
-            write_row(rows[UNKNOWN], *(rows[one] for one in suited))
-            name = "-".join((UNKNOWN, "as", *dict.fromkeys(suited)))
+        if name == UNKNOWN and KEEP not in os.environ and processor_flags() >= WIDE_FLAGS:
+            write_row(rows[UNKNOWN], rows[WIDE])
+            name = f"{UNKNOWN}-as-{WIDE}"
     except (OSError, ValueError, KeyError, AttributeError, struct.error):
         return platform.machine()
     return name
-
-
-def packed_width() -> int:
-    """Bits of the widest packed square root in the machine code compiled so far; 0 where none is seen."""
-    if sys.platform != "linux":
-        return 0
-    code = b""
-    for line in Path("/proc/self/maps").read_text(encoding="utf-8").splitlines():
-        words = line.split()
-        if "x" in words[1] and len(words) == 5:
-            first, last = (int(bound, 16) for bound in words[0].split("-"))
-            code += ctypes.string_at(first, last - first)
-    return max(
-        (bits for bits, pattern in PACKED_ROOTS.items() if re.search(pattern, code, re.DOTALL)), default=0
-    )

@@ -16,7 +16,6 @@
     numerics        arch, threads, precision; `threads_mean`, the mean number at work, where threads shared
                     replicas; `time_step` for air alone
     limits          time-step limits and softening numbers (grains only), as `run --check` prints them
-    restitution     {pair: {stated, found}}, of the first impacts (grains only)
     convention      of the surface energy (grains only)
     resolved        the scene with all defaults
     effect_digests  {effect: digest of its file}: effects that are not of this package (grains only)

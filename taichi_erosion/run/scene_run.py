@@ -229,7 +229,6 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
     measured = [state.measurements for state in ensemble.states]
     names = dict.fromkeys(name for measurements in measured for name in measurements)
     pooled = {name: pool_beds([found[name] for found in measured if name in found]) for name in names}
-    impacts = [impact for impact in ensemble.impacts if impact.replica == 0]
     return run_document(
         path,
         scene,
@@ -241,7 +240,6 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
         recording=None,
         numerics=numerics | mean_threads(sim.team),
         limits=explained(scene),
-        restitution={i.pair: {"stated": i.stated, "found": i.found} for i in impacts},
         convention=SURFACE_ENERGY_CONVENTION,
         resolved=resolved(scene),
         effect_digests=scene.effect_digests,
