@@ -1,4 +1,4 @@
-"""Sizes of teams: a worker is left out where it costs more than it gives, and comes back to an idle core."""
+"""Sizes of teams: a worker is left out where it costs more than it gives, and is tried again."""
 
 import pytest
 
@@ -9,19 +9,17 @@ LAUNCH = 0.22  # s, beyond the window of a judgement
 
 
 class Machine:
-    """Cores with a clock and a count of idle time, on which launches of one team run."""
+    """Cores with a clock, on which launches of one team run."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, seen: bool = True) -> None:
-        self.now, self.idle, self.team = 100.0, 0.0, Team()
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now, self.team = 100.0, Team()
         monkeypatch.setattr(module.time, "perf_counter", lambda: self.now)
-        monkeypatch.setattr(module, "idle_seconds", lambda: self.idle if seen else None)
 
     def launches(self, seconds: float, free: float, most: int = 2, late: bool = True) -> None:
         """Launches for a time while `free` cores are to be had."""
         for _ in range(round(seconds / LAUNCH)):
             size = team_size(self.team, most)
             self.now += LAUNCH
-            self.idle += LAUNCH * max(free - size, 0.0)
             note_launch(self.team, 1, size, LAUNCH, LAUNCH * min(size, free))
             judge(self.team, 1, size, most, late and size > free)
 
@@ -50,14 +48,8 @@ def test_many_workers_are_left_out_at_once(monkeypatch):
     machine = Machine(monkeypatch)
     machine.launches(LAUNCH, free=9.0, most=16)
     assert team_size(machine.team, 16) == 9
-
-
-def test_a_worker_comes_back_once_a_core_has_been_idle(monkeypatch):
-    machine = Machine(monkeypatch)
-    machine.launches(5.0, free=1.0)
-    assert machine.team.left_out == 1
-    machine.launches(3 * LAUNCH, free=2.0)
-    assert machine.team.left_out == 0
+    machine.launches(10.0, free=16.0, most=16)
+    assert team_size(machine.team, 16) == 16
 
 
 def relapses(machine: Machine, seconds: float, quiet: float) -> int:
@@ -76,14 +68,14 @@ def test_a_program_that_comes_and_goes_is_met_less_and_less_often(monkeypatch):
     assert later <= 2
 
 
-def test_where_idle_cores_are_not_seen_larger_teams_are_tried_less_and_less_often(monkeypatch):
-    machine = Machine(monkeypatch, seen=False)
+def test_larger_teams_are_tried_less_and_less_often_and_come_back_for_good(monkeypatch):
+    machine = Machine(monkeypatch)
     sizes = []
     for _ in range(round(600.0 / LAUNCH)):
         machine.launches(LAUNCH, free=1.0)
         sizes.append(machine.team.left_out == 0)
-    # after 2, 4, 8, 16, 32, then every 60 s of ten minutes
-    assert 12 <= sum(sizes) <= 16
+    # after 1/2, 1, 2, 4, 8, 16, 32, then every 60 s of ten minutes
+    assert 14 <= sum(sizes) <= 18
     machine.launches(module.WAIT_MOST + 1.0, free=2.0)
     assert machine.team.left_out == 0
 
