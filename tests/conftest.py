@@ -6,6 +6,7 @@ import subprocess
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("CI", "true")  # the recording viewer then sends no usage statistics
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
@@ -16,7 +17,7 @@ import pytest
 from hypothesis import settings
 
 from taichi_erosion.core.engine.choice import ENGINES, SWITCH
-from taichi_erosion.core.setup import Numerics
+from taichi_erosion.core.setup import Laws, Numerics, Setup
 
 # no deadline: the cores are shared; the same cases each time: a red test can be repeated
 settings.register_profile("repeatable", deadline=None, derandomize=True, print_blob=False)
@@ -58,19 +59,37 @@ def start_device() -> Iterator[Callable[[Numerics], int]]:
 
 
 @pytest.fixture
-def uneven_teams(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Teams that shrink and grow from one short launch to the next; every third ends at the first wait.
+def in_teams(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Any]]:
+    """Function that gives what `run(simulation)` gives of a setup by one worker, two, and an uneven team.
 
-    The list holds the sizes that there were.
+    The uneven team shrinks and grows from one short launch to the next; every third ends at the first wait.
     """
+    from taichi_erosion import simulation
+    from taichi_erosion.core.device import stop_device
+    from taichi_erosion.simulation import capacities
+
     launches = import_module("taichi_erosion.simulation.advance")
     sizes: list[int] = []
 
-    def size(team: object, most: int) -> int:
+    def uneven(team: object, most: int) -> int:
         sizes.append(1 + len(sizes) % most)
         return sizes[-1]
 
-    monkeypatch.setattr(launches, "team_size", size)
-    monkeypatch.setattr(launches, "spins_most", lambda pace: 0 if len(sizes) % 3 == 0 else 1 << 30)
-    monkeypatch.setattr(launches, "launch_steps", lambda sim: 7 + len(sizes) % 30)
-    return sizes
+    def ends(setup: Setup, laws: Laws, run: Callable[[Any], Any]) -> list[Any]:
+        monkeypatch.setattr(capacities, "PARTITION_GRAINS", len(setup.grains.radius) // 2)
+        sim = simulation.assemble([setup], laws, Numerics("cpu", 2))
+        start, found = simulation.export_state(sim), []
+        for size in (lambda team, most: 1, lambda team, most: most, uneven):
+            monkeypatch.setattr(launches, "team_size", size)
+            if size is uneven:
+                monkeypatch.setattr(
+                    launches, "spins_most", lambda pace: 0 if len(sizes) % 3 == 0 else 1 << 30
+                )
+                monkeypatch.setattr(launches, "launch_steps", lambda sim: 7 + len(sizes) % 30)
+            simulation.import_state(sim, start)
+            found.append(run(sim))
+        stop_device()
+        assert set(sizes) == {1, 2}
+        return found
+
+    return ends

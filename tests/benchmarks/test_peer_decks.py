@@ -44,22 +44,6 @@ Dangerous builds = 0
 Total wall time: 0:00:05
 """  # noqa: W291 LAMMPS ends the rows of its table with a blank
 
-LIGGGHTS_LOG = """\
-LIGGGHTS (Version LIGGGHTS-PUBLIC 3.8.0, compiled 2022-01-26-19:42:32 by buildd, git commit unknown)
-Setting up run at Sat Nov 21 10:32:14 2026
-
-Memory usage per processor = 15.2527 Mbytes
-    Step    Atoms        kinetic       contacts 
-     200    10000  3.2977231e-09         4.3338 
-    1200    10000  8.2664898e-10         4.4158 
-Loop time of 4.32269 on 2 procs for 1000 steps with 10000 atoms, finish time Sat Nov 21 10:32:18 2026
-
-
-Pair  time (%) = 3.9803 (92.0792)
-Neighbor list builds = 1
-Dangerous builds = 0
-"""  # noqa: W291
-
 LOST_ATOMS_LOG = """\
 LAMMPS (29 Sep 2021 - Update 2)
 Step Atoms c_kinetic c_contacts 
@@ -89,13 +73,6 @@ def test_the_rate_of_a_lammps_run_comes_from_its_last_loop():
     assert run.grain_steps_per_s == pytest.approx(10_000 * 1000 / 4.21107)
     assert run.columns["contacts"] == 4.4164
     assert (run.cores, run.steps, run.rebuilds) == (1, 1000, 0)
-
-
-def test_the_rate_of_a_liggghts_run_comes_from_its_last_loop():
-    run = last_run(LIGGGHTS_LOG)
-    assert run.grain_steps_per_s == pytest.approx(10_000 * 1000 / 4.32269)
-    assert run.columns == {"Step": 1200, "Atoms": 10_000, "kinetic": 8.2664898e-10, "contacts": 4.4158}
-    assert (run.cores, run.steps, run.rebuilds) == (2, 1000, 1)
 
 
 def test_a_run_that_lost_grains_has_no_rate():

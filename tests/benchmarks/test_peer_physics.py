@@ -29,7 +29,7 @@ from benchmarks.peers.physics_column import (
     surface_energy,
 )
 from benchmarks.peers.physics_impact import IMPACT, LAWS, speed_left
-from benchmarks.peers.physics_measures import CLOSE, Rest, bed_numbers, close_numbers, depth, touching
+from benchmarks.peers.physics_measures import CLOSE, Rest, bed_numbers, close_numbers, depth
 from benchmarks.peers.physics_pair import pair_numbers
 from taichi_erosion.scene import build_setup
 from tests.verification.contact import adhesion
@@ -57,13 +57,6 @@ def test_a_stack_in_equilibrium_carries_its_weight_by_normal_forces_alone():
     assert found["stress across over along the vertical, normal forces"] == pytest.approx(0.0)
     assert found["contacts of a grain with grains"] == pytest.approx(2.0 * (STACK - 1) / STACK)
     assert found["kinetic energy of a grain, 1e-6 m g d"] == 0.0
-
-
-def test_grains_touch_across_the_sides_of_the_periodic_box():
-    d = SOIL.diameter
-    contacts = touching(np.array([[0.2 * d, d, d], [BED_SIDE - 0.7 * d, d, d], [4 * d, 4 * d, d]]))
-    assert contacts.overlap == pytest.approx([0.1 * d])
-    assert abs(contacts.normal[0]) == pytest.approx([1.0, 0.0, 0.0])
 
 
 def closest(position: Floats) -> float:

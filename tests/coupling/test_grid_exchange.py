@@ -1,7 +1,6 @@
 """A grid of air over a bed: the same bits alone, in company, on two threads, resumed; eddies that start."""
 
 from dataclasses import replace
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -16,7 +15,6 @@ from taichi_erosion.simulation import (
     advance,
     air_profile,
     assemble,
-    capacities,
     export_state,
     import_state,
     snapshot,
@@ -87,21 +85,9 @@ def test_neighbours_and_threads_change_no_bit(alone):
 
 
 @pytest.mark.slow
-def test_workers_that_share_a_bed_under_a_grid_change_no_bit(monkeypatch, request):
-    monkeypatch.setattr(capacities, "PARTITION_GRAINS", len(gridded(1).grains.radius) // 2)
-    sim = assemble([gridded(1)], LAWS, Numerics("cpu", 2))
-    assert sim.capacities.partitions == 2
-    start, ends = export_state(sim), [blow(sim, 0)]
-    import_state(sim, start)
-    sizes = request.getfixturevalue("uneven_teams")
-    ends.append(blow(sim, 0))
-    import_state(sim, start)
-    launches = import_module("taichi_erosion.simulation.advance")
-    monkeypatch.setattr(launches, "team_size", lambda team, most: 1)
-    ends.append(blow(sim, 0))
-    stop_device()
-    assert {1, 2} == set(sizes)
-    assert ends[0] == ends[1] == ends[2]
+def test_workers_that_share_a_bed_under_a_grid_change_no_bit(in_teams):
+    one, two, uneven = in_teams(gridded(1), LAWS, lambda sim: blow(sim, 0))
+    assert one == two == uneven
 
 
 @pytest.mark.slow

@@ -1,8 +1,10 @@
 """Every effect honours the same contract; a new file in effects/ is covered without an edit here."""
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import make_dataclass, replace
+from math import nan
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -49,38 +51,27 @@ def tableless(probe: Probe) -> Iterator[Check]:
     yield Check("one line only", 1.0, 1.0)
 
 
-def twice(params, strength, conditions):
-    return {"pull": 2.0 * strength * params.pull_off}
-
-
-def always(params, strength, conditions):
-    return {"pull": params.pull_off}
-
-
-def rooted(params, strength, conditions):
-    return {"pull": strength * params.pull_off * conditions.get("root_density", 1.0)}
-
-
-def where_moist(conditions):
-    return conditions["moisture"] > 0.0
-
-
 def broken(probe: Probe) -> Iterator[Check]:
     yield Check("a slip", 1.0 / 0.0, 1.0)
 
 
-def ranges() -> type:
-    from dataclasses import make_dataclass
-
-    return make_dataclass(
-        "Params", [("pull_off", float, quantity(1e-7, "N", "without a range"))], frozen=True
-    )
+def of_one(number: Any, name: str = "pull_off") -> type:
+    """A dataclass of one number."""
+    return make_dataclass("Numbers", [(name, float, number)], frozen=True)
 
 
-def boundless() -> type:
-    from dataclasses import make_dataclass
+def in_unit(unit: str) -> type:
+    """Parameters in a unit."""
+    return of_one(quantity(1e-7, unit, "pull-off force", low=0.0, high=1e-3))
 
-    return make_dataclass("State", [("age", float, 0.0)], frozen=True)
+
+def giving(pull: Callable[[float, Mapping[str, float]], float]) -> Effect:
+    """The good effect with another pull for its nominal one, at a strength and under conditions [N]."""
+
+    def constants(params, strength, conditions):
+        return {"pull": params.pull_off * pull(strength, conditions)}
+
+    return replace(GOOD, constants=constants)
 
 
 @ti.func
@@ -95,51 +86,37 @@ def pull_anyway(constants, pair, state_i, state_j):
     return ti.min(state_i.age, 1e-9)
 
 
-def declared(unit: str) -> type:
-    from dataclasses import make_dataclass
-
-    number = quantity(1e-7, unit, "pull-off force", low=0.0, high=1e-3)
-    return make_dataclass("Params", [("pull_off", float, number)], frozen=True)
-
-
-def nothing(params, strength, conditions):
-    return {"pull": 0.0}
-
-
-def not_finite(params, strength, conditions):
-    return {"pull": float("nan")}
-
-
 @ti.func
 def along_the_normal(constants, pair):
     return constants.pull * pair.normal
 
 
+ROOTED = giving(lambda strength, known: strength * known.get("root_density", 1.0))
 BAD: dict[str, Effect] = {
-    "pull_off has the unit 'Nn/fur', which is not known": replace(GOOD, params=declared("Nn/fur")),
-    "pull_off is declared in uN; numbers of an effect are in SI units": replace(GOOD, params=declared("uN")),
-    "got 0, want": replace(GOOD, constants=nothing),
-    "its constants give pull = nan, not a finite number": replace(GOOD, constants=not_finite),
+    "pull_off has the unit 'Nn/fur', which is not known": replace(GOOD, params=in_unit("Nn/fur")),
+    "pull_off is declared in uN; numbers of an effect are in SI units": replace(GOOD, params=in_unit("uN")),
+    "got 0, want": giving(lambda strength, known: 0.0),
+    "its constants give pull = nan, not a finite number": giving(lambda strength, known: nan),
     "act must give one number, the attraction [N]": replace(GOOD, act=along_the_normal),
-    "got 4e-06, want 2e-06": replace(GOOD, constants=twice),
+    "got 4e-06, want 2e-06": giving(lambda strength, known: 2.0 * strength),
     "its table has 1 lines": replace(GOOD, checks=tableless),
     "no line of its table notices that pull_off": replace(GOOD, checks=tableless),
-    "it acts at strength 0": replace(GOOD, constants=always),
-    "pull_off has no range": replace(GOOD, params=ranges()),
+    "it acts at strength 0": giving(lambda strength, known: 1.0),
+    "pull_off has no range": replace(GOOD, params=of_one(quantity(1e-7, "N", "without a range"))),
     "its docstring lacks 'Reference:'": replace(GOOD, doc="Pulls."),
     "it reads 'mosture', which is not among the conditions of a scene; did you mean 'moisture'?": replace(
         GOOD, reads=("mosture",)
     ),
-    "it reads the condition 'root_density', which its entry reads = (...) does not name": replace(
-        GOOD, constants=rooted
+    "it reads the condition 'root_density', which its entry reads = (...) does not name": ROOTED,
+    "it reads the condition 'moisture', which its": replace(
+        GOOD, can_act=lambda conditions: conditions["moisture"] > 0.0, reads=("slope",)
     ),
-    "it reads the condition 'moisture', which its": replace(GOOD, can_act=where_moist, reads=("slope",)),
     "cannot be told: ZeroDivisionError": replace(GOOD, checks=broken),
     "its reach is inf": replace(GOOD, reach=lambda constants, radius: float("inf")),
     "uncertain.colour is none of its parameters": replace(GOOD, uncertain={"colour": 0.5}),
     "uncertain.pull_off = 0.0 is no standard": replace(GOOD, uncertain={"pull_off": 0.0}),
     "prior_scale = 0.0 must lie": replace(GOOD, prior_scale=0.0),
-    "grain_state.age is declared without unit": replace(AGEING, grain_state=boundless()),
+    "grain_state.age is declared without unit": replace(AGEING, grain_state=of_one(0.0, "age")),
     "a state variable is not finite": replace(AGEING, update_state=forget_the_numbers),
     "it acts at strength": replace(AGEING, act=pull_anyway),
     "no line of its table notices that still": replace(AGEING, checks=tableless),
@@ -152,10 +129,7 @@ def test_a_breach_of_the_contract_is_told(sentence, bench):
 
 
 def test_an_effect_may_read_a_condition_that_no_scene_has_by_itself(bench):
-    def grown(params, strength, conditions):
-        return {"pull": strength * params.pull_off * conditions.get("root_density", 1.0)}
-
-    assert breaches(replace(GOOD, constants=grown, reads=("root_density",)), bench) == []
+    assert breaches(replace(ROOTED, reads=("root_density",)), bench) == []
 
 
 def test_a_memory_that_nothing_keeps_is_refused_at_once():

@@ -11,6 +11,7 @@ from ten_records import DISCOVERIES
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.device import start_device, stop_device
+from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.effect_probe import Bench, make_bench
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.effects import load_library
@@ -55,24 +56,16 @@ def discovery(folder: Path, law: LawPart | None) -> str:
     return str(folder / "soil.discover.json")
 
 
-def test_the_scaffold_keeps_the_contract_as_it_is(here, bench, capsys):
-    assert main(["effects", "new", "my_pull"]) == 0
-    assert capsys.readouterr().out.strip() == "my_pull.py"
-    assert breaches(load_library([here / "my_pull.py"])["my_pull"], bench) == []
-
-
-@pytest.mark.parametrize("place", ["pair", "grain", "scene", "instrument"])
-def test_the_scaffold_of_every_place_keeps_the_contract_as_it_is(place, here, bench):
-    assert main(["effects", "new", "mine", "--place", place]) == 0
+@pytest.mark.parametrize(
+    "words", [[], *(["--place", place] for place in ("grain", "scene", "instrument")), ["--with-memory"]]
+)
+def test_the_scaffold_keeps_the_contract_as_it_is(words, here, bench, capsys):
+    assert main(["effects", "new", "mine", *words]) == 0
+    assert capsys.readouterr().out.strip() == "mine.py"
     effect = load_library([here / "mine.py"])["mine"]
-    assert (effect.place, breaches(effect, bench)) == (place, [])
-
-
-def test_the_scaffold_with_a_memory_keeps_the_contract_as_it_is(here, bench):
-    assert main(["effects", "new", "my_memory", "--with-memory"]) == 0
-    effect = load_library([here / "my_memory.py"])["my_memory"]
-    assert effect.grain_state is not None
     assert breaches(effect, bench) == []
+    assert effect.place == (words[1] if words[1:] else "pair")
+    assert (effect.grain_state is None) == (words != ["--with-memory"])
 
 
 def test_an_installed_package_adds_its_effects(here, monkeypatch):
@@ -86,21 +79,20 @@ def test_an_installed_package_adds_its_effects(here, monkeypatch):
     assert load_library()["constant_pull"].title == "constant pull between touching grains"
 
 
-def test_a_discovered_law_becomes_an_effect_that_keeps_the_contract(here, bench):
-    assert main(["effects", "new", "found", "--from-discovery", discovery(here, LAW)]) == 0
-    effect = load_library([here / "found.py"])["found"]
+def found_law(here: Path, law: LawPart) -> Effect:
+    """The effect that is written of a discovered law."""
+    assert main(["effects", "new", "found", "--from-discovery", discovery(here, law)]) == 0
+    return load_library([here / "found.py"])["found"]
+
+
+def test_a_discovered_law_becomes_an_effect_that_gives_what_the_discovery_wrote(here, bench):
+    effect = found_law(here, LAW)
     assert breaches(effect, bench) == []
     assert (effect.reads, effect.mechanism) == (("diameter", "moisture"), "rolling_friction")
-
-
-def test_a_discovered_law_gives_what_the_discovery_wrote(here):
-    main(["effects", "new", "found", "--from-discovery", discovery(here, LAW)])
-    effect = load_library([here / "found.py"])["found"]
     for conditions, dose in LAW.doses:
         assert effect.dose(effect.params(), conditions) == pytest.approx(dose.value)
     assert effect.dose(effect.params(), {"diameter": 1e-4}) == 0.0
-    assert effect.doc is not None
-    assert "D = a (diameter / 0.00025)^p (moisture / 0.02)^q" in effect.doc
+    assert "D = a (diameter / 0.00025)^p (moisture / 0.02)^q" in str(effect.doc)
 
 
 @pytest.mark.parametrize(
@@ -139,8 +131,7 @@ def test_a_law_may_read_a_condition_that_only_its_study_has(here, bench):
     python = 'params.a * (at["colour"] / 2) ** params.p'
     numbers = {"a": Interval(0.5, 0.4, 0.6), "p": Interval(1.0, 0.9, 1.1)}
     strange = replace(LAW, conditions=("colour",), python=python, numbers=numbers, doses=tuple(doses))
-    assert main(["effects", "new", "found", "--from-discovery", discovery(here, strange)]) == 0
-    effect = load_library([here / "found.py"])["found"]
+    effect = found_law(here, strange)
     assert (effect.reads, breaches(effect, bench)) == (("colour",), [])
 
 
@@ -155,7 +146,6 @@ def test_the_library_is_listed_with_what_was_measured_of_each_effect(capsys):
 
 def test_a_law_of_a_force_keeps_the_contract_too(here, capsys):
     """The last test: it starts a device of its own."""
-    law = discovery(here, replace(LAW, mechanism="contact_pull"))
-    assert main(["effects", "new", "found", "--from-discovery", law]) == 0
+    found_law(here, replace(LAW, mechanism="contact_pull"))
     assert main(["effects", "found", "--effect", "found.py"]) == 0
     assert "It keeps the contract of effects." in capsys.readouterr().out

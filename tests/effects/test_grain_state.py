@@ -19,7 +19,6 @@ from taichi_erosion.simulation import (
     Simulation,
     advance,
     assemble,
-    capacities,
     export_bed,
     export_state,
     import_bed,
@@ -173,17 +172,13 @@ def test_a_replica_without_a_memory_moves_as_the_bare_model_beside_one_with_it()
 
 
 @pytest.mark.slow
-def test_workers_that_share_grains_with_a_memory_change_no_bit(monkeypatch, request):
-    monkeypatch.setattr(capacities, "PARTITION_GRAINS", GRAINS // 2)
-    prints = []
-    for threads, team in ((1, None), (2, "uneven_teams")):
-        sizes = request.getfixturevalue(team) if team else [1, 2]
-        sim = start([sticky()], threads)
+def test_workers_that_share_grains_with_a_memory_change_no_bit(in_teams):
+    def aged(sim: Simulation) -> tuple[str, list[float]]:
         advance(sim, [HALF])
-        prints.append((fingerprint(snapshot(sim, 0)), list(state_of(sim, "ageing_pull.age"))))
-        stop_device()
-        assert {1, 2} == set(sizes)
-    assert prints[0] == prints[1]
+        return fingerprint(snapshot(sim, 0)), list(state_of(sim, "ageing_pull.age"))
+
+    one, two, uneven = in_teams(sticky(), LAWS, aged)
+    assert one == two == uneven
 
 
 def test_a_resumed_run_remembers_to_the_last_bit(sim):

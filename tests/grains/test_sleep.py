@@ -16,7 +16,6 @@ from taichi_erosion.simulation import (
     advance,
     air_profile,
     assemble,
-    capacities,
     export_state,
     import_state,
     set_gravity,
@@ -156,20 +155,13 @@ def test_sleep_goes_on_bit_for_bit_when_resumed(nights):
 
 
 @pytest.mark.slow
-def test_workers_that_share_a_sleeping_bed_change_no_bit(monkeypatch, request):
-    monkeypatch.setattr(capacities, "PARTITION_GRAINS", 50)
-    sim = assemble([drowsy(1)], LAWS, Numerics("cpu", 1))
-    advance(sim, [SETTLED])
-    state = lifted(export_state(sim))
-    stop_device()
-    bits = []
-    for threads, team in ((1, None), (2, None), (2, "uneven_teams")):
-        sizes = request.getfixturevalue(team) if team else [1, 2]
-        sim = assemble([drowsy(1)], LAWS, Numerics("cpu", threads))
-        import_state(sim, state)
+def test_workers_that_share_a_sleeping_bed_change_no_bit(in_teams):
+    def woken(sim: Simulation) -> str:
+        advance(sim, [SETTLED])
+        import_state(sim, lifted(export_state(sim)))
         advance(sim, [SETTLED + FALL + SHARED])
         assert 0.2 < asleep(sim).mean() < 0.8
-        bits.append(fingerprint(snapshot(sim, 0)))
-        stop_device()
-        assert {1, 2} == set(sizes)
-    assert bits[0] == bits[1] == bits[2]
+        return fingerprint(snapshot(sim, 0))
+
+    one, two, uneven = in_teams(drowsy(1), LAWS, woken)
+    assert one == two == uneven

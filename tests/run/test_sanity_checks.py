@@ -1,10 +1,17 @@
-"""Messages of failed replicas."""
+"""Grains that are missing, doubled or nowhere, and messages of failed replicas."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from grain_worlds import heap
 
+from taichi_erosion.core.device import stop_device
+from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.core.snapshot import Failure, Status
-from taichi_erosion.run.sanity_checks import failure_message
+from taichi_erosion.run import sanity_checks
+from taichi_erosion.run.sanity_checks import count_failure, failure_message
+from taichi_erosion.simulation import assemble
 
 
 @pytest.mark.parametrize(
@@ -21,3 +28,29 @@ def test_a_failure_is_told_in_one_line_with_place_time_and_cause(end, words):
     said = failure_message(end, 11)
     assert all(word in said for word in ("seed 11", "likely cause", *words))
     assert "\n" not in said
+
+
+def same(state):
+    return state
+
+
+def doubled(state):
+    return replace(state, ident=np.where(state.ident == 7, 6, state.ident))
+
+
+def heavier(state):
+    return replace(state, mass=1.001 * state.mass)
+
+
+def nowhere(state):
+    return replace(state, velocity=np.nan * state.velocity)
+
+
+def test_a_grain_that_is_missing_doubled_or_nowhere_is_noticed(monkeypatch):
+    sim = assemble([heap(20, 1)], Laws(), Numerics("cpu", 1))
+    read, found = sanity_checks.snapshot, []
+    for damage in (same, doubled, heavier, nowhere):
+        monkeypatch.setattr(sanity_checks, "snapshot", lambda *place, change=damage: change(read(*place)))
+        found.append(count_failure(sim, 0, 0.002))
+    stop_device()
+    assert [end and end.status for end in found] == [None, Status.COUNT, Status.COUNT, Status.NOT_FINITE]

@@ -24,6 +24,7 @@ from taichi_erosion.core.setup import ClumpTable, Laws, Numerics, Setup
 from taichi_erosion.core.snapshot import AirProfile, Snapshot, Status
 from taichi_erosion.effects import load_library
 from taichi_erosion.simulation import (
+    Simulation,
     advance,
     air_profile,
     assemble,
@@ -43,14 +44,14 @@ ROLLING = Laws(rolling="elastic_plastic")
 GRAINS = 120
 HALF, WHOLE = 0.0025, 0.005  # s
 FEW = 2e-5  # s, two steps
-BLOWING = Laws(rolling="elastic_plastic", drag="two_limits")
-CALM, BLOWN, WIND = 0.002, 0.005, 0.4  # s, s, m s-1: wind begins, run ends, friction velocity
+CALM, WIND = 0.002, 0.4  # s, m s-1: wind begins, its friction velocity
 SUMS = 1e-12  # of the largest value: rounding of sums over grains and cells, amplified by some collisions
 SINGLE = 1e-3  # likewise in single precision: as many roundings as make 1e-12 in double, 1e4 of them
 FORCES = 1e-6  # of the largest value: what the two ways may differ by; rounding leaves a millionth of that
-on_vulkan = [pytest.mark.gpu, pytest.mark.slow]
-VULKAN = pytest.param(Numerics("vulkan", 1, "f64"), marks=on_vulkan, id="vulkan")
+VULKAN = pytest.param(Numerics("vulkan", 1, "f64"), marks=[pytest.mark.gpu, pytest.mark.slow], id="vulkan")
 devices = pytest.mark.parametrize("numerics", [pytest.param(ON_CPU, id="cpu"), VULKAN])
+
+State = tuple[Snapshot, AirProfile | None]
 
 
 @pytest.fixture(autouse=True)
@@ -59,15 +60,24 @@ def stopped() -> Iterator[None]:
     stop_device()
 
 
-def run(setups: list[Setup], laws: Laws, numerics: Numerics, until: float) -> list[Snapshot]:
-    """States of all replicas at a time; skips where there is no such device."""
+def started(setups: list[Setup], laws: Laws, numerics: Numerics) -> Simulation:
+    """An ensemble at its start; skips where there is no such device."""
     try:
-        sim = assemble(setups, laws, numerics)
+        return assemble(setups, laws, numerics)
     except BadInput as missing:
         pytest.skip(str(missing))
-    advance(sim, [until] * len(setups))
+
+
+def run(setups: list[Setup], laws: Laws, numerics: Numerics, until: float) -> list[State]:
+    """States of all replicas at a time, and the wind over them that sets in on the way."""
+    sim = started(setups, laws, numerics)
+    blows = setups[0].air is not None
+    if blows:
+        set_in(sim, WIND, CALM, until)
+    else:
+        advance(sim, [until] * len(setups))
     assert [failure(sim, r) for r in range(len(setups))] == [None] * len(setups)
-    found = [snapshot(sim, r) for r in range(len(setups))]
+    found = [(snapshot(sim, r), air_profile(sim, r) if blows else None) for r in range(len(setups))]
     stop_device()
     return found
 
@@ -76,6 +86,11 @@ def distance(first: Snapshot, second: Snapshot) -> float:
     """Largest difference of velocities, and of spins times the radius, over the largest velocity [1]."""
     slip, turn = first.velocity - second.velocity, RADIUS * (first.spin - second.spin)
     return float(max(np.abs(slip).max(), np.abs(turn).max()) / np.abs(first.velocity).max())
+
+
+def bits(state: State) -> str:
+    """Equal for equal bits of grains and wind."""
+    return fingerprint(state[0]) + ("" if state[1] is None else state[1].velocity.tobytes().hex())
 
 
 def sticky(count: int, seed: int) -> Setup:
@@ -108,10 +123,7 @@ def ways(request: pytest.FixtureRequest) -> dict[str, Any]:
     advance(sim, [WHOLE] * 4)
     found: dict[str, Any] = {"in partitions": [snapshot(sim, r) for r in range(3)]}
     stop_device()
-    try:
-        sim = assemble(four_heaps(), ROLLING, request.param)
-    except BadInput as missing:
-        pytest.skip(str(missing))
+    sim = started(four_heaps(), ROLLING, request.param)
     for way in ("by grain", "again", "from half way"):
         assert sim is reuse_or_assemble(sim, four_heaps(), ROLLING, request.param)
         if way == "from half way":
@@ -139,9 +151,9 @@ def test_a_number_that_is_none_stops_its_replica_by_name(ways):
     assert (reason.status, reason.grain) == (Status.NOT_FINITE, 3)
 
 
-NOT_NUMBERS = ("not a number", "infinite")  # Mesa takes 0 x for 0, so that these move by one step
 WITH_POWERS = {"liquid_bridge": {}, "restitution_speed": {}}
 WITHOUT_POWERS = {"dry_adhesion": {}, "image_charge": {}}  # Vulkan has no powers of 64-bit floats
+AGEING = {"pull_off": 3e-5, "ageing": 5e-4, "still": 0.02}
 
 
 def with_effects(bare: Setup, **parameters: dict[str, float]) -> Setup:
@@ -152,107 +164,6 @@ def with_effects(bare: Setup, **parameters: dict[str, float]) -> Setup:
         for name, given in sorted(parameters.items())
     ]
     return replace(bare, effects=tuple(effects))
-
-
-@devices
-@pytest.mark.slow
-def test_effects_with_and_without_memory_act_as_in_partitions(numerics):
-    ageing = {"pull_off": 3e-5, "ageing": 5e-4, "still": 0.02}
-    ensemble = [
-        with_effects(heap(60, 1), ageing_pull=ageing),
-        with_effects(heap(60, 1), **(WITH_POWERS if numerics.arch == "cpu" else WITHOUT_POWERS)),
-        heap(60, 1),
-    ]
-    want = run(ensemble, ROLLING, IN_PARTITIONS, WHOLE)
-    found = run(ensemble, ROLLING, numerics, WHOLE)
-    assert max(distance(a, b) for a, b in zip(want, found, strict=True)) < FORCES
-    age, same = (states[0].effect_state["ageing_pull.age"] for states in (want, found))
-    assert age.max() > 0.0
-    assert same == pytest.approx(age, rel=FORCES)
-    assert len({fingerprint(state) for state in found}) == 3, "must have acted"
-
-
-@pytest.mark.gpu
-@pytest.mark.slow
-def test_on_vulkan_effects_with_powers_act_in_single_precision_and_are_refused_in_double():
-    wet = [
-        heap(GRAINS, 1),
-        with_effects(heap(60, 2), **WITH_POWERS),
-        with_effects(heap(61, 3), **WITH_POWERS),
-    ]
-    want = run(wet, ROLLING, Numerics("cpu", 1, "f32"), HALF)
-    found = run(wet, ROLLING, Numerics("vulkan", 1, "f32"), HALF)
-    assert max(distance(a, b) for a, b in zip(want, found, strict=True)) < SINGLE
-    sim = assemble(wet, ROLLING, Numerics("vulkan", 1, "f64"))
-    with pytest.raises(BadInput, match="64-bit floats, which Vulkan lacks"):
-        advance(sim, [HALF] * 3)
-
-
-@devices
-@pytest.mark.parametrize("rolling", ["none", "constant_torque", "elastic_plastic"])
-@pytest.mark.slow
-def test_adhesive_heaps_move_as_in_partitions_with_every_rolling_law(numerics, rolling):
-    laws, ensemble = Laws(normal="jkr", rolling=rolling), [sticky(60, 1), sticky(40, 2)]
-    want = run(ensemble, laws, IN_PARTITIONS, HALF)
-    found = run(ensemble, laws, numerics, HALF)
-    assert max(distance(a, b) for a, b in zip(want, found, strict=True)) < FORCES
-
-
-@devices
-@pytest.mark.slow
-def test_every_small_world_ends_as_in_partitions(numerics):
-    """Meshes, moving walls, periodic boxes, releases, removed walls, and every way to fail."""
-    try:
-        found = run_worlds(numerics)
-    except BadInput as missing:
-        pytest.skip(str(missing))
-    for name, want in run_worlds().items():
-        if numerics.arch == "vulkan" and name in NOT_NUMBERS:
-            ends = want.failure, found[name].failure
-            assert [end and (end.status, end.grain) for end in ends] == [(Status.NOT_FINITE, 0)] * 2, name
-            continue
-        for a, b in zip(want.frames, found[name].frames, strict=True):
-            # velocities of order 0.1 m/s and 50 rad/s; double precision rounds at 1e-16 of that
-            assert b.position == pytest.approx(a.position, rel=1e-9, abs=1e-12, nan_ok=True), name
-            assert b.velocity == pytest.approx(a.velocity, rel=1e-9, abs=1e-9, nan_ok=True), name
-            assert b.spin == pytest.approx(a.spin, rel=1e-9, abs=1e-6, nan_ok=True), name
-        assert repr(found[name].failure) == repr(want.failure), name
-
-
-def under_wind(setups: list[Setup], numerics: Numerics) -> list[tuple[Snapshot, AirProfile]]:
-    """Beds, and the air over them, after some calm and some wind; skips where there is no such device."""
-    try:
-        sim = assemble(setups, BLOWING, numerics)
-    except BadInput as missing:
-        pytest.skip(str(missing))
-    set_in(sim, WIND, CALM, BLOWN)
-    assert [failure(sim, r) for r in range(len(setups))] == [None] * len(setups)
-    found = [(snapshot(sim, r), air_profile(sim, r)) for r in range(len(setups))]
-    stop_device()
-    return found
-
-
-@devices
-@pytest.mark.slow
-def test_beds_and_columns_of_air_move_as_in_partitions_and_repeat_their_bits(numerics):
-    patches = [bed(1), bed(2, 2)]
-    want = under_wind(patches, IN_PARTITIONS)
-    found, again = under_wind(patches, numerics), under_wind(patches, numerics)
-    for (grains_want, air_want), (moved, blown) in zip(want, found, strict=True):
-        assert distance(grains_want, moved) < SUMS
-        fastest = np.abs(air_want.velocity).max()
-        assert np.abs(blown.velocity - air_want.velocity).max() < SUMS * fastest
-        assert blown.void_fraction == pytest.approx(air_want.void_fraction, abs=SUMS)
-    for (moved, blown), (moved_again, blown_again) in zip(found, again, strict=True):
-        assert fingerprint(moved) == fingerprint(moved_again)
-        assert blown.velocity.tobytes() == blown_again.velocity.tobytes()
-
-
-@pytest.mark.slow
-def test_a_bed_under_wind_gives_the_same_bits_alone_and_in_company():
-    ((alone, _),) = under_wind([bed(2, 2)], ON_CPU)
-    company = under_wind([bed(1), bed(2, 2)], ON_CPU)
-    assert fingerprint(company[1][0]) == fingerprint(alone)
 
 
 ARMS = np.array([[1.2, 0.0, 0.1], [-0.9, 0.7, 0.0], [-0.3, -0.7, -0.1]]) * RADIUS  # of a clump's spheres
@@ -283,15 +194,78 @@ def clumps(bodies: int, seed: int) -> Setup:
     return replace(loose, grains=spheres, clumps=table)
 
 
+def acted_on() -> list[Setup]:
+    """The same heap bare, and with effects without and with a memory."""
+    effects = {}, WITHOUT_POWERS, {"ageing_pull": AGEING}
+    return [with_effects(heap(60, 1), **parameters) for parameters in effects]
+
+
+CASES = {  # setups, laws, and what the two ways may differ by over the largest value [1]
+    "effects": (acted_on, ROLLING, FORCES),
+    "clumps": (lambda: [clumps(40, 1), clumps(25, 2)], ROLLING, FORCES),
+    "beds under wind": (lambda: [bed(1), bed(2, 2)], replace(ROLLING, drag="two_limits"), SUMS),
+}
+for rolling in ("none", "constant_torque", "elastic_plastic"):
+    law = Laws(normal="jkr", rolling=rolling)
+    CASES[f"adhesion, {rolling}"] = (lambda: [sticky(60, 1), sticky(40, 2)], law, FORCES)
+
+
+@devices
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.slow
+def test_ensembles_move_as_in_partitions_and_repeat_their_bits_alone_and_in_company(numerics, name):
+    setups, laws, most = CASES[name]
+    want = run(setups(), laws, IN_PARTITIONS, WHOLE)
+    found, again = (run(setups(), laws, numerics, WHOLE) for _ in range(2))
+    (alone,) = run(setups()[-1:], laws, numerics, WHOLE)
+    assert list(map(bits, found)) == list(map(bits, again))
+    assert bits(found[-1]) == bits(alone)
+    assert len(set(map(bits, found))) == len(found), "must have acted"
+    for (grains_want, air_want), (moved, blown) in zip(want, found, strict=True):
+        assert moved.contacts.sum() > 0
+        assert distance(grains_want, moved) < most
+        for variable, numbers in grains_want.effect_state.items():
+            assert moved.effect_state[variable] == pytest.approx(numbers, rel=most)
+        if air_want is not None and blown is not None:
+            fastest = np.abs(air_want.velocity).max()
+            assert np.abs(blown.velocity - air_want.velocity).max() < most * fastest
+            assert blown.void_fraction == pytest.approx(air_want.void_fraction, abs=most)
+
+
+@pytest.mark.gpu
+@pytest.mark.slow
+def test_on_vulkan_effects_with_powers_act_in_single_precision_and_are_refused_in_double():
+    wet = [heap(GRAINS, 1), *(with_effects(heap(n, 2), **WITH_POWERS) for n in (60, 61))]
+    want = run(wet, ROLLING, Numerics("cpu", 1, "f32"), HALF)
+    found = run(wet, ROLLING, Numerics("vulkan", 1, "f32"), HALF)
+    assert max(distance(a, b) for (a, _), (b, _) in zip(want, found, strict=True)) < SINGLE
+    sim = started(wet, ROLLING, Numerics("vulkan", 1, "f64"))
+    with pytest.raises(BadInput, match="64-bit floats, which Vulkan lacks"):
+        advance(sim, [HALF] * 3)
+
+
+NOT_NUMBERS = ("not a number", "infinite")  # Mesa takes 0 x for 0, so that these move by one step
+
+
 @devices
 @pytest.mark.slow
-def test_heaps_of_clumps_move_as_in_partitions_and_repeat_their_bits(numerics):
-    ensemble = [clumps(40, 1), clumps(25, 2)]
-    want = run(ensemble, ROLLING, IN_PARTITIONS, WHOLE)
-    found, again = (run(ensemble, ROLLING, numerics, WHOLE) for _ in range(2))
-    assert all(state.contacts.sum() > 0 for state in want)
-    assert max(distance(a, b) for a, b in zip(want, found, strict=True)) < FORCES
-    assert [fingerprint(a) for a in found] == [fingerprint(a) for a in again]
+def test_every_small_world_ends_as_in_partitions(numerics):
+    """Meshes, moving walls, periodic boxes, releases, removed walls, and every way to fail."""
+    try:
+        found = run_worlds(numerics)
+    except BadInput as missing:
+        pytest.skip(str(missing))
+    for name, want in run_worlds().items():
+        if numerics.arch == "vulkan" and name in NOT_NUMBERS:
+            ends = want.failure, found[name].failure
+            assert [end and (end.status, end.grain) for end in ends] == [(Status.NOT_FINITE, 0)] * 2, name
+            continue
+        for a, b in zip(want.frames, found[name].frames, strict=True):
+            # velocities of order 0.1 m/s and 50 rad/s; double precision rounds at 1e-16 of that
+            assert b.position == pytest.approx(a.position, rel=1e-9, abs=1e-12, nan_ok=True), name
+            assert b.velocity == pytest.approx(a.velocity, rel=1e-9, abs=1e-9, nan_ok=True), name
+            assert b.spin == pytest.approx(a.spin, rel=1e-9, abs=1e-6, nan_ok=True), name
+        assert repr(found[name].failure) == repr(want.failure), name
 
 
 @pytest.mark.slow
@@ -314,7 +288,7 @@ def test_stages_of_more_threads_than_a_device_starts_at_once_give_the_same_bits_
     monkeypatch.setattr(step, "LAUNCH_MOST", 300)
     assert len(list(step.launches(((None, 150), (None, 1000)), 2))) == 1 + 7
     parts = run(ensemble, ROLLING, ON_CPU, HALF)
-    assert [fingerprint(a) for a in whole] == [fingerprint(a) for a in parts]
+    assert list(map(bits, whole)) == list(map(bits, parts))
 
 
 @pytest.mark.gpu
@@ -326,10 +300,7 @@ def test_vulkan_advances_more_list_entries_than_it_starts_threads_at_once():
     state = export_state(collapsing)
     ends = []
     for pairs in (None, 65_536 * 128):
-        try:
-            sim = assemble([heap(GRAINS, 1)], ROLLING, Numerics("vulkan", 1, "f32"))
-        except BadInput as missing:
-            pytest.skip(str(missing))
+        sim = started([heap(GRAINS, 1)], ROLLING, Numerics("vulkan", 1, "f32"))
         reallocate(sim, replace(sim.capacities, pairs=pairs or sim.capacities.pairs))
         import_state(sim, state)
         advance(sim, [HALF + FEW])
@@ -353,13 +324,6 @@ def test_a_resumed_run_and_lists_that_grow_change_no_bit():
     assert energies(sim) == pytest.approx(energy, rel=1e-12)
     advance(sim, [WHOLE])
     assert fingerprint(snapshot(sim, 0)) == end
-
-
-@pytest.mark.slow
-def test_a_replica_gives_the_same_bits_alone_and_in_company():
-    (alone,) = run([heap(GRAINS, 1)], ROLLING, ON_CPU, HALF)
-    company = run([heap(GRAINS // 2, 3), heap(GRAINS, 1)], ROLLING, ON_CPU, HALF)
-    assert fingerprint(company[1]) == fingerprint(alone)
 
 
 def test_what_is_not_there_is_refused_by_name():

@@ -1,11 +1,10 @@
 """A replica gives the same bits alone and in company, on one worker or two, resumed, after lists grew."""
 
 from dataclasses import replace
-from importlib import import_module
 
 import numpy as np
 import pytest
-from grain_worlds import contacts, fingerprint, grains, heap, setup
+from grain_worlds import fingerprint, heap
 
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics, Setup
@@ -22,7 +21,6 @@ from taichi_erosion.simulation import (
     totals,
 )
 from taichi_erosion.simulation.assemble import reallocate
-from taichi_erosion.simulation.capacities import partition_count
 
 LAWS = Laws(rolling="elastic_plastic")
 GRAINS = 120
@@ -112,45 +110,13 @@ def test_lists_that_are_too_short_grow_and_change_no_bit(alone):
     assert end == alone["end"]
 
 
-def test_workers_that_share_a_heap_change_no_bit(monkeypatch, request):
-    monkeypatch.setattr(capacities, "PARTITION_GRAINS", GRAINS // 2)
-    assert partition_count(heap(GRAINS, 1)) == 2
-    sim = assemble([heap(GRAINS, 1)], LAWS, Numerics("cpu", 2))
-    two = ends(sim, HALF)
-    sizes = request.getfixturevalue("uneven_teams")
-    uneven = ends(reuse_or_assemble(sim, [heap(GRAINS, 1)], LAWS, sim.numerics), HALF)
-    launches = import_module("taichi_erosion.simulation.advance")
-    monkeypatch.setattr(launches, "team_size", lambda team, most: 1)
-    one = ends(reuse_or_assemble(sim, [heap(GRAINS, 1)], LAWS, sim.numerics), HALF)
-    stop_device()
-    assert {1, 2} == set(sizes)
+def test_workers_that_share_a_heap_change_no_bit(in_teams):
+    one, two, uneven = in_teams(heap(GRAINS, 1), LAWS, lambda sim: ends(sim, HALF))
     assert one == two == uneven
 
 
 @pytest.mark.slow
-def test_teams_that_change_their_size_change_no_bit(monkeypatch, request):
+def test_two_teams_of_two_change_no_bit(monkeypatch):
     monkeypatch.setattr(capacities, "PARTITION_GRAINS", GRAINS // 2)
     pair = [heap(GRAINS, 1), heap(GRAINS, 2)]
-    one = run(pair, 1, HALF)
-    sizes = request.getfixturevalue("uneven_teams")
-    four = run(pair, 4, HALF)  # two teams of two
-    assert {1, 2} == set(sizes)
-    assert four == one
-
-
-def bed() -> Setup:
-    """Enough grains for two partitions, in contact from the start, stirred at random."""
-    rng = np.random.default_rng(5)
-    axes = np.meshgrid(np.arange(30), np.arange(30), np.arange(10), indexing="ij")
-    sites = np.stack(axes, axis=-1).reshape(-1, 3)
-    place = 0.99e-3 * np.column_stack([sites[:, :2], sites[:, 2] + 0.5])
-    table = grains(place, rng.normal(0.0, 0.02, place.shape), rng.normal(0.0, 20.0, place.shape))
-    return setup(table, law=contacts(rolling=0.1))
-
-
-@pytest.mark.slow
-def test_two_workers_that_share_a_bed_of_nine_thousand_change_no_bit():
-    assert partition_count(bed()) == 2
-    (one,) = run([bed()], 1, 2e-4)
-    (two,) = run([bed()], 2, 2e-4)
-    assert one == two
+    assert run(pair, 4, HALF) == run(pair, 1, HALF)

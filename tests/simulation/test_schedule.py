@@ -17,29 +17,19 @@ def parts(assignment: Schedule) -> list[list[tuple[int, int, int]]]:
 
 
 @given(steps_of_replicas, workers_present)
-def test_every_step_is_assigned_once(steps, workers):
+def test_every_step_is_assigned_once_and_no_worker_meets_a_replica_twice(steps, workers):
     assignment = assign_steps(np.array(steps, np.int32), workers)
     assigned = np.zeros(len(steps), int)
     np.add.at(assigned, np.array(assignment.replica, int), assignment.steps)
     assert assigned.tolist() == steps
     assert len(assignment.replica) <= workers + len(steps)  # the room that the device has
-
-
-@given(steps_of_replicas, workers_present)
-def test_no_worker_meets_the_same_replica_twice(steps, workers):
-    for part in parts(assign_steps(np.array(steps, np.int32), workers)):
+    for part in parts(assignment):
         replicas = [replica for replica, _, _ in part]
         assert len(set(replicas)) == len(replicas)
-
-
-@given(steps_of_replicas, workers_present)
-def test_the_turns_of_a_replica_are_counted_from_nought(steps, workers):
-    assignment = assign_steps(np.array(steps, np.int32), workers)
-    for replica in set(assignment.replica):
-        orders = [
-            order for r, order in zip(assignment.replica, assignment.order, strict=True) if r == replica
-        ]
-        assert sorted(orders) == list(range(len(orders)))
+    orders: dict[int, list[int]] = {}
+    for replica, order in zip(assignment.replica, assignment.order, strict=True):
+        orders.setdefault(replica, []).append(order)
+    assert all(sorted(order) == list(range(len(order))) for order in orders.values())
 
 
 @given(steps_of_replicas, workers_present)

@@ -4,23 +4,10 @@ import numpy as np
 import pytest
 from scene_tables import SCENES
 
-from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
-from taichi_erosion.run import check_scene
 from taichi_erosion.scene import build_setup, load_scene
-from taichi_erosion.scene.load import is_air_scene, load_air_scene
-from taichi_erosion.scene.preparation.air import build_air, inlet_speed, longest_step, surface_height
+from taichi_erosion.scene.preparation.air import inlet_speed, surface_height
 from taichi_erosion.scene.preparation.sizes import mean_cube, nominal_diameter
 from taichi_erosion.scene.schema.air import LogProfile, PowerProfile, TableProfile
-
-
-@pytest.mark.parametrize("name", ["lid_cavity", "channel", "tunnel_section"])
-def test_a_shipped_air_scene_loads_and_builds(name: str):
-    path = SCENES / f"{name}.toml"
-    assert is_air_scene(path)
-    scene = load_air_scene(path, observables=AIR_OBSERVABLES)
-    setup = build_air(scene, scene.run.seed)
-    assert len(setup.faces_z) == setup.cells[2] + 1
-    assert setup.time_step <= longest_step(scene)
 
 
 def test_inlet_profiles_follow_their_laws():
@@ -33,19 +20,6 @@ def test_inlet_profiles_follow_their_laws():
     )
     listed = TableProfile(law="table", heights=(0.0, 0.02), speeds=(0.0, 4.0))
     assert inlet_speed(listed, height, 0.4) == pytest.approx([0.2, 2.0, 4.0])
-
-
-NAMES = ("impact_threshold", "packed_bed", "saltation", "terminal_velocity", "wind_threshold")
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_shipped_scene_under_wind_loads_and_builds(name: str):
-    told = check_scene(SCENES / f"{name}.toml")
-    scene = load_scene(SCENES / f"{name}.toml")
-    setup = build_setup(scene, scene.run.seed)
-    assert setup.air is not None
-    assert setup.coupling.surface < setup.air.high[2]
-    assert told["limits"]["time_step"] == setup.time_step
 
 
 def test_air_may_rise_later_where_only_a_stage_says_so():

@@ -95,11 +95,6 @@ class HeadOn:
         return (5.0 * self.mass * self.speed**2 / (4.0 * self.stiffness)) ** 0.4
 
     @property
-    def force_peak(self) -> float:
-        """K d_max^1.5 [N]."""
-        return self.stiffness * self.overlap_peak**1.5
-
-    @property
     def duration(self) -> float:
         """Contact time of the elastic impact [s]."""
         return DURATION_FACTOR * self.overlap_peak / self.speed

@@ -49,14 +49,6 @@ def test_a_grain_lands_on_another_as_on_a_cap_of_twice_its_radius():
     assert heights.max() / DIAMETER == pytest.approx(1.5, abs=0.01)
 
 
-def test_a_grain_lands_on_the_higher_of_two():
-    heights = landing_heights(
-        bed((0.5, 0.5, 0.5), (0.5, 0.5, 4.0)), DIAMETER * np.array([1.0, 1.0]), DIAMETER
-    )
-    # every place of so small a patch is within 0.71 d of the upper grain
-    assert heights.min() / DIAMETER > 4.0 + sqrt(1.0 - 0.5) - 1e-9
-
-
 def test_the_roughness_of_a_log_law_is_found_again():
     z0, friction = 1e-5, 0.3
     assert roughness(lambda z: friction / KARMAN * log(z / z0), friction, 0.02) == pytest.approx(z0, rel=1e-9)
