@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import one_line_name
+from taichi_erosion.core.files import one_line_name, read_text_file
 from taichi_erosion.scene.checks import air_checks, cross_checks
 from taichi_erosion.scene.file_kind import refuse_other_name, refuse_other_sections
 from taichi_erosion.scene.paths import apply_override
@@ -26,7 +26,6 @@ from taichi_erosion.scene.validation_messages import problem_lines
 
 S = TypeVar("S", Scene, AirScene)
 
-LARGEST_FILE = 4_000_000  # larger than any scene written by people [bytes]
 MOST_TREES = 16  # kept
 MOST_FAULTS = 10  # of a file, told one by one
 HASH_LENGTH = 12  # hexadecimal digits
@@ -89,14 +88,11 @@ def toml_tree(text: str) -> Mapping[str, Any]:
 
 
 def file_text(path: Path, name: str) -> str:
-    """Content of a text file of reasonable size."""
+    """Content of a text file."""
     try:
-        if not path.is_file():
-            raise BadInput(f"{name}: {'is not a file' if path.exists() else 'no such file'}")
-        size = path.stat().st_size
-        if size > LARGEST_FILE:
-            raise BadInput(f"{name}: {size} bytes is too large for a scene; at most {LARGEST_FILE}")
-        return path.read_bytes().decode("utf-8")
+        return read_text_file(path)
+    except FileNotFoundError:
+        raise BadInput(f"{name}: no such file") from None
     except UnicodeDecodeError as error:
         raise BadInput(f"{name}: byte {error.start} is not UTF-8 text") from None
     except (OSError, ValueError) as error:
