@@ -15,7 +15,7 @@ from taichi_erosion.core.files import atomic_file, make_parent, regular_file
 
 Arrays = dict[str, NDArray[Any]]
 
-SCHEMA = "taichi_erosion checkpoint 4"  # raised when the layout of the file, or what a state holds, changes
+SCHEMA = "taichi_erosion checkpoint 5"  # raised when the layout of the file, or what a state holds, changes
 HEAD = "head"  # member that holds the header
 STATE = "state/"  # prefix of the members that hold the arrays
 # what damaged archives and foreign members raise, from the zip layer up to the header

@@ -34,33 +34,18 @@ EXCHANGE = ("residual_momentum", "rise_velocity", "pressure_lift", "through_flow
 GRID_CELLS = ("impulse", "gradient")
 GRID_NUMBERS = ("driving_gradient",)
 GRID_EXCHANGE = ("last_exchange",)
-KEYS = {  # names in a checkpoint, where they are not those of the fields
-    "tangential_displacement": "slip",
-    "rolling_displacement": "tilt",
-    "skin_squared": "travel_squared",
-    "rest_count": "calm",
-    "air_velocity": "drift",
-    "drag_rate": "drift_rate",
-    "steady_acceleration": "push",
-    "steady_spin_rate": "twist",
-    "drag_kick": "dragged",
-    "residual_momentum": "owed",
-    "rise_velocity": "rise",
-    "pressure_lift": "lift",
-    "last_exchange": "looked",
-}
 BODY = ("position", "velocity", "momentum", "orientation")
 
 
 def saved(prefix: str, owner: Any, names: tuple[str, ...], first: int, count: int) -> Arrays:
-    """Members of a record by their names in a checkpoint: `count` places from `first` on."""
+    """Members of a record by name: `count` places from `first` on."""
     arrays = download([getattr(owner, name) for name in names], first, count)
-    return {prefix + KEYS.get(name, name): values for name, values in zip(names, arrays, strict=True)}
+    return {prefix + name: values for name, values in zip(names, arrays, strict=True)}
 
 
 def columns(prefix: str, owner: Any, names: tuple[str, ...], state: Arrays) -> list[tuple[Any, Any]]:
     """Fields of a record, each with its values in a checkpoint."""
-    return [(getattr(owner, name), state[prefix + KEYS.get(name, name)]) for name in names]
+    return [(getattr(owner, name), state[prefix + name]) for name in names]
 
 
 def export_state(sim: Simulation) -> Arrays:
@@ -217,7 +202,7 @@ def air_state(sim: Simulation) -> dict[str, Any]:
     found = {f"air_{name}": getattr(air, name) for name in AIR_CELLS + GRID_CELLS * on_grid}
     found |= {f"air_{name}": getattr(air.numbers, name) for name in AIR_NUMBERS + GRID_NUMBERS * on_grid}
     names = EXCHANGE + GRID_EXCHANGE * on_grid
-    return found | {f"exchange_{KEYS.get(name, name)}": getattr(exchange, name) for name in names}
+    return found | {f"exchange_{name}": getattr(exchange, name) for name in names}
 
 
 def effect_memory(sim: Simulation) -> dict[str, tuple[Any, Any]]:

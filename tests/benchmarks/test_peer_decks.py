@@ -7,19 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from benchmarks.peers.cases import (
-    SOIL,
-    Bed,
-    Floats,
-    Pile,
-    funnel_pile,
-    funnel_triangles,
-    loose_lattice,
-    tiled,
-)
-from benchmarks.peers.compare import WORKLOADS, Sample, gain, summary
+from benchmarks.peers.cases import SOIL, Bed, Floats, Pile, funnel_pile, funnel_triangles, tiled
+from benchmarks.peers.compare import Sample, gain, summary
 from benchmarks.peers.peer_log import last_run
-from benchmarks.peers.publish import NAMES, joined
+from benchmarks.peers.publish import joined
 
 LAMMPS_LOG = """\
 LAMMPS (29 Sep 2021 - Update 2)
@@ -86,13 +77,6 @@ def test_a_log_cut_off_after_its_last_loop_is_refused_rather_than_read_from_an_e
         last_run(cut)
 
 
-def test_no_grains_of_the_loose_lattice_overlap_before_they_fall():
-    lattice, _ = loose_lattice()
-    assert len(lattice.position) == 10_000
-    assert touching_pairs(lattice, SOIL.diameter) == 0
-    assert lattice.position[:, 2].min() > SOIL.diameter / 2
-
-
 def test_a_tiled_bed_has_the_contacts_of_the_single_bed_everywhere_also_across_its_seams():
     # a narrow box of four diameters, so that many pairs lie across its sides
     side = 4 * SOIL.diameter
@@ -129,14 +113,6 @@ def test_ratios_compare_runs_of_the_same_round_and_leave_out_disturbed_ones():
     assert lammps.gain == {"ours f32": pytest.approx(3.0)}
 
 
-def test_a_code_that_never_ran_in_a_round_of_ours_is_not_compared():
-    samples = [
-        Sample("pile2000", 1, "ours f32", 0, 6e6, 1.0, 0, 0.0),
-        Sample("pile2000", 1, "YADE", 1, 1e6, 1.0, 0, 0.0),
-    ]
-    assert [row.gain for row in summary(samples)] == [{}, {}]
-
-
 def test_rounds_of_two_sittings_follow_each_other(tmp_path):
     files = []
     for sitting, (cores, rounds) in enumerate([(1, 2), (1, 3), (2, 1)]):
@@ -144,7 +120,3 @@ def test_rounds_of_two_sittings_follow_each_other(tmp_path):
         files.append(tmp_path / f"{sitting}.json")
         files[-1].write_text(json.dumps({"samples": list(map(asdict, samples))}))
     assert [(one.cores, one.round) for one in joined(files)] == [*((1, turn) for turn in range(5)), (2, 0)]
-
-
-def test_every_case_has_a_name_on_the_page():
-    assert set(NAMES) == {workload.name for workload in WORKLOADS}

@@ -4,18 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial import KDTree
 
 from benchmarks.peers import physics
-from benchmarks.peers.cases import SOIL, Floats
-from benchmarks.peers.physics_cases import (
-    BED_COUNT,
-    BED_SIDE,
-    falling_bed,
-    shear_effective,
-    weight,
-    young_effective,
-)
+from benchmarks.peers.cases import SOIL
+from benchmarks.peers.physics_cases import BED_SIDE, shear_effective, weight, young_effective
 from benchmarks.peers.physics_codes import ROLLING_SPRING, lammps_normal
 from benchmarks.peers.physics_column import (
     ONE_LAW,
@@ -57,20 +49,6 @@ def test_a_stack_in_equilibrium_carries_its_weight_by_normal_forces_alone():
     assert found["stress across over along the vertical, normal forces"] == pytest.approx(0.0)
     assert found["contacts of a grain with grains"] == pytest.approx(2.0 * (STACK - 1) / STACK)
     assert found["kinetic energy of a grain, 1e-6 m g d"] == 0.0
-
-
-def closest(position: Floats) -> float:
-    """Least distance of two grains [d]."""
-    return float(KDTree(position).query(position, k=2)[0][:, 1].min()) / SOIL.diameter
-
-
-def test_no_grains_of_the_bed_overlap_each_other_before_they_fall():
-    bed = falling_bed(1).position
-    assert len(bed) == BED_COUNT
-    assert closest(bed) > 1.0
-    # across the sides of the period
-    along_x, along_y = np.array([BED_SIDE, 0.0, 0.0]), np.array([0.0, BED_SIDE, 0.0])
-    assert closest(np.concatenate([bed, bed + along_x, bed + along_y])) > 1.0
 
 
 def test_the_decks_are_told_the_grains_of_our_scene():
@@ -124,19 +102,6 @@ def test_a_sliding_impact_exchanges_friction_times_the_normal_momentum():
     exact = 1.0 - soil.friction_wall * (1.0 + soil.restitution)
     # the weight adds g times a contact of 0.4 ms, 4 % of the momentum
     assert speed_left(LAWS["ours"], soil) == pytest.approx(exact, abs=0.04 * soil.friction_wall * 1.5)
-
-
-def test_a_slider_that_feels_the_damper_brakes_a_grain_less():
-    soil = column_soil(IMPACT)
-    ours, epsd2, lammps = (speed_left(LAWS[code], soil) for code in ("ours", "LIGGGHTS epsd2", "LAMMPS"))
-    assert 0.0 < ours < 0.8 * epsd2
-    # what the load at which the springs are alike was chosen for
-    assert lammps == pytest.approx(epsd2, rel=0.02)
-    # grains that are hardly damped do not see the difference
-    hard = replace(soil, restitution=0.99)
-    by_spring = replace(LAWS["LIGGGHTS epsd2"], whole=False)
-    assert speed_left(by_spring, hard) == pytest.approx(speed_left(LAWS["LIGGGHTS epsd2"], hard), rel=0.02)
-    assert speed_left(by_spring, soil) < 0.95 * epsd2
 
 
 def test_landmarks_of_the_closed_form_are_found_on_its_own_curve():

@@ -8,6 +8,7 @@ from grain_worlds import fingerprint
 from windy_beds import DENSITY, RADIUS, air, bed, set_in, weightless
 
 from taichi_erosion.core.device import stop_device
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.simulation import (
     advance,
@@ -121,7 +122,5 @@ def test_a_grain_of_the_density_of_the_air_floats():
 
 
 def test_air_and_a_bed_without_air_cannot_share_an_ensemble():
-    from taichi_erosion.core.errors import BadInput
-
     with pytest.raises(BadInput, match="with and without air"):
         assemble([bed(1), replace(bed(2), air=None)], LAWS, Numerics("cpu", 1))

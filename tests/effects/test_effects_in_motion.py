@@ -163,18 +163,6 @@ def test_effects_leave_a_contact_alone_that_says_so(worlds):
     assert np.array_equal(worlds["met as if dry"].velocity, worlds["met"].velocity)
 
 
-def test_effects_of_strength_nought_leave_the_setup_as_it_is():
-    bare = prepare(parse_scene(SAMPLE), 1, LIBRARY)
-    off = parse_scene(SAMPLE | {"effects": {name: {"strength": 0.0} for name in LIBRARY}})
-    same = prepare(off, 1, LIBRARY)
-    assert same.effects == ()
-    assert same.time_step == bare.time_step
-    for column in ("position", "velocity", "radius", "mass"):
-        assert np.array_equal(getattr(same.grains, column), getattr(bare.grains, column))
-    for column in ("restitution", "friction_rolling", "friction_sliding"):
-        assert np.array_equal(getattr(same.contacts, column), getattr(bare.contacts, column))
-
-
 @pytest.fixture
 def scene_file(tmp_path: Path) -> Path:
     import tomli_w

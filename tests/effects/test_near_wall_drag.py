@@ -44,27 +44,26 @@ def in_shear(height: float) -> dict[str, Any]:
     }
 
 
+def answers(bench: Bench, height: float) -> tuple[float, float]:
+    """Force that the wall adds along the wind [N], and torque of the shear [N m], at so many radii."""
+    drag, turn = (probe_of(module.EFFECT, bench) for module in (near_wall_drag, rotational_drag))
+    members = in_shear(height)
+    added = drag(near_wall_drag.Params(), {}, **members)[0][0]
+    return added, turn(rotational_drag.Params(), {}, **members)[1][1]
+
+
 @pytest.mark.parametrize("height", EXACT)
-def test_near_wall_drag_is_that_of_a_sphere_near_a_plane(bench: Bench, height: float):
-    probe = probe_of(near_wall_drag.EFFECT, bench)
-    added = probe(near_wall_drag.Params(), {}, **in_shear(height))[0][0]
+def test_drag_and_torque_are_those_of_a_sphere_near_a_plane(bench: Bench, height: float):
+    added, torque = answers(bench, height)
     stokes = 6.0 * pi * VISCOSITY * RADIUS * SHEAR * height * RADIUS
     # the fit of Zeng et al. misses the exact values by 0.8 % at most, four diameters up
     assert 1.0 + added / stokes == pytest.approx(EXACT[height][0], rel=0.01)
-
-
-@pytest.mark.parametrize("height", EXACT)
-def test_the_torque_of_the_shear_is_that_near_a_plane_within_six_percent(bench: Bench, height: float):
-    probe = probe_of(rotational_drag.EFFECT, bench)
-    torque = probe(rotational_drag.Params(), {}, **in_shear(height))[1][1]
     far = 4.0 * pi * VISCOSITY * RADIUS**3 * SHEAR
     assert torque / far == pytest.approx(EXACT[height][1], rel=0.06)
 
 
 def test_drag_and_torque_act_at_1_37_radii(bench: Bench):
     """O'Neill (1968): T / F = 0.944 4 / (1.7009 6) radii over the centre."""
-    lain = in_shear(1.0)
-    added = probe_of(near_wall_drag.EFFECT, bench)(near_wall_drag.Params(), {}, **lain)[0][0]
-    torque = probe_of(rotational_drag.EFFECT, bench)(rotational_drag.Params(), {}, **lain)[1][1]
+    added, torque = answers(bench, 1.0)
     force = added + 6.0 * pi * VISCOSITY * RADIUS**2 * SHEAR
     assert 1.0 + torque / force / RADIUS == pytest.approx(1.37, rel=0.02)

@@ -1,5 +1,6 @@
 """Gusts: their statistics are the stated ones, and drag, lift and torque of a grain are those of the gust."""
 
+from collections.abc import Iterator
 from math import exp, log, sqrt, tan
 from typing import Any
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.device import start_device, stop_device
-from taichi_erosion.core.effect import replica_effect
+from taichi_erosion.core.effect import Probe, replica_effect
 from taichi_erosion.core.effect_device import bind
 from taichi_erosion.core.effect_probe import evaluate_grain, make_bench, parts, probe_of, zeros
 from taichi_erosion.core.setup import Numerics
@@ -40,6 +41,18 @@ GRAIN: dict[str, Any] = {
 }
 
 
+@pytest.fixture(autouse=True, scope="module")
+def device() -> Iterator[None]:
+    start_device(Numerics("cpu", 1, "f64"))
+    yield
+    stop_device()
+
+
+@pytest.fixture(scope="module")
+def two_limits() -> Probe:
+    return probe_of(EFFECT, make_bench(drag_law("two_limits")))
+
+
 def process(square: float, cube: float, times: np.ndarray, chance: float = CHANCE) -> np.ndarray:
     """Sum of 24 waves, from the equation of the effect."""
     k = np.arange(1, 25)
@@ -61,7 +74,6 @@ def gusts(wind: float, height: float, times: np.ndarray, chance: float = CHANCE)
 
 @pytest.mark.parametrize("law", LAWS)
 def test_the_drag_in_gusts_is_that_of_the_law_of_the_run(law: str):
-    start_device(Numerics("cpu", 1, "f64"))
     probe = probe_of(EFFECT, make_bench(drag_law(law)))
     slip = np.array([WIND, 0.0, 0.0]) - VELOCITY
     change = gusts(WIND, HEIGHT, TIMES)
@@ -75,14 +87,12 @@ def test_the_drag_in_gusts_is_that_of_the_law_of_the_run(law: str):
         want = [force(slip + np.array([u, 0.0, w])) - force(slip) for u, w in change]
         # phases of up to 1e8 turns in double precision: 1e-8 of a turn
         assert np.array(found) == pytest.approx(np.array(want), rel=1e-6, abs=1e-6 * np.abs(want).max())
-    stop_device()
 
 
 @pytest.mark.parametrize("diameter", [1e-4, 1e-3, 0.05])
-def test_gusts_near_a_wall_last_as_long_as_published(diameter: float):
+def test_gusts_near_a_wall_last_as_long_as_published(two_limits: Probe, diameter: float):
     """The time scale of Kallio & Reeks at y+ = 1.4, 13.7 and 200, beyond which it stays."""
-    start_device(Numerics("cpu", 1, "f64"))
-    probe = probe_of(EFFECT, make_bench(drag_law("two_limits")))
+    probe = two_limits
     wall = min(0.5 * diameter * FRICTION_VELOCITY * DENSITY / VISCOSITY, 200.0)
     units = 10.0 if wall < 5.0 else 7.122 + 0.5731 * wall - 0.00129 * wall**2
     lasting = units * VISCOSITY / (DENSITY * FRICTION_VELOCITY**2)
@@ -94,17 +104,13 @@ def test_gusts_near_a_wall_last_as_long_as_published(diameter: float):
     assert (np.sign(found[:, 0]) == np.sign(change[:, 0])).all()
     same = np.array([probe(GUSTS, {}, time=t, **asked[1])[0] for t in TIMES[1:]])
     assert found == pytest.approx(same, rel=1e-6, abs=1e-6 * np.abs(same).max())
-    stop_device()
 
 
-def test_no_gust_near_a_wall_lasts_longer_than_the_layer_lets_it():
-    start_device(Numerics("cpu", 1, "f64"))
-    probe = probe_of(EFFECT, make_bench(drag_law("two_limits")))
-    weak = GRAIN | {"friction_velocity": 0.05}  # 10 nu / u*^2 is 58 ms
+def test_no_gust_near_a_wall_lasts_longer_than_the_layer_lets_it(two_limits: Probe):
+    probe, weak = two_limits, GRAIN | {"friction_velocity": 0.05}  # 10 nu / u*^2 is 58 ms
     for law in (0.0, 10.0):
         limited = probe(Params(wall_timescale=law), {"grain_diameter": 1e-4}, time=TIME, **weak)[0]
         assert np.array(limited) == pytest.approx(np.array(probe(GUSTS, {}, time=TIME, **weak)[0]), rel=1e-9)
-    stop_device()
 
 
 def sampled(wind: float, height: float) -> np.ndarray:
@@ -151,7 +157,6 @@ def test_a_gust_is_remembered_for_its_timescale():
 
 def test_lift_and_torque_feel_the_gust():
     """Both effects beside gusts give the forces that they give alone in the wind and shear of the gust."""
-    start_device(Numerics("cpu", 1, "f64"))
     library, bench = load_library(), make_bench(drag_law("two_limits"))
     lain = GRAIN | {
         "velocity": (0.0, 0.0, 0.0),
@@ -181,4 +186,3 @@ def test_lift_and_torque_feel_the_gust():
     assert found == pytest.approx(alone + answer(felt, blown), rel=1e-6, abs=1e-20)
     calm = answer(felt, lain | {"air_shear": shear})
     assert abs(found[2] - alone[2] - calm[2]) > 0.05 * abs(calm[2]), "lift of the mean wind"
-    stop_device()

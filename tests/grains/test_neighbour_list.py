@@ -33,7 +33,7 @@ def test_every_pair_that_may_touch_before_the_next_rebuild_is_listed_once(fast: 
     assert int(sim.world.replicas.crowded[0]) == crowded
     state = {k.removeprefix("replica0_"): v for k, v in export_state(sim).items()}
     stop_device()
-    place, grasp = state["origin"], state["radius"] + np.sqrt(state["travel_squared"])
+    place, grasp = state["origin"], state["radius"] + np.sqrt(state["skin_squared"])
     apart = place[:, None] - place[None, :]
     period = np.asarray(table.period)[:2]
     apart[..., :2] -= period * np.round(apart[..., :2] / period)

@@ -55,7 +55,7 @@ def lifted(state: dict[str, Any]) -> dict[str, Any]:
     out = {name: values.copy() for name, values in state.items()}
     top = int(np.argmax(out["replica0_origin"][:, 2]))
     out["replica0_origin"][top, 2] += LIFTED
-    out["replica0_sleep_state"][top] = out["replica0_sleep_calm"][top] = 0
+    out["replica0_sleep_state"][top] = out["replica0_sleep_rest_count"][top] = 0
     out["stale"][:] = 1.0
     return out
 

@@ -178,13 +178,6 @@ def test_changing_the_sizes_leaves_the_places_of_rain_alone():
     assert not np.array_equal(first.radius, other.radius)
 
 
-def test_streams_repeat_by_seed_and_differ_by_seed_and_purpose():
-    first, again = stream(3, "places").random(8), stream(3, "places").random(8)
-    assert np.array_equal(first, again)
-    others = [stream(4, "places").random(8), stream(3, "diameters").random(8)]
-    assert all(not np.any(first == other) for other in others)
-
-
 def test_streams_of_neighbouring_seeds_are_independent():
     samples = np.array([stream(seed, "places").random(1000) for seed in range(40)])
     correlation = np.corrcoef(samples)[np.triu_indices(40, 1)]
