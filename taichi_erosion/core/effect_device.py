@@ -6,10 +6,9 @@ Without states nothing of this is compiled in.
 """
 
 from collections.abc import Sequence
-from dataclasses import fields
 from typing import Any
 
-from taichi_erosion.core.effect import Constants, Effect, ReplicaEffect
+from taichi_erosion.core.effect import Constants, ReplicaEffect
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import aligned, device_record, read, upload, write
 
@@ -38,10 +37,6 @@ class DeviceEffects:
     wall_place: int  # place whose state is zero: a wall in the role of grain j
     has_state: bool  # whether any has state variables, compiled in
 
-    def includes(self, effect: Effect) -> bool:
-        """Whether an effect is compiled into the run."""
-        return effect.name in self.names
-
 
 def bind(place: str, replicas: Sequence[Sequence[ReplicaEffect]], grain_places: int = 0) -> DeviceEffects:
     """Effects of one place on the device; a replica may lack an effect that another has.
@@ -68,7 +63,7 @@ def bind(place: str, replicas: Sequence[Sequence[ReplicaEffect]], grain_places: 
         has_gust=tuple(effect.gust is not None for effect in effects),
         any_gust=any(effect.gust is not None for effect in effects),
         stateful=stateful,
-        states=tuple(struct_field(state_names(effect), grain_places + 1) for effect in effects),
+        states=tuple(struct_field(list(one.initial_state), grain_places + 1) for one in examples),
         initial_states=tuple(struct_field(list(one.initial_state), count) for one in examples),
         updates=tuple(effect.update_state for effect in effects),
         wall_place=grain_places,
@@ -76,11 +71,6 @@ def bind(place: str, replicas: Sequence[Sequence[ReplicaEffect]], grain_places: 
     )
     write_constants(bound, replicas)
     return bound
-
-
-def state_names(effect: Effect) -> list[str]:
-    """Names of an effect's state variables."""
-    return [] if effect.grain_state is None else [f.name for f in fields(effect.grain_state)]
 
 
 def write_constants(

@@ -201,15 +201,12 @@ def scene_hash(scene: Scene | AirScene) -> str:
     table = scene.model_dump(mode="json", exclude_none=True, exclude=NOT_HASHED)
     if isinstance(scene, Scene):
         table["contact"] = {"-".join(sorted(pair.split("-"))): row for pair, row in table["contact"].items()}
-        meshes = {name: wall for name, wall in scene.geometry.items() if isinstance(wall, Mesh)}
-        # the content of a mesh file counts, not its name
-        table["meshes"] = {name: mesh_digest(scene, wall) for name, wall in meshes.items()}
+        table["meshes"] = {  # the content of a mesh file counts, not its name
+            name: sha256((scene.folder / wall.file).read_bytes()).hexdigest()
+            for name, wall in scene.geometry.items()
+            if isinstance(wall, Mesh)
+        }
         if scene.effect_digests:  # likewise of a file with an effect
             table["effect_digests"] = scene.effect_digests
     canonical = json.dumps(table, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return sha256(canonical.encode()).hexdigest()[:HASH_LENGTH]
-
-
-def mesh_digest(scene: Scene, wall: Mesh) -> str:
-    """SHA-256 of the bytes of a mesh file."""
-    return sha256((scene.folder / wall.file).read_bytes()).hexdigest()

@@ -64,7 +64,8 @@ def meaning_of(path: str) -> str:
     for key in path.split("."):
         above, found = found, next(entries_below(schema, found, key), None)
         if found is None:
-            raise BadInput(f"no scene has an entry '{path}'{did_you_mean(key, entry_names(schema, above))}")
+            names = [name for option in options(schema, above) for name in option.get("properties", {})]
+            raise BadInput(f"no scene has an entry '{path}'{did_you_mean(key, names)}")
     nameless = "a component" if found.get("type") == "number" else "a section"
     return "\n".join([f"{path}: {told_entry(found, nameless)}", *lines_below(schema, found)])
 
@@ -103,11 +104,6 @@ def named_section(node: dict[str, Any]) -> dict[str, Any] | None:
     """Schema of the sections of a table under names of the user's own; None where there are none."""
     tables = [node.get("additionalProperties"), *node.get("patternProperties", {}).values()]
     return next((table for table in tables if isinstance(table, dict)), None)
-
-
-def entry_names(schema: dict[str, Any], node: dict[str, Any]) -> list[str]:
-    """Names of the entries below a section, of all options of a union."""
-    return [name for option in options(schema, node) for name in option.get("properties", {})]
 
 
 def options(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[dict[str, Any]]:

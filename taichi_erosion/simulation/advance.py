@@ -129,16 +129,11 @@ def failure(sim: Simulation, replica: int) -> Failure | None:
     p = int(np.argmax(value != 0.0))  # also where it is not a number
     grain = int(read(replicas.fault_grain)[replica, p])
     partner = int(read(replicas.fault_partner)[replica, p])
-    ident = identities(sim, replica)
+    side = int(download([replicas.side], replica, 1)[0][0])
+    first, rows = (2 * replica + side) * sim.capacities.grains, sim.capacities.grains
+    ident = download([sim.world.grains.ident], first, rows)[0]  # by rank
     partner = int(ident[partner]) if partner >= 0 else -1 - (-1 - partner) % max(sim.capacities.primitives, 1)
     alone = status != Status.OVERLAP
     step = int(download([replicas.step], replica, 1)[0][0])
     time_step = sim.setups[replica].time_step
     return Failure(status, step * time_step, int(ident[grain]), -1 if alone else partner, float(value[p]))
-
-
-def identities(sim: Simulation, replica: int) -> Integers:
-    """Rows of the GrainTable, by rank."""
-    side = int(download([sim.world.replicas.side], replica, 1)[0][0])
-    first = (2 * replica + side) * sim.capacities.grains
-    return download([sim.world.grains.ident], first, sim.capacities.grains)[0].astype(np.int32)

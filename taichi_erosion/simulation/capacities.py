@@ -77,7 +77,8 @@ def initial_capacities(setups: list[Setup], by_grain: bool = False) -> Capacitie
     primitives = max(len(s.primitives.kind) for s in setups)
     surfaces = max(len(s.surfaces) for s in setups)
     replicas = len(setups)
-    if grains <= SMALL_GRAINS and cells_of_air(setups[0]) <= SMALL_AIR:
+    air = setups[0].air
+    if grains <= SMALL_GRAINS and (air is None or prod(air.cells) <= SMALL_AIR):
         grains, replicas = SMALL_GRAINS, replicas if by_grain else max(round_up(replicas), SMALL_REPLICAS)
         primitives, surfaces = (max(round_up(walls), SMALL_WALLS) for walls in (primitives, surfaces))
     return Capacities(
@@ -92,11 +93,6 @@ def initial_capacities(setups: list[Setup], by_grain: bool = False) -> Capacitie
         materials=max(len(s.materials) for s in setups),
         bodies=max(bodies, 1),
     )
-
-
-def cells_of_air(setup: Setup) -> int:
-    """Cells of the air of one replica."""
-    return 0 if setup.air is None else prod(setup.air.cells)
 
 
 def padded_with_copies(setups: list[Setup], capacities: Capacities) -> list[Setup]:

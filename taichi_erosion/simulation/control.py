@@ -91,7 +91,7 @@ def set_effects(sim: Simulation, replica: int, effects: Sequence[ReplicaEffect])
         "first_contact": sim.world.first_contact_effects,
         "grain": sim.world.grain_effects,
     }
-    if any(not bounds[e.effect.place].includes(e.effect) for e in effects):
+    if any(e.effect.name not in bounds[e.effect.place].names for e in effects):
         return False
     for place, bound in bounds.items():
         write_constants(bound, [[e for e in effects if e.effect.place == place]], replica)

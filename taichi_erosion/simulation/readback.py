@@ -196,22 +196,18 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
 
 def totals(sim: Simulation, replica: int) -> Totals:
     """Energies and extremes of one replica, summed over spheres: a clump counts once for every sphere."""
-    state = snapshot(sim, replica)
     _, released, step, rebuilds = replica_row(sim, replica)
     _, (sums,) = contact_sums(sim, replica, replica + 1)
-    gravity = download([sim.world.replicas.gravity], replica, 1)[0][0]
-    squared = (state.velocity**2).sum(axis=1)
-    inertia = SPHERE_INERTIA * state.mass * state.radius**2
     return Totals(
-        time=state.time,
+        time=step * sim.setups[replica].time_step,
         step=step,
-        kinetic_translation=float(0.5 * (state.mass * squared).sum()),
-        kinetic_rotation=float(0.5 * (inertia * (state.spin**2).sum(axis=1)).sum()),
-        potential=float(-(state.mass * (state.position @ gravity)).sum()),
+        kinetic_translation=float(sums[TRANSLATION]),
+        kinetic_rotation=float(sums[ROTATION]),
+        potential=float(sums[POTENTIAL]),
         elastic=float(sums[STORED]),
         contacts=int(sums[CONTACTS]),
         overlap_largest=float(sums[OVERLAP]),
-        speed_largest=float(np.sqrt(squared.max(initial=0.0))),
+        speed_largest=float(sums[SPEED]),
         released=released,
         rebuilds=rebuilds,
     )

@@ -4,14 +4,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from taichi_erosion.core.effect import Conditions, Effect, ReplicaEffect, read_params, replica_effect
-from taichi_erosion.core.effect_loading import at, failures_of
+from taichi_erosion.core.effect_loading import ON_DEVICE, at, failures_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.scene import Scene, build_setup, parse_scene, resolved
 from taichi_erosion.scene.preparation.air import surface_height
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
-
-ON_DEVICE = ("pair", "first_contact", "grain")
 
 Library = Mapping[str, Effect]
 

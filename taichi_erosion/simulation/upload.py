@@ -26,11 +26,6 @@ def padded(columns: list[Any], rows: int, filling: float = 0.0) -> Any:
     return stacked.reshape(-1, *inner)
 
 
-def release_steps(setup: Setup) -> Any:
-    """Step at which each grain is released."""
-    return np.ceil(setup.grains.release_time / setup.time_step - 1e-9).astype(np.int32).clip(0)
-
-
 def upload_world(world: World, setups: list[Setup], reaches: list[float], partitions: list[int]) -> None:
     """Everything that the setups state."""
     upload_source(world, setups)
@@ -63,7 +58,8 @@ def upload_source(world: World, setups: list[Setup]) -> None:
     names = ("position", "velocity", "spin", "radius", "material")
     columns = [(getattr(source, name), padded([getattr(g, name) for g in grains], rows)) for name in names]
     columns.append((source.mass_inverse, padded([1.0 / g.mass for g in grains], rows)))
-    columns.append((source.release_step, padded([release_steps(s) for s in setups], rows)))
+    steps = [np.ceil(s.grains.release_time / s.time_step - 1e-9).clip(0) for s in setups]
+    columns.append((source.release_step, padded(steps, rows)))
     columns.append((source.body, padded(bodies, rows)))
     upload(columns)
 

@@ -156,31 +156,6 @@ def test_a_memory_goes_where_its_grain_goes(sim):
     assert list(state_of(sim, "mark.updates")) == [200.0] * GRAINS
 
 
-@pytest.mark.slow
-def test_a_replica_without_a_memory_moves_as_the_bare_model_beside_one_with_it():
-    found = []
-    for setups in ([heap(GRAINS, 1)], [sticky()], [heap(GRAINS, 1), sticky(), heap(GRAINS, 2)]):
-        sim = start(setups)
-        advance(sim, [HALF] * len(setups))
-        found.append([fingerprint(snapshot(sim, r)) for r in range(len(setups))])
-        if len(setups) != 1:
-            assert not state_of(sim, "ageing_pull.age", 2).any()
-        stop_device()
-    (bare,), (alone,), together = found
-    assert together[:2] == [bare, alone]
-    assert bare != alone, "must have acted"
-
-
-@pytest.mark.slow
-def test_workers_that_share_grains_with_a_memory_change_no_bit(in_teams):
-    def aged(sim: Simulation) -> tuple[str, list[float]]:
-        advance(sim, [HALF])
-        return fingerprint(snapshot(sim, 0)), list(state_of(sim, "ageing_pull.age"))
-
-    one, two, uneven = in_teams(sticky(), LAWS, aged)
-    assert one == two == uneven
-
-
 def test_a_resumed_run_remembers_to_the_last_bit(sim):
     go(sim, HALF, "sticky")
     kept = export_state(sim)
@@ -247,3 +222,31 @@ def test_a_cement_pulls_both_partners_alike(sim):
     # f64 sums of a hundred steps
     assert cemented.sum(axis=0) == pytest.approx(state[f"{prefix}_velocity"].sum(axis=0), abs=1e-12)
     assert np.abs(cemented - free).max() > 1e-3, "must have acted"
+
+
+# these two stop the device
+
+
+@pytest.mark.slow
+def test_a_replica_without_a_memory_moves_as_the_bare_model_beside_one_with_it():
+    found = []
+    for setups in ([heap(GRAINS, 1)], [sticky()], [heap(GRAINS, 1), sticky(), heap(GRAINS, 2)]):
+        sim = start(setups)
+        advance(sim, [HALF] * len(setups))
+        found.append([fingerprint(snapshot(sim, r)) for r in range(len(setups))])
+        if len(setups) != 1:
+            assert not state_of(sim, "ageing_pull.age", 2).any()
+        stop_device()
+    (bare,), (alone,), together = found
+    assert together[:2] == [bare, alone]
+    assert bare != alone, "must have acted"
+
+
+@pytest.mark.slow
+def test_workers_that_share_grains_with_a_memory_change_no_bit(in_teams):
+    def aged(sim: Simulation) -> tuple[str, list[float]]:
+        advance(sim, [HALF])
+        return fingerprint(snapshot(sim, 0)), list(state_of(sim, "ageing_pull.age"))
+
+    one, two, uneven = in_teams(sticky(), LAWS, aged)
+    assert one == two == uneven

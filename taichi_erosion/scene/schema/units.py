@@ -106,12 +106,10 @@ def parse_unit(text: str) -> Unit:
 def parse_scale(text: str) -> Unit:
     """Unit of a condition: as `parse_unit`, or a temperature that does not count from absolute zero."""
     degree = TEMPERATURES.get(plain_text(text).replace("deg ", "deg").replace("° ", "°"))
-    return parse_unit(text) if degree is None else Unit(degree, (("kelvin", 1),), zero_of(degree))
-
-
-def zero_of(degree: float) -> float:
-    """Where a scale of such degrees begins: water freezes at 0 of Celsius and 32 of Fahrenheit [K]."""
-    return ICE_POINT if degree == 1.0 else ICE_POINT - 32.0 * degree
+    if degree is None:
+        return parse_unit(text)
+    # water freezes at 0 of Celsius and 32 of Fahrenheit
+    return Unit(degree, (("kelvin", 1),), ICE_POINT if degree == 1.0 else ICE_POINT - 32.0 * degree)
 
 
 def named_unit(symbol: str, text: str) -> Unit:
