@@ -4,7 +4,9 @@ import json
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cache
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -118,19 +120,42 @@ def options(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[dict[str, 
             yield from options(schema, other)
 
 
-@cache
-def unit_of_path(path: str) -> str | None:
-    """Unit of the number that a dotted path sets; None where no scene has the path, or it is no number.
+@dataclass(frozen=True)
+class NumberEntry:
+    """A number of a scene: its unit and its range, inclusive."""
 
-    A component has the unit of its vector. What is counted in nominal diameters is a pure number.
+    unit: str
+    low: float = -inf
+    high: float = inf
+
+
+@cache
+def number_at(path: str) -> NumberEntry | None:
+    """The number that a dotted path sets; None where no scene has the path, or it is no number.
+
+    A component has unit and range of its vector. What is counted in nominal diameters is a pure number.
     """
     schema = scene_schema()
-    nodes, unit = [schema], None
+    nodes, found = [schema], None
     for key in path.split("."):
         nodes = [below for node in nodes for below in entries_below(schema, node, key)]
-        units = (option.get("unit") for node in nodes for option in options(schema, node))
-        unit = next(filter(None, units), unit) if nodes else None
-    return "1" if unit == NOMINAL_DIAMETER else unit
+        resolved = (option for node in nodes for option in options(schema, node))
+        found = next(filter(None, map(number_entry, resolved)), found) if nodes else None
+    return found
+
+
+def number_entry(node: dict[str, Any]) -> NumberEntry | None:
+    """Unit and range of a node of the schema, None for what is no number."""
+    if "unit" not in node:
+        return None
+    unit = "1" if node["unit"] == NOMINAL_DIAMETER else str(node["unit"])
+    return NumberEntry(unit, float(node.get("minimum", -inf)), float(node.get("maximum", inf)))
+
+
+def unit_of_path(path: str) -> str | None:
+    """Unit of the number that a dotted path sets; None where there is none."""
+    found = number_at(path)
+    return None if found is None else found.unit
 
 
 def entries_below(schema: dict[str, Any], node: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:

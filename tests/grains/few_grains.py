@@ -48,9 +48,6 @@ def worlds() -> dict[str, Setup]:
         "plane": setup(rolling, PLATE, law),
         "mesh": setup(rolling, mesh_floor(1.3e-3, (-2e-3, -2e-3), (7, 5)), law),
         "pair": setup(grains(pair, OBLIQUE, [[5.0, -30.0, 9.0], [0.0, 12.0, 1.0]]), NONE, law, **FREE),
-        "swapped": setup(
-            grains(pair[::-1], OBLIQUE[::-1], [[0.0, 12.0, 1.0], [5.0, -30.0, 9.0]]), NONE, law, **FREE
-        ),
         "released": setup(grains(np.eye(3) * 0.01, release=[0.0, 0.011, 0.03]), NONE),
         "belt": setup(grains(RESTED)),
         "turntable": setup(grains((ARM, 0.0, RESTED[2]))),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scene_tables import NUMBERS, SCENES, TABLES, WORDS, changed, good_table, refusal, told_or_loaded
+from scene_tables import NUMBERS, SCENES, TABLES, WORDS, changed, good_table, told_or_loaded
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import build_setup, load_scene, parse_scene, resolved, scene_hash
@@ -111,9 +111,6 @@ def test_the_hash_of_a_mesh_follows_its_content(tmp_path: Path):
     assert names[0] != names[1]
 
 
-INCLINE = (SCENES / "incline.toml").read_bytes()
-
-
 @pytest.mark.parametrize(
     ("content", "word"),
     [
@@ -157,21 +154,6 @@ def test_random_values_anywhere_give_a_scene_or_one_line(mistakes: list[tuple[st
             place = path.split(".")
             table[place[0]] = changed(path, value).get(place[0])
     told_or_loaded(table)
-
-
-@settings(max_examples=100)
-@given(st.dictionaries(st.sampled_from(sorted(good_table())), VALUES, max_size=12))
-def test_random_tables_give_one_line(table: dict[str, Any]):
-    told_or_loaded(table)
-
-
-@settings(max_examples=100, deadline=None)
-@given(st.integers(0, len(INCLINE) - 1), st.binary(max_size=6))
-def test_a_file_damaged_anywhere_gives_a_scene_or_one_line(tmp_path_factory: Any, place: int, damage: bytes):
-    path = tmp_path_factory.mktemp("damaged") / "scene.toml"
-    path.write_bytes(INCLINE[:place] + damage + INCLINE[place + len(damage) :])
-    line = refusal(lambda: load_scene(path))
-    assert line is None or (line.startswith(f"{path}: ") and "\n" not in line)
 
 
 TUNNEL = SCENES / "tunnel_section.toml"

@@ -24,8 +24,7 @@ Oblique impact of a sphere on a rigid plane, integrated with a fine step:
 
 v_s = v_t + R omega is the slip and xi its integral over the contact (total form, no slip); the lever arm is
 R. The spring alone is limited by the cap, and the dashpot is left out while it slides, so that gross sliding
-is exact for every e. F_cap is the elastic force, as in `grains/contact.py`, or the whole normal force, as in
-the table of own values for test 4; the two differ below 10 deg, where the contact mostly sticks.
+is exact for every e. F_cap is the elastic force, as in `grains/contact.py`.
 Vectorised over impacts; leapfrog with `steps` per elastic contact time.
 
 Reference: Tsuji et al. (1992), Powder Technology 71, 239, with Mindlin's no-slip stiffness.
@@ -33,7 +32,6 @@ Reference: Tsuji et al. (1992), Powder Technology 71, 239, with Mindlin's no-sli
 
 from dataclasses import dataclass
 from math import log, pi, sqrt
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -181,7 +179,6 @@ def branch_force(reduced: float) -> float:
 DAMPING_FACTOR = 2.0 * np.sqrt(5.0 / 6.0)  # makes e independent of speed for Hertz stiffness [1]
 LEAST = 1e-300  # keeps the spring of a contact of no depth finite [N m-1]
 LONGEST = 3.0  # contact times after which an impact must be over [1]
-FrictionCap = Literal["elastic", "whole"]  # the normal force that limits friction
 
 
 @dataclass(frozen=True)
@@ -197,7 +194,6 @@ class Impact:
     normal: Floats  # m s-1, towards the plane
     tangential: Floats  # m s-1
     spin: Floats  # rad s-1, positive where it adds to the slip
-    friction_cap: FrictionCap = "elastic"
 
 
 @dataclass(frozen=True)
@@ -255,8 +251,7 @@ def advance(impact: Impact, state: Contact, step: Floats) -> None:
     normal = elastic + viscous * np.sqrt(2.0 * impact.young * contact_radius * impact.mass) * state.closing
     stiffness = 8.0 * impact.shear * contact_radius
     dashpot = viscous * np.sqrt(stiffness * impact.mass) * slip_speed
-    cap = impact.friction * (np.abs(normal) if impact.friction_cap == "whole" else elastic)
-    friction, spring = limited_friction(stiffness, state.spring, dashpot, cap)
+    friction, spring = limited_friction(stiffness, state.spring, dashpot, impact.friction * elastic)
     state.spring = np.where(state.open, spring, state.spring)
     state.closing -= move / impact.mass * normal
     state.tangential += move / impact.mass * friction

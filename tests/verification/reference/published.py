@@ -1,8 +1,7 @@
 """Published numbers that claims are compared with.
 
-Oblique impact (test 4): own values from a fine-step integration of the total form (see
-`contact."whole"`). Chung & Ooi values: digitised from their figures by Kratos Multiphysics, DEM
-benchmarks 4 and 8.
+Oblique and spinning impacts (tests 4 and 6): digitised from the figures of Chung & Ooi by Kratos
+Multiphysics, DEM benchmarks 4 and 8.
 
 Reference: Chung & Ooi (2011), Granular Matter 13, 643; Kharaz, Gorham & Salman (2001), Powder Technology
 120, 281.
@@ -24,20 +23,17 @@ def numbers(words: str) -> Floats:
 
 
 OBLIQUE_ANGLE = numbers("5 10 15 20 25 30 35 40 50 60 70 80 85")  # deg
-OBLIQUE_OXIDE_RESTITUTION = numbers(
-    "0.9507 0.7022 0.6334 0.6226 0.6397 0.6845 0.7398 0.7829 0.8471 0.8948 0.9337 0.9679 0.9841"
-)
-OBLIQUE_OXIDE_SPIN = numbers(  # rad s-1
-    "-16.75 -201.7 -370.1 -503.3 -593.8 -615.2 -582 -544.3 -456.7 -355.2 -243 -123.4 -61.9"
-)
-OBLIQUE_ALLOY_RESTITUTION = numbers("0.9062 0.6784 0.6193 0.6145 0.636")  # 5 to 25 deg, then as the oxide
 OBLIQUE_LITERATURE_RESTITUTION = numbers(
     "0.948 0.687 0.624 0.616 0.634 0.684 0.737 0.781 0.845 0.893 0.932 0.966 0.983"
 )
 OBLIQUE_LITERATURE_SPIN = numbers(
     "-19.3 -213 -378 -511 -599 -617 -582 -545 -457 -357 -246 -126 -63"
 )  # rad s-1
+OBLIQUE_LITERATURE_PATCH = numbers("3.8 -1.6 -5.5 -7.5 -7.5 -3.5 3.4 11.6 29.4 47.8 64.6 78.7 84.5")  # deg
 SPINNING_X = numbers("0.187 0.358 0.551 0.765 0.979 1.214 1.492 1.77 2.52 3.63 5.77 7.84 11.9 24")
+SPINNING_BETA = numbers(
+    "-0.815 -0.626 -0.439 -0.238 -0.017 0.096 0.111 0.09 0.006 -0.103 -0.162 -0.204 -0.259 -0.339"
+)
 
 Y = numbers(
     "1 0.9766 0.9688 0.9609 0.9531 0.8516 0.7344 0.6172 0.5 "
