@@ -1,4 +1,4 @@
-"""V17, V19, V20: JKR landmarks, the limit of no adhesion, and the caps of friction.
+"""V17-V20: JKR landmarks, the speed of sticking, the limit of no adhesion, and the caps of friction.
 
 Two spheres without damping touch at zero overlap, where the neck snaps in, dip, and part when the neck
 tears; forces are second differences of the path, so they are those of the simulator. Overlaps are in units
@@ -12,7 +12,7 @@ import numpy as np
 
 from taichi_erosion.core.setup import Floats, Laws, Setup
 from taichi_erosion.simulation import advance
-from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, relative
+from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, holds, relative
 from tests.verification import small_scenes
 from tests.verification.reference import contact as jkr
 from tests.verification.reference.contact import sphere_mass
@@ -159,6 +159,21 @@ def branch_outcomes(precision: Precision) -> Iterator[Outcome]:
     end = small_scenes.final_states([approaching], 30.0 * PAIR.depth / speed, precision, EDEM)[0]
     ratio = (end.velocity[1, 0] - end.velocity[0, 0]) / speed
     yield relative("JKR branch edem: restitution of a bounce", ratio, 1.0, 1e-3, precision)
+
+
+def sticking_speed() -> Iterator[Outcome]:
+    """V18: the slowest approach that parts again, 1 %; the neck tears at a gap of 1.19 L^2/R*."""
+    shares = np.linspace(0.95, 1.05, 41)
+    setups = [pair_scene(share * PAIR.speed_sticking, 500.0) for share in shares]
+    for precision in PRECISIONS:
+        ends = small_scenes.final_states(setups, 200.0 * PAIR.depth / PAIR.speed_sticking, precision, JKR)
+        gaps = np.array([end.position[1, 0] - end.position[0, 0] for end in ends]) - 2.0 * RADIUS
+        parted = gaps > 2.4 * PAIR.depth
+        slowest = shares[parted].min() if parted.any() else np.nan
+        wanted = PAIR.speed_sticking
+        yield relative("sticking speed [m/s]", slowest * wanted, wanted, 0.01, precision)
+        in_order = bool(np.all(np.diff(parted * 1) >= 0))
+        yield holds("all slower pairs stick, all faster ones part", in_order, precision)
 
 
 def vanishing_adhesion() -> Iterator[Outcome]:
