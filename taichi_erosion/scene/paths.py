@@ -13,6 +13,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from taichi_erosion.core.errors import BadInput, did_you_mean
+from taichi_erosion.core.files import one_line_name
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.scene.schema.fields import DIAMETERS, resolved
 from taichi_erosion.scene.schema.scene import Scene
@@ -171,6 +172,11 @@ def entries_below(schema: dict[str, Any], node: dict[str, Any], key: str) -> Ite
             yield found
 
 
+def refusal(override: str, reason: str) -> BadInput:
+    """Refusal of an order, in one line."""
+    return BadInput(one_line_name(f"--set {override[:80]}: {reason}"))
+
+
 def apply_override(table: dict[str, Any], override: str) -> None:
     """Set one value of a raw scene; `override` is PATH=VALUE, VALUE as TOML writes it or a bare word.
 
@@ -179,7 +185,7 @@ def apply_override(table: dict[str, Any], override: str) -> None:
     path, equals, text = override.partition("=")
     keys = path.strip().split(".")
     if not equals or not all(keys):
-        raise BadInput(f"--set {override[:80]}: write it as PATH=VALUE, for example grains.count=3000")
+        raise refusal(override, "write it as PATH=VALUE, for example grains.count=3000")
     value = parsed(override, text.strip())
     holder: Any = table
     for depth, key in enumerate(keys):
@@ -208,7 +214,7 @@ def parsed(override: str, text: str) -> Any:
         return table["value"]
     if BARE_WORD.fullmatch(text):
         return text
-    raise BadInput(f"--set {override[:80]!r}: the value is not a TOML value; text needs quotes")
+    raise refusal(override, "the value is not a TOML value; text needs quotes")
 
 
 def other_order(pair: str, contacts: dict[str, Any]) -> str:
@@ -220,7 +226,7 @@ def other_order(pair: str, contacts: dict[str, Any]) -> str:
 def place_in_list(holder: Any, key: str, override: str) -> int:
     """Position in a list, counted from 0."""
     if not isinstance(holder, list):
-        raise BadInput(f"--set {override[:80]}: '{key}' lies below a value that is not a table")
+        raise refusal(override, f"'{key}' lies below a value that is not a table")
     if not key.isascii() or not key.isdigit() or len(key) > 9 or int(key) >= len(holder):
-        raise BadInput(f"--set {override[:80]}: '{key}' is not a place in a list of {len(holder)}")
+        raise refusal(override, f"'{key}' is not a place in a list of {len(holder)}")
     return int(key)

@@ -42,11 +42,14 @@ def test_any_parameter_can_be_set_by_its_dotted_path(order: str, path: tuple[Any
         "stages.x=1",
         "grains.count.a.b=3",
         "grains.count=1 2",
+        "=\n",
+        "stages.x\n=1",
     ],
 )
 def test_an_order_that_cannot_be_followed_is_told(order: str):
-    with pytest.raises(BadInput, match="--set"):
+    with pytest.raises(BadInput, match="--set") as refused:
         parse_scene(good_table(), overrides=[order])
+    assert "\n" not in str(refused.value)
 
 
 def test_the_schema_beside_the_scenes_is_fresh():
