@@ -70,6 +70,7 @@ def answered(
     share = [1.0] * len(plans)
     found, ready = answered_by(budget, study, question, part_of(progress, share, 0))
     if larger and ready.simulations is not None and not question.decided(found):
+        study.options.announce("These runs do not decide; more are made.")
         return answered(study, larger, question, part_of(progress, share, 1))
     return found, replace(ready, options=replace(ready.options, budget=budget))
 
