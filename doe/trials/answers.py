@@ -80,7 +80,7 @@ def predicted(posterior: Posterior, asked: NewConditions) -> list[tuple[float, .
     return [(mean.low, mean.high, one.low, one.high) for mean, one in pairs]
 
 
-def study_answer(study: Path, budget: BudgetName = "quick") -> Answer:
+def study_answer(study: Path, budget: BudgetName | None = None) -> Answer:
     """The same by the commands, as a user would ask; of a group its first member is adopted.
 
     A study that the program refuses, as one whose scatter is unknown, has that verdict and says nothing.

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers import files
 from taichi_erosion.evidence.answers.files import Command, Reply
-from taichi_erosion.evidence.answers.rounds import Question, answered, last_budget
+from taichi_erosion.evidence.answers.rounds import Question, answered, last_plan
 from taichi_erosion.evidence.answers.scene_rounds import RacedStudy, after_test, discovery_question
 from taichi_erosion.evidence.answers.set_up import (
     blocked,
@@ -30,7 +30,14 @@ from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH, is_strength
 from taichi_erosion.evidence.models.adopted_files import Adopted, refuse_foreign_files, write_adopted_files
-from taichi_erosion.evidence.models.load_study import NO_OPTIONS, BudgetName, Study, StudyOptions, load_study
+from taichi_erosion.evidence.models.load_study import (
+    NO_OPTIONS,
+    PLANS,
+    BudgetName,
+    Study,
+    StudyOptions,
+    load_study,
+)
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.dose_laws import told_law
 from taichi_erosion.evidence.race.outlook import held_out_part
@@ -66,7 +73,7 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
     start = perf_counter()
     with open_study(path, options) as study:
         question = Question("compare", bare, lambda found: [found.about_bare], most=1)
-        found, ready = answer_of(study, last_budget(study), question, progress)
+        found, ready = answer_of(study, last_plan(study), question, progress)
         return stored(ready, "compare", found, compare_record(found), start)
 
 
@@ -74,17 +81,18 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
     """Which effect is missing. Raises BadInput."""
     start = perf_counter()
     with open_study(path, options) as study:
-        budget = study.problem.budget.name
+        asked = study.options.budget
+        plans: Sequence[BudgetName] = PLANS if asked is None else (asked,)
         waits = blocked(study.faults)
         question = discovery_question(study, bare if waits else whole)
-        found, ready = answer_of(study, budget, question, progress)
+        found, ready = answer_of(study, plans, question, progress)
         record, held = discover_record(found), files.read_reply(study.results, study.path.stem, "adopt")
         if blocked(ready.faults):
             record = replace(record, decided=waiting(record.decided))
         elif held is not None and held.about["digest"] == study.digest[:12]:
             named = set(held.record.decided.named) == set(record.decided.named)
             record = replace(record, held_out=held.record.held_out if named else None)
-        return stored(ready, "discover", found, record, start, budget=budget)
+        return stored(ready, "discover", found, record, start, budget=ready.options.budget)
 
 
 def adopt_study(
@@ -108,7 +116,7 @@ def adopt_study(
             return [found.about_bare, found.about(given(found.posterior, effects).best)]
 
         question = Question(f"adopt {' '.join(effects)}", whole, points, names, most=2)
-        found, ready = answer_of(study, last_budget(study), question, progress)
+        found, ready = answer_of(study, last_plan(study), question, progress)
         record = adopt_record(found.posterior, effects, study.file.study.seed)
         opened = openings(study.results, study.drawn_from)
         if len(study.problem.vault.rows):
@@ -127,7 +135,7 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
     start = perf_counter()
     with open_study(path, options) as study:
         question = replace(discovery_question(study, whole), name="next", ahead=True, tested=None)
-        found, ready = answer_of(study, last_budget(study), question, progress)
+        found, ready = answer_of(study, last_plan(study), question, progress)
         stated = study.file.laboratory
         laboratory = Laboratory(ranges=dict(stated.ranges), costs=dict(stated.costs), repeats=stated.repeats)
         record = next_record(found.posterior, laboratory)
@@ -149,10 +157,10 @@ def bare(ready: Study, progress: Progress) -> RacedStudy:
 
 
 def answer_of(
-    study: Study, budget: BudgetName, question: Question[RacedStudy], progress: Progress
+    study: Study, plans: Sequence[BudgetName], question: Question[RacedStudy], progress: Progress
 ) -> tuple[RacedStudy, Study]:
     """The answer of a study, and the study with all that its model was asked and the faults that it shows."""
-    found, ready = answered(study, budget, question, progress)
+    found, ready = answered(study, plans, question, progress)
     return found, replace(ready, faults=(*ready.faults, *unit_faults(found.posterior.race)))
 
 

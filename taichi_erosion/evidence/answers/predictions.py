@@ -18,7 +18,7 @@ from taichi_erosion.evidence.answers import files
 from taichi_erosion.evidence.answers.commands import bare as without_candidates
 from taichi_erosion.evidence.answers.commands import framed, open_study
 from taichi_erosion.evidence.answers.files import Document
-from taichi_erosion.evidence.answers.rounds import Question, answered, last_budget
+from taichi_erosion.evidence.answers.rounds import Question, answered, last_plan
 from taichi_erosion.evidence.data.held_out_rows import COUNTER, openings, read_counter, record_opening
 from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Progress
 from taichi_erosion.evidence.data.table_units import TableUnits
@@ -83,7 +83,7 @@ def predict_study(
         places = place_units(study.file, study.path, study.effect_files)
         wanted = read_new_conditions(at, study.file, places, study.problem.measurements)
         question = Question("predict", without_candidates, lambda found: [found.about_bare], most=1)
-        found, ready = answered(study, last_budget(study), question, progress)
+        found, ready = answered(study, last_plan(study), question, progress)
         opened = bool(study.file.adopted) and len(study.problem.vault.rows) > 0
         record = prediction(found.posterior, wanted, opened)
         record, model = replace(record, outdated=outdated), found.posterior.race.prepared.predictor

@@ -54,14 +54,31 @@ class Question(Generic[Found]):
     ahead: bool = False  # whether it needs conditions that were not measured but could be
     required: Callable[[Found], Points] = lambda _: []  # to be simulated about before the answer counts
     beyond: Callable[[Found], bool] = lambda _: False  # whether mechanisms are to be tried before it counts
+    decided: Callable[[Found], bool] = lambda _: True  # whether a larger plan would change nothing
     # the answer after its test by fresh runs, and the keys of these; None: it needs no test
     tested: Callable[[Found, FreshTest, Progress], tuple[Found, frozenset[str]]] | None = None
 
 
 def answered(
-    study: Study, budget: BudgetName, question: Question[Found], progress: Progress
+    study: Study, plans: Sequence[BudgetName], question: Question[Found], progress: Progress
 ) -> tuple[Found, Study]:
-    """The answer, and the study as it was when it was given.
+    """The answer by the first plan that decides, and the study as it was when it was given.
+
+    The runs of a plan are among those of the next.
+    """
+    budget, *larger = plans
+    share = [1.0] * len(plans)
+    found, ready = answered_by(budget, study, question, part_of(progress, share, 0))
+    if larger and ready.simulations is not None and not question.decided(found):
+        study.options.announce("These runs do not decide; more are made.")
+        return answered(study, larger, question, part_of(progress, share, 1))
+    return found, replace(ready, options=replace(ready.options, budget=budget))
+
+
+def answered_by(
+    budget: BudgetName, study: Study, question: Question[Found], progress: Progress
+) -> tuple[Found, Study]:
+    """The answer by one plan, and the study as it was when it was given.
 
     Scenes are simulated about the plausible and the required points of each answer, and then the question is
     answered again. What that costs at most is announced before the first run.
@@ -229,14 +246,12 @@ def state_of(study: Study) -> str:
     return sha256("|".join(known).encode()).hexdigest()[:16]
 
 
-def last_budget(study: Study) -> BudgetName:
-    """Budget that was asked for, else that of the last discovery of scenes: its runs are there already."""
+def last_plan(study: Study) -> Sequence[BudgetName]:
+    """Plan that was asked for, else that of the last discovery: its runs are there already."""
     if study.options.budget is not None:
-        return study.options.budget
-    if study.file.study.model is not None:
-        return study.problem.budget.name
+        return (study.options.budget,)
     last = files.read_reply(study.results, study.path.stem, "discover")
-    return "full" if last is not None and last.about["budget"] == "full" else "quick"
+    return ("full",) if last is not None and last.about["budget"] == "full" else ("quick",)
 
 
 def refinement_point(parameters: Mapping[str, float], strengths: Mapping[str, float]) -> RefinementPoint:

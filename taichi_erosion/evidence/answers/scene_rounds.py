@@ -58,6 +58,12 @@ def undecided(found: Decision) -> bool:
     return any(1.0 - SURE < p < SURE for p in stated)
 
 
+def settled(found: RacedStudy) -> bool:
+    """Whether everything that could be said is, and new runs of the scene bear it out."""
+    contradicted = found.fresh is not None and found.fresh.outcome == "contradicted"
+    return not undecided(found.decision) and not contradicted
+
+
 def points(found: RacedStudy) -> Points:
     """The likeliest sets of effects, the bare model first; none where more runs decide nothing."""
     share = sets(found.posterior)
@@ -110,5 +116,13 @@ def discovery_question(study: Study, answer: Callable[[Study, Progress], RacedSt
     ahead = bool(study.file.laboratory.ranges)
     names = study.problem.candidate_names
     return Question(
-        "discover", answer, points, names, ahead=ahead, required=required, beyond=beyond, tested=tested
+        "discover",
+        answer,
+        points,
+        names,
+        ahead=ahead,
+        required=required,
+        beyond=beyond,
+        decided=settled,
+        tested=tested,
     )

@@ -39,6 +39,7 @@ from taichi_erosion.evidence.models.study_values import study_value_faults
 from taichi_erosion.mechanisms.library import load_mechanisms
 
 BudgetName = Literal["quick", "full"]
+PLANS: tuple[BudgetName, ...] = ("quick", "full")  # of plans: each has the runs of the one before
 EffectFiles = tuple[EffectFile, ...]
 
 LONGEST_CHAIN = 20  # studies that follow one another

@@ -1,5 +1,6 @@
 """Rounds of a race on scenes: about what is undecided, never made twice, and tested by fresh runs."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -13,6 +14,7 @@ from taichi_erosion.evidence.answers.commands import open_study, whole
 from taichi_erosion.evidence.answers.rounds import answered
 from taichi_erosion.evidence.answers.scene_rounds import RacedStudy, after_test, discovery_question
 from taichi_erosion.evidence.emulator import gaussian_process, training_runs
+from taichi_erosion.evidence.models.load_study import PLANS, BudgetName
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.posterior import raced
 from taichi_erosion.evidence.race.record import Decided
@@ -21,7 +23,7 @@ from tests.evidence.emulator.test_fresh_runs import overstated
 from tests.evidence.emulator.test_training_runs import SCATTER, STUDY, executing, heights, keys, write
 
 NAME = "rolling_resistance"
-STRONG, WEAK = 1.5, 0.1  # strengths of a name that is sure at once, and of one that is not
+STRONG, WEAK, OPEN = 1.5, 0.1, 0.06  # strengths of a name that is sure at once, and of two that are not
 NULL, SINGLE, UNLISTED = 1, 33, 113  # cases of one seed of clean ones
 
 
@@ -32,9 +34,10 @@ class Told:
     found: RacedStudy
     runs: list[list[str]]
     simulations: int
+    plan: str | None  # that decided
 
 
-def told(path: Path, wrong: bool = False) -> Told:
+def told(path: Path, wrong: bool = False, plans: Sequence[BudgetName] = ("quick",)) -> Told:
     runs: list[list[str]] = []
     process = gaussian_process.GaussianProcess
     with pytest.MonkeyPatch.context() as patch, open_study(path) as study:
@@ -42,8 +45,8 @@ def told(path: Path, wrong: bool = False) -> Told:
         if wrong:
             patch.setattr(process, "mean", overstated(process.mean))
         question = discovery_question(study, whole)
-        found, ready = answered(study, "quick", question, lambda words, share: None)
-    return Told(found, runs, ready.simulations or 0)
+        found, ready = answered(study, plans, question, lambda words, share: None)
+    return Told(found, runs, ready.simulations or 0, ready.options.budget)
 
 
 @cache
@@ -64,6 +67,13 @@ def test_a_name_that_is_sure_needs_no_round_and_fresh_runs_confirm_it(tmp_path):
     assert len(set(training)) == 16 + 24
     assert fresh.runs == len(set(tests)) <= 2 * (8 + 2 + 2)
     assert answer.simulations == len(keys(answer.runs))
+
+
+@pytest.mark.parametrize(("strength", "plan"), [(STRONG, "quick"), (OPEN, "full")])
+def test_the_large_plan_is_simulated_where_the_small_one_does_not_decide(tmp_path, strength, plan):
+    answer = told(write(tmp_path, strength, seed=5), plans=PLANS)
+    assert answer.plan == plan
+    assert (len(keys(answer.runs)) > 104) == (plan == "full"), "104 runs are the first of the large plan"
 
 
 def test_a_round_is_made_once_about_what_is_undecided(tmp_path, monkeypatch):
