@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 
-from taichi_erosion.evidence.data.tables.tidy_table import Row, Table
+from taichi_erosion.evidence.data.tables.rows import Row, Table
 from taichi_erosion.scene.paths import number_at
 from taichi_erosion.scene.schema.units import Scale, UnknownUnit, parse_scale, parse_unit, scale_between
 

@@ -13,7 +13,7 @@ from taichi_erosion.evidence.data.physical_ranges import (
     observed_range,
     place_range,
 )
-from taichi_erosion.evidence.data.tables.tidy_table import Table
+from taichi_erosion.evidence.data.tables.rows import Table
 from taichi_erosion.evidence.models.column_units import readable_table
 from taichi_erosion.evidence.models.simulator import dotted_paths
 

@@ -12,20 +12,9 @@ from functools import cache
 from importlib.resources import files
 from typing import Literal
 
-Role = Literal[
-    "observable",
-    "condition",
-    "condition_sd",
-    "sd",
-    "se",
-    "cv",
-    "spread",
-    "n",
-    "group",
-    "source",
-    "remark",
-    "unknown",
-]
+TidyRole = Literal["value", "unit", "vault", "repeat"]  # of columns that a tidy table alone has
+Kept = Literal["observable", "condition", "condition_sd", "group", "source", "remark", "unknown"]
+Role = Kept | Literal["sd", "se", "cv", "spread", "n"] | TidyRole
 SCATTER = ("sd", "se", "cv", "spread", "n")  # roles of columns that belong to another one
 FRICTION_VELOCITY = "conditions.friction_velocity"
 DIAMETER = "grains.size.diameter"  # place of the grain diameter in the scenes that `study new` writes
