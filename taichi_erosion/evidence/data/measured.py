@@ -14,7 +14,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name, read_text_file
 from taichi_erosion.evidence.data.number_words import plain, with_unit
 from taichi_erosion.evidence.data.problem import Measurements
-from taichi_erosion.evidence.data.table_units import TableUnits
+from taichi_erosion.evidence.data.table_units import TableUnits, set_up_name
 from taichi_erosion.evidence.data.tables.column_roles import Told
 from taichi_erosion.evidence.data.tables.interview import Interview, TableWishes
 from taichi_erosion.evidence.data.tables.reader import read_rows
@@ -195,7 +195,7 @@ def errors_of_conditions(rows: Sequence[Row], scales: Mapping[str, Scale]) -> di
 
 def group_of(row: Row, at: Mapping[str, float]) -> str:
     """Physical set-up of a row; its conditions where none is named."""
-    return row.group or ", ".join(f"{value:g}" for value in at.values()) or "all"
+    return row.group or set_up_name(at.values()) or "all"
 
 
 def heaps_of(rows: Sequence[Row]) -> tuple[str, ...]:

@@ -56,15 +56,15 @@ def read_new_conditions(
     constant = {name: faults.of(constant_value, cells, name, known) for name in left_out}
     wanted = faults.of(wanted_rows, cells, list(file.observables)) or []
     faults.tell()
-    numbers = {name: np.array([row.conditions[k] for row in table.rows]) for k, name in enumerate(columns)}
     rows = [row for row, _ in wanted]
-    used = {name: scales[name].used(numbers[name][rows]) for name in columns}
+    written = [dict(zip(columns, table.rows[row].conditions, strict=True)) for row in rows]
+    used: Conditions = {name: np.array([scales[name].used(at[name]) for at in written]) for name in columns}
     used |= {name: np.full(len(wanted), value) for name, value in constant.items()}
     return NewConditions(
         tuple(name for _, name in wanted),
-        {name: used[name] for name in file.conditions},
+        {str(name): used[name] for name in file.conditions},
         tuple(cells.lines[row][0] for row in rows),
-        tuple({name: float(numbers[name][row]) for name in columns} for row in rows),
+        tuple(written),
         {name: replace(scales[name], unit=scales[name].unit or places.get(name, "")) for name in columns},
         str(path),
         {name: value for name, value in constant.items() if value is not None and np.isfinite(value)},

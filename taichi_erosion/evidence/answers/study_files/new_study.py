@@ -67,10 +67,10 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     Where the table has a study already, the table is corrected and the study stays, unless `wishes.anew`.
     Raises BadInput with all faults of the table, or where a file of another origin would be replaced.
     """
-    interview, wishes = Interview(ask), with_own_conditions(wishes)
+    folder = wishes.folder or table.with_name(table.stem)
+    interview, wishes = Interview(ask), with_own_conditions(replace(wishes, folder=folder))
     measured = read_laboratory_table(table, wishes, interview)
     names = list(dict.fromkeys(row.observable for row in measured.rows))
-    folder = wishes.folder or table.with_name(table.stem)
     refuse_file(folder)
     earlier = earlier_study(folder, table.stem)
     places = condition_places(measured, wishes.told)
@@ -114,7 +114,7 @@ def refuse_file(folder: Path) -> None:
 
 
 def read_laboratory_table(table: Path, wishes: Wishes, interview: Interview) -> Table:
-    """Rows of a laboratory's table; raises BadInput with all faults of its cells, headings, units and ranges."""
+    """Rows of a table; raises BadInput with all faults of its cells, headings, units and ranges."""
     faults = Faults()
     measured = read_rows(table, table.name, wishes.table, interview, faults)
     if measured is not None:
@@ -177,8 +177,7 @@ def scene_study(
             interview.assume("no column states the friction velocity: the wind is that of the scene")
     observables = {name: f"{key}.toml" for key, own in found.items() for name in own}
     if wishes.scene is not None:
-        file = relative(wishes.scene, wishes.folder or Path(table.file).with_suffix(""))
-        observables = dict.fromkeys(names, file)
+        observables = dict.fromkeys(names, relative(wishes.scene, wishes.folder or Path()))
     positive = {n for n in names if all(r.value > 0.0 for r in table.rows if r.observable == n)}
     return StudyText(observables, conditions, tuple(parameters.values()), frozenset(positive)), scenes
 
@@ -228,7 +227,7 @@ def new_scene(
 def named_apart(text: StudyText, scenes: Mapping[str, str], study: str) -> tuple[StudyText, dict[str, str]]:
     """A study and its scenes; a scene that would have the name of the study gets another one."""
     if study not in scenes:
-        return text, scenes
+        return text, dict(scenes)
     other = f"{study}_scene"
     files = {
         name: f"{other}.toml" if file == f"{study}.toml" else file for name, file in text.observables.items()

@@ -62,6 +62,7 @@ def with_own_conditions(wishes: Wishes) -> Wishes:
     for name, entry in declared(wishes.scene).items():
         own[name], told[name] = str(entry.get("unit", "1")), CONDITION + name
         optional.add(name)
+    measures = {} if wishes.scene is None else {name: name for name in read_scene(wishes.scene, ()).measure}
     for text, said in wishes.told.conditions.items():
         name, unit = plain_words(read_heading(text).name).replace(" ", "_"), unit_in(said)
         if unit is None or unit_of_path(said) is not None:
@@ -74,7 +75,9 @@ def with_own_conditions(wishes: Wishes) -> Wishes:
             units.setdefault(text, unit)
         if unit_of_path(CONDITION + name) is None:
             own.setdefault(name, unit)
-    stated = replace(wishes.told, conditions=told, units=units, optional=frozenset(optional))
+    observables = measures | dict(wishes.told.observables)
+    known = frozenset((*optional, *measures)) - wishes.told.observables.keys() - wishes.told.conditions.keys()
+    stated = Told(observables, told, units, optional=known)
     return replace(wishes, told=stated, own_conditions=own)
 
 
@@ -99,9 +102,13 @@ def own_template(wishes: Wishes) -> Template:
     rolling = stated.get("friction_rolling") or None
     winds = [k for k, stage in enumerate(table.get("stages", ())) if "friction_velocity" in stage]
     return Template(
-        *(wishes.scene.stem, "your own scene", tuple(scene.measure), lambda diameter, grains: {}),
-        *(contact(pair, float(stated.get("friction_sliding", 0.5)), rolling and float(rolling))),
-        **{"grains": 0, "diameter": float(size.get("diameter", USUAL_HEAP))},
+        scene=wishes.scene.stem,
+        words="your own scene",
+        observables=tuple(scene.measure),
+        changes=lambda diameter, grains: {},
+        parameters=contact(pair, float(stated.get("friction_sliding", 0.5)), rolling and float(rolling)),
+        grains=0,
+        diameter=float(size.get("diameter", USUAL_HEAP)),
         varies="diameter" in size,
         wind=tuple(f"stages.{stage}.friction_velocity" for stage in winds),
     )

@@ -86,7 +86,7 @@ def document_of(files: StudyFiles, written: Sequence[Path]) -> Document:
 def with_candidates(files: StudyFiles) -> tuple[StudyText, dict[str, str]]:
     """Write a study whose candidates can act; its text, and why the others cannot."""
     text, inactive = replace(files.text, measurements=files.table.name), {}
-    write_table(files, [""] * len(files.rows.rows))
+    write_table(files, [row.drawn for row in files.rows.rows])
     for name, content in files.scenes.items():
         write_atomic(files.scene(name), content.encode())
     write_atomic(files.study, study_text(text).encode())

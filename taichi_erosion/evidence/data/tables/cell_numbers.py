@@ -9,16 +9,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from math import inf, isfinite, nan
 
-MISSING = frozenset(
-    ("", "-", "--", "–", "—", "/", ".", "?", "*", "na", "n/a", "nan", "null", "none", "k.a.", "k. a.")
-    + ("n.r.", "s/d", "not measured", "nicht gemessen", "missing", "fehlt", "n.a.", "n. a.", "n.b.")
-    + ("n. b.", "n.g.", "nicht bestimmt", "not determined", "non mesuré")
+MISSING = set(
+    "|-|--|–|—|/|.|?|*|na|n/a|nan|null|none|k.a.|k. a.|n.r.|s/d|n.a.|n. a.|n.b.|n. b.|n.g.".split("|")
 )
-UNSEEN = frozenset(
-    ("n.d.", "n. d.", "nd", "n.n.", "n. n.", "bdl", "b.d.l.", "lod", "<lod", "< lod", "<lq", "u.n.g.")
-    + ("not detected", "nicht nachweisbar", "below detection limit", "trace", "spuren")
-)
-NO_TRANSPORT = frozenset(("no transport", "no motion", "kein transport"))
+MISSING |= {"not measured", "nicht gemessen", "missing", "fehlt", "nicht bestimmt", "not determined"}
+MISSING |= {"non mesuré"}
+UNSEEN = set("n.d.|n. d.|nd|n.n.|n. n.|bdl|b.d.l.|lod|<lod|< lod|<lq|u.n.g.|trace|spuren".split("|"))
+UNSEEN |= {"not detected", "nicht nachweisbar", "below detection limit"}
+NO_TRANSPORT = {"no transport", "no motion", "kein transport"}
 WORDS = MISSING | UNSEEN | NO_TRANSPORT
 GROUPED = r"\d{1,3}(?:[ '\u2019]\d{3})+(?:[.,]\d+)?"  # thousands set apart
 NUMBER = rf"[+-]?(?:{GROUPED}|\d+(?:[.,]\d+)*|[.,]\d+)(?:[eE][+-]?\d{{1,3}})?"
@@ -169,5 +167,5 @@ def decimal(number: str, comma: bool) -> float:
         raise CellFault(f"has two '{right}'; no sign between thousands")
     value = float(digits.replace(",", "."))
     if not isfinite(value):
-        raise CellFault("is too large, and must be a finite number")
+        raise CellFault("must be a finite number")
     return value

@@ -151,7 +151,7 @@ def understood(
         known = ", ".join(wishes.measures or wishes.told.observables)
         faults.append(
             f"{cells.file}: no column is known as a measured quantity; say which one is: --observable "
-            f"'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME one of {known or 'its observables'}"
+            f"'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME one of {known or 'its own'}"
         )
     return [with_asked_unit(column, reading) for column in columns]
 

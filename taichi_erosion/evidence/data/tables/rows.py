@@ -260,8 +260,8 @@ class RowReader:
         text = plain_cell(row[column.place]).lower()
         unseen = text in NO_TRANSPORT or (self.tidy and not text)
         found = CellNumber(nan, -inf) if unseen else self.number(line, row, column, single=False)
-        if isnan(found.value) and not unseen:
-            if self.tidy and is_missing(text):
+        if is_missing(text) and not unseen:
+            if self.tidy:
                 self.fault(line, column, row, "must be a number, '<' or '>' and a number, '20..25', or empty")
             return None
         n = next((self.count(line, row, each) for each in self.partners("n", column)), None)

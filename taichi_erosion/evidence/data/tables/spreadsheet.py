@@ -182,7 +182,9 @@ def sheets_of(content: bytes, name: str) -> Iterator[tuple[str, list[tuple[int, 
                 openpyxl.load_workbook(io.BytesIO(content), data_only=values) for values in (True, False)
             )
     except Exception as error:
-        raise BadInput(f"{name}: cannot be read as a workbook ({type(error).__name__}); save it") from None
+        raise BadInput(
+            f"{name}: cannot be read as a workbook ({type(error).__name__}); save it again"
+        ) from None
     for sheet in (each for each in book.worksheets if each.sheet_state == "visible"):
         for cell in (cell for row in formulas[sheet.title].iter_rows() for cell in row):
             value = sheet[cell.coordinate]
