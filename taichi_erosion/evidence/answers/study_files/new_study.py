@@ -16,6 +16,7 @@ from taichi_erosion.evidence.answers.study_files.own_files import (
     OWN,
     Wishes,
     own_template,
+    undeclared,
     with_own_conditions,
 )
 from taichi_erosion.evidence.answers.study_files.scene_templates import (
@@ -221,7 +222,7 @@ def new_scene(
         )
     notes = f"Made for {table.file}: {', '.join(names)}. Numbers of grains and contacts are usual ones."
     head = {"title": f"{table.file}: {template.words}", "notes": notes}
-    return scene_text(template, head, diameters, grains, density, wishes.own_conditions)
+    return scene_text(template, head, diameters, grains, density, undeclared(wishes))
 
 
 def named_apart(text: StudyText, scenes: Mapping[str, str], study: str) -> tuple[StudyText, dict[str, str]]:

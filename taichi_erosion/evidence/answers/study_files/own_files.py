@@ -40,7 +40,7 @@ class Wishes:
     grains: int | None = None  # of a run
     scene: Path | None = None  # of the user's own, in place of those of TEMPLATES
     effects: tuple[Path, ...] = ()  # files with effects of the user's own
-    own_conditions: Mapping[str, str] = field(default_factory=dict)  # name -> unit, of no scene by itself
+    own_conditions: Mapping[str, str] = field(default_factory=dict)  # name -> unit where its column has none
 
     @property
     def table(self) -> TableWishes:
@@ -58,7 +58,7 @@ def with_own_conditions(wishes: Wishes) -> Wishes:
 
     A condition that every scene has keeps its place, and takes the unit for its column. Raises BadInput.
     """
-    told, own, units, optional = {}, dict[str, str](), dict(wishes.told.units), set[str]()
+    told, own, optional = {}, dict[str, str](), set[str]()
     for name, entry in declared(wishes.scene).items():
         own[name], told[name] = str(entry.get("unit", "1")), CONDITION + name
         optional.add(name)
@@ -71,14 +71,16 @@ def with_own_conditions(wishes: Wishes) -> Wishes:
         if not NAME.fullmatch(name):
             raise BadInput(f"--condition {text}={said}: '{name}' is no name of letters, digits and _")
         told[text] = CONDITION + name
-        if not read_heading(text).unit:
-            units.setdefault(text, unit)
-        if unit_of_path(CONDITION + name) is None:
-            own.setdefault(name, unit)
+        own.setdefault(name, unit)
     observables = measures | dict(wishes.told.observables)
     known = frozenset((*optional, *measures)) - wishes.told.observables.keys() - wishes.told.conditions.keys()
-    stated = Told(observables, told, units, optional=known)
+    stated = Told(observables, told, wishes.told.units, optional=known)
     return replace(wishes, told=stated, own_conditions=own)
+
+
+def undeclared(wishes: Wishes) -> dict[str, str]:
+    """Names and units of conditions that no scene has by itself."""
+    return {n: unit for n, unit in wishes.own_conditions.items() if unit_of_path(CONDITION + n) is None}
 
 
 def declared(scene: Path | None) -> Mapping[str, Mapping[str, Any]]:
@@ -89,7 +91,7 @@ def declared(scene: Path | None) -> Mapping[str, Mapping[str, Any]]:
 def own_template(wishes: Wishes) -> Template:
     """The apparatus of an own scene; the friction of its grains on each other is calibrated."""
     assert wishes.scene is not None
-    if lost := wishes.own_conditions.keys() - declared(wishes.scene).keys():
+    if lost := undeclared(wishes).keys() - declared(wishes.scene).keys():
         unit = wishes.own_conditions[name := min(lost)]
         entry = f'[conditions.extra] {name} = {{ unit = "{unit}" }}'
         raise BadInput(f"{wishes.scene}: does not declare the condition '{name}'; write {entry}")

@@ -358,7 +358,8 @@ def with_asked_unit(column: Column, reading: Reading) -> Column:
     if column.role not in ("observable", "condition", "cv") or column.heading.unit:
         return column
     numbers, text = reading.numbers(column), column.heading.text
-    if written := next((number.unit for number in numbers if number.unit), ""):
+    written = next((number.unit for number in numbers if number.unit), "")
+    if written or (written := reading.wishes.conditions.get(column.name, "")):
         return replace(column, heading=stated_unit(column.heading, written))
     if column.role == "condition":
         return with_unit_of_place(column, [number.value for number in numbers], reading)

@@ -32,7 +32,7 @@ WESTERN = frozenset("°µ±²³·–—…„“”‘’«»×½¼€§ÄÖÜä
 CODE_PAGES = ["cp1252", "cp1250", "cp1251", "cp1253", "cp1254", "mac_roman", "gb18030", "big5", "shift_jis"]
 WORKBOOK, OLD_WORKBOOK = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # first bytes
 MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}  # of an encoding
-ONE_COLUMN = re.compile(rf"(?:[^,\n]+\n)(?:{NUMBER}\s*)+", re.ASCII)  # of numbers with decimal commas
+ONE_COLUMN = re.compile(rf"[^,;\t\n]+(?:\n{NUMBER})+", re.ASCII)  # of numbers with decimal commas
 DIGITS = 16  # of the digest
 Lines = list[tuple[int, list[str]]]  # row in the file from 1, cells
 
