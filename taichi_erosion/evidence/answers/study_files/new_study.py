@@ -37,12 +37,7 @@ from taichi_erosion.evidence.answers.study_files.written_files import (
     earlier_study,
     written_files,
 )
-from taichi_erosion.evidence.data.physical_ranges import (
-    condition_faults,
-    observable_faults,
-    observed_range,
-    place_range,
-)
+from taichi_erosion.evidence.data.physical_ranges import condition_faults, observable_faults, place_range
 from taichi_erosion.evidence.data.tables.column_roles import Column, Told
 from taichi_erosion.evidence.data.tables.headings import stated_number
 from taichi_erosion.evidence.data.tables.interview import Ask, Interview
@@ -133,12 +128,9 @@ def value_faults(table: Table, places: Mapping[str, str], told: Told) -> Iterato
     """
     for name, place in places.items():
         allowed = place_range(place.split(",")[0].strip())
-        if allowed is not None:
-            yield from condition_faults(table, name, allowed, usual=not told.units)
+        yield from condition_faults(table, name, allowed, usual=not told.units)
     for name in dict.fromkeys(row.observable for row in table.rows):
-        allowed = observed_range(name)
-        if allowed is not None:
-            yield from observable_faults(table, name, allowed, usual=not told.units)
+        yield from observable_faults(table, name, name, usual=not told.units)
 
 
 def condition_places(table: Table, told: Told) -> dict[str, str]:
@@ -150,7 +142,7 @@ def condition_places(table: Table, told: Told) -> dict[str, str]:
         stated = {column.title: column.name for column in columns}
     faults = [
         f"{table.file}: column '{name}': no place of a scene is known by that name; say which one it sets: "
-        f"--condition {name}={near_meaning(name)[1] or 'PATH'}, or give its unit: --condition {name}=UNIT"
+        f"--condition {name}={near_meaning(name) or 'PATH'}, or give its unit: --condition {name}=UNIT"
         for name, place in stated.items()
         if not place
     ]

@@ -13,7 +13,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from taichi_erosion.campaign.study_file import read_evidence_study, with_entry
@@ -32,8 +31,8 @@ from taichi_erosion.scene.load import file_text
 Document = dict[str, Any]
 TIDY = "_tidy.csv"  # end of the name of a tidy table, which so is another one than that of the laboratory's
 KNOWN_AGAIN = 0.5  # share of the earlier rows that a correction of the same table has again
-TEXTS = ("study.notes", "study.title", "scene.title", "scene.notes")
-UNTOLD = (*TEXTS, "study.made_from", "study.made_from_digest", "vault.drawn_from")  # of differences
+UNTOLD = ("study.notes", "study.title", "scene.title", "scene.notes", "study.made_from")  # of differences
+UNTOLD += ("study.made_from_digest", "vault.drawn_from", "candidates.effects")
 LONGEST = 60  # characters of an entry that is told
 
 
@@ -224,27 +223,17 @@ def changes_document(earlier: EarlierStudy, changes: TableChanges) -> Document:
 
 def differences(files: StudyFiles) -> Iterator[str]:
     """What a new study of the table would say otherwise than the one that is there, one line each."""
-    with TemporaryDirectory() as folder:
-        fresh = replace(files, folder=Path(folder))
-        with_candidates(fresh)
-        for now, other in zip(files.paths, fresh.paths, strict=True):
-            if now.suffix == ".toml" and now.exists():
-                yield from entry_differences(now, flat(parsed(now)), flat(parsed(other)))
-            elif not now.exists():
-                yield f"{now} is not there; a new study would have it"
-
-
-def parsed(path: Path) -> dict[str, Any]:
-    """Entries of a TOML file."""
-    return tomllib.loads(file_text(path, str(path)))
-
-
-def entry_differences(path: Path, now: Mapping[str, str], other: Mapping[str, str]) -> Iterator[str]:
-    """Entries of a file that differ from those of a new one."""
-    for name in dict.fromkeys((*now, *other)):
-        if now.get(name) != other.get(name) and name not in UNTOLD:
-            there = f"{name} = {now[name]} stays" if name in now else f"{name} is not there"
-            yield f"{path}: {there}; a new study would have {other.get(name, 'no such entry')}"
+    fresh = {files.study: study_text(replace(files.text, measurements=files.table.name))}
+    fresh |= {files.scene(name): text for name, text in files.scenes.items()}
+    for path, text in fresh.items():
+        if not path.exists():
+            yield f"{path} is not there; a new study would have it"
+            continue
+        now, other = (flat(tomllib.loads(each)) for each in (file_text(path, str(path)), text))
+        for name in dict.fromkeys((*now, *other)):
+            if now.get(name) != other.get(name) and name not in UNTOLD:
+                there = f"{name} = {now[name]} stays" if name in now else f"{name} is not there"
+                yield f"{path}: {there}; a new study would have {other.get(name, 'no such entry')}"
 
 
 def flat(table: Mapping[str, Any], above: str = "") -> dict[str, str]:

@@ -35,13 +35,6 @@ DATE = re.compile(
     rf"|\d{{1,2}}\.?[ -]?{MONTH}.*|{MONTH}[ -]\d{{2,4}}",
     re.IGNORECASE,
 )
-LOOK_ALIKES = str.maketrans("OoОоlI|SBZ", "0000111582")  # letters typed for digits, two of them Cyrillic
-SLIPPED = re.compile(  # a number with such letters: among digits, before a mark, or O and l at the end
-    r"[+-]?(?=[^\d]*\d)(?:(?:[OoОоlI|](?=\d*[.,]\d)|\d)"
-    r"(?:[\dOoОоlI|.,]|[SBZ](?=[\d.,]))*|[OoОоlI|][.,](?:[\dOoОоlI|]|[SBZ](?=\d))+)(?![^\W\d_])"
-)
-PARTS = re.compile(r"(\s*(?:±|\+/-|\+-|[<>])\s*)")  # a value, its limit, its scatter
-ABOUT = re.compile(r"(?:~|≈|∼|(?:ca|approx|circa|etwa|about)\b\.?)\s*|\s*(?:[*†‡?!#'´`]+|[.,;:])$")
 SIGNS = str.maketrans({"\N{MINUS SIGN}": "-", "\N{ARABIC DECIMAL SEPARATOR}": ".", "≤": "<", "≥": ">"})
 
 
@@ -85,31 +78,9 @@ def has_decimal_comma(cells: Iterable[str], separator: str) -> bool:
 
 
 def is_quantity(cell: str) -> bool:
-    """Whether a cell holds a number, a misprint of one, or says that it has none."""
+    """Whether a cell holds a number, or says that it has none."""
     plain = plain_cell(cell)
-    known = plain.lower() in WORDS or QUANTITY.fullmatch(plain) or INTERVAL.fullmatch(plain)
-    return bool(known) or likely_number(plain) is not None
-
-
-def likely_number(plain: str) -> str | None:
-    """Number that a misprinted cell may mean, `70,3` for `7O,3`; None for a number, and for any other text.
-
-    Looked for: letters that look like digits, marks that stand twice, blanks about a mark, footnote marks,
-    and words such as `ca.`; nothing is converted, the reading is for the message.
-    """
-    bare = ABOUT.sub("", plain)
-    slips = any(with_digits(part) != part for part in PARTS.split(plain))
-    if bare.lower() in WORDS or DATE.fullmatch(bare) or (QUANTITY.fullmatch(plain) and not slips):
-        return None
-    bare = re.sub(r"([.,])(?!\.)[.,](?=\d)", r"\1", re.sub(r"(?<=\d)\s*([.,])\s*(?=\d)", r"\1", bare))
-    found = "".join(map(with_digits, PARTS.split(bare)))
-    return found if found != plain and QUANTITY.fullmatch(found) else None
-
-
-def with_digits(part: str) -> str:
-    """A number with digits in place of the letters that look like them; any other text as it stands."""
-    found = SLIPPED.match(part)
-    return part if found is None else found[0].translate(LOOK_ALIKES) + part[found.end() :]
+    return bool(plain.lower() in WORDS or QUANTITY.fullmatch(plain) or INTERVAL.fullmatch(plain))
 
 
 def read_cell(text: str, comma: bool, single: bool = False) -> CellNumber:
@@ -117,8 +88,7 @@ def read_cell(text: str, comma: bool, single: bool = False) -> CellNumber:
     plain = plain_cell(text)
     if plain.lower() in MISSING:
         return CellNumber()
-    match, between, likely = QUANTITY.fullmatch(plain), INTERVAL.fullmatch(plain), likely_number(plain)
-    dated = DATE.fullmatch(plain)
+    match, between, dated = (form.fullmatch(plain) for form in (QUANTITY, INTERVAL, DATE))
     if single and not dated and ((match and match["limit"]) or RANGE.fullmatch(plain)):
         raise CellFault(ONE_NUMBER)
     if between is not None:
@@ -126,8 +96,6 @@ def read_cell(text: str, comma: bool, single: bool = False) -> CellNumber:
         if not low < high:
             raise CellFault("is no interval: the first number must be below the second")
         return CellNumber(0.5 * (low + high), 0.5 * (high - low), unit=between["unit"] or "")
-    if likely is not None:
-        raise CellFault(f"is nearly a number: a misprint of '{likely}'? correct the cell")
     if match is None or dated:
         raise CellFault(reason(plain))
     if match["sd_unit"] and match["sd_unit"] != match["unit"] and (match["unit"] or match["sd_unit"] == "%"):

@@ -163,7 +163,7 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
     if not isnan(height):
         return Column(place, heading, "remark", sure=False, height=height)
     if role == "unknown":
-        return Column(place, heading, "remark", sure=False, near=near_meaning(heading.name)[1])
+        return Column(place, heading, "remark", sure=False, near=near_meaning(heading.name))
     factor = HALF if role == "observable" and is_halved(heading.name) else 1.0
     return Column(place, heading, role, name, sure=role != "spread", factor=factor)
 

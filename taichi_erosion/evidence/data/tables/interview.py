@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from math import isnan, nan
 from statistics import median
 
-from taichi_erosion.core.errors import BadInput, nearest
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.physical_ranges import likely_units, place_range
 from taichi_erosion.evidence.data.tables.cell_numbers import CellFault, CellNumber, read_cell
 from taichi_erosion.evidence.data.tables.column_roles import (
@@ -43,7 +43,6 @@ from taichi_erosion.scene.schema.units import parse_unit, scale_between
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 NOT_USED = "-"
 AGREED, REFUSED = ("yes", "y", "ja", "j", "oui", "o", "si", "sí"), ("no", "n", "nein", "non")
-MOST_TRIES = 3  # of an answer that names nothing known
 MOST_APART = 2.0  # ratio of the medians of two columns up to which they may hold repeats [1]
 MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
 ANGLES = ("repose_angle", "cone_angle", "angle_of_repose", "dynamic_angle", "sliding_angle")
@@ -196,8 +195,7 @@ def settled_unknown(column: Column, reading: Reading) -> Column:
     told = f" '{column.near}' is near its heading." if column.near else ""
     question = (
         f"Column '{text}' is not known.{told} Type the name of a measured quantity (repose_angle, flux, "
-        f"...), a place of the scene (conditions.moisture, ...), ? for a list of both, or {NOT_USED} for a "
-        "column that is not used"
+        f"...), a place of the scene (conditions.moisture, ...), or {NOT_USED} for a column that is not used"
     )
     if column.near:
         answer = reading.interview.choice(question, "", "")
@@ -208,24 +206,7 @@ def settled_unknown(column: Column, reading: Reading) -> Column:
     else:
         meaning = f"column '{text}' is not used: its heading says nothing known"
         answer = reading.interview.choice(question, NOT_USED, meaning)
-    for _ in range(MOST_TRIES):
-        told = unknown_name(named(column, answer), reading.wishes)
-        if not told:
-            break
-        answer = reading.interview.choice(f"{told} Column '{text}'", NOT_USED, "")
     return named(column, answer)
-
-
-def unknown_name(column: Column, wishes: TableWishes) -> str:
-    """Why a column as the user calls it is nothing known, and what is; empty for a known one."""
-    known: tuple[str, ...] = known_places()
-    if column.role == "observable" and wishes.measures and column.name not in wishes.measures:
-        known = (*wishes.measures, *known)
-    elif column.role != "condition" or wishes.unit_of(column.name) is not None or not wishes.measures:
-        return ""
-    near = nearest(column.name, known)
-    hint = f" Did you mean '{near}'?" if near else ""
-    return f"'{column.name}' is not known.{hint} Known: {', '.join(known)}."
 
 
 def named(column: Column, answer: str) -> Column:

@@ -102,7 +102,7 @@ WRONG_FILES = {
     "a row of means": (GOOD.encode("cp1252") + b"Mittelwert;;;33,0;;\n", "row 5, 'Mittelwert'", "remove it"),
     "nothing measured": (changed("Böschungswinkel", "Dings"), "heap.csv", "--observable 'COLUMN=NAME'"),
     "a scatter in percent": (changed("SD [°]", "SD [%]"), "row 2, SD [%]", "give it in °"),
-    "a letter for a digit": (changed("33,5", "3O,5"), "row 2, Böschungswinkel (°) = '3O,5'", "'30,5'"),
+    "a letter for a digit": (changed("33,5", "3O,5"), "row 2, Böschungswinkel (°) = '3O,5'", "not known"),
     "micrometres called millimetres": (changed("[µm]", "[mm]"), "row 2, diameter = 250 mm", "mean [um]?"),
     "Celsius called kelvin": (
         changed("Feuchte in %", "Temperatur [K]").replace(b"1,6", b"20").replace(b";0;", b";15;"),
