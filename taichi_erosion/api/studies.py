@@ -32,11 +32,13 @@ TableLike = Union[PathLike, Mapping[str, Sequence[Any]], "pd.DataFrame"]
 
 
 class StatedGrains(TypedDict, total=False):
-    """What a new study is told of the grains beside its table."""
+    """What a new study is told of the grains beside its table, and files of the user's own."""
 
     diameter: str  # with its unit
     density: str  # with its unit
     grains: int  # of a run
+    scene: PathLike  # of one's own, in place of a ready one
+    effects: Sequence[PathLike]  # files with effects of one's own
 
 
 @all_in_python
@@ -175,11 +177,12 @@ def new_study(
 
     `table` is a file (.csv, .xlsx), or a DataFrame or dict whose column names carry units; `out` is the
     folder to write, which columns in memory need. `units` are those of columns. What no column states of
-    the grains: `diameter="0.4 mm"`, `density="2650 kg/m3"`, `grains=5000` in a run. Raises BadInput with
-    all faults of the table.
+    the grains: `diameter="0.4 mm"`, `density="2650 kg/m3"`, `grains=5000` in a run. `scene` is a scene of
+    one's own, `effects` are files of one's own, and a unit in `conditions` makes a column a condition of
+    one's own: `conditions={"pore volume": "cm3/g"}`. Raises BadInput with all faults of the table.
     """
-    from taichi_erosion.evidence.answers.study_files.new_study import Wishes
     from taichi_erosion.evidence.answers.study_files.new_study import new_study as write_study
+    from taichi_erosion.evidence.answers.study_files.own_files import Wishes
     from taichi_erosion.evidence.data.tables.column_roles import Told
 
     wishes = Wishes(
@@ -187,7 +190,11 @@ def new_study(
         None if out is None else Path(out),
         apparatus,
         closed_form,
-        **grains,
+        diameter=grains.get("diameter"),
+        density=grains.get("density"),
+        grains=grains.get("grains"),
+        scene=Path(grains["scene"]) if "scene" in grains else None,
+        effects=tuple(map(Path, grains.get("effects", ()))),
     )
     document = write_study(table_file(table, out), wishes, lambda question, guess: guess)
     return study(document["written"][0])

@@ -69,7 +69,11 @@ Observables = Annotated[
 ]
 Conditions = Annotated[
     Pairs,
-    typer.Option("--condition", metavar="COLUMN=PATH", help="Place that a column sets; may be repeated."),
+    typer.Option(
+        "--condition",
+        metavar="COLUMN=PATH|UNIT",
+        help="Place that a column sets; or the unit of a condition of your own. May be repeated.",
+    ),
 ]
 Units = Annotated[
     Pairs, typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column; may be repeated.")
@@ -90,6 +94,9 @@ Diameter = Annotated[
     str | None, typer.Option(metavar="LENGTH", help="Grain diameter where no column states it: '0.4 mm'.")
 ]
 Density = Annotated[str | None, typer.Option(metavar="DENSITY", help="Density of the grains: '2650 kg/m3'.")]
+OwnScene = Annotated[
+    Path | None, typer.Option("--scene", metavar="FILE", help="Scene of your own, in place of a ready one.")
+]
 Grains = Annotated[
     int | None, typer.Option(min=1, help="Grains of a run; default: as many as its measure needs.")
 ]
@@ -251,16 +258,19 @@ def new(
     diameter: Diameter = None,
     density: Density = None,
     grains: Grains = None,
+    scene: OwnScene = None,
+    effect: EffectFiles = None,
     closed_form: ClosedForm = False,
     anew: Anew = False,
     as_json: AsJson = False,
 ) -> None:
     """Read a table as a spreadsheet exports it; write a study and a scene for it, or correct its table."""
-    from taichi_erosion.evidence.answers.study_files.new_study import Wishes, new_study
+    from taichi_erosion.evidence.answers.study_files.new_study import new_study
+    from taichi_erosion.evidence.answers.study_files.own_files import Wishes
     from taichi_erosion.evidence.data.tables.column_roles import Told
 
     told = Told(pairs(observable, "--observable"), pairs(condition, "--condition"), pairs(unit, "--unit"))
-    own = (diameter, density, grains)
+    own = (diameter, density, grains, scene, tuple(effect or ()))
     wishes = Wishes(told, out, apparatus, closed_form, roughness, anew, *own)
     document = new_study(table, wishes, (lambda _, guess: guess) if yes or as_json else asked)
     output.print_result(document, as_json, answers.print_new_study)

@@ -42,6 +42,7 @@ study new TABLE
 study new TABLE --yes --closed-form --out my_study
 study new TABLE --out my_study --anew
 study new TABLE --observable "Winkel=repose_angle" --condition "w=conditions.moisture"
+study new TABLE --scene my_scene.toml --condition "pore volume=cm3/g" --effect pores.py
 study check doe/impact_threshold_reduced.toml
 study check STUDY --effect my_pull.py
 compare doe/impact_threshold_reduced.toml

@@ -81,7 +81,7 @@ def predict_study(
     chosen, outdated = (path, ()) if bare else adopted_study(path, options)
     with open_study(chosen, options) as study:
         places = place_units(study.file, study.path, study.effect_files)
-        wanted = read_new_conditions(at, study.file, places, study.problem.measurements)
+        wanted = read_new_conditions(at, study.file, places, study.problem.measurements, study.path.parent)
         question = Question("predict", without_candidates, lambda found: [found.about_bare], most=1)
         found, ready = answered(study, last_plan(study), question, progress)
         opened = bool(study.file.adopted) and len(study.problem.vault.rows) > 0

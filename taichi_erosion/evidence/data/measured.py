@@ -2,10 +2,9 @@
 
 import tomllib
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
-from math import isfinite, isnan, nan
+from math import isfinite, nan
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +14,13 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name, read_text_file
 from taichi_erosion.evidence.data.number_words import plain, with_unit
 from taichi_erosion.evidence.data.problem import Measurements
-from taichi_erosion.evidence.data.table_units import TableUnits
-from taichi_erosion.evidence.data.tables.column_roles import Column, Told, column_roles
-from taichi_erosion.evidence.data.tables.headings import read_heading
-from taichi_erosion.evidence.data.tables.laboratory_table import Choices, tidy_cells, tidy_name
-from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells
-from taichi_erosion.evidence.data.tables.table_changes import PLACE
-from taichi_erosion.evidence.data.tables.tidy_table import Faults, Row, Table, is_tidy, pointed, tidy_table
-from taichi_erosion.evidence.data.tables.vocabulary import NEAR, plain_words
+from taichi_erosion.evidence.data.table_units import TableUnits, set_up_name
+from taichi_erosion.evidence.data.tables.column_roles import Told
+from taichi_erosion.evidence.data.tables.interview import Interview, TableWishes
+from taichi_erosion.evidence.data.tables.reader import read_rows
+from taichi_erosion.evidence.data.tables.rows import PLACE, Faults, Row, Table, is_tidy
+from taichi_erosion.evidence.data.tables.spreadsheet import read_cells
+from taichi_erosion.evidence.data.tables.vocabulary import NEAR
 from taichi_erosion.scene.schema.units import (
     EXAMPLES,
     PURE,
@@ -42,89 +40,48 @@ def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Ta
     In a laboratory's own table the columns are what the study calls them, else what their headings mean.
     """
     faults = Faults()
-    cells = read_cells(path, one_line_name(file or path), faults)
-    notes: list[str] = []
-    if cells.rows and not is_tidy(cells.heading) and len(cells.heading) > 1 and study is not None:
-        columns = column_roles(cells, named_by_study(cells, study), faults)
-        columns = list(settled_columns(columns, study, cells, faults, notes))
-        if not any(column.role == "observable" for column in columns):
-            wanted = ", ".join(study.observables)
-            told = f"no column is known as {wanted}; name it in the study"
-            raise BadInput(*faults, f"{cells.file}: {told}: [columns] 'HEADING' = NAME")
-        names = {c.place: study_name(c.name, c.heading.name, study) for c in columns if c.role == "condition"}
-        cells = tidy_cells(cells, columns, Choices(names=names), faults)
-    found = faults.of(tidy_table, pointed(cells), faults)
+    found = faults.of(read_rows, path, one_line_name(file or path), wishes_of(study), no_questions(), faults)
     faults.tell()
     assert found is not None
-    return replace(found, notes=(*found.notes, *notes))
+    return found
+
+
+def no_questions() -> Interview:
+    """An interview in which every guess is taken."""
+    return Interview(lambda _, guess: guess)
+
+
+def wishes_of(study: StudyFile | None) -> TableWishes:
+    """What a study says of the columns of its table: by [columns], or by the same name."""
+    if study is None:
+        return TableWishes()
+    names = {name: name for name in (*study.observables, *study.conditions)} | study.columns
+    return TableWishes(
+        Told(
+            {text: name for text, name in names.items() if name in study.observables},
+            {text: study.conditions[name] for text, name in names.items() if name in study.conditions},
+            titles={
+                path: name
+                for name, paths in study.conditions.items()
+                for path in (paths, *map(str.strip, paths.split(",")))
+            },
+            optional=frozenset(names),
+        )
+    )
 
 
 def table_faults_of(path: Path) -> list[str]:
     """Faults of the tidy table that a study file names, where the study itself cannot be used."""
     try:
         named = tomllib.loads(read_text_file(path))["study"]["measurements"]
-        cells = read_cells(path.parent / named, named, faults := Faults())
-    except (OSError, ValueError, KeyError, TypeError, BadInput):
-        return []
-    if cells.rows and is_tidy(cells.heading):
-        faults.of(tidy_table, pointed(cells), faults)
-    return list(dict.fromkeys(faults))
-
-
-def settled_columns(
-    columns: Sequence[Column], study: StudyFile, cells: Cells, faults: list[str], notes: list[str]
-) -> Iterator[Column]:
-    """The columns of a study's table; one with several readings is a fault, one without any a note."""
-    for column in columns:
-        if not column.sure and column.numeric:
-            text, where = column.heading.text, f"{cells.file}: column '{column.heading.text}'"
-            near = near_of_study(column, study)
-            if column.role == "spread":
-                faults.append(f"{where}: sd of single repeats, or standard error? head it 'sd' or 's.e.'")
-            elif not isnan(column.height):
-                faults.append(
-                    f"{where}: a wind at {column.height:g} m is no friction velocity: ./erosion study new "
-                    "--roughness LENGTH makes one of it"
-                )
-            elif near:
-                faults.append(
-                    f"{where}: did you mean {near}? name it in the study, [columns] '{text}' = '{near}', or "
-                    "begin the heading of a column that is not used with 'note'"
-                )
-            else:
-                notes.append(f"column '{text}' of {cells.file} is not used: the study has no such name.")
-            column = replace(column, role="remark", sure=True)
-        yield column
-
-
-def near_of_study(column: Column, study: StudyFile) -> str:
-    """Condition or observable of a study, or known place, that an unknown heading seems to misspell."""
-    named = [*study.conditions, *study.observables]
-    near = get_close_matches(plain_words(column.heading.name).replace(" ", "_"), named, n=1, cutoff=NEAR)
-    return near[0] if near else tidy_name(column.near) if "." in column.near else column.near
-
-
-def named_by_study(cells: Cells, study: StudyFile) -> Told:
-    """Meaning of the columns of a laboratory's table in a study: by [columns], or by the same name."""
-    observables, conditions = {}, {}
-    for text in filter(None, cells.heading):
-        name = study.columns.get(text, plain_words(read_heading(text).name).replace(" ", "_"))
-        if name in study.observables:
-            observables[text] = name
-        elif name in study.conditions:
-            conditions[text] = study.conditions[name]
-    return Told(observables, conditions)
-
-
-def study_name(place: str, heading: str, study: StudyFile) -> str:
-    """What a study calls the condition that a column sets."""
-    plain = plain_words(heading).replace(" ", "_")
-    if plain in study.conditions:
-        return plain
-    for name, paths in study.conditions.items():
-        if place == paths or place in [path.strip() for path in paths.split(",")] or name == tidy_name(place):
-            return name
-    return tidy_name(place)
+        cells = read_cells(path.parent / named, named, [])
+        if cells.rows and is_tidy(cells.heading):
+            read_table(path.parent / named, named)
+    except BadInput as error:
+        return list(error.faults)
+    except (OSError, ValueError, KeyError, TypeError):
+        pass
+    return []
 
 
 def study_measurements(
@@ -238,7 +195,7 @@ def errors_of_conditions(rows: Sequence[Row], scales: Mapping[str, Scale]) -> di
 
 def group_of(row: Row, at: Mapping[str, float]) -> str:
     """Physical set-up of a row; its conditions where none is named."""
-    return row.group or ", ".join(f"{value:g}" for value in at.values()) or "all"
+    return row.group or set_up_name(at.values()) or "all"
 
 
 def heaps_of(rows: Sequence[Row]) -> tuple[str, ...]:

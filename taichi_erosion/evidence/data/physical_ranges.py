@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 
-from taichi_erosion.evidence.data.tables.tidy_table import Row, Table
+from taichi_erosion.evidence.data.tables.rows import Row, Table
 from taichi_erosion.scene.paths import number_at
 from taichi_erosion.scene.schema.units import Scale, UnknownUnit, parse_scale, parse_unit, scale_between
 
@@ -93,39 +93,36 @@ def place_range(path: str) -> PhysicalRange | None:
 
 
 def condition_faults(
-    table: Table, name: str, allowed: PhysicalRange, own: float = nan, usual: bool = True
+    table: Table, name: str, allowed: PhysicalRange | None, own: float = nan, usual: bool = True
 ) -> Iterator[str]:
     """Impossible values of a condition, and a column whose unit seems mistaken, one line each.
 
     `own` is the scene's number at the place: a column near it is meant as it stands. `usual`: whether values
-    that are possible but unusual are looked at.
+    that are possible but unusual are looked at. None is known of a place without a range.
     """
     place = table.conditions.index(name)
-    unit = table.units[place]
-    cells = [(row, row.conditions[place]) for row in table.rows if isfinite(row.conditions[place])]
-    yield from column_faults(
-        table.file, name, [(row, value, unit) for row, value in cells], allowed, own, usual
-    )
+    cells = [(row, row.conditions[place], table.units[place]) for row in table.rows]
+    yield from column_faults(table.file, name, cells, allowed, own, usual)
 
 
-def observable_faults(table: Table, name: str, allowed: PhysicalRange, usual: bool = True) -> Iterator[str]:
+def observable_faults(table: Table, name: str, measure: str, usual: bool = True) -> Iterator[str]:
     """Impossible values of an observable, and a column whose unit seems mistaken, one line each."""
-    rows = [row for row in table.rows if row.observable == name and isfinite(row.value)]
-    yield from column_faults(
-        table.file, name, [(row, row.value, row.unit) for row in rows], allowed, nan, usual
-    )
+    cells = [(row, row.value, row.unit) for row in table.rows if row.observable == name]
+    yield from column_faults(table.file, name, cells, OBSERVED.get(measure), nan, usual)
 
 
 def column_faults(
     file: str,
     name: str,
     cells: Sequence[tuple[Row, float, str | None]],
-    allowed: PhysicalRange,
+    allowed: PhysicalRange | None,
     own: float,
     usual: bool,
 ) -> Iterator[str]:
     """Faults of the numbers of one column, given as (row, number, unit as written)."""
-    scaled = [(row, value, unit, scale_of(unit, allowed)) for row, value, unit in cells]
+    if allowed is None:
+        return
+    scaled = [(row, value, unit, scale_of(unit, allowed)) for row, value, unit in cells if isfinite(value)]
     known = [(row, value, unit, scale) for row, value, unit, scale in scaled if scale is not None]
     wrong = [each for each in known if not allowed.possible(each[3].used(each[1]))]
     odd = [each for each in known if not allowed.is_usual(each[3].used(each[1]))]

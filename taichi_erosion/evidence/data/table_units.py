@@ -4,7 +4,7 @@ The statistics count in the units of the model. Whatever a person reads - a sent
 takes its numbers through `TableUnits`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from math import isfinite
 from typing import Any
@@ -73,6 +73,11 @@ class TableUnits:
         """A condition by which another value of it is divided: in its unit where that counts from 0."""
         scale = self.conditions.get(name, Scale())
         return plain(number) if scale.origin else self.condition_text(name, number)
+
+
+def set_up_name(conditions: Iterable[float]) -> str:
+    """Name of a set-up that has no other than its conditions; digests of tables rest on it."""
+    return ", ".join(f"{value:g}" for value in conditions)
 
 
 def shown_unit(scale: Scale) -> str:

@@ -10,10 +10,9 @@ from taichi_erosion.evidence.data.physical_ranges import (
     PhysicalRange,
     condition_faults,
     observable_faults,
-    observed_range,
     place_range,
 )
-from taichi_erosion.evidence.data.tables.tidy_table import Table
+from taichi_erosion.evidence.data.tables.rows import Table
 from taichi_erosion.evidence.models.column_units import readable_table
 from taichi_erosion.evidence.models.simulator import dotted_paths
 
@@ -32,12 +31,9 @@ def study_value_faults(table: Table, file: StudyFile, folder: Path) -> Iterator[
             allowed, own = place_range(path), own_number(path, scenes)
         else:
             allowed, own = function_range(path, table, name), nan
-        if allowed is not None:
-            yield from condition_faults(table, name, allowed, own, usual=bool(scenes))
+        yield from condition_faults(table, name, allowed, own, usual=bool(scenes))
     for name, entry in file.observables.items():
-        allowed = observed_range(entry.measure or name)
-        if allowed is not None:
-            yield from observable_faults(table, name, allowed, usual=False)
+        yield from observable_faults(table, name, entry.measure or name, usual=False)
 
 
 def function_range(name: str, table: Table, column: str) -> PhysicalRange | None:

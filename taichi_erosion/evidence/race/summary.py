@@ -19,6 +19,7 @@ from scipy import stats
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, tested_by_repeats
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.data.repeats import JOINT
+from taichi_erosion.evidence.data.table_units import set_up_name
 from taichi_erosion.evidence.data.transforms import axis_value, from_scale
 from taichi_erosion.evidence.models.predictor import axis_scale
 from taichi_erosion.evidence.race.decision import Decision, decide
@@ -234,7 +235,8 @@ def error_parts(fit: Fit, race: Race) -> Iterator[ErrorPart]:
     now, rows = fit.evidence.solved, race.prepared.rows
     for index, block in enumerate(fit.blocks):
         if block.kind in ("source", "batch"):
-            yield from shared_parts(block.kind, fit, index, rows)
+            for part in shared_parts(block.kind, fit, index, rows):
+                yield replace(part, label=batch_label(race, part.label)) if part.kind == "batch" else part
     for row in sorted(fit.evidence.bad):
         gap = float((rows.z[row] - fit.mean[row]) / max(rows.slope[row], 1e-300))
         width = ONE_SIDED * float(race.prepared.sd[row] / max(rows.slope[row], 1e-300))
@@ -248,6 +250,13 @@ def error_parts(fit: Fit, race: Race) -> Iterator[ErrorPart]:
         if low > 1.0 or high < 1.0:
             name = now.rows.scales.names[j].removeprefix("scatter ")
             yield ErrorPart("scatter", name, "", Interval(middle, low, high))
+
+
+def batch_label(race: Race, group: str) -> str:
+    """A group; the conditions of one that is named by them alone, with their units."""
+    rows, units = race.prepared.rows, race.prepared.problem.measurements.table_units
+    at = rows.conditions_at(rows.group.index(group))
+    return units.setting_text(at).replace(" = ", " ") if group == set_up_name(at.values()) else group
 
 
 def shared_parts(

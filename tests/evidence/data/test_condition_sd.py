@@ -48,7 +48,7 @@ def test_an_sd_belongs_to_a_condition_in_its_unit(tmp_path, heading, told):
 
 
 def test_an_sd_below_0_is_refused(tmp_path):
-    with pytest.raises(BadInput, match=re.escape("row 2, sd of moisture = '-0.1' must not be below 0")):
+    with pytest.raises(BadInput, match=re.escape("row 2, sd of moisture [%] = '-0.1' must not be below 0")):
         table(tmp_path, (TIDY + ROWS).replace(",0.1,", ",-0.1,"))
 
 

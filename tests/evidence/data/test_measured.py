@@ -48,7 +48,12 @@ def test_what_the_instrument_did_not_see_is_censored_and_not_dropped(tmp_path, c
     "dressed",
     [
         GOOD.replace(",", ";").encode(),
-        GOOD.replace(",", ";").replace("33.5", "33,5").replace("1.65", "1,65").replace("0.7", "0,7").encode(),
+        GOOD.replace(",", ";")
+        .replace("33.5", "33,5")
+        .replace("1.65", "1,65")
+        .replace("0.7", "0,7")
+        .replace("31.2", "31,2")
+        .encode(),
         GOOD.replace(",", "\t").encode("utf-16"),
         ("sep=;\n" + GOOD.replace(",", ";")).encode("cp1252"),
         ("Heaps of 2024\n\n" + GOOD).encode("utf-8-sig"),
@@ -107,7 +112,7 @@ def test_degrees_celsius_in_a_heading_become_kelvin(tmp_path, unit):
         (GOOD.replace(",10,", ",2.5,"), "heap.csv: row 2, n = '2.5' must be a whole number from 1"),
         (GOOD.replace("deg", "grad"), "heap.csv: row 2, unit = 'grad' is not known; degrees are written deg"),
         (GOOD.replace("deg", "angle"), "heap.csv: row 2, unit = 'angle' is not known; allowed: 1, %, deg"),
-        (GOOD.replace("1.65", "wet"), "heap.csv: row 2, moisture = 'wet' must be a number: any other column"),
+        (GOOD.replace("1.65", "wet"), "heap.csv: row 2, moisture [%] = 'wet' must be a number; words belong"),
         (GOOD.replace("[%]", "[wet]"), "heap.csv: heading 'moisture [wet]': unknown unit; allowed: 1"),
         (GOOD.replace("value", "valeu"), "heap.csv: column 'valeu' is unknown; did you mean 'value'?"),
         (GOOD.replace("unit,", "kind,"), "heap.csv: column 'unit' is missing"),

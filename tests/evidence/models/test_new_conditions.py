@@ -1,5 +1,7 @@
 """Tables of new conditions: units, headings, what is missing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -19,7 +21,7 @@ def read(study, folder, text):
     table = folder / "at.csv"
     table.write_text(text, encoding="utf-8")
     places = place_units(study.file, study.path)
-    return read_new_conditions(table, study.file, places, study.problem.measurements)
+    return read_new_conditions(table, study.file, places, study.problem.measurements, study.path.parent)
 
 
 def test_numbers_are_read_in_the_units_of_their_headings_else_in_those_of_the_study(study, tmp_path):
@@ -60,3 +62,17 @@ def test_a_unit_of_another_kind_is_refused(study, tmp_path):
 def test_the_conditions_are_finite(study, tmp_path):
     found = read(study, tmp_path, "moisture [%],diameter [mm]\n0,0.2\n")
     assert all(np.all(np.isfinite(column)) for column in found.conditions.values())
+
+
+def test_impossible_conditions_are_refused_with_the_ranges_of_a_new_study(study, tmp_path):
+    with pytest.raises(BadInput, match=r"row 2, moisture = 600 % is 6 kg kg-1, outside \[0, 5\]"):
+        read(study, tmp_path, "moisture [%],diameter [mm]\n600,0.2\n")
+
+
+def test_one_column_of_decimal_commas_is_one_column(study, tmp_path):
+    constant = replace(study.problem.measurements, conditions={**study.problem.measurements.conditions})
+    constant.conditions["diameter"] = np.full(constant.size, 2e-4)
+    (tmp_path / "at.csv").write_text("moisture [%]\n1,5\n2,25\n", encoding="utf-8")
+    places = place_units(study.file, study.path)
+    found = read_new_conditions(tmp_path / "at.csv", study.file, places, constant, tmp_path)
+    assert found.conditions["moisture"] == pytest.approx([0.015, 0.015, 0.0225, 0.0225])

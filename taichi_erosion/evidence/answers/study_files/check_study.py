@@ -18,13 +18,14 @@ from taichi_erosion.campaign.study_file import (
     evidence_problems,
     read_study_file,
 )
+from taichi_erosion.core.effect_loading import effect_in
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.evidence.answers.rounds import MOST_POINTS
 from taichi_erosion.evidence.answers.set_up import source_faults, table_faults
 from taichi_erosion.evidence.answers.study_files.start_values import evaluations_sentence
 from taichi_erosion.evidence.data.measured import read_table, study_measurements, table_faults_of
-from taichi_erosion.evidence.data.tables.tidy_table import Faults, Table
+from taichi_erosion.evidence.data.tables.rows import Faults, Table
 from taichi_erosion.evidence.emulator.plan_cost import MINUTE, PlanCost, plan_cost
 from taichi_erosion.evidence.emulator.training_runs import (
     TrainingRuns,
@@ -174,13 +175,14 @@ def acting_candidates(study: Study) -> tuple[list[str], dict[str, str]]:
     }
     measured = study.file.observables
     known = {*measured, *(EXPECTED_AS[name] for name in measured if name in EXPECTED_AS), *varied}
+    own = {effect_in(file).name for file in study.effect_files}
     acting, inactive = [], {}
     for candidate in study.problem.candidates:
         effect = simulator.library[candidate.name]
         reasons = [inactive_reason(scene, candidate) for scene in scenes]
         if all(reason is not None for reason in reasons):
             inactive[candidate.name] = str(reasons[0])
-        elif set(effect.expected or effect.reads) & known:
+        elif candidate.name in own or set(effect.expected or effect.reads) & known:
             acting.append(candidate.name)
         else:
             inactive[candidate.name] = UNEXPECTED

@@ -5,13 +5,20 @@ What the table does not say is asked; every question has a guess, which counts w
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.answers.study_files.own_files import (
+    OWN,
+    Wishes,
+    own_template,
+    undeclared,
+    with_own_conditions,
+)
 from taichi_erosion.evidence.answers.study_files.scene_templates import (
     LENGTHS,
     SIZES,
@@ -30,18 +37,13 @@ from taichi_erosion.evidence.answers.study_files.written_files import (
     earlier_study,
     written_files,
 )
-from taichi_erosion.evidence.data.physical_ranges import (
-    condition_faults,
-    observable_faults,
-    observed_range,
-    place_range,
-)
+from taichi_erosion.evidence.data.physical_ranges import condition_faults, observable_faults, place_range
 from taichi_erosion.evidence.data.tables.column_roles import Column, Told
 from taichi_erosion.evidence.data.tables.headings import stated_number
-from taichi_erosion.evidence.data.tables.interview import Ask, Interview, TableWishes, understood, upright
-from taichi_erosion.evidence.data.tables.laboratory_table import tidy_name
-from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells, source_digest
-from taichi_erosion.evidence.data.tables.tidy_table import Faults, Table, is_tidy, pointed, tidy_table
+from taichi_erosion.evidence.data.tables.interview import Ask, Interview
+from taichi_erosion.evidence.data.tables.reader import read_rows
+from taichi_erosion.evidence.data.tables.rows import Faults, Table
+from taichi_erosion.evidence.data.tables.spreadsheet import source_digest
 from taichi_erosion.evidence.data.tables.vocabulary import (
     DIAMETER,
     FRICTION_VELOCITY,
@@ -55,57 +57,47 @@ Document = dict[str, Any]
 LIGHTEST, DENSEST = 100.0, 20000.0  # of grains [kg m-3]
 
 
-@dataclass(frozen=True)
-class Wishes:
-    """What the command line says beforehand."""
-
-    told: Told = field(default_factory=Told)
-    folder: Path | None = None
-    apparatus: str | None = None  # of TEMPLATES
-    closed_form: bool = False  # the reduced model answers in place of scenes
-    roughness: str | None = None  # length of the bed under winds that were measured at a height
-    anew: bool = False  # write a study that is there anew; else its table alone is corrected
-    diameter: str | None = None  # of the grains, with its unit, where no column states it
-    density: str | None = None  # of the grains, with its unit
-    grains: int | None = None  # of a run
-
-
 def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     """Write table, study and scenes of a laboratory's table; the document says what was understood.
 
     Where the table has a study already, the table is corrected and the study stays, unless `wishes.anew`.
     Raises BadInput with all faults of the table, or where a file of another origin would be replaced.
     """
-    interview = Interview(ask)
-    tidy, measured, columns = read_laboratory_table(table, wishes, interview)
-    names = list(dict.fromkeys(row.observable for row in measured.rows))
     folder = wishes.folder or table.with_name(table.stem)
+    interview, wishes = Interview(ask), with_own_conditions(replace(wishes, folder=folder))
+    measured = read_laboratory_table(table, wishes, interview)
+    names = list(dict.fromkeys(row.observable for row in measured.rows))
     refuse_file(folder)
     earlier = earlier_study(folder, table.stem)
-    places = condition_places(measured, columns, wishes.told)
+    places = condition_places(measured, wishes.told)
     if wishes.closed_form:
         text, scenes = closed_form_study(measured, names, places), {}
         for name in places.keys() - text.conditions.keys():
             interview.assume(f"column '{name}' is not used: the closed form does not read it")
     else:
         text, scenes = named_apart(*scene_study(measured, names, places, wishes, interview), table.stem)
-    origin = {
-        "made_from": Path(os.path.relpath(table, folder)).as_posix(),
-        "made_from_digest": source_digest(table),
-    }
-    text = replace(text, title=table.stem, assumed=tuple(interview.assumed), **origin)
-    files = StudyFiles(folder, table.stem, text, tidy, scenes)
-    if earlier is None:
-        found = written_files(files)
-    else:
-        found = corrected_study(earlier, files, wishes.anew)
+    text = replace(
+        text,
+        title=table.stem,
+        assumed=tuple(interview.assumed),
+        made_from=relative(table, folder),
+        made_from_digest=source_digest(table),
+        effect_files=tuple(relative(file, folder) for file in wishes.effects),
+    )
+    files = StudyFiles(folder, table.stem, text, measured, scenes)
+    found = written_files(files) if earlier is None else corrected_study(earlier, files, wishes.anew)
     return {
         "table": str(table),
-        "form": tidy.form,
-        "columns": [told_column(column, text) for column in columns],
+        "form": measured.form,
+        "columns": [told_column(column, text) for column in measured.columns],
         "assumed": list(interview.assumed),
         **found,
     }
+
+
+def relative(file: Path, folder: Path) -> str:
+    """Path of a file as a study in a folder names it."""
+    return Path(os.path.relpath(file, folder)).as_posix()
 
 
 def refuse_file(folder: Path) -> None:
@@ -117,31 +109,16 @@ def refuse_file(folder: Path) -> None:
             return
 
 
-def read_laboratory_table(
-    table: Path, wishes: Wishes, interview: Interview
-) -> tuple[Cells, Table, list[Column]]:
-    """A table in tidy form, as cells and as rows, with the columns of a laboratory's own.
-
-    Raises BadInput with all faults of its cells, headings, units and ranges.
-    """
-    cells = read_cells(table, table.name, faults := Faults())
-    if not cells.rows:
-        raise BadInput(*faults or [f"{table.name}: is empty; the first row names the columns"])
-    if not cells.lines:
-        raise BadInput(*faults or [f"{table.name}: has a heading but no measured value"])
-    columns: list[Column] = []
-    if not is_tidy(cells.heading):
-        cells = upright(cells, interview)
-        measures = dict.fromkeys(name for each in TEMPLATES.values() for name in each.observables)
-        stated = TableWishes(wishes.told, wishes.roughness, tuple(measures))
-        cells, columns = understood(cells, stated, interview, faults)
-    measured = faults.of(tidy_table, pointed(cells), faults)
+def read_laboratory_table(table: Path, wishes: Wishes, interview: Interview) -> Table:
+    """Rows of a table; raises BadInput with all faults of its cells, headings, units and ranges."""
+    faults = Faults()
+    measured = read_rows(table, table.name, wishes.table, interview, faults)
     if measured is not None:
-        places = faults.of(condition_places, measured, columns, wishes.told) or {}
+        places = faults.of(condition_places, measured, wishes.told) or {}
         faults += value_faults(measured, places, wishes.told)
     faults.tell()
     assert measured is not None
-    return cells, measured, columns
+    return measured
 
 
 def value_faults(table: Table, places: Mapping[str, str], told: Told) -> Iterator[str]:
@@ -151,22 +128,21 @@ def value_faults(table: Table, places: Mapping[str, str], told: Told) -> Iterato
     """
     for name, place in places.items():
         allowed = place_range(place.split(",")[0].strip())
-        if allowed is not None:
-            yield from condition_faults(table, name, allowed, usual=not told.units)
+        yield from condition_faults(table, name, allowed, usual=not told.units)
     for name in dict.fromkeys(row.observable for row in table.rows):
-        allowed = observed_range(name)
-        if allowed is not None:
-            yield from observable_faults(table, name, allowed, usual=not told.units)
+        yield from observable_faults(table, name, name, usual=not told.units)
 
 
-def condition_places(table: Table, columns: Sequence[Column], told: Told) -> dict[str, str]:
-    """Place that every condition of the tidy table sets."""
-    if columns:
-        return {tidy_name(c.name): c.name for c in columns if c.role == "condition"}
-    stated = {name: told.conditions.get(name) or meaning_of(name)[1] for name in table.conditions}
+def condition_places(table: Table, told: Told) -> dict[str, str]:
+    """Place that every condition of a table sets."""
+    columns = [column for column in table.columns if column.role == "condition"]
+    # in a tidy table a column is called as the user likes
+    stated = {c.title: told.conditions.get(c.name) or meaning_of(c.name)[1] for c in columns}
+    if not any(column.role == "value" for column in table.columns):
+        stated = {column.title: column.name for column in columns}
     faults = [
         f"{table.file}: column '{name}': no place of a scene is known by that name; say which one it sets: "
-        f"--condition {name}={near_meaning(name)[1] or 'PATH'}"
+        f"--condition {name}={near_meaning(name) or 'PATH'}, or give its unit: --condition {name}=UNIT"
         for name, place in stated.items()
         if not place
     ]
@@ -179,9 +155,35 @@ def scene_study(
     table: Table, names: Sequence[str], places: Mapping[str, str], wishes: Wishes, interview: Interview
 ) -> tuple[StudyText, dict[str, str]]:
     """The study that scenes answer, and the scenes by name."""
+    scenes, parameters, conditions = {}, {}, {}
+    found = apparatus_of_all(names, wishes, interview, table.file)
+    for key, own in found.items():
+        template = own_template(wishes) if key == OWN else TEMPLATES[key]
+        if key != OWN:
+            scenes[key] = new_scene(table, key, own, places, wishes, interview)
+        for name, place in places.items():
+            paths = [*conditions.get(name, "").split(", "), *places_of(template, place).split(", ")]
+            conditions[name] = ", ".join(filter(None, dict.fromkeys(paths)))
+        stated = {place for paths in conditions.values() for place in paths.split(", ")}
+        parameters |= {number.path: number for number in template.parameters if number.path not in stated}
+        if template.wind and FRICTION_VELOCITY not in places.values():
+            interview.assume("no column states the friction velocity: the wind is that of the scene")
+    observables = {name: f"{key}.toml" for key, own in found.items() for name in own}
+    if wishes.scene is not None:
+        observables = dict.fromkeys(names, relative(wishes.scene, wishes.folder or Path()))
+    positive = {n for n in names if all(r.value > 0.0 for r in table.rows if r.observable == n)}
+    return StudyText(observables, conditions, tuple(parameters.values()), frozenset(positive)), scenes
+
+
+def apparatus_of_all(
+    names: Sequence[str], wishes: Wishes, interview: Interview, file: str
+) -> dict[str, list[str]]:
+    """Observables of each apparatus; of an own scene all."""
+    if wishes.scene is not None:
+        return {OWN: list(names)}
     found: dict[str, list[str]] = {}
     for name in names:
-        found.setdefault(apparatus_of(name, names, wishes, interview, table.file), []).append(name)
+        found.setdefault(apparatus_of(name, names, wishes, interview, file), []).append(name)
     if wishes.apparatus is not None and wishes.apparatus not in found:
         others = dict.fromkeys(key for name in names for key in templates_for(name))
         own = TEMPLATES[wishes.apparatus].observables
@@ -189,45 +191,42 @@ def scene_study(
             f"--apparatus {wishes.apparatus}: measures {', '.join(own)}, not {', '.join(names)}; say which "
             f"column holds it (--observable 'COLUMN={own[0]}'), or name one of {', '.join(others)}"
         )
-    scenes, parameters, conditions = {}, {}, {}
-    for key, own in found.items():
-        template = TEMPLATES[key]
-        diameters = grain_diameters(table, template, places, wishes, interview)
-        grains = wishes.grains or safe_grains(template, angles_of(table, own))
-        density = grain_density(wishes, places, table.file)
-        if sized := [name for name in own if name in LENGTHS]:
-            interview.assume(size_words(sized, key, grains))
-        notes = f"Made for {table.file}: {', '.join(own)}. Numbers of grains and contacts are usual ones."
-        head = {"title": f"{table.file}: {template.words}", "notes": notes}
-        scenes[key] = scene_text(template, head, diameters, grains, density)
-        for name, place in places.items():
-            stated = dict.fromkeys(
-                [*conditions.get(name, "").split(", "), *places_of(template, place).split(", ")]
-            )
-            conditions[name] = ", ".join(filter(None, stated))
-        stated = {place for paths in conditions.values() for place in paths.split(", ")}
-        parameters |= {number.path: number for number in template.parameters if number.path not in stated}
-        if template.wind and FRICTION_VELOCITY not in places.values():
-            interview.assumed.append("no column states the friction velocity: the wind is that of the scene")
-    observables = {name: key for key, own in found.items() for name in own}
-    positive = {n for n in names if all(r.value > 0.0 for r in table.rows if r.observable == n)}
-    return StudyText(observables, conditions, tuple(parameters.values()), frozenset(positive)), scenes
+    return found
 
 
-def size_words(lengths: Sequence[str], key: str, grains: int) -> str:
-    """How large the heaps of a scene are, whose lengths are compared with measured ones."""
-    entries = ", ".join(SIZES[key])
-    return (
-        f"{' and '.join(lengths)}: heaps of {grains:,} grains in the scene '{key}'; lengths grow with the "
-        f"heap, so give it as many as yours have (--grains), and your apparatus: {entries}"
-    )
+def new_scene(
+    table: Table,
+    key: str,
+    names: Sequence[str],
+    places: Mapping[str, str],
+    wishes: Wishes,
+    interview: Interview,
+) -> str:
+    """Text of the scene of an apparatus that measures some observables of a table."""
+    template = TEMPLATES[key]
+    diameters = grain_diameters(table, template, places, wishes, interview)
+    grains = wishes.grains or safe_grains(template, angles_of(table, names))
+    density = grain_density(wishes, places, table.file)
+    if sized := [name for name in names if name in LENGTHS]:
+        interview.assume(
+            f"{' and '.join(sized)}: heaps of {grains:,} grains in the scene '{key}'; lengths grow with the "
+            f"heap, so give it as many as yours have (--grains), and your apparatus: {', '.join(SIZES[key])}"
+        )
+    notes = f"Made for {table.file}: {', '.join(names)}. Numbers of grains and contacts are usual ones."
+    head = {"title": f"{table.file}: {template.words}", "notes": notes}
+    return scene_text(template, head, diameters, grains, density, undeclared(wishes))
 
 
 def named_apart(text: StudyText, scenes: Mapping[str, str], study: str) -> tuple[StudyText, dict[str, str]]:
     """A study and its scenes; a scene that would have the name of the study gets another one."""
-    names = {name: f"{name}_scene" if name == study else name for name in scenes}
-    observables = {name: names[scene] for name, scene in text.observables.items()}
-    return replace(text, observables=observables), {names[name]: each for name, each in scenes.items()}
+    if study not in scenes:
+        return text, dict(scenes)
+    other = f"{study}_scene"
+    files = {
+        name: f"{other}.toml" if file == f"{study}.toml" else file for name, file in text.observables.items()
+    }
+    renamed = {other if name == study else name: each for name, each in scenes.items()}
+    return replace(text, observables=files), renamed
 
 
 def apparatus_of(
@@ -237,7 +236,7 @@ def apparatus_of(
     possible = sorted(templates_for(observable), key=lambda key: -measured_by(key, names))
     if not possible:
         raise BadInput(
-            f"{file}: no scene measures '{observable}'; rename it, or write a study on your own scene"
+            f"{file}: no scene measures '{observable}'; rename it, or name a scene of your own: --scene FILE"
         )
     if wishes.apparatus in possible:
         return str(wishes.apparatus)
@@ -308,21 +307,25 @@ def angles_of(table: Table, names: Sequence[str]) -> list[float]:
 
 
 UNIT_ROLES = ("observable", "condition", "condition_sd", "sd", "se", "cv")  # of columns whose unit is told
+ROLE_WORDS = {
+    "sd": "scatter of single repeats",
+    "se": "standard error of the mean",
+    "cv": "scatter of single repeats, relative",
+    "n": "number of repeats",
+    "group": "set-up of a row",
+    "remark": "not used",
+}
 
 
 def told_column(column: Column, text: StudyText) -> Document:
     """What was understood of a column."""
-    words = {"sd": "scatter of single repeats", "se": "standard error of the mean", "n": "number of repeats"}
-    words |= {"cv": "scatter of single repeats, relative"}
-    words |= {"group": "set-up of a row", "source": "source", "remark": "not used"}
-    if column.role == "observable":
+    told = ROLE_WORDS.get(column.role, column.role)
+    if column.role == "observable" and column.name in text.observables:
         told = f"measured: {column.name}"
     elif column.role == "condition":
-        first, *others = text.conditions.get(tidy_name(column.name), column.name).split(", ")
+        first, *others = text.conditions.get(column.title, column.name).split(", ")
         told = f"sets {first}" + (f" and {len(others)} places more" if others else "")
-    else:
-        told = words.get(column.role, column.role)
-    if column.role == "condition_sd":
-        told = f"sd of {tidy_name(column.name)}"
+    elif column.role == "condition_sd":
+        told = f"sd of {column.title}"
     unit = column.heading.unit if column.role in UNIT_ROLES else ""
     return {"column": column.heading.text, "role": column.role, "told": told, "unit": unit}

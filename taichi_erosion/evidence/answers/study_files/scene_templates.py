@@ -246,18 +246,22 @@ def scene_text(
     diameters: Diameters,
     grains: int,
     density: float | None = None,
+    own_conditions: Mapping[str, str] | None = None,
 ) -> str:
-    """The scene of a table; comments of what stays are kept. `density`: of the grains [kg m-3]."""
+    """The scene of a table; comments of what stays are kept.
+
+    `density`: of the grains [kg m-3]; `own_conditions`: names and units of those to declare.
+    """
     import tomlkit
 
     document: Any = tomlkit.parse((SCENES / f"{template.scene}.toml").read_text(encoding="utf-8"))
-    measured = document.pop("measured", None)
-    del measured  # another laboratory's values
+    document.pop("measured", None)  # another laboratory's values
     changes = {
         **template.changes(diameters.middle, grains),
         **{f"scene.{key}": text for key, text in head.items()},
         **wind_changes(document.get("wind", {}), diameters.largest),
         **({} if density is None else {template.density: density}),
+        **{f"conditions.extra.{name}": {"unit": unit} for name, unit in (own_conditions or {}).items()},
     }
     for path, value in changes.items():
         set_entry(document, path.split("."), value)

@@ -1,7 +1,5 @@
 """Text of a new study and of its tidy table, and the study that the closed form answers."""
 
-import csv
-import io
 import json
 import shlex
 from collections.abc import Mapping, Sequence
@@ -11,8 +9,8 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.study_files.scene_templates import Calibrated
-from taichi_erosion.evidence.data.tables.spreadsheet import Cells
-from taichi_erosion.evidence.data.tables.tidy_table import Table
+from taichi_erosion.evidence.data.tables.interview import ANGLES
+from taichi_erosion.evidence.data.tables.rows import Table
 from taichi_erosion.evidence.data.tables.vocabulary import DIAMETER
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.scene.schema.units import Unit, parse_scale, scale_between
@@ -45,7 +43,7 @@ LEAST_SHIFT = 1e-3  # of an observable by an effect of strength 1, below which i
 class StudyText:
     """Entries of a study."""
 
-    observables: Mapping[str, str]  # name -> scene, without its ending; empty: the model answers
+    observables: Mapping[str, str]  # name -> file of its scene; empty: the model answers
     conditions: Mapping[str, str]  # column -> places
     parameters: tuple[Calibrated, ...]
     logarithmic: frozenset[str] = frozenset()  # observables above zero everywhere
@@ -58,9 +56,7 @@ class StudyText:
     made_from_digest: str = ""  # of its cells
     assumed: tuple[str, ...] = ()
     drawn_from: str = ""  # digest of the table from which the rows of the vault are drawn
-
-
-ANGLES = ("repose_angle", "cone_angle", "angle_of_repose", "dynamic_angle", "sliding_angle")
+    effect_files: tuple[str, ...] = ()  # with effects of the user's own, relative to the study
 
 
 def study_text(study: StudyText) -> str:
@@ -72,12 +68,13 @@ def study_text(study: StudyText) -> str:
         lines += [f"made_from = {quoted(study.made_from)}"]
         lines += [f"made_from_digest = {quoted(study.made_from_digest)}  # {READ}"]
     lines += [f"model = {quoted(study.model)}"] if study.model else []
+    lines += [f"effect_files = {json.dumps(list(study.effect_files))}"] if study.effect_files else []
     if study.assumed:
         lines += ['notes = """', "Assumed, because the table does not say it:"]
         lines += [f"- {words.replace(chr(34), chr(39))}" for words in study.assumed] + ['"""']
     for name, scene in study.observables.items():
         lines += ["", f"[observables.{name}]"]
-        lines += [f'scene = "{scene}.toml"'] if scene else []
+        lines += [f"scene = {quoted(scene)}"] if scene else []
         lines += [f"unit = {quoted(study.units[name])}"] if name in study.units else []
         lines += ['transform = "log"'] if name in study.logarithmic and name not in ANGLES else []
     lines += ["", "[conditions]", *(f"{name} = {quoted(paths)}" for name, paths in study.conditions.items())]
@@ -103,13 +100,6 @@ def study_text(study: StudyText) -> str:
 def quoted(text: str) -> str:
     """A TOML string."""
     return json.dumps(text, ensure_ascii=False)
-
-
-def table_text(cells: Cells) -> str:
-    """A tidy table as a CSV file."""
-    text = io.StringIO(newline="")
-    csv.writer(text, lineterminator="\n").writerows(row for _, row in cells.rows)
-    return text.getvalue()
 
 
 def closed_form_study(table: Table, names: Sequence[str], places: Mapping[str, str]) -> StudyText:

@@ -13,28 +13,26 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from taichi_erosion.campaign.study_file import read_evidence_study, with_entry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.study_files.check_study import acting_candidates, check_study
-from taichi_erosion.evidence.answers.study_files.study_text import READ, StudyText, study_text, table_text
+from taichi_erosion.evidence.answers.study_files.study_text import READ, StudyText, study_text
 from taichi_erosion.evidence.data.held_out_rows import stated_rows
+from taichi_erosion.evidence.data.measured import read_table
 from taichi_erosion.evidence.data.problem import Drawn
-from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells
+from taichi_erosion.evidence.data.tables.rows import Faults, Table, tidy_text
 from taichi_erosion.evidence.data.tables.table_changes import TableChanges, table_changes
-from taichi_erosion.evidence.data.tables.tidy_table import Faults, pointed
 from taichi_erosion.evidence.models.load_study import Study, load_study
 from taichi_erosion.scene.load import file_text
 
 Document = dict[str, Any]
 TIDY = "_tidy.csv"  # end of the name of a tidy table, which so is another one than that of the laboratory's
-PLACE = 6  # of the column `vault` in a tidy table: behind `group`
 KNOWN_AGAIN = 0.5  # share of the earlier rows that a correction of the same table has again
-TEXTS = ("study.notes", "study.title", "scene.title", "scene.notes")
-UNTOLD = (*TEXTS, "study.made_from", "study.made_from_digest", "vault.drawn_from")  # of differences
+UNTOLD = ("study.notes", "study.title", "scene.title", "scene.notes", "study.made_from")  # of differences
+UNTOLD += ("study.made_from_digest", "vault.drawn_from", "candidates.effects")
 LONGEST = 60  # characters of an entry that is told
 
 
@@ -45,7 +43,7 @@ class StudyFiles:
     folder: Path
     stem: str  # name of the laboratory's table, without its ending
     text: StudyText
-    tidy: Cells
+    rows: Table
     scenes: Mapping[str, str]  # name -> text
 
     @property
@@ -74,20 +72,20 @@ def written_files(files: StudyFiles) -> Document:
     with all_or_none(files.paths):
         text, inactive = with_candidates(files)
         study = load_study(files.study)
-        text = replace(text, drawn_from=study.digest)
-        write_table(files, drawn_rows(study, files.tidy))
-        write_atomic(files.study, study_text(text).encode())
-        return {
-            "written": [str(path) for path in files.paths],
-            **check_study(files.study),
-            "inactive": inactive,
-        }
+        write_table(files, drawn_rows(study, files.rows))
+        write_atomic(files.study, study_text(replace(text, drawn_from=study.digest)).encode())
+        return document_of(files, files.paths) | {"inactive": inactive}
+
+
+def document_of(files: StudyFiles, written: Sequence[Path]) -> Document:
+    """What was written, and what the study holds."""
+    return {"written": [str(path) for path in written], **check_study(files.study)}
 
 
 def with_candidates(files: StudyFiles) -> tuple[StudyText, dict[str, str]]:
     """Write a study whose candidates can act; its text, and why the others cannot."""
     text, inactive = replace(files.text, measurements=files.table.name), {}
-    write_table(files, ("",) * len(files.tidy.lines))
+    write_table(files, [row.drawn for row in files.rows.rows])
     for name, content in files.scenes.items():
         write_atomic(files.scene(name), content.encode())
     write_atomic(files.study, study_text(text).encode())
@@ -100,35 +98,20 @@ def with_candidates(files: StudyFiles) -> tuple[StudyText, dict[str, str]]:
 
 def write_table(files: StudyFiles, drawn: Sequence[Drawn]) -> None:
     """Write the tidy table, with what became of every row when rows were drawn for the vault."""
-    write_atomic(files.table, table_text(with_drawn(files.tidy, drawn)).encode())
+    rows = [replace(row, drawn=was) for row, was in zip(files.rows.rows, drawn, strict=True)]
+    write_atomic(files.table, tidy_text(replace(files.rows, rows=tuple(rows))).encode())
 
 
-def with_drawn(tidy: Cells, drawn: Sequence[Drawn]) -> Cells:
-    """A tidy table with its column `vault`."""
-    first, heading = tidy.rows[0]
-    here = heading.index("vault") if "vault" in heading else None
-    rows = [(first, with_cell(heading, here, "vault"))]
-    rows += [(line, with_cell(row, here, was)) for (line, row), was in zip(tidy.lines, drawn, strict=True)]
-    return replace(tidy, rows=tuple(rows))
-
-
-def with_cell(row: Sequence[str], here: int | None, text: str) -> tuple[str, ...]:
-    """A row with a cell replaced, or put into the place of the column `vault`."""
-    start, rest = (min(PLACE, len(row)),) * 2 if here is None else (here, here + 1)
-    return (*row[:start], text, *row[rest:])
-
-
-def drawn_rows(study: Study, tidy: Cells) -> list[Drawn]:
+def drawn_rows(study: Study, table: Table) -> list[Drawn]:
     """What became of every row of a study's tidy table when rows were drawn for the vault.
 
     Nothing is told of rows that the study does not use, and of those that a stated range or source holds out.
     """
-    place = [cell.partition("[")[0].strip() for cell in tidy.heading].index("observable")
-    used = [row for row, (_, cells) in enumerate(tidy.lines) if cells[place] in study.file.observables]
+    used = [k for k, row in enumerate(table.rows) if row.observable in study.file.observables]
     hidden = set(study.problem.vault.rows.tolist())
     vault = study.file.vault
     inside = stated_rows(study.problem.measurements, vault.ranges, vault.sources)
-    found: list[Drawn] = [""] * len(tidy.lines)
+    found: list[Drawn] = [""] * len(table.rows)
     for k, row in enumerate(used):
         found[row] = "" if inside[k] else "held out" if k in hidden else "fitted"
     return found
@@ -158,7 +141,7 @@ class EarlierStudy:
 
     study: Study
     text: str
-    tidy: Cells
+    rows: Table
 
 
 def earlier_study(folder: Path, stem: str) -> EarlierStudy | None:
@@ -171,10 +154,10 @@ def earlier_study(folder: Path, stem: str) -> EarlierStudy | None:
         raise BadInput(f"{there[0]}: exists; remove it, or name another folder with --out")
     faults = Faults()
     study = faults.of(load_study, path)
-    cells = faults.of(read_cells, table, table.name, faults)
-    if study is None or cells is None or faults:
+    rows = faults.of(read_table, table, table.name)
+    if study is None or rows is None:
         raise BadInput(*faults, f"{path}: is there and cannot be used; correct it, or name another folder")
-    return EarlierStudy(study, file_text(path, str(path)), pointed(cells))
+    return EarlierStudy(study, file_text(path, str(path)), rows)
 
 
 def corrected_study(earlier: EarlierStudy, files: StudyFiles, anew: bool) -> Document:
@@ -182,50 +165,37 @@ def corrected_study(earlier: EarlierStudy, files: StudyFiles, anew: bool) -> Doc
 
     Raises BadInput where it is another table, or where the study does not fit it; then nothing is written.
     """
-    changes = table_changes(earlier.tidy, files.tidy)
-    refuse_other_table(earlier, changes, files)
-    if anew:
-        found = write_anew(earlier, files, changes)
-    elif changes.none:
-        found = write_origin(earlier, files)
-    else:
-        found = write_correction(earlier, files, changes)
-    kept = [] if anew else list(differences(files))
-    return {"inactive": {}, **found, "changes": changes_document(earlier, changes), "kept": kept}
-
-
-def refuse_other_table(earlier: EarlierStudy, changes: TableChanges, files: StudyFiles) -> None:
-    """Refuse a table of which most rows are unlike those of the study that is there."""
-    rows = len(earlier.tidy.lines)
+    changes, rows = table_changes(earlier.rows, files.rows), len(earlier.rows.rows)
     if rows - len(changes.removed) < KNOWN_AGAIN * rows:
         raise BadInput(
             f"{files.study}: is a study of another table: {len(changes.removed)} of its {rows} rows are not "
-            f"in {files.tidy.file}; name another folder with --out"
+            f"in {files.rows.file}; name another folder with --out"
         )
+    inactive: dict[str, str] = {}
+    written = files.paths if anew else [files.study] if changes.none else [files.table, files.study]
+    with all_or_none(written):
+        if anew:
+            text, inactive = with_candidates(files)
+            new = study_text(replace(text, drawn_from=earlier.study.drawn_from))
+        else:
+            new = with_origin(earlier, files)
+            if not changes.none:
+                new = with_entry(new, ("vault", "drawn_from"), earlier.study.drawn_from)
+        if anew or not changes.none:
+            write_table(files, drawn_again(earlier, changes))
+        write_atomic(files.study, new.encode())
+        found = fitting(files, [] if new == earlier.text and changes.none else written)
+    kept = [] if anew else list(differences(files))
+    return {**found, "inactive": inactive, "changes": changes_document(earlier, changes), "kept": kept}
 
 
-def write_correction(earlier: EarlierStudy, files: StudyFiles, changes: TableChanges) -> Document:
-    """Write the table anew, and into the study the digests of its first version and of the source."""
-    with all_or_none([files.study, files.table]):
-        write_table(files, drawn_again(earlier, changes))
-        text = with_entry(with_origin(earlier, files), ("vault", "drawn_from"), earlier.study.drawn_from)
-        write_atomic(files.study, text.encode())
-        try:
-            found = check_study(files.study)
-        except BadInput as error:
-            remedy = "the study that is there does not fit the corrected table; correct it, or write it anew "
-            raise BadInput(*error.faults, f"{files.study}: {remedy}with --anew") from None
-    return {"written": [str(files.table), str(files.study)], **found}
-
-
-def write_origin(earlier: EarlierStudy, files: StudyFiles) -> Document:
-    """Write the digest of a source that has changed in what no row rests on."""
-    text = with_origin(earlier, files)
-    if text == earlier.text:
-        return {"written": [], **check_study(files.study)}
-    with all_or_none([files.study]):
-        write_atomic(files.study, text.encode())
-        return {"written": [str(files.study)], **check_study(files.study)}
+def fitting(files: StudyFiles, written: Sequence[Path]) -> Document:
+    """What was written; raises BadInput where the study that is there does not fit the corrected table."""
+    try:
+        return document_of(files, written)
+    except BadInput as error:
+        remedy = "the study that is there does not fit the corrected table; correct it, or write it anew "
+        raise BadInput(*error.faults, f"{files.study}: {remedy}with --anew") from None
 
 
 def with_origin(earlier: EarlierStudy, files: StudyFiles) -> str:
@@ -234,58 +204,36 @@ def with_origin(earlier: EarlierStudy, files: StudyFiles) -> str:
     return with_entry(text, ("study", "made_from_digest"), files.text.made_from_digest, READ)
 
 
-def write_anew(earlier: EarlierStudy, files: StudyFiles, changes: TableChanges) -> Document:
-    """Write table, scenes and study."""
-    with all_or_none(files.paths):
-        text, inactive = with_candidates(files)
-        write_table(files, drawn_again(earlier, changes))
-        write_atomic(files.study, study_text(replace(text, drawn_from=earlier.study.drawn_from)).encode())
-        found = check_study(files.study)
-    return {"written": [str(path) for path in files.paths], **found, "inactive": inactive}
-
-
 def drawn_again(earlier: EarlierStudy, changes: TableChanges) -> list[Drawn]:
     """What every row of the corrected table became when rows were drawn; empty for rows that were added."""
-    before = drawn_rows(earlier.study, earlier.tidy)
+    before = drawn_rows(earlier.study, earlier.rows)
     return ["" if place is None else before[place] for place in changes.earlier]
 
 
 def changes_document(earlier: EarlierStudy, changes: TableChanges) -> Document:
     """Changes of a table as plain values."""
-    source = earlier.tidy.heading.index("source") if "source" in earlier.tidy.heading else None
-    lines = earlier.tidy.lines
-    gone = [lines[k][1][source] if source is not None else f"row {lines[k][0]}" for k in changes.removed]
+    gone = [earlier.rows.rows[place] for place in changes.removed]
     return {
         "cells": [asdict(change) for change in changes.cells],
         "units": [list(change) for change in changes.units],
         "added": list(changes.added),
-        "removed": gone,
+        "removed": [row.source or f"row {row.line}" for row in gone],
     }
 
 
 def differences(files: StudyFiles) -> Iterator[str]:
     """What a new study of the table would say otherwise than the one that is there, one line each."""
-    with TemporaryDirectory() as folder:
-        fresh = replace(files, folder=Path(folder))
-        with_candidates(fresh)
-        for now, other in zip(files.paths, fresh.paths, strict=True):
-            if now.suffix == ".toml" and now.exists():
-                yield from entry_differences(now, flat(parsed(now)), flat(parsed(other)))
-            elif not now.exists():
-                yield f"{now} is not there; a new study would have it"
-
-
-def parsed(path: Path) -> dict[str, Any]:
-    """Entries of a TOML file."""
-    return tomllib.loads(file_text(path, str(path)))
-
-
-def entry_differences(path: Path, now: Mapping[str, str], other: Mapping[str, str]) -> Iterator[str]:
-    """Entries of a file that differ from those of a new one."""
-    for name in dict.fromkeys((*now, *other)):
-        if now.get(name) != other.get(name) and name not in UNTOLD:
-            there = f"{name} = {now[name]} stays" if name in now else f"{name} is not there"
-            yield f"{path}: {there}; a new study would have {other.get(name, 'no such entry')}"
+    fresh = {files.study: study_text(replace(files.text, measurements=files.table.name))}
+    fresh |= {files.scene(name): text for name, text in files.scenes.items()}
+    for path, text in fresh.items():
+        if not path.exists():
+            yield f"{path} is not there; a new study would have it"
+            continue
+        now, other = (flat(tomllib.loads(each)) for each in (file_text(path, str(path)), text))
+        for name in dict.fromkeys((*now, *other)):
+            if now.get(name) != other.get(name) and name not in UNTOLD:
+                there = f"{name} = {now[name]} stays" if name in now else f"{name} is not there"
+                yield f"{path}: {there}; a new study would have {other.get(name, 'no such entry')}"
 
 
 def flat(table: Mapping[str, Any], above: str = "") -> dict[str, str]:

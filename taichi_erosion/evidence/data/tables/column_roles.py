@@ -3,10 +3,9 @@
 A column is what the user says, else what its heading means, else what its cells look like. What is a guess is
 marked as one, so that it can be asked.
 
-Winds that were measured at a height above the bed: `u at 1 m [m/s]`, `wind speed (10 m)`, `U10`.
-
-Such a wind is neither a friction velocity nor the free stream of a tunnel. With the roughness length of the
-bed it gives the friction velocity by the law of the wall.
+A wind that was measured at a height above the bed (`u at 1 m [m/s]`, `wind speed (10 m)`, `U10`) is neither a
+friction velocity nor the free stream of a tunnel. With the roughness length of the bed it gives the friction
+velocity by the law of the wall.
 """
 
 import re
@@ -16,7 +15,7 @@ from difflib import get_close_matches
 from math import isnan, log, nan
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.tables.cell_numbers import MISSING, is_quantity, plain_cell, reason
+from taichi_erosion.evidence.data.tables.cell_numbers import is_missing, is_quantity, plain_cell, reason
 from taichi_erosion.evidence.data.tables.headings import (
     VOLUMETRIC,
     Heading,
@@ -41,12 +40,13 @@ NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of
 MOISTURE = "conditions.moisture"
 HALF = 0.5  # from a diameter of a heap to its radius [1]
 NOTE = "note"  # first word of the heading of a column that is not used
+UNUSED = f"a column that is not used has a heading that begins with '{NOTE}'"
 SHARES = {"": 0.01, "%": 0.01, "1": 1.0, "-": 1.0}  # of a coefficient of variation in such a unit
-SYMBOLS = {
+SYMBOLS = {  # single letters with such a unit
     "d": ("mm", DIAMETER),
     "T": ("K", "conditions.temperature"),
     "w": ("%", MOISTURE),
-}  # with such a unit
+}
 WINDS = ("threshold_wind_speed", "conditions.wind_speed")
 SYMBOL = re.compile(r"\s*[uUvV](?![\w*])|\s*[uUvV]_?\d")  # of a speed; u* is none
 HEIGHT = re.compile(r"(?<![\w.,/^-])_?(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>mm|cm|m)(?![\w/^-])")
@@ -62,14 +62,16 @@ class Column:
     place: int
     heading: Heading
     role: Role
-    name: str = ""  # of an observable; of a condition the place that it sets
+    name: str = ""  # of an observable; of a condition, or of one whose sd stands here, the place that it sets
+    title: str = ""  # of a condition, by which rows and studies call it
     sure: bool = True  # False: a guess from the cells
     numeric: bool = True
-    of: int = -1  # place of the observable whose scatter or repeats stand here
+    of: int = -1  # place of the observable whose scatter or repeats stand here; -1: of every one
     near: str = ""  # what an unknown heading may mean: misspelt, or with several readings
     height: float = nan  # above the bed at which a wind was measured [m]; NaN: no wind, or none is stated
     factor: float = 1.0  # from the numbers of the column to those of what it measures or sets
     is_repeat: bool = False  # of an observable whose first repeats stand in a column before it
+    is_set: bool = False  # of the sd of a condition: about the value to which it was set
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,8 @@ class Told:
     observables: Mapping[str, str] = field(default_factory=dict)
     conditions: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    titles: Mapping[str, str] = field(default_factory=dict)  # place of a condition -> its name in a study
+    optional: frozenset[str] = frozenset()  # headings of columns that may be missing
 
 
 def column_roles(cells: Cells, told: Told, faults: list[str]) -> list[Column]:
@@ -93,6 +97,7 @@ def column_roles(cells: Cells, told: Told, faults: list[str]) -> list[Column]:
     for column in columns:
         wrong = list(unit_faults(cells, column))
         faults += wrong
+        column = replace(column, title=told.titles.get(column.name) or tidy_name(column.name))
         found.append(replace(column, role="remark", sure=True) if wrong else column)
     return with_partners(found)
 
@@ -109,16 +114,16 @@ def heading_faults(cells: Cells) -> Iterator[str]:
     seen: dict[str, int] = {}
     for place, text in enumerate(cells.heading):
         where = f"{cells.file}: row {cells.rows[0][0]}, column {place + 1}"
-        if not text:
-            if any(row[place] for _, row in cells.lines):
-                yield f"{where} has no heading; name it (repeats: 'angle 1', 'angle 2'), or empty it"
+        if not text and any(row[place] for _, row in cells.lines):
+            yield f"{where} has no heading; name it (repeats: 'angle 1', 'angle 2'), or empty it"
         elif text in seen and meaning_of(read_heading(text).name)[0] not in (*SCATTER, "remark"):
             yield f"{where}: heading '{text}' stands in column {seen[text] + 1} too; give each its own name"
-        seen.setdefault(text, place)
+        if text:
+            seen.setdefault(text, place)
 
 
 def stated_names(cells: Cells, told: Told, faults: list[str]) -> dict[int, tuple[Role, str]]:
-    """What the user says, by place; a column that is not there is a fault."""
+    """What the user says, by place; a column that is not there is a fault unless it may be missing."""
     known = {plain_words(text): place for place, text in reversed(list(enumerate(cells.heading)))}
     known |= {plain_words(read_heading(text).name): place for place, text in enumerate(cells.heading) if text}
     found: dict[int, tuple[Role, str]] = {}
@@ -127,50 +132,38 @@ def stated_names(cells: Cells, told: Told, faults: list[str]) -> dict[int, tuple
     for role, names in stated:
         for text, name in names.items():
             place = known.get(plain_words(text))
-            if place is None:
-                near = get_close_matches(plain_words(text), known, n=1, cutoff=0.5)
-                hint = (
-                    f"did you mean '{cells.heading[known[near[0]]]}'?"
-                    if near
-                    else "there are: " + ", ".join(filter(None, cells.heading))
-                )
-                faults.append(f"{cells.file}: --{role} {text}={name}: no column '{text}'; {hint}")
-            elif role != "unit":
+            if place is not None and role != "unit":
                 found[place] = ("observable" if role == "observable" else "condition", name)
+            elif place is None and text not in told.optional:
+                near = get_close_matches(plain_words(text), known, n=1, cutoff=0.5)
+                there = ", ".join(filter(None, cells.heading))
+                hint = f"did you mean '{cells.heading[known[near[0]]]}'?" if near else f"there are: {there}"
+                faults.append(f"{cells.file}: --{role} {text}={name}: no column '{text}'; {hint}")
     return found
-
-
-def is_note(heading: Heading) -> bool:
-    """Whether a heading says that its column is not used, whatever else it says."""
-    return plain_words(heading.name).partition(" ")[0] == NOTE
 
 
 def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -> Column:
     """One column by what is said of it, by its heading, by its cells."""
     heading = read_heading(cells.heading[place])
-    content = [row[place] for _, row in cells.lines if plain_cell(row[place]).lower() not in MISSING]
-    numbers = sum(map(is_quantity, content))
-    numeric = bool(content) and numbers >= NUMERIC_SHARE * len(content)
-    noted: tuple[Role, str] | None = ("remark", "") if is_note(heading) else None
-    stated = named.get(place, noted)
-    if stated is not None:
-        return Column(place, heading, *stated, numeric=numeric)
+    content = [row[place] for _, row in cells.lines if not is_missing(row[place])]
+    numeric = bool(content) and sum(map(is_quantity, content)) >= NUMERIC_SHARE * len(content)
+    if place in named or plain_words(heading.name).partition(" ")[0] == NOTE:
+        return Column(place, heading, *named.get(place, ("remark", "")), numeric=numeric)
     role, name = meaning_of(heading.name)
-    if role == "remark" and numeric and heading.unit:
-        role = "unknown"  # a quantity, whatever word of remarks it has
-    if role == "unknown":
-        role, name = meaning_of_symbol(heading)
+    if role == "unknown" or (role == "remark" and numeric and heading.unit):
+        role, name = meaning_of_symbol(heading)  # a quantity, whatever word of remarks it has
     if not numeric:
         digits = any(any(map(str.isdigit, cell)) for cell in content)
         known = role in ("group", "source") or (role in ("observable", "condition") and digits)
         return Column(place, heading, role if known else "remark", name if known else "", numeric=False)
-    if role == "group" or not content or (role in ("unknown", "remark") and counts_rows(content)):
+    counted = [plain_cell(cell).rstrip(".") for cell in content] == [str(k + 1) for k in range(len(content))]
+    if role == "group" or (role in ("unknown", "remark") and counted and len(content) > 2):
         return Column(place, heading, "group" if role == "group" else "remark")
     height = wind_height(heading, name)
     if not isnan(height):
         return Column(place, heading, "remark", sure=False, height=height)
     if role == "unknown":
-        return Column(place, heading, "remark", sure=False, near=near_meaning(heading.name)[1])
+        return Column(place, heading, "remark", sure=False, near=near_meaning(heading.name))
     factor = HALF if role == "observable" and is_halved(heading.name) else 1.0
     return Column(place, heading, role, name, sure=role != "spread", factor=factor)
 
@@ -184,17 +177,20 @@ def meaning_of_symbol(heading: Heading) -> tuple[Role, str]:
     return ("condition", place) if same else ("unknown", "")
 
 
-def counts_rows(content: Sequence[str]) -> bool:
-    """Whether a column counts 1, 2, 3, ..."""
-    return len(content) > 2 and [plain_cell(cell).rstrip(".") for cell in content] == [
-        str(k + 1) for k in range(len(content))
-    ]
+def tidy_name(place: str) -> str:
+    """Name of a column that sets a place of a scene: `moisture` for `conditions.moisture`."""
+    if place == DIAMETER:
+        return "diameter"
+    if place.startswith(("contact.", "materials.")):
+        return place.split(",")[0].rpartition(".")[2]
+    return place.removeprefix("conditions.").split(",")[0].replace(".", "_").replace("-", "_")
 
 
 def unit_faults(cells: Cells, column: Column) -> Iterator[str]:
     """A unit that cannot be read, or that is another quantity than the place."""
     where = f"{cells.file}: column '{column.heading.text}'"
-    if column.role in ("observable", "condition", "sd", "se", "cv", "spread") and column.heading.unreadable:
+    used = column.role in ("observable", "condition")
+    if (used or column.role in ("sd", "se", "cv", "spread")) and column.heading.unreadable:
         try:
             parse_scale(column.heading.unreadable)
         except UnknownUnit as error:
@@ -207,13 +203,9 @@ def unit_faults(cells: Cells, column: Column) -> Iterator[str]:
             f"{where}: a share of the volume is no {column.name.rpartition('.')[2]}: water is counted by "
             "mass; divide by the dry bulk density over that of water, and write [%]"
         )
-    if column.role in ("observable", "condition") and not column.numeric:
+    if used and not column.numeric:
         first = next(row[column.place] for _, row in cells.lines if row[column.place])
-        told = reason(plain_cell(first), ranges=column.role == "observable")
-        yield (
-            f"{where} has no numbers that can be read: '{first}' {told}; a column that is not used has a "
-            "heading that begins with 'note'"
-        )
+        yield f"{where} has no numbers that can be read: '{first}' {reason(plain_cell(first))}; {UNUSED}"
 
 
 def with_partners(columns: Sequence[Column]) -> list[Column]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from math import isfinite, nan
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.tables.vocabulary import unit_words
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale, parse_unit
 
 BRACKETED = (
@@ -24,27 +25,6 @@ MASS_SHARE = re.compile(
 VOLUME_SHARE = re.compile(
     r"vol(?:ume|umen)?[.\s-]*%|%\s*\(?(?:vol|v/v|by volume)\.?\)?|[cm]+3/[cm]+3", re.IGNORECASE
 )
-WORDS = {
-    "Grad": "deg",
-    "C": "degC",
-    "F": "degF",
-    "Grad C": "degC",
-    "Grad Celsius": "degC",
-    "grados": "deg",
-    "degrés": "deg",
-    "graus": "deg",
-}
-WORDS |= {"gradi": "deg", "градусы": "deg", "град": "deg", "мм": "mm", "мкм": "um", "м/с": "m/s", "см": "cm"}
-WORDS |= {
-    "м": "m",
-    "с": "s",
-    "г": "g",
-    "кг": "kg",
-    "mikron": "um",
-    "Mikrometer": "um",
-    "毫米": "mm",
-    "微米": "um",
-}
 VOLUMETRIC = "vol%"
 
 
@@ -102,7 +82,7 @@ def unit_in(text: str) -> str | None:
     plain = text.strip().strip("'\"").removeprefix("in ").strip()
     if not plain:
         return None
-    plain = WORDS.get(plain, plain)
+    plain = unit_words().get(plain, plain)
     if VOLUME_SHARE.fullmatch(plain):
         return VOLUMETRIC
     if MASS_SHARE.fullmatch(plain):

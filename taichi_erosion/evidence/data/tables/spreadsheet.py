@@ -1,7 +1,8 @@
 """Cells of a table as spreadsheets export it: text with any usual separator and code page, or a workbook.
 
 What the export leaves open is found out: the code page (UTF-8, else by `charset_normalizer`), the separator
-(semicolon, tab or comma), the decimal mark, and the row of the heading, above which titles may stand.
+(semicolon, tab or comma), the decimal mark, and the row of the heading, above which titles may stand. Second
+rows of headings, rows of units, and headings of merged cells are put into one heading for each column.
 """
 
 import csv
@@ -16,10 +17,10 @@ from typing import Any
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.tables.cell_numbers import (
-    MISSING,
+    NUMBER,
     has_decimal_comma,
+    is_missing,
     is_quantity,
-    plain_cell,
 )
 from taichi_erosion.evidence.data.tables.headings import read_heading, unit_in
 from taichi_erosion.evidence.data.tables.vocabulary import meaning_of
@@ -31,7 +32,9 @@ WESTERN = frozenset("°µ±²³·–—…„“”‘’«»×½¼€§ÄÖÜä
 CODE_PAGES = ["cp1252", "cp1250", "cp1251", "cp1253", "cp1254", "mac_roman", "gb18030", "big5", "shift_jis"]
 WORKBOOK, OLD_WORKBOOK = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # first bytes
 MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}  # of an encoding
+ONE_COLUMN = re.compile(rf"[^,;\t\n]+(?:\n{NUMBER})+", re.ASCII)  # of numbers with decimal commas
 DIGITS = 16  # of the digest
+Lines = list[tuple[int, list[str]]]  # row in the file from 1, cells
 
 
 @dataclass(frozen=True)
@@ -61,18 +64,20 @@ def read_cells(path: Path, name: str, faults: list[str]) -> Cells:
     if content.startswith(OLD_WORKBOOK) or path.suffix.lower() in (".xls", ".ods", ".numbers"):
         raise BadInput(f"{name}: this kind of workbook is not read; save it as .xlsx or .csv")
     if content.startswith(WORKBOOK):
-        return workbook_cells(content, name, faults)
-    if path.suffix.lower() in (".xlsx", ".xlsm"):
+        rows, comma, form = workbook_rows(content, name)
+        separator = ""
+    elif path.suffix.lower() in (".xlsx", ".xlsm"):
         raise BadInput(f"{name}: is no workbook; save it again as .xlsx or .csv")
-    text, encoding = decoded(content, name)
-    separator = separator_of(text)
-    rows = list(text_rows(text, separator, name))
-    comma = has_decimal_comma((cell for _, cells in rows for cell in cells), separator)
-    mark = "decimal commas" if comma else "decimal points"
-    form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
-    parts, again = one_table(rows)
-    lines = with_blank_headings(parts)
-    return Cells(name, tuple(rectangular(lines, name, separator, faults)), comma, form + again)
+    else:
+        text, encoding = decoded(content, name)
+        separator = separator_of(text)
+        rows = text_rows(text, separator, name)
+        comma = has_decimal_comma((cell for _, cells in rows for cell in cells), separator)
+        mark = "decimal commas" if comma else "decimal points"
+        form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
+    rows, again = one_table(below_titles(rows))
+    lines = rectangular(with_one_heading(rows), name, separator, faults)
+    return Cells(name, tuple(lines), comma, form + again)
 
 
 def file_bytes(path: Path, name: str) -> bytes:
@@ -97,7 +102,7 @@ def decoded(content: bytes, name: str) -> tuple[str, str]:
             continue
         foreign = {sign for sign in text if ord(sign) > 127}
         if "\0" not in text and (encoding != "cp1252" or foreign <= WESTERN):
-            return text, encoding.removesuffix("-sig")
+            return text.removeprefix("\ufeff"), encoding.removesuffix("-sig")
     from charset_normalizer import from_bytes
 
     best = from_bytes(content, cp_isolation=CODE_PAGES).best()
@@ -112,6 +117,8 @@ def separator_of(text: str) -> str:
     declared = lines[0].strip() if lines else ""
     if declared.lower().startswith("sep=") and declared[4:5] in SEPARATORS:
         return declared[4]
+    if ONE_COLUMN.fullmatch("\n".join(lines)):
+        return ";"
 
     def even_rows(separator: str) -> tuple[int, int]:
         widths = [len(row) for row in csv.reader(lines, delimiter=separator)]
@@ -126,11 +133,9 @@ def separator_of(text: str) -> str:
     return max(wide, key=lambda s: (found[s][0] > 0.5 * len(lines), s != ",", found[s]), default=",")
 
 
-def text_rows(text: str, separator: str, name: str) -> Iterator[tuple[int, list[str]]]:
-    """(row in the file, cells) of every row with content, from the heading on."""
-    reader = csv.reader(
-        io.StringIO(text.removeprefix("\ufeff"), newline=""), delimiter=separator, strict=True
-    )
+def text_rows(text: str, separator: str, name: str) -> Lines:
+    """Rows with content."""
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
     rows, before = [], 0
     try:
         for cells in reader:
@@ -139,143 +144,25 @@ def text_rows(text: str, separator: str, name: str) -> Iterator[tuple[int, list[
                 rows.append((before + 1, stripped))
             before = reader.line_num
     except csv.Error as error:
-        raise BadInput(
-            f"{name}: row {before + 1}: not a table of cells: {error}; look for a lone quote"
-        ) from None
-    return below_titles(rows)
+        told = f"not a table of cells: {error}; look for a lone quote"
+        raise BadInput(f"{name}: row {before + 1}: {told}") from None
+    return rows
 
 
-def below_titles(rows: Sequence[tuple[int, list[str]]]) -> Iterator[tuple[int, list[str]]]:
-    """The rows from the heading on: the first row with two cells that have content."""
-    start = next((k for k, (_, cells) in enumerate(rows) if sum(map(bool, cells)) > 1), 0)
-    yield from rows[start:]
-
-
-def one_table(rows: Sequence[tuple[int, list[str]]]) -> tuple[list[tuple[int, list[str]]], str]:
-    """The rows without titles, headings and units that stand again above more rows, and what is told."""
-    plain = [cells[: last_filled(cells)] for _, cells in rows]
-    again = [k for k in range(1, len(plain)) if plain[k] == plain[0]]
-    left_out = set(again)
-    for k in again:
-        if k > 1 and sum(map(bool, plain[k - 1])) == 1:
-            left_out.add(k - 1)
-        if plain[k + 1 : k + 2] == plain[1:2] and not any(sign.isdigit() for sign in "".join(plain[1])):
-            left_out.add(k + 1)
-    told = f", headings again in row {', '.join(str(rows[k][0]) for k in again)}" if again else ""
-    return [row for k, row in enumerate(rows) if k not in left_out], told
-
-
-def with_blank_headings(rows: Sequence[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
-    """Rows whose blank headings, right of a measured quantity and above numbers, are numbered as it is.
-
-    So a merged heading arrives in a text.
-    """
-    if not rows:
-        return []
-    (line, heading), *others = rows
-    width = max(len(cells) for _, cells in rows)
-    filled = [*heading, *[""] * (width - len(heading))]
-    first, count = 0, 1
-    for k in range(1, width):
-        if (
-            filled[k]
-            or not numbered_column(others, k)
-            or meaning_of(read_heading(filled[first]).name)[0] != "observable"
-        ):
-            first, count = k, 1
-            continue
-        count += 1
-        filled[k] = f"{heading[first]} {count}"
-    names = set(filled)
-    filled = [f"{text} 1" if text and f"{text} 2" in names else text for text in filled]
-    return [(line, filled[: last_filled(filled)]), *others]
-
-
-def numbered_column(rows: Sequence[tuple[int, list[str]]], place: int) -> bool:
-    """Whether most cells with content of a column are numbers."""
-    cells = [row[place] for _, row in rows if place < len(row)]
-    content = [cell for cell in cells if plain_cell(cell).lower() not in MISSING]
-    numbers = [cell for cell in content if any(map(str.isdigit, cell)) and is_quantity(cell)]
-    return len(numbers) > 0.5 * len(content)
-
-
-def rectangular(
-    rows: Sequence[tuple[int, list[str]]], name: str, separator: str, faults: list[str]
-) -> Iterator[tuple[int, tuple[str, ...]]]:
-    """Rows as wide as the heading, others are faults; empty columns behind the last heading are cut off."""
-    if not rows:
-        return
-    heading = rows[0][1]
-    width = last_filled(heading)
-    hint = "; put text with commas into quotes, write decimals with a point" if separator == "," else ""
-    lines = with_unit_row(rows)
-    if len(lines) > 2 and all(last_filled(cells) > width for _, cells in lines[1:]):
-        faults.append(
-            f"{name}: row {lines[0][0]} has {width} headings, the rows below it more cells: write one "
-            "heading in one row above every column, without merged cells"
-        )
-        return
-    for line, cells in lines:
-        filled = last_filled(cells)
-        if filled > width or (len(cells) < width and len(cells) < len(heading)):
-            count = max(filled, len(cells)) if filled > width else len(cells)
-            second = not any(sign.isdigit() for cell in cells for sign in cell) and filled > 1
-            remedy = "; a second table? keep one table in a file" if second else hint
-            faults.append(f"{name}: row {line} has {count} cells, the heading {width}{remedy}")
-        else:
-            yield line, tuple(cells[:width])
-
-
-def last_filled(cells: Sequence[str]) -> int:
-    """Number of cells up to the last one with content."""
-    return max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
-
-
-def with_unit_row(rows: Sequence[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
-    """The rows with a row of units right below the heading put into it, in brackets."""
-    if len(rows) < 3:
-        return list(rows)
-    (line, heading), (_, units), *others = rows
-    stated = [unit.strip("[]() ") for unit in units]
-    filled = [unit for unit in stated if unit]
-    numbered = any(unit.isdigit() for unit in filled)
-    if len(filled) < 2 or numbered or not all(map(unit_in, filled)) or len(units) > len(heading):
-        return list(rows)
-    merged = [
-        f"{name} [{unit}]" if name and unit and not read_heading(name).unit else name
-        for name, unit in zip(heading, [*stated, *[""] * (len(heading) - len(stated))], strict=True)
-    ]
-    for k, text in enumerate(merged[1:], 1):  # the unit of a merged cell stands below the first repeat alone
-        before = read_heading(merged[k - 1])
-        if before.unit and text and text == heading[k] and unnumbered(text) == unnumbered(heading[k - 1]):
-            merged[k] = f"{text} [{before.unit}]"
-    return [(line, merged), *others]
-
-
-def unnumbered(heading: str) -> str:
-    """A heading without the number at its end."""
-    return re.sub(r"\s*\d+$", "", heading)
-
-
-def workbook_cells(content: bytes, name: str, faults: list[str]) -> Cells:
-    """Cells of the first sheet with columns of numbers of a workbook, else of the first with content."""
-    sheets = [(title, rows, merged) for title, rows, merged in sheets_of(content, name) if rows]
+def workbook_rows(content: bytes, name: str) -> tuple[Lines, bool, str]:
+    """Rows of the first sheet with columns of numbers, else of the first one; decimal comma; form."""
+    sheets = [(title, rows) for title, rows in sheets_of(content, name) if rows]
     if not sheets:
         raise BadInput(f"{name}: its sheets are empty")
     tables = [sheet for sheet in sheets if holds_table(sheet[1])]
-    title, rows, merged = (tables or sheets)[0]
-    texts = [value for _, values in rows for value in values if isinstance(value, str)]
-    comma = has_decimal_comma(texts, "")
-    mark = "," if comma else "."
-    shown = [(line, [cell_text(value, mark) for value in values]) for line, values in rows]
+    title, rows = (tables or sheets)[0]
+    comma = has_decimal_comma((v for _, row in rows for v in row if isinstance(v, str)), "")
     form = f"workbook, sheet '{title}'"
-    others = [repr(other) for other, _, _ in sheets if other != title]
-    if others:
+    if others := [repr(other) for other, _ in sheets if other != title]:
         remedy = f"; to use a table there, put its rows below those of '{title}'" if tables[1:] else ""
         form += f" (not read: {', '.join(others)}{remedy})"
-    parts, again = one_table(list(below_titles(shown)))
-    below = with_blank_headings(with_merged_headings(parts, merged))
-    return Cells(name, tuple(rectangular(below, name, "", faults)), comma, form + again)
+    mark = "," if comma else "."
+    return [(line, [cell_text(value, mark) for value in row]) for line, row in rows], comma, form
 
 
 def holds_table(rows: Sequence[tuple[int, list[Any]]]) -> bool:
@@ -284,51 +171,8 @@ def holds_table(rows: Sequence[tuple[int, list[Any]]]) -> bool:
     return sum(sum(is_quantity(text) for text in row if any(map(str.isdigit, text))) > 1 for row in texts) > 1
 
 
-def with_merged_headings(
-    rows: Sequence[tuple[int, list[str]]], merged: Sequence[tuple[int, int, int]]
-) -> list[tuple[int, list[str]]]:
-    """Rows below titles; a heading of merged cells stands above each of its columns.
-
-    A second row of headings below it belongs to it; without one its columns are numbered.
-    """
-    if not rows:
-        return []
-    (line, heading), *others = rows
-    spread = {
-        place: (first, place - first + 1)
-        for row, first, last in merged
-        if row == line and heading[first]
-        for place in range(first + 1, min(last + 1, len(heading)))
-    }
-    if spread and others and is_second_heading(others[0][1]):
-        above = [heading[spread[k][0]] if k in spread else text for k, text in enumerate(heading)]
-        return [(line, list(map(joined_heading, above, others[0][1]))), *others[1:]]
-    filled = [f"{heading[spread[k][0]]} {spread[k][1]}" if k in spread else t for k, t in enumerate(heading)]
-    return [(line, filled), *others]
-
-
-def is_second_heading(cells: Sequence[str]) -> bool:
-    """Whether a row below merged headings holds headings too: words, and not units alone."""
-    filled = [cell.strip("[]() ") for cell in cells if cell]
-    numbers = any(cell.replace(",", "").replace(".", "").isdigit() for cell in filled)
-    return len(filled) > 1 and not numbers and not all(map(unit_in, filled))
-
-
-def joined_heading(above: str, below: str) -> str:
-    """Heading of a column from two rows: `repose angle` above `SD [deg]`; a unit alone goes into brackets."""
-    unit = below.strip("[]() ")
-    if below and above and unit_in(unit) and not read_heading(above).unit:
-        return f"{above} [{unit}]"
-    return f"{above} {below}".strip()
-
-
-def sheets_of(
-    content: bytes, name: str
-) -> list[tuple[str, list[tuple[int, list[Any]]], list[tuple[int, int, int]]]]:
-    """Title, rows with content and cells merged along a row (row, first and last place) of visible sheets.
-
-    Percentages are text with their sign.
-    """
+def sheets_of(content: bytes, name: str) -> Iterator[tuple[str, list[tuple[int, list[Any]]]]]:
+    """Title and rows with content of visible sheets. Raises BadInput for formulas without a value."""
     import openpyxl
 
     try:
@@ -341,27 +185,16 @@ def sheets_of(
         raise BadInput(
             f"{name}: cannot be read as a workbook ({type(error).__name__}); save it again"
         ) from None
-    refuse_uncomputed(book, formulas, name)
-    found = []
-    for sheet in book.worksheets:
-        rows = [(k, [cell_value(cell) for cell in row]) for k, row in enumerate(sheet.iter_rows(), 1)]
-        if sheet.sheet_state == "visible":
-            filled = [(k, row) for k, row in rows if any(v not in (None, "") for v in row)]
-            areas = [each for each in sheet.merged_cells.ranges if each.min_row == each.max_row]
-            found.append((sheet.title, filled, [(m.min_row, m.min_col - 1, m.max_col - 1) for m in areas]))
-    return found
-
-
-def refuse_uncomputed(book: Any, formulas: Any, name: str) -> None:
-    """Raise BadInput for a formula without the value that a spreadsheet program computes and saves."""
-    remedy = "open the workbook in a spreadsheet program, and save it there"
     for sheet in (each for each in book.worksheets if each.sheet_state == "visible"):
         for cell in (cell for row in formulas[sheet.title].iter_rows() for cell in row):
             value = sheet[cell.coordinate]
             # an empty text that was computed has the type of a text
             if cell.data_type == "f" and value.value is None and value.data_type == "n":
-                place = f"{name}: sheet '{sheet.title}', cell {cell.coordinate}"
-                raise BadInput(f"{place}: a formula that was never computed; {remedy}")
+                place, remedy = f"sheet '{sheet.title}', cell {cell.coordinate}", "open the workbook in a"
+                told = f"a formula that was never computed; {remedy} spreadsheet program, and save it there"
+                raise BadInput(f"{name}: {place}: {told}")
+        rows = [(k, [cell_value(cell) for cell in row]) for k, row in enumerate(sheet.iter_rows(), 1)]
+        yield sheet.title, [(k, row) for k, row in rows if any(v not in (None, "") for v in row)]
 
 
 def cell_value(cell: Any) -> Any:
@@ -379,6 +212,121 @@ def cell_text(value: Any, mark: str) -> str:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return f"{value:.12g}".replace(".", mark)
     return str(value)
+
+
+def below_titles(rows: Lines) -> Lines:
+    """The rows from the heading on: the first row with two cells that have content."""
+    start = next((k for k, (_, cells) in enumerate(rows) if sum(map(bool, cells)) > 1), 0)
+    return rows[start:]
+
+
+def one_table(rows: Lines) -> tuple[Lines, str]:
+    """The rows without titles, headings and units that stand again above more rows, and what is told."""
+    plain = [cells[: last_filled(cells)] for _, cells in rows]
+    again = [k for k in range(1, len(plain)) if plain[k] == plain[0]]
+    left_out = set(again)
+    for k in again:
+        if k > 1 and sum(map(bool, plain[k - 1])) == 1:
+            left_out.add(k - 1)
+        if plain[k + 1 : k + 2] == plain[1:2] and not has_digit(plain[1]):
+            left_out.add(k + 1)
+    told = f", headings again in row {', '.join(str(rows[k][0]) for k in again)}" if again else ""
+    return [row for k, row in enumerate(rows) if k not in left_out], told
+
+
+def last_filled(cells: Sequence[str]) -> int:
+    """Number of cells up to the last one with content."""
+    return max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
+
+
+def has_digit(cells: Sequence[str]) -> bool:
+    """Whether any cell holds a digit."""
+    return any(sign.isdigit() for cell in cells for sign in cell)
+
+
+def with_one_heading(rows: Lines) -> Lines:
+    """The rows with one row of headings, units in brackets; cells without a heading above numbers are named.
+
+    A merged heading arrives as one with blanks to the right of it: it stands above these columns too. A
+    second row of headings belongs to them; without one the columns of a measured quantity are numbered.
+    """
+    if len(rows) < 2:
+        return rows
+    (line, first), *others = rows
+    width = max(len(cells) for _, cells in rows)
+    heading, second = first + [""] * (width - len(first)), [cell.strip("[]() ") for cell in others[0][1]]
+    second += [""] * (width - len(second))
+    filled = [cell for cell in second if cell]
+    units = len(filled) > 1 and len(others) > 1 and not has_digit(filled) and all(map(unit_in, filled))
+    if units:
+        others = others[1:]
+    elif len(filled) > 1 and not has_digit(filled) and any(map(lambda a, b: b and not a, heading, second)):
+        heading, others = list(joined_headings(heading, others[0][1])), others[1:]
+        units, second = False, [""] * width
+    heading = numbered(heading, second if units else [""] * width, others)
+    return [(line, heading[: last_filled(heading)]), *others]
+
+
+def joined_headings(above: Sequence[str], below: Sequence[str]) -> Iterator[str]:
+    """Heading of each column from two rows: `repose angle` above `SD [deg]`; a lone unit gets brackets."""
+    last = ""
+    for place, text in enumerate(above):
+        under = below[place] if place < len(below) else ""
+        last = text or last
+        name = last if under else text
+        yield bracketed(name, under) if name and unit_in(under.strip("[]() ")) else f"{name} {under}".strip()
+
+
+def bracketed(name: str, unit: str) -> str:
+    """A heading with its unit in brackets, where it has none yet."""
+    unit = unit.strip("[]() ")
+    return f"{name} [{unit}]" if name and unit and not read_heading(name).unit else name
+
+
+def numbered(heading: Sequence[str], units: Sequence[str], rows: Lines) -> list[str]:
+    """Headings with units; blank ones right of a measured quantity, above numbers, are numbered as it is."""
+    found, first, count = list(map(bracketed, heading, units)), 0, 1
+    for k in range(1, len(heading)):
+        measured = meaning_of(read_heading(heading[first]).name)[0] == "observable"
+        if heading[k] or not measured or not numbered_column(rows, k):
+            first, count = k, 1
+            continue
+        count += 1
+        if count == 2:
+            found[first] = bracketed(f"{heading[first]} 1", units[first])
+        found[k] = bracketed(f"{heading[first]} {count}", units[k] or units[first])
+    return found
+
+
+def numbered_column(rows: Lines, place: int) -> bool:
+    """Whether most cells with content of a column are numbers."""
+    content = [row[place] for _, row in rows if place < len(row) and not is_missing(row[place])]
+    numbers = [cell for cell in content if has_digit(cell) and is_quantity(cell)]
+    return len(numbers) > 0.5 * len(content)
+
+
+def rectangular(
+    rows: Lines, name: str, separator: str, faults: list[str]
+) -> Iterator[tuple[int, tuple[str, ...]]]:
+    """Rows as wide as the heading, others are faults; empty columns behind the last heading are cut off."""
+    if not rows:
+        return
+    width = last_filled(rows[0][1])
+    hint = "; put text with commas into quotes, write decimals with a point" if separator == "," else ""
+    if len(rows) > 2 and all(last_filled(cells) > width for _, cells in rows[1:]):
+        faults.append(
+            f"{name}: row {rows[0][0]} has {width} headings, the rows below it more cells: write one "
+            "heading in one row above every column, without merged cells"
+        )
+        return
+    for line, cells in rows:
+        filled = last_filled(cells)
+        if width >= filled and len(cells) >= width:
+            yield line, tuple(cells[:width])
+            continue
+        second = not has_digit(cells) and filled > 1
+        remedy = "; a second table? keep one table in a file" if second else hint
+        faults.append(f"{name}: row {line} has {max(filled, len(cells))} cells, the heading {width}{remedy}")
 
 
 def source_digest(table: Path) -> str:

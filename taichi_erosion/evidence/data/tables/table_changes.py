@@ -1,22 +1,19 @@
-"""Differences of two versions of a tidy table: corrected cells, rows that were added, rows that are gone.
+"""Differences of two versions of a table: corrected cells, rows that were added, rows that are gone.
 
 Rows of the two versions are paired first where they say the same, whatever their order, then so that the
 fewest cells differ (an assignment problem). Two rows that differ in more than half of what varies among rows
 are a pair only where they stand at the same place of tables of equal length.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from taichi_erosion.evidence.data.tables.spreadsheet import Cells
+from taichi_erosion.evidence.data.tables.rows import PLACE, Table, tidy_fields
 
-Cell = dict[str, str]  # cells of a row by name of the column, without its unit
-PLACE = re.compile(r"(?P<file>.*), row (?P<line>\d+)")  # source of a row that names no other
-IGNORED = ("vault",)
+Fields = dict[str, str]  # cells of a row by name of the column, without its unit
 ALIKE = 0.5  # share of the cells that vary among rows in which two versions of a row agree
 NEARER = 1e-3  # cells by which a pair one table length apart counts as worse than one in the same place
 
@@ -53,67 +50,39 @@ def source_names(sources: Sequence[str]) -> tuple[str, ...]:
     return tuple(place["file"] if place else source for place, source in zip(places, sources, strict=True))
 
 
-def table_changes(before: Cells, after: Cells) -> TableChanges:
-    """Changes from one tidy table to another."""
+def table_changes(before: Table, after: Table) -> TableChanges:
+    """Changes from one version of a table to another."""
     old, new = plain_rows(before), plain_rows(after)
     earlier = paired(old, new)
+    pairs = [(row.line, fields, place) for row, fields, place in zip(after.rows, new, earlier, strict=True)]
     cells = [
         CellChange(line, row["observable"] if name == "value" else name, old[place].get(name, ""), text)
-        for (line, _), row, place in zip(after.lines, new, earlier, strict=True)
+        for line, row, place in pairs
         if place is not None
-        for name, text in with_lost(row, old[place]).items()
-        if not same(old[place].get(name, ""), text)
+        for name, text in (dict.fromkeys(old[place], "") | row).items()
+        if old[place].get(name, "") != text
     ]
-    was, now = units_of(before), units_of(after)
-    units = [(name, was[name], unit) for name, unit in now.items() if was.get(name, unit) != unit]
+    was, now = (dict(zip(each.conditions, each.units, strict=True)) for each in (before, after))
+    units = [(n, was[n] or "", u or "") for n, u in now.items() if n in was and was[n] != u]
     return TableChanges(
         tuple(cells),
         tuple(units),
-        tuple(line for (line, _), place in zip(after.lines, earlier, strict=True) if place is None),
+        tuple(line for line, _, place in pairs if place is None),
         tuple(place for place in range(len(old)) if place not in earlier),
         tuple(earlier),
     )
 
 
-def plain_rows(cells: Cells) -> list[Cell]:
-    """Cells of every row by name of the column; a source that only names the place in a file is left out."""
-    names = [name_and_unit(cell)[0] for cell in cells.heading]
-    rows = [dict(zip(names, row, strict=True)) for _, row in cells.lines]
-    return [
-        {
-            name: text
-            for name, text in row.items()
-            if name not in IGNORED and not (name == "source" and PLACE.fullmatch(text))
-        }
-        for row in rows
-    ]
+def plain_rows(table: Table) -> list[Fields]:
+    """Cells of every row by name; a source that only names the place in a file is left out."""
+    found = []
+    for row in tidy_fields(table):
+        plain = {name.partition("[")[0].strip(): text for name, text in row.items() if name != "vault"}
+        found.append(plain | ({"source": ""} if PLACE.fullmatch(plain["source"]) else {}))
+    return found
 
 
-def name_and_unit(heading: str) -> tuple[str, str]:
-    """Name and unit of a heading of a tidy table."""
-    name, _, unit = heading.partition("[")
-    return name.strip(), unit.rstrip("] ")
-
-
-def units_of(cells: Cells) -> dict[str, str]:
-    """Units of the columns that state one."""
-    return dict(map(name_and_unit, cells.heading))
-
-
-def with_lost(row: Cell, earlier: Cell) -> Cell:
-    """A row with empty cells for the columns that only its earlier version has."""
-    return {**dict.fromkeys(earlier, ""), **row}
-
-
-def same(before: str, after: str) -> bool:
-    """Whether two cells say the same: equal text, or equal numbers."""
-    try:
-        return before == after or float(before) == float(after)
-    except ValueError:
-        return False
-
-
-def paired(old: Sequence[Cell], new: Sequence[Cell]) -> list[int | None]:
+def paired(old: Sequence[Fields], new: Sequence[Fields]) -> list[int | None]:
     """Of every new row the place of its earlier version; None for a row that was added."""
     found: list[int | None] = [None] * len(new)
     free: dict[tuple[tuple[str, str], ...], list[int]] = {}
@@ -126,14 +95,11 @@ def paired(old: Sequence[Cell], new: Sequence[Cell]) -> list[int | None]:
     open_rows = [place for place, earlier in enumerate(found) if earlier is None]
     if not left or not open_rows:
         return found
-    telling = telling_columns([*old, *new])
-    differing = np.zeros((len(left), len(open_rows)))
-    for name in telling:
-        was, now = (
-            np.array([plain_number(rows[place].get(name, "")) for place in places])
-            for rows, places in ((old, left), (new, open_rows))
-        )
-        differing += was[:, None] != now[None, :]
+    names = dict.fromkeys(name for row in (*old, *new) for name in row)
+    telling = [name for name in names if len({row.get(name, "") for row in (*old, *new)}) > 1]
+    was = np.array([[old[place].get(name, "") for name in telling] for place in left])
+    now = np.array([[new[place].get(name, "") for name in telling] for place in open_rows])
+    differing = np.sum(was[:, None] != now[None, :], axis=2)
     apart = np.abs(np.subtract.outer(left, open_rows)) / max(len(old), len(new))
     for i, k in zip(*linear_sum_assignment(differing + NEARER * apart), strict=True):
         alike = differing[i, k] <= (1.0 - ALIKE) * len(telling)
@@ -144,18 +110,4 @@ def paired(old: Sequence[Cell], new: Sequence[Cell]) -> list[int | None]:
 
 def key_of(row: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
     """What a row says, in an order of its own."""
-    return tuple(sorted((name, plain_number(text)) for name, text in row.items() if text))
-
-
-def plain_number(text: str) -> str:
-    """A number in one spelling; any other text as it stands."""
-    try:
-        return repr(float(text))
-    except ValueError:
-        return text
-
-
-def telling_columns(rows: Sequence[Cell]) -> list[str]:
-    """Columns that vary among rows."""
-    names = dict.fromkeys(name for row in rows for name in row)
-    return [name for name in names if len({plain_number(row.get(name, "")) for row in rows}) > 1]
+    return tuple(sorted((name, text) for name, text in row.items() if text))

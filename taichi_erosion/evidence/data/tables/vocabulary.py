@@ -6,26 +6,14 @@ A heading means what its longest known word means. Words are compared without ac
 import re
 import tomllib
 import unicodedata
-from collections.abc import Iterator
 from difflib import get_close_matches
 from functools import cache
 from importlib.resources import files
 from typing import Literal
 
-Role = Literal[
-    "observable",
-    "condition",
-    "condition_sd",
-    "sd",
-    "se",
-    "cv",
-    "spread",
-    "n",
-    "group",
-    "source",
-    "remark",
-    "unknown",
-]
+TidyRole = Literal["value", "unit", "vault", "repeat"]  # of columns that a tidy table alone has
+Kept = Literal["observable", "condition", "condition_sd", "group", "source", "remark", "unknown"]
+Role = Kept | Literal["sd", "se", "cv", "spread", "n"] | TidyRole
 SCATTER = ("sd", "se", "cv", "spread", "n")  # roles of columns that belong to another one
 FRICTION_VELOCITY = "conditions.friction_velocity"
 DIAMETER = "grains.size.diameter"  # place of the grain diameter in the scenes that `study new` writes
@@ -40,11 +28,23 @@ COMPOUND = 5  # letters of a word that may be the part of a compound
 @cache
 def vocabulary() -> dict[str, dict[str, tuple[str, ...]]]:
     """Plain words by kind and meaning."""
-    text = (files("taichi_erosion.evidence.data.tables") / "vocabulary.toml").read_text(encoding="utf-8")
+    kinds = ("observables", "halved", "conditions", "roles", "asked", "whole", "rows")
     return {
-        kind: {name: tuple(map(plain_words, words)) for name, words in table.items()}
-        for kind, table in tomllib.loads(text).items()
+        kind: {name: tuple(map(plain_words, words)) for name, words in words_of(kind).items()}
+        for kind in kinds
     }
+
+
+def words_of(kind: str) -> dict[str, list[str]]:
+    """Words of one kind by meaning, as they stand in the file."""
+    text = (files("taichi_erosion.evidence.data.tables") / "vocabulary.toml").read_text(encoding="utf-8")
+    return tomllib.loads(text)[kind]
+
+
+@cache
+def unit_words() -> dict[str, str]:
+    """Words for units, as they are written, with their units."""
+    return {word: unit for unit, words in words_of("units").items() for word in words}
 
 
 def plain_words(text: str) -> str:
@@ -118,33 +118,20 @@ def scatter_role(plain: str) -> Role | None:
     return max(found)[1] if found else None
 
 
-def near_meaning(heading: str) -> tuple[Role, str, str]:
-    """Role, meaning and word of the observable or condition that a heading seems to misspell; else unknown.
-
-    The word is empty where the heading is none misspelt, but may mean something else too.
-    """
-    plain = plain_words(heading)
-    for name, asked in vocabulary()["asked"].items():
-        if any(found_length(word, plain) for word in asked):
-            return "observable", name, ""
-    words: dict[str, tuple[Role, str]] = {
-        word: (role, name) for role, name, word in words_of_columns() if len(word) >= COMPOUND
+def near_meaning(heading: str) -> str:
+    """Observable or condition that a heading seems to misspell, or may mean beside others; else empty."""
+    plain, words = plain_words(heading), vocabulary()
+    asked = [name for name, texts in words["asked"].items() if any(found_length(w, plain) for w in texts)]
+    known = {
+        word: name
+        for kind in ("observables", "conditions")
+        for name, texts in words[kind].items()
+        for word in (*texts, plain_words(name.rpartition(".")[2]))
+        if len(word) >= COMPOUND
     }
-    for part in (plain, *(part for part in plain.split() if len(part) >= COMPOUND)):
-        near = get_close_matches(part, words, n=1, cutoff=NEAR)
-        if near:
-            role, name = words[near[0]]
-            return role, name, near[0]
-    return "unknown", "", ""
-
-
-def words_of_columns() -> Iterator[tuple[Role, str, str]]:
-    """(role, meaning, word) of all observables and conditions."""
-    kinds: tuple[tuple[Role, str], ...] = (("observable", "observables"), ("condition", "conditions"))
-    for role, kind in kinds:
-        for name, words in vocabulary()[kind].items():
-            for word in (*words, plain_words(name.rpartition(".")[2])):
-                yield role, name, word
+    parts = (plain, *(part for part in plain.split() if len(part) >= COMPOUND))
+    near = [word for part in parts for word in get_close_matches(part, known, n=1, cutoff=NEAR)]
+    return next(iter([*asked, *(known[word] for word in near)]), "")
 
 
 def known_places() -> tuple[str, ...]:

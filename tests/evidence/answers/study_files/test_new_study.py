@@ -14,11 +14,11 @@ from taichi_erosion.effects import load_library
 from taichi_erosion.evidence.answers.study_files import check_study
 from taichi_erosion.evidence.answers.study_files.check_study import EXPECTED_AS
 from taichi_erosion.evidence.answers.study_files.new_study import (
-    Wishes,
     apparatus_of,
     new_study,
     read_laboratory_table,
 )
+from taichi_erosion.evidence.answers.study_files.own_files import Wishes
 from taichi_erosion.evidence.answers.study_files.scene_templates import (
     TEMPLATES,
     Diameters,
@@ -30,6 +30,7 @@ from taichi_erosion.evidence.data.tables.interview import Interview
 from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.run.checks import read_scene
 
+ROOT = Path(__file__).parents[4]
 HEAD = "Probe;Korngröße [µm];Feuchte in %;Böschungswinkel (°);SD [°];n\n"
 ROWS = ("A;250;1,6;33,5;0,7;5\n", "B;500;0;31,2;0,8;5\n", "C;800;3,1;34,4;0,6;5\n")
 GOOD = HEAD + "".join(ROWS)
@@ -89,15 +90,19 @@ WRONG_FILES = {
         "= '32-35' is a range",
         "write 32..35 where the value lies between",
     ),
-    "an interval that falls": (changed("33,5", "35..32"), "row 2, Böschungswinkel", "not below its second"),
+    "an interval that falls": (
+        changed("33,5", "35..32"),
+        "row 2, Böschungswinkel",
+        "first number must be below",
+    ),
     "a scatter in brackets": (changed("33,5", "33,5 (0,7)"), "row 2, Böschungswinkel", "behind '±'"),
     "a cell in another unit": (changed("250", "250 mg"), "row 2, Korngröße [µm]", "a column in µm"),
-    "a negative scatter": (changed("0,7", "-0,7"), "row 2, sd = '-0.7'", "leave it empty"),
+    "a negative scatter": (changed("0,7", "-0,7"), "row 2, SD [°] = '-0,7'", "leave it empty"),
     "no repeat": (changed("0,7;5", "0,7;0"), "row 2, n = '0'", "a whole number from 1"),
     "a row of means": (GOOD.encode("cp1252") + b"Mittelwert;;;33,0;;\n", "row 5, 'Mittelwert'", "remove it"),
     "nothing measured": (changed("Böschungswinkel", "Dings"), "heap.csv", "--observable 'COLUMN=NAME'"),
     "a scatter in percent": (changed("SD [°]", "SD [%]"), "row 2, SD [%]", "give it in °"),
-    "a letter for a digit": (changed("33,5", "3O,5"), "row 2, Böschungswinkel (°) = '3O,5'", "'30,5'"),
+    "a letter for a digit": (changed("33,5", "3O,5"), "row 2, Böschungswinkel (°) = '3O,5'", "not known"),
     "micrometres called millimetres": (changed("[µm]", "[mm]"), "row 2, diameter = 250 mm", "mean [um]?"),
     "Celsius called kelvin": (
         changed("Feuchte in %", "Temperatur [K]").replace(b"1,6", b"20").replace(b";0;", b";15;"),
@@ -288,7 +293,7 @@ HEAPS = (
 def test_height_and_diameter_of_one_heap_are_of_one_apparatus(tmp_path):
     (tmp_path / "heap.csv").write_bytes(HEAPS.encode("cp1252"))
     interview = Interview(guess)
-    _, table, _ = read_laboratory_table(tmp_path / "heap.csv", Wishes(), interview)
+    table = read_laboratory_table(tmp_path / "heap.csv", Wishes(), interview)
     radii = [row.value for row in table.rows if row.observable == "runout_radius"]
     assert radii == pytest.approx([10.2, 10.0, 9.8, 20.3, 20.0, 19.6]), "half of the diameters"
     assert "diameters of heaps are halved: runout_radius is a radius" in interview.assumed
@@ -365,3 +370,39 @@ def test_grains_that_cannot_be_are_refused_in_one_line(tmp_path, wishes, said):
     faults = faults_of(tmp_path, HEIGHTS.encode(), wishes=Wishes(**({"apparatus": "cylinder"} | wishes)))
     assert len(faults) == 1
     assert said in faults[0]
+
+
+ROOTS = "Wurzelmasse;d [mm];repose angle [deg]\n0;1;31\n2;1;32\n4;2;33\n"
+
+
+@pytest.mark.usefixtures("uncounted")
+def test_a_condition_that_no_scene_has_enters_by_its_unit(tmp_path):
+    (tmp_path / "t.csv").write_text(ROOTS, encoding="utf-8")
+    new_study(tmp_path / "t.csv", Wishes(Told(conditions={"Wurzelmasse": "g/kg"})), guess)
+    study = load_study(tmp_path / "t" / "t.toml")
+    assert study.file.conditions["wurzelmasse"] == "conditions.wurzelmasse"
+    assert read_scene(tmp_path / "t" / "cylinder.toml", ()).conditions.extra["wurzelmasse"].unit == "g/kg"
+    assert study.problem.measurements.conditions["wurzelmasse"] == pytest.approx([0.0, 2.0, 4.0])
+
+
+@pytest.mark.usefixtures("uncounted")
+def test_a_scene_a_condition_and_an_effect_of_ones_own_make_a_study(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "fall.toml").write_bytes((ROOT / "doe" / "own_effect" / "fall.toml").read_bytes())
+    assert main(["effects", "new", "my_pull", "--place", "scene"]) == 0
+    (tmp_path / "t.csv").write_text("pore volume [mm3/g];settling velocity [m/s]\n0;1,91\n100;1,8\n200;1,7\n")
+    wishes = Wishes(scene=Path("fall.toml"), effects=(Path("my_pull.py"),), folder=tmp_path / "deep" / "er")
+    document = new_study(tmp_path / "t.csv", wishes, guess)
+    study = load_study(Path(document["written"][0]))
+    assert study.file.study.effect_files == ("../../my_pull.py",)
+    assert study.file.observables["settling_velocity"].scene == "../../fall.toml"
+    assert study.problem.measurements.conditions["pore_volume"] == pytest.approx([0.0, 0.1, 0.2])
+    assert "my_pull" in study.problem.candidate_names
+    assert not list((tmp_path / "deep" / "er").glob("fall*"))
+
+
+def test_a_condition_that_an_own_scene_does_not_declare_is_told(tmp_path):
+    (tmp_path / "t.csv").write_text("roots [g/kg];settling velocity [m/s]\n0;1.9\n2;1.8\n", encoding="utf-8")
+    wishes = Wishes(Told(conditions={"roots": "g/kg"}), scene=ROOT / "doe" / "own_effect" / "fall.toml")
+    with pytest.raises(BadInput, match=r"does not declare the condition 'roots'; write \[conditions.extra\]"):
+        new_study(tmp_path / "t.csv", wishes, guess)

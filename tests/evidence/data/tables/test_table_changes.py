@@ -2,6 +2,7 @@
 
 import random
 
+from taichi_erosion.evidence.data.tables.rows import Table, table_of, tidy_columns
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
 from taichi_erosion.evidence.data.tables.table_changes import CellChange, table_changes
 
@@ -23,8 +24,9 @@ def row(k: int, **cells: str) -> tuple[str, ...]:
     return tuple((stated | cells).values())
 
 
-def table(*rows: tuple[str, ...], head: tuple[str, ...] = HEAD) -> Cells:
-    return Cells("t.csv", tuple(enumerate((head, *rows), 1)))
+def table(*rows: tuple[str, ...], head: tuple[str, ...] = HEAD) -> Table:
+    cells = Cells("t.csv", tuple(enumerate((head, *rows), 1)))
+    return table_of(cells, tidy_columns(cells), [])
 
 
 BEFORE = table(*(row(k) for k in range(12)))
@@ -51,7 +53,7 @@ def test_a_correction_an_addition_and_a_loss_at_once():
     rows[5] = row(6, value="45.00")
     rows.append(row(20, value="50", diameter="999", moisture="7"))
     changes = table_changes(BEFORE, table(*rows))
-    assert [(c.column, c.before, c.after) for c in changes.cells] == [("repose_angle", "32.22", "45.00")]
+    assert [(c.column, c.before, c.after) for c in changes.cells] == [("repose_angle", "32.22", "45")]
     assert (changes.removed, changes.added) == ((2,), (13,))
 
 

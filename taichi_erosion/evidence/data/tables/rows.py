@@ -1,0 +1,442 @@
+"""Rows of a table of measurements: what each of them says, and what was understood of its columns.
+
+A tidy table has the columns observable, value, unit, and where it likes sd, n, group, source, vault,
+replicate; any other column of numbers is a condition, with its unit in its heading (`slope [rad]`; without
+one it is in that of the place which it sets, for a model function SI), and `sd of CONDITION` the standard
+deviation of the error with which it was measured, `sd of set CONDITION` that of the true value about the one
+to which it was set. In a laboratory's own table the columns are what `interview.py` understood of them.
+
+`value` is the mean of `n` repeats and `sd` the standard deviation of single repeats. A censored value is one
+of which only limits are known: `<x`, and `no transport` (in a tidy table an empty cell too) where the
+instrument saw nothing; `>x`; `20..25` or `20 to 25`. Rows that repeat observable, group, source and
+conditions are repeats of one another; `replicate` says which rows of several observables are of one heap.
+`vault` says whether a row was held out when rows were drawn (`held_out_rows.py`).
+"""
+
+import csv
+import io
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from math import inf, isfinite, isnan, nan, sqrt
+from typing import Any, TypeVar, get_args
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.data.problem import Drawn
+from taichi_erosion.evidence.data.tables.cell_numbers import (
+    NO_TRANSPORT,
+    CellFault,
+    CellNumber,
+    is_missing,
+    plain_cell,
+    read_cell,
+)
+from taichi_erosion.evidence.data.tables.column_roles import SHARES, Column
+from taichi_erosion.evidence.data.tables.headings import Heading
+from taichi_erosion.evidence.data.tables.spreadsheet import Cells
+from taichi_erosion.evidence.data.tables.vocabulary import Role, is_summary
+from taichi_erosion.scene.schema.units import (
+    EXAMPLES,
+    Scale,
+    UnknownUnit,
+    parse_scale,
+    parse_unit,
+    scale_between,
+)
+
+Found = TypeVar("Found")
+REQUIRED = ("observable", "value", "unit")
+ROLES: dict[str, Role] = {  # of the columns of a tidy table
+    **{"observable": "observable", "value": "value", "unit": "unit", "sd": "sd", "n": "n", "group": "group"},
+    **{"source": "source", "vault": "vault", "replicate": "repeat", "repeat": "repeat", "date": "remark"},
+    **dict.fromkeys(("note", "notes", "comment", "remark", "remarks"), "remark"),
+}
+HEADING = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
+SD_OF = re.compile(r"sd[ _]of[ _](?P<set>set )?(?P<name>[A-Za-z][A-Za-z0-9_]*)")
+PLACE = re.compile(r"(?P<file>.*), row (?P<line>\d+)")  # source of a row that names no other
+MOST_REPEATS = 10**9
+SHOWN = 40  # characters of a cell that a message repeats
+
+
+class Faults(list[str]):
+    """Faults of a file, one line each, in the order in which they are found."""
+
+    def of(self, reader: Callable[..., Found], *arguments: Any) -> Found | None:
+        """Result of a reader; None where it refuses, which is one fault more."""
+        try:
+            return reader(*arguments)
+        except BadInput as error:
+            self.extend(error.faults)
+            return None
+
+    def tell(self) -> None:
+        """Raise BadInput where there is a fault."""
+        if self:
+            raise BadInput(*dict.fromkeys(self))
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of a table; NaN where a number was left out."""
+
+    line: int  # in the file, from 1
+    observable: str
+    value: float  # mean, limit of a censored value, or middle of its interval; NaN: the study's floor
+    censored: bool
+    sd: float  # of single repeats
+    n: int | None
+    unit: str
+    group: str
+    source: str
+    conditions: tuple[float, ...]  # as written, in the order of the table's conditions
+    reach: float = -inf  # of a censored value: -inf below `value`, +inf above, h between value - h, value + h
+    condition_sd: dict[str, float] = field(default_factory=dict)  # as written, of conditions that have one
+    drawn: Drawn = ""
+    repeat: str = ""  # name of the heap among those of its set-up and conditions
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of measurements as read."""
+
+    file: str
+    conditions: tuple[str, ...]  # names of the columns behind every row's conditions
+    units: tuple[str | None, ...]  # of the conditions, as their headings have them; None: none is stated
+    rows: tuple[Row, ...]
+    notes: tuple[str, ...] = ()  # what was assumed
+    set_conditions: tuple[str, ...] = ()  # of which the sd is that about the value to which they were set
+    form: str = ""  # how the file was read, in words
+    columns: tuple[Column, ...] = ()  # what was understood of each
+
+
+def is_tidy(heading: Sequence[str]) -> bool:
+    """Whether a heading is that of a tidy table: it has a column 'observable', if under another spelling."""
+    names = [cell.partition("[")[0].strip().lower() for cell in heading]
+    return bool(get_close_matches("observable", names, n=1, cutoff=0.85))
+
+
+def tidy_columns(cells: Cells) -> list[Column]:
+    """Columns of a tidy table; raises BadInput with all faults of its heading."""
+    columns, faults, file = list[Column](), Faults(), cells.file
+    for place, text in enumerate(cells.heading):
+        match = HEADING.fullmatch(text)
+        error = SD_OF.fullmatch(match["name"]) if match else None
+        if match is None or not (error or NAME.fullmatch(match["name"])):
+            faults.append(f"{file}: heading {quoted(text)} is not a name of letters, digits and _")
+            continue
+        name, unit = error["name"] if error else match["name"], match["unit"]
+        role: Role = "condition_sd" if error else ROLES.get(name, "condition")
+        if unit is not None and not error and name in ROLES and ROLES[name] != "remark":
+            faults.append(f"{file}: heading {quoted(text)}: the unit of values stands in column 'unit'")
+        elif unit is not None:
+            faults.of(known_unit, unit, f"{file}: heading {quoted(text)}: unknown unit")
+        if any((name, role) == (each.title, each.role) for each in columns):
+            faults.append(f"{file}: column '{match['name']}' stands in the heading twice")
+        heading = Heading(text, match["name"], (unit or "").strip())
+        is_set = bool(error and error["set"])
+        columns.append(Column(place, heading, role, name, name, is_set=is_set))
+    faults += missing_columns([each.heading.name for each in columns], file)
+    units = {each.title: each.heading.unit for each in columns if each.role == "condition"}
+    faults += error_column_faults([each for each in columns if each.role == "condition_sd"], units, file)
+    faults.tell()
+    return columns
+
+
+def known_unit(text: str, where: str) -> str:
+    """A unit as it stands; raises BadInput for one that is not known."""
+    try:
+        parse_scale(text)
+    except UnknownUnit as error:
+        raise BadInput(f"{where}; {error.hint or f'allowed: {EXAMPLES}'}") from None
+    return text
+
+
+def missing_columns(names: Sequence[str], file: str) -> Iterator[str]:
+    """Columns of a tidy table that are missing, or seem to be there under another spelling."""
+    for wanted in (*REQUIRED, "sd", "n", "group", "source", "vault"):
+        others = [name for name in names if name not in ROLES]
+        if wanted in names:
+            continue
+        if near := get_close_matches(wanted, others, n=1, cutoff=0.75):
+            yield f"{file}: column '{near[0]}' is unknown; did you mean '{wanted}'?"
+        elif wanted in REQUIRED:
+            yield f"{file}: column '{wanted}' is missing; there are: {', '.join(names)}"
+
+
+def error_column_faults(errors: Sequence[Column], units: dict[str, str], file: str) -> Iterator[str]:
+    """Columns `sd of CONDITION` without that condition, or in another unit."""
+    for column in errors:
+        where, unit = f"{file}: column '{column.heading.name}'", column.heading.unit
+        if column.title not in units:
+            there = ", ".join(units) or "none"
+            yield f"{where}: no column '{column.title}'; conditions there: {there}"
+        elif unit and unit != units[column.title]:
+            stated = units[column.title]
+            told = f"in [{stated}]: give it so" if stated else "without a unit: leave it out"
+            yield f"{where} is in [{unit}]; {column.title} is {told}"
+
+
+def table_of(cells: Cells, columns: Sequence[Column], faults: list[str], se: bool = False) -> Table:
+    """Rows of a table with known columns; all faults of its cells are added to `faults`.
+
+    `se`: numbers behind ± are standard errors of the mean.
+    """
+    reader = RowReader(cells, columns, faults, se)
+    rows = [row for line, row in cells.lines for row in reader.rows(line, row)]
+    if not rows and not faults:
+        faults.append(f"{cells.file}: has a heading but no measurement, no measured value")
+    faults += copy_faults(cells, columns)
+    return Table(
+        cells.file,
+        tuple(column.title for column in reader.of("condition")),
+        tuple(column.heading.unit or None for column in reader.of("condition")),
+        tuple(rows),
+        set_conditions=tuple(column.title for column in reader.of("condition_sd") if column.is_set),
+        form=cells.form,
+        columns=tuple(columns),
+    )
+
+
+def copy_faults(cells: Cells, columns: Sequence[Column]) -> Iterator[str]:
+    """Rows that stand twice; equal single values may be two repeats, equal means with their scatter not."""
+    telling = [column.place for column in columns if column.role in ("sd", "se", "cv", "repeat")]
+    seen: dict[tuple[str, ...], int] = {}
+    for line, row in cells.lines:
+        first = seen.setdefault(row, line)
+        if first != line and any(row[place] for place in telling):
+            yield f"{cells.file}: row {line} repeats row {first} cell by cell; remove one of them"
+
+
+@dataclass(frozen=True)
+class RowReader:
+    """Cells with the meaning of their columns."""
+
+    cells: Cells
+    columns: Sequence[Column]
+    faults: list[str]
+    se: bool = False
+
+    @property
+    def tidy(self) -> bool:
+        """Whether the measured quantity stands in a column of its own."""
+        return any(column.role == "value" for column in self.columns)
+
+    def of(self, *roles: Role) -> list[Column]:
+        """Columns of some roles."""
+        return [column for column in self.columns if column.role in roles]
+
+    def fault(self, line: int, column: Column, row: Sequence[str], words: object) -> None:
+        """Tell what is wrong with a cell."""
+        where = f"{self.cells.file}: row {line}, {column.heading.text}"
+        self.faults.append(f"{where} = {quoted(row[column.place])} {words}")
+
+    def rows(self, line: int, row: Sequence[str]) -> Iterator[Row]:
+        """What one row of the file says: in a laboratory's own table a row for each measured quantity."""
+        if not self.tidy and (summary := next((cell for cell in row if is_summary(cell)), None)):
+            told = f"'{summary}': the row sums up others; remove it"
+            self.faults.append(f"{self.cells.file}: row {line}, {told}")
+            return
+        conditions = [self.number(line, row, column).value for column in self.of("condition")]
+        errors = {
+            c.title: self.positive(line, row, c, "must not be below 0") for c in self.of("condition_sd")
+        }
+        shared = Row(
+            *(line, "", nan, False, nan, None, "", self.group(row), self.source(line, row)),
+            conditions=tuple(conditions),
+            condition_sd={name: sd for name, sd in errors.items() if isfinite(sd)},
+            drawn=self.drawn(line, row),
+            repeat=self.text(row, "repeat"),
+        )
+        for column in self.of("value" if self.tidy else "observable"):
+            found = self.measured(line, row, column, shared)
+            if found is not None:
+                yield found
+
+    def measured(self, line: int, row: Sequence[str], column: Column, shared: Row) -> Row | None:
+        """A row with its value, scatter and repeats; None where nothing was measured."""
+        name, unit = (column.name, column.heading.unit) if not self.tidy else self.stated(line, row)
+        text = plain_cell(row[column.place]).lower()
+        unseen = text in NO_TRANSPORT or (self.tidy and not text)
+        found = CellNumber(nan, -inf) if unseen else self.number(line, row, column, single=False)
+        if is_missing(text) and not unseen:
+            if self.tidy:
+                self.fault(line, column, row, "must be a number, '<' or '>' and a number, '20..25', or empty")
+            return None
+        n = next((self.count(line, row, each) for each in self.partners("n", column)), None)
+        sd = self.from_error(found.sd, n, line, column, row) if self.se else found.sd
+        if isnan(sd):
+            sd = self.scatter(line, row, column, found.value, n)
+        reach, unit = found.reach, unit or "1"
+        return replace(
+            shared,
+            **{"observable": name, "value": found.value, "censored": reach != 0.0, "reach": reach},
+            **{"sd": sd, "n": n, "unit": unit},
+        )
+
+    def stated(self, line: int, row: Sequence[str]) -> tuple[str, str]:
+        """Observable and unit of a row of a tidy table."""
+        (name,), (unit,) = self.of("observable"), self.of("unit")
+        if not NAME.fullmatch(row[name.place]):
+            self.fault(line, name, row, "must be a name")
+        try:
+            parse_unit(row[unit.place])
+            return row[name.place], row[unit.place]
+        except UnknownUnit as error:
+            self.fault(line, unit, row, f"is not known; {error.hint or f'allowed: {EXAMPLES}'}")
+            return row[name.place], "1"
+
+    def number(self, line: int, row: Sequence[str], column: Column, single: bool = True) -> CellNumber:
+        """Number of a cell in the unit of its column; nothing, and a fault, where there is none."""
+        try:
+            found = read_cell(row[column.place], self.cells.decimal_comma, single)
+            scale = self.scale(found.unit, column.heading.unit)
+        except CellFault as fault:
+            self.fault(line, column, row, fault)
+            return CellNumber()
+        factor = scale.factor * column.factor
+        if (factor, scale.origin) == (1.0, 0.0):
+            return found
+        reach = found.reach * factor
+        return CellNumber(column.factor * scale.used(found.value), reach, found.sd * factor, found.unit)
+
+    def scale(self, written: str, unit: str) -> Scale:
+        """Scale from the unit behind a number to that of its column; raises CellFault."""
+        if not written or written == unit or (self.tidy and not unit):
+            return Scale()
+        try:
+            found = scale_between(written, parse_scale(unit)) if unit else None
+        except UnknownUnit as error:
+            hint = error.hint or "write the number alone"
+            raise CellFault(f"has the unit '{written}', which is not known; {hint}") from None
+        if found is None:
+            told = f"a column in {unit}" if unit else "a column without unit"
+            raise CellFault(f"is a number in {written} in {told}")
+        return found
+
+    def positive(self, line: int, row: Sequence[str], column: Column, wrong: str, zero: bool = True) -> float:
+        """A number that is not negative, `zero`: nor 0; NaN, and a fault, for another one."""
+        found = self.number(line, row, column).value
+        if found < 0.0 or (found == 0.0 and not zero):
+            self.fault(line, column, row, wrong)
+            return nan
+        return found
+
+    def partners(self, role: Role, column: Column) -> list[Column]:
+        """Columns of scatter or repeats that belong to an observable."""
+        return [other for other in self.of(role) if other.of in (column.place, -1)]
+
+    def scatter(self, line: int, row: Sequence[str], column: Column, value: float, n: int | None) -> float:
+        """Standard deviation of single repeats from a column of its own; NaN where none is given."""
+        wrong = "must be above 0; leave it empty where it is not known"
+        for other in (each for role in ("sd", "se", "cv") for each in self.partners(role, column)):
+            unit = column.heading.unit
+            if other.role != "cv" and not self.tidy:
+                if other.heading.unit == "%" != unit:
+                    told = f"is a scatter in percent; give it in {unit or 'its unit'}, or head it 'CV [%]'"
+                    self.fault(line, other, row, told)
+                    return nan
+                factor = column.factor * self.spread_factor(line, row, other, unit)
+                heading = replace(other.heading, unit=other.heading.unit or unit)
+                other = replace(other, heading=heading, factor=factor)
+            found = self.positive(line, row, other, wrong, zero=other.role == "cv")
+            if isnan(found):
+                continue
+            if other.role == "cv":
+                return SHARES.get(other.heading.unit, 0.01) * found * abs(value)
+            return self.from_error(found, n, line, column, row) if other.role == "se" else found
+        return nan
+
+    def spread_factor(self, line: int, row: Sequence[str], column: Column, unit: str) -> float:
+        """Factor from the unit of a column of scatter to that of its observable."""
+        try:
+            return self.scale(column.heading.unit, unit).factor
+        except CellFault as fault:
+            self.fault(line, column, row, fault)
+            return nan
+
+    def from_error(self, error: float, n: int | None, line: int, column: Column, row: Sequence[str]) -> float:
+        """Standard deviation of single repeats from the standard error of their mean."""
+        if isfinite(error) and n is None:
+            self.fault(line, column, row, "has a standard error, which needs the number of repeats, n")
+        return error * sqrt(n or nan)
+
+    def count(self, line: int, row: Sequence[str], column: Column) -> int | None:
+        """Number of repeats; None where none is given."""
+        found = self.number(line, row, column).value
+        if isnan(found):
+            return None
+        if found != int(found) or not 1 <= found <= MOST_REPEATS:
+            self.fault(line, column, row, f"must be a whole number from 1 to {MOST_REPEATS:g}")
+            return None
+        return int(found)
+
+    def text(self, row: Sequence[str], role: Role) -> str:
+        """Words of a row in the columns of a role."""
+        return ", ".join(row[column.place] for column in self.of(role) if row[column.place])
+
+    def group(self, row: Sequence[str]) -> str:
+        """Set-up of a row; empty where each row of a laboratory's table has one of its own."""
+        named = self.of("group")
+        distinct = {tuple(other[column.place] for column in named) for _, other in self.cells.lines}
+        return "" if not self.tidy and len(distinct) == len(self.cells.lines) else self.text(row, "group")
+
+    def source(self, line: int, row: Sequence[str]) -> str:
+        """Source of a row; of a laboratory's table its place in the file where it names none."""
+        return self.text(row, "source") or ("" if self.tidy else f"{self.cells.file}, row {line}")
+
+    def drawn(self, line: int, row: Sequence[str]) -> Drawn:
+        """What became of a row when rows were drawn for the vault."""
+        text = self.text(row, "vault")
+        for known in get_args(Drawn):
+            if text == known:
+                return known
+        self.fault(line, self.of("vault")[0], row, "must be 'held out', 'fitted' or empty")
+        return ""
+
+
+def quoted(text: str) -> str:
+    """A cell in quotes, on one line, shortened."""
+    clean = "".join(sign if sign.isprintable() else "?" for sign in text[: SHOWN + 1])
+    return f"'{clean}'" if len(clean) <= SHOWN else f"'{clean[: SHOWN - 3]}...'"
+
+
+def tidy_fields(table: Table) -> list[dict[str, str]]:
+    """Cells of the tidy form of a table, by heading."""
+    names = [f"{n} [{u}]" if u else n for n, u in zip(table.conditions, table.units, strict=True)]
+    errors = {each: "set " if each in table.set_conditions else "" for each in table.conditions}
+    errors = {n: t for n, t in errors.items() if any(n in row.condition_sd for row in table.rows)}
+    units = dict(zip(table.conditions, names, strict=True))
+    found = []
+    for row in table.rows:
+        limit = {-inf: "<", inf: ">"}.get(row.reach if row.censored else 0.0, "")
+        value = limit + shown(row.value)
+        if row.censored and isfinite(row.reach):
+            value = f"{shown(row.value - row.reach)}..{shown(row.value + row.reach)}"
+        first = (row.observable, value if isfinite(row.value) else "no transport", shown(row.sd))
+        fields = dict(zip(("observable", "value", "sd"), first, strict=True))
+        fields |= {"n": str(row.n or ""), "unit": row.unit, "group": row.group, "vault": row.drawn}
+        fields |= dict(zip(names, map(shown, row.conditions), strict=True))
+        fields |= {f"sd of {t}{units[n]}": shown(row.condition_sd.get(n, nan)) for n, t in errors.items()}
+        found.append(fields | {"replicate": row.repeat, "source": row.source})
+    return found if any(row.repeat for row in table.rows) else [without(each, "replicate") for each in found]
+
+
+def without(fields: dict[str, str], name: str) -> dict[str, str]:
+    """Cells of a row but one."""
+    return {key: text for key, text in fields.items() if key != name}
+
+
+def shown(number: float) -> str:
+    """A number as a cell; empty for none."""
+    return f"{number:.12g}" if isfinite(number) else ""
+
+
+def tidy_text(table: Table) -> str:
+    """The tidy form of a table as a CSV file."""
+    text, rows = io.StringIO(newline=""), tidy_fields(table)
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()

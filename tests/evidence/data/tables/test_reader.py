@@ -1,0 +1,296 @@
+"""Foreign tables and the rows that they come to: code pages, units, scatter, repeats, workbooks."""
+
+import io
+from math import inf, isnan, nan
+from pathlib import Path
+
+import openpyxl
+import pytest
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.answers.study_files.new_study import read_laboratory_table
+from taichi_erosion.evidence.answers.study_files.own_files import Wishes
+from taichi_erosion.evidence.data.tables.cell_numbers import CellFault, read_cell
+from taichi_erosion.evidence.data.tables.headings import read_heading
+from taichi_erosion.evidence.data.tables.interview import Interview
+from taichi_erosion.evidence.data.tables.rows import Table
+from taichi_erosion.evidence.data.tables.vocabulary import meaning_of
+
+GERMAN = "Korngröße [µm];Wassergehalt in %;Böschungswinkel (°)\n250;1,6;33,5\n500;0,5;31,2\n"
+RUSSIAN = (
+    "Образец;Диаметр, мкм;Влажность, %;Угол естественного откоса, град\n"
+    "песок;250;1,6;33,5\nпыль;500;0,5;31,2\n"
+)
+CHINESE = "样品\t粒径 (µm)\t含水率 (%)\t安息角 (°)\t备注\n沙\t250\t1.6\t33.5\t好\n土\t500\t0.5\t31.2\t好\n"
+LYING = "Probe;A;B;C\nKorngröße [µm];90;250;500\nFeuchte in %;0;1;2\nBöschungswinkel (°);31;32;33\n"
+HEAD = "d;moisture;angle of repose\nmm;%;deg\n"
+INSIDE = "\n0,5;31,0;34,2;36,1\n1,0;30,5;32,0;33,1\n2,0;30,1;30,8;31,5\n"
+
+
+def workbook(
+    *sheets: tuple[tuple, ...], merged: tuple[str, ...] = (), percent: tuple[str, ...] = ()
+) -> bytes:
+    book, content = openpyxl.Workbook(), io.BytesIO()
+    for place, rows in enumerate(sheets):
+        sheet = book.create_sheet() if place else book.worksheets[0]
+        for row in rows:
+            sheet.append(row)
+    for cells in merged:
+        book.worksheets[0].merge_cells(cells)
+    for cell in percent:
+        book.worksheets[0][cell].number_format = "0.0%"
+    book.save(content)
+    return content.getvalue()
+
+
+def read(folder: Path, content: str | bytes, name: str = "heap.csv", ask=lambda _, guess: guess) -> Table:
+    (folder / name).write_bytes(content.encode() if isinstance(content, str) else content)
+    return read_laboratory_table(folder / name, Wishes(closed_form=True), Interview(ask))
+
+
+def values(table: Table) -> list[float]:
+    return [row.value for row in table.rows]
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding"),
+    [
+        *((GERMAN, code) for code in ("utf-8", "utf-8-sig", "utf-16", "cp1252")),
+        (GERMAN.replace(";", "\t"), "cp1252"),
+        (GERMAN.replace("1,6;33,5", '1,6;"33,5"'), "cp1252"),
+        (GERMAN.replace(",", ".").replace(";", ","), "utf-8"),
+        ("Messungen\n\n" + GERMAN.replace("\n", "\n;;\n"), "cp1252"),
+        ("sep=;\n" + GERMAN, "cp1252"),
+        (RUSSIAN, "utf-8"),
+        (RUSSIAN, "cp1251"),
+        (CHINESE, "utf-8"),
+        (CHINESE, "utf-16"),
+        ("Korngröße;Wassergehalt;Böschungswinkel\n;;\nµm;%;°\n250;1,6;33,5\n500;0,5;31,2\n", "cp1252"),
+        ("Durchmesser;Feuchte;Böschungswinkel\n250 µm;1,6 %;33,5 °\n500 µm;0,5 %;31,2 °\n", "cp1252"),
+    ],
+)
+def test_one_table_has_the_same_rows_however_it_is_written(tmp_path, text, encoding):
+    found = read(tmp_path, text.encode(encoding))
+    assert found.conditions == ("diameter", "moisture")
+    assert [(row.observable, row.value, row.conditions) for row in found.rows] == [
+        ("repose_angle", 33.5, (250.0, 1.6)),
+        ("repose_angle", 31.2, (500.0, 0.5)),
+    ]
+
+
+MERGED = workbook(
+    (
+        ("sample", "moisture", "angle of repose", None, None, "run-out", None),
+        (None, "%", "mean [deg]", "SD [deg]", "n", "mean [mm]", "SD [mm]"),
+        *(("A", 0, 31, 0.7, 5, 120, 3), ("B", 1, 33, 0.8, 6, 110, 4)),
+    ),
+    merged=("C1:E1", "F1:G1"),
+)
+# content -> (observable, value, sd, n, unit) of every row
+FOREIGN = {
+    "two rows of headings": (
+        MERGED,
+        [
+            ("repose_angle", 31.0, 0.7, 5, "deg"),
+            ("runout_radius", 120.0, 3.0, 5, "mm"),
+            ("repose_angle", 33.0, 0.8, 6, "deg"),
+            ("runout_radius", 110.0, 4.0, 6, "mm"),
+        ],
+    ),
+    "a merged heading above repeats": (
+        workbook(
+            (
+                ("sample", "moisture", "angle of repose", None),
+                (None, "%", "deg", None),
+                *(("A", 0, 31, 32), ("B", 1, 33, 34)),
+            ),
+            merged=("C1:D1",),
+        ),
+        [("repose_angle", value, nan, None, "deg") for value in (31.0, 32.0, 33.0, 34.0)],
+    ),
+    "repeats side by side": (
+        "moisture [%];angle of repose 1 [deg];angle of repose 2 [deg];SD;n\n0;31;32.5;0.7;2\n1;33;34;0.8;2\n",
+        [("repose_angle", value, nan, None, "deg") for value in (31.0, 32.5, 33.0, 34.0)],
+    ),
+    "scatter behind the sign": (
+        "d [mm];Schüttwinkel [°];n\n1;31,2 ± 0,8;5\n2;30,1 +/- 0,7;5\n",
+        [("repose_angle", 31.2, 0.8, 5, "°"), ("repose_angle", 30.1, 0.7, 5, "°")],
+    ),
+    "standard errors": (
+        "moisture (g/g);angle of repose (deg);standard error;repeats\n0.00;31.2;0.3;9\n0.02;34;0.4;4\n",
+        [("repose_angle", 31.2, 0.9, 9, "deg"), ("repose_angle", 34.0, 0.8, 4, "deg")],
+    ),
+    **{
+        f"relative scatter, {heading}": (
+            f"moisture [%];repose angle [deg];{heading}\n0;50;{cell}\n",
+            [("repose_angle", 50.0, 1.0, None, "deg")],
+        )
+        for heading, cell in (
+            ("CV [%]", "2"),
+            ("RSD in %", "2"),
+            ("Variationskoeffizient", "2"),
+            ("CV", "0.02"),
+        )
+    },
+    "scatter of a quantity that is not used": (
+        "moisture [%];repose angle [deg];shininess [mm];SD;n\n0;31;5;0.2;5\n",
+        [("repose_angle", 31.0, nan, 5, "deg")],
+    ),
+    "scatter in another unit": (
+        "moisture [%];pile height [cm];SD [mm]\n0;4;1\n",
+        [("pile_height", 4.0, 0.1, None, "cm")],
+    ),
+    "half of a diameter": (
+        "moisture [%];Haufendurchmesser [mm];SD\n0;40;1\n",
+        [("runout_radius", 20.0, 0.5, None, "mm")],
+    ),
+    "headings that stand again": (
+        f"April;;\n{HEAD}1;0;31\n1;1;33\n;;\nMay;;\n{HEAD}1;0;30.5\n",
+        [("repose_angle", value, nan, None, "deg") for value in (31.0, 33.0, 30.5)],
+    ),
+    "a table on its side": (LYING, [("repose_angle", value, nan, None, "°") for value in (31.0, 32.0, 33.0)]),
+    "cells without a measurement": (
+        "moisture [%];repose angle [deg];sd;n;note\n0;31;0.5;5;\n1;n/a;;;lost\n2;-;;;\n",
+        [("repose_angle", 31.0, 0.5, 5, "deg")],
+    ),
+    "sieve fractions": (
+        "Korngröße [mm];Böschungswinkel (°);fraction 0.1 mm [%];fraction 0.2 mm [%]" + INSIDE,
+        [("repose_angle", value, nan, None, "°") for value in (31.0, 30.5, 30.1)],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_a_foreign_table_comes_to_these_rows(tmp_path, name):
+    content, wanted = FOREIGN[name]
+    found = read(tmp_path, content, "heap.csv" if isinstance(content, str) else "heap.xlsx")
+    rows = [(row.observable, row.value, row.sd, row.n, row.unit) for row in found.rows]
+    assert [(a, b, d, e) for a, b, _, d, e in rows] == [(a, b, d, e) for a, b, _, d, e in wanted]
+    assert [row[2] for row in rows] == pytest.approx([row[2] for row in wanted], nan_ok=True)
+
+
+def test_limits_and_intervals_are_censored_values(tmp_path):
+    text = "Feuchte (%);Sandfluss [g/(m s)]\n0;12,5\n1;< 0,02\n2;no transport\n3;0,1..0,4\n4;>40\n"
+    rows = read(tmp_path, text).rows
+    assert [row.reach for row in rows] == [0.0, -inf, -inf, pytest.approx(0.15), inf]
+    assert [row.value for row in rows[:2] + rows[3:]] == [12.5, 0.02, 0.25, 40.0]
+    assert isnan(rows[2].value)
+    assert [row.censored for row in rows] == [False, True, True, True, True]
+
+
+def test_rows_keep_their_number_in_the_file_and_their_source(tmp_path):
+    found = read(tmp_path, "title\n\nmoisture [%];repose angle [deg];Messgerät\n1;30;Laser\n\n3;31;\n")
+    assert [row.line for row in found.rows] == [4, 6]
+    assert [row.source for row in found.rows] == ["Laser", "heap.csv, row 6"]
+
+
+def test_a_percentage_of_a_workbook_is_what_it_shows(tmp_path):
+    book = workbook((("w [%]", "angle of repose [deg]"), (0.016, 33.5)), percent=("A2",))
+    assert read(tmp_path, book, "t.xlsx").rows[0].conditions == (1.6,)
+
+
+def test_the_first_sheet_with_a_table_is_read_and_the_others_are_told(tmp_path):
+    words = (("Campaign 2026",), ("Contact", "J. Smith", "phone 0123"), ("Method", "laser sensor"))
+    april, may = ((("moisture [%]", "angle of repose [deg]"), (0, k), (1, k + 2)) for k in (31, 30))
+    found = read(tmp_path, workbook(words, april, may), "t.xlsx")
+    assert values(found) == [31.0, 33.0]
+    assert "not read: 'Sheet', 'Sheet2'" in found.form
+
+
+def test_the_sd_of_a_condition_is_its_error(tmp_path):
+    found = read(tmp_path, "moisture [%];sd of moisture [%];repose angle [deg]\n0;;31\n1;0,1;33\n")
+    assert found.conditions == ("moisture",)
+    assert [row.condition_sd for row in found.rows] == [{}, {"moisture": 0.1}]
+
+
+@pytest.mark.parametrize(("answer", "repeats"), [("y", 4), ("ja", 4), ("n", 0)])
+def test_columns_are_what_the_user_answers(tmp_path, answer, repeats):
+    text = "moisture [%];W1 [deg];W2 [deg]\n0;31;32\n1;33;34\n"
+
+    def told(question: str, guess: str) -> str:
+        known = {"Column 'W": "repose_angle", "Columns 'W": answer}
+        return next((said for words, said in known.items() if question.startswith(words)), guess)
+
+    if repeats:
+        assert len(read(tmp_path, text, ask=told).rows) == repeats
+    else:
+        with pytest.raises(BadInput, match="means repose_angle, as column"):
+            read(tmp_path, text, ask=told)
+
+
+@pytest.mark.parametrize(
+    "heading",
+    [
+        "Korngröße [mm];0;1;2",
+        ";0 %;1 %;2 %",
+        "Korngröße [mm];w=0 %;w=1 %;w=2 %",
+        "Korngröße [mm];Böschungswinkel 0 % [°];Böschungswinkel 1 % [°];Böschungswinkel 2 % [°]",
+        "moisture [%];repose angle (0.5 mm);repose angle (1 mm);repose angle (2 mm)",
+        "moisture [%];repose angle 1;repose angle 2;repose angle 3\n;0,5;1;2",
+    ],
+)
+def test_a_cross_table_is_not_read_as_repeats(tmp_path, heading):
+    with pytest.raises(BadInput, match="a cross table"):
+        read(tmp_path, heading + INSIDE)
+
+
+@pytest.mark.parametrize(
+    ("cell", "value", "reach", "sd", "unit"),
+    [
+        ("31,2 +/- 0,8 °", 31.2, 0.0, 0.8, "°"),
+        ("2 %", 2.0, 0.0, nan, "%"),
+        (">40", 40.0, inf, nan, ""),
+        ("1 250 µm", 1250.0, 0.0, nan, "µm"),
+        ("\N{MINUS SIGN}5", -5.0, 0.0, nan, ""),
+        ("1,5e-3", 1.5e-3, 0.0, nan, ""),
+        ("٣١", 31.0, 0.0, nan, ""),
+        ("20,5 bis 25 deg", 22.75, 2.25, nan, "deg"),
+        ("k.A.", nan, 0.0, nan, ""),
+    ],
+)
+def test_a_number_is_read_as_laboratories_write_it(cell, value, reach, sd, unit):
+    found = read_cell(cell, comma=True)
+    assert (found.value, found.reach, found.sd) == pytest.approx((value, reach, sd), nan_ok=True)
+    assert found.unit == unit
+
+
+@pytest.mark.parametrize(
+    "cell", ["25..20", "1.250,5", "1,2,3", "steil", "12. Mrz", "31.2 (0.8)", "30-32", "#N/A", "3 ± 10 %"]
+)
+def test_what_has_two_readings_or_is_no_number_is_refused(cell):
+    with pytest.raises(CellFault):
+        read_cell(cell, comma=True)
+
+
+@pytest.mark.parametrize(
+    ("heading", "name", "unit"),
+    [
+        ("flux [g/(m s)]", "flux", "g/(m s)"),
+        ("Wassergehalt (Gew.-%)", "Wassergehalt", "%"),
+        ("Schüttwinkel (Mittelwert) [°]", "Schüttwinkel (Mittelwert)", "°"),
+        ("d / mm", "d", "mm"),
+        ("Diameter, µm", "Diameter", "µm"),
+        ("Winkel °", "Winkel", "°"),
+        ("T (C)", "T", "degC"),
+        ("Versuch (neu)", "Versuch", ""),
+        ("u*t", "u*t", ""),
+    ],
+)
+def test_a_heading_gives_name_and_unit(heading, name, unit):
+    found = read_heading(heading)
+    assert (found.name, found.unit) == (name, unit)
+
+
+@pytest.mark.parametrize(
+    ("heading", "meaning"),
+    [
+        ("relative Luftfeuchte", ("condition", "conditions.relative_humidity")),
+        ("Threshold friction velocity", ("observable", "threshold_u_star")),
+        ("friction velocity", ("condition", "conditions.friction_velocity")),
+        ("Standardabweichung Winkel", ("sd", "")),
+        ("Anzahl Wiederholungen", ("n", "")),
+        ("Farbe", ("unknown", "")),
+    ],
+)
+def test_the_longest_known_word_of_a_heading_counts(heading, meaning):
+    assert meaning_of(heading) == meaning
