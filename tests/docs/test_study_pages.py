@@ -10,7 +10,6 @@ from doe.effects import page as effects
 from doe.hao2022 import tables as hao2022
 from doe.lab_c import page as lab_c
 from doe.repose_sensitivity import page as repose_sensitivity
-from doe.wind import page as threshold
 from taichi_erosion.experiments.audit.examine import audit
 
 pytestmark = pytest.mark.docs
@@ -45,7 +44,6 @@ def hao2022_tables() -> dict[str, str]:
         (repose_sensitivity.PAGE, "repose_sensitivity", repose_tables),
         (hao2022.PAGE, "hao2022", hao2022_tables),
         (effects.PAGE, "effects", lambda: effects.tables(DOE)),
-        (threshold.PAGE, "wind", lambda: threshold.tables(DOE)),
     ],
 )
 def test_a_page_and_the_readme_of_its_study_show_the_tables_that_its_numbers_make(page, study, made):
