@@ -153,6 +153,7 @@ def test_a_printed_number_is_as_exact_as_its_last_digit(text, found, agrees):
     printed = parse_printed(text)
     assert printed is not None
     assert printed.agrees(found) is agrees
+    assert parse_printed("n.s.") is None
 
 
 @pytest.mark.parametrize(
@@ -164,19 +165,6 @@ def test_a_term_is_read_however_it_is_printed(text, term):
     made = design.box_behnken(unit_factors("ABC"))
     fit = fit_model(made.with_responses(y=made.coded[:, 0]), "y", "linear")
     assert parse_term(text, fit) == term
-
-
-def test_words_are_no_numbers():
-    assert parse_printed("n.s.") is None
-    assert parse_printed("") is None
-
-
-def test_a_number_that_is_cut_off_is_told_from_a_wrong_one():
-    printed = parse_printed("3.90")
-    assert printed is not None
-    assert printed.cut_off(3.908)
-    assert not printed.cut_off(3.91)
-    assert not printed.cut_off(3.899)
 
 
 @pytest.mark.parametrize(
@@ -203,7 +191,6 @@ def test_a_table_that_cannot_be_audited_is_refused_in_one_line(tmp_path, text, w
         ("modle = 'linear'", "modle = 'linear': Extra inputs"),
         ("model = 'cubic'", "model = 'cubic': Input should be 'linear'"),
         ("target = 'high'", "target = 'high': must be a number"),
-        ("[t_test]\nmean = 3.0", "t_test.runs: Field required"),
         ("x = ", "Invalid value"),
     ],
 )
@@ -222,9 +209,3 @@ def test_the_command_prints_one_json_document_with_row_and_column(tmp_path, caps
     found = json.loads(capsys.readouterr().out)
     assert (found["cell"]["row"], found["cell"]["column"]) == (7, "E")
     assert found["response"] == "angle"
-
-
-def test_the_command_refuses_an_unknown_response_with_exit_code_2(tmp_path, capsys):
-    path = write(tmp_path / "t.csv", *screening())
-    assert main(["audit", str(path), "--response", "colour"]) == 2
-    assert "column 'colour' is missing" in capsys.readouterr().err
