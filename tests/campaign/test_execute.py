@@ -5,20 +5,11 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pytest
 import stand_in
 
 from taichi_erosion.campaign import execute as execution
-from taichi_erosion.campaign.execute import (
-    GUESSED,
-    KNOWN,
-    WORK_MOST,
-    WorkDone,
-    next_batch,
-    pace,
-    share_by_time,
-)
+from taichi_erosion.campaign.execute import WORK_MOST, WorkDone, next_batch, pace
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger, unfinished
 from taichi_erosion.campaign.pool import Pool, start_pool
 from taichi_erosion.campaign.request import RUNS_MOST, START, WORTH_A_START, RunRequest
@@ -44,16 +35,11 @@ def dealt(waiting: list[RunRequest], deaths: dict[str, int] | None = None) -> li
     return sizes
 
 
-def test_long_runs_are_dealt_in_ever_smaller_batches():
+def test_batches_shrink_are_worth_a_start_have_a_limit_and_hold_one_group():
     assert dealt(requests(10, WORTH_A_START)) == [5, 3, 1, 1]
-
-
-def test_short_runs_are_not_dealt_one_by_one():
     assert dealt(requests(20, WORTH_A_START / 8)) == [10, 8, 2]
-
-
-def test_runs_of_next_to_nothing_go_together_but_not_without_end():
     assert dealt(requests(RUNS_MOST + 6, 1.0)) == [RUNS_MOST, 6]
+    assert dealt([*requests(3, 1.0, "a"), *requests(2, 1.0, "b")]) == [3, 2]
 
 
 def test_a_batch_is_no_longer_than_a_killed_worker_may_lose():
@@ -95,14 +81,6 @@ def test_one_worker_holds_the_device(tmp_path, monkeypatch):
     assert (started, looked) == ([1], [{"vulkan"}])
 
 
-def test_no_worker_starts_where_all_runs_are_kept(tmp_path, monkeypatch):
-    wanted, ledger = stand_in.requests(tmp_path, count=3, pause=0.0), open_ledger(tmp_path)
-    first = execution.execute(wanted, ledger, workers=1, function=stand_in.FUNCTION)
-    monkeypatch.setattr(execution, "start_pool", None)  # whoever starts workers fails
-    assert execution.execute(wanted, ledger, workers=1, function=stand_in.FUNCTION) == first
-    close_ledger(ledger)
-
-
 def test_a_missing_device_is_told_before_any_run_counts_as_failed(tmp_path):
     if has_cuda():
         pytest.skip("there is such a device")
@@ -113,29 +91,7 @@ def test_a_missing_device_is_told_before_any_run_counts_as_failed(tmp_path):
     close_ledger(ledger)
 
 
-def test_groups_are_not_mixed():
-    assert dealt([*requests(3, 1.0, "a"), *requests(2, 1.0, "b")]) == [3, 2]
-
-
 USUAL = START / WORTH_A_START  # s per grain-step
-
-
-@pytest.mark.parametrize(
-    ("elapsed", "spread"), [(0.02, GUESSED), (0.3, GUESSED), (3.0, GUESSED), (1.2, KNOWN)]
-)
-def test_the_share_by_time_is_the_mean_over_possible_durations(elapsed: float, spread: float):
-    durations = np.exp(spread * np.random.default_rng(1).standard_normal(2_000_000))
-    longer = elapsed / durations[durations > elapsed]
-    error = longer.std() / np.sqrt(longer.size)
-    assert share_by_time(elapsed, spread) == pytest.approx(longer.mean(), abs=5.0 * error)
-
-
-@pytest.mark.parametrize("spread", [GUESSED, KNOWN])
-def test_the_share_by_time_grows_and_stays_below_the_whole(spread: float):
-    shares = [share_by_time(each, spread) for each in np.geomspace(1e-3, 1e3, 200)]
-    assert all(before <= after for before, after in pairwise(shares))
-    assert 0.0 < shares[0] < 0.002
-    assert shares[-1] < 1.0
 
 
 def test_the_pace_is_that_of_the_runs_that_have_ended_each_by_its_own_work():

@@ -67,13 +67,6 @@ def test_every_run_is_done_once_and_stands_in_the_order_asked_for(undisturbed):
     assert all(failure is None for _, _, failure in undisturbed)
 
 
-def test_a_second_call_runs_nothing(tmp_path):
-    first = carry_out(tmp_path)
-    count = len(starts(tmp_path))
-    assert carry_out(tmp_path) == first
-    assert len(starts(tmp_path)) == count
-
-
 def test_a_killed_worker_costs_only_the_run_it_was_at(tmp_path, undisturbed):
     assert carry_out(tmp_path, mishaps={37: "kills once", 90: "kills once"}) == undisturbed
     repeated = {seed for seed, times in Counter(starts(tmp_path)).items() if times > 1}
@@ -185,24 +178,6 @@ def test_failed_runs_are_results_with_their_reason(tmp_path):
     assert len(found) == RUNS
 
 
-def test_progress_grows_to_the_whole_and_counts_the_runs(tmp_path):
-    said: list[tuple[float, str]] = []
-    store = open_ledger(tmp_path)
-    slow = requests(tmp_path, 60, pause=SLOW)
-    execute(slow, store, workers=2, function=FUNCTION, progress=lambda *words: said.append(words))
-    close_ledger(store)
-    shares = [share for share, _ in said]
-    assert shares == sorted(shares)
-    assert all("of 60 runs" in words for _, words in said)
-    assert shares[-1] > 0.8
-
-
-def test_a_folder_that_cannot_be_made_gives_one_clear_line(tmp_path):
-    (tmp_path / "file").touch()
-    with pytest.raises(BadInput, match=r"ledger\.sqlite: the ledger cannot be used"):
-        open_ledger(tmp_path / "file" / "campaign")
-
-
 def test_a_file_that_is_no_ledger_gives_one_clear_line(tmp_path):
     (tmp_path / ledger.LEDGER).write_bytes(b"surface energies " * 100)
     with pytest.raises(BadInput, match=r"file is not a database"):
@@ -237,11 +212,6 @@ def test_a_database_of_another_program_is_refused_and_left_alone(tmp_path):
     with pytest.raises(BadInput, match="a database of another program, not the ledger"):
         open_ledger(tmp_path)
     assert (tmp_path / ledger.LEDGER).read_bytes() == before
-
-
-def test_a_folder_that_cannot_be_written_gives_one_clear_line(unwritable):
-    with pytest.raises(BadInput, match="the ledger cannot be used"):
-        open_ledger(unwritable)
 
 
 def test_work_that_does_not_exist_is_refused_at_the_door(tmp_path):
