@@ -107,14 +107,6 @@ def test_foreign_files_and_headers_are_refused_in_one_line(tmp_path: Path):
         load_checkpoint(tmp_path)
 
 
-def test_pickled_objects_are_never_loaded(tmp_path: Path):
-    head = json.dumps({"schema": checkpoint.SCHEMA, "package_version": checkpoint.__version__, "meta": {}})
-    members = {"head": np.frombuffer(head.encode(), dtype=np.uint8), "state/x": np.array([object()])}
-    np.savez(tmp_path / "pickled.npz", **members)
-    with pytest.raises(BadInput, match="damaged, or not a checkpoint"):
-        load_checkpoint(tmp_path / "pickled.npz")
-
-
 def test_a_checkpoint_of_another_scene_version_or_layout_is_refused(saved: Path, monkeypatch):
     with pytest.raises(BadInput, match="belongs to scene 5eed, not to beef"):
         load_checkpoint(saved, "beef")
@@ -123,3 +115,11 @@ def test_a_checkpoint_of_another_scene_version_or_layout_is_refused(saved: Path,
             patch.setattr(checkpoint, name, value)
             with pytest.raises(BadInput, match="cannot"):
                 load_checkpoint(saved)
+
+
+def test_pickled_objects_are_never_loaded(tmp_path: Path):
+    head = json.dumps({"schema": checkpoint.SCHEMA, "package_version": checkpoint.__version__, "meta": {}})
+    members = {"head": np.frombuffer(head.encode(), dtype=np.uint8), "state/x": np.array([object()])}
+    np.savez(tmp_path / "pickled.npz", **members)
+    with pytest.raises(BadInput, match="damaged, or not a checkpoint"):
+        load_checkpoint(tmp_path / "pickled.npz")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from doe.common.tables import read_table
-from doe.effects.answers import Answer, pocket_cases, write_answers
+from doe.effects.answers import Answer, pocket_cases
 from doe.effects.page import Saying, judged
 from doe.effects.pocket import Pocket, expected_threshold, measured_thresholds
 from taichi_erosion.effects import load_library
@@ -48,14 +48,6 @@ def test_shelter_raises_the_balance_by_just_its_factor():
 
 def test_every_effect_of_the_library_has_a_sentence_to_be_held_to():
     assert {saying.effect for saying in read_table(TABLES / "literature.csv", Saying)} == set(load_library())
-
-
-def test_a_table_of_answers_is_read_as_it_was_written_and_a_group_is_replaced(tmp_path):
-    table = tmp_path / "answers.csv"
-    write_answers(table, [ANSWER, replace(ANSWER, place=0.2)])
-    write_answers(table, [replace(ANSWER, value=1.6)])
-    (row,) = read_table(table, Answer)
-    assert (row.effect, row.value, row.n) == ("dry_adhesion", 1.6, 1)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Tables of new conditions: units, headings, what is missing."""
 
-import numpy as np
 import pytest
 
 from taichi_erosion.core.errors import BadInput
@@ -50,13 +49,3 @@ def test_every_bad_cell_is_told(study, tmp_path):
     assert len(told.value.faults) == 3
     with pytest.raises(BadInput, match="holds no conditions"):
         read(study, tmp_path, "moisture,diameter [mm]\n")
-
-
-def test_a_unit_of_another_kind_is_refused(study, tmp_path):
-    with pytest.raises(BadInput, match="diameter is in s, in the table of the study in mm"):
-        read(study, tmp_path, "moisture,diameter [s]\n0.01,0.2\n")
-
-
-def test_the_conditions_are_finite(study, tmp_path):
-    found = read(study, tmp_path, "moisture [%],diameter [mm]\n0,0.2\n")
-    assert all(np.all(np.isfinite(column)) for column in found.conditions.values())

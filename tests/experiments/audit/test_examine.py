@@ -10,10 +10,9 @@ from textbook import full_factorial, spread_design, unit_factors
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments import design
-from taichi_erosion.experiments.audit.examine import as_document, audit, parse_term
+from taichi_erosion.experiments.audit.examine import as_document, audit
 from taichi_erosion.experiments.audit.published import parse_printed
 from taichi_erosion.experiments.design_table import Factor
-from taichi_erosion.experiments.fit import fit_model
 
 LAW = np.array([3.0, -8.0, 0.5, 1.0, -2.0, 0.1, 4.0])
 
@@ -47,15 +46,6 @@ def test_the_one_flipped_cell_of_a_screening_is_found(tmp_path, seed):
     assert found["cell"]["restored_by"] == -rows[row][column]
 
 
-def test_levels_in_natural_units_are_audited_like_coded_ones(tmp_path):
-    ranges = [Factor("friction", 0.15, 0.55), Factor("energy", 2.5, 3.5), Factor("nu", 0.1, 0.5)]
-    names, rows = screening(ranges=[*ranges, *unit_factors("DEFG")])
-    assert as_document(audit(write(tmp_path / "sound.csv", names, rows)))["cell"] is None
-    rows[2][1] = 0.15 if rows[2][1] == 0.55 else 0.55
-    wrong = as_document(audit(write(tmp_path / "wrong.csv", names, rows)))
-    assert (wrong["cell"]["row"], wrong["cell"]["column"]) == (3, "friction")
-
-
 def test_a_level_with_a_slipped_decimal_point_is_named(tmp_path):
     names, rows = screening()
     rows[3][2] = 10.0 * rows[3][2]
@@ -85,15 +75,6 @@ def test_a_flipped_cell_of_a_box_behnken_design_is_placed_by_its_standard_order(
     chosen = found.structure.chosen
     assert chosen is not None
     assert (chosen.row, chosen.column, chosen.level) == (5, 2, -1.0)
-
-
-def test_two_wrong_cells_are_not_explained_by_one(tmp_path):
-    names, rows = screening()
-    rows[0][1] *= -1.0
-    rows[4][5] *= -1.0
-    found = as_document(audit(write(tmp_path / "t.csv", names, rows)))
-    assert found["cells"] == []
-    assert not found["orthogonal"]
 
 
 def test_a_table_that_is_no_design_gets_one_sentence_and_not_one_for_every_pair(tmp_path):
@@ -154,17 +135,6 @@ def test_a_printed_number_is_as_exact_as_its_last_digit(text, found, agrees):
     assert printed is not None
     assert printed.agrees(found) is agrees
     assert parse_printed("n.s.") is None
-
-
-@pytest.mark.parametrize(
-    ("text", "term"),
-    [(text, (1, 0, 1)) for text in ("A*C", "AC", "CA", "A C")]
-    + [(text, (0, 2, 0)) for text in ("B^2", "B2", "B\u00b2")],
-)
-def test_a_term_is_read_however_it_is_printed(text, term):
-    made = design.box_behnken(unit_factors("ABC"))
-    fit = fit_model(made.with_responses(y=made.coded[:, 0]), "y", "linear")
-    assert parse_term(text, fit) == term
 
 
 @pytest.mark.parametrize(
