@@ -7,8 +7,8 @@ start of an ensemble costs little, short ones at the end, so that all workers fi
 larger than WORK_MOST, for that is what a killed worker loses, and holds enough to be worth its start. On a
 graphics processor one worker holds the device, and its batches are as large as memory allows.
 
-Progress counts a run that is under way as min(t / T, NEARLY) of its work, with t the time since it began and T
-the work of its batch times the pace: seconds of one worker per grain-step, of the runs that have ended.
+Progress counts a run that is under way as min(t / T, NEARLY) of its work, with t the time since it began and
+T the work of its batch times the pace: seconds of one worker per grain-step, of the runs that have ended.
 
 Reference: Polychronopoulos & Kuck (1987), IEEE Trans. Comput. C-36, 1425.
 """
