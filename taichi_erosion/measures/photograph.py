@@ -221,11 +221,9 @@ def read_grey(path: Path) -> Grey:
             picture = ImageOps.exif_transpose(opened)
             if picture.mode.startswith("I"):  # 16 bits
                 return np.asarray(picture, dtype=float) / DEEPEST
-            opacity = picture.convert("RGBA").getchannel("A")
-            low, high = opacity.getextrema()
-            return np.asarray(opacity if low < high else picture.convert("L"), dtype=float) / (
-                GREY_LEVELS - 1
-            )
+            opacity = np.asarray(picture.convert("RGBA").getchannel("A"))
+            levels = opacity if np.ptp(opacity) else np.asarray(picture.convert("L"))
+            return levels / (GREY_LEVELS - 1.0)
     except FileNotFoundError as error:
         raise BadInput(f"{path}: no such file") from error
     except Exception as error:  # decoders raise whatever a damaged file makes them raise
