@@ -2,18 +2,16 @@
 
 from collections import defaultdict
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
 import stand_in
 
 from taichi_erosion.campaign import execute as execution
-from taichi_erosion.campaign.execute import WORK_MOST, WorkDone, next_batch, pace
+from taichi_erosion.campaign.execute import WORK_MOST, next_batch, pace
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger, unfinished
 from taichi_erosion.campaign.pool import Pool, start_pool
 from taichi_erosion.campaign.request import RUNS_MOST, START, WORTH_A_START, RunRequest
-from taichi_erosion.cli.progress import Countdown
 from taichi_erosion.core.device import has_cuda
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Arch
@@ -99,41 +97,3 @@ def test_the_pace_is_that_of_the_runs_that_have_ended_each_by_its_own_work():
     assert pace(runs, {}) == USUAL
     assert pace(runs, {"small": 40.0}) == 4e-7
     assert pace(runs, {"small": 40.0, "large": 180.0}) == pytest.approx(2e-7)
-
-
-def estimates(actual: float, batches: int, monkeypatch) -> list[tuple[float, float, float]]:
-    """Times, shares and remaining times of a campaign whose runs take `actual` times the usual pace."""
-    now = [0.0]
-    monkeypatch.setattr(execution.time, "monotonic", lambda: now[0])
-    wanted = {f"{k} {i}": RunRequest(f"{k} {i}", {}, work=1e8) for k in range(batches) for i in range(10)}
-    done, countdown = WorkDone(wanted, 1e9 * batches), Countdown(0.0)
-    left, ended, found = list(wanted), {}, []
-    for k in range(batches):
-        batch = [key for key in left if key.startswith(f"{k} ")]
-        done.begin(batch)
-        took = START + actual * USUAL * 1e9
-        for _ in range(int(took)):
-            now[0] += 1.0
-            share = done.share(left, ended)
-            seconds = countdown.seconds(share, now[0])
-            found += [] if seconds is None else [(now[0], share, seconds)]
-        now[0] += took % 1.0
-        for key in batch:
-            ended[key] = took / len(batch)
-            left.remove(key)
-    assert done.share(left, ended) == 1.0
-    return [(now[0] - at, share, seconds) for at, share, seconds in found]
-
-
-@pytest.mark.parametrize("actual", [0.4, 1.0, 2.5])
-def test_the_time_that_is_left_is_told_early_and_within_a_factor_where_limits_tell_nothing(
-    actual: float, monkeypatch
-):
-    found = estimates(actual, 6, monkeypatch)
-    assert found[0][1] < 0.02  # a share of the whole by which there is an estimate
-    end = 0.05 * max(true for true, _, _ in found)  # where a part of the last batch is all that is left
-    later = [(true, seconds) for true, share, seconds in found if share > 0.1 and true > end]
-    for (_, before), (_, after) in pairwise(later):
-        assert 0.5 <= after / before <= 2.0
-    known = [(true, seconds) for true, share, seconds in found if share > 0.3 and true > end]
-    assert all(0.5 < seconds / true < 2.0 for true, seconds in known)

@@ -178,12 +178,6 @@ def test_failed_runs_are_results_with_their_reason(tmp_path):
     assert len(found) == RUNS
 
 
-def test_a_file_that_is_no_ledger_gives_one_clear_line(tmp_path):
-    (tmp_path / ledger.LEDGER).write_bytes(b"surface energies " * 100)
-    with pytest.raises(BadInput, match=r"file is not a database"):
-        open_ledger(tmp_path)
-
-
 @pytest.mark.parametrize("share", [0.02, 0.5, 0.99])
 def test_a_ledger_cut_anywhere_is_refused_in_one_line_or_read_rightly(tmp_path, share):
     store = open_ledger(tmp_path)
@@ -219,12 +213,3 @@ def test_work_that_does_not_exist_is_refused_at_the_door(tmp_path):
     with pytest.raises(BadInput, match="work 'stand_in:nothing'"):
         execute(requests(tmp_path, 1), store, function="stand_in:nothing")
     close_ledger(store)
-
-
-def test_workers_put_away_what_they_have_once_all_is_done(tmp_path, monkeypatch):
-    monkeypatch.setenv("STAND_IN_FOLDER", str(tmp_path))
-    store = open_ledger(tmp_path)
-    execute(requests(tmp_path), store, workers=2, function="stand_in:putting_away")
-    close_ledger(store)
-    left = {int(path.name.rpartition("-")[2]) for path in tmp_path.glob("put-away-*")}
-    assert left >= processes(tmp_path)

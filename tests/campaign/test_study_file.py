@@ -148,11 +148,6 @@ def test_what_is_not_there_gets_its_section():
     assert changed_lines(SCENE, again) == ["[effects.liquid_bridge]", "strength = 0.5"]
 
 
-def test_a_quoted_heading_is_the_section_that_it_names():
-    after = with_entry('[parameters."a.b-c"]\nstart = 1.0\n', ("parameters", "a.b-c", "start"), 2.0)
-    assert after == '[parameters."a.b-c"]\nstart = 2.0\n'
-
-
 def test_a_table_on_one_line_stays_on_it():
     assert tomllib.loads(with_entry("a = { b = 1.0 }\n", ("a", "c"), 2.0)) == {"a": {"b": 1.0, "c": 2.0}}
 

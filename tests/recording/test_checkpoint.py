@@ -47,14 +47,6 @@ def test_a_checkpoint_returns_every_bit(saved: Path):
         assert arrays[name].tobytes() == values.tobytes()
 
 
-def test_a_failed_save_leaves_the_checkpoint_before_it_and_nothing_beside_it(saved: Path):
-    before = saved.read_bytes()
-    with pytest.raises(ValueError, match="allow_pickle"):
-        save_checkpoint(saved, {"objects": np.array([object()])}, META)
-    assert saved.read_bytes() == before
-    assert [entry.name for entry in saved.parent.iterdir()] == [saved.name]
-
-
 @given(share=st.floats(0.0, 0.999))
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_checkpoint_cut_anywhere_is_refused_in_one_line(saved: Path, share: float):

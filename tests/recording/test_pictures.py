@@ -99,12 +99,3 @@ def test_moving_grains_take_the_colour_of_their_speed():
     colours = pictures.speed_colours(np.array([1e-6, 1e-2, 0.02, 0.04, 0.32, 99.0]), 1e-2, 0.32)
     # equal ratios, the ends kept, truncation to whole levels
     np.testing.assert_allclose(colours, pictures.SPEED_COLOURS[[0, 0, 1, 2, 5, 5]], atol=1)
-
-
-def test_pictures_for_terminals_show_light_where_the_picture_is_light():
-    image = np.zeros((40, 40, 3), np.uint8)
-    image[20:, 20:] = 255
-    rows = pictures.terminal_shades(Image.fromarray(image), 10).split("\n")
-    assert rows[0].strip() == ""
-    assert rows[-1][-1] == "@"
-    assert "38;2;255;255;255" in pictures.terminal_colours(Image.fromarray(image), 10)

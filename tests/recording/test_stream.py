@@ -25,7 +25,6 @@ from taichi_erosion.recording.readback import read_chunks, read_grains, read_row
 from taichi_erosion.recording.stream import (
     CREEP,
     REWRITE_INTERVAL,
-    StaticGrains,
     close,
     log_frame,
     log_image,
@@ -35,7 +34,6 @@ from taichi_erosion.recording.stream import (
     log_wall_removed,
     open_recording,
     set_properties,
-    update_static_grains,
 )
 from taichi_erosion.recording.wall_mesh import WallMesh
 
@@ -146,21 +144,3 @@ def test_the_file_takes_its_name_only_when_it_is_whole(tmp_path: Path):
 
 
 FALLING = len(heap_snapshot().ident) - 1  # row of the grain in the air
-
-
-def settled() -> StaticGrains:
-    """The bed of the heap while its last grain falls."""
-    static_grains, is_new = update_static_grains(StaticGrains.empty(), heap_snapshot(3), MOVING)
-    assert is_new
-    assert static_grains.ident.tolist() == list(range(FALLING))
-    return static_grains
-
-
-def test_a_grain_leaves_the_bed_once_it_moves_or_has_crept_far():
-    radius = heap_snapshot().radius[7]
-    cases = {(2.0 * MOVING, 0.0): False, (0.0, 0.9 * CREEP): True, (0.0, 1.1 * CREEP): False}
-    for (speed, crept), stays in cases.items():
-        now = moved(heap_snapshot(3), 7, distance=crept * radius, speed=speed)
-        static_grains, is_new = update_static_grains(settled(), now, MOVING)
-        assert (7 in static_grains.ident) == stays
-        assert is_new != stays

@@ -204,20 +204,6 @@ def test_changed_entries_are_listed_against_the_file_and_a_saved_state(session) 
         prompt.execute(session, "diff befor")
 
 
-@pytest.mark.parametrize(
-    ("path", "told"),
-    [
-        ("effects.dry_adhesion.beta", "[N m-1] from 0 to 0.1, default 0.00015; source: Shao & Lu (2000)"),
-        ("effects.dry_adhesion.strength", "[1] from 0 to 3 where its literature supports it, to 100 at most"),
-        ("effects.dry_adhesion", "entries: strength, beta, contacts, range"),
-        ("effects", "liquid_bridge"),
-        ("laws.friction_cap", "one of thornton, edem"),
-    ],
-)
-def test_help_tells_unit_range_default_and_source(session, path, told) -> None:
-    assert told in prompt.execute(session, f"help {path}")
-
-
 SMALL_PATCH = (
     "grains.count=160",
     "wind.length_d=10",

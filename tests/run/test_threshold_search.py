@@ -63,12 +63,6 @@ def test_a_bed_that_moves_in_any_wind_has_no_threshold_and_the_search_ends(scene
     assert set(search.found) == {"rolling_onset"}
 
 
-def test_without_a_measure_that_asks_for_it_no_transport_is_started(scene: Scene):
-    asked = {name: next_wind for name, next_wind in scene.measure.items() if name != "impact_threshold"}
-    search = searched(scene.model_copy(update={"measure": asked}), 0.12, 0.2, 0.2, 0.1)
-    assert set(search.found) == {"rolling_onset", "fluid_threshold"}
-
-
 def test_where_transport_is_named_only_its_end_is_looked_for(scene: Scene):
     named = scene.threshold.model_copy(update={"transport": 0.2})
     search = ThresholdSearch(scene.model_copy(update={"threshold": named}), {}, trial(0.2))

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.experiments.anova import Row, anova, curvature, effects
+from taichi_erosion.experiments.anova import Row, anova, curvature
 from taichi_erosion.experiments.audit.examine import Audit, audit
 from taichi_erosion.experiments.audit.published import Finding, parse_printed
 from taichi_erosion.experiments.design_table import Factor, to_natural
@@ -131,20 +131,6 @@ def test_the_published_optimum_comes_out_to_the_printed_digits():
     assert angles[0] == pytest.approx(angles[1], abs=1e-4)
 
 
-def test_rolling_friction_raises_the_angle_once_the_cell_is_right():
-    found = {effect.name: effect.value for effect in effects(fitted(4))}
-    assert found["Et"] == pytest.approx(8.1, abs=0.05)
-
-
-def test_the_audit_finds_the_one_cell_of_table_4():
-    structure = audited(4).structure
-    assert not structure.orthogonal
-    (cell,) = structure.cells
-    assert (cell.row + 1, fitted(4).factors[cell.column].path, cell.level) == (7, "Et", 1.0)
-    mended = structure.restored(audited(4).table.coded)
-    assert np.array_equal(mended.T @ mended, 12.0 * np.eye(9))
-
-
 def test_with_that_cell_changed_all_of_table_5_agrees_and_without_it_a_quarter():
     comparisons = audited(4).comparisons
     assert len(comparisons) == 36
@@ -159,10 +145,6 @@ def test_the_audit_finds_the_sign_of_ct_gt_and_no_other():
     assert finding.found == pytest.approx(-0.4675, abs=1e-9)
 
 
-def test_the_audit_finds_the_swapped_headings_of_table_9():
-    assert [finding.column for finding in found_in(8, "heading")] == ["Mean square", "Sum of square"]
-
-
 def test_the_audit_finds_the_target_out_of_reach():
     (finding,) = found_in(8, "target")
     assert finding.found == pytest.approx(33.32, abs=0.005)
@@ -170,14 +152,6 @@ def test_the_audit_finds_the_target_out_of_reach():
     ticks = np.linspace(-1.0, 1.0, 101)
     grid = np.array(np.meshgrid(ticks, ticks, ticks)).reshape(3, -1).T
     assert fitted(8).predict(grid).max() == pytest.approx(best().reach["repose_angle"].high, abs=6e-4)
-
-
-def test_nothing_sound_is_called_wrong():
-    kinds = {"unbalanced", "not orthogonal", "cell", "curvature"}
-    assert {finding.kind for finding in audited(4).findings} == kinds
-    assert {f.column for f in audited(4).findings if f.kind in ("unbalanced", "not orthogonal")} == {"Et"}
-    assert audited(8).structure.orthogonal
-    assert [c.source for c in audited(8).comparisons if not c.agrees] == ["Lack of fit", "CtGt"]
 
 
 def test_the_command_says_all_this_in_one_document(capsys):
