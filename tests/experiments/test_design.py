@@ -7,7 +7,7 @@ import textbook
 from textbook import unit_factors
 
 from taichi_erosion.experiments import design
-from taichi_erosion.experiments.design import CYCLES, TOGETHER, plackett_burman_points
+from taichi_erosion.experiments.design import CYCLES, plackett_burman_points
 from taichi_erosion.experiments.design_table import Factor
 
 # Plackett & Burman (1946) as printed, for example, in Plasun (1999), table 3.6
@@ -60,17 +60,6 @@ def test_the_box_behnken_design_of_three_factors_stands_in_design_experts_order(
 def test_box_behnken_points_are_those_of_an_independent_generator(count):
     ours = design.box_behnken(factors(count), centre_points=0).coded
     assert same_points(ours, pyDOE3.bbdesign(count, center=0))
-
-
-@pytest.mark.parametrize("count", [6, 7])
-def test_larger_box_behnken_designs_are_the_blocks_of_the_1960_paper(count):
-    # 6 factors: blocks of 3, every factor in 3 blocks; 7 factors: any two factors meet in exactly one block
-    blocks = [set(letters) for letters in TOGETHER[count]]
-    names = "ABCDEFG"[:count]
-    assert len(design.box_behnken(factors(count), centre_points=6)) == {6: 54, 7: 62}[count]
-    assert all(sum(name in block for block in blocks) == 3 for name in names)
-    meetings = {sum({a, b} <= block for block in blocks) for a in names for b in names if a < b}
-    assert meetings == ({1} if count == 7 else {1, 2})
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])

@@ -139,10 +139,3 @@ def test_no_heap_gives_no_angle_and_says_why(heap, reason):
     assert isnan(measured.value)
     assert reason in measured.notes[0]
     assert isnan(cone_angle(heap).value)
-
-
-def test_the_error_within_one_pile_does_not_shrink_with_the_number_of_azimuths():
-    heap = snapshot_of(cone(30.0, radius=12.0))
-    few, many = repose_angle(heap, azimuths=12), repose_angle(heap, azimuths=48)
-    # 48 pictures of one pile hold no more grains than 12; sqrt(4) would be the naive gain
-    assert many.sd > few.sd / 1.5

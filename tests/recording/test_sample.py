@@ -6,14 +6,11 @@ import shlex
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pytest
-from recorded_heaps import read_properties
 from viewer_reports import view_reports
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import viewer
-from taichi_erosion.recording.readback import read_grains
 from taichi_erosion.run import check_scene
 
 ROOT = Path(__file__).parents[2]
@@ -31,20 +28,6 @@ def test_the_command_beside_it_names_the_scene_that_was_run() -> None:
     document = json.loads((FOLDER / "sample.json").read_text(encoding="utf-8"))
     assert check_scene(ROOT / words[0], changes, ())["hash"] == document["hash"]
     assert words[words.index("--record") + 1] == document["recording"] == "recordings/sample.rrd"
-
-
-def test_it_holds_a_heap_of_a_thousand_grains_and_what_was_measured_on_it() -> None:
-    frames = read_grains(SAMPLE)
-    heap = frames[-1].position
-    assert len(heap) == 1000
-    # a heap is a third as high as wide, or less; a column that still stands is not
-    height, radius = np.ptp(heap[:, 2]), np.quantile(np.hypot(heap[:, 0], heap[:, 1]), 0.9)
-    assert 0.2 < height / radius < 1.0
-    properties = read_properties(SAMPLE)
-    document = json.loads((FOLDER / "sample.json").read_text(encoding="utf-8"))
-    angle = document["measures"]["repose_angle"]["value"]
-    assert properties["result"]["repose_angle"] == pytest.approx(angle)
-    assert properties["scene"]["hash"] == document["hash"]
 
 
 @pytest.mark.viewer

@@ -57,15 +57,6 @@ def test_a_worker_without_the_file_runs_the_text_that_was_hashed(scene, monkeypa
     assert acting.effect.name == "constant_pull"
 
 
-def test_an_effect_reads_a_declared_condition_in_si_units(tmp_path):
-    scene, file = write_scene(tmp_path), tmp_path / "roots.py"
-    file.write_text(ROOTED, encoding="utf-8")
-    files = read_effect_files([file])
-    found = read_scene(scene, (DECLARED, "conditions.root_density=0.002", *ON), files)
-    (acting,) = prepare(found, 1, library_of(found)).effects
-    assert acting.constants["pull"] == pytest.approx(1e-7 * 2.0)
-
-
 def test_an_error_in_an_effect_is_told_in_one_line(tmp_path):
     scene, file = write_scene(tmp_path), tmp_path / "slip.py"
     file.write_text(PULL.replace("strength * params", "strength / 0.0 * params"), encoding="utf-8")

@@ -77,33 +77,6 @@ def test_a_shift_within_two_standard_errors_is_not_told(shift, sign, kept):
     assert judged(saying, [], [SHIFT | {"shift": shift}], []).kept == kept
 
 
-FLOWS = {"effect": "bed_slope", "label": "", "observable": "sliding_angle", "bare": "45.0"}
-
-
-@pytest.mark.parametrize(
-    ("effect", "place", "shift", "error", "kept"),
-    [
-        ("grain_density", 2650.0 * 4.0, "0.4", "0.05", "yes"),  # the law says twice the bare 0.5
-        ("grain_density", 2650.0 * 4.0, "0.4", "0.01", "in sign"),
-        ("grain_density", 2650.0 * 4.0, "0.05", "0.03", "not significant"),
-        ("grain_density", 2650.0 * 4.0, "-0.1", "0.01", "no"),
-        ("grain_density", 2650.0 * 4.0, "nan", "nan", "open"),
-        (
-            "bed_slope",
-            90.0,
-            "0.0",
-            "0.01",
-            "not significant",
-        ),  # at 45 deg friction, 90 deg hold as much as none
-    ],
-)
-def test_a_small_bed_is_judged_by_a_law_within_its_error(effect, place, shift, error, kept):
-    saying = replace(SAYING, effect=effect, table="beds", quantity="fluid_threshold", place=place)
-    row = SHIFT | {"effect": effect, "observable": "fluid_threshold", "unit": "m s-1"}
-    beds = [row | {"shift": shift, "standard_error": error}, FLOWS]
-    assert judged(saying, [], [], beds).kept == kept
-
-
 @pytest.mark.slow
 def test_grains_leave_their_pockets_where_their_forces_balance():
     cases = [BARE, *(case for _, _, case in pocket_cases() if case.diameter == BARE.diameter)]

@@ -38,15 +38,3 @@ def test_what_scatters_about_the_line_is_its_error():
     # 0.01 Pa more or less is a tenth of u_t there, of which four winds leave some
     assert 0.1 * 0.5 * 0.01 / (AIR * THRESHOLD) < rough.standard_error < 0.01 / (AIR * THRESHOLD)
     assert rough.standard_error == pytest.approx(rough.sd / sqrt(len(WINDS)))
-
-
-def test_winds_without_grains_in_the_air_have_no_threshold():
-    cases = blown()
-    for case in cases.values():
-        case["grain_stress"] = row("impact", "", "grain_stress", nan)
-    assert saturated_thresholds(cases) == {}
-
-
-def test_sands_keep_apart():
-    thresholds = saturated_thresholds(blown() | blown("adhesion") | blown(sand="0.5"))
-    assert set(thresholds) == {("impact", "0.25"), ("adhesion", "0.25"), ("impact", "0.5")}
