@@ -196,3 +196,20 @@ def test_work_that_does_not_exist_is_refused_at_the_door(tmp_path):
     with pytest.raises(BadInput, match="work 'stand_in:nothing'"):
         execute(requests(tmp_path, 1), store, function="stand_in:nothing")
     close_ledger(store)
+
+
+@pytest.mark.parametrize("clock", [-86_400.0, 86_400.0], ids=["back", "forward"])
+def test_a_clock_that_is_put_back_or_forward_takes_no_lease_and_keeps_none(neighbours, monkeypatch, clock):
+    key, near, elsewhere = neighbours
+    ledger.release_stale_leases(near)
+    pass_time(monkeypatch, steady=0.9 * ledger.LEASE, clock=clock)
+    ledger.release_stale_leases(near)
+    assert ledger.lease_runs(near, [key]) == []  # a day by the clock, but not yet a minute
+    ledger.renew_leases(elsewhere)
+    ledger.release_stale_leases(near)
+    pass_time(monkeypatch, steady=0.9 * ledger.LEASE)
+    ledger.release_stale_leases(near)
+    assert ledger.lease_runs(near, [key]) == []  # it has given a sign of life, whatever its date
+    pass_time(monkeypatch, steady=1.1 * ledger.LEASE)
+    ledger.release_stale_leases(near)
+    assert ledger.lease_runs(near, [key]) == [key]

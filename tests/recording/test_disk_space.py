@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,6 +14,7 @@ from recorded_heaps import FLOOR, MOVING, heap_snapshot, recorded
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import outputs
+from taichi_erosion.recording.checkpoint import load_checkpoint, save_checkpoint
 from taichi_erosion.recording.readback import read_grains
 from taichi_erosion.recording.stream import RunHeader, log_frame, open_recording
 
@@ -82,3 +84,31 @@ def test_two_runs_do_not_write_one_recording(tmp_path: Path):
     assert len(read_grains(path)) == 1
     with recorded(path, HEADER):
         pass  # the right to write ends with the recording
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 120 kB."""
+    folder = tmp_path / "small"
+    folder.mkdir()
+    mounted = shutil.which("mount") and not subprocess.call(
+        ["mount", "-t", "tmpfs", "-o", "size=120k", "tmpfs", str(folder)], stderr=subprocess.DEVNULL
+    )
+    if not mounted:
+        pytest.skip("only an administrator can mount a disk")
+    yield folder
+    subprocess.check_call(["umount", "-l", str(folder)])
+
+
+def test_a_recording_on_a_full_disk_is_told_keeps_its_beginning_and_lets_the_program_end(small_disk: Path):
+    path = small_disk / "heap.rrd"
+    assert_beginning_is_kept(write_until_refused(path, limit=0), path)
+
+
+def test_a_full_disk_leaves_the_checkpoint_before_and_nothing_beside_it(small_disk: Path):
+    path = small_disk / "run.npz"
+    save_checkpoint(path, {"x": np.arange(10)}, {"scene_hash": "a"})
+    with pytest.raises(BadInput, match=r"run\.npz: the checkpoint cannot be written \(No space left"):
+        save_checkpoint(path, {"x": np.random.default_rng(1).random(100_000)}, {"scene_hash": "b"})
+    assert load_checkpoint(path)[1] == {"scene_hash": "a"}
+    assert [entry.name for entry in small_disk.iterdir()] == ["run.npz"]

@@ -134,3 +134,14 @@ def test_auto_runs_on_the_cpu_what_the_device_refuses_and_warns_why(monkeypatch,
     assert ensemble.sim.numerics.arch == "cpu"
     (warning,) = ensemble.states[0].warnings
     assert warning.startswith("--arch auto: on the CPU, since one thread per grain has no grids of air")
+
+
+def test_a_signal_that_was_to_be_ignored_stays_ignored():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with deferred_signals() as pending:
+            os.kill(os.getpid(), signal.SIGHUP)
+            pending.raise_pending()
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
