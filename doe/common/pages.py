@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.report.markdown import MARKED, fill_tables, markdown_table
+from taichi_erosion.report.markdown import MARKED, fill_tables
 
 
 def filled(pages: Sequence[Path], tables: Mapping[str, str]) -> dict[Path, str]:
@@ -20,10 +20,3 @@ def write_pages(pages: Sequence[Path], tables: Mapping[str, str]) -> None:
     """Fill the tables of the pages."""
     for page, text in filled(pages, tables).items():
         write_atomic(page, text.encode())
-
-
-def with_columns(table: str, kept: Sequence[str]) -> str:
-    """Markdown table with some of its columns, in their order."""
-    header, _, *rows = ([cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines())
-    places = [header.index(name) for name in kept]
-    return markdown_table(kept, [[row[place] for place in places] for row in rows])

@@ -1,4 +1,4 @@
-"""The page of effects: what the literature says of each, what came out, what was kept, and what it costs."""
+"""The page of effects: what the literature says of each, what came out, and what was kept."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,12 +9,9 @@ from doe.common.cases import MEASURED
 from doe.common.pages import write_pages
 from doe.common.tables import lines_of, read_table
 from doe.effects.answers import Answer, bed_law
-from doe.effects.cost import Cost
-from doe.effects.figures import draw_bars, draw_curves
 from taichi_erosion.report.markdown import markdown_table
 
 PAGE = "effects.md"
-CURVES, BARS = "pictures/effects.png", "pictures/effects_heaps.png"
 TOLD = 2.0  # standard errors from nought at which a shift counts [1]
 NEAR = 0.02  # of its answer within which a simple scene must lie [1]
 SHARED = 0.1  # of a law of whole beds within which a simple scene shares it [1]
@@ -189,38 +186,6 @@ def shift_table(shifts: Shifts) -> str:
     return markdown_table(header, lines)
 
 
-def cost_table(costs: Sequence[Cost]) -> str:
-    """Time of a grain's step; the scatter of the bare model says what a ratio is worth."""
-    if not costs:
-        return NOT_MEASURED
-    bare = [cost.ratio for cost in costs if not cost.effect]
-    header = ("effect", "acts on", "ns per grain-step", "over bare")
-    first = (
-        "none",
-        "",
-        f"{costs[0].nanoseconds / costs[0].ratio:.0f}",
-        f"{min(bare):.2f} to {max(bare):.2f} in {len(bare)} runs",
-    )
-    lines = [
-        (f"`{c.effect}`", c.place, f"{c.nanoseconds:.0f}", f"{c.ratio:.2f}")
-        for c in sorted(costs, key=lambda cost: cost.ratio)
-        if c.effect
-    ]
-    return markdown_table(header, [first, *lines])
-
-
-def crust_table(rows: Sequence[dict[str, str]]) -> str:
-    """A crust before and after it is broken, beside the bare model and a cement that heals."""
-    if not rows:
-        return NOT_MEASURED
-    lines = []
-    for what in dict.fromkeys(row["what"] for row in rows):
-        cells = [row for row in rows if row["what"] == what]
-        found = [f"{float(c['value']):.3g} ± {float(c['standard_error']):.1g} ({c['n']})" for c in cells]
-        lines.append((f"{cells[0]['plan']}: {what}", *found))
-    return markdown_table(("", "bare", "`surface_crust`", "a cement that heals"), lines)
-
-
 def tables(doe: Path) -> dict[str, str]:
     """Tables of the page by name."""
     answers = read_table(MEASURED / "answers.csv", Answer)
@@ -233,16 +198,10 @@ def tables(doe: Path) -> dict[str, str]:
         "short": short_table(verdicts),
         "verdicts": verdict_table(verdicts),
         "beds": shift_table(beds),
-        "crust": crust_table(lines_of(doe / "effects" / "crust.csv")),
         "heaps": shift_table(heaps),
-        "cost": cost_table(read_table(doe / "effects" / "cost.csv", Cost)),
     }
 
 
 def publish(doe: Path, docs: Path) -> None:
-    """Draw the figures and fill the tables of the page."""
-    (docs / CURVES).parent.mkdir(parents=True, exist_ok=True)
-    draw_curves(read_table(MEASURED / "answers.csv", Answer), docs / CURVES)
-    costs = read_table(doe / "effects" / "cost.csv", Cost)
-    draw_bars(lines_of(MEASURED / "signatures.csv"), costs, docs / BARS)
+    """Fill the tables of the page."""
     write_pages((docs / PAGE, doe / "effects" / "README.md"), tables(doe))

@@ -1,21 +1,19 @@
-"""What each effect does where the answer is known, and what it costs; writes tables and the page of effects.
+"""What each effect does where the answer is known; writes its table and the page of effects.
 
 python -m doe.effects.run              all groups, then the page
-python -m doe.effects.run GROUP...     some of: pocket flight bounce rolling reading cost
-python -m doe.effects.run --page       only the figure and the tables of the page
+python -m doe.effects.run GROUP...     some of: pocket flight bounce rolling reading
+python -m doe.effects.run --page       only the tables of the page
 """
 
 from pathlib import Path
 
 from doe.common.cases import MEASURED, ROOT
 from doe.common.command import words
-from doe.common.tables import write_table
 from doe.effects.answers import GROUPS, write_answers
-from doe.effects.cost import Cost, costs
 from doe.effects.page import publish
 
 FOLDER = Path(__file__).parent
-ANSWERS, COSTS = MEASURED / "answers.csv", FOLDER / "cost.csv"
+ANSWERS = MEASURED / "answers.csv"
 
 
 def main(asked: list[str]) -> None:
@@ -23,8 +21,6 @@ def main(asked: list[str]) -> None:
     if asked != ["--page"]:
         for group in (name for name in GROUPS if not asked or name in asked):
             write_answers(ANSWERS, list(GROUPS[group]()))
-        if not asked or "cost" in asked:
-            write_table(COSTS, Cost, list(costs()), digits=4)
     publish(FOLDER.parent, ROOT / "docs")
 
 

@@ -19,21 +19,20 @@ from pathlib import Path
 
 import numpy as np
 
-from doe.common.cases import Row
-from doe.wind.blown_sand import (
+from doe.common.cases import Found, Row, by_case, read_rows
+from doe.wind.saturated_sand import (
     AIR,
     ALL_FORCES,
     BARE,
     GRAVITY,
     IN_EVERY_CONTACT,
+    LIGHT,
     MILLI,
     QUARTZ,
     STICKY,
     STRESS_LINE,
-    Found,
-    found_in,
+    saturated_thresholds,
 )
-from doe.wind.saturated_sand import LIGHT, saturated_thresholds
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.effects import friction_velocity_calibration, grain_density, sieve_diameter
@@ -86,7 +85,7 @@ def relative_variance(row: Row) -> float:
     return (row.standard_error / row.value) ** 2
 
 
-THRESHOLDS = saturated_thresholds(found_in(Path(__file__).with_name(READS[0])))
+THRESHOLDS = saturated_thresholds(by_case(read_rows(Path(__file__).with_name(READS[0]))))
 SIMULATED = {
     group: sands_of(THRESHOLDS, group)
     for group in {name[0] for name in THRESHOLDS} - {LIGHT, IN_EVERY_CONTACT}

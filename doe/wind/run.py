@@ -1,8 +1,7 @@
-"""Sand under wind against measurements: simulates the cases, fills the tables, the page and its figures.
+"""Sand under wind against measurements: simulates the cases and writes the tables beside this file.
 
 python -m doe.wind.run             all cases
 python -m doe.wind.run GROUP...    the cases of some groups; `hopping` is the grain that hops alone
-python -m doe.wind.run --page      only the page and its figures, from the tables
 """
 
 from collections.abc import Sequence
@@ -12,8 +11,7 @@ from pathlib import Path
 from doe.common.cases import DRAG_ALONE, ROOT, Case, perform, read_rows, settings, size_order, write_rows
 from doe.common.command import words
 from doe.common.tables import lines_of
-from doe.wind.blown_sand import IN_EVERY_CONTACT
-from doe.wind.page import publish
+from doe.wind.saturated_sand import IN_EVERY_CONTACT
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.effects.dry_adhesion import Params
 from tests.verification.reference.hopping import GRAVITY, Sand, hopping_threshold
@@ -156,15 +154,13 @@ def put_in_order(table: Path, cases: Sequence[Case]) -> None:
 
 
 def main(asked: Sequence[str]) -> None:
-    """Simulate what was asked for, then publish the tables."""
+    """Simulate what was asked for."""
     plans = {SALTATION: flux_cases(), IMPACT: impact_cases(), FLUID: fluid_cases()}
     for scene, cases in plans.items():
-        if list(asked) != ["--page"]:
-            perform(scene, [c for c in cases if not asked or c.group in asked], TABLES[scene])
+        perform(scene, [c for c in cases if not asked or c.group in asked], TABLES[scene])
         put_in_order(TABLES[scene], cases)
     if not asked or "hopping" in asked:
         write_hopping()
-    publish(ROOT / "doe", ROOT / "docs")
 
 
 if __name__ == "__main__":

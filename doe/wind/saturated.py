@@ -16,9 +16,8 @@ from pathlib import Path
 
 from doe.common.cases import Case, perform, read_rows, settings, size_order
 from doe.common.command import words
-from doe.wind.blown_sand import BARE, IN_EVERY_CONTACT, STICKY
 from doe.wind.run import ADHESION, DIAMETERS, EACH, FINE, bond_number
-from doe.wind.saturated_sand import LIGHT
+from doe.wind.saturated_sand import BARE, IN_EVERY_CONTACT, LIGHT, STICKY
 from tests.verification.reference.hopping import Sand, hopping_threshold
 
 TABLE = Path(__file__).with_name("saturated.csv")

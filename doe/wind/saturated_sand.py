@@ -1,14 +1,21 @@
 """Thresholds of saturated transport: the wind in which the stress of the grains, extrapolated, vanishes."""
 
 from dataclasses import replace
-from math import isfinite, nan
+from math import isfinite
 
 import numpy as np
 
-from doe.wind.blown_sand import AIR, BARE, MILLI, STRESS_LINE, Found, known, shown
+from doe.common.cases import Found
 from doe.wind.flux_law import vanishing_wind
-from taichi_erosion.report.markdown import markdown_table
 
+STRESS_LINE = "impact_threshold_stress"  # observable of a threshold from steady winds
+BARE = "impact"  # group of the cases without any effect
+STICKY = "adhesion"  # of those with dry adhesion, which the contacts of a grain share
+ALL_FORCES = "all_forces"  # of those with all forces of a fluid threshold
+IN_EVERY_CONTACT = "adhesion_in_every_contact"  # of those with the pull of a whole grain in every contact
+QUARTZ, AIR = 2650.0, 1.225  # kg m-3, of the simulated grains and their air
+GRAVITY = 9.81  # m s-2
+MILLI = 1e-3  # of a metre
 APART = " mm, "  # between the diameter and the wind in the label of a case
 LIGHT = "light"  # group of the cases with grains lighter than quartz
 SHARES = ("bed_stress", "grain_stress")
@@ -44,44 +51,3 @@ def saturated_thresholds(found: Found) -> Found:
         )
         thresholds[name] = {STRESS_LINE: row}
     return thresholds
-
-
-def together(found: Found, more: Found) -> Found:
-    """Observables of both, case by case."""
-    return {
-        name: found.get(name, {}) | more.get(name, {}) for name in [*found, *(more.keys() - found.keys())]
-    }
-
-
-def wind_of(label: str) -> float:
-    """Friction velocity in the label of a case [m s-1]."""
-    return float(label.rsplit(maxsplit=1)[1])
-
-
-def saturated_table(found: Found) -> str:
-    """The winds over every sand: flux, and who carries the stress."""
-    header = (
-        *("sand", "u* of the wind [m/s]", "flux [g/(m s)]", "stress of the air at the bed [Pa]"),
-        *("of the grains [Pa]", "both over that of the wind", "stress of the air over that of the threshold"),
-    )
-    rows = []
-    thresholds = saturated_thresholds(found)
-    for name, winds in sorted(winds_of(found).items(), key=lambda item: (item[0][0], float(item[0][1]))):
-        end = thresholds[name][STRESS_LINE].value if name in thresholds else nan
-        added = "" if name[0] == BARE else f", {name[0].replace('_', ' ')}"
-        sand = f"{name[1]} mm{added}"
-        for (_, label), case in sorted(winds.items(), key=lambda item: wind_of(item[0][1])):
-            wind = wind_of(label)
-            left, carried = (case[share].value for share in SHARES)
-            rows.append(
-                (
-                    sand,
-                    shown(wind),
-                    shown(case["flux"].value / MILLI),
-                    shown(left),
-                    shown(carried),
-                    f"{(left + carried) / (AIR * wind**2):.2f}",
-                    known(left / (AIR * end**2)),
-                )
-            )
-    return markdown_table(header, rows) if rows else "Not simulated yet.\n"

@@ -285,7 +285,7 @@ def fit_response_surface(runner: DesignRunner, factors: list[Factor]) -> Respons
 
 def find_optimum(runner: DesignRunner, surface: ResponseSurface) -> Optimisation:
     """Settings that meet all targets, with a warning where a surface does not predict new runs."""
-    goals = [Goal(name, "target", target.value) for name, target in runner.file.study.targets.items()]
+    goals = [Goal(name, target.value) for name, target in runner.file.study.targets.items()]
     fits = list(surface.fits.values())
     found, warnings = optimise(fits, goals), [line for fit in fits if (line := overfitted(fit))]
     remedy = "; a larger surface_half in [design] lets the factors stand out"

@@ -7,13 +7,8 @@ start of an ensemble costs little, short ones at the end, so that all workers fi
 larger than WORK_MOST, for that is what a killed worker loses, and holds enough to be worth its start. On a
 graphics processor one worker holds the device, and its batches are as large as memory allows.
 
-Progress counts the runs that are under way by time. If ln T is normal with mean ln T_e and standard deviation
-s, a run that has taken t without an end has done, on average over the possible T,
-
-    E[t / T | T > t] = x exp(s^2 / 2) Phi(-(ln x + s^2) / s) / Phi(-ln x / s),    x = t / T_e
-
-T_e is the work of its batch times the pace: seconds of one worker per grain-step, of the runs that have
-ended. Before the first of them s is larger: the pace is then a usual one.
+Progress counts a run that is under way as min(t / T, NEARLY) of its work, with t the time since it began and
+T the work of its batch times the pace: seconds of one worker per grain-step, of the runs that have ended.
 
 Reference: Polychronopoulos & Kuck (1987), IEEE Trans. Comput. C-36, 1425.
 """
@@ -22,7 +17,6 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from math import erfc, exp, log, sqrt
 
 import numpy as np
 
@@ -46,9 +40,7 @@ WORK_MOST = 3e9  # grain-steps of a batch: about ten minutes of one core
 SIMULATE = "taichi_erosion.campaign.request:simulating"
 HEARTBEAT = ledgers.LEASE / 6.0  # s between two renewals of the leases
 POLL = 0.2  # s that a poll of the workers takes at most
-GUESSED = 0.7  # sd of ln T before a run has ended: a factor of two to either side [1]
-KNOWN = 0.3  # once runs have ended [1]
-LONGEST = 5.0  # T / T_e beyond which a run counts as good as ended [1]
+NEARLY = 0.95  # of its work, most that a run counts which has not ended [1]
 
 
 def next_batch(waiting: Sequence[RunRequest], deaths: dict[str, int], workers: int) -> list[RunRequest]:
@@ -70,18 +62,6 @@ def pace(wanted: Mapping[str, RunRequest], ended: Mapping[str, float]) -> float:
     return spent / work if work > 0.0 and spent > 0.0 else START / WORTH_A_START
 
 
-def share_by_time(elapsed: float, spread: float) -> float:
-    """Share of its work that a run has done after so many times its expected duration, not yet ended [1].
-
-    `spread`: standard deviation of the logarithm of its duration.
-    """
-    if elapsed <= 0.0:
-        return 0.0
-    x = min(elapsed, LONGEST)
-    longer, weighted = (erfc(z / sqrt(2.0)) for z in (log(x) / spread, log(x) / spread + spread))
-    return x * exp(0.5 * spread**2) * weighted / longer
-
-
 @dataclass
 class WorkDone:
     """Work of a campaign: what there is, and what is under way here."""
@@ -101,7 +81,7 @@ class WorkDone:
         now, second, rest = time.monotonic(), pace(self.wanted, ended), 0.0
         for key in left:
             start, whole = self.begun.get(key, (now, 0.0))
-            by_time = share_by_time((now - start) / (START + second * whole), KNOWN if ended else GUESSED)
+            by_time = min((now - start) / (START + second * whole), NEARLY)
             rest += self.wanted[key].work * (1.0 - by_time)
         self.reported = max(self.reported, 1.0 - rest / self.work)
         return self.reported

@@ -2,15 +2,12 @@
 
 Goals are combined into one number between 0 and 1, the overall desirability D:
 
-    maximise   d = (y - low) / (high - low)
-    minimise   d = (high - y) / (high - low)
-    target     d = 1 - |y - T| / (high - low)
-    D = (prod d_i)^(1 / n)
+    d = 1 - |y - T| / (high - low),   D = (prod d_i)^(1 / n)
 
-with low and high the smallest and the largest value of all runs and of the model in the design. The search
-starts from a grid and climbs D. A target that the surface does reach is met along a whole line or face of the
-design, not in a point: well separated points of it are listed, the most certain prediction first. A target
-that it does not reach is reported as out of reach, with the nearest value.
+with T the target, low and high the smallest and the largest value of all runs and of the model in the design.
+The search starts from a grid and climbs D. A target that the surface does reach is met along a whole line or
+face of the design, not in a point: well separated points of it are listed, the most certain prediction first.
+A target that it does not reach is reported as out of reach, with the nearest value.
 
 References: Derringer & Suich (1980), J. Quality Technology 12, 214, eq. (1)-(4); Myers, Montgomery &
 Anderson-Cook (2016), Response Surface Methodology, 4th ed., ch. 6 and 7.
@@ -20,7 +17,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import nan
-from typing import Literal
 
 import numpy as np
 from scipy.optimize import minimize
@@ -31,32 +27,24 @@ from taichi_erosion.experiments.design import grid_points
 from taichi_erosion.experiments.design_table import settings_at
 from taichi_erosion.experiments.fit import Fit
 
-Aim = Literal["target", "maximise", "minimise"]
-
 
 @dataclass(frozen=True)
 class Goal:
-    """Goal of one response, in its unit, and the limits between which its share is counted."""
+    """Target of one response, in its unit, and the limits between which its share is counted."""
 
     response: str
-    aim: Aim
-    target: float = nan
+    target: float
     low: float = nan
     high: float = nan
 
 
 def single_share(goal: Goal, value: Floats, softness: float = 0.0) -> Floats:
-    """Share d: 1 where the goal is met, 0 at the limit, negative beyond it [1].
+    """Share d: 1 at the target, 0 at the limit, negative beyond it [1].
 
     `softness` rounds off the tip at a target, |s| -> sqrt(s^2 + softness^2), so that a search by gradients
     finds it.
     """
-    width = goal.high - goal.low
-    if goal.aim == "maximise":
-        return (value - goal.low) / width
-    if goal.aim == "minimise":
-        return (goal.high - value) / width
-    return 1.0 - np.sqrt(((value - goal.target) / width) ** 2 + softness**2)
+    return 1.0 - np.sqrt(((value - goal.target) / (goal.high - goal.low)) ** 2 + softness**2)
 
 
 def desirability(shares: Floats) -> Floats:
@@ -124,7 +112,7 @@ def optimise(fits: Sequence[Fit], goals: Sequence[Goal]) -> Optimisation:
     limited = [with_limits(goal, fit, reach[fit.response]) for goal, fit in zip(goals, models, strict=True)]
     optima = local_optima(models, limited)
     met = all(
-        goal.aim != "target" or abs(single_share(goal, fit.predict(optima[0].coded[None, :])) - 1.0) < MET
+        abs(single_share(goal, fit.predict(optima[0].coded[None, :])) - 1.0) < MET
         for goal, fit in zip(limited, models, strict=True)
     )
     return Optimisation(tuple(optima), reach, met, tuple(explain(limited, optima, reach, met)))
@@ -218,11 +206,10 @@ def explain(
     goals: Sequence[Goal], optima: Sequence[Optimum], reach: dict[str, Reach], met: bool
 ) -> list[str]:
     """What a reader must know before trying an optimum."""
-    targets = [goal for goal in goals if goal.aim == "target"]
-    said = [sentence for goal in targets if (sentence := out_of_reach(goal, reach[goal.response]))]
-    if targets and not said and not met:
+    said = [sentence for goal in goals if (sentence := out_of_reach(goal, reach[goal.response]))]
+    if not said and not met:
         said.append("each target can be reached alone, but no point reaches all of them together")
-    if targets and met and len(optima) > 1 and optima[1].desirability > 1.0 - MET:
+    if met and len(optima) > 1 and optima[1].desirability > 1.0 - MET:
         said.append(
             "many settings reach the target (a line or face of the design); the first is the most certain"
         )

@@ -33,8 +33,7 @@ Mask = NDArray[np.bool_]  # [rows, columns]
 Background = Literal["auto", "dark", "light"]
 Box = tuple[int, int, int, int]  # left, top, right, bottom [px], right and bottom excluded
 
-LUMINANCE = (0.299, 0.587, 0.114)  # of red, green, blue; ITU-R BT.601
-GREY_LEVELS = 256
+GREY_LEVELS, DEEPEST = 256, 65_535  # levels of 8 bits, white of 16 bits
 SEPARATION_AT_LEAST = 0.7  # between-class over total variance; one Gaussian halved has 2 / pi = 0.64 [1]
 PLATE_SHARE = 0.97  # of the widest foreground row: the highest row so wide lies on the plate [1]
 SMALLEST_SIDE = 32  # px, of a picture or crop
@@ -219,25 +218,16 @@ def read_grey(path: Path) -> Grey:
     """Luminance of a picture, 0 to 1, turned upright; its opacity where the picture is partly transparent."""
     try:
         with Image.open(regular_file(path)) as opened:
-            coloured = opened.convert("RGBA") if opened.mode == "P" else opened  # numbered colours
-            picture = np.asarray(ImageOps.exif_transpose(coloured))
+            picture = ImageOps.exif_transpose(opened)
+            if picture.mode.startswith("I"):  # 16 bits
+                return np.asarray(picture, dtype=float) / DEEPEST
+            opacity = np.asarray(picture.convert("RGBA").getchannel("A"))
+            levels = opacity if np.ptp(opacity) else np.asarray(picture.convert("L"))
+            return levels / (GREY_LEVELS - 1.0)
     except FileNotFoundError as error:
         raise BadInput(f"{path}: no such file") from error
     except Exception as error:  # decoders raise whatever a damaged file makes them raise
         raise BadInput(f"{path}: not a readable PNG or JPEG picture") from error
-    return grey_levels(picture)
-
-
-def grey_levels(picture: NDArray[Any]) -> Grey:
-    """One channel between 0 and 1 from grey, grey with opacity, colour, or colour with opacity."""
-    full = 1.0 if picture.dtype.kind in "bf" else float(np.iinfo(picture.dtype).max)
-    levels = picture.astype(float) / full
-    if levels.ndim == 2:
-        return levels
-    channels = levels.shape[2]
-    if channels in (2, 4) and levels[..., -1].min() < levels[..., -1].max():
-        return levels[..., -1]
-    return levels[..., 0] if channels <= 2 else levels[..., :3] @ np.asarray(LUMINANCE)
 
 
 def checked_crop(path: Path, grey: Grey, crop: Box | None) -> Box:

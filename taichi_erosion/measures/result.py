@@ -1,5 +1,6 @@
 """What a measure returns, and how repeats of it are pooled."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from math import isfinite, nan
@@ -62,7 +63,8 @@ def pool(repeats: Sequence[Measurement]) -> Measurement:
     notes = tuple(dict.fromkeys(note for repeat in repeats for note in repeat.notes))
     if len(valid) < len(repeats):
         notes = (f"{len(repeats) - len(valid)} of {len(repeats)} repeats gave no value", *notes)
-    details, lacking = {"values": values, "flags": count_flags(valid)}, common_shortfalls(repeats)
+    flags = Counter(flag for repeat in valid for flag in repeat.details.get("flags", ()))
+    details, lacking = {"values": values, "flags": dict(flags)}, common_shortfalls(repeats)
     if not valid:
         return Measurement(name, nan, nan, unit, 0, notes, details, lacking)
     sd = float(np.std(values, ddof=1)) if len(values) > 1 else valid[0].sd
@@ -76,12 +78,6 @@ def common_shortfalls(repeats: Sequence[Measurement]) -> tuple[Shortfall, ...]:
         by_flag.setdefault(each.flag, []).append(each)
     common = [found for found in by_flag.values() if 2 * len(found) >= len(repeats)]
     return tuple(sorted(found, key=lambda each: each.found)[(len(found) - 1) // 2] for found in common)
-
-
-def count_flags(repeats: Sequence[Measurement]) -> dict[str, int]:
-    """How many repeats carry each flag."""
-    flags = [flag for repeat in repeats for flag in repeat.details.get("flags", ())]
-    return {flag: flags.count(flag) for flag in dict.fromkeys(flags)}
 
 
 def as_record(measurement: Measurement) -> dict[str, Any]:

@@ -52,7 +52,7 @@ def splash(frames: Sequence[Snapshot], patch: Patch, gravity: float) -> Splash:
     times = np.array([frame.time for frame in frames])
     apart = 2.0 * (sqrt(2.0 * patch.diameter / gravity) + float(np.diff(times).max(initial=0.0)))
     impacts, bounced, ejected = [], [], 0
-    for grain in grains_that_fly(frames, patch):
+    for grain in np.flatnonzero(np.any([f.position[:, 2] > patch.clear for f in frames], axis=0)).tolist():
         flights = list(flights_of(grain, frames, patch, gravity))
         for before, after in zip([None, *flights], [*flights, None], strict=True):
             follows = before is not None and after is not None and after.began - before.ended <= apart
@@ -63,11 +63,6 @@ def splash(frames: Sequence[Snapshot], patch: Patch, gravity: float) -> Splash:
                 ejected += 1
     pair = (-1, 2)
     return Splash(np.array(impacts).reshape(pair), np.array(bounced).reshape(pair), ejected)
-
-
-def grains_that_fly(frames: Sequence[Snapshot], patch: Patch) -> list[int]:
-    """Grains above the bed in at least one frame."""
-    return np.flatnonzero(np.any([frame.position[:, 2] > patch.clear for frame in frames], axis=0)).tolist()
 
 
 def flights_of(grain: int, frames: Sequence[Snapshot], patch: Patch, gravity: float) -> Iterator[Flight]:

@@ -262,12 +262,10 @@ def png_bytes(picture: Picture) -> bytes:
 
 def write_gif(path: Path, film: Sequence[Picture], frame_duration: float = 0.05) -> Path:
     """Write an endless film, `frame_duration` [s] per picture (GIF counts hundredths of a second)."""
-    import imageio.v3 as imageio
-
-    frames, milliseconds = list(map(np.asarray, film)), round(1e3 * frame_duration)
-    return write_atomic(
-        path, imageio.imwrite("<bytes>", frames, extension=".gif", duration=milliseconds, loop=0)
-    )
+    file = BytesIO()
+    milliseconds = round(1e3 * frame_duration)
+    film[0].save(file, "gif", save_all=True, append_images=film[1:], duration=milliseconds, loop=0)
+    return write_atomic(path, file.getvalue())
 
 
 def terminal_colours(picture: Picture, columns: int) -> str:

@@ -113,16 +113,12 @@ def read_rows(path: Path, entity: str, component: str) -> list[tuple[int, dict[s
             batch = chunk.to_record_batch()
             if component in batch.schema.names:
                 times = batch.column(TIMELINE).to_numpy(zero_copy_only=False).astype(np.int64).tolist()
-                names = [name for name in batch.schema.names if is_component(batch.schema.field(name))]
+                # data, not times or numbers of rows
+                names = [f.name for f in batch.schema if (f.metadata or {}).get(b"rerun:kind") == b"data"]
                 columns = zip(*(values(batch.column(name)) for name in names), strict=True)
                 tables = (dict(zip(names, row, strict=True)) for row in columns)
                 rows += zip(times, tables, strict=True)
     return sorted((row for row in rows if row[1][component] is not None), key=lambda row: row[0])
-
-
-def is_component(column: "pa.Field") -> bool:
-    """Whether a column of a chunk holds data, not times or numbers of rows."""
-    return (column.metadata or {}).get(b"rerun:kind") == b"data"
 
 
 def values(column: "pa.Array") -> Iterator[Any]:

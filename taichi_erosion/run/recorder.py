@@ -26,7 +26,7 @@ from taichi_erosion.recording.pictures import (
     write_gif,
     write_png,
 )
-from taichi_erosion.recording.wall_mesh import WallMesh, wall_meshes
+from taichi_erosion.recording.wall_mesh import WallMesh, triangulate, wall_meshes
 from taichi_erosion.run.ensemble_loop import EnsembleRun
 from taichi_erosion.run.observables import patch_of
 from taichi_erosion.run.stages import ROUNDING, whole_intervals
@@ -104,15 +104,13 @@ def meshes_of(scene: Scene, setup: Setup) -> tuple[WallMesh, ...]:
 
 def apparatus_box(setup: Setup) -> tuple[Triple, Triple]:
     """Corners [m] of a box around finite walls and starting grains, with a margin for what spreads."""
-    points = [setup.grains.position]
-    for kind, row in zip(setup.primitives.kind, setup.primitives.shape, strict=True):
-        if kind == PrimitiveKind.TRIANGLE:
-            points.append(row[:9].reshape(3, 3))
-        elif kind == PrimitiveKind.REVOLVED:
-            across = max(row[6], row[8]) * (1.0 - np.abs(row[3:6]))
-            ends = row[:3] + np.outer(row[[7, 9]], row[3:6])
-            points += [ends - across, ends + across]
-    corners = np.concatenate([np.atleast_2d(p) for p in points])
+    table, nowhere = setup.primitives, ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    walls = [
+        triangulate(PrimitiveKind(kind), row, nowhere)[0]
+        for kind, row in zip(table.kind, table.shape, strict=True)
+        if kind != PrimitiveKind.PLANE
+    ]
+    corners = np.concatenate([setup.grains.position, *walls])
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = OPEN_MARGIN * float((high - low).max()) + float(setup.grains.radius.max())
     side = np.array([margin, margin, 0.0])

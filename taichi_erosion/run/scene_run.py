@@ -104,7 +104,9 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     if not options.no_record:
         title = f"{scene.scene.title or path.stem}, seed {scene.run.seed}"
         recorder = open_ensemble_recorder(record, title, scene_text(path, options.overrides), ensemble)
-    checkpointer = checkpointer_of(options, record, hashed, ensemble.time)
+    kept, interval = options.checkpoint or record.with_suffix(".checkpoint.npz"), options.checkpoint_interval
+    saved = whole_intervals(ensemble.time, interval)
+    checkpointer = Checkpointer(kept, interval, {"scene_hash": hashed}, saved)
     run_with_outputs(ensemble, recorder, checkpointer, options)
     with deferred_signals():  # a signal that comes now acts once everything is written
         for state in ensemble.states:
@@ -186,13 +188,6 @@ def scene_overrides(options: RunOptions) -> tuple[str, ...]:
     words = {"seed": options.seed, "replicas": options.replicas, "precision": options.precision}
     given = [f"run.{name}={value}" for name, value in words.items() if value is not None]
     return (*options.overrides, *given)
-
-
-def checkpointer_of(options: RunOptions, record: Path, hashed: str, time: float) -> Checkpointer:
-    """Checkpointer of a run that begins or resumes at a time [s]; an interruption always uses it."""
-    path = options.checkpoint or record.with_suffix(".checkpoint.npz")
-    interval = options.checkpoint_interval
-    return Checkpointer(path, interval, {"scene_hash": hashed}, saved=whole_intervals(time, interval))
 
 
 def run_with_outputs(

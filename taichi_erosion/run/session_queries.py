@@ -1,6 +1,5 @@
 """Questions to a live session: entries of its scene, what was changed, numbers now and over time."""
 
-from collections.abc import Iterator
 from dataclasses import MISSING, fields
 from typing import Any
 
@@ -9,7 +8,7 @@ from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.run.checks import read_scene, scene_effect_files
 from taichi_erosion.run.session import Session, measure_now, saved_state, session_status
 from taichi_erosion.scene import Scene, resolved
-from taichi_erosion.scene.paths import meaning_of
+from taichi_erosion.scene.paths import leaves, meaning_of
 
 NOT_SET = "not set"  # an entry that a scene lacks
 EFFECTS = "effects"  # section of a scene
@@ -46,16 +45,6 @@ def differences(session: Session, before: str | None = None, after: str | None =
         path: (first.get(path, NOT_SET), second.get(path, NOT_SET)) for path in sorted({*first, *second})
     }
     return {path: pair for path, pair in pairs.items() if pair[0] != pair[1]}
-
-
-def leaves(table: Any, above: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted paths and values of all entries below a table."""
-    for key, value in table.items():
-        path = f"{above}.{key}" if above else key
-        if isinstance(value, dict):
-            yield from leaves(value, path)
-        else:
-            yield path, value
 
 
 def status_numbers(session: Session) -> dict[str, float]:

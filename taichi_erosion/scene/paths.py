@@ -44,17 +44,17 @@ def write_schema(path: str | Path) -> None:
 
 def scene_paths(scene: Scene) -> list[str]:
     """Dotted paths of all entries of a scene, defaults included."""
-    return sorted(leaves(resolved(scene), ""))
+    return sorted(path for path, _ in leaves(resolved(scene)))
 
 
-def leaves(table: Any, above: str) -> Iterator[str]:
-    """Dotted paths of all values below a table."""
+def leaves(table: Any, above: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted paths and values of all entries below a table."""
     for key, value in table.items():
         path = f"{above}.{key}" if above else key
         if isinstance(value, dict):
             yield from leaves(value, path)
         else:
-            yield path
+            yield path, value
 
 
 def meaning_of(path: str) -> str:

@@ -51,12 +51,6 @@ def without_ledger() -> Any:
     yield answer
 
 
-@contextmanager
-def putting_away() -> Any:
-    yield answer
-    Path(os.environ["STAND_IN_FOLDER"], f"put-away-{os.getpid()}").touch()
-
-
 def happen(payload: dict[str, Any], journal: Path) -> None:
     mark = journal.with_name(f"happened-{payload['seed']}")
     if payload["mishap"] == "kills" or (payload["mishap"] == "kills once" and not mark.exists()):

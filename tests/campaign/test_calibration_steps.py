@@ -41,19 +41,6 @@ def test_idle_factors_seldom_pass_the_limit_of_all_at_once():
     assert passed <= 11  # at most one in twenty is expected; more than 11 of 100 come by chance once in 200
 
 
-def test_a_missing_corner_changes_no_effect_of_a_plane():
-    design = screened()
-    exact = 20.0 + SLOPE * design.coded[:, 0] + BEND * np.all(design.coded == 0.0, axis=1)
-    exact[3] = np.nan
-    found, _ = screened_effects(fit_model(design.with_responses(angle=exact), "angle", linear_terms(9)))
-    assert [one.value for one in found] == pytest.approx([2.0 * SLOPE, *[0.0] * 8], abs=1e-9)
-
-
-def test_without_centre_points_the_effects_are_those_of_the_plain_model():
-    fit = fit_model(screened(centre_points=0), "angle", linear_terms(9))
-    assert screened_effects(fit)[0] == effects(fit)
-
-
 def test_a_path_begins_at_the_centre_and_not_at_the_mean_of_the_corners():
     assert centre_value(screened(), "angle", 20.0) == pytest.approx(20.0 + BEND, abs=3.0 * NOISE)
     assert centre_value(screened(centre_points=0), "angle", 20.0) == 20.0

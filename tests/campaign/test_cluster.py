@@ -10,7 +10,6 @@ from stand_in import FUNCTION, processes, requests, starts, table
 
 from taichi_erosion.campaign.execute import execute
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
-from taichi_erosion.core.errors import BadInput
 
 distributed = pytest.importorskip("distributed")
 
@@ -57,9 +56,3 @@ def test_a_cluster_gives_the_table_of_local_processes_and_survives_the_loss_of_a
     assert os.getpid() not in processes(undisturbed)
     assert carry_out(disturbed, cluster, {RUNS // 2: "kills once"}) == wanted
     assert Counter(starts(disturbed))[RUNS // 2] == 2  # begun again on another worker
-
-
-def test_a_scheduler_that_does_not_answer_gives_one_clear_line(tmp_path, monkeypatch):
-    monkeypatch.setattr("taichi_erosion.campaign.pool.CONNECT", 1.0)
-    with pytest.raises(BadInput, match=r"scheduler tcp://127\.0\.0\.1:9: does not answer"):
-        carry_out(tmp_path, "tcp://127.0.0.1:9")

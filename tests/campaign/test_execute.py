@@ -2,27 +2,16 @@
 
 from collections import defaultdict
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pytest
 import stand_in
 
 from taichi_erosion.campaign import execute as execution
-from taichi_erosion.campaign.execute import (
-    GUESSED,
-    KNOWN,
-    WORK_MOST,
-    WorkDone,
-    next_batch,
-    pace,
-    share_by_time,
-)
+from taichi_erosion.campaign.execute import WORK_MOST, next_batch, pace
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger, unfinished
 from taichi_erosion.campaign.pool import Pool, start_pool
 from taichi_erosion.campaign.request import RUNS_MOST, START, WORTH_A_START, RunRequest
-from taichi_erosion.cli.progress import Countdown
 from taichi_erosion.core.device import has_cuda
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Arch
@@ -44,16 +33,11 @@ def dealt(waiting: list[RunRequest], deaths: dict[str, int] | None = None) -> li
     return sizes
 
 
-def test_long_runs_are_dealt_in_ever_smaller_batches():
+def test_batches_shrink_are_worth_a_start_have_a_limit_and_hold_one_group():
     assert dealt(requests(10, WORTH_A_START)) == [5, 3, 1, 1]
-
-
-def test_short_runs_are_not_dealt_one_by_one():
     assert dealt(requests(20, WORTH_A_START / 8)) == [10, 8, 2]
-
-
-def test_runs_of_next_to_nothing_go_together_but_not_without_end():
     assert dealt(requests(RUNS_MOST + 6, 1.0)) == [RUNS_MOST, 6]
+    assert dealt([*requests(3, 1.0, "a"), *requests(2, 1.0, "b")]) == [3, 2]
 
 
 def test_a_batch_is_no_longer_than_a_killed_worker_may_lose():
@@ -95,14 +79,6 @@ def test_one_worker_holds_the_device(tmp_path, monkeypatch):
     assert (started, looked) == ([1], [{"vulkan"}])
 
 
-def test_no_worker_starts_where_all_runs_are_kept(tmp_path, monkeypatch):
-    wanted, ledger = stand_in.requests(tmp_path, count=3, pause=0.0), open_ledger(tmp_path)
-    first = execution.execute(wanted, ledger, workers=1, function=stand_in.FUNCTION)
-    monkeypatch.setattr(execution, "start_pool", None)  # whoever starts workers fails
-    assert execution.execute(wanted, ledger, workers=1, function=stand_in.FUNCTION) == first
-    close_ledger(ledger)
-
-
 def test_a_missing_device_is_told_before_any_run_counts_as_failed(tmp_path):
     if has_cuda():
         pytest.skip("there is such a device")
@@ -113,29 +89,7 @@ def test_a_missing_device_is_told_before_any_run_counts_as_failed(tmp_path):
     close_ledger(ledger)
 
 
-def test_groups_are_not_mixed():
-    assert dealt([*requests(3, 1.0, "a"), *requests(2, 1.0, "b")]) == [3, 2]
-
-
 USUAL = START / WORTH_A_START  # s per grain-step
-
-
-@pytest.mark.parametrize(
-    ("elapsed", "spread"), [(0.02, GUESSED), (0.3, GUESSED), (3.0, GUESSED), (1.2, KNOWN)]
-)
-def test_the_share_by_time_is_the_mean_over_possible_durations(elapsed: float, spread: float):
-    durations = np.exp(spread * np.random.default_rng(1).standard_normal(2_000_000))
-    longer = elapsed / durations[durations > elapsed]
-    error = longer.std() / np.sqrt(longer.size)
-    assert share_by_time(elapsed, spread) == pytest.approx(longer.mean(), abs=5.0 * error)
-
-
-@pytest.mark.parametrize("spread", [GUESSED, KNOWN])
-def test_the_share_by_time_grows_and_stays_below_the_whole(spread: float):
-    shares = [share_by_time(each, spread) for each in np.geomspace(1e-3, 1e3, 200)]
-    assert all(before <= after for before, after in pairwise(shares))
-    assert 0.0 < shares[0] < 0.002
-    assert shares[-1] < 1.0
 
 
 def test_the_pace_is_that_of_the_runs_that_have_ended_each_by_its_own_work():
@@ -143,41 +97,3 @@ def test_the_pace_is_that_of_the_runs_that_have_ended_each_by_its_own_work():
     assert pace(runs, {}) == USUAL
     assert pace(runs, {"small": 40.0}) == 4e-7
     assert pace(runs, {"small": 40.0, "large": 180.0}) == pytest.approx(2e-7)
-
-
-def estimates(actual: float, batches: int, monkeypatch) -> list[tuple[float, float, float]]:
-    """Times, shares and remaining times of a campaign whose runs take `actual` times the usual pace."""
-    now = [0.0]
-    monkeypatch.setattr(execution.time, "monotonic", lambda: now[0])
-    wanted = {f"{k} {i}": RunRequest(f"{k} {i}", {}, work=1e8) for k in range(batches) for i in range(10)}
-    done, countdown = WorkDone(wanted, 1e9 * batches), Countdown(0.0)
-    left, ended, found = list(wanted), {}, []
-    for k in range(batches):
-        batch = [key for key in left if key.startswith(f"{k} ")]
-        done.begin(batch)
-        took = START + actual * USUAL * 1e9
-        for _ in range(int(took)):
-            now[0] += 1.0
-            share = done.share(left, ended)
-            seconds = countdown.seconds(share, now[0])
-            found += [] if seconds is None else [(now[0], share, seconds)]
-        now[0] += took % 1.0
-        for key in batch:
-            ended[key] = took / len(batch)
-            left.remove(key)
-    assert done.share(left, ended) == 1.0
-    return [(now[0] - at, share, seconds) for at, share, seconds in found]
-
-
-@pytest.mark.parametrize("actual", [0.4, 1.0, 2.5])
-def test_the_time_that_is_left_is_told_early_and_within_a_factor_where_limits_tell_nothing(
-    actual: float, monkeypatch
-):
-    found = estimates(actual, 6, monkeypatch)
-    assert found[0][1] < 0.02  # a share of the whole by which there is an estimate
-    end = 0.05 * max(true for true, _, _ in found)  # where a part of the last batch is all that is left
-    later = [(true, seconds) for true, share, seconds in found if share > 0.1 and true > end]
-    for (_, before), (_, after) in pairwise(later):
-        assert 0.5 <= after / before <= 2.0
-    known = [(true, seconds) for true, share, seconds in found if share > 0.3 and true > end]
-    assert all(0.5 < seconds / true < 2.0 for true, seconds in known)

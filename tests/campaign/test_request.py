@@ -8,7 +8,7 @@ from run.small_scene import write_scene
 
 from taichi_erosion.campaign.execute import Campaign, WorkDone, execute, report_progress
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
-from taichi_erosion.campaign.request import DEVICE_GRAINS, RUNS_MOST, RunDevice, scene_request
+from taichi_erosion.campaign.request import RunDevice, scene_request
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.run import RunOptions, run_scene, scene_run
@@ -89,16 +89,6 @@ def test_runs_whose_bits_differ_by_the_way_they_are_made_have_keys_of_their_own(
     assert scene_request(scene, (), 3, device=AUTO).key == usual.key
 
 
-def test_a_batch_on_a_graphics_processor_is_as_many_runs_of_one_size_as_it_has_room_for(folder):
-    scene = write_scene(folder)
-    few, more = (
-        scene_request(scene, (f"grains.count={count}",), 3, device=RunDevice("vulkan")) for count in (30, 50)
-    )
-    assert (few.most, more.most) == (DEVICE_GRAINS // 30, DEVICE_GRAINS // 50)
-    assert few.most > RUNS_MOST
-    assert few.group != more.group
-
-
 @pytest.mark.slow
 def test_one_thread_per_grain_makes_the_runs_of_a_campaign_too(results, folder):
     store = open_ledger(folder / "by grain")
@@ -134,8 +124,3 @@ def test_auto_leaves_a_scene_that_the_device_cannot_run_to_the_cpu_and_says_why(
     report_progress(left, [usual.key])
     close_ledger(ledger)
     assert told == [f"0 of 2 runs; {on_grid.note}", "1 of 2 runs"]
-
-
-def test_a_scene_that_cannot_run_is_refused_before_the_campaign(folder):
-    with pytest.raises(BadInput, match="friction_sliding"):
-        scene_request(write_scene(folder), ("contact.soil-soil.friction_sliding=-1.0",), 3)

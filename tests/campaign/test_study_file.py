@@ -141,27 +141,11 @@ def test_an_entry_within_braces_gets_no_comment():
     assert tomllib.loads(after) == {"a": {"b": 2.0, "c": 2.0}}
 
 
-def test_an_entry_of_the_same_name_elsewhere_stays():
-    after = tomllib.loads(with_entry(SCENE, ("contact", "grain-plate", "friction_sliding"), 0.25))
-    assert after["contact"]["grain-grain"]["friction_sliding"] == 0.55
-    assert after["contact"]["grain-plate"]["friction_sliding"] == 0.25
-
-
 def test_what_is_not_there_gets_its_section():
     after = with_entry(SCENE, ("effects", "liquid_bridge", "strength"), 1.5)
     assert changed_lines(SCENE, after) == ["[effects.liquid_bridge]", "strength = 1.5"]
     again = with_entry(after, ("effects", "liquid_bridge", "strength"), 0.5)
     assert changed_lines(SCENE, again) == ["[effects.liquid_bridge]", "strength = 0.5"]
-
-
-def test_a_new_entry_stands_in_the_section_that_is_there():
-    after = with_entry("[study]\nseed = 1\n\n[vault]\nfraction = 0.2\n", ("study", "follows"), "old.toml")
-    assert after == '[study]\nseed = 1\nfollows = "old.toml"\n\n[vault]\nfraction = 0.2\n'
-
-
-def test_a_quoted_heading_is_the_section_that_it_names():
-    after = with_entry('[parameters."a.b-c"]\nstart = 1.0\n', ("parameters", "a.b-c", "start"), 2.0)
-    assert after == '[parameters."a.b-c"]\nstart = 2.0\n'
 
 
 def test_a_table_on_one_line_stays_on_it():

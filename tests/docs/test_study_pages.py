@@ -7,22 +7,15 @@ import pytest
 from doe.common.cases import read_rows
 from doe.common.pages import filled
 from doe.effects import page as effects
-from doe.hao2022 import tables as hao2022
 from doe.lab_c import page as lab_c
 from doe.repose_sensitivity import page as repose_sensitivity
-from doe.wind import page as threshold
-from taichi_erosion.experiments.audit.examine import audit
 
 pytestmark = pytest.mark.docs
 
 ROOT = Path(__file__).parents[2]
 DOE, DOCS = ROOT / "doe", ROOT / "docs"
 MOST_BYTES = 200_000  # of a picture in the repository
-PICTURES = {
-    lab_c.PAGE: [lab_c.PICTURE],
-    repose_sensitivity.PAGE: [repose_sensitivity.PICTURE],
-    hao2022.PAGE: list(hao2022.PICTURES.values()),
-}
+PICTURES = {lab_c.PAGE: [lab_c.PICTURE], repose_sensitivity.PAGE: [repose_sensitivity.PICTURE]}
 
 
 def lab_c_tables() -> dict[str, str]:
@@ -34,18 +27,12 @@ def repose_tables() -> dict[str, str]:
     return repose_sensitivity.tables(read_rows(DOE / "repose_sensitivity" / "results.csv"))
 
 
-def hao2022_tables() -> dict[str, str]:
-    return hao2022.tables(*(audit(DOE / "hao2022" / name) for name in (hao2022.SCREENING, hao2022.SURFACE)))
-
-
 @pytest.mark.parametrize(
     ("page", "study", "made"),
     [
         (lab_c.PAGE, "lab_c", lab_c_tables),
         (repose_sensitivity.PAGE, "repose_sensitivity", repose_tables),
-        (hao2022.PAGE, "hao2022", hao2022_tables),
         (effects.PAGE, "effects", lambda: effects.tables(DOE)),
-        (threshold.PAGE, "wind", lambda: threshold.tables(DOE)),
     ],
 )
 def test_a_page_and_the_readme_of_its_study_show_the_tables_that_its_numbers_make(page, study, made):

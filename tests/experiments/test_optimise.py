@@ -22,45 +22,31 @@ def hill(a, b):
     return 10.0 - 4.0 * (a - 0.5) ** 2 - 2.0 * (b + 0.25) ** 2
 
 
-def test_the_top_of_a_hill_is_found_in_natural_units():
-    found = optimise([surface("y", hill)], [Goal("y", "maximise")])
-    assert found.optima[0].settings == pytest.approx({"a": 1.5, "b": 17.5}, abs=1e-4)
-    assert found.optima[0].predictions["y"].value == pytest.approx(10.0, abs=1e-4)
-    assert found.optima[0].desirability == pytest.approx(1.0, abs=1e-4)
-    assert found.sentences == ()
-
-
 def test_a_minimum_on_a_corner_is_found_there():
-    found = optimise([surface("y", hill)], [Goal("y", "minimise")])
+    found = optimise([surface("y", hill)], [Goal("y", -50.0)])
     assert found.optima[0].settings == pytest.approx({"a": 0.0, "b": 30.0}, abs=1e-9)
 
 
 def test_a_saddle_has_two_equal_optima_and_both_are_listed():
-    found = optimise([surface("y", lambda a, b: a * b)], [Goal("y", "maximise")])
+    found = optimise([surface("y", lambda a, b: a * b)], [Goal("y", 12.0)])
     best = [o for o in found.optima if o.desirability > found.optima[0].desirability - 1e-4]
     assert sorted(tuple(np.round(o.coded, 6)) for o in best) == [(-1.0, -1.0), (1.0, 1.0)]
 
 
 def test_a_target_that_is_reached_is_met_along_a_line_of_separate_points():
-    found = optimise([surface("y", hill)], [Goal("y", "target", 8.0)])
+    found = optimise([surface("y", hill)], [Goal("y", 8.0)])
     assert found.met
-    assert any("line or face" in sentence for sentence in found.sentences)
     best = [o for o in found.optima if o.desirability > 1.0 - 1e-6]
     assert len(best) > 3
+    spreads = [float(surface("y", hill).leverage(o.coded[None, :])[0]) for o in best]
+    assert spreads[0] == min(spreads)
     for k, one in enumerate(best):
         assert one.predictions["y"].value == pytest.approx(8.0, abs=1e-4)
         assert all(np.max(np.abs(one.coded - other.coded)) > SEPARATE for other in best[:k])
 
 
-def test_the_most_certain_of_equal_points_comes_first():
-    fit = surface("y", hill)
-    best = [o for o in optimise([fit], [Goal("y", "target", 8.0)]).optima if o.desirability > 1.0 - 1e-6]
-    spreads = [float(fit.leverage(o.coded[None, :])[0]) for o in best]
-    assert spreads[0] == min(spreads)
-
-
 def test_a_target_above_the_surface_is_said_to_be_out_of_reach_with_the_nearest_value():
-    found = optimise([surface("y", hill)], [Goal("y", "target", 12.0)])
+    found = optimise([surface("y", hill)], [Goal("y", 12.0)])
     assert not found.met
     (sentence,) = found.sentences
     assert "the target 12 is outside the range of this model" in sentence
@@ -72,7 +58,7 @@ def test_the_reach_of_a_surface_is_that_of_a_fine_grid():
     fit = surface("y", hill)
     ticks = np.linspace(-1.0, 1.0, 201)
     grid = fit.predict(np.array([(a, b) for a in ticks for b in ticks]))
-    reach = optimise([fit], [Goal("y", "maximise")]).reach["y"]
+    reach = optimise([fit], [Goal("y", 12.0)]).reach["y"]
     # the grid misses a quadratic's top by 4 (0.005)^2
     assert reach.high == pytest.approx(grid.max(), abs=1e-3)
     assert reach.low == pytest.approx(grid.min(), abs=1e-9)
@@ -80,7 +66,7 @@ def test_the_reach_of_a_surface_is_that_of_a_fine_grid():
 
 def test_two_wishes_that_exclude_each_other_are_called_so():
     fits = [surface("y", lambda a, b: a), surface("z", lambda a, b: -a)]
-    found = optimise(fits, [Goal("y", "target", 0.5), Goal("z", "target", 0.5)])
+    found = optimise(fits, [Goal("y", 0.5), Goal("z", 0.5)])
     assert not found.met
     assert "no point reaches all of them" in found.sentences[0]
     assert found.optima[0].coded[0] == pytest.approx(0.0, abs=1e-3)
@@ -88,13 +74,13 @@ def test_two_wishes_that_exclude_each_other_are_called_so():
 
 def test_two_wishes_that_agree_are_both_met():
     fits = [surface("y", lambda a, b: a + b), surface("z", lambda a, b: a - b)]
-    found = optimise(fits, [Goal("y", "target", 0.5), Goal("z", "target", 0.1)])
+    found = optimise(fits, [Goal("y", 0.5), Goal("z", 0.1)])
     assert found.met
     assert found.optima[0].coded == pytest.approx([0.3, 0.2], abs=1e-4)
 
 
 def test_desirability_is_that_of_derringer_and_suich():
-    high, aimed = Goal("y", "maximise", low=0.0, high=10.0), Goal("z", "target", 5.0, 0.0, 5.0)
+    high, aimed = Goal("y", 10.0, 0.0, 10.0), Goal("z", 5.0, 0.0, 5.0)
     shares = np.column_stack(
         [single_share(high, np.array([2.5, 10.0, -1.0])), single_share(aimed, np.array([2.5, 5.0, 5.0]))]
     )
@@ -106,6 +92,4 @@ def test_three_factors_are_searched_as_two():
     made = box_behnken(unit_factors("abc"))
     law = 5.0 - (made.coded - [0.2, -0.3, 0.9]) ** 2 @ [1.0, 2.0, 3.0]
     fit = fit_model(made.with_responses(y=law), "y", "quadratic")
-    assert optimise([fit], [Goal("y", "maximise")]).optima[0].coded == pytest.approx(
-        [0.2, -0.3, 0.9], abs=1e-4
-    )
+    assert optimise([fit], [Goal("y", 12.0)]).optima[0].coded == pytest.approx([0.2, -0.3, 0.9], abs=1e-4)

@@ -4,13 +4,9 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.snapshot import AirSnapshot
-from taichi_erosion.measures import boundary_layer
 from taichi_erosion.measures.boundary_layer import (
-    AirMeasureInput,
     Profile,
-    coles_speed,
     displacement,
-    flat_plate_thickness,
     log_fit,
     momentum,
     profile_at,
@@ -36,13 +32,6 @@ def test_a_log_layer_gives_its_friction_velocity_and_roughness():
     assert fit.roughness_length == pytest.approx(1e-5, rel=1e-5)
 
 
-def test_a_profile_with_too_few_points_gives_no_fit_and_says_so():
-    state = snapshot(np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 3.0]))
-    found = boundary_layer.friction_velocity_fit(AirMeasureInput([state], None, 0.4))
-    assert found.n == 0
-    assert "fewer than 3 points" in found.notes[0]
-
-
 def snapshot(z: np.ndarray, speed: np.ndarray) -> AirSnapshot:
     """Two columns of air, the second one half as fast."""
     velocity = np.zeros((2, 1, len(z), 3))
@@ -62,19 +51,3 @@ def test_a_profile_between_cells_is_interpolated_along_the_wind():
     assert middle.speed == pytest.approx([0.75, 1.5, 2.25])
     assert middle.friction_velocity == pytest.approx(0.15)
     assert profile_at(state, None).speed == pytest.approx([0.75, 1.5, 2.25])
-
-
-def test_repeats_over_time_give_the_spread():
-    states = [
-        snapshot(np.array([0.1, 0.2, 0.3]), factor * np.array([1.0, 2.0, 3.0])) for factor in (1.0, 1.1)
-    ]
-    found = boundary_layer.AIR_OBSERVABLES["wind_aloft"](AirMeasureInput(states, 1.0, 0.4))
-    assert found.value == pytest.approx(3.15)
-    assert found.sd == pytest.approx(0.3 / np.sqrt(2.0))
-
-
-def test_the_flat_plate_is_the_table_of_the_study_tunnel():
-    # 6.9 m/s at 7 m over 0.25 mm grains: delta 0.13 m and u* 0.271 m/s
-    thick = flat_plate_thickness(6.9, 7.0, 1.5e-5)
-    assert thick == pytest.approx(0.13, abs=0.005)
-    assert coles_speed(0.271, thick, 0.25e-3 / 30.0, 1.5e-5) == pytest.approx(6.9, abs=0.07)

@@ -58,18 +58,6 @@ def test_the_runout_is_where_the_ring_height_falls_through_one_diameter():
     assert runout_radius(grains(*tower, *ring, *runaway)).value == pytest.approx(expected * DIAMETER)
 
 
-def test_an_outlying_ridge_sets_the_runout():
-    tower = [(0.0, 0.0, z + 0.5) for z in range(3)]
-    turns = 2 * pi * (np.arange(14) + 0.5) / 14
-    ridge = [(4.5 * cos(turn), 4.5 * sin(turn), 1.0) for turn in turns]
-    # beyond the 14 full sectors of ring 4, 1.5 d high, the ground is bare
-    assert runout_radius(grains(*tower, *ridge)).value == pytest.approx((4.5 + 0.5 / 1.5) * DIAMETER)
-
-
-def test_scattered_grains_have_no_runout():
-    assert isnan(runout_radius(grains((0, 0, 0.4), (5, 0, 0.4), (-5, 0, 0.4))).value)
-
-
 def rosette(angle, rings=12):
     """Rings of 24 grains with tops on an exact cone: one grain per bin and side along each of 12 azimuths."""
     turns = 2 * pi * np.arange(24) / 24
@@ -86,12 +74,6 @@ def test_the_outline_angle_of_an_exact_cone_is_exact(angle):
     measured = angle_of_repose_outline(grains(*rosette(angle)))
     assert measured.value == pytest.approx(angle, abs=1e-9)
     assert measured.notes == ()
-
-
-def test_three_bins_carry_an_outline_angle_and_two_do_not():
-    # tops 5.5, 4.5, 3.5, 2.5, 1.5 d: three lie within [1.25 d, 0.75 H = 4.1 d]; one ring less leaves two
-    assert angle_of_repose_outline(grains(*rosette(45.0, rings=5))).value == pytest.approx(45.0, abs=1e-9)
-    assert isnan(angle_of_repose_outline(grains(*rosette(45.0, rings=4))).value)
 
 
 def prose_angle(snapshot):
@@ -127,12 +109,6 @@ def test_the_outline_angle_follows_the_prose_of_the_laboratory(seed):
     measured = angle_of_repose_outline(snapshot_of(heap + shift), base_height=shift[2])
     # lengths of 1 m added and taken away again leave errors of 1e-16 m on 1e-3 m
     assert measured.value == pytest.approx(prose_angle(snapshot_of(heap)), abs=1e-6)
-
-
-def test_one_layer_has_no_outline_angle():
-    measured = angle_of_repose_outline(snapshot_of(skirt(0.0, 10.0)))
-    assert isnan(measured.value)
-    assert "no flank" in measured.notes[0]
 
 
 def test_the_grain_diameter_halves_the_volume_not_the_number():

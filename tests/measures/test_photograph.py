@@ -1,6 +1,5 @@
 """Photographs drawn here, of heaps whose angle and base line are known."""
 
-import json
 from math import atan, cos, degrees, radians, sin, tan
 
 import imageio.v3 as imageio
@@ -10,7 +9,7 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.measures.photograph import LARGEST_TILT, find_base_line, measure_photograph
+from taichi_erosion.measures.photograph import find_base_line, measure_photograph
 from taichi_erosion.measures.repose import repose_angle
 from taichi_erosion.measures.silhouette import draw_silhouette
 from taichi_erosion.report.pictures.photograph import WIDTH, draw_detection
@@ -51,12 +50,6 @@ def test_a_drawn_heap_shows_its_angle(tmp_path, angle, grey, plate):
     assert record["value"] == pytest.approx(angle, abs=pixel_error(angle))
     assert record["details"]["flags"] == []
     assert (record["unit"], record["n"]) == ("deg", 1)
-
-
-def test_noise_and_lossy_compression_leave_the_angle(tmp_path):
-    path = photograph(tmp_path / "heap.jpg", 32.0, noise=0.08, quality=60)
-    # an edge of one pixel smeared by the median filter and blocks of eight pixels
-    assert measure_photograph(path)["value"] == pytest.approx(32.0, abs=pixel_error(32.0, 2.0))
 
 
 def test_dust_and_glints_leave_the_angle(tmp_path):
@@ -101,11 +94,6 @@ def test_a_telephone_held_sideways_is_turned_upright(tmp_path):
     assert details["right"] == pytest.approx(27.0, abs=pixel_error(27.0, 2.0))
 
 
-def test_a_camera_tilted_about_its_line_of_sight_keeps_the_mean_of_the_flanks(tmp_path):
-    record = measure_photograph(photograph(tmp_path / "heap.png", 30.0 + 1.5, 30.0 - 1.5))
-    assert record["value"] == pytest.approx(30.0, abs=pixel_error(30.0))
-
-
 def taken(path, angle=34.0, tilt=0.0, noise=0.0, light=0.0, shadow=0.0, half=200.0):
     """Photograph by a tilted camera, in light that falls off to the right, with a shadow."""
     row, column = np.mgrid[0:ROWS, 0:COLUMNS] + 0.5
@@ -133,17 +121,6 @@ def test_a_tilted_photograph_is_turned_and_says_so(tmp_path, angle, tilt, noise,
     assert record["details"]["tilt"] == pytest.approx(tilt, abs=0.3)
     assert f"the base line falls by {abs(record['details']['tilt']):.1f} deg" in record["notes"][0]
     assert record["sd"] < 0.5
-
-
-@pytest.mark.parametrize(
-    ("condition", "pixels"),
-    [({"tilt": 3.0, "half": 60.0}, 3.0), ({"light": 0.7}, 1.0)],
-    ids=["small", "light"],
-)
-def test_a_small_tilted_heap_and_uneven_light_leave_the_angle(tmp_path, condition, pixels):
-    record = measure_photograph(taken(tmp_path / "heap.png", 34.0, **condition))
-    assert record["value"] == pytest.approx(34.0, abs=pixels * pixel_error(34.0))
-    assert "cut_by_frame" not in record["details"]["flags"]
 
 
 @pytest.mark.parametrize(
@@ -183,16 +160,6 @@ def test_a_crop_keeps_a_label_beside_the_heap_out(tmp_path):
     assert record["details"]["axis_column"] == pytest.approx(COLUMNS / 2, abs=1.0)
 
 
-def test_a_pedestal_under_the_heap_is_not_heap(tmp_path):
-    picture = np.full((ROWS, COLUMNS), 220, dtype=np.uint8)
-    picture[covered(30.0, 30.0, plate=False)] = 40
-    picture[BASE:, 70:570] = 40
-    imageio.imwrite(tmp_path / "pedestal.png", picture)
-    record = measure_photograph(tmp_path / "pedestal.png")
-    assert record["value"] == pytest.approx(30.0, abs=pixel_error(30.0))
-    assert record["details"]["base_row"] == BASE
-
-
 def test_a_truncated_cone_and_a_cut_heap_are_flagged(tmp_path):
     picture = np.where(covered(35.0, 35.0), 40, 220).astype(np.uint8)
     picture[: BASE - 80] = 220
@@ -201,16 +168,6 @@ def test_a_truncated_cone_and_a_cut_heap_are_flagged(tmp_path):
     cut = measure_photograph(photograph(tmp_path / "heap.png", 35.0), crop=(150, 100, 640, 380))
     assert cut["details"]["flags"] == ["cut_by_frame"]
     assert "edge of the picture" in cut["notes"][0]
-
-
-def test_a_hollow_heap_is_flagged_as_not_straight(tmp_path):
-    row, column = np.mgrid[0:ROWS, 0:COLUMNS] + 0.5
-    share = np.clip(1.0 - np.abs(column - COLUMNS / 2) / HALF_WIDTH, 0.0, None)
-    picture = np.where((BASE - row < 200 * share**2) | (row >= BASE), 40, 220).astype(np.uint8)
-    imageio.imwrite(tmp_path / "hollow.png", picture)
-    assert {"curved_left", "curved_right"} <= set(
-        measure_photograph(tmp_path / "hollow.png")["details"]["flags"]
-    )
 
 
 def test_a_picture_of_a_simulated_heap_measures_as_the_heap_itself(tmp_path):
@@ -222,11 +179,6 @@ def test_a_picture_of_a_simulated_heap_measures_as_the_heap_itself(tmp_path):
     measured = repose_angle(snapshot_of(centres), azimuths=1).value
     # the base is found 3 % of the height too high, which moves the ends of the fit by less than a grain
     assert photographed == pytest.approx(measured, abs=0.5)
-
-
-def test_the_record_is_strict_json(tmp_path):
-    record = measure_photograph(photograph(tmp_path / "heap.png", 30.0))
-    assert json.loads(json.dumps(record, allow_nan=False)) == record
 
 
 def blurred_noise():
@@ -260,14 +212,6 @@ def test_what_shows_no_heap_is_bad_input_in_one_line(tmp_path):
         assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize(
-    "crop", [(0, 0, 10, 10), (300, 0, 100, 400), (-5, 0, 400, 400), (0, 0, 641, 400), (0, 0, 640, 0)]
-)
-def test_an_absurd_crop_is_bad_input(tmp_path, crop):
-    with pytest.raises(BadInput, match=r"crop|pixels to look at"):
-        measure_photograph(photograph(tmp_path / "heap.png", 30.0), crop=crop)
-
-
 SIZE, LEVEL = (400, 600), 330  # px, of the binary pictures below, and the row of their base line
 
 
@@ -289,11 +233,3 @@ def test_the_tilt_of_the_base_line_is_found(plate, angle):
         # the ends of a line through 100 columns or more are known to half a pixel: 0.3 deg at worst
         assert found.tilt == pytest.approx(tilt, abs=0.3)
         assert found.row == pytest.approx(LEVEL, abs=3.0)
-
-
-def test_a_flank_is_no_base_line_and_what_fills_the_picture_has_none():
-    cut = tilted_scene(0.0, "none")[:LEVEL]  # the foot is the lower edge of the picture
-    assert find_base_line(cut) is None
-    assert find_base_line(np.zeros((50, 50), dtype=bool)) is None
-    steep = find_base_line(tilted_scene(LARGEST_TILT + 10.0, "whole"))
-    assert steep is None or abs(steep.tilt) <= LARGEST_TILT + 1.0

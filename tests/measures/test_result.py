@@ -1,9 +1,7 @@
 """Repeats become a mean and the spread of single repeats."""
 
 import json
-from math import isnan, nan
-
-import pytest
+from math import nan
 
 from taichi_erosion.measures.result import Measurement, as_record, no_measurement, pool
 
@@ -17,30 +15,15 @@ def test_the_pooled_sd_is_that_of_single_repeats():
     assert (pooled.value, pooled.sd, pooled.n, pooled.unit) == (32.0, 2.0, 3, "deg")
 
 
-def test_a_single_repeat_keeps_its_own_uncertainty():
-    assert pool([angle(30.0, 0.4)]).sd == 0.4
-
-
 def test_a_repeat_without_a_heap_is_left_out_and_told():
     pooled = pool([angle(30.0), no_measurement("repose_angle", "deg", "no grains"), angle(32.0)])
     assert (pooled.value, pooled.n) == (31.0, 2)
     assert pooled.notes == ("1 of 3 repeats gave no value", "no grains")
 
 
-def test_no_heap_at_all_pools_to_no_value():
-    pooled = pool([no_measurement("repose_angle", "deg", "no grains")] * 2)
-    assert isnan(pooled.value)
-    assert pooled.n == 0
-
-
 def test_flags_of_repeats_are_counted():
     pooled = pool([angle(30.0, details={"flags": ["curved"]}), angle(31.0, details={"flags": []})])
     assert pooled.details["flags"] == {"curved": 1}
-
-
-def test_different_measures_do_not_pool():
-    with pytest.raises(ValueError, match="only repeats of one measure"):
-        pool([angle(30.0), Measurement("pile_height", 0.01, nan, "m")])
 
 
 def test_a_record_is_strict_json():

@@ -48,13 +48,6 @@ def test_poured_heaps_of_too_few_rows_read_a_third_of_the_angle_of_the_largest()
     assert largest["rows"] == pytest.approx(shortfalls.POURED_ROWS, rel=0.02)
 
 
-def test_the_stated_angles_of_poured_heaps_are_those_of_the_table():
-    told = [(28.0, 5.0), (30.0, 7.0), (36.0, 10.0)]
-    for angle, rows in told:
-        near = [heap for heap in FUNNELS if abs(heap["rows"] - rows) < 0.5]
-        assert any(heap["angle"] == pytest.approx(angle, abs=0.5) for heap in near)
-
-
 def test_columns_of_enough_rows_have_the_angle_of_the_largest_of_their_soil():
     for soil in {heap["soil"] for heap in COLUMNS}:
         heaps = [heap for heap in COLUMNS if heap["soil"] == soil]
@@ -72,16 +65,6 @@ def test_no_heap_of_the_tables_needed_more_grains_than_the_estimate():
         assert factor <= shortfalls.HEAP_FACTOR * 1.01  # the constant has two digits
 
 
-@pytest.mark.parametrize("rows", [1.0, 3.0, 5.0, 8.0, 20.0])
-def test_the_height_for_some_rows_has_as_many(rows):
-    assert shortfalls.flank_rows(shortfalls.height_for(rows), 1.0) == pytest.approx(rows)
-
-
-def test_a_flatter_or_larger_heap_needs_more_grains():
-    assert shortfalls.grains_for(3.0, 20.0) > shortfalls.grains_for(3.0, 35.0)
-    assert shortfalls.grains_for(6.0, 30.0) > 3.0 * shortfalls.grains_for(3.0, 30.0)
-
-
 def flags(found) -> list[tuple[str, bool]]:
     return [(each.flag, each.blocks) for each in found]
 
@@ -92,27 +75,6 @@ def test_a_heap_is_told_its_size_by_its_rows_and_by_how_it_was_made():
     assert flags(shortfalls.heap_shortfalls(4.1, 3000, False, 33.5, 29.7)) == [("growing_angle", False)]
     assert flags(shortfalls.heap_shortfalls(5.1, 3000, False, 33.5, 29.7)) == []
     assert flags(shortfalls.heap_shortfalls(12.0, 40_000, True, 33.5, 36.0)) == []
-
-
-@pytest.mark.parametrize("poured", [True, False])
-def test_the_advice_is_for_the_rows_that_are_told_and_for_the_measured_angle(poured):
-    (known,) = shortfalls.heap_shortfalls(1.4, 500, poured, 33.5, 3.6)
-    (unknown,) = shortfalls.heap_shortfalls(1.4, 500, poured, nan, nan)
-    assert known.needed == shortfalls.LEAST_ROWS
-    assert known.grains == shortfalls.grains_for(shortfalls.LEAST_ROWS, 33.5)
-    assert unknown.grains == shortfalls.grains_for(shortfalls.LEAST_ROWS, shortfalls.USUAL_ANGLE)
-    rows = shortfalls.POURED_ROWS if poured else shortfalls.COLUMN_ROWS
-    assert known.sentence.endswith(
-        f"3 are needed; use at least {known.grains:,} grains (500 now); the angle goes on changing up to "
-        f"{rows:g} rows, {shortfalls.grains_for(rows, 33.5):,} grains"
-    )
-
-
-def test_a_heap_flatter_than_its_angle_is_advised_the_grains_of_its_own_shape():
-    (flat,) = shortfalls.heap_shortfalls(2.0, 90_000, False, 60.0, 60.0)
-    assert shortfalls.flank_rows(shortfalls.height_for(2.0), 1.0) == pytest.approx(2.0)
-    larger = (shortfalls.height_for(3.0) / shortfalls.height_for(2.0)) ** 3
-    assert 90_000 * larger <= flat.grains <= 1.1 * 90_000 * larger  # two digits, rounded up
 
 
 def test_heaps_of_the_tables_with_the_advised_grains_have_the_rows_that_were_lacking():

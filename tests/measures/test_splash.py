@@ -74,9 +74,3 @@ def test_what_the_ends_of_the_series_cut_off_is_not_counted():
     early = throws(-0.01, [(0.4, 1.0)])  # left before the first one
     landed = splash.splash(frames([late, early]), PATCH, GRAVITY)
     assert (len(landed.impacts), landed.ejected) == (1, 1)
-
-
-def test_too_few_landings_make_no_share():
-    few = found(bouncers=2, singles=0)
-    for measured in (splash.rebound_share, splash.ejecta_share, splash.rebound_speed):
-        assert measured(few).n == 0

@@ -51,21 +51,6 @@ def test_narrow_brackets_give_the_mean_and_nearly_students_interval():
     assert np.log(found["high"] / found["low"]) == pytest.approx(2.0 * half, rel=0.25)
 
 
-def test_beds_that_all_agree_leave_the_width_of_their_bracket():
-    same = [bracketed("fluid_threshold", Bracket(0.29, 0.31))] * 5
-    pooled = pool_beds(same)
-    found = pooled.details["interval"]
-    assert (found["low"], found["high"]) == pytest.approx((0.29, 0.31), rel=1e-3)
-    # a uniform law; next to it the smallest spread that the fit tries is nothing
-    assert pooled.sd == pytest.approx(0.02 / 12.0**0.5, rel=1e-2)
-
-
-def test_a_bed_without_a_threshold_is_counted_and_left_out():
-    pooled = pool_beds([*beds(np.full(3, 0.3), 0.02), bracketed("fluid_threshold", None)])
-    assert pooled.n == 3
-    assert any("1 of 4" in note for note in pooled.notes)
-
-
 def test_lines_of_several_beds_are_pooled_by_their_mean_for_they_bound_nothing():
     lines = [extrapolated("impact_threshold_linear", Bracket(u - 0.02, u + 0.02)) for u in (0.15, 0.16, 0.17)]
     assert lines[0].sd == pytest.approx(0.02)

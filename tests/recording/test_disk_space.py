@@ -4,7 +4,6 @@ import os
 import shutil
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,7 +13,6 @@ import pytest
 from recorded_heaps import FLOOR, MOVING, heap_snapshot, recorded
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_atomic
 from taichi_erosion.recording import outputs
 from taichi_erosion.recording.checkpoint import load_checkpoint, save_checkpoint
 from taichi_erosion.recording.readback import read_grains
@@ -58,20 +56,6 @@ def write_until_refused(path: Path, limit: int) -> subprocess.CompletedProcess[s
     )
 
 
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 120 kB."""
-    folder = tmp_path / "small"
-    folder.mkdir()
-    mounted = shutil.which("mount") and not subprocess.call(
-        ["mount", "-t", "tmpfs", "-o", "size=120k", "tmpfs", str(folder)], stderr=subprocess.DEVNULL
-    )
-    if not mounted:
-        pytest.skip("only an administrator can mount a disk")
-    yield folder
-    subprocess.check_call(["umount", "-l", str(folder)])
-
-
 def assert_beginning_is_kept(ended: subprocess.CompletedProcess[str], path: Path) -> None:
     told = [line for line in ended.stderr.splitlines() if line.startswith("told: ")]
     assert told == [f"told: {path}: cannot be written to its end; {path}.part holds the beginning"]
@@ -82,35 +66,6 @@ def assert_beginning_is_kept(ended: subprocess.CompletedProcess[str], path: Path
 def test_a_recording_that_may_not_grow_is_told_and_keeps_its_beginning(tmp_path: Path):
     path = tmp_path / "heap.rrd"
     assert_beginning_is_kept(write_until_refused(path, limit=120_000), path)
-
-
-def test_a_recording_on_a_full_disk_is_told_keeps_its_beginning_and_lets_the_program_end(small_disk: Path):
-    path = small_disk / "heap.rrd"
-    assert_beginning_is_kept(write_until_refused(path, limit=0), path)
-
-
-def test_a_recording_whose_first_byte_is_refused_is_told_in_one_line(tmp_path: Path):
-    ended = write_until_refused(tmp_path / "heap.rrd", limit=1)
-    told = [line for line in ended.stderr.splitlines() if "rrd" in line]
-    assert len(told) == 1
-    assert told[0].startswith(f"told: {tmp_path}/heap.rrd: the recording cannot be begun (")
-    assert ended.returncode == 1
-
-
-def test_a_full_disk_leaves_the_checkpoint_before_and_nothing_beside_it(small_disk: Path):
-    path = small_disk / "run.npz"
-    save_checkpoint(path, {"x": np.arange(10)}, {"scene_hash": "a"})
-    with pytest.raises(BadInput, match=r"run\.npz: the checkpoint cannot be written \(No space left"):
-        save_checkpoint(path, {"x": np.random.default_rng(1).random(100_000)}, {"scene_hash": "b"})
-    assert load_checkpoint(path)[1] == {"scene_hash": "a"}
-    assert [entry.name for entry in small_disk.iterdir()] == ["run.npz"]
-
-
-def test_a_full_disk_leaves_the_document_before(small_disk: Path):
-    path = write_atomic(small_disk / "run.json", b"{}")
-    with pytest.raises(BadInput, match=r"run\.json: cannot be written \(No space left on device\)"):
-        write_atomic(path, b" " * 200_000)
-    assert path.read_bytes() == b"{}"
 
 
 def test_a_nearly_full_disk_is_told_before_anything_is_recorded(tmp_path: Path, monkeypatch):
@@ -131,22 +86,29 @@ def test_two_runs_do_not_write_one_recording(tmp_path: Path):
         pass  # the right to write ends with the recording
 
 
-def test_two_writers_of_one_file_write_one_after_the_other(tmp_path: Path):
-    path, failures = tmp_path / "runs.csv", []
-    contents = [letter * 40_000 for letter in (b"a", b"b", b"c", b"d")]
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 120 kB."""
+    folder = tmp_path / "small"
+    folder.mkdir()
+    mounted = shutil.which("mount") and not subprocess.call(
+        ["mount", "-t", "tmpfs", "-o", "size=120k", "tmpfs", str(folder)], stderr=subprocess.DEVNULL
+    )
+    if not mounted:
+        pytest.skip("only an administrator can mount a disk")
+    yield folder
+    subprocess.check_call(["umount", "-l", str(folder)])
 
-    def write(content: bytes) -> None:
-        try:
-            for _ in range(25):
-                write_atomic(path, content)
-                assert path.read_bytes() in contents
-        except BaseException as error:
-            failures.append(error)
 
-    writers = [threading.Thread(target=write, args=(content,)) for content in contents]
-    for writer in writers:
-        writer.start()
-    for writer in writers:
-        writer.join()
-    assert not failures
-    assert [entry.name for entry in tmp_path.iterdir()] == ["runs.csv"]
+def test_a_recording_on_a_full_disk_is_told_keeps_its_beginning_and_lets_the_program_end(small_disk: Path):
+    path = small_disk / "heap.rrd"
+    assert_beginning_is_kept(write_until_refused(path, limit=0), path)
+
+
+def test_a_full_disk_leaves_the_checkpoint_before_and_nothing_beside_it(small_disk: Path):
+    path = small_disk / "run.npz"
+    save_checkpoint(path, {"x": np.arange(10)}, {"scene_hash": "a"})
+    with pytest.raises(BadInput, match=r"run\.npz: the checkpoint cannot be written \(No space left"):
+        save_checkpoint(path, {"x": np.random.default_rng(1).random(100_000)}, {"scene_hash": "b"})
+    assert load_checkpoint(path)[1] == {"scene_hash": "a"}
+    assert [entry.name for entry in small_disk.iterdir()] == ["run.npz"]

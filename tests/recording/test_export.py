@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from recorded_heaps import record_heap
 
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording.export import export_vtk
 from taichi_erosion.recording.readback import read_grains
 
@@ -26,12 +25,3 @@ def test_every_frame_is_written_with_its_time_and_its_grains(tmp_path: Path) -> 
     assert {"velocity", "spin", "force", "contacts"} <= set(last.point_data)
     for name, values in frames[-1].state.items():
         np.testing.assert_array_equal(last.point_data[name], values)
-
-
-def test_a_file_in_the_place_of_the_folder_is_refused_in_one_line(tmp_path: Path) -> None:
-    recording = tmp_path / "heap.rrd"
-    record_heap(recording)
-    blocked = tmp_path / "blocked"
-    blocked.write_text("here already")
-    with pytest.raises(BadInput, match="cannot be written"):
-        export_vtk(recording, blocked)

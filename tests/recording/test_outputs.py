@@ -25,11 +25,6 @@ def test_an_earlier_run_of_the_scene_is_replaced(tmp_path):
     refuse_foreign_outputs(tmp_path / "new.rrd", SCENE)
 
 
-def test_a_run_that_was_interrupted_leaves_a_recording_that_may_be_replaced(tmp_path):
-    (tmp_path / "heap.rrd").write_bytes(b"RRF2\0taichi_erosion\0")
-    refuse_foreign_outputs(tmp_path / "heap.rrd", SCENE)
-
-
 @pytest.mark.parametrize("suffix", [".rrd", ".json", ".png", ".gif"])
 def test_a_file_that_no_run_wrote_is_refused_before_anything_is_simulated(tmp_path, suffix):
     path = (tmp_path / "heap.rrd").with_suffix(suffix)
@@ -43,18 +38,6 @@ def test_a_run_of_another_scene_is_refused_with_its_name(tmp_path):
     record = earlier_run(tmp_path, Path("scenes/drum.toml"))
     with pytest.raises(BadInput, match=r"belongs to a run of scenes/drum\.toml"):
         refuse_foreign_outputs(record, SCENE)
-
-
-def test_a_folder_and_a_name_of_another_kind_are_refused_even_by_force(tmp_path):
-    (tmp_path / "heap.rrd").mkdir()
-    (tmp_path / "pile.gif").mkdir()
-    for name, told in (
-        ("heap.rrd", "is not the name of a file"),
-        ("pile.rrd", "is not the name of a file"),
-        ("next.json", "ends in .rrd"),
-    ):
-        with pytest.raises(BadInput, match=told):
-            refuse_foreign_outputs(tmp_path / name, SCENE, force=True)
 
 
 def test_sessions_count_their_recordings(tmp_path):

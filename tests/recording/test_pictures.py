@@ -64,12 +64,6 @@ def test_the_nearer_of_two_spheres_hides_the_farther_whatever_their_order():
     assert image[pixel(0.0, 0.01)][0] > image[pixel(0.0, 0.01)][2]
 
 
-def test_grains_outside_the_window_are_cut_off_and_walls_are_drawn_where_the_middle_plane_cuts_them():
-    assert not coloured(spheres((0.0, 0.0, -0.02), (5.0, 0.0, 0.01))).any()
-    rows = np.nonzero(coloured(spheres(walls=(FLOOR,))))[0]
-    assert rows.min() >= WINDOW.size[1] - 3
-
-
 def test_a_grid_holds_the_silhouette_of_every_azimuth_with_its_flanks(tmp_path: Path):
     masks = [np.ones((30 + 2 * index, 100), dtype=bool) for index in range(7)]
     captions = [f"{30 * index}°" for index in range(7)]
@@ -105,29 +99,3 @@ def test_moving_grains_take_the_colour_of_their_speed():
     colours = pictures.speed_colours(np.array([1e-6, 1e-2, 0.02, 0.04, 0.32, 99.0]), 1e-2, 0.32)
     # equal ratios, the ends kept, truncation to whole levels
     np.testing.assert_allclose(colours, pictures.SPEED_COLOURS[[0, 0, 1, 2, 5, 5]], atol=1)
-
-
-def test_a_colour_bar_shows_every_colour_above_its_numbers():
-    image = Image.new("RGB", (260, 40), pictures.NIGHT)
-    pictures.draw_speed_bar(image, (10, 4), (0.01, 2.0))
-    bar = np.asarray(image)[6, 10 : 10 + pictures.COLOUR_BAR[0]]
-    assert tuple(bar[0]) == pictures.SAND
-    assert tuple(bar[-1]) == tuple(pictures.SPEED_COLOURS[-1])
-    lettered = np.flatnonzero((np.asarray(image)[14:] > 150).all(axis=2).any(axis=0))
-    # first and last number stand below the ends of the bar
-    assert lettered.min() == pytest.approx(10, abs=3)
-    assert lettered.max() > 10 + pictures.COLOUR_BAR[0]
-
-
-@pytest.mark.parametrize(("longest", "length"), [(9.9, 5.0), (10.0, 10.0), (0.3, 0.2), (1.0, 1.0)])
-def test_a_scale_bar_has_a_round_length(longest, length):
-    assert pictures.scale_length(longest) == pytest.approx(length)
-
-
-def test_pictures_for_terminals_show_light_where_the_picture_is_light():
-    image = np.zeros((40, 40, 3), np.uint8)
-    image[20:, 20:] = 255
-    rows = pictures.terminal_shades(Image.fromarray(image), 10).split("\n")
-    assert rows[0].strip() == ""
-    assert rows[-1][-1] == "@"
-    assert "38;2;255;255;255" in pictures.terminal_colours(Image.fromarray(image), 10)

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from recorded_heaps import MOVING, header, heap_snapshot, record_heap, recorded
 
-from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import part_path
-from taichi_erosion.recording.readback import HEADER_SIZE, MESSAGE_HEAD, read_grains, whole_size
+from taichi_erosion.recording.readback import HEADER_SIZE, MESSAGE_HEAD, read_grains
 from taichi_erosion.recording.stream import flush, log_frame
 
 WRITER = """
@@ -88,25 +87,6 @@ def test_a_recording_cut_anywhere_is_read_up_to_the_cut(tmp_path: Path):
     assert read_grains(path) == []
 
 
-def test_a_whole_recording_is_whole_to_its_last_byte(tmp_path: Path):
-    path = tmp_path / "heap.rrd"
-    record_heap(path)
-    assert whole_size(path) == path.stat().st_size
-    path.write_bytes(
-        path.read_bytes()[:-40]
-    )  # the footer and a little of the message that ends the recording
-    assert whole_size(path) < path.stat().st_size
-
-
-def test_a_missing_or_foreign_file_is_named_in_one_line(tmp_path: Path):
-    foreign = tmp_path / "foreign.rrd"
-    foreign.write_text("not a recording")
-    with pytest.raises(BadInput, match=r"missing\.rrd: no such recording"):
-        read_grains(tmp_path / "missing.rrd")
-    with pytest.raises(BadInput, match=r"foreign\.rrd: not a recording"):
-        read_grains(foreign)
-
-
 ERASED = 64  # bytes in the middle of a message: within compressed numbers, not within their description
 
 
@@ -138,14 +118,3 @@ def damaged(tmp_path: Path) -> Path:
 def test_a_recording_damaged_within_is_refused_by_its_name(damaged: Path):
     with pytest.raises(BadInput, match=r"heap\.rrd: the recording is damaged \(.+\)$"):
         read_grains(damaged)
-
-
-def test_the_export_of_a_damaged_recording_is_one_line_and_no_file(
-    damaged: Path, capsys: pytest.CaptureFixture[str]
-):
-    folder = damaged.parent / "out"
-    assert main(["export", str(damaged), "--vtk", str(folder)]) == ExitCode.BAD_INPUT
-    said = capsys.readouterr().err
-    assert "is damaged" in said
-    assert said.count("\n") == 1
-    assert not folder.exists()

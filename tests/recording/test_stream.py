@@ -12,7 +12,6 @@ from recorded_heaps import (
     header,
     heap_snapshot,
     moved,
-    pyramid,
     read_frames,
     read_properties,
     read_series,
@@ -21,15 +20,12 @@ from recorded_heaps import (
 )
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.recording.blueprint import choose_focus, heap_focus
 from taichi_erosion.recording.pictures import night
 from taichi_erosion.recording.readback import read_chunks, read_grains, read_rows
 from taichi_erosion.recording.stream import (
     CREEP,
     REWRITE_INTERVAL,
-    StaticGrains,
     close,
-    is_static,
     log_frame,
     log_image,
     log_text,
@@ -38,7 +34,6 @@ from taichi_erosion.recording.stream import (
     log_wall_removed,
     open_recording,
     set_properties,
-    update_static_grains,
 )
 from taichi_erosion.recording.wall_mesh import WallMesh
 
@@ -136,14 +131,6 @@ def test_a_creeping_grain_is_never_shown_further_away_than_the_creep_allowed(tmp
     assert np.abs(shown - [snapshot.position[7, 0] for snapshot in crept]).max() <= largest + 1e-9
 
 
-def test_two_recordings_of_one_process_keep_apart(tmp_path: Path):
-    with recorded(tmp_path / "a.rrd", header()) as a, recorded(tmp_path / "b.rrd", header()) as b:
-        log_frame(a, heap_snapshot(0), MOVING)
-        log_frame(b, heap_snapshot(5), MOVING)
-    assert [frame.time for frame in read_grains(tmp_path / "a.rrd")] == [0.0]
-    assert [frame.time for frame in read_grains(tmp_path / "b.rrd")] == pytest.approx([0.05])
-
-
 def test_the_file_takes_its_name_only_when_it_is_whole(tmp_path: Path):
     path = tmp_path / "new" / "heap.rrd"
     recording = open_recording(path, header())
@@ -156,57 +143,4 @@ def test_the_file_takes_its_name_only_when_it_is_whole(tmp_path: Path):
         open_recording(path / "next.rrd", header())
 
 
-def test_the_camera_frames_the_heap_that_the_grains_will_form():
-    radii = np.full(len(pyramid()), 1e-3)
-    focus = heap_focus(radii)
-    # eight times the volume makes a heap twice as wide
-    assert heap_focus(2.0 * radii).radius == pytest.approx(2.0 * focus.radius, rel=1e-12)
-    assert choose_focus("drum", radii, (FLOOR,)).radius == pytest.approx(0.05 * sqrt(2.0))
-
-
 FALLING = len(heap_snapshot().ident) - 1  # row of the grain in the air
-
-
-def settled() -> StaticGrains:
-    """The bed of the heap while its last grain falls."""
-    static_grains, is_new = update_static_grains(StaticGrains.empty(), heap_snapshot(3), MOVING)
-    assert is_new
-    assert static_grains.ident.tolist() == list(range(FALLING))
-    return static_grains
-
-
-def test_a_heap_at_rest_is_not_written_again_until_its_turn():
-    static_grains, written = settled(), []
-    for _ in range(REWRITE_INTERVAL):
-        static_grains, is_new = update_static_grains(static_grains, heap_snapshot(3), MOVING)
-        written.append(is_new)
-    assert written == [False] * (REWRITE_INTERVAL - 1) + [True]
-
-
-def test_a_grain_leaves_the_bed_once_it_moves_or_has_crept_far():
-    radius = heap_snapshot().radius[7]
-    cases = {(2.0 * MOVING, 0.0): False, (0.0, 0.9 * CREEP): True, (0.0, 1.1 * CREEP): False}
-    for (speed, crept), stays in cases.items():
-        now = moved(heap_snapshot(3), 7, distance=crept * radius, speed=speed)
-        static_grains, is_new = update_static_grains(settled(), now, MOVING)
-        assert (7 in static_grains.ident) == stays
-        assert is_new != stays
-
-
-def test_a_grain_that_came_to_rest_stays_mobile_until_the_bed_is_due():
-    static_grains, landed = settled(), heap_snapshot(0)
-    for _ in range(REWRITE_INTERVAL - 1):
-        static_grains, _ = update_static_grains(static_grains, landed, MOVING)
-        assert not is_static(static_grains, landed)[FALLING]
-    static_grains, _ = update_static_grains(static_grains, landed, MOVING)
-    assert is_static(static_grains, landed)[FALLING]
-
-
-def test_grains_that_are_released_later_do_not_disturb_the_bed():
-    full = heap_snapshot(3)
-    names = ("position", "velocity", "spin", "radius", "mass", "contacts", "ident")
-    first = replace(full, **{name: getattr(full, name)[:50] for name in names})
-    static_grains, _ = update_static_grains(StaticGrains.empty(), first, MOVING)
-    static_grains, is_new = update_static_grains(static_grains, full, MOVING)
-    assert not is_new
-    np.testing.assert_array_equal(np.flatnonzero(is_static(static_grains, full)), np.arange(50))

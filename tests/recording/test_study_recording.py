@@ -12,13 +12,7 @@ from viewer_reports import view_reports
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import viewer
-from taichi_erosion.recording.study_recording import (
-    MOST_FRAMES,
-    RecordedRun,
-    StudyPage,
-    record_study,
-    thin_out,
-)
+from taichi_erosion.recording.study_recording import RecordedRun, StudyPage, record_study
 
 FIGURE = imageio.imwrite("<bytes>", np.full((40, 60, 3), 200, np.uint8), extension=".png")
 
@@ -46,13 +40,6 @@ def test_runs_stand_side_by_side_with_their_factors_and_results(tmp_path: Path) 
     properties = read_properties(path)
     assert properties["confirm-1"]["friction"] == pytest.approx(0.1)
     assert properties["confirm-1"]["angle"] == pytest.approx(30.0)
-
-
-def test_long_films_are_thinned_and_keep_both_ends() -> None:
-    frames = list(range(3 * MOST_FRAMES))
-    kept = thin_out(frames)  # pyright: ignore[reportArgumentType]
-    assert (len(kept), kept[0], kept[-1]) == (MOST_FRAMES, frames[0], frames[-1])
-    assert thin_out(frames[:3]) == frames[:3]  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.viewer

@@ -99,60 +99,6 @@ def test_the_picture_has_the_size_asked_for_and_the_heap_in_its_middle(heap: Pat
     assert share_like(middle, pictures.SAND) > 0.2
 
 
-def test_what_a_killed_run_left_can_be_seen(heap: Path, tmp_path: Path):
-    part = tmp_path / "heap.rrd.part"
-    part.write_bytes(heap.read_bytes()[: heap.stat().st_size // 2])
-    image = imageio.imread(viewer.render_picture(part, None, tmp_path / "part.png", size=SIZE, view="Grains"))
-    assert share_like(image, pictures.SAND) > 0.05
-
-
-def test_one_view_can_be_drawn_alone_at_any_time(heap: Path, tmp_path: Path):
-    image = imageio.imread(
-        viewer.render_picture(heap, 0.05, tmp_path / "grains.png", size=SIZE, view="Grains")
-    )
-    assert image.shape[1] < SIZE[0]
-    assert share_like(image, pictures.SAND) > 0.05
-
-
-def test_a_picture_that_cannot_be_drawn_is_reported(heap: Path, tmp_path: Path):
-    import rerun as rr
-
-    path = tmp_path / "damaged.rrd"
-    for recording in record(path):
-        recording.stream.log("silhouette", rr.EncodedImage(contents=b"nonsense", media_type="image/png"))
-        recording.stream.log("world/flat", rr.Boxes2D(mins=[[0.0, 0.0]], sizes=[[1.0, 1.0]]))
-    reports = " ".join(view_reports(path))
-    assert "Grains: 2D visualizers" in reports
-    assert "image/png" in reports
-
-
-@pytest.mark.parametrize("moment", [-1.0, 1e4])
-def test_a_time_that_the_recording_does_not_have_is_refused_with_its_range(heap, tmp_path, moment):
-    with pytest.raises(BadInput, match=r"--time .* runs from 0 to [\d.]+ s"):
-        viewer.render_picture(heap, moment, tmp_path / "never.png")
-    assert not (tmp_path / "never.png").exists()
-
-
-def test_without_a_screen_the_viewer_names_what_works_there(heap, monkeypatch):
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    monkeypatch.setattr(viewer.sys, "platform", "linux")
-    with pytest.raises(BadInput, match=r"no screen here; `view .* --web` .*, `snapshot .* -o PNG`"):
-        viewer.open_viewer(heap)
-
-
-def test_an_unknown_view_is_answered_with_the_known_ones(heap: Path, tmp_path: Path):
-    with pytest.raises(BadInput, match=r"no view 'Sand', only .*Grains.*Silhouette"):
-        viewer.render_picture(heap, None, tmp_path / "view.png", view="Sand")
-    assert not (tmp_path / "view.png").exists()
-
-
-@pytest.mark.parametrize("show", [viewer.open_viewer, view_reports])
-def test_a_missing_recording_is_named_before_any_viewer_starts(tmp_path: Path, show):
-    with pytest.raises(BadInput, match=r"missing\.rrd: no such recording"):
-        show(tmp_path / "missing.rrd")
-
-
 def test_a_machine_without_a_renderer_is_told_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):

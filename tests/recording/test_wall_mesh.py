@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.setup import PrimitiveKind
-from taichi_erosion.recording.wall_mesh import SEGMENTS, WallMesh, join, section, triangulate
+from taichi_erosion.recording.wall_mesh import SEGMENTS, WallMesh, section, triangulate
 
 BOUNDS = ((-0.1, -0.2, 0.0), (0.3, 0.2, 0.5))
 
@@ -46,30 +46,6 @@ def test_a_tube_has_the_area_of_its_polygon():
     assert (tube.vertices[:, 2].min(), tube.vertices[:, 2].max()) == pytest.approx((0.02, 0.12))
 
 
-def test_a_lying_drum_turns_about_its_axis():
-    drum = mesh(PrimitiveKind.REVOLVED, 0.0, -0.02, 0.1, 0.0, 1.0, 0.0, 0.05, 0.0, 0.05, 0.04)
-    np.testing.assert_allclose(np.hypot(drum.vertices[:, 0], drum.vertices[:, 2] - 0.1), 0.05)
-    assert (drum.vertices[:, 1].min(), drum.vertices[:, 1].max()) == pytest.approx((-0.02, 0.02))
-
-
-def test_a_disc_is_a_fan_without_empty_triangles():
-    disc = mesh(PrimitiveKind.REVOLVED, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.1, 0.0)
-    assert len(disc.triangles) == SEGMENTS
-    assert area(disc) == pytest.approx(0.5 * SEGMENTS * 0.1**2 * np.sin(2.0 * pi / SEGMENTS))
-
-
-def test_a_triangle_stays_as_it_is():
-    corners = np.arange(9.0)
-    triangle = mesh(PrimitiveKind.TRIANGLE, *corners)
-    np.testing.assert_array_equal(triangle.vertices[triangle.triangles[0]].ravel(), corners)
-
-
-def test_joined_parts_keep_their_areas():
-    parts = [mesh(PrimitiveKind.PLANE, 0.0, 0.0, height, 0.0, 0.0, 1.0) for height in (0.0, 0.1, 0.3)]
-    together = WallMesh("wall", *join([(part.vertices, part.triangles) for part in parts]), moving=False)
-    assert area(together) == pytest.approx(sum(area(part) for part in parts))
-
-
 def test_the_cut_of_a_cone_is_its_profile_on_both_sides():
     cone = mesh(PrimitiveKind.REVOLVED, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.01, 0.0, 0.05, 0.08)
     cut = section(cone)
@@ -80,8 +56,3 @@ def test_the_cut_of_a_cone_is_its_profile_on_both_sides():
     assert (x >= profile * np.cos(pi / SEGMENTS) - 1e-15).all()
     length = np.linalg.norm(cut[:, 1] - cut[:, 0], axis=1).sum()
     assert length == pytest.approx(2.0 * np.hypot(0.04, 0.08), rel=1.0 - np.cos(pi / SEGMENTS))
-
-
-def test_a_wall_beside_the_cut_leaves_no_line():
-    wall = mesh(PrimitiveKind.PLANE, 0.0, 0.1, 0.0, 0.0, -1.0, 0.0)
-    assert section(wall).shape == (0, 2, 2)

@@ -9,7 +9,7 @@ from taichi_erosion.campaign.request import request_of, simulating
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import read_effect_files
 from taichi_erosion.run import ensemble
-from taichi_erosion.run.checks import check_scene, library_of, read_scene
+from taichi_erosion.run.checks import library_of, read_scene
 from taichi_erosion.scene import scene_hash
 from taichi_erosion.simulation import effective_scene, prepare
 
@@ -30,11 +30,6 @@ def scene(tmp_path) -> Path:
     path.write_text(text.replace("[scene]\n", '[scene]\neffect_files = ["glue.py"]\n'), encoding="utf-8")
     (tmp_path / "glue.py").write_text(PULL, encoding="utf-8")
     return path
-
-
-def test_a_scene_knows_the_effects_of_the_files_that_it_names(scene, monkeypatch):
-    monkeypatch.chdir("/")  # paths start at the folder of the scene
-    assert check_scene(scene, ON)["resolved"]["effects"] == {"constant_pull": {"strength": 1.0}}
 
 
 def test_a_file_changes_the_hash_where_its_effect_is_named_and_nowhere_else(scene):
@@ -60,27 +55,6 @@ def test_a_worker_without_the_file_runs_the_text_that_was_hashed(scene, monkeypa
     assert scene_hash(part.scene) == hashed
     (acting,) = prepare(part.scene, 3, library_of(part.scene)).effects
     assert acting.effect.name == "constant_pull"
-
-
-def test_a_bare_run_carries_no_file(scene):
-    assert request_of(read_scene(scene, ()), 3).payload["effect_files"] == []
-
-
-def test_an_effect_reads_a_declared_condition_in_si_units(tmp_path):
-    scene, file = write_scene(tmp_path), tmp_path / "roots.py"
-    file.write_text(ROOTED, encoding="utf-8")
-    files = read_effect_files([file])
-    found = read_scene(scene, (DECLARED, "conditions.root_density=0.002", *ON), files)
-    (acting,) = prepare(found, 1, library_of(found)).effects
-    assert acting.constants["pull"] == pytest.approx(1e-7 * 2.0)
-
-
-def test_a_condition_that_is_not_stated_is_told_with_its_declaration(tmp_path):
-    scene, file = write_scene(tmp_path), tmp_path / "roots.py"
-    file.write_text(ROOTED, encoding="utf-8")
-    found = read_scene(scene, ON, read_effect_files([file]))
-    with pytest.raises(BadInput, match=r"reads 'root_density', which the scene does not state .*extra\]"):
-        prepare(found, 1, library_of(found))
 
 
 def test_an_error_in_an_effect_is_told_in_one_line(tmp_path):

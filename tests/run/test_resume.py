@@ -182,15 +182,6 @@ def test_every_field_of_a_replica_is_in_the_checkpoint(windy, tmp_path):
     np.testing.assert_equal(asdict(after), asdict(before))
 
 
-def test_a_checkpoint_is_saved_once_per_interval(monkeypatch):
-    saved = []
-    monkeypatch.setattr(Checkpointer, "save", lambda _, ensemble: saved.append(ensemble.time))
-    checkpointer = Checkpointer(Path("run.npz"), 0.02, {})
-    for step in range(1, 11):
-        checkpointer(SimpleNamespace(time=step * 0.005))  # type: ignore[arg-type]
-    assert saved == [4 * 0.005, 8 * 0.005]
-
-
 def test_a_checkpoint_that_cannot_be_written_is_told_once_and_the_run_goes_on(monkeypatch):
     def refuse(*_: Any) -> None:
         raise BadInput("run.npz: the checkpoint cannot be written (No space left on device)")

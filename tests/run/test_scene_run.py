@@ -51,11 +51,6 @@ def test_the_column_is_read_before_the_tube_goes_and_the_pile_after(whole):
         assert measures["runout_radius"]["value"] > 5e-3  # the tube has a radius of 6 mm, a grain one of 1 mm
 
 
-def test_grain_steps_count_grains_times_steps(whole):
-    steps = DURATION / whole["limits"]["time_step"]
-    assert whole["grain_steps"] == pytest.approx(2 * 30 * steps, rel=0.01)  # all grains start at once
-
-
 OVERLAPPING = {"law": "positions", "grains": [{"position": [0, 0, 2e-3]}, {"position": [0, 0, 3e-3]}]}
 ABSURD_STEP = {"time_step": 5e-3, "force_time_step": True}  # s, thirty Rayleigh times
 
@@ -106,17 +101,6 @@ def test_a_signal_is_heard_at_the_next_check(number, end):
         signal.signal(number, before)
 
 
-def test_a_signal_that_was_to_be_ignored_stays_ignored():
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    try:
-        with deferred_signals() as pending:
-            os.kill(os.getpid(), signal.SIGHUP)
-            pending.raise_pending()
-        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
-    finally:
-        signal.signal(signal.SIGHUP, before)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_in_any_phase_leaves_whole_files_and_no_traceback(scene, folder, number):
@@ -150,3 +134,14 @@ def test_auto_runs_on_the_cpu_what_the_device_refuses_and_warns_why(monkeypatch,
     assert ensemble.sim.numerics.arch == "cpu"
     (warning,) = ensemble.states[0].warnings
     assert warning.startswith("--arch auto: on the CPU, since one thread per grain has no grids of air")
+
+
+def test_a_signal_that_was_to_be_ignored_stays_ignored():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with deferred_signals() as pending:
+            os.kill(os.getpid(), signal.SIGHUP)
+            pending.raise_pending()
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)

@@ -27,7 +27,6 @@ from taichi_erosion.run.session import (
     set_entry,
     step,
 )
-from taichi_erosion.scene.paths import meaning_of
 from taichi_erosion.simulation import friction_velocity, move_surface, snapshot
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -133,20 +132,6 @@ def test_the_recording_follows_walls_that_move_vanish_and_come_back(session, tmp
     assert heights[0.0] == max(heights.values())
 
 
-def test_help_states_meaning_unit_and_range() -> None:
-    said = meaning_of("contact.grain-grain.friction_rolling")
-    assert "[1]" in said
-    assert "from 0 to 5" in said
-    with pytest.raises(BadInput, match="no scene has"):
-        meaning_of("contact.grain-grain.friction_roling")
-    clump = meaning_of("grains.clump").splitlines()
-    assert any(line.startswith("  template: ") and "tetrahedron" in line for line in clump)
-    walls = meaning_of("geometry")
-    assert 'shape = "mesh", with' in walls
-    assert "  scale: " in walls
-    assert "radius_d" not in walls
-
-
 def read_input(session, monkeypatch, tmp_path: Path, lines: list[str], is_terminal: bool) -> Path:
     """Feed lines to the prompt of a session, from a terminal or a pipe; returns its recording."""
     monkeypatch.setattr(prompt.sys, "stdin", io.StringIO("\n".join(lines)))
@@ -217,84 +202,6 @@ def test_changed_entries_are_listed_against_the_file_and_a_saved_state(session) 
     assert prompt.execute(session, "diff after before") == f"{path}: 0.3 -> 0.12"
     with pytest.raises(BadInput, match="did you mean before"):
         prompt.execute(session, "diff befor")
-
-
-@pytest.mark.parametrize(
-    ("line", "meant"),
-    [
-        ("mesure", "did you mean measure?"),
-        ("get contact.grain-grian", "did you mean grain-grain?"),
-        ("watch kinetc_J", "did you mean kinetic_J?"),
-    ],
-)
-def test_a_typing_error_is_answered_with_the_nearest_word(session, line, meant) -> None:
-    with pytest.raises(BadInput, match=meant.replace("?", r"\?")):
-        prompt.execute(session, line)
-
-
-def test_a_measure_without_a_value_says_why(session) -> None:
-    told = prompt.execute(session, "measure")
-    assert "nan" not in told
-    assert ": no value, " in told
-
-
-def test_a_plot_shows_the_branch_of_the_saved_state(session) -> None:
-    session.callbacks.append(prompt.Sampler())
-    with pytest.raises(BadInput, match="nothing has run yet"):
-        prompt.execute(session, "plot kinetic_J")
-    interval = session.scene.run.check_interval
-    run_for(session, interval)
-    save(session, "one")
-    run_for(session, 2.0 * interval)
-    save(session, "three")
-    restore(session, "one")
-    assert [sample["time_s"] for sample in session.samples] == pytest.approx([interval])
-    restore(session, "three")
-    times = [sample["time_s"] for sample in session.samples]
-    assert times == pytest.approx([interval, 2.0 * interval, 3.0 * interval])
-
-
-@pytest.mark.parametrize(
-    ("path", "told"),
-    [
-        ("effects.dry_adhesion.beta", "[N m-1] from 0 to 0.1, default 0.00015; source: Shao & Lu (2000)"),
-        ("effects.dry_adhesion.strength", "[1] from 0 to 3 where its literature supports it, to 100 at most"),
-        ("effects.dry_adhesion", "entries: strength, beta, contacts, range"),
-        ("effects", "liquid_bridge"),
-        ("laws.friction_cap", "one of thornton, edem"),
-    ],
-)
-def test_help_tells_unit_range_default_and_source(session, path, told) -> None:
-    assert told in prompt.execute(session, f"help {path}")
-
-
-@pytest.mark.parametrize(
-    ("path", "meant"),
-    [
-        ("effects.dry_adhesion.bta", "beta"),
-        ("effects.dry_adhesio", "dry_adhesion"),
-        ("laws.frction_cap", "friction_cap"),
-    ],
-)
-def test_help_on_a_mistyped_entry_names_the_nearest(session, path, meant) -> None:
-    with pytest.raises(BadInput, match=rf"did you mean {meant}\?"):
-        prompt.execute(session, f"help {path}")
-
-
-def test_a_strength_beyond_the_literature_is_told_when_it_is_set(session) -> None:
-    assert "warning: effects.dry_adhesion.strength = 4" in prompt.execute(
-        session, "set effects.dry_adhesion.strength 4"
-    )
-    assert "warning" not in prompt.execute(session, "set gravity.magnitude 9.0"), "it is told once"
-    with pytest.raises(BadInput, match=r"beta = 7 N m-1 lies outside \[0, 0\.1\]"):
-        prompt.execute(session, "set effects.dry_adhesion.beta 7")
-
-
-def test_a_line_of_a_script_is_named(session, tmp_path) -> None:
-    script = tmp_path / "orders.txt"
-    script.write_text("status\nset nonsense 1\n", encoding="utf-8")
-    with pytest.raises(BadInput, match=r"orders\.txt: line 2: "):
-        prompt.execute(session, f"script {script}")
 
 
 SMALL_PATCH = (

@@ -1,14 +1,11 @@
 """The order in which winds blow over a bed, against beds whose thresholds are known."""
 
-from dataclasses import replace
-from math import sqrt
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.run.threshold_search import (
     NEXT_WIND,
     ThresholdSearch,
@@ -66,12 +63,6 @@ def test_a_bed_that_moves_in_any_wind_has_no_threshold_and_the_search_ends(scene
     assert set(search.found) == {"rolling_onset"}
 
 
-def test_without_a_measure_that_asks_for_it_no_transport_is_started(scene: Scene):
-    asked = {name: next_wind for name, next_wind in scene.measure.items() if name != "impact_threshold"}
-    search = searched(scene.model_copy(update={"measure": asked}), 0.12, 0.2, 0.2, 0.1)
-    assert set(search.found) == {"rolling_onset", "fluid_threshold"}
-
-
 def test_where_transport_is_named_only_its_end_is_looked_for(scene: Scene):
     named = scene.threshold.model_copy(update={"transport": 0.2})
     search = ThresholdSearch(scene.model_copy(update={"threshold": named}), {}, trial(0.2))
@@ -112,12 +103,6 @@ def test_a_grain_that_crosses_the_edge_of_the_patch_has_not_rolled(scene: Scene)
     assert search.trial.rolled.tolist() == [False, True]
 
 
-def test_flux_is_momentum_over_area(scene: Scene):
-    search = ThresholdSearch(scene, {}, trial(0.2, grains=3))
-    record_motion(search, state(np.zeros((3, 3)), speed=2.0))
-    assert search.trial.flux[-1] == pytest.approx(3.0 * 2.0 / search.period.prod())
-
-
 def test_a_bed_is_at_rest_early_only_in_a_steady_wind(scene: Scene):
     search = ThresholdSearch(scene, {}, trial(0.2))
     search.phase, search.trial.largest_motion = "hold", 0.0
@@ -136,8 +121,3 @@ def test_a_bed_moves_when_as_many_grains_left_as_are_asked_for(scene: Scene):
     assert trial_outcome(search, 0.0, steady=True) is None
     search.trial.risen = np.arange(10) < search.grains_needed
     assert trial_outcome(search, 0.0, steady=True) is True
-
-
-def test_a_bracket_is_its_geometric_mean():
-    assert Bracket(0.2, 0.3).middle == pytest.approx(sqrt(0.06))
-    assert replace(Bracket(0.2, 0.3), high=0.2).sd == 0.0

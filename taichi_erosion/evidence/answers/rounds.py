@@ -18,7 +18,7 @@ from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
 from taichi_erosion.evidence.emulator import training_runs
 from taichi_erosion.evidence.emulator.design import RefinementPoint
 from taichi_erosion.evidence.emulator.fresh_runs import FreshSimulator, fresh_count
-from taichi_erosion.evidence.emulator.mechanism_runs import fits_budget, with_mechanisms
+from taichi_erosion.evidence.emulator.mechanism_runs import with_mechanisms
 from taichi_erosion.evidence.emulator.plan_cost import plan_cost, shares
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns
 from taichi_erosion.evidence.models.load_study import BudgetName, Study
@@ -103,7 +103,7 @@ def answered_by(
             rounds = {**rounds, key: own}
             write_rounds(study, rounds)
             wider = None if runs.mechanisms or not question.beyond(found) else with_mechanisms(runs)
-            if wider is None or not wider.mechanisms or not fits_budget(wider):
+            if wider is None or not wider.mechanisms or training_runs.room_left(wider) < 0:
                 steps = part_of(progress, phases, len(phases) - 1)
                 return after_test(question, found, ready, RoundsOf(runs, rounds, key), steps)
             runs = wider

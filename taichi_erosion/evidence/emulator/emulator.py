@@ -40,10 +40,10 @@ from taichi_erosion.evidence.emulator.gaussian_process import (
     slices,
 )
 from taichi_erosion.evidence.models import simulator
+from taichi_erosion.evidence.models.predictor import LOG_SPAN, AxisScale
 from taichi_erosion.mechanisms.library import dose_position
 
 LEAST_RUNS = 4  # with a value; fewer make no emulator
-LOG_SPAN = 3.0  # a positive condition that spans more than this factor is taken by its logarithm
 SMOOTH = 0.1  # variance of smooth parts over that of the scatter below which a contrast of runs shows scatter
 Columns = Mapping[str, Floats]
 
@@ -58,26 +58,12 @@ def strength_position(strength: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class ConditionScale:
-    """Standardisation of a condition."""
-
-    centre: float
-    width: float
-    logarithmic: bool
-
-    def __call__(self, column: Floats) -> Floats:
-        """Standardised values; what is not stated lies in the middle."""
-        values = np.log(np.maximum(column, 1e-300)) if self.logarithmic else column
-        return np.nan_to_num((values - self.centre) / self.width)
-
-
-@dataclass(frozen=True)
 class EmulatorInputs:
     """Inputs of the emulators of one scene."""
 
     scene: StudyScene
     axes: tuple[Axis, ...]  # calibrated numbers that the scene accepts
-    scales: Mapping[str, ConditionScale]  # of conditions that vary, by dotted path
+    scales: Mapping[str, AxisScale]  # of conditions that vary, by dotted path
     candidates: tuple[Candidate, ...]
     mechanisms: tuple[str, ...] = ()  # whose doses are inputs, as far as there are runs with them
 
@@ -294,11 +280,9 @@ def emulator_scale(observable: Observable, values: Floats) -> Observable:
     return Observable(observable.name, "log")
 
 
-def condition_scales(
-    rows: Sequence[Mapping[str, float]], accepted: frozenset[str]
-) -> dict[str, ConditionScale]:
+def condition_scales(rows: Sequence[Mapping[str, float]], accepted: frozenset[str]) -> dict[str, AxisScale]:
     """Scales of the conditions that vary and that the scene accepts."""
-    found: dict[str, ConditionScale] = {}
+    found: dict[str, AxisScale] = {}
     seen: set[tuple[float, ...]] = set()
     for path in dict.fromkeys(path for row in rows for path in row):
         column = tuple(row.get(path, np.nan) for row in rows)
@@ -308,5 +292,7 @@ def condition_scales(
         seen.add(column)  # one column of a table may set several paths
         logarithmic = bool(values[0] > 0.0 and values[-1] > LOG_SPAN * values[0])
         values = np.log(values) if logarithmic else values
-        found[path] = ConditionScale(float(values.mean()), float(values.std()), logarithmic)
+        centre = float(values.mean())
+        middle = float(np.exp(centre)) if logarithmic else centre
+        found[path] = AxisScale(middle, centre, float(values.std()), logarithmic)
     return found

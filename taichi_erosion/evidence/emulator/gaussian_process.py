@@ -117,14 +117,18 @@ class GaussianProcess:
     def lack_of_fit(self, at: Points) -> Floats:
         """Lack of fit at the strengths of the inputs, as a standard deviation.
 
-            l^2 = max(0, sum_i w_i (e_i^2 - v_i) / (nu_0 + sum_i w_i)),    w_i = k(psi, psi_i; L_m)
+            l^2 = max(0, sum_i w_i (e_i^2 - v_i) / (nu_0 + sum_i w_i))
+            w_i = k(psi, psi_i; L_m) prod_k min(1, psi_k^2 / psi_ik^2)    over the effects k of run i
 
         with e_i the error of run i predicted from all others and v_i the variance it should have: errors
-        larger than that come from a shape that the kernels do not hold.
+        larger than that come from a shape that the kernels do not hold. That of an effect vanishes with it.
         """
         precision = np.diag(linalg.cho_solve((self.factor, True), np.eye(self.weights.size)))
         excess = self.width**2 * ((self.weights / precision) ** 2 - 1.0 / precision)
         weight = rbf_kernel(at.psi, self.training.psi, LENGTH_MISFIT)
+        for psi, own in zip(at.psi.T, self.training.psi.T, strict=True):
+            acts = own != 0.0
+            weight[:, acts] *= np.minimum((psi[:, np.newaxis] / own[acts]) ** 2, 1.0)
         return np.sqrt(np.maximum(weight @ excess / (RUNS_WITHOUT_MISFIT + weight.sum(axis=1)), 0.0))
 
     @property

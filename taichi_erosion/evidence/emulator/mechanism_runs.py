@@ -11,7 +11,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Mechanism
 from taichi_erosion.evidence.emulator import design
 from taichi_erosion.evidence.emulator.design import StudyScene, TrainingRun
-from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, room_left
+from taichi_erosion.evidence.emulator.training_runs import TrainingRuns
 from taichi_erosion.evidence.models.simulator import Simulator
 from taichi_erosion.mechanisms.library import dose_range, load_mechanisms, physical_mechanisms
 from taichi_erosion.simulation.scene_setup import effective_scene
@@ -60,8 +60,3 @@ def changes(scene: StudyScene, mechanism: Mechanism) -> bool:
         return effective_scene(changed, simulator.library) is not changed
     except BadInput:
         return False
-
-
-def fits_budget(wider: TrainingRuns) -> bool:
-    """Whether the cap of the study has room for the runs along doses."""
-    return room_left(wider) >= 0

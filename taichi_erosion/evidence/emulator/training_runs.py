@@ -294,7 +294,9 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
         except SimulationStopped as error:
             told = [fault.sentence for fault in faults if fault.blocks]
             raise SimulationStopped("; ".join([*told, str(error)])) from None
-    notes = (run_note(requests), *inactive_notes(training), *refused, *emulator_notes(emulators))
+    count = len({request.key for request in requests})
+    told = f"{count} runs train the emulator that answers."
+    notes = (told, *inactive_notes(training), *refused, *emulator_notes(emulators))
     return replace(
         study,
         problem=replace(
@@ -303,7 +305,7 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
             replicates=run_replicates(emulators),
         ),
         notes=(*study.notes, *notes),
-        simulations=len({request.key for request in requests}),
+        simulations=count,
         faults=(*study.faults, *faults),
     )
 
@@ -364,11 +366,6 @@ def emulated_problem(problem: Problem, emulator: Emulator) -> Problem:
 
     # an emulator costs nothing: its calibration need not be frugal
     return replace(problem, model=mapped, uncertainty=uncertainty, budget=Budget("full"))
-
-
-def run_note(requests: Sequence[RunRequest]) -> str:
-    """How many runs there were."""
-    return f"{len({request.key for request in requests})} runs train the emulator that answers."
 
 
 def inactive_notes(training: TrainingRuns) -> list[str]:

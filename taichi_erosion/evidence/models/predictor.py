@@ -210,12 +210,6 @@ def axis_scale(column: Floats) -> AxisScale | None:
     return replace(scale, centre=float(filled.mean()), width=float(filled.std()))
 
 
-def standard_axis(column: Floats) -> Floats | None:
-    """Standardised condition; None if it does not vary. Missing entries sit at the mean."""
-    scale = axis_scale(column)
-    return None if scale is None else scale(column)
-
-
 def pooled_noise(differences: Floats, observables: tuple[Integers, ...]) -> Floats:
     """Variance of the mean difference of paired runs (r, n), pooled over the rows of every observable."""
     count = differences.shape[0]
@@ -249,8 +243,8 @@ def spectrum(predictor: Predictor, rows: Integers) -> Spectrum:
     """The kernel over some rows, cached."""
     key = rows.tobytes()
     if key not in predictor.spectra:
-        axes = [standard_axis(column[rows]) for column in predictor.conditions.values()]
-        varied = [axis for axis in axes if axis is not None]
+        columns = [column[rows] for column in predictor.conditions.values()]
+        varied = [scale(column) for column in columns if (scale := axis_scale(column)) is not None]
         square = np.zeros((rows.size, rows.size))
         for axis in varied:
             square += ((axis[:, np.newaxis] - axis[np.newaxis, :]) / LENGTH) ** 2

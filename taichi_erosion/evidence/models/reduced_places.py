@@ -35,69 +35,29 @@ def log_factor(dose: float) -> float:
     return float(np.log(max(1.0 + dose, LEAST)))
 
 
-def contact_pull(dose: float, given: Numbers) -> Shift:
-    return Shift(threshold=0.5 * log_factor(dose), repose=9.0 * dose / (1.0 + dose))
-
-
-def sliding_friction(dose: float, given: Numbers) -> Shift:
-    mu = given["friction_sliding"]
-    angle = np.degrees(np.arctan(mu * (1.0 + dose)) - np.arctan(mu))
-    return Shift(threshold=0.25 * log_factor(dose), repose=angle)
-
-
-def rolling_friction(dose: float, given: Numbers) -> Shift:
-    angle = reduced.DEGREES_PER_ROLLING * given["friction_rolling"] * dose
-    return Shift(threshold=0.125 * log_factor(dose), repose=angle)
-
-
-def restitution(dose: float, given: Numbers) -> Shift:
-    return Shift(flux=0.5 * log_factor(dose), repose=-2.0 * dose)
-
-
-def grain_weight(dose: float, given: Numbers) -> Shift:
-    return Shift(threshold=0.5 * log_factor(dose))
-
-
-def drag(dose: float, given: Numbers) -> Shift:
-    return Shift(threshold=-0.5 * log_factor(dose), flux=0.5 * log_factor(dose))
-
-
-def lift(dose: float, given: Numbers) -> Shift:
-    return Shift(threshold=-0.5 * log_factor(0.3 * dose))
-
-
-def vertical_force(dose: float, given: Numbers) -> Shift:
-    return Shift(threshold=0.5 * log_factor(-dose), repose=-3.0 * dose)
-
-
-def bed_stress(dose: float, given: Numbers) -> Shift:
-    return Shift(threshold=-0.5 * log_factor(dose), flux=1.5 * log_factor(dose))
-
-
-def gustiness(dose: float, given: Numbers) -> Shift:
-    return Shift(threshold=-log_factor(2.0 * dose), flux=np.log1p(3.0 * dose**2))
-
-
-def wall_sliding_friction(dose: float, given: Numbers) -> Shift:
-    return Shift(repose=4.0 * dose)
-
-
 PLACES: dict[str, Place] = {
-    place.__name__: place
-    for place in (
-        contact_pull,
-        sliding_friction,
-        rolling_friction,
-        restitution,
-        grain_weight,
-        drag,
-        lift,
-        vertical_force,
-        bed_stress,
-        gustiness,
-        wall_sliding_friction,
-    )
+    "contact_pull": lambda dose, _: Shift(threshold=0.5 * log_factor(dose), repose=9.0 * dose / (1.0 + dose)),
+    "sliding_friction": lambda dose, given: Shift(
+        threshold=0.25 * log_factor(dose), repose=angle_gained(given["friction_sliding"], dose)
+    ),
+    "rolling_friction": lambda dose, given: Shift(
+        threshold=0.125 * log_factor(dose),
+        repose=reduced.DEGREES_PER_ROLLING * given["friction_rolling"] * dose,
+    ),
+    "restitution": lambda dose, _: Shift(flux=0.5 * log_factor(dose), repose=-2.0 * dose),
+    "grain_weight": lambda dose, _: Shift(threshold=0.5 * log_factor(dose)),
+    "drag": lambda dose, _: Shift(threshold=-0.5 * log_factor(dose), flux=0.5 * log_factor(dose)),
+    "lift": lambda dose, _: Shift(threshold=-0.5 * log_factor(0.3 * dose)),
+    "vertical_force": lambda dose, _: Shift(threshold=0.5 * log_factor(-dose), repose=-3.0 * dose),
+    "bed_stress": lambda dose, _: Shift(threshold=-0.5 * log_factor(dose), flux=1.5 * log_factor(dose)),
+    "gustiness": lambda dose, _: Shift(threshold=-log_factor(2.0 * dose), flux=np.log1p(3.0 * dose**2)),
+    "wall_sliding_friction": lambda dose, _: Shift(repose=4.0 * dose),
 }
+
+
+def angle_gained(friction: float, dose: float) -> float:
+    """Angle of friction gained by a dose [deg]."""
+    return float(np.degrees(np.arctan(friction * (1.0 + dose)) - np.arctan(friction)))
 
 
 def predict(

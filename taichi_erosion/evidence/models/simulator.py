@@ -108,12 +108,9 @@ class Simulator:
             for path, value in {**kept, **parameters}.items()
             if path in measure.accepted_paths and parameter_matters(path, present)
         }
-        entries = numbers | {f"effects.{name}.{self.size_of(name)}": psi for name, psi in acting.items()}
+        sizes = {name: DOSE if name in self.mechanisms else STRENGTH for name in acting}
+        entries = numbers | {f"effects.{name}.{sizes[name]}": psi for name, psi in acting.items()}
         return tuple(f"{path}={float(value)!r}" for path, value in entries.items())
-
-    def size_of(self, name: str) -> str:
-        """Entry of an effect that says how much of it acts."""
-        return DOSE if name in self.mechanisms else STRENGTH
 
     def with_mechanisms(self, names: Sequence[str]) -> "Simulator":
         """The same with some mechanisms in its library; the ledger is shared."""

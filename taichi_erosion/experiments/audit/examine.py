@@ -1,23 +1,19 @@
 """The audit of one table: its design, the fitted model, printed numbers and conclusions against both.
 
-Compared are sums of squares, tests, figures of merit and coefficients; then coding, optimum, target, and
-runs at the same point. The coding -1, 0, +1 of a table can be read in two ways, factor by factor. The
-published optimum decides: in one of them the surface has its best point where the study says so, in the
-other at the mirror image.
+Compared are sums of squares, tests, figures of merit and coefficients; then the target, which the fitted
+surface may not reach.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from math import sqrt
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.experiments.anova import anova, curvature, replicate_error
+from taichi_erosion.experiments.anova import anova, curvature
 from taichi_erosion.experiments.audit.published import (
     Claims,
     Columns,
@@ -25,17 +21,14 @@ from taichi_erosion.experiments.audit.published import (
     Kind,
     Printed,
     PublishedTable,
-    TestClaim,
     claims_of,
-    column_numbers,
     parse_printed,
     read_columns,
     read_published,
 )
 from taichi_erosion.experiments.audit.structure import Cell, Structure, examine_structure, structure_findings
-from taichi_erosion.experiments.confirm import Sample, confirm
 from taichi_erosion.experiments.fit import Fit, coded_polynomial, coefficient_table, fit_model, quality
-from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
+from taichi_erosion.experiments.optimise import Goal, optimise
 from taichi_erosion.experiments.terms import Order, Term, interaction_terms, model_terms, term_name
 
 HEADINGS = {
@@ -54,10 +47,6 @@ SOURCES = {
 }
 SHARE_TO_SWAP = 0.8  # of a column's numbers that agree with another quantity where its heading is wrong [1]
 SIGNIFICANT = 0.05  # p value of a lack of fit [1]
-SAME_PLACE = 1e-6  # coded levels closer than this are one point [1]
-UNLIKELY = 0.01  # two-sided p value from which two results of one point cannot both be right [1]
-LEVEL = "level"  # first column of a table of levels
-ERROR = "relative_error"  # column of 100 |y - target| / target [%]
 
 
 @dataclass(frozen=True)
@@ -102,7 +91,7 @@ def audit(path: Path, response: str | None = None, claims_file: Path | None = No
     else:
         comparisons, said = compare(claims, folder, fit)
         findings = [*found.findings, *said, *number_findings(comparisons), *fit_findings(fit, comparisons)]
-        findings += [*surface_findings(claims, folder, fit), *test_findings(claims.t_test)]
+        findings += target_findings(claims.target, fit) if claims.target else ()
         agree = sum(comparison.agrees for comparison in compare(claims, folder, as_printed)[0])
         found = replace(found, fit=fit, comparisons=tuple(comparisons), agree_as_printed=agree)
     return replace(found, findings=tuple(replace(f, table=f.table or path.name) for f in findings))
@@ -166,7 +155,7 @@ def compare_anova(path: Path, fit: Fit) -> tuple[list[Comparison], list[Finding]
         for heading, (_, meant) in quantities.items()
         if meant and (cell := parse_printed(columns[heading][place])) is not None
     ]
-    return comparisons, [*findings, *broken_sums(comparisons, path)]
+    return comparisons, findings
 
 
 def quantity_of(
@@ -183,21 +172,6 @@ def quantity_of(
     best = max(shares, key=lambda quantity: shares[quantity])
     better = shares[best] >= SHARE_TO_SWAP and shares[best] > shares.get(said, 0.0)
     return said, best if better else said
-
-
-def broken_sums(comparisons: Sequence[Comparison], path: Path) -> Iterator[Finding]:
-    """Printed lack of fit and pure error that do not add up to the printed residual."""
-    sums = {c.source: c.printed for c in comparisons if c.quantity == "sum_of_squares"}
-    parts = [sums.get(name) for name in ("Residual", "Lack of fit", "Pure error")]
-    residual, lack, pure = parts
-    if residual is None or lack is None or pure is None:
-        return
-    rounding = 0.5 * (residual.last_digit + lack.last_digit + pure.last_digit)
-    total = lack.value + pure.value
-    if abs(total - residual.value) > rounding:
-        sentence = f"{path.name}: lack of fit {lack.text} and pure error {pure.text} add up to {total:.4g}, "
-        sentence += f"the residual is printed {residual.text}"
-        yield Finding("sum", sentence, path.name, "Lack of fit", printed=lack.text, found=total)
 
 
 def number_findings(comparisons: Sequence[Comparison]) -> Iterator[Finding]:
@@ -230,138 +204,12 @@ def fit_findings(fit: Fit, comparisons: Sequence[Comparison]) -> Iterator[Findin
     yield Finding("curvature", sentence, found=found.sum_of_squares)
 
 
-def surface_findings(claims: Claims, folder: Path, fit: Fit) -> Iterator[Finding]:
-    """Findings on target, optimum, coding and other tables; natural value = centre + step * coded."""
-    best = None
-    if claims.target is not None:
-        best = optimise([fit], [Goal(fit.response, "target", claims.target.value)])
-        for sentence in best.sentences:
-            yield Finding("target", sentence, found=nearest(best, fit))
-    if claims.levels is None:
-        return
-    path = folder / claims.levels
-    columns = read_columns(path)
-    levels = np.column_stack([column_numbers(columns, f.path, path) for f in fit.factors])
-    step, centre = np.polyfit(column_numbers(columns, LEVEL, path), levels, 1)
-    if best is not None and claims.optimum:
-        right = step * turns(centre, step, claims.optimum, best, fit)
-        yield from coding_findings(path.name, centre, step, right, claims.optimum, fit)
-        yield optimum_finding(centre, right, claims.optimum, best, fit)
-        step = right
-    for other in claims.others:
-        yield from same_point_findings(folder / other, centre, step, fit)
-        yield from relative_errors(folder / other, claims.target, fit)
-
-
-def nearest(best: Optimisation, fit: Fit) -> float:
-    """What the surface predicts at its best point."""
-    return best.optima[0].predictions[fit.response].value
-
-
-def turns(
-    centre: Floats, step: Floats, optimum: Mapping[str, Printed], best: Optimisation, fit: Fit
-) -> Floats:
-    """-1 for every factor whose published optimum fits the opposite coding, 1 for the others.
-
-    Only a single best point decides: where the target is met along a line, nothing is decided.
-    """
-    found, away = np.ones(len(step)), step * best.optima[0].coded
-    for k, factor in enumerate(fit.factors):
-        cell = optimum.get(factor.path)
-        if cell is not None and not best.met:
-            off, mirrored = abs(centre[k] + away[k] - cell.value), abs(centre[k] - away[k] - cell.value)
-            found[k] = -1.0 if mirrored + 0.5 * cell.last_digit < off else 1.0
-    return found
-
-
-def coding_findings(
-    table: str, centre: Floats, step: Floats, right: Floats, optimum: Mapping[str, Printed], fit: Fit
-) -> Iterator[Finding]:
-    """A sentence for every factor whose levels are printed the wrong way round."""
-    place = np.array([optimum[f.path].value if f.path in optimum else np.nan for f in fit.factors])
-    said, meant = (float(fit.predict((place - centre)[None, :] / each)[0]) for each in (step, right))
-    for k in np.flatnonzero(right != step):
-        name, low, high = fit.factors[k].path, centre[k] - step[k], centre[k] + step[k]
-        sentence = (
-            f"{table}: {name} is printed -1 = {low:g}, +1 = {high:g}; the published optimum needs it "
-            f"reversed (there the surface gives {meant:.4g}, in the printed coding {said:.4g})"
-        )
-        yield Finding("coding", sentence, table, name, found=meant)
-
-
-def optimum_finding(
-    centre: Floats, step: Floats, optimum: Mapping[str, Printed], best: Optimisation, fit: Fit
-) -> Finding:
-    """The published optimum beside the recomputed one."""
-    found, value = centre + step * best.optima[0].coded, nearest(best, fit)
-    said = ", ".join(f"{f.path} = {optimum[f.path].text}" for f in fit.factors if f.path in optimum)
-    ours = ", ".join(f"{f.path} = {level:.5g}" for f, level in zip(fit.factors, found, strict=True))
-    sentence = f"published {said}; recomputed {ours} with {fit.response} = {value:.4g}"
-    return Finding("optimum", sentence, printed=said, found=value)
-
-
-def same_point_findings(path: Path, centre: Floats, step: Floats, fit: Fit) -> Iterator[Finding]:
-    """Runs of another table that contradict this one: at a point of the design, or inside it."""
-    columns = read_columns(path)
-    natural = np.column_stack([column_numbers(columns, f.path, path) for f in fit.factors])
-    values = column_numbers(columns, fit.response, path)
-    for row, (point, value) in enumerate(zip((natural - centre) / step, values, strict=True)):
-        place = ", ".join(f"{f.path} = {v:g}" for f, v in zip(fit.factors, natural[row], strict=True))
-        if (finding := contradiction(fit, point, float(value))) is not None:
-            kind, here, p = finding
-            sentence = f"{place} gives {value:g} in {path.name} (row {row + 1}) and {here} (p = {p:.1g})"
-            yield Finding(kind, sentence, path.name, row=row + 1, printed=f"{value:g}", found=p)
-
-
-def contradiction(fit: Fit, point: Floats, value: float) -> tuple[Kind, str, float] | None:
-    """Value of this table at the point of another's run, and the p value, where the two contradict."""
-    same = np.all(np.abs(fit.coded - point) < SAME_PLACE, axis=1)
-    kind: Kind = "same point" if same.any() else "prediction"
-    if same.any():
-        pure, here = replicate_error(fit), float(fit.values[same].mean())
-        variance, df = pure.mean_square * (1.0 + 1.0 / same.sum()), pure.df
-        words = f"{', '.join(f'{v:.2f}' for v in fit.values[same])} here, mean {here:.2f}"
-    elif np.all(np.abs(point) <= 1.0 + SAME_PLACE):
-        here, df = float(fit.predict(point[None, :])[0]), fit.df_error
-        variance = fit.ms_error * (1.0 + float(fit.leverage(point[None, :])[0]))
-        words = f"{here:.2f} by the surface fitted here"
-    else:
-        return None
-    if not variance > 0.0:
-        return None
-    p = 2.0 * float(stats.t.sf(abs(value - here) / sqrt(variance), df))
-    return (kind, words, p) if p < UNLIKELY else None
-
-
-def relative_errors(path: Path, target: Printed | None, fit: Fit) -> Iterator[Finding]:
-    """Printed relative errors of another table's runs against the target."""
-    columns = read_columns(path)
-    if target is None or ERROR not in columns:
-        return
-    values = column_numbers(columns, fit.response, path)
-    for row, (text, value) in enumerate(zip(columns[ERROR], values, strict=True), start=1):
-        found, printed = 100.0 * abs(float(value) - target.value) / target.value, parse_printed(text)
-        if printed is not None and not printed.agrees(found):
-            sentence = f"{path.name}: row {row}, relative error is printed {text}; the run gives {found:.4g}"
-            sentence += ", cut off instead of rounded" if printed.cut_off(found) else ""
-            yield Finding("number", sentence, path.name, ERROR, row, text, found)
-
-
-def test_findings(claim: TestClaim | None) -> Iterator[Finding]:
-    """The printed p value of the confirmation runs against both t-tests."""
-    if claim is None:
-        return
-    mean, sd, runs = claim.mean.value, claim.sd.value, [run.value for run in claim.runs]
-    welch = confirm(runs, Sample(mean, sd, claim.n))
-    pooled = stats.ttest_ind_from_stats(welch.runs.mean, welch.runs.sd, len(runs), mean, sd, claim.n)
-    student = float(pooled.pvalue)
-    if not (claim.p.agrees(welch.p) or claim.p.agrees(student)):
-        sentence = (
-            f"t-test: p is printed {claim.p.text}; Student's test gives {student:.4g}, Welch's "
-            f"{welch.p:.4g}; {len(runs)} runs notice a difference of {welch.resolve:.3g} with a power of "
-            f"{welch.power:.2f}"
-        )
-        yield Finding("number", sentence, printed=claim.p.text, found=welch.p)
+def target_findings(target: Printed, fit: Fit) -> Iterator[Finding]:
+    """What the fitted surface says of the study's target."""
+    best = optimise([fit], [Goal(fit.response, target.value)])
+    nearest = best.optima[0].predictions[fit.response].value
+    for sentence in best.sentences:
+        yield Finding("target", sentence, found=nearest)
 
 
 def as_document(result: Audit) -> dict[str, Any]:

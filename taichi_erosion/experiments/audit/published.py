@@ -2,13 +2,9 @@
 
 model = "quadratic"            # linear | interactions | quadratic; guessed from the levels if left out
 anova = "table_9.csv"          # printed analysis of variance
-levels = "table_7.csv"         # printed coding: column `level`, then one for every factor
-others = ["table_6.csv"]       # other tables of the same response, in natural units
 target = 33.52                 # target of the study
 [equation]                     # printed coefficients in coded units, by term; "1" is the constant
 [quality]                      # printed r2, r2_adjusted, r2_predicted, cv, adequate_precision
-[optimum]                      # printed best setting in natural units, by factor
-[t_test]                       # runs = [...], mean, sd, n of the measurement, and the printed p
 
 Numbers are kept as printed: the last digit says how exact they are. In the table, the columns of numbers
 before the response are the factors, but for one that counts the runs and for those that hold results. What
@@ -42,14 +38,9 @@ Kind = Literal[
     "lack of fit",  # the model misses the means of its points
     "curvature",  # the centre lies off the plane
     "number",  # a printed number that the table does not give
-    "sum",  # printed parts that do not add up
     "heading",  # a column that holds something else
     "sign",  # a coefficient of the opposite sign
-    "coding",  # levels whose order is reversed
     "target",  # not reached by the fitted surface
-    "optimum",  # the published optimum against the recomputed one
-    "same point",  # one point, two results
-    "prediction",  # a run that the fitted surface contradicts
     "setting",  # something that cannot be examined
 ]
 
@@ -88,10 +79,6 @@ class Printed:
             return found < self.value if self.bound == "<" else found > self.value
         return abs(found - self.value) <= HALF * self.last_digit + 1e-12 * abs(self.value)
 
-    def cut_off(self, found: float) -> bool:
-        """Whether the found number would be printed like this if its further digits were cut off."""
-        return 0.0 <= abs(found) - abs(self.value) < self.last_digit and found * self.value >= 0.0
-
 
 def parse_printed(text: str) -> Printed | None:
     """The number of a cell, stars of significance apart; None for anything else."""
@@ -112,33 +99,17 @@ def as_printed(value: Any) -> Printed:
 
 
 Number = Annotated[Printed, BeforeValidator(as_printed)]
-CLOSED = ConfigDict(frozen=True, extra="forbid")
-
-
-class TestClaim(BaseModel):
-    """Confirmation runs against a measurement, and the p value that is printed for them."""
-
-    model_config = CLOSED
-    runs: tuple[Number, ...]
-    mean: Number
-    sd: Number
-    n: int
-    p: Number
 
 
 class Claims(BaseModel):
     """What is printed about one table; files are beside it."""
 
-    model_config = CLOSED
+    model_config = ConfigDict(frozen=True, extra="forbid")
     model: Order | None = None
     anova: str | None = None
-    levels: str | None = None
-    others: tuple[str, ...] = ()
     target: Number | None = None
     equation: dict[str, Number] = {}
     quality: dict[str, Number] = {}
-    optimum: dict[str, Number] = {}
-    t_test: TestClaim | None = None
 
 
 def claims_of(table: Path, file: Path | None = None) -> tuple[Claims, Path]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from doe.common.tables import read_table
-from doe.effects.answers import Answer, pocket_cases, write_answers
+from doe.effects.answers import Answer, pocket_cases
 from doe.effects.page import Saying, judged
 from doe.effects.pocket import Pocket, expected_threshold, measured_thresholds
 from taichi_erosion.effects import load_library
@@ -50,14 +50,6 @@ def test_every_effect_of_the_library_has_a_sentence_to_be_held_to():
     assert {saying.effect for saying in read_table(TABLES / "literature.csv", Saying)} == set(load_library())
 
 
-def test_a_table_of_answers_is_read_as_it_was_written_and_a_group_is_replaced(tmp_path):
-    table = tmp_path / "answers.csv"
-    write_answers(table, [ANSWER, replace(ANSWER, place=0.2)])
-    write_answers(table, [replace(ANSWER, value=1.6)])
-    (row,) = read_table(table, Answer)
-    assert (row.effect, row.value, row.n) == ("dry_adhesion", 1.6, 1)
-
-
 @pytest.mark.parametrize(
     ("answer", "saying", "kept"),
     [
@@ -83,33 +75,6 @@ def test_an_answer_is_judged_by_way_by_nearness_and_by_law(answer, saying, kept)
 def test_a_shift_within_two_standard_errors_is_not_told(shift, sign, kept):
     saying = replace(SAYING, table="shifts", quantity="pile_height", sign=sign)
     assert judged(saying, [], [SHIFT | {"shift": shift}], []).kept == kept
-
-
-FLOWS = {"effect": "bed_slope", "label": "", "observable": "sliding_angle", "bare": "45.0"}
-
-
-@pytest.mark.parametrize(
-    ("effect", "place", "shift", "error", "kept"),
-    [
-        ("grain_density", 2650.0 * 4.0, "0.4", "0.05", "yes"),  # the law says twice the bare 0.5
-        ("grain_density", 2650.0 * 4.0, "0.4", "0.01", "in sign"),
-        ("grain_density", 2650.0 * 4.0, "0.05", "0.03", "not significant"),
-        ("grain_density", 2650.0 * 4.0, "-0.1", "0.01", "no"),
-        ("grain_density", 2650.0 * 4.0, "nan", "nan", "open"),
-        (
-            "bed_slope",
-            90.0,
-            "0.0",
-            "0.01",
-            "not significant",
-        ),  # at 45 deg friction, 90 deg hold as much as none
-    ],
-)
-def test_a_small_bed_is_judged_by_a_law_within_its_error(effect, place, shift, error, kept):
-    saying = replace(SAYING, effect=effect, table="beds", quantity="fluid_threshold", place=place)
-    row = SHIFT | {"effect": effect, "observable": "fluid_threshold", "unit": "m s-1"}
-    beds = [row | {"shift": shift, "standard_error": error}, FLOWS]
-    assert judged(saying, [], [], beds).kept == kept
 
 
 @pytest.mark.slow

@@ -22,13 +22,3 @@ def test_rows_that_cannot_change_have_the_values_of_rows_that_can():
     assert np.array_equal(value(model, fixed), expected), "kept rows"
     assert len(model.states) == 1
     assert not np.array_equal(value(model, fixed, 2.0), expected)
-
-
-def test_other_rows_of_the_same_condition_are_not_mixed_up():
-    model = CaseModel(1.0, 0.3, {})
-    one, other = np.array([1e-4, 2e-4]), np.array([3e-4, 4e-4])
-    for column in (one, other):
-        column.setflags(write=False)
-    first = value(model, one)
-    assert not np.array_equal(value(model, other), first)
-    assert np.array_equal(value(model, one), first)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from doe.trials.reduced.disturbed import DisturbedTruth, bent_condition, measured, true_mean
+from doe.trials.reduced.disturbed import DisturbedTruth, measured, true_mean
 from doe.trials.reduced.laboratory import NOISE
 from taichi_erosion.evidence.data.problem import Floats, Measurements
 
@@ -59,15 +59,3 @@ def test_the_second_source_is_off_and_has_the_coarse_half():
         second = np.array(table.source) == "laboratory B"
         assert abs(abs(error[second].mean() - error[~second].mean()) - 30.0) < 3.0
         assert table.conditions["diameter"][second].min() >= table.conditions["diameter"][~second].max()
-
-
-def test_one_or_two_rows_are_outliers():
-    counts = [
-        int(np.sum(np.abs(e) > 5.0)) for _, e in tables(replace(PLAIN, disturbance="outlier", size=12.0), 40)
-    ]
-    assert set(counts) == {1, 2}
-
-
-def test_a_bent_condition_keeps_the_ends_of_its_range():
-    column = np.array([0.0, 0.005, 0.02])
-    assert bent_condition("moisture", column, 2.0) == pytest.approx([0.0, 0.00125, 0.02])

@@ -6,17 +6,7 @@ from math import pi
 
 import pytest
 
-from doe.trials.heaps import (
-    OTHER_LAWS,
-    OUTSIDE,
-    ROLLING,
-    SAME_LAWS,
-    SCENE,
-    SLIDING,
-    orders,
-    study_text,
-    surface_energy,
-)
+from doe.trials.heaps import OTHER_LAWS, SAME_LAWS, SCENE, orders, surface_energy
 from doe.trials.lammps import DRAWN
 from taichi_erosion.grains.laws import jkr
 from taichi_erosion.run.checks import read_scene
@@ -58,20 +48,3 @@ def test_the_pull_of_jkr_is_the_stated_share_of_a_weight():
     pull = 3.0 * pi * surface_energy(share, diameter) * diameter / 4.0
     assert pull == pytest.approx(share * weight, rel=1e-12)
     assert "3 pi gamma R*" in (jkr.__doc__ or "")
-
-
-def test_what_no_candidate_describes_changes_a_number_along_a_condition():
-    case = {"number": 0, "effects": {}, "outside": OUTSIDE[0], "settings": ()}
-    case["numbers"] = {SLIDING: 0.5, ROLLING: 0.1}
-    told = [orders(case, 1.5e-3, 0.0, a) for a in (0.0, 1.0)]
-    assert [f"{SLIDING}={value}" in each for value, each in zip((0.5, 0.9), told, strict=True)] == [
-        True,
-        True,
-    ]
-
-
-def test_a_study_names_no_strength_and_no_seed():
-    text = study_text(7)
-    assert "case_00007.csv" in text
-    assert "seed" not in text
-    assert "strength" not in text

@@ -31,22 +31,6 @@ def test_the_impact_threshold_is_the_calibrated_share_of_the_fluid_threshold():
     assert asked("impact_threshold_u_star", at, given, dry_cohesion=1.0) == pytest.approx(0.8 * fluid)
 
 
-def test_a_height_is_the_same_everywhere_until_something_acts():
-    at = {"u_star": [0.3, 0.6], "diameter": [2e-4, np.nan]}
-    given = {"layer_height": 0.05}
-    assert asked("layer_height", at, given) == pytest.approx([0.05, 0.05])
-    grown = asked("layer_height", at, given, growth_with_wind=1.0)
-    assert grown[1] / grown[0] == pytest.approx(4.0)
-    # unknown grains are those of usual size
-    assert asked("layer_height", at, given, growth_with_grains=1.0) == pytest.approx([0.025, 0.05])
-
-
-def test_the_threshold_wind_falls_from_the_fluid_to_the_impact_threshold():
-    at = {"activity": [0.0, 1.0], "stability": [0.0, 0.0]}
-    found = asked("threshold_wind_speed", at, {"threshold_wind": 6.0}, impact_entrainment=1.0)
-    assert found == pytest.approx([6.0, 6.0 * models.THRESHOLD_RATIO])
-
-
 def test_unstable_air_has_a_slower_wind_at_the_same_stress_and_neutral_air_has_not():
     at = {"activity": [0.0, 0.0], "stability": [0.0, -0.1]}
     neutral, unstable = asked("threshold_wind_speed", at, {"threshold_wind": 6.0}, unstable_air=1.0)
@@ -64,10 +48,3 @@ def test_the_traps_of_a_whole_profile_hold_the_whole_flux(effects):
     at = {"trap_bottom": edges[:-1].tolist(), "trap_top": edges[1:].tolist()}
     density = asked("flux_density_share", at, {"layer_height": 0.08}, **effects)
     assert np.sum(density * np.diff(edges)) == pytest.approx(1.0, abs=1e-6)
-
-
-def test_many_heights_tend_to_the_exponential():
-    at = {"trap_bottom": [0.0, 0.1], "trap_top": [0.05, 0.2]}
-    bare = asked("flux_density_share", at, {"layer_height": 0.08})
-    nearly = asked("flux_density_share", at, {"layer_height": 0.08}, many_heights=1e-6)
-    assert nearly == pytest.approx(bare, rel=1e-5)

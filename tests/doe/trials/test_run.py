@@ -7,7 +7,7 @@ from dataclasses import asdict
 import pytest
 
 from doe.trials.reduced import beyond
-from doe.trials.reduced.families import FAMILIES, MIX
+from doe.trials.reduced.families import FAMILIES
 from doe.trials.run import SealedSet, answered_again, committed, opened, plain, rows, seal
 from doe.trials.table import add_rows, read_rows, table_of, write_rows
 from taichi_erosion.core.files import write_atomic
@@ -64,12 +64,6 @@ def test_a_case_is_answered_again_and_one_that_is_drawn_otherwise_is_not():
     assert {"verdict", "named", "strengths", "parameters", "vault", "settings"} <= set(found["answer"])
     with pytest.raises(ValueError, match="drawn otherwise"):
         answered_again("beyond", row | {"truth": row["truth"] | {"name": "another"}}, "m")
-
-
-def test_every_family_of_the_mix_is_drawn_in_turn():
-    drawn = [FAMILIES["reduced"](7, number).truth for number in range(len(MIX))]
-    assert tuple(truth["family"] for truth in drawn) == MIX
-    assert len(drawn[MIX.index("several")]["effects"]) > 1
 
 
 def test_a_seal_that_is_not_in_the_history_is_seen():

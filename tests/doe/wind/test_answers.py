@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from doe.wind.blown_sand import STRESS_LINE, found_in
-from doe.wind.saturated_sand import saturated_thresholds
+from doe.common.cases import by_case, read_rows
+from doe.wind.saturated_sand import STRESS_LINE, saturated_thresholds
 
 ROOT = Path(__file__).parents[3]
 FINE = 1e-4  # m, simulated without and with adhesion
@@ -28,7 +28,7 @@ def answers():
 @pytest.fixture(scope="module")
 def simulated():
     """Thresholds of the table [m s-1] by group and label."""
-    thresholds = saturated_thresholds(found_in(ROOT / "doe" / "wind" / "saturated.csv"))
+    thresholds = saturated_thresholds(by_case(read_rows(ROOT / "doe" / "wind" / "saturated.csv")))
     return {name: case[STRESS_LINE].value for name, case in thresholds.items()}
 
 

@@ -43,11 +43,3 @@ def test_an_open_threshold_leaves_the_exponent_open():
     assert sharp is not None
     assert vague is not None
     assert vague.error > 1.2 * sharp.error
-
-
-def test_winds_below_the_threshold_or_without_flux_do_not_count():
-    wind, carried = np.append(WINDS, [0.1, 0.7]), np.append(flux(LINEAR), [1e-3, np.nan])
-    found = flux_power(wind, carried, SHARP)
-    assert found is not None
-    assert found.freedom == WINDS.size - 2
-    assert flux_power(WINDS[:3], flux(LINEAR)[:3], SHARP) is None

@@ -1,12 +1,11 @@
 """How steady winds over one sand become one threshold."""
 
-from math import isnan, nan, sqrt
+from math import nan, sqrt
 
 import pytest
 
-from doe.common.cases import Row
-from doe.wind.blown_sand import AIR, STRESS_LINE, Found, by_case
-from doe.wind.saturated_sand import saturated_table, saturated_thresholds, together
+from doe.common.cases import Found, Row, by_case
+from doe.wind.saturated_sand import AIR, STRESS_LINE, saturated_thresholds
 
 THRESHOLD = 0.2  # m s-1
 WINDS = (0.3, 0.4, 0.5, 0.6)  # m s-1
@@ -39,31 +38,3 @@ def test_what_scatters_about_the_line_is_its_error():
     # 0.01 Pa more or less is a tenth of u_t there, of which four winds leave some
     assert 0.1 * 0.5 * 0.01 / (AIR * THRESHOLD) < rough.standard_error < 0.01 / (AIR * THRESHOLD)
     assert rough.standard_error == pytest.approx(rough.sd / sqrt(len(WINDS)))
-
-
-def test_winds_without_grains_in_the_air_have_no_threshold():
-    cases = blown()
-    for case in cases.values():
-        case["grain_stress"] = row("impact", "", "grain_stress", nan)
-    assert saturated_thresholds(cases) == {}
-    assert saturated_table(cases) == "Not simulated yet.\n"
-
-
-def test_sands_keep_apart():
-    thresholds = saturated_thresholds(blown() | blown("adhesion") | blown(sand="0.5"))
-    assert set(thresholds) == {("impact", "0.25"), ("adhesion", "0.25"), ("impact", "0.5")}
-    lines = saturated_table(blown() | blown("adhesion")).splitlines()
-    assert len(lines) == 2 + 2 * len(WINDS)
-    assert sum("adhesion" in line for line in lines) == len(WINDS)
-    # as much as the air of the threshold: all of the stress of the wind, 1 of that of the threshold
-    assert all(line.endswith("| 1.00 | 1 |") for line in lines[2:])
-
-
-def test_readings_of_one_sand_come_together():
-    one = by_case(
-        [row("impact", "0.25", "impact_threshold", 0.18), row("impact", "1", "impact_threshold", 0.3)]
-    )
-    both = together(one, saturated_thresholds(blown()))
-    assert set(both["impact", "0.25"]) == {"impact_threshold", STRESS_LINE}
-    assert set(both["impact", "1"]) == {"impact_threshold"}
-    assert not isnan(both["impact", "0.25"][STRESS_LINE].value)

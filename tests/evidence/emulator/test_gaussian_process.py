@@ -63,17 +63,6 @@ def test_a_surface_is_far_surer_than_a_run_and_says_how_sure(surface, effect):
     assert 0.3 < np.sqrt(np.mean((off / sd) ** 2)) < 1.7
 
 
-def test_the_scatter_of_runs_is_found(surface):
-    # 100 runs less some twenty numbers that they determine: 1 / sqrt(2 * 80) = 8 %; three times that
-    assert surface.width * surface.amplitude[-1] == pytest.approx(SCATTER, rel=0.25)
-
-
-def test_strength_zero_is_the_bare_model_whatever_the_condition_that_only_an_effect_reads(surface):
-    bare = drawn(np.random.default_rng(5), 20, None)
-    other = Points(bare.x, bare.c * np.array([1.0, -3.0]), bare.psi)
-    assert np.array_equal(surface.mean(bare), surface.mean(other))
-
-
 def test_a_number_of_an_effect_moves_nothing_without_it_and_is_learnt_with_it():
     own = replace(READS, bare_numbers=np.array([True, False]))
     generator = np.random.default_rng(9)
@@ -133,16 +122,6 @@ def test_a_curved_law_lies_within_the_stated_sd_as_often_as_it_should():
     assert all(0.78 < share <= 1.0 for share in shares.values()), shares
 
 
-def test_what_a_surface_misses_widens_it_where_it_is_missed():
-    generator = np.random.default_rng(9)
-    known = joined(drawn(generator, 40, None), drawn(generator, 40, 0))
-    jumps = np.where(known.psi[:, 0] > 0.0, generator.choice([-1.0, 1.0], 80), 0.0)  # no smooth law at all
-    surface = fit_gaussian_process(known, law(known) + jumps + 0.05 * generator.standard_normal(80), READS)
-    bare, acting = drawn(generator, 30, None), drawn(generator, 30, 0)
-    assert surface.lack_of_fit(acting).mean() > 3.0 * surface.lack_of_fit(bare).mean()
-    assert surface.lack_of_fit(acting).mean() > 0.2
-
-
 def test_an_effect_that_saturates_is_predicted_within_the_stated_errors():
     """The pull of necks at 1.5 mm: ln of the height rises by 0.54 up to strength 1, and hardly beyond."""
     random, tried = np.random.default_rng(11), 0.3 + 2.7 * (np.arange(18) / 17.0) ** 1.5
@@ -164,3 +143,19 @@ def test_an_effect_that_saturates_is_predicted_within_the_stated_errors():
         off.append((process.mean(along(asked)) - rise(asked)) / sd)
     # 48 errors, of which six hang together: on strengths themselves the mean square is above 2
     assert np.sqrt(np.mean(np.square(off))) < 1.4
+
+
+def test_strength_zero_is_the_bare_model_whatever_the_condition_that_only_an_effect_reads(surface):
+    bare = drawn(np.random.default_rng(5), 20, None)
+    other = Points(bare.x, bare.c * np.array([1.0, -3.0]), bare.psi)
+    assert np.array_equal(surface.mean(bare), surface.mean(other))
+
+
+def test_what_a_surface_misses_widens_it_where_it_is_missed():
+    generator = np.random.default_rng(9)
+    known = joined(drawn(generator, 40, None), drawn(generator, 40, 0))
+    jumps = np.where(known.psi[:, 0] > 0.0, generator.choice([-1.0, 1.0], 80), 0.0)  # no smooth law at all
+    surface = fit_gaussian_process(known, law(known) + jumps + 0.05 * generator.standard_normal(80), READS)
+    bare, acting = drawn(generator, 30, None), drawn(generator, 30, 0)
+    assert surface.lack_of_fit(acting).mean() > 3.0 * surface.lack_of_fit(bare).mean()
+    assert surface.lack_of_fit(acting).mean() > 0.2

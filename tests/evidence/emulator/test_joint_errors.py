@@ -53,12 +53,6 @@ def test_observables_that_move_alike_have_errors_that_hang_together(joint):
     assert abs(found[1, 3]) > 0.2 * np.sqrt(found[1, 1] * found[3, 3])
 
 
-def test_each_observable_by_itself_is_as_sure_as_its_own_process(joint):
-    found = joint.covariance([(1, ASKED), (0, ASKED)])
-    for place, own in ((1, slice(0, 2)), (0, slice(2, 4))):
-        np.testing.assert_allclose(found[own, own], joint.processes[place].uncertainty(ASKED), atol=1e-10)
-
-
 def test_the_covariance_is_that_of_drawn_errors(joint):
     random, which = np.random.default_rng(8), np.repeat([0, 1], 2)
     of_runs = np.repeat([0, 1], [each.size for each in joint.known])

@@ -88,11 +88,6 @@ def test_a_heap_that_is_too_small_is_told_before_any_effect(ask):
     assert found.answer().lines[0] == "No effect is named: what is said of the set-up comes first."
 
 
-def test_a_laboratory_with_as_small_a_heap_is_no_fault(ask):
-    found = ask("small", more="same_size = true")
-    assert not [fault for fault in found.about["faults"] if fault["kind"] == "too_small"]
-
-
 def test_runs_that_stop_are_told(ask):
     found = ask("stops", more="same_size = true")
     told = next(fault for fault in found.about["faults"] if fault["kind"] == "failed_runs")

@@ -54,14 +54,6 @@ def test_study_and_scenes_are_named_by_the_study_and_all_effects(tmp_path):
     assert read_scene(written[1], ()).contact["grain-grain"].friction_rolling == 0.2
 
 
-def test_two_studies_of_one_scene_keep_their_calibrated_scenes_apart(tmp_path):
-    first = write_adopted_files(study_in(tmp_path, "spring"), adoption("liquid_bridge"))
-    before = first[1].read_bytes()
-    second = write_adopted_files(study_in(tmp_path, "autumn"), adoption("liquid_bridge", friction=0.5))
-    assert first[1].read_bytes() == before
-    assert set(first).isdisjoint(second)
-
-
 def test_a_calibrated_scene_that_the_user_edited_is_not_replaced(tmp_path):
     study = study_in(tmp_path, "moist")
     _, scene = write_adopted_files(study, adoption("liquid_bridge"))

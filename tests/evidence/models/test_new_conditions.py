@@ -54,16 +54,6 @@ def test_every_bad_cell_is_told(study, tmp_path):
         read(study, tmp_path, "moisture,diameter [mm]\n")
 
 
-def test_a_unit_of_another_kind_is_refused(study, tmp_path):
-    with pytest.raises(BadInput, match="diameter is in s, in the table of the study in mm"):
-        read(study, tmp_path, "moisture,diameter [s]\n0.01,0.2\n")
-
-
-def test_the_conditions_are_finite(study, tmp_path):
-    found = read(study, tmp_path, "moisture [%],diameter [mm]\n0,0.2\n")
-    assert all(np.all(np.isfinite(column)) for column in found.conditions.values())
-
-
 def test_impossible_conditions_are_refused_with_the_ranges_of_a_new_study(study, tmp_path):
     with pytest.raises(BadInput, match=r"row 2, moisture = 600 % is 6 kg kg-1, outside \[0, 5\]"):
         read(study, tmp_path, "moisture [%],diameter [mm]\n600,0.2\n")

@@ -118,8 +118,3 @@ def test_a_model_function_is_read_through_an_instrument_of_ones_own(tmp_path):
     bare = angles(0.0)
     assert np.all(angles(1.0) != bare)
     assert angles(0.5) - bare == pytest.approx(0.5 * (angles(1.0) - bare))
-
-
-def test_a_model_function_takes_no_force(tmp_path):
-    with pytest.raises(BadInput, match=r"'constant_pull' of .*mine.py has place 'pair', which acts inside"):
-        load_study(*with_reading(tmp_path, PULL))

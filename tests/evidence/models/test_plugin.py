@@ -73,10 +73,6 @@ def test_errors_are_carried_to_the_scale_of_the_comparison(study):
     assert own_covariance(study("predict").problem) == pytest.approx(np.full((2, 2), SHARE**2))
 
 
-def test_a_model_that_says_nothing_is_what_it_says(study):
-    assert study("sure").problem.uncertainty is None
-
-
 def test_a_misfit_that_the_own_errors_of_a_model_can_be_is_none(study):
     # every row a tenth too high: one sd of the shared error, five of every laboratory
     sure, unsure = (summary(raced(study(name).problem, 1)) for name in ("sure", "predict"))
@@ -86,12 +82,6 @@ def test_a_misfit_that_the_own_errors_of_a_model_can_be_is_none(study):
     assert unsure.levels == ()
 
 
-def test_a_covariance_of_another_shape_is_told(study):
-    problem = study("short").problem
-    with pytest.raises(BadInput, match=r"short_covariance, threshold_u_star: returned shape \(3,\); \(2, 2"):
-        own_covariance(problem)
-
-
 def test_a_model_whose_file_has_changed_is_another_model(study, tmp_path):
     before = study("predict").model
     (tmp_path / "level.txt").write_text("0.4\n", encoding="utf-8")
@@ -99,10 +89,3 @@ def test_a_model_whose_file_has_changed_is_another_model(study, tmp_path):
     (tmp_path / "level.txt").unlink()
     with pytest.raises(BadInput, match=r"READS names .*level.txt: no such file"):
         study("predict")
-
-
-def test_the_file_of_a_model_is_named_once_before_it_runs(study, tmp_path, capsys):
-    study("predict")
-    study("sure")
-    told = capsys.readouterr().err
-    assert told == f"executes {tmp_path / 'table.py'} (named by {tmp_path / 'predict.toml'})\n"

@@ -73,20 +73,6 @@ def test_whatever_goes_into_a_run_makes_it_another_run(counted, change):
     assert calls == [2, 2]
 
 
-def test_another_version_of_the_model_starts_afresh(counted):
-    remembered, calls = counted()
-    ask(remembered)
-    remembered.store.commit()
-    ask(counted("m 2")[0])
-    assert calls == [2, 2]
-
-
-def test_a_file_that_is_no_store_is_told(tmp_path, counted):
-    (tmp_path / "runs.sqlite").write_text("not a store, whatever its name says", encoding="utf-8")
-    with pytest.raises(BadInput, match="the store of runs cannot be used"):
-        ask(counted()[0])
-
-
 def test_a_cap_on_runs_holds_and_counts_every_seed_of_every_row_once(tmp_path):
     made = []
 

@@ -92,13 +92,6 @@ def test_the_bare_model_is_run_once_for_all_conditions_that_nothing_reads(tmp_pa
     assert len(set(keys)) == 4, "two diameters, two seeds: moisture and angularity change nothing"
 
 
-def test_an_effect_that_cannot_act_asks_for_the_runs_of_the_bare_model(tmp_path, asked):
-    ask(tmp_path)
-    ask(tmp_path, liquid_bridge=1.0)
-    bare, wet = ({key for key, _ in batch} for batch in asked)
-    assert len(wet - bare) == 2, "one moist row, two seeds"
-
-
 def test_the_mask_of_a_candidate_says_where_it_can_act(tmp_path):
     problem = study(tmp_path).problem
     masks = {c.name: c.mask(problem.measurements.conditions).tolist() for c in problem.candidates if c.mask}
@@ -138,16 +131,6 @@ def test_what_a_scene_cannot_answer_is_told_before_anything_runs(tmp_path, old, 
     assert old in STUDY
     with pytest.raises(BadInput, match=told):
         study(tmp_path, STUDY.replace(old, new))
-
-
-def test_a_scene_that_measures_in_another_kind_of_unit_is_refused(tmp_path, asked):
-    (tmp_path / "heap.csv").write_text(TABLE, encoding="utf-8")
-    problem = study(tmp_path).problem
-    angles = TABLE.replace(",mm,", ",deg,")
-    (tmp_path / "heap.csv").write_text(angles, encoding="utf-8")
-    problem = load_study(tmp_path / "heap.toml").problem
-    with pytest.raises(BadInput, match="is measured in m, the study counts deg"):
-        problem.model("pile_height", problem.measurements.conditions, {FRICTION: 0.12}, {}, np.array([1]))
 
 
 def test_a_small_collapse_answers_and_is_not_run_twice(tmp_path):
