@@ -6,7 +6,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-from doe.common.pages import write_pages
+from doe.common.pages import RESULTS, write_pages
 from doe.hao2022.figures import half_normal, pareto
 from taichi_erosion.experiments.anova import anova
 from taichi_erosion.experiments.audit.examine import Audit, Comparison, audit
@@ -16,7 +16,6 @@ from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
 from taichi_erosion.report.design_figures import contours
 from taichi_erosion.report.markdown import markdown_table
 
-PAGE = "hao2022.md"
 PICTURES = {
     "effects": "pictures/hao2022_effects.png",
     "half_normal": "pictures/hao2022_half_normal.png",
@@ -134,4 +133,4 @@ def publish(folder: Path, docs: Path) -> None:
     """Audit both tables, draw the figures and fill the page."""
     screening, surface = audit(folder / SCREENING), audit(folder / SURFACE)
     draw(screening, surface, docs)
-    write_pages((docs / PAGE, folder / "README.md"), tables(screening, surface))
+    write_pages((docs / RESULTS, folder / "README.md"), tables(screening, surface))

@@ -6,7 +6,7 @@ from pathlib import Path
 from scipy.stats import t as student
 
 from doe.common.cases import STOPPED, Row
-from doe.common.pages import with_columns, write_pages
+from doe.common.pages import write_pages
 from doe.common.tables import lines_of
 from doe.wind import ratio, shares
 from doe.wind.blown_sand import (
@@ -29,32 +29,9 @@ from doe.wind.saturated_sand import saturated_table, saturated_thresholds, toget
 from taichi_erosion.measures.threshold import CONFIDENCE, MAP_SD, PLATE, Bracket, Tunnel, wind_speed
 from taichi_erosion.report.markdown import markdown_table
 
-PAGE = "threshold.md"
 PICTURES = {"impact": "pictures/impact_threshold.png", "flux": "pictures/flux.png"}
 TABLES = ("flux", "impact", "fluid", "saturated")
 CREYSSELS_SAND = "0.24"  # mm, of saturated.csv: the sand nearest to that of Creyssels et al.
-SHOWN = ("forces", "as stated")  # groups of fluid thresholds that the page shows
-FLUID_COLUMNS = (
-    "case",
-    "fluid threshold u* [m/s]",
-    "over that of drag alone",
-    "fluid threshold U in the tunnel [m/s]",
-    "U of a flat plate [m/s]",
-)
-FLUX_COLUMNS = (
-    "u* [m/s]",
-    "measured [g/(m s)]",
-    "simulated [g/(m s)]",
-    "difference",
-    "both over that of the wind",
-)
-RATIO_COLUMNS = (
-    "d [mm]",
-    "measured ratio",
-    "simulated ratio",
-    "impact over measured",
-    "fluid over the curve",
-)
 ALONE = "drag alone"  # the case that others are compared with
 ROLLING, FLUID = "rolling_onset", "threshold_u_star"
 
@@ -161,9 +138,9 @@ def tables(doe: Path) -> dict[str, str]:
     thresholds = lines_of(doe / "measured" / "impact_threshold.csv")
     fluxes = lines_of(doe / "measured" / "flux_creyssels2009.csv")
     tunnel, choices = (lines_of(doe / "tunnel_map" / f"{name}.csv") for name in ("map", "variants"))
-    full = {
-        "fluid in full": fluid_table(fluid),
-        "flux in full": flux_table(flux, fluxes),
+    return {
+        "fluid": fluid_table(fluid),
+        "flux": flux_table(flux, fluxes),
         "map": map_table(tunnel),
         "choices": choice_table(choices),
         "impact": impact_table(impact, thresholds, (STRESS_LINE,)),
@@ -175,12 +152,6 @@ def tables(doe: Path) -> dict[str, str]:
         **shares.tables(),
         **ratio.tables(doe),
     }
-    shown_cases = {name: case for name, case in fluid.items() if name[0] in SHOWN}
-    return full | {
-        "fluid": with_columns(fluid_table(shown_cases), FLUID_COLUMNS),
-        "flux": with_columns(full["flux in full"], FLUX_COLUMNS),
-        "ratio": with_columns(full["ratio in full"], RATIO_COLUMNS),
-    }
 
 
 def publish(doe: Path, docs: Path) -> None:
@@ -190,4 +161,4 @@ def publish(doe: Path, docs: Path) -> None:
     thresholds = lines_of(doe / "measured" / "impact_threshold.csv")
     draw_impact(impact, thresholds, lines_of(doe / "wind" / "hopping.csv"), docs / PICTURES["impact"])
     draw_flux(flux, lines_of(doe / "measured" / "flux_creyssels2009.csv"), docs / PICTURES["flux"])
-    write_pages((docs / PAGE, doe / "wind" / "README.md"), tables(doe))
+    write_pages([doe / "wind" / "README.md"], tables(doe))

@@ -156,8 +156,8 @@ def test_numbers_are_cut_at_the_second_figure_of_their_spread():
     assert with_spread(30.123, nan, 1) == "30.12 (1)"
 
 
-def test_a_mark_without_a_table_is_noticed():
+def test_a_table_without_a_mark_is_noticed():
     page = "before\n<!-- table: a -->\nold\n<!-- end -->\nafter\n"
     assert fill_tables(page, {"a": markdown_table(("x",), [("1",)])}).count("| 1 |") == 1
-    with pytest.raises(ValueError, match="marks"):
+    with pytest.raises(ValueError, match="mark"):
         fill_tables(page, {"b": ""})
