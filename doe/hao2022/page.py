@@ -1,4 +1,4 @@
-"""Audits the tables of Hao et al. (2022), draws the figures and fills docs/hao2022.md.
+"""Audits the tables of Hao et al. (2022), draws the figures and fills the tables of its README.
 
 python -m doe.hao2022.page
 """

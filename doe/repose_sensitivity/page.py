@@ -14,9 +14,9 @@ from doe.common.cases import STOPPED, Row, by_case, read_rows
 from doe.common.pages import RESULTS, write_pages
 from taichi_erosion.report.markdown import markdown_table, with_spread
 
-SHOWN = (REFERENCE, "surface energy", "grain number", "outlet height", "pouring rate")  # in docs/
 PICTURE = "pictures/repose_sensitivity.png"
 REFERENCE = "reference"
+SHOWN = (REFERENCE, "surface energy", "grain number", "outlet height", "pouring rate")  # in docs/
 ADHESION = ("adhesion and time step", "law of adhesion", "surface energy", "adhesion and grain size")
 MEASURED = (33.52, 0.68)  # deg, mean and sd of 10 repeats, Hao et al. (2022)
 MILLIMETRES = 1e3  # per metre

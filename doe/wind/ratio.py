@@ -1,4 +1,4 @@
-"""Impact over fluid threshold, measured and simulated: tables of docs/threshold.md.
+"""Impact over fluid threshold, measured and simulated: tables of README.md.
 
 Simulated are nearly uniform beds of quartz: their fluid thresholds (../fluid_threshold/, all forces, gusts
 of 20 ms, 1.5 s) and the winds in which the stress of the grains of saturated transport would vanish. Measured
@@ -102,7 +102,7 @@ def tables(doe: Path) -> dict[str, str]:
     data = read_data(doe)
     return {
         "sands": sand_table(data),
-        "ratio in full": ratio_table(data),
+        "ratio": ratio_table(data),
         "ratio_criteria": criteria_table(data),
         "ratio_measured": measured_table(data),
     }

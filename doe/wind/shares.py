@@ -3,7 +3,7 @@
 python -m doe.wind.shares            all cases; writes shares.csv beside this file, bed by bed
 python -m doe.wind.shares CASE...    some of them
 
-`python -m doe.wind.run --page` then fills the tables of docs/threshold.md.
+`python -m doe.wind.run --page` then fills the tables of README.md.
 All cases have the same five beds of `scenes/wind_threshold.toml`, so that the ratio of two cases is taken bed
 by bed. A case is named by its effects, joined by +; `none` has none of them.
 """
@@ -134,7 +134,7 @@ def diameter() -> float:
 
 
 def tables() -> dict[str, str]:
-    """Tables of docs/threshold.md by name, from shares.csv."""
+    """Tables of README.md by name, from shares.csv."""
     beds, hold = read_beds(TABLE), scene().threshold.hold
     return {"shares": share_table(beds, hold), "criteria": criteria_table(beds, hold)}
 
