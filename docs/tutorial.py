@@ -29,7 +29,8 @@ PRINTED = {NAME_SWITCH: "./erosion", "COLUMNS": "400"}  # sentences stay on thei
 COMMAND = "./erosion "
 STEP = re.compile(
     r"<!-- file: (?P<file>\S+) -->\n```\w+\n(?P<text>.*?)```"
-    r"|(?P<block>```sh\n(?P<commands>.*?)```)(?P<mark>\n\n<!-- output: (?P<lines>\d+) -->\n```text\n)?(?(mark).*?```)",
+    r"|(?P<block>```sh\n(?P<commands>.*?)```)"
+    r"(?P<mark>\n\n<!-- output: (?P<lines>\d+) -->\n```text\n)?(?(mark).*?```)",
     re.DOTALL,
 )
 PARSED = {"doe", "view", "snapshot", "bench", "verify", "export"}

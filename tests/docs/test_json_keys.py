@@ -1,4 +1,4 @@
-"""Every key that a command prints stands on docs/json_and_python.md, and every key of that page is printed."""
+"""Every key that a command prints stands in docs/json_and_python.md, and every key there is printed."""
 
 import json
 import re

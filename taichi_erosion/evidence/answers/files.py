@@ -1,6 +1,7 @@
 """Answers in the results folder: what an answer is about, its record, and the ladder of adoptions.
 
-A file `STUDY.COMMAND.json` holds the keys of docs/json_and_python.md and under `record` all that pages are drawn from.
+A file `STUDY.COMMAND.json` holds the keys of docs/json_and_python.md, and under `record` all that pages are
+drawn from.
 """
 
 import json
