@@ -1,7 +1,7 @@
-"""Makes everything of the book that a program prints: `python docs/make.py [PAGE]...`.
+"""Makes everything of the book that a program prints: `python docs/make.py`.
 
-Outputs of commands in the pages (those named, or all), the Python interface of docs/json_and_python.md, and
-the notebook. `python docs/pictures.py` draws the pictures.
+Outputs of commands in the pages, the Python interface of docs/json_and_python.md, and the notebook.
+`python docs/pictures.py` draws the pictures.
 """
 
 import sys
@@ -12,15 +12,17 @@ sys.path[:0] = [str(DOCS.parent), str(DOCS)]
 
 from api import interface  # noqa: E402
 from notebook import NOTEBOOK, notebook  # noqa: E402
-from tutorial import PAGES, fill  # noqa: E402
+from tutorial import fill  # noqa: E402
 
 from taichi_erosion.report.markdown import fill_tables  # noqa: E402
 
 
-def main(names: list[str]) -> None:
-    """Make pages anew."""
-    for page in (page for page in PAGES if not names or page.stem in names):
-        page.write_text(fill(page.read_text(encoding="utf-8")), encoding="utf-8")
+def main() -> None:
+    """Make pages and notebook anew."""
+    for page in (DOCS.parent / "README.md", *sorted(DOCS.glob("*.md"))):
+        text = page.read_text(encoding="utf-8")
+        if "<!-- output:" in text:
+            page.write_text(fill(text), encoding="utf-8")
     reference = DOCS / "json_and_python.md"
     text = fill_tables(reference.read_text(encoding="utf-8"), {"python": interface()})
     reference.write_text(text, encoding="utf-8")
@@ -28,4 +30,4 @@ def main(names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

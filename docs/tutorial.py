@@ -24,7 +24,6 @@ from taichi_erosion.evidence.words.shell import NAME_SWITCH
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
-PAGES = (ROOT / "README.md", *sorted(DOCS.glob("*.md")))
 PRINTED = {NAME_SWITCH: "./erosion", "COLUMNS": "400"}  # sentences stay on their lines
 COMMAND = "./erosion "
 STEP = re.compile(

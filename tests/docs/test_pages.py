@@ -1,5 +1,6 @@
 """The book: commands run and print what is shown, links and files exist, pages lead to one another."""
 
+import ast
 import re
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -56,6 +57,14 @@ def test_what_a_page_names_exists(page: Path) -> None:
     bases = (ROOT, ROOT / "taichi_erosion", ROOT / "doe", page.parent)
     named = {found for found in FILE_PATH.findall(text) if not CREATED.search(found)}
     assert [path for path in sorted(named) if not any(any(base.glob(path)) for base in bases)] == []
+
+
+@pytest.mark.parametrize("page", BOOK, ids=name_of)
+def test_python_on_a_page_is_valid_and_imports_what_is_there(page: Path) -> None:
+    for block in re.findall(r"```python\n(.*?)```", page.read_text("utf-8"), re.DOTALL):
+        for node in ast.parse(block).body:
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("taichi_erosion"):
+                exec(compile(ast.Module([node], []), page.name, "exec"), {})
 
 
 def test_the_book_is_short_and_each_page_leads_to_the_next() -> None:
