@@ -67,11 +67,9 @@ def printed(line: str) -> list[str]:
         return []
     if words[0] == "run":
         words.append("--check")
-    page, keys = (
-        io.StringIO(),
-        io.StringIO(" ".join(shlex.split(typed)[1:-1]).replace("\\n", "\n") + "\nquit\n"),
-    )
-    with redirect_stdout(page), patch("sys.stdin", keys):
+    keys = " ".join(shlex.split(typed)[1:-1]).replace("\\n", "\n") + "\nquit\n"
+    page = io.StringIO()
+    with redirect_stdout(page), patch("sys.stdin", io.StringIO(keys)):
         code = run_command(words)
     if code != 0:
         raise SystemExit(f"{line}: exit code {code}")

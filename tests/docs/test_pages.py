@@ -40,6 +40,9 @@ def test_the_commands_of_a_page_run_and_print_what_it_shows(page: Path) -> None:
     tutorial = module_from_spec(spec)
     spec.loader.exec_module(tutorial)
     text = page.read_text("utf-8")
+    assert text.count("<!-- output:") == sum(
+        step["mark"] is not None for step in tutorial.STEP.finditer(text)
+    )
     made = tutorial.fill(text)
     assert NUMBER.sub("#", made) == NUMBER.sub("#", text), "python docs/make.py writes it anew"
     shown, printed = ([float(number) for number in NUMBER.findall(each)] for each in (text, made))
