@@ -18,7 +18,7 @@ from unittest.mock import patch
 
 import typer
 
-from taichi_erosion.cli.commands import app
+from taichi_erosion.cli.main import app
 from taichi_erosion.cli.main import main as run_command
 from taichi_erosion.evidence.words.shell import NAME_SWITCH
 

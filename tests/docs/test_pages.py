@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from taichi_erosion.cli.commands import app
+from taichi_erosion.cli.main import app
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
