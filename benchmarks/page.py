@@ -1,4 +1,6 @@
-"""The tables of `docs/speed.md` that need no other code: `python -m benchmarks.page [threshold]`.
+"""Tables of speed that need no other code: `python -m benchmarks.page [threshold]`.
+
+`docs/speed.md` has those of grains and of a start, `benchmarks/README.md` the others.
 
 On a machine that does nothing else; a quarter of an hour. With the word, only the cost of a fluid threshold
 and its interval, deep grains asleep and awake. Other codes are timed by `benchmarks.peers`.
@@ -13,9 +15,10 @@ from benchmarks.cases import run_benchmarks
 from benchmarks.start import ROUNDS, starts
 from benchmarks.wind_cases import threshold_case
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.report.markdown import MARKED, fill_tables, markdown_table
+from taichi_erosion.report.markdown import fill_tables, markdown_table
 
 PAGE = Path(__file__).parents[1] / "docs" / "speed.md"
+DETAILS = Path(__file__).with_name("README.md")
 STAGES = ("pairs", "walls", "motion", "rebuild", "looks")
 
 Case = Mapping[str, Any]
@@ -117,9 +120,7 @@ def start_table(starts: Mapping[str, Mapping[str, float]]) -> str:
 
 def fill(page: Path, tables: Mapping[str, str]) -> Path:
     """Fill some tables of a page; the others stay. Raises ValueError where the page has no such mark."""
-    text = page.read_text(encoding="utf-8")
-    there = {found["name"]: found["table"] for found in MARKED.finditer(text)}
-    return write_atomic(page, fill_tables(text, there | tables).encode())
+    return write_atomic(page, fill_tables(page.read_text(encoding="utf-8"), tables).encode())
 
 
 def announce(_: float, name: str) -> None:
@@ -130,13 +131,12 @@ def announce(_: float, name: str) -> None:
 def main(words: Sequence[str]) -> None:
     """Time all cases, or a threshold alone, and fill the tables."""
     if "threshold" in words:
-        fill(PAGE, {"threshold": threshold_table([threshold_case(), threshold_case(awake=True)])})
+        fill(DETAILS, {"threshold": threshold_table([threshold_case(), threshold_case(awake=True)])})
         return
     cases = run_benchmarks(announce)["cases"]
-    makers = {"grains": grain_table, "air": air_table, "scaling": scaling_table, "shared": shared_table}
-    fill(
-        PAGE, {name: table(cases) for name, table in makers.items()} | {"start": start_table(starts(ROUNDS))}
-    )
+    makers = {"air": air_table, "scaling": scaling_table, "shared": shared_table}
+    fill(PAGE, {"grains": grain_table(cases), "start": start_table(starts(ROUNDS))})
+    fill(DETAILS, {name: table(cases) for name, table in makers.items()})
 
 
 if __name__ == "__main__":

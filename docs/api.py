@@ -1,38 +1,26 @@
-"""Write docs/api.md, the page of the Python interface, from its docstrings: python docs/api.py."""
+"""Functions and classes of the Python interface from their docstrings, for docs/json_and_python.md."""
 
 import inspect
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from taichi_erosion import api
 
-PAGE = Path(__file__).with_name("api.md")
 WIDEST = 110  # characters of a line
-HEAD = """# Python interface
-
-The package itself has everything here: `import taichi_erosion as te`, then `te.run`, `te.study`, `te.live`.
-[From Python](from_python.md) shows a walk from a table to a lower error. `python docs/api.py` makes this
-page from the docstrings. The [glossary](../GLOSSARY.md) explains the terms.
-"""
 
 
-def page() -> str:
-    """Text of the page: functions first, then classes with what they have."""
+def interface() -> str:
+    """Markdown of the interface: functions first, then classes with what they have."""
     names = [name for name in api.__all__ if name not in ("BadInput", "SimulationStopped")]
     functions = [name for name in names if inspect.isfunction(getattr(api, name))]
     classes = [getattr(api, name) for name in names if inspect.isclass(getattr(api, name))]
     shared = dict.fromkeys(owner for kind in classes for owner in kind.__mro__[1:-1])
-    parts = [
-        HEAD,
-        "## Functions",
-        *(function_part(f"te.{name}", getattr(api, name), 3) for name in functions),
-    ]
+    parts = ["## Functions", *(function_part(f"te.{name}", getattr(api, name)) for name in functions)]
     parts += ["## Results and sessions", *map(class_part, [*shared, *classes])]
     return "\n\n".join(part.strip() for part in parts) + "\n"
 
 
-def function_part(name: str, function: Any, level: int) -> str:
+def function_part(name: str, function: Any) -> str:
     """Heading, call and docstring of a function."""
     parameters = [p for p in inspect.signature(function).parameters.values() if p.name != "self"]
     arguments = ", ".join(argument(p) for p in parameters)
@@ -41,7 +29,7 @@ def function_part(name: str, function: Any, level: int) -> str:
         call = f"{name}(\n    {arguments}\n)"
     if any(len(line) > WIDEST for line in call.split("\n")):
         call = "\n".join([f"{name}(", *(f"    {argument(p)}," for p in parameters), ")"])
-    return f"{'#' * level} `{name}`\n\n```python\n{call}\n```\n\n{described(function)}"
+    return f"### `{name}`\n\n```python\n{call}\n```\n\n{described(function)}"
 
 
 def argument(parameter: inspect.Parameter) -> str:
@@ -74,7 +62,3 @@ def members(kind: type) -> Iterator[tuple[str, str]]:
             parameters = list(inspect.signature(function).parameters.values())[1:]
             call = f"{name}({', '.join(map(argument, parameters))})"
         yield call, " ".join(described(function).split())
-
-
-if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Write docs/from_python.ipynb, cells of docs/from_python.md with their outputs: python docs/notebook.py."""
+"""The notebook of docs/live_and_python.md: its walk in Python, executed, with outputs."""
 
 import ast
 import base64
@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 DOCS = Path(__file__).resolve().parent
-NOTEBOOK, PAGE = DOCS / "from_python.ipynb", DOCS / "from_python.md"
+NOTEBOOK, PAGE = DOCS / "from_python.ipynb", DOCS / "live_and_python.md"
 FENCE = re.compile(r"```python\n(.*?)```", re.DOTALL)
-END = "## Runs and live sessions"  # section of the page from which the notebook has nothing
+BEGIN, END = "## From a table to an answer in Python", "## Runs and sessions in Python"
 DOTS_PER_INCH = 110
 NEEDS = ("doe", "scenes")  # folders that the cells read
 
@@ -24,7 +24,7 @@ Cell = dict[str, Any]
 
 def parts_of_page(text: str) -> Iterator[tuple[str, str]]:
     """(kind, source) of the cells: text and code in turn."""
-    for place, part in enumerate(FENCE.split(text.partition(END)[0])):
+    for place, part in enumerate(FENCE.split(text[text.index(BEGIN) : text.index(END)])):
         if part.strip():
             yield ("code" if place % 2 else "markdown"), part.strip()
 
@@ -69,15 +69,12 @@ def cells(text: str) -> Iterator[Cell]:
         yield cell
 
 
-def notebook() -> dict[str, Any]:
-    """The notebook, executed in an empty folder beside what its cells read."""
+def notebook() -> str:
+    """Text of the notebook, executed in an empty folder beside what its cells read."""
     about = {"name": "python3", "display_name": "Python 3", "language": "python"}
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         for name in NEEDS:
             os.symlink(DOCS.parent / name, name)
         found = list(cells(PAGE.read_text(encoding="utf-8")))
-    return {"cells": found, "metadata": {"kernelspec": about}, "nbformat": 4, "nbformat_minor": 4}
-
-
-if __name__ == "__main__":
-    NOTEBOOK.write_text(json.dumps(notebook(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    made = {"cells": found, "metadata": {"kernelspec": about}, "nbformat": 4, "nbformat_minor": 4}
+    return json.dumps(made, indent=1, ensure_ascii=False) + "\n"

@@ -4,7 +4,7 @@ sample   one moment of recordings/sample.rrd in the viewer
 heap     its heap from the side, for docs/photograph.md
 live     a live session in a terminal
 study    the results of doe/funnel_soil.toml in the viewer
-first    the results of doe/first_calibration.toml in the viewer, after its calibration
+table    thresholds of doe/windkanal.csv, measured and calculated, for docs/your_table.md
 funnel   scenes/funnel_repose.toml during pouring, in the viewer
 """
 
@@ -14,6 +14,7 @@ import pty
 import re
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from PIL import Image
 from rich.console import Console
 from rich.text import Text
 
+import taichi_erosion as te
 from taichi_erosion.cli.live import PROMPT
 from taichi_erosion.cli.main import main as command
 from taichi_erosion.recording.pictures import SideView, render_side, resting_colours, write_png
@@ -31,7 +33,7 @@ DOCS = Path(__file__).resolve().parent
 PICTURES = DOCS / "pictures"
 SAMPLE = DOCS.parent / "recordings" / "sample.rrd"
 STUDY = DOCS.parent / "doe" / "funnel_soil.toml"
-FIRST = DOCS.parent / "doe" / "first_calibration.toml"
+TABLE = DOCS.parent / "doe" / "windkanal.csv"
 FUNNEL = DOCS.parent / "scenes" / "funnel_repose.toml"
 MOMENT = 1.0  # s, of the sample: grains flow out below the tube
 POURING = 0.4  # s
@@ -79,9 +81,11 @@ def draw_study() -> None:
     command(["snapshot", str(STUDY), "-o", str(PICTURES / "study.png"), "--force"])
 
 
-def draw_first() -> None:
-    """Results of a study with recordings of its last step, in the viewer."""
-    command(["snapshot", str(FIRST), "-o", str(PICTURES / "first_calibration.png"), "--force"])
+def draw_table() -> None:
+    """Figure of an adopted effect."""
+    with tempfile.TemporaryDirectory() as folder:
+        study = te.new_study(TABLE, out=folder, closed_form=True)
+        study.adopt(*study.discover().named).figure().savefig(PICTURES / "your_table.png", dpi=110)
 
 
 def draw_funnel() -> None:
@@ -150,7 +154,7 @@ DRAWN = {
     "heap": draw_heap,
     "live": draw_live,
     "study": draw_study,
-    "first": draw_first,
+    "table": draw_table,
     "funnel": draw_funnel,
 }
 

@@ -2,7 +2,7 @@
 
 The same grains, laws and steps in every code; what is compared is read from the places of the grains, in one
 way for all. Scatter is that of the seeds; a difference from ours is given in its standard errors. Results go
-to physics.csv beside this file; `--page` fills the tables of README.md and docs/trust.md from it.
+to physics.csv beside this file; `--page` fills the tables of README.md and docs/results.md from it.
 """
 
 import argparse
@@ -51,8 +51,8 @@ Seeds = list[dict[str, float]]  # numbers of every seed by quantity
 KEPT = DECKS / "cases" / "physics"  # delete it to run everything again
 TABLE = Path(__file__).with_name("physics.csv")
 PAGE = Path(__file__).with_name("README.md")
-SHORT_PAGE = Path(__file__).parents[2] / "docs" / "trust.md"
-IN_SHORT = ("angle of repose, deg", "height, d")  # quantities of heaps that docs/trust.md shows
+SHORT_PAGE = Path(__file__).parents[2] / "docs" / "results.md"
+IN_SHORT = ("angle of repose, deg", "height, d")  # quantities of heaps that docs/results.md shows
 BED_SEEDS = range(1, 5)
 STACK_STEPS = 20_000  # 0.1 s: the two grains come to rest
 

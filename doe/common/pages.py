@@ -6,14 +6,19 @@ from pathlib import Path
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.report.markdown import MARKED, fill_tables
 
+RESULTS = "results.md"  # page in docs/ of all studies
+
 
 def filled(pages: Sequence[Path], tables: Mapping[str, str]) -> dict[Path, str]:
     """Texts of the pages, each with the tables that it marks. Raises ValueError for one without a mark."""
     texts = {page: page.read_text(encoding="utf-8") for page in pages}
-    marks = {page: [found["name"] for found in MARKED.finditer(text)] for page, text in texts.items()}
-    if lost := tables.keys() - {name for names in marks.values() for name in names}:
+    marks = {page: {found["name"] for found in MARKED.finditer(text)} for page, text in texts.items()}
+    if lost := tables.keys() - set().union(*marks.values()):
         raise ValueError(f"no page marks {sorted(lost)}")
-    return {page: fill_tables(texts[page], {name: tables[name] for name in marks[page]}) for page in pages}
+    return {
+        page: fill_tables(texts[page], {name: tables[name] for name in tables.keys() & names})
+        for page, names in marks.items()
+    }
 
 
 def write_pages(pages: Sequence[Path], tables: Mapping[str, str]) -> None:

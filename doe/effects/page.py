@@ -6,12 +6,11 @@ from math import isfinite, nan
 from pathlib import Path
 
 from doe.common.cases import MEASURED
-from doe.common.pages import write_pages
+from doe.common.pages import RESULTS, write_pages
 from doe.common.tables import lines_of, read_table
 from doe.effects.answers import Answer, bed_law
 from taichi_erosion.report.markdown import markdown_table
 
-PAGE = "effects.md"
 TOLD = 2.0  # standard errors from nought at which a shift counts [1]
 NEAR = 0.02  # of its answer within which a simple scene must lie [1]
 SHARED = 0.1  # of a law of whole beds within which a simple scene shares it [1]
@@ -152,21 +151,15 @@ def verdict_table(verdicts: Verdicts) -> str:
     return markdown_table(header, lines)
 
 
-def short_table(verdicts: Verdicts) -> str:
-    """What the literature says of every effect, and whether it was kept in each scene that tried it."""
-    kept: dict[tuple[str, str], list[str]] = {}
-    for saying, verdict in verdicts:
-        name = (f"`{saying.effect}`", f"{saying.says}; {saying.source}")
-        kept.setdefault(name, []).append(verdict.kept)
-    rows = [(*name, " / ".join(dict.fromkeys(found))) for name, found in kept.items()]
-    return markdown_table(("effect", "the literature says", "kept"), rows)
-
-
-def count_table(verdicts: Verdicts) -> str:
-    """How many sentences were kept."""
-    kept = [verdict.kept for _, verdict in verdicts]
+def effect_table(verdicts: Verdicts) -> str:
+    """How many sentences of the literature every effect keeps."""
     words = ("yes", "in sign", "not significant", "no", "open")
-    return markdown_table(words, [tuple(str(kept.count(word)) for word in words)])
+    kept: dict[str, list[str]] = {}
+    for saying, verdict in verdicts:
+        kept.setdefault(f"`{saying.effect}`", []).append(verdict.kept)
+    kept["all"] = [verdict.kept for _, verdict in verdicts]
+    rows = [(name, *(str(found.count(word) or "") for word in words)) for name, found in kept.items()]
+    return markdown_table(("effect", *words), rows)
 
 
 def shift_table(shifts: Shifts) -> str:
@@ -194,8 +187,7 @@ def tables(doe: Path) -> dict[str, str]:
     verdicts = [(saying, judged(saying, answers, shifts, beds)) for saying in sayings]
     heaps = [row for row in shifts if row["observable"] in ("angle_of_repose", "pile_height")]
     return {
-        "count": count_table(verdicts),
-        "short": short_table(verdicts),
+        "by effect": effect_table(verdicts),
         "verdicts": verdict_table(verdicts),
         "beds": shift_table(beds),
         "heaps": shift_table(heaps),
@@ -204,4 +196,4 @@ def tables(doe: Path) -> dict[str, str]:
 
 def publish(doe: Path, docs: Path) -> None:
     """Fill the tables of the page."""
-    write_pages((docs / PAGE, doe / "effects" / "README.md"), tables(doe))
+    write_pages((docs / RESULTS, doe / "effects" / "README.md"), tables(doe))

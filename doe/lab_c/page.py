@@ -15,7 +15,6 @@ from doe.common.pages import write_pages
 from doe.common.tables import lines_of
 from taichi_erosion.report.markdown import markdown_table, with_spread
 
-PAGE = "lab_c.md"
 PICTURE = "pictures/lab_c.png"
 DIAMETERS = {"1.5 mm": 1.5e-3, "3 mm": 3e-3}  # m, by the label of a case
 MAIN, REPAIRED = "as stated", "both causes removed"
@@ -97,38 +96,9 @@ def causes_table(rows: Sequence[Row], laboratory: Laboratory) -> str:
     return markdown_table(("case at 1.5 mm", "n", *names), lines)
 
 
-def summary_table(rows: Sequence[Row], laboratory: Laboratory) -> str:
-    """Every observable as the laboratory states its grains, and what is left with both causes removed."""
-    gaps = {
-        (r.group, r.label, r.observable): difference_in_errors(r, theirs(r, laboratory))
-        for r in rows
-        if r.label in DIAMETERS
-    }
-    header = ("observable", "d", "ours", "laboratory", "in standard errors", f"the same, {REPAIRED}")
-    lines = []
-    for row in (row for row in rows if row.group == MAIN):
-        other, (factor, unit) = theirs(row, laboratory), shown(row.unit)
-        lines.append(
-            (
-                f"{row.observable} [{unit}]",
-                row.label,
-                with_spread(factor * row.value, factor * row.sd, row.n),
-                with_spread(factor * other.value, factor * other.sd, other.n),
-                *(f"{gaps[group, row.label, row.observable]:+.1f}" for group in (MAIN, REPAIRED)),
-            )
-        )
-    return markdown_table(header, lines)
-
-
-def theirs(row: Row, laboratory: Laboratory) -> LaboratoryValue:
-    """The laboratory's value of an observable."""
-    return laboratory[row.observable, DIAMETERS[row.label]]
-
-
 def tables(rows: Sequence[Row], laboratory: Laboratory) -> dict[str, str]:
     """All tables of the page by the name of their mark."""
     return {
-        "summary": summary_table(rows, laboratory),
         "as stated": comparison_table(rows, laboratory, MAIN),
         "causes": causes_table(rows, laboratory),
         "both removed": comparison_table(rows, laboratory, REPAIRED),
@@ -159,4 +129,4 @@ def publish(table: Path, laboratory_file: Path, docs: Path) -> None:
     rows, laboratory = read_rows(table), read_laboratory(laboratory_file)
     (docs / PICTURE).parent.mkdir(parents=True, exist_ok=True)
     draw(rows, laboratory, docs / PICTURE)
-    write_pages((docs / PAGE, table.with_name("README.md")), tables(rows, laboratory))
+    write_pages([table.with_name("README.md")], tables(rows, laboratory))

@@ -124,7 +124,7 @@ def other_laws_case(generator: random.Random, names: tuple[str, ...]) -> Case:
 def surface_energy(pull: float, diameter: float) -> float:
     """Surface energy [J m-2] whose pull-off force is `pull` times the weight of a grain.
 
-    F = 3 pi gamma R*, with R* = d / 4 of two equal grains; docs/contact_laws.md.
+    F = 3 pi gamma R*, with R* = d / 4 of two equal grains; docs/physics.md.
     """
     weight = DENSITY * pi / 6.0 * diameter**3 * GRAVITY
     return pull * weight / (3.0 * pi * diameter / 4.0)

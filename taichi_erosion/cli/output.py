@@ -150,7 +150,7 @@ def print_claims(document: Record) -> None:
     typer.echo(f"{len(claims) - failed} of {len(claims)} claims hold")
     known = sum(claim["known_failure"] for claim in claims)
     if known:
-        typer.echo(f"note: {known} of those that fail are known to; docs/verification.md says why")
+        typer.echo(f"note: {known} of those that fail are known to; docs/trust.md says why")
 
 
 def verdict(passed: bool) -> str:

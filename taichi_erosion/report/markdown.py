@@ -10,11 +10,12 @@ MARKED = re.compile(
 
 
 def fill_tables(page: str, tables: Mapping[str, str]) -> str:
-    """Page with every marked table replaced. Raises ValueError unless `tables` has the marked names."""
-    marks = [found["name"] for found in MARKED.finditer(page)]
-    if sorted(marks) != sorted(tables):
-        raise ValueError(f"the page marks {sorted(marks)}, there are {sorted(tables)}")
-    return MARKED.sub(lambda found: found["begin"] + tables[found["name"]] + found["end"], page)
+    """Page with the tables that it marks; others stay. Raises ValueError for a table without a mark."""
+    if lost := tables.keys() - {found["name"] for found in MARKED.finditer(page)}:
+        raise ValueError(f"the page does not mark {sorted(lost)}")
+    return MARKED.sub(
+        lambda found: found["begin"] + tables.get(found["name"], found["table"]) + found["end"], page
+    )
 
 
 def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -1,4 +1,4 @@
-"""Every key that a command prints stands on docs/json.md, and every key of that page is printed."""
+"""Every key that a command prints stands in docs/json_and_python.md, and every key there is printed."""
 
 import json
 import re
@@ -20,8 +20,8 @@ from taichi_erosion.verification.claims import Outcome
 from tests.verification import ladder
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "json.md").read_text("utf-8")
-SECTION = re.compile(r"^#{2,3} (?P<name>.+)$", re.MULTILINE)
+PAGE = (ROOT / "docs" / "json_and_python.md").read_text("utf-8")
+SECTION = re.compile(r"^#{3,4} (?P<name>.+)$", re.MULTILINE)
 LINE = re.compile(r"^- (?P<keys>`\w+[^:]*?`): (?P<told>.*)$", re.MULTILINE)
 KEY = re.compile(r"`(?P<name>\w+)(?P<ends>(?:\.\*|\[\])*)`")
 COMMON, ANSWER = "Every document of a study", "compare, discover, adopt, next"

@@ -30,7 +30,7 @@ def test_the_search_finds_the_words_of_users(site: Path) -> None:
     found = json.loads((site / "search" / "search_index.json").read_text(encoding="utf-8"))
     texts = {entry["location"].partition("#")[0]: entry["text"] for entry in found["docs"]}
     assert any("vault" in text for text in texts.values())
-    assert "discover.html" in texts
+    assert "your_table.html" in texts
 
 
 def test_the_site_asks_no_other_server_for_anything(site: Path) -> None:

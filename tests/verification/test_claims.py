@@ -76,7 +76,7 @@ def test_a_failure_is_known_as_far_as_it_was_found() -> None:
 
 
 def test_failed_rows_of_the_page_are_the_known_failures_and_have_a_reason() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "verification.md").read_text("utf-8")
+    text = (Path(__file__).parents[2] / "tests" / "verification" / "README.md").read_text("utf-8")
     reasons = text.partition("## What does not ")[2]
     failed = [line for line in text.splitlines() if "**NO**" in line]
     explained = []

@@ -1,6 +1,7 @@
 """Answers in the results folder: what an answer is about, its record, and the ladder of adoptions.
 
-A file `STUDY.COMMAND.json` holds the keys of docs/json.md and under `record` all that pages are drawn from.
+A file `STUDY.COMMAND.json` holds the keys of docs/json_and_python.md, and under `record` all that pages are
+drawn from.
 """
 
 import json
@@ -29,7 +30,7 @@ from taichi_erosion.mechanisms.library import dose_meaning, load_mechanisms
 
 Command = Literal["compare", "discover", "adopt", "next", "predict", "rounds"]
 Document = dict[str, Any]
-FORMAT = 3  # of documents: their keys are those of docs/json.md
+FORMAT = 3  # of documents: their keys are those of docs/json_and_python.md
 LADDER = "ladder.json"  # errors after each adoption, shared by the studies that follow one another
 ROUNDS: Command = "rounds"  # no command: what the rounds of simulations were about
 STORED = ("record", "rows")  # of a document: what figures are drawn from is not printed

@@ -112,5 +112,5 @@ def test_a_case_that_is_refused_ends_the_study(monkeypatch):
 def test_a_mark_without_a_table_is_noticed():
     page = "before\n<!-- table: a -->\nold\n<!-- end -->\nafter\n"
     assert fill_tables(page, {"a": markdown_table(("x",), [("1",)])}).count("| 1 |") == 1
-    with pytest.raises(ValueError, match="marks"):
+    with pytest.raises(ValueError, match="mark"):
         fill_tables(page, {"b": ""})
