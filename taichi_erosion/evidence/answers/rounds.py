@@ -26,7 +26,7 @@ from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.scene.load import file_text
 
 MOST_POINTS = 3  # explanations about which a round simulates
-MOST_REQUIRED = 2  # rounds beyond the planned ones, about points that an answer requires
+MOST_REQUIRED = 2  # rounds beyond the planned ones, about points that an answer requires; again of mechanisms
 Found = TypeVar("Found")
 Points = list[RefinementPoint]
 Rounds = dict[str, list[Points]]  # command and budget -> its rounds
@@ -165,13 +165,15 @@ def replayed(
     runs: TrainingRuns, rounds: Rounds, question: Question[Found], budget: BudgetName
 ) -> tuple[TrainingRuns, list[Points], str, Acting]:
     """Runs with those of earlier rounds; rounds of this question, their key, effects of other questions."""
-    study = runs.study
+    study, known = runs.study, training_runs.known_effects(runs.study.problem)
     key = f"{study.fresh}{question.name} {budget}"
     past = {name: made for name, made in rounds.items() if name != key and is_of(study, name)}
     own = list(rounds.get(key, []))
     for name, made in [*past.items(), (key, own)]:
         for number, points in enumerate(made):
             spent = name.rpartition(" ")[2]
+            if not runs.mechanisms and any(set(point.effects) - set(known) for point in points):
+                runs = with_mechanisms(runs)
             runs = training_runs.refined_training_runs(runs, points, f"{name}|{number}", spent)
     tests = {each for entry in read_fresh(study).values() for each in entry["runs"]}
     runs = replace(runs, elsewhere=runs.elsewhere + len(tests))
@@ -188,7 +190,8 @@ def next_points(
         return points if training_runs.within_budget(runs, points) else []
     known = earlier | {acting(point) for points in own for point in points}
     points = [point for point in question.required(found) if acting(point) not in known]
-    done = len(own) >= runs.plan_size.rounds + MOST_REQUIRED
+    most = 2 * MOST_REQUIRED if runs.mechanisms else MOST_REQUIRED
+    done = len(own) >= runs.plan_size.rounds + most
     return None if done or not points or not training_runs.within_budget(runs, points) else points
 
 
@@ -204,8 +207,8 @@ def is_of(study: Study, name: str) -> bool:
 
 
 def acting(point: RefinementPoint) -> frozenset[str]:
-    """Effects that act at a point."""
-    return frozenset(name for name, strength in point.effects.items() if strength > 0.0)
+    """Effects and mechanisms that act at a point."""
+    return frozenset(name for name, strength in point.effects.items() if strength != 0.0)
 
 
 def read_rounds(study: Study) -> Rounds:

@@ -8,12 +8,15 @@ effects explains the rows.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from taichi_erosion.evidence.answers.fresh_test import fresh_test, kinds_of, setting_of
 from taichi_erosion.evidence.answers.rounds import MOST_POINTS, FreshTest, Points, Question, refinement_point
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.emulator.design import RefinementPoint
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.race.decision import Decision
+from taichi_erosion.evidence.race.doses import from_axis
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis
 from taichi_erosion.evidence.race.posterior import Posterior, strained
@@ -34,6 +37,16 @@ class RacedStudy:
         setting = setting_of(self.posterior.race, fit)
         acting = {name: strength for name, strength in setting.effects.items() if strength > 0.0}
         return refinement_point(setting.parameters, acting)
+
+    def about_doses(self, fit: Fit) -> Points:
+        """Two settings of the mechanism of a fit: with its largest dose, and with half of it."""
+        assert fit.dose is not None
+        point, dose = self.about(fit), from_axis(fit.dose.w)
+        top = float(dose[np.argmax(np.abs(dose))])
+        return [
+            replace(point, effects={**point.effects, fit.hypothesis.kind: share * top})
+            for share in (1.0, 0.5)
+        ]
 
     @property
     def about_bare(self) -> RefinementPoint:
@@ -75,10 +88,16 @@ def points(found: RacedStudy) -> Points:
 
 
 def required(found: RacedStudy) -> Points:
-    """The closest single effect and set of several, before it is said that no list holds what acts."""
+    """Before it is said that no list holds what acts: the closest effect and set, or the likely mechanisms."""
     if found.decision.verdict != "outside_library":
         return []
-    fits = [fit for fit in found.posterior.race.fits.values() if fit.refined and not fit.hypothesis.beyond]
+    race = found.posterior.race
+    doses: dict[str, Fit] = {}
+    for fit in race.likely(KEEP, lambda fit: fit.hypothesis.kind in found.decision.beyond):
+        doses.setdefault(fit.hypothesis.kind, fit)
+    if doses:
+        return [point for fit in [*doses.values()][:MOST_POINTS] for point in found.about_doses(fit)]
+    fits = [fit for fit in race.fits.values() if fit.refined and not fit.hypothesis.beyond]
     single = [fit for fit in fits if len(fit.hypothesis.names) == 1]
     several = [fit for fit in fits if len(fit.hypothesis.names) > 1]
     best = [max(kind, key=lambda fit: fit.log_evidence) for kind in (single, several) if kind]

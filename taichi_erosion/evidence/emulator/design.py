@@ -64,7 +64,7 @@ class RefinementPoint:
     """Calibrated numbers and strengths about which a later round simulates."""
 
     parameters: Mapping[str, float]
-    effects: Mapping[str, float]
+    effects: Mapping[str, float]  # strengths of effects, and the dose of a mechanism; 0: none
 
 
 @dataclass(frozen=True)
@@ -158,14 +158,14 @@ def spread_runs(scene: StudyScene, candidate: Candidate | None, count: int, tag:
 
 
 def refinement_runs(
-    scene: StudyScene, candidates: Mapping[str, Candidate], about: RefinementPoint, count: int, key: str
+    scene: StudyScene, limits: Mapping[str, tuple[float, float]], about: RefinementPoint, count: int, key: str
 ) -> list[TrainingRun]:
-    """Runs about one explanation, with fresh seeds."""
-    names = tuple(name for name, strength in about.effects.items() if strength > 0.0)
+    """Runs about one explanation, within limits of strengths and doses, with fresh seeds."""
+    names = tuple(name for name, strength in about.effects.items() if strength != 0.0)
 
     def strength(name: str, share: float) -> float:
         jittered = about.effects[name] * (1.0 + JITTER_STRENGTH * (2.0 * share - 1.0))
-        return min(jittered, candidates[name].maximum)
+        return float(np.clip(jittered, *limits[name]))
 
     def parameter(axis: Axis, share: float) -> float:
         value, shift = about.parameters[axis.name], axis.scale * JITTER_NUMBERS * (2.0 * share - 1.0)

@@ -258,12 +258,13 @@ def refined_training_runs(
 
     `budget`: that of the command which made the round.
     """
-    known = known_effects(training.study.problem)
+    limits = {name: (0.0, each.maximum) for name, each in known_effects(training.study.problem).items()}
+    limits |= {each.name: (each.low, each.high) for each in training.mechanisms}
     count = (training.plan_size if budget is None else design.PLAN_SIZES[budget]).round
     more: list[TrainingRun] = []
     for scene in training.scenes:
         for number, point in enumerate(about):
-            more += design.refinement_runs(scene, known, point, count, f"{key}|{number}")
+            more += design.refinement_runs(scene, limits, point, count, f"{key}|{number}")
     return replace(training, runs=(*training.runs, *more))
 
 
