@@ -88,7 +88,7 @@ def points(found: RacedStudy) -> Points:
 
 
 def required(found: RacedStudy) -> Points:
-    """Before it is said that no list holds what acts: the closest effect and set, or the likely mechanisms."""
+    """Before it is said that no list holds what acts: the closest effect and set, or likely mechanisms."""
     if found.decision.verdict != "outside_library":
         return []
     race = found.posterior.race
