@@ -137,15 +137,15 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
         return stored(ready, "next", found, record, start)
 
 
-def whole(ready: Study, progress: Progress) -> RacedStudy:
+def whole(ready: Study, progress: Progress, bare: bool = False) -> RacedStudy:
     """The race of a study."""
-    posterior = raced(ready.problem, ready.file.study.seed, progress=progress)
+    posterior = raced(ready.problem, ready.file.study.seed, progress=progress, bare=bare)
     return RacedStudy(posterior, decide(posterior))
 
 
 def bare(ready: Study, progress: Progress) -> RacedStudy:
     """The race of a study without anything that could be missing."""
-    return whole(replace(ready, problem=replace(ready.problem, candidates=(), mechanisms=())), progress)
+    return whole(ready, progress, bare=True)
 
 
 def answer_of(

@@ -10,7 +10,7 @@ References: Hoeting et al. (1999), Stat. Sci. 14, 382 (averaging over models); G
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -120,13 +120,20 @@ def raced(
     table: Measurements | None = None,
     most: float = MOST_SETTINGS,
     progress: Progress = lambda _, __: None,
+    bare: bool = False,
 ) -> Posterior:
     """The posterior of all explanations of a table, by default the rows outside the vault.
+
+    `bare` leaves out all that could be missing, with the same seeds.
 
     `most` settings of the model may be evaluated; what is known when they are spent is the answer, and
     `Race.stopped` says so.
     """
     prepared = prepare(problem, problem.visible() if table is None else table, seed)
+    if bare:
+        nothing = replace(problem, candidates=(), mechanisms=())
+        predictor = replace(prepared.predictor, candidates=())
+        prepared = replace(prepared, problem=nothing, predictor=predictor)
     race = Race(prepared, RaceModel(prepared, most, progress))
     try:
         search(race)
