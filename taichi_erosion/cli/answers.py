@@ -30,7 +30,7 @@ def print_answer(reply: "Reply", options: Sequence[str], verbose: bool) -> None:
     set_up, room = reply.about["set_up"], max(MOST_LINES - len(answer.lines), 1)
     if not verbose and len(set_up) > room:
         set_up = [*set_up[: room - 1], f"{counted(len(set_up) - room + 1, 'sentence')} more: --verbose"]
-    print_lines(set_up, "set-up: ")
+    print_lines(set_up)
     print_lines((*answer.missing, *answer.holds))
     if answer.table is not None:
         print_table(answer.table.title, answer.table.columns, answer.table.rows)

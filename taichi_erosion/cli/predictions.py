@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 def print_prediction(reply: "PredictionReply") -> None:
     """Print what is wrong with the set-up, what the intervals rest on, and the table."""
     answer = reply.answer()
-    set_up = (f"set-up: {sentence}" for sentence in reply.about["set_up"])
-    typer.echo("\n".join((*set_up, *answer.missing, *answer.holds)))
+    typer.echo("\n".join((*reply.about["set_up"], *answer.missing, *answer.holds)))
     if answer.table is not None:
         print_table(answer.table.title, answer.table.columns, answer.table.rows)
     for line in answer.following:

@@ -27,7 +27,7 @@ def test_a_comparison_has_the_rows_of_the_table_in_its_units(wet):
     assert rows["moisture [%]"].max() == pytest.approx(1.2)
     assert comparison.p < 1e-6
     assert comparison.found[0].startswith("The calibrated model fails (all 18 rows")
-    assert comparison.found[-1].startswith("study.discover() asks")
+    assert comparison.found[-1].startswith("study.discover() finds")
     assert comparison.table.loc["threshold_u_star", ["n", "unit"]].to_list() == [18, "cm/s"]
     off = rows["measured"] - rows["before"]
     assert comparison.table.loc["threshold_u_star", "rmse"] == pytest.approx((off**2).mean() ** 0.5)

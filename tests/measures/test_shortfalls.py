@@ -101,10 +101,8 @@ def test_the_advice_is_for_the_rows_that_are_told_and_for_the_measured_angle(pou
     assert known.needed == shortfalls.LEAST_ROWS
     assert known.grains == shortfalls.grains_for(shortfalls.LEAST_ROWS, 33.5)
     assert unknown.grains == shortfalls.grains_for(shortfalls.LEAST_ROWS, shortfalls.USUAL_ANGLE)
-    rows = shortfalls.POURED_ROWS if poured else shortfalls.COLUMN_ROWS
     assert known.sentence.endswith(
-        f"3 are needed; use at least {known.grains:,} grains (500 now); the angle goes on changing up to "
-        f"{rows:g} rows, {shortfalls.grains_for(rows, 33.5):,} grains"
+        f"1.4 of 3 rows of grains on its flank; use at least {known.grains:,} grains (500 now)"
     )
 
 

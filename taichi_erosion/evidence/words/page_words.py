@@ -34,8 +34,8 @@ METHODS = (
     "Its probability is its share before the measurements times their density under it, over all t, u, sizes "
     "and f; an effect acts if the explanations that hold it have {sure:g} of the probability together and "
     "chance alone rarely makes a candidate look as good.",
-    "In the table of candidates strength is the median with a 90 % interval over these explanations, "
-    "probability is that the effect acts, and ln Bayes factor alone weighs it by itself against nothing.",
+    "In the table of candidates strength is the median with a 90 % interval over these explanations, and "
+    "probability is that the effect acts.",
     "Misfit per row is the mean squared residual in standard errors without errors in common, p the chance "
     "of as much with them; this answer took {settings} of the model, {runs}, seed {seed}.",
 )

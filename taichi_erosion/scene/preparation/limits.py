@@ -283,7 +283,7 @@ def softening_lines(scene: Scene) -> list[str]:
 
 
 def rolling_lines(scene: Scene) -> list[str]:
-    """Rolling friction in both conventions of its radius, where a rolling law acts."""
+    """Rolling friction, here over the reduced radius and in EDEM over a grain's own, where its law acts."""
     grain, lines = scene.grains.material, []
     for pair, contact in sorted(scene.contact.items()):
         reduced = contact.friction_rolling * contact.rolling_share
@@ -291,25 +291,10 @@ def rolling_lines(scene: Scene) -> list[str]:
             continue
         among_grains = pair == f"{grain}-{grain}"
         full = reduced / 2.0 if among_grains else reduced
-        told = (
-            f"{pair}: friction_rolling {reduced:.3g} over R*, {full:.3g} over a grain's own (EDEM standard)"
-        )
-        lines.append(told + (unequal_grains(scene) if among_grains else ""))
+        low, high = size_range(scene.grains.size)
+        equal = " (grains of one size)" * (among_grains and low < high)
+        lines.append(f"{pair}: {reduced:.3g}; EDEM users enter {full:.3g}{equal}")
     return lines
-
-
-def unequal_grains(scene: Scene) -> str:
-    """How far a torque over 2 R* differs from one over each grain's own radius, where sizes differ.
-
-    The limiting torque is mu F 2 R* on both grains here, and mu F R_i on grain i in EDEM's standard model:
-    R_i / (2 R*) = (R_i + R_j) / (2 R_j), which is 1 for equal grains only.
-    """
-    low, high = size_range(scene.grains.size)
-    if low == high:
-        return ""
-    small, large = 0.5 * (low + high) / high, 0.5 * (low + high) / low
-    ends = f"{1e3 * low:.3g} mm beside {1e3 * high:.3g} mm"
-    return f" between equal grains; of {ends}, EDEM's torque is {small:.3g} and {large:.3g} times this one"
 
 
 def explain(scene: Scene) -> dict[str, Any]:

@@ -101,9 +101,8 @@ def test_rolling_friction_over_the_radius_of_a_grain_counts_twice_over_the_effec
     assert contacts_of(table).friction_rolling[soil] == pytest.approx(2.0 * 0.69)
     assert contacts_of(table).friction_rolling[wall] == 0.41
     assert explain(parse_scene(table))["rolling"] == [
-        "soil-soil: friction_rolling 1.38 over R*, 0.69 over a grain's own (EDEM standard) between equal "
-        "grains; of 1 mm beside 3 mm, EDEM's torque is 0.667 and 2 times this one",
-        "steel-soil: friction_rolling 0.41 over R*, 0.41 over a grain's own (EDEM standard)",
+        "soil-soil: 1.38; EDEM users enter 0.69 (grains of one size)",
+        "steel-soil: 0.41; EDEM users enter 0.41",
     ]
 
 
