@@ -41,6 +41,11 @@ def test_a_discovery_lists_the_likeliest_candidate_first_and_adoption_lowers_the
     assert found["low"] < found["strength"] < found["high"] < found["limit"]
     assert sum(discovery.probabilities.values()) == pytest.approx(1.0)
     assert discovery.law is None
+    draws = discovery.posterior
+    assert draws.sizes == {"chain": 1, "draw": 2000}
+    assert float(draws["liquid_bridge"].median()) == pytest.approx(found["strength"], rel=0.05)
+    assert (draws["dry_cohesion"] == 0.0).mean() > 0.8
+    assert float(draws["threshold_coefficient"].min()) > 0.0
     adoption = wet.adopt(["liquid_bridge"])
     assert adoption.table.loc["after", "held_out"] < 0.1 * adoption.table.loc["before", "held_out"]
     assert adoption.table.loc["control", "held_out"] > 10.0

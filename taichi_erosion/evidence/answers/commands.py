@@ -119,6 +119,7 @@ def adopt_study(
         extend_ladder(study, record)
         rungs = files.ladder(study.results, study.digest[:12])
         told = {"written": str(written[0]), "files": [str(file) for file in written], "ladder": rungs}
+        found = replace(found, posterior=given(found.posterior, effects))
         return stored(ready, "adopt", found, record, start, **told)
 
 
@@ -229,7 +230,7 @@ def stored(
     runs = study.simulations
     cost = replace(record.cost, seconds=perf_counter() - start, seed=study.file.study.seed)
     record = replace(record, cost=cost if runs is None else replace(cost, runs=runs))
-    reply = Reply(command, framed(study, found, record.repeats) | told, record)
+    reply = Reply(command, framed(study, found, record.repeats) | told, record, found.posterior)
     return files.write_reply(study.results, study.path.stem, reply)
 
 

@@ -95,6 +95,22 @@ class Posterior:
         """The likeliest explanation."""
         return self.race.fits[max(self.probability, key=lambda h: self.probability[h])]
 
+    def unknowns(self, count: int) -> dict[str, Floats]:
+        """Draws (count,) of equal weight: calibrated numbers, and strengths, 0 where an effect does not act."""
+        numbers, weight = self.numbers
+        names = list(self.race.model.candidates)
+        strengths = np.zeros((weight.size, len(names)))
+        start = 0
+        for each in self.draws:
+            end = start + each.weight.size
+            for place, name in enumerate(each.fit.hypothesis.names):
+                column = each.values[:, self.race.model.count + place]
+                strengths[start:end, names.index(name)] = [self.race.model.strength(name, v) for v in column]
+            start = end
+        picked = np.random.default_rng(SEED).choice(weight.size, count, p=weight / weight.sum())
+        keys = [axis.name for axis in self.race.prepared.axes] + names
+        return dict(zip(keys, np.hstack([numbers, strengths])[picked].T, strict=True))
+
     def strength(self, name: str) -> tuple[Floats, Floats]:
         """Strength of an effect where it acts with one strength, and weights."""
         values, weights = [np.zeros(0)], [np.zeros(0)]
