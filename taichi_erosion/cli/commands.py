@@ -386,19 +386,6 @@ def print_claim(claim: "Claim") -> None:
     typer.echo(f"{claim.id} {output.verdict(claim.passed)}: {claim.claim}", err=True)
 
 
-def bench_size(arch: str, large: bool, quick: bool) -> str:
-    """Size of the cases on a graphics processor. Raises BadInput where there is none, or two are named."""
-    if large and quick:
-        raise BadInput("--quick or --large, not both")
-    for wanted, words in (
-        (large, "--large: 1,000 funnels and a bed of a million"),
-        (quick, "--quick: small cases"),
-    ):
-        if wanted and arch == "cpu":
-            raise BadInput(f"{words}; for --arch cuda or vulkan")
-    return "large" if large else "quick" if quick else "usual"
-
-
 @app.command(**help_of("bench"))
 def bench(
     arch: Annotated[
@@ -413,7 +400,11 @@ def bench(
     as_json: AsJson = False,
 ) -> None:
     """Measure the speed: grain-steps per second and per core, and the time of each stage."""
-    size = bench_size(arch or "cpu", large, quick)
+    if large and quick:
+        raise BadInput("--quick or --large, not both")
+    if (large or quick) and arch in (None, "cpu"):
+        raise BadInput(f"--{'large' if large else 'quick'}: for --arch cuda or vulkan")
+    size = "large" if large else "quick" if quick else "usual"
     cases = source_module("benchmarks.cases")
     if cases is None:
         raise BadInput("bench: the timed cases are in the source tree, not in the installed program")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taichi_erosion.cli import answers, output, predictions
+from taichi_erosion.cli import answers, output
 from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.output import Arch, AsJson, Decomposition, EffectFiles, Force, Verbose
 from taichi_erosion.cli.progress import KEPT, announce, interruptible
@@ -212,12 +212,12 @@ def predict(
     from taichi_erosion.evidence.answers.predictions import predict_study
 
     if out is not None:
-        predictions.refuse_other_table(out)
+        answers.refuse_other_table(out)
     with interruptible("predicting", KEPT) as progress:
         reply = predict_study(study, at, lambda text, share: progress(share, text), options, bare)
-    output.print_json(reply.document) if as_json else predictions.print_prediction(reply)
+    output.print_json(reply.document) if as_json else answers.print_prediction(reply)
     if out is not None:
-        write_atomic(out, predictions.prediction_csv(reply).encode())
+        write_atomic(out, answers.prediction_csv(reply).encode())
         if not as_json:
             typer.echo(f"written: {out}")
 

@@ -53,7 +53,7 @@ def test_a_discovery_lists_the_likeliest_candidate_first_and_adoption_lowers_the
     assert "liquid_bridge" in discovery._repr_html_()
     assert repr(adoption).startswith(f"AdoptionResult({wet.path}: The error falls with liquid_bridge")
     values, residuals = adoption.figure().axes
-    assert values.get_title("left") == "threshold_u_star [cm/s]"
+    assert values.get_title("left") == "threshold friction velocity [cm/s]"
     assert residuals.lines
 
 

@@ -96,7 +96,7 @@ class Posterior:
         return self.race.fits[max(self.probability, key=lambda h: self.probability[h])]
 
     def unknowns(self, count: int) -> dict[str, Floats]:
-        """Draws (count,) of equal weight: calibrated numbers, and strengths, 0 where an effect does not act."""
+        """Draws of equal weight: calibrated numbers, and strengths, 0 where an effect does not act."""
         numbers, weight = self.numbers
         names = list(self.race.model.candidates)
         strengths = np.zeros((weight.size, len(names)))

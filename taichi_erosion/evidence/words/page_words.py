@@ -15,7 +15,7 @@ PREDICTIONS = "Predictions"
 MEASURED, BARE = "measured", "the model as it is"
 RESIDUAL = "measured less predicted"
 CAPTIONS = {
-    "rows": "{observable} along {axis}: values, with 90 % intervals of those measured; residuals.",
+    "rows": "The {observable} along the {axis}: values, with 90 % intervals of those measured; residuals.",
     "limits": " Arrow: a limit; bar with ends: the value lies between them.",
     "posterior": "Probability of every explanation after the measurements.",
     "strengths": "Strength of every candidate. Dot: it acts or likely does; 90 % interval. Bar: it could act "
