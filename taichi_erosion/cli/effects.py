@@ -72,7 +72,7 @@ def effects(
     new = (words or [""])[0] == NEW
     of_new = [discovery is not None, with_memory, place is not None]
     if sum(of_new) > new:
-        raise BadInput("effects: one of --from-discovery, --with-memory and --place, with new NAME")
+        raise BadInput("effects: --from-discovery, --with-memory or --place, one of them, needs new NAME")
     if mechanisms and (effect or new):
         raise BadInput("effects --mechanisms: excludes --effect and new NAME")
     match words or []:
@@ -111,7 +111,7 @@ def show_shift(name: str, library: "list[str]", as_json: bool) -> None:
 
     if name not in reduced.EFFECTS:
         near = did_you_mean(name, [*library, *reduced.EFFECTS])
-        raise BadInput(f"effects {name}: no such effect{near}; `effects` lists them: {', '.join(library)}")
+        raise BadInput(f"effects {name}: is not in the library{near}; `effects` lists it: {', '.join(library)}")
     told = " ".join((reduced.EFFECTS[name].__doc__ or "").split())
     if as_json:
         return output.print_json({"effects": {name: {"model": reduced.__name__, "description": told}}})
