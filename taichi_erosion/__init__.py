@@ -40,7 +40,7 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *import_module(INTERFACE).__all__])
+    return sorted([*import_module(INTERFACE).__all__, "__version__"])
 
 
 sys.modules[__name__].__class__ = Package

@@ -98,6 +98,16 @@ def test_the_first_use_makes_the_environment_and_later_ones_do_not(tree):
     assert tree.installations() == []
 
 
+def test_an_environment_that_is_a_link_is_used_as_it_is(tree, tmp_path):
+    tree.call("run")
+    tree.installations()
+    elsewhere = (tree.root / ".venv").rename(tmp_path / "environment")
+    (tree.root / ".venv").symlink_to(elsewhere)
+    (tree.root / "constraints.txt").write_text("numpy==2.4.7\n")
+    assert tree.call("run").stdout == "taichi-erosion run\n"
+    assert tree.installations() == []
+
+
 def test_the_test_extra_is_installed_at_the_pinned_versions(tree):
     tree.call("run")
     (installation,) = [line for line in tree.asked.read_text().splitlines() if line.startswith("pip")]

@@ -2,16 +2,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taichi_erosion.api.notebook import frame, html
 from taichi_erosion.api.wording import python_words
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.number_words import heading
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
 
     from taichi_erosion.evidence.answers.files import Reply
     from taichi_erosion.evidence.answers.predictions import PredictionReply
@@ -19,6 +22,7 @@ if TYPE_CHECKING:
     from taichi_erosion.evidence.race.record import ExperimentPart, LawPart, Record
     from taichi_erosion.report.figure_style import Figure
 
+DRAWS = 2000  # of a posterior
 PREDICTED = ("model", "value", "low", "high", "measured_low", "measured_high", "unit", "outside")  # columns
 
 
@@ -81,6 +85,30 @@ class RaceResult(Result):
             columns[condition_heading(units, name)] = [units.condition(name, number) for number in numbers]
         return pd.DataFrame(columns)
 
+    @property
+    def law(self) -> "LawPart | None":
+        """Law of what is missing beyond one strength; None where there is none."""
+        return self.record.law
+
+    @property
+    def posterior(self) -> "xr.Dataset":
+        """Draws of calibrated numbers, and of strengths of effects [1], 0 where one does not act."""
+        import xarray as xr
+
+        assert self.reply.posterior is not None  # of a new answer
+        drawn = self.reply.posterior.unknowns(DRAWS).items()
+        columns = {name: (("chain", "draw"), values[None]) for name, values in drawn}
+        return xr.Dataset(columns, {"chain": [0], "draw": range(DRAWS)})
+
+    def to_inference_data(self) -> Any:
+        """The draws for ArviZ. Raises BadInput where it is not installed."""
+        try:
+            arviz = import_module("arviz")
+        except ImportError:
+            raise BadInput("to_inference_data: ArviZ is not installed; `pip install arviz`") from None
+        convert = getattr(arviz, "convert_to_inference_data", None) or arviz.convert_to_datatree
+        return convert(self.posterior)
+
     def figure(self) -> "Figure":
         """First figure of the study's page: measured values and the model before and after."""
         from taichi_erosion.report.study_page import first_figure
@@ -119,11 +147,6 @@ class DiscoveryResult(RaceResult):
     def probabilities(self) -> dict[str, float]:
         """Probability of every explanation: `none`, `outside_library`, an effect, or a set `a+b` [1]."""
         return dict(self.record.decided.probabilities)
-
-    @property
-    def law(self) -> "LawPart | None":
-        """Law of what is missing beyond one strength; None where there is none."""
-        return self.record.law
 
     @property
     def table(self) -> "pd.DataFrame":

@@ -1,17 +1,21 @@
 """Answers about studies for a terminal: lines and table of an answer, and what was read of a table."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.output import MARK_MISSING, Record, print_table
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import one_line_name
 from taichi_erosion.evidence.data.number_words import counted, plain
 from taichi_erosion.evidence.words.shell import shell_command
 
 if TYPE_CHECKING:
     from taichi_erosion.evidence.answers.files import Reply
+    from taichi_erosion.evidence.answers.predictions import PredictionReply
     from taichi_erosion.evidence.race import record
 
 MOST_LINES = 8  # of an answer, the set-up included: a screen with its table
@@ -30,7 +34,7 @@ def print_answer(reply: "Reply", options: Sequence[str], verbose: bool) -> None:
     set_up, room = reply.about["set_up"], max(MOST_LINES - len(answer.lines), 1)
     if not verbose and len(set_up) > room:
         set_up = [*set_up[: room - 1], f"{counted(len(set_up) - room + 1, 'sentence')} more: --verbose"]
-    print_lines(set_up, "set-up: ")
+    print_lines(set_up)
     print_lines((*answer.missing, *answer.holds))
     if answer.table is not None:
         print_table(answer.table.title, answer.table.columns, answer.table.rows)
@@ -66,6 +70,31 @@ def cost_of(found: "record.CostPart") -> str:
     """Settings and runs that the answer took, wall time and seed."""
     settings, runs = counted(found.settings, "setting"), counted(found.runs, "run")
     return f"{settings} of the model, {runs}, {found.seconds:.1f} s, seed {found.seed}"
+
+
+def print_prediction(reply: "PredictionReply") -> None:
+    """Print what is wrong with the set-up, what the intervals rest on, and the table."""
+    answer = reply.answer()
+    print_lines((*reply.about["set_up"], *answer.missing, *answer.holds))
+    if answer.table is not None:
+        print_table(answer.table.title, answer.table.columns, answer.table.rows)
+    print_lines(answer.following)
+
+
+def prediction_csv(reply: "PredictionReply") -> str:
+    """Predictions as CSV."""
+    from taichi_erosion.api.results import prediction_table
+
+    return prediction_table(reply).to_csv(index=False, float_format="%.6g", lineterminator="\n")
+
+
+def refuse_other_table(path: Path) -> None:
+    """Raise BadInput where a file exists that holds no predictions."""
+    from taichi_erosion.api.results import PREDICTED
+
+    columns = ",".join(PREDICTED).encode()
+    if path.exists() and not (path.is_file() and columns in path.read_bytes().partition(b"\n")[0]):
+        raise BadInput(f"--out {one_line_name(path)}: exists, and holds no predictions; name another file")
 
 
 def print_new_study(document: Record) -> None:

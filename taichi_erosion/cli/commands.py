@@ -20,7 +20,7 @@ from taichi_erosion.cli import output
 from taichi_erosion.cli.doe import audit, doe
 from taichi_erosion.cli.evidence import study_commands
 from taichi_erosion.cli.help import EXPLAIN, SIMULATE, help_of
-from taichi_erosion.cli.output import Arch, AsJson, Decomposition, EffectFiles, Force
+from taichi_erosion.cli.output import Arch, AsJson, Decomposition, EffectFiles, Force, Verbose
 from taichi_erosion.cli.progress import LOG, interruptible, open_log, reporting
 from taichi_erosion.cli.source_tree import source_module
 from taichi_erosion.core.engine.choice import SWITCH, engine_name, engine_version
@@ -136,6 +136,7 @@ def run(
     effect: EffectFiles = None,
     check: CheckOnly = False,
     force: Force = False,
+    verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a scene, measure and record it; print the measured value beside the simulated one."""
@@ -149,13 +150,14 @@ def run(
     options |= {"overrides": overrides, "effect_files": effects} | ({"force": True} if force else {})
     document = simulate(scene, no_record=no_record, **options)
     output.log_run(document)
-    output.print_result(document, as_json, output.print_run)
+    output.print_result(document, as_json, lambda found: output.print_run(found, verbose))
     if any(replica.get("stopped") for replica in document["replicas"]):
         raise typer.Exit(ExitCode.STOPPED)
 
 
 def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ...], as_json: bool) -> None:
     """Validate a scene and print its hash."""
+    from taichi_erosion.evidence.words.run_words import consequences
     from taichi_erosion.run import check_scene
 
     document = check_scene(scene, overrides, effects, examine_effect)
@@ -164,7 +166,8 @@ def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ..
         typer.echo(f"{scene}: valid, hash {found['hash']}")
         for sentence in output.examined_effects(found["effects"]):
             typer.echo(sentence)
-        for sentence in output.consequences(found):
+        warnings = (f"{output.WARNING}{line}" for line in found.get("limits", {}).get("warnings", ()))
+        for sentence in (*warnings, *consequences(found)):
             typer.echo(sentence)
 
     output.print_result(document, as_json, print_text)
@@ -383,19 +386,6 @@ def print_claim(claim: "Claim") -> None:
     typer.echo(f"{claim.id} {output.verdict(claim.passed)}: {claim.claim}", err=True)
 
 
-def bench_size(arch: str, large: bool, quick: bool) -> str:
-    """Size of the cases on a graphics processor. Raises BadInput where there is none, or two are named."""
-    if large and quick:
-        raise BadInput("--quick or --large, not both")
-    for wanted, words in (
-        (large, "--large: 1,000 funnels and a bed of a million"),
-        (quick, "--quick: small cases"),
-    ):
-        if wanted and arch == "cpu":
-            raise BadInput(f"{words}; for --arch cuda or vulkan")
-    return "large" if large else "quick" if quick else "usual"
-
-
 @app.command(**help_of("bench"))
 def bench(
     arch: Annotated[
@@ -410,7 +400,11 @@ def bench(
     as_json: AsJson = False,
 ) -> None:
     """Measure the speed: grain-steps per second and per core, and the time of each stage."""
-    size = bench_size(arch or "cpu", large, quick)
+    if large and quick:
+        raise BadInput("--quick or --large, not both")
+    if (large or quick) and arch in (None, "cpu"):
+        raise BadInput(f"--{'large' if large else 'quick'}: for --arch cuda or vulkan")
+    size = "large" if large else "quick" if quick else "usual"
     cases = source_module("benchmarks.cases")
     if cases is None:
         raise BadInput("bench: the timed cases are in the source tree, not in the installed program")

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from taichi_erosion.cli import next_steps, output
+from taichi_erosion.cli import output
 from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.output import Arch, AsJson, Decomposition, Force
 from taichi_erosion.cli.progress import KEPT, interruptible
+from taichi_erosion.evidence.words.shell import shell_command
 
 if TYPE_CHECKING:
     from taichi_erosion.campaign.calibration import Calibration, Step
@@ -122,8 +123,8 @@ def publish_page(found: "Calibration", as_json: bool) -> None:
         for name, test in found.document["confirm"]["tests"].items():
             typer.echo(verdict(test, name, targets[name].unit).replace("**", ""))
         typer.echo(f"page: {page}")
-        for sentence in next_steps.after_calibration(found.document):
-            typer.echo(sentence)
+        for scene in found.document.get("calibrated_scenes", ()):
+            typer.echo(f"{shell_command('run', scene)} runs the calibrated scene.")
 
 
 def run_steps(
@@ -197,10 +198,12 @@ def print_optimum(document: Record) -> None:
 
 def print_confirmation(document: Record) -> None:
     """Print the optimum, and the confirmation runs with the measurement."""
+    from taichi_erosion.evidence.words.run_words import spread
+
     print_optimum(document)
     for name, test in document["confirm"]["tests"].items():
         runs, wanted = (
-            output.spread({"value": test[kind]["mean"], "sd": test[kind]["sd"], "n": int(test[kind]["n"])})
+            spread({"value": test[kind]["mean"], "sd": test[kind]["sd"], "n": int(test[kind]["n"])})
             for kind in ("runs", "wanted")
         )
         typer.echo(

@@ -70,9 +70,11 @@ def effects(
 ) -> None:
     """Optional physics of scenes: a list, one effect with its measured values, or a new effect file."""
     new = (words or [""])[0] == NEW
+    of_new = [discovery is not None, with_memory, place is not None]
+    if sum(of_new) > new:
+        raise BadInput("effects: --from-discovery, --with-memory or --place, one of them, needs new NAME")
     if mechanisms and (effect or new):
         raise BadInput("effects --mechanisms: excludes --effect and new NAME")
-    check_new_options(new, discovery is not None, with_memory, place is not None)
     match words or []:
         case ["new", name]:
             path = write_effect_file(name, discovery, with_memory, place or "pair")
@@ -92,16 +94,6 @@ def effects(
             raise BadInput(f"effects {' '.join(words or [])}: give one NAME, or new NAME")
 
 
-def check_new_options(new: bool, from_discovery: bool, with_memory: bool, has_place: bool) -> None:
-    """Raise BadInput for options of a new file that exclude each other, or stand without one."""
-    if from_discovery and not new:
-        raise BadInput("effects --from-discovery: needs new NAME")
-    if with_memory and (from_discovery or not new):
-        raise BadInput("effects --with-memory: needs new NAME; --from-discovery excludes it")
-    if has_place and (from_discovery or with_memory or not new):
-        raise BadInput("effects --place: needs new NAME; --from-discovery and --with-memory exclude it")
-
-
 def asked_library(effect_files: list[Path] | None, mechanisms: bool) -> "dict[str, Effect]":
     """The effects, or the mechanisms."""
     if mechanisms:
@@ -119,32 +111,22 @@ def show_shift(name: str, library: "list[str]", as_json: bool) -> None:
 
     if name not in reduced.EFFECTS:
         near = did_you_mean(name, [*library, *reduced.EFFECTS])
-        raise BadInput(
-            f"effects {name}: is not in the library{near}; `effects` lists it: {', '.join(library)}"
-        )
+        raise BadInput(f"effects {name}: is not in the library{near}; `effects` lists it: {', '.join(library)}")
     told = " ".join((reduced.EFFECTS[name].__doc__ or "").split())
     if as_json:
         return output.print_json({"effects": {name: {"model": reduced.__name__, "description": told}}})
-    typer.echo(f"{name} is an effect of the reduced model ({reduced.__name__}), not of scenes:")
-    typer.echo(told)
-    typer.echo("A study with this model names it under [candidates]; its strength is 0: absent, 1: textbook.")
+    typer.echo(f"{name} is an effect of the closed-form model, not of scenes: {told}")
     if near := did_you_mean(name, library):
         typer.echo(f"For scenes{near.removeprefix(';')}")
 
 
 def show_library(library: "list[Effect]", as_json: bool) -> None:
-    """Table of all effects: name, place, measured shifts, reference."""
-    measured = measured_shifts()
+    """Table of all effects; their measured shifts and references in JSON."""
     if as_json:
+        measured = measured_shifts()
         return output.print_json({"effects": {effect.name: record(effect, measured) for effect in library}})
-    from taichi_erosion.core.effect import reference
-
-    answers, rows = known_answers(), []
-    for effect in library:
-        shifts = [shift_text(row) for row in reference_shifts(measured.get(effect.name, []))]
-        values = "; ".join(shifts + answers.get(effect.name, [])) or output.MARK_MISSING
-        rows.append((effect.name, effect.title, effect.place, values, reference(effect)))
-    output.print_table("effects", ("name", "what it is", "place", "measured shifts", "reference"), rows)
+    rows = ((effect.name, effect.title, effect.place) for effect in library)
+    output.print_table("", ("effect", "what it is", "acts on"), rows)
 
 
 def show_effect(effect: "Effect", as_json: bool) -> None:
@@ -242,12 +224,6 @@ def measured_shifts() -> dict[str, list[Row]]:
         if abs(float(row["shift"])) > SIGNIFICANT * float(row["standard_error"]):
             found.setdefault(row["effect"], []).append(row)
     return found
-
-
-def reference_shifts(rows: list[Row]) -> list[Row]:
-    """Shifts of an effect's reference case, which has no label; of its first case where there is none."""
-    reference = [row for row in rows if not row["label"]]
-    return reference or [row for row in rows if row["label"] == rows[0]["label"]]
 
 
 def known_answers() -> dict[str, list[str]]:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taichi_erosion.cli import answers, next_steps, output, predictions
+from taichi_erosion.cli import answers, output
 from taichi_erosion.cli.help import help_of
-from taichi_erosion.cli.output import Arch, AsJson, Decomposition, EffectFiles, Force
+from taichi_erosion.cli.output import Arch, AsJson, Decomposition, EffectFiles, Force, Verbose
 from taichi_erosion.cli.progress import KEPT, announce, interruptible
 from taichi_erosion.core.errors import BadInput
 
@@ -45,9 +45,6 @@ Budget = Annotated[
 Workers = Annotated[int | None, typer.Option(min=1, help="Local processes; default: one a core.")]
 Seed = Annotated[
     int | None, typer.Option(min=0, help="Seed of the runs in place of the study's; another one: fresh runs.")
-]
-Verbose = Annotated[
-    bool, typer.Option("--verbose", help="Also limits, calibrated numbers, notes, cost and versions.")
 ]
 PageFile = Annotated[
     Path | None, typer.Option("-o", "--output", metavar="FILE", help="Page to write (HTML).")
@@ -222,12 +219,12 @@ def predict(
     from taichi_erosion.evidence.answers.predictions import predict_study
 
     if out is not None:
-        predictions.refuse_other_table(out)
+        answers.refuse_other_table(out)
     with interruptible("predicting", KEPT) as progress:
         reply = predict_study(study, at, lambda text, share: progress(share, text), options, bare)
-    output.print_json(reply.document) if as_json else predictions.print_prediction(reply)
+    output.print_json(reply.document) if as_json else answers.print_prediction(reply)
     if out is not None:
-        write_atomic(out, predictions.prediction_csv(reply).encode())
+        write_atomic(out, answers.prediction_csv(reply).encode())
         if not as_json:
             typer.echo(f"written: {out}")
 
@@ -241,8 +238,6 @@ def report(source: ReportSource, to: PageFile = None, force: Force = False, as_j
     refuse_neither(source)
     page = str(write_report(source, to, force))
     output.print_result({"report": page}, as_json, lambda _: typer.echo(page))
-    if not as_json:
-        typer.echo(next_steps.after_report(page), err=True)
 
 
 @study_commands.command("new", **help_of("study new"))

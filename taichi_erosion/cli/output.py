@@ -1,18 +1,16 @@
 """Standard output of commands: one JSON document, or tables."""
 
 import json
-import logging
-from collections import Counter
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from math import floor, isfinite, log10
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from taichi_erosion.cli.next_steps import after_run
 from taichi_erosion.cli.progress import LOG
 
 Record = Mapping[str, Any]
@@ -24,6 +22,7 @@ EffectFiles = Annotated[
 Force = Annotated[
     bool, typer.Option("--force", help="Replace files of this name that this command did not write.")
 ]
+Verbose = Annotated[bool, typer.Option("--verbose", help="Print notes, numbers and cost too.")]
 Arch = Annotated[
     Literal["auto", "cpu", "cuda", "vulkan"] | None,
     typer.Option(help="Device; default: cpu. auto: a graphics processor for large runs, if there is one."),
@@ -35,7 +34,8 @@ Decomposition = Annotated[
 
 MARK_MISSING = "-"
 WARNING = "warning: "
-WIDEST = 1000  # width of a table in a file or pipe [characters]
+WIDEST = 1000  # width of a table in a file or pipe, where COLUMNS does not state another [characters]
+MOST_TOLD = 6  # comparisons and warnings of a run
 
 
 def print_json(document: Record) -> None:
@@ -55,54 +55,32 @@ def json_value(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value.item()
 
 
-def print_run(document: Record) -> None:
-    """Print simulated and measured values, warnings, recording and speed."""
-    columns = ("measure", "simulated", "measured", "difference", "source")
-    print_table(document["scene"], columns, run_rows(document))
-    for sentence in (*consequences(document), *remarks(document)):
-        typer.echo(sentence)
-    if document.get("recording"):
-        typer.echo(f"recording: {document['recording']}")
-    replicas, seconds = len(document["replicas"]), document["wall_s"]
-    kind = "cell" if "cell_steps" in document else "grain"
-    speed = document[f"{kind}_steps"] / seconds if seconds else 0.0
-    typer.echo(
-        f"{replicas} replica(s) in {seconds:.1f} s, {speed:.3g} {kind}-steps/s, scene {document['hash']}"
-    )
-    for sentence in after_run(document):
-        typer.echo(sentence)
+def print_run(document: Record, verbose: bool = False) -> None:
+    """Print simulated beside measured values, what they say, warnings, and what follows."""
+    from taichi_erosion.evidence.words import run_words as words
+
+    repeats = len(document["replicas"])
+    typer.echo(f"{document['scene']}: {repeats} repeat{'s' * (repeats > 1)} in {document['wall_s']:.1f} s")
+    table = words.run_table(document)
+    print_table("", table.columns, table.rows)
+    told = [*words.comparisons(document), *(f"{WARNING}{line}" for line in words.run_warnings(document))]
+    if not verbose and len(told) > MOST_TOLD:
+        told = [*told[:MOST_TOLD], f"{len(told) - MOST_TOLD} more: --verbose"]
+    more = [f"note: {line}" for line in words.run_notes(document)] + [words.run_cost(document)]
+    for line in (*told, *(more if verbose else ()), *words.after_run(document)):
+        typer.echo(line)
 
 
 def log_run(document: Record) -> None:
     """Write measures, warnings and recording of a run to the log."""
+    from taichi_erosion.evidence.words import run_words as words
+
     for name, found in document["measures"].items():
-        LOG.info("%s = %s %s", name, spread(found), found["unit"])
-    for sentence in remarks(document):
-        LOG.log(logging.WARNING if sentence.startswith(WARNING) else logging.INFO, sentence)
+        LOG.info("%s = %s %s", name, words.spread(found), found["unit"])
+    for line in words.run_warnings(document):
+        LOG.warning(line)
     if document.get("recording"):
         LOG.info("recording: %s", document["recording"])
-
-
-def run_rows(document: Record) -> Iterator[tuple[str, ...]]:
-    """Simulated and measured values with their difference, one row per observable."""
-    simulated, measured = document["measures"], document["measured"]
-    for name in dict.fromkeys((*simulated, *measured)):
-        found, wanted = simulated.get(name, {}), measured.get(name, {})
-        unit = found.get("unit") or wanted.get("unit") or ""
-        label = f"{name} [{unit}]" if unit else name
-        yield label, spread(found), spread(wanted), difference(found, wanted), wanted.get("source", "")
-
-
-def consequences(document: Record) -> Iterator[str]:
-    """What reduced stiffness, adhesion, rolling friction and the time step of a scene imply."""
-    limits = document.get("limits", {})
-    yield from (f"stiffness: {line}" for line in limits.get("softening", ()))
-    yield from (f"rolling: {line}" for line in limits.get("rolling", ()))
-    if adhesion := limits.get("adhesion"):
-        force, speed = adhesion["pull_off_force"], adhesion["sticking_speed"]
-        weights = adhesion["bond_number"]
-        yield f"adhesion: pull-off force {force:.3g} N, {weights:.3g} weights; sticking speed {speed:.3g} m/s"
-    yield from (f"{WARNING}{line}" for line in limits.get("warnings", ()))
 
 
 def examined_effects(found: Sequence[Record]) -> Iterator[str]:
@@ -114,22 +92,10 @@ def examined_effects(found: Sequence[Record]) -> Iterator[str]:
     yield from ((WARNING if each["breaches"] else "") + examined_words(each) for each in found)
 
 
-def remarks(document: Record) -> list[str]:
-    """What measures lack, warnings with their number of replicas, limits that the scene states, notes."""
-    measures = document["measures"].items()
-    lacking = [(name, each) for name, found in measures for each in found.get("shortfalls", ())]
-    counts = Counter(sentence for replica in document["replicas"] for sentence in replica["warnings"])
-    among = len(document["replicas"])
-    return [
-        *(f"{WARNING}{name}: {each['sentence']}" for name, each in lacking if not each["stated"]),
-        *(f"{WARNING}{sentence} ({count} of {among} replicas)" for sentence, count in counts.items()),
-        *(f"limit: {name}: {each['sentence']}" for name, each in lacking if each["stated"]),
-        *(f"note: {name}: {note}" for name, found in measures for note in found.get("notes", ())),
-    ]
-
-
 def print_measurement(record: Record) -> None:
     """Print one measured value and its notes."""
+    from taichi_erosion.evidence.words.run_words import spread
+
     typer.echo(f"{record['name']} = {spread(record)} {record['unit']}")
     for note in record["notes"]:
         typer.echo(f"note: {note}")
@@ -176,38 +142,17 @@ def cell(value: Any) -> str:
 
 
 def print_table(title: str, columns: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
-    """Print a table at the width of the terminal, or at its own width to a file or pipe."""
-    table = Table(title=title, title_justify="left")
+    """Print a table at its own width, and at most at that of the terminal or of COLUMNS."""
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
     for column in columns:
         table.add_column(column, overflow="fold")
     for row in rows:
         table.add_row(*row)
     console = Console(highlight=False, markup=False)
     if not console.is_terminal:
-        console.width = console.measure(table, options=console.options.update(max_width=WIDEST)).maximum
+        most = int(os.environ.get("COLUMNS") or WIDEST)
+        console.width = console.measure(table, options=console.options.update(max_width=most)).maximum
     console.print(table)
-
-
-def spread(record: Record) -> str:
-    """Mean, standard deviation and number of repeats, rounded to two digits of the deviation."""
-    value, sd, n = record.get("value"), record.get("sd"), record.get("n")
-    if value is None or not isfinite(value):
-        return MARK_MISSING
-    if sd is None or not isfinite(sd) or sd <= 0.0:
-        text = significant(value)
-    else:
-        digits = max(0, 1 - floor(log10(sd)))
-        text = f"{value:.{digits}f} \N{PLUS-MINUS SIGN} {sd:.{digits}f}"
-    return text if n is None else f"{text} (n = {n})"
-
-
-def difference(found: Record, wanted: Record) -> str:
-    """Simulated minus measured value, absolute and relative to the measured one."""
-    got, want = found.get("value"), wanted.get("value")
-    if got is None or want is None or not isfinite(got):
-        return MARK_MISSING
-    share = f" ({(got - want) / want:+.1%})" if want else ""
-    return f"{got - want:+.3g}{share}"
 
 
 def significant(value: Any) -> str:

@@ -48,12 +48,10 @@ def close_log() -> None:
             handler.close()
 
 
+SHOWN_AFTER = 3.0  # s, below which a command shows no progress
 LINE_INTERVAL = 10.0  # s between two lines
 ESTIMATE_AFTER = 5.0  # s before the remaining time is estimated
 ESTIMATE_FROM = 0.005  # share done from which it is [1]
-ESTIMATE_INTERVAL = 2.0  # s between two estimates
-SETTLED = 0.1  # share done from which an estimate is at most `JUMP` times the one before, or 1 / `JUMP`
-JUMP = 2.0
 MINUTE, HOUR = 60.0, 3600.0  # s
 
 KEPT = "finished runs are kept, the same command continues"  # after Ctrl-C
@@ -63,30 +61,30 @@ Report = Callable[[float, str], None]  # (share done [1], short text)
 
 @contextmanager
 def reporting(title: str) -> Iterator[Report]:
-    """Context with a progress function; its bar disappears at the end of the block."""
+    """Context with a progress function: a bar after SHOWN_AFTER seconds, or a line every LINE_INTERVAL."""
     console = Console(stderr=True)
     if not console.is_terminal:
         yield report_by_lines(
             title, lambda line: console.print(line, markup=False, highlight=False, soft_wrap=True)
         )
         return
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TextColumn("{task.fields[left]}"),
-    )
-    countdown = Countdown(monotonic())
-    log = report_by_lines(title, lambda _: None)
-    with Progress(*columns, console=console, transient=True, redirect_stdout=False) as bar:
-        task = bar.add_task(title, total=1.0, left="")
+    columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()
+    log, countdown = report_by_lines(title, lambda _: None), Countdown(monotonic())
+    bar = Progress(*columns, TextColumn("{task.fields[left]}"), console=console, transient=True)
+    task, began = bar.add_task(title, total=1.0, left=""), monotonic()
 
-        def report(share: float, words: str) -> None:
-            left = left_words(countdown.seconds(share, monotonic()))
-            bar.update(task, completed=share, description=f"{title}: {words}", left=left)
-            log(share, words)
+    def report(share: float, words: str) -> None:
+        now = monotonic()
+        left = left_words(countdown.seconds(share, now))
+        bar.update(task, completed=share, description=f"{title}: {words}", left=left)
+        if now - began > SHOWN_AFTER:
+            bar.start()
+        log(share, words)
 
+    try:
         yield report
+    finally:
+        bar.stop()
 
 
 @contextmanager
@@ -115,9 +113,9 @@ def report_by_lines(title: str, show: Callable[[str], None]) -> Report:
     def report(share: float, words: str) -> None:
         nonlocal last
         now = monotonic()
-        countdown.begin(share, now)
+        left = left_words(countdown.seconds(share, now))
         if now - last >= LINE_INTERVAL:
-            last, left = now, left_words(countdown.seconds(share, now))
+            last = now
             line = f"{title}: {share:.0%}, {words}" + (f", {left}" if left else "")
             LOG.info(line)
             show(line)
@@ -127,37 +125,22 @@ def report_by_lines(title: str, show: Callable[[str], None]) -> Report:
 
 @dataclass
 class Countdown:
-    """Remaining time of work whose share is reported, from the pace since its first report.
+    """Remaining time of work, t (1 - s) / (s - s_0), from the pace since the first report.
 
-        t (1 - s) / (s - s_0)
-
-    with t the time since the first report, s the share done and s_0 the share that was done then. From
-    `SETTLED` on, an estimate is at most twice the one before, and at least half of it.
+    t is the time since then, s the share done, s_0 the share that was done then.
     """
 
     began: float  # s, by a steady clock
     first: float | None = None  # share that was done at the first report
-    made: float = 0.0  # s, when the last estimate was made
-    estimate: float | None = None  # s
-
-    def begin(self, share: float, now: float) -> float:
-        """Share that was done at the first report, which begins the count."""
-        if self.first is None:
-            self.began, self.first = now, share
-        return self.first
 
     def seconds(self, share: float, now: float) -> float | None:
-        """Remaining time [s], bounded by the last one shown; None before there is an estimate."""
-        first = self.begin(share, now)
-        gained, elapsed = share - first, now - self.began
+        """Remaining time [s]; None before there is an estimate."""
+        if self.first is None:
+            self.began, self.first = now, share
+        gained, elapsed = share - self.first, now - self.began
         if gained < ESTIMATE_FROM or elapsed < ESTIMATE_AFTER or share >= 1.0:
             return None
-        if self.estimate is None or now - self.made >= ESTIMATE_INTERVAL:
-            found = elapsed * max(1.0 - share, 0.0) / gained
-            if self.estimate is not None and share > SETTLED:
-                found = min(max(found, self.estimate / JUMP), self.estimate * JUMP)
-            self.made, self.estimate = now, found
-        return self.estimate
+        return elapsed * (1.0 - share) / gained
 
 
 def left_words(seconds: float | None) -> str:

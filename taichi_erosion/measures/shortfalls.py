@@ -84,15 +84,11 @@ def settled_rows(poured: bool) -> float:
     return POURED_ROWS if poured else COLUMN_ROWS
 
 
-def small_heap_advice(rows: float, grains: int, poured: bool, angle: float) -> str:
+def small_heap_advice(rows: float, grains: int, angle: float) -> str:
     """How many grains a heap needs that is too small for its angle [deg], in words."""
     least = enough_grains(LEAST_ROWS, rows, grains, angle)
-    settled = settled_rows(poured)
-    return (
-        f"{rows:.1f} rows of grains on its flank, {LEAST_ROWS:g} are needed; use at least {least:,} grains "
-        f"({grains:,} now); the angle goes on changing up to {settled:g} rows, "
-        f"{enough_grains(settled, rows, grains, angle):,} grains"
-    )
+    have = f"{rows:.1f} of {LEAST_ROWS:g} rows of grains on its flank"
+    return f"{have}; use at least {least:,} grains ({grains:,} now)"
 
 
 def heap_shortfalls(
@@ -102,7 +98,7 @@ def heap_shortfalls(
     wanted = next((each for each in (angle, simulated) if isfinite(each)), USUAL_ANGLE)
     settled = settled_rows(poured)
     if rows < LEAST_ROWS:
-        words = f"the heap is too small for its angle: {small_heap_advice(rows, grains, poured, wanted)}"
+        words = f"the heap is too small for an angle: {small_heap_advice(rows, grains, wanted)}"
         enough = enough_grains(LEAST_ROWS, rows, grains, wanted)
         yield Shortfall("small_heap", words, rows, LEAST_ROWS, True, enough)
     elif rows < settled:

@@ -22,7 +22,7 @@ from taichi_erosion.evidence.race.summary import ONE_SIDED
 from taichi_erosion.evidence.words import page_words
 from taichi_erosion.evidence.words.data_words import failing
 from taichi_erosion.evidence.words.effect_words import LIKELY, acting
-from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, interval
+from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, interval, quantity
 from taichi_erosion.report.figure_style import (
     AFTER,
     BEFORE,
@@ -137,15 +137,17 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
             dash = {"ls": "", "marker": "_", "ms": 9.0, "mew": 1.8, "label": label}
             values.plot(x, points[name], color=MODELS[name], gid=f"layer:{name}", **dash)
             residuals.plot(x, points[f"gap_{name}"], "o", ms=4.0, color=MODELS[name], gid=f"rows:{name}")
-        for frame, title in ((values, observable), (residuals, page_words.RESIDUAL)):
+        for frame, title in ((values, quantity(observable)), (residuals, page_words.RESIDUAL)):
             scale_axis(frame, "x", x)
-            frame.set_xlabel(heading(axis or "row", voc.units.condition_unit(axis)))
+            frame.set_xlabel(heading(quantity(axis or "row"), voc.units.condition_unit(axis)))
             frame.set_title(heading(title, voc.units.value_unit(observable)), loc="left")
         scale_axis(values, "y", np.array([shown.low, shown.high]), shown.logarithmic)
         values.set_ylim(shown.low, shown.high)
         return figure
 
-    caption = page_words.CAPTIONS["rows"].format(observable=observable, axis=axis or "rows")
+    caption = page_words.CAPTIONS["rows"].format(
+        observable=quantity(observable), axis=quantity(axis or "rows")
+    )
     caption += page_words.CAPTIONS["limits"] * bool((points["limit"] != "").any())
     return responsive(draw, caption, f"rows{number}", texts)
 

@@ -58,6 +58,7 @@ def answer_page(
     vocabulary: Vocabulary,
     warnings: Sequence[str] = (),
     notes: Sequence[str] = (),
+    model: str = "",
 ) -> AnswerPage:
     """Content of the page of a study, from its records by command."""
     voc, told = portable(vocabulary), leading(records)
@@ -82,7 +83,7 @@ def answer_page(
             for name, own, stated, pictures in zip(titles, lines, tables, drawn, strict=True)
         ],
         method_title=method_title,
-        methods=page_words.methods(told),
+        methods=page_words.methods(told, model),
         notes=notes,
         acting=frozenset(name for names in acting(told.decided) for name in names),
     )

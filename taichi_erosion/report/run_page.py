@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping
-from math import nan, sqrt
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +11,11 @@ from matplotlib.figure import Figure
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import marked_html, read_text_file, refuse_foreign, write_atomic
-from taichi_erosion.evidence.data.number_words import counted
+from taichi_erosion.evidence.data.number_words import counted, heading
+from taichi_erosion.evidence.words import run_words
+from taichi_erosion.evidence.words.vocabulary import quantity
 from taichi_erosion.report.figure_style import AFTER, BEFORE, WIDE, Picture, panels, responsive
 from taichi_erosion.report.html import address_of, made, render
-from taichi_erosion.report.markdown import with_spread
 
 Document = Mapping[str, Any]
 
@@ -22,8 +23,6 @@ TEMPLATE = "run.html"
 NEEDED = ("scene", "hash", "seed", "replicas", "measures", "measured", "versions")
 OURS, THEIRS = AFTER, BEFORE
 COLUMNS = 3  # panels side by side
-LEAST_RUNS = 2  # that show a scatter
-ONE_RUN = "one run shows no scatter between runs; `replicas` of the scene repeats it with other seeds"
 MOST_WIDE = 4.0  # of a panel [in]
 LARGEST_FILM = 8_000_000  # bytes; a larger film is not embedded
 
@@ -58,44 +57,17 @@ def page_fields(document: Document, source: Path) -> dict[str, Any]:
         "title": document.get("title") or Path(document["scene"]).stem,
         "about": f"{document['scene']}, {counted(len(seeds), 'repeat')}",
         "made": made(document["versions"], f"seed{'' if len(seeds) == 1 else 's'} {', '.join(seeds)}"),
-        "summary": list(sentences(document)) or ["This scene has no measured value for comparison."],
-        **{name: document[name] for name in ("measures", "measured", "replicas")},
-        "spread": spread,
+        "summary": list(run_words.comparisons(document)),
+        "warnings": run_words.run_warnings(document),
+        "table": run_words.run_table(document),
+        "notes": list(run_words.run_notes(document)),
+        "titles": {name: quantity(name) for name in document["measures"]},
+        "replicas": document["replicas"],
         "figure_of_measures": draw_measures(document),
         "pictures": list(pictures(document, source)),
-        "warnings": document.get("limits", {}).get("warnings", []),
         "facts": list(facts(document)),
         "resolved": json.dumps(document.get("resolved", {}), indent=1),
     }
-
-
-def spread(record: Document) -> str:
-    """Mean, standard deviation and number of repeats of a simulated or measured value."""
-    value, sd, count = (record.get(key) for key in ("value", "sd", "n"))
-    return with_spread(
-        nan if value is None else value, nan if sd is None else sd, 1 if count is None else count
-    )
-
-
-def sentences(document: Document) -> Iterator[str]:
-    """Sentences on measured and simulated values, with the difference in standard errors.
-
-    z = (x - y) / sqrt(s_x^2 / n_x + s_y^2 / n_y)
-    """
-    for name, wanted in document["measured"].items():
-        found = document["measures"].get(name)
-        if found is None or found["value"] is None:
-            yield f"{name}: no simulated value; {wanted['value']:g} was measured."
-            continue
-        difference, unit = found["value"] - wanted["value"], found["unit"]
-        error = sqrt(sum((each.get("sd") or 0.0) ** 2 / (each.get("n") or 1) for each in (found, wanted)))
-        far = f", {abs(difference) / error:.1f} standard errors" if error > 0.0 else ""
-        if found["n"] < LEAST_RUNS:
-            far = f"; {ONE_RUN}"
-        yield (
-            f"{name}: {spread(found)} {unit} simulated, {spread(wanted)} measured; "
-            f"the difference is {difference:+.3g} {unit}{far}."
-        )
 
 
 def draw_measures(document: Document) -> Picture | None:
@@ -132,7 +104,7 @@ def draw_measure(frame: Axes, document: Document, name: str) -> None:
         frame.axhline(wanted["value"], color=THEIRS, lw=1.0)
     frame.plot([0.0] * len(values), values, "o", ms=3.5, color=OURS, alpha=0.6)
     frame.errorbar([1.0], [pooled["value"]], [pooled["sd"] or 0.0], fmt="s", color=OURS, capsize=3)
-    frame.set(title=f"{name} [{pooled['unit']}]", xlim=(-0.6, 1.6))
+    frame.set(title=heading(quantity(name), pooled["unit"]), xlim=(-0.6, 1.6))
     frame.set_xticks([0.0, 1.0], ["seeds", "mean, sd"])
 
 
@@ -154,8 +126,6 @@ def facts(document: Document) -> Iterator[tuple[str, str]]:
     if limits:
         share = limits["time_step_over_rayleigh"]
         yield "time step", f"{limits['time_step']:.3g} s, {share:.2g} Rayleigh times"
-        yield from (("softening", words) for words in limits.get("softening", []))
-        yield from (("rolling friction", words) for words in limits.get("rolling", []))
     yield "scene", f"{document['scene']}, hash {document['hash']}"
     yield "seeds", ", ".join(str(replica["seed"]) for replica in document["replicas"])
     if "grain_steps" in document:

@@ -61,7 +61,7 @@ def told(study: Path) -> tuple[AnswerPage, Reply]:
     records = {name: reply.record for name, reply in replies.items()}
     title = first.about["title"] or study.stem
     warnings, notes = (list(filter(None, dict.fromkeys(lines))) for lines in (warnings, notes))
-    page = answer_page(title, records, first.vocabulary(), warnings, notes)
+    page = answer_page(title, records, first.vocabulary(), warnings, notes, first.about["model"])
     return replace(page, sections=[*page.sections, *prediction_sections(study, first)]), first
 
 

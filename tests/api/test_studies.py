@@ -27,7 +27,7 @@ def test_a_comparison_has_the_rows_of_the_table_in_its_units(wet):
     assert rows["moisture [%]"].max() == pytest.approx(1.2)
     assert comparison.p < 1e-6
     assert comparison.found[0].startswith("The calibrated model fails (all 18 rows")
-    assert comparison.found[-1].startswith("study.discover() asks")
+    assert comparison.found[-1].startswith("study.discover() finds")
     assert comparison.table.loc["threshold_u_star", ["n", "unit"]].to_list() == [18, "cm/s"]
     off = rows["measured"] - rows["before"]
     assert comparison.table.loc["threshold_u_star", "rmse"] == pytest.approx((off**2).mean() ** 0.5)
@@ -41,6 +41,11 @@ def test_a_discovery_lists_the_likeliest_candidate_first_and_adoption_lowers_the
     assert found["low"] < found["strength"] < found["high"] < found["limit"]
     assert sum(discovery.probabilities.values()) == pytest.approx(1.0)
     assert discovery.law is None
+    draws = discovery.posterior
+    assert draws.sizes == {"chain": 1, "draw": 2000}
+    assert float(draws["liquid_bridge"].median()) == pytest.approx(found["strength"], rel=0.05)
+    assert (draws["dry_cohesion"] == 0.0).mean() > 0.8
+    assert float(draws["threshold_coefficient"].min()) > 0.0
     adoption = wet.adopt(["liquid_bridge"])
     assert adoption.table.loc["after", "held_out"] < 0.1 * adoption.table.loc["before", "held_out"]
     assert adoption.table.loc["control", "held_out"] > 10.0
@@ -48,7 +53,7 @@ def test_a_discovery_lists_the_likeliest_candidate_first_and_adoption_lowers_the
     assert "liquid_bridge" in discovery._repr_html_()
     assert repr(adoption).startswith(f"AdoptionResult({wet.path}: The error falls with liquid_bridge")
     values, residuals = adoption.figure().axes
-    assert values.get_title("left") == "threshold_u_star [cm/s]"
+    assert values.get_title("left") == "threshold friction velocity [cm/s]"
     assert residuals.lines
 
 

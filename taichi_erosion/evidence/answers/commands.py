@@ -127,6 +127,7 @@ def adopt_study(
         extend_ladder(study, record)
         rungs = files.ladder(study.results, study.digest[:12])
         told = {"written": str(written[0]), "files": [str(file) for file in written], "ladder": rungs}
+        found = replace(found, posterior=given(found.posterior, effects))
         return stored(ready, "adopt", found, record, start, **told)
 
 
@@ -145,15 +146,15 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
         return stored(ready, "next", found, record, start)
 
 
-def whole(ready: Study, progress: Progress) -> RacedStudy:
+def whole(ready: Study, progress: Progress, bare: bool = False) -> RacedStudy:
     """The race of a study."""
-    posterior = raced(ready.problem, ready.file.study.seed, progress=progress)
+    posterior = raced(ready.problem, ready.file.study.seed, progress=progress, bare=bare)
     return RacedStudy(posterior, decide(posterior))
 
 
 def bare(ready: Study, progress: Progress) -> RacedStudy:
     """The race of a study without anything that could be missing."""
-    return whole(replace(ready, problem=replace(ready.problem, candidates=(), mechanisms=())), progress)
+    return whole(ready, progress, bare=True)
 
 
 def answer_of(
@@ -237,7 +238,7 @@ def stored(
     runs = study.simulations
     cost = replace(record.cost, seconds=perf_counter() - start, seed=study.file.study.seed)
     record = replace(record, cost=cost if runs is None else replace(cost, runs=runs))
-    reply = Reply(command, framed(study, found, record.repeats) | told, record)
+    reply = Reply(command, framed(study, found, record.repeats) | told, record, found.posterior)
     return files.write_reply(study.results, study.path.stem, reply)
 
 

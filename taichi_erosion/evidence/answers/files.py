@@ -7,7 +7,7 @@ drawn from.
 import json
 import platform
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from math import isfinite
 from pathlib import Path
@@ -21,6 +21,7 @@ from taichi_erosion.core.files import read_text_file, write_atomic
 from taichi_erosion.effects import load_library
 from taichi_erosion.evidence.data.table_units import KEY, TableUnits
 from taichi_erosion.evidence.models.load_study import Study
+from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.record import Record
 from taichi_erosion.evidence.words import answer_lines as lines
 from taichi_erosion.evidence.words.document import document
@@ -47,6 +48,7 @@ class Reply:
     command: Command
     about: Document  # study, table, versions, faults of the set-up, files written
     record: Record
+    posterior: Posterior | None = field(default=None, compare=False)  # of a new answer; it is not stored
 
     @property
     def document(self) -> Document:

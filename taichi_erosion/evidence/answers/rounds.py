@@ -25,6 +25,7 @@ from taichi_erosion.evidence.models.load_study import BudgetName, Study
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.scene.load import file_text
 
+WORTH_TELLING = 5.0  # s of an answer, from which its cost is told before it
 MOST_POINTS = 3  # explanations about which a round simulates
 MOST_REQUIRED = 2  # rounds beyond the planned ones, about points that an answer requires; again of mechanisms
 Found = TypeVar("Found")
@@ -85,13 +86,13 @@ def answered_by(
     """
     first = training_runs.initial_training_runs(study, question.effects, budget, question.ahead)
     if first is None:
-        study.options.announce(evaluations_sentence(study, len(question.effects)))
+        announce(study, evaluations_sentence(study, len(question.effects), WORTH_TELLING))
         return question.answer(study, progress), study
     rounds = read_rounds(study)
     runs, own, key, earlier = replayed(first, rounds, question, budget)
     left = max(runs.plan_size.rounds - len(own), 0)
     cost = plan_cost(runs, left, question.most, test_cost(runs, question, own, key))
-    study.options.announce(cost.sentence)
+    announce(study, cost.sentence if cost.seconds >= WORTH_TELLING else "")
     phases, phase = cost.phases, 0
     while True:
         ready = training_runs.emulated_study(runs, part_of(progress, phases, phase))
@@ -114,6 +115,12 @@ def answered_by(
         runs = training_runs.refined_training_runs(runs, points, f"{key}|{len(own)}")
         own.append(points)
         write_rounds(study, {**rounds, key: own})
+
+
+def announce(study: Study, cost: str) -> None:
+    """Tell what an answer costs before it, where it costs much."""
+    if cost:
+        study.options.announce(cost)
 
 
 @dataclass(frozen=True)

@@ -23,18 +23,14 @@ from taichi_erosion.evidence.words.data_words import unit_text
 FAR_OFF = 8.0  # factor from the model, typical row, that no effect makes
 UNLIKE = 2.0  # scatter of repeats over what is stated, from which it is told
 SPARE = 3  # rows beyond the calibrated numbers: for an effect, a level, and one that can contradict
-WAITS = "The verdict on physics waits until this is settled."
 
 
 def sentences(faults: Sequence[SetUpFault], repeats: Sequence[RepeatPart] = ()) -> list[str]:
-    """Sentences before an answer; the last one says whether the verdict on physics waits.
-
-    Repeats that the answer itself tells of are left out.
-    """
+    """Errors and warnings before an answer, but for repeats that the answer itself tells of."""
     order = sorted(faults, key=lambda fault: (fault.kind != "repeats", not fault.blocks))
     known = {row for each in repeats for row in each.rows}
-    told = [each.sentence for each in order if not known & set(each.rows)]
-    return [*dict.fromkeys(told), *([WAITS] if blocked(faults) else [])]
+    told = (each for each in order if not known & set(each.rows))
+    return list(dict.fromkeys(f"{'error' if each.blocks else 'warning'}: {each.sentence}" for each in told))
 
 
 def blocked(faults: Sequence[SetUpFault]) -> bool:

@@ -87,12 +87,11 @@ def small_heap_words(study: Study, scene: StudyScene, name: str, values: Floats,
     chosen = np.array([each == name for each in table.observable]) & ~table.censored
     wanted, got = table.value[chosen], values[np.isfinite(values)]
     flattest = float(wanted.min()) if wanted.size and measure.unit == "deg" else nan
-    simulated_scene = scene.simulator.scene(measure.scene, ())
-    count, poured = simulated_scene.grains.count, simulated_scene.fill.law == "pour"
+    grains = scene.simulator.scene(measure.scene, ()).grains.count
     simulated = f"{median(got):.3g} {measure.unit} simulated" if got.size else "no angle simulated"
     return (
-        f"the heap is too small for its angle: {simulated} against {interval(wanted)} measured, "
-        f"{shortfalls.small_heap_advice(rows, count, poured, flattest)}"
+        f"the heap is too small for an angle: {simulated} against {interval(wanted)} measured, "
+        f"{shortfalls.small_heap_advice(rows, grains, flattest)}"
     )
 
 

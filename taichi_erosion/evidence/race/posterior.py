@@ -10,7 +10,7 @@ References: Hoeting et al. (1999), Stat. Sci. 14, 382 (averaging over models); G
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -95,6 +95,22 @@ class Posterior:
         """The likeliest explanation."""
         return self.race.fits[max(self.probability, key=lambda h: self.probability[h])]
 
+    def unknowns(self, count: int) -> dict[str, Floats]:
+        """Draws of equal weight: calibrated numbers, and strengths, 0 where an effect does not act."""
+        numbers, weight = self.numbers
+        names = list(self.race.model.candidates)
+        strengths = np.zeros((weight.size, len(names)))
+        start = 0
+        for each in self.draws:
+            end = start + each.weight.size
+            for place, name in enumerate(each.fit.hypothesis.names):
+                column = each.values[:, self.race.model.count + place]
+                strengths[start:end, names.index(name)] = [self.race.model.strength(name, v) for v in column]
+            start = end
+        picked = np.random.default_rng(SEED).choice(weight.size, count, p=weight / weight.sum())
+        keys = [axis.name for axis in self.race.prepared.axes] + names
+        return dict(zip(keys, np.hstack([numbers, strengths])[picked].T, strict=True))
+
     def strength(self, name: str) -> tuple[Floats, Floats]:
         """Strength of an effect where it acts with one strength, and weights."""
         values, weights = [np.zeros(0)], [np.zeros(0)]
@@ -120,13 +136,20 @@ def raced(
     table: Measurements | None = None,
     most: float = MOST_SETTINGS,
     progress: Progress = lambda _, __: None,
+    bare: bool = False,
 ) -> Posterior:
     """The posterior of all explanations of a table, by default the rows outside the vault.
+
+    `bare` leaves out all that could be missing, with the same seeds.
 
     `most` settings of the model may be evaluated; what is known when they are spent is the answer, and
     `Race.stopped` says so.
     """
     prepared = prepare(problem, problem.visible() if table is None else table, seed)
+    if bare:
+        nothing = replace(problem, candidates=(), mechanisms=())
+        predictor = replace(prepared.predictor, candidates=())
+        prepared = replace(prepared, problem=nothing, predictor=predictor)
     race = Race(prepared, RaceModel(prepared, most, progress))
     try:
         search(race)

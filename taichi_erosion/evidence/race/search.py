@@ -60,7 +60,7 @@ def search(race: Race) -> None:
     for names in sorted({*best, *smaller} - {()}):
         if Hypothesis(names) in race.fits:
             add_unlisted(race, race.fits[Hypothesis(names)])
-    done: set[Hypothesis] = set()
+    done = {race.bare.hypothesis}  # calibrated to the end already, as for `compare`
     for _ in range(2):
         for fit in race.likely(KEEP)[:CARRIED]:
             if fit.hypothesis not in done:

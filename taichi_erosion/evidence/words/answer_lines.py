@@ -14,7 +14,7 @@ from taichi_erosion.evidence.words import vocabulary as say
 
 HARDER = "Measurements under other conditions test the model harder"
 COMPARED = ("observable", "rows", "rms error", "mean error", "fails along")
-CANDIDATES = ("effect", "status", "strength (90 %)", "probability", "ln Bayes factor alone")
+CANDIDATES = ("effect", "status", "strength (90 %)", "probability")
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def again(record: Record, command: str, voc: say.Vocabulary, *words: str) -> str
     rows = data_words.suspects(record)
     if not rows and data_words.testable(record):
         return ""
-    first = f"Correct or confirm {rows} in the table" if rows else "Settle the set-up"
+    first = f"Correct or confirm {rows} in the table" if rows else "Mend the errors"
     return f"{first}, then give {voc.command(command, voc.study, *words)} again"
 
 
@@ -75,13 +75,15 @@ def compare_answer(record: Record, voc: say.Vocabulary) -> Answer:
 def compared(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     """First and last line of a comparison."""
     fit, rows = record.fit, data_words.rows_text(record)
-    size = f"misfit per row {plain(fit.chi2_before / fit.n, 2)}, 1 is chance; {say.chance(fit.p_before)}"
+    size = (
+        f"misfit per row {plain(fit.chi2_before / fit.n, 2)}, where 1 is chance; {say.chance(fit.p_before)}"
+    )
     size += "" if isnan(fit.p_lack_of_fit) else f"; against repeats alone {say.chance(fit.p_lack_of_fit)}"
     if data_words.agrees(record):
         last = HARDER
         return f"The calibrated model agrees with {rows} ({size}).", last
     places = "" if fit.p_before < say.ADEQUATE else " in places"
-    last = f"{voc.command('discover', voc.study)} asks which effect is missing"
+    last = f"{voc.command('discover', voc.study)} finds the missing effect"
     return f"The calibrated model fails{places} ({rows}: {size}).", last
 
 
@@ -188,7 +190,7 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
         where = f"[laboratory] of {voc.study} may state wider ranges"
         words = f"No measurement under the conditions of the table would decide more; {where}."
         if not data_words.testable(record):
-            words = "No measurement is proposed: what is said of the set-up comes first."
+            words = "No measurement is proposed before the errors above are mended."
         return framed(Answer((words,), (), (), None), record, voc)
     shown, more = keys[: say.MOST_TOLD], len(keys) - say.MOST_TOLD
     told = [*map(short, shown), *([f"{more} more"] if more > 0 else [])]
@@ -208,8 +210,8 @@ def short(key: str) -> str:
 
 def experiment_row(found: ExperimentPart, keys: list[str], voc: say.Vocabulary) -> tuple[str, ...]:
     """Where to measure, what each explanation expects, the chance to decide."""
-    name, what = found.observable, heading(found.observable, voc.units.value_unit(found.observable))
+    name, unit = found.observable, voc.units.value_unit(found.observable)
     expected = (found.predictions.get(key) for key in keys)
     values = (say.interval(each, 3, voc.scale(name)) if each else "-" for each in expected)
     at, chance = voc.units.setting_text(found.conditions), say.probability(found.chance)
-    return what, at, *values, chance, plain(found.cost, 2)
+    return heading(say.quantity(name), unit), at, *values, chance, plain(found.cost, 2)

@@ -28,7 +28,7 @@ def repeats_line(record: Record, voc: say.Vocabulary) -> str:
         rows = list(map(str, dict.fromkeys(each.rows)))
         are = f"rows {say.joined(rows)} are repeats" if len(rows) > 1 else f"row {rows[0]} has repeats"
         gap = voc.units.value_text(each.observable, abs(each.difference))
-        words.append(f"{are} of {each.observable} that differ by {gap}")
+        words.append(f"{are} of the {say.quantity(each.observable)} that differ by {gap}")
     return f"Check {suspects(record)} first: {say.told(words)}." if words else ""
 
 
@@ -42,11 +42,14 @@ def errors_line(record: Record, voc: say.Vocabulary, every: bool = True) -> str:
 
 
 def error_text(found: LevelPart | ErrorPart, voc: say.Vocabulary) -> str:
-    """`radius_90 reads 0.6 mm (0.4 to 0.8) more than the model at all conditions`."""
-    name, label = found.observable, found.label if isinstance(found, ErrorPart) else ""
+    """`the pile height reads 0.6 mm (0.4 to 0.8) more than the model at all conditions`."""
+    name, label = f"the {say.quantity(found.observable)}", found.label if isinstance(found, ErrorPart) else ""
     more = "more" if found.size.value > 0.0 else "less"
     unit = unit_text(found.size.value) if found.kind == "factor" else ""
-    times, size = f"{say.interval(found.size)} times", f"{voc.difference(name, found.size)} {more}"
+    times, size = (
+        f"{say.interval(found.size)} times",
+        f"{voc.difference(found.observable, found.size)} {more}",
+    )
     return {
         "factor": f"{name} reads {factor_text(found.size)} at all conditions{unit}",
         "offset": f"{name} reads {size} than the model at all conditions",
@@ -77,13 +80,15 @@ def failing(record: Record) -> list[PlacePart]:
 
 
 def where_line(record: Record) -> str:
-    """`measured repose_angle lies above it towards large moisture (p = 0.002)`."""
-    words = [
-        f"measured {each.observable} lies {'below' if each.sign < 0 else 'above'} it "
-        f"{'everywhere' if each.axis == 'level' else f'towards large {each.axis}'} ({say.chance(each.p)})"
-        for each in failing(record)
-    ]
-    return f"The model as it is fails here: {say.told(words)}." if words else ""
+    """`Where the model fails: the measured pile height lies above it at large moisture (p = 0.002).`"""
+    words = []
+    for each in failing(record):
+        at = "everywhere" if each.axis == "level" else f"at large {say.quantity(each.axis)}"
+        way = "below" if each.sign < 0 else "above"
+        words.append(
+            f"the measured {say.quantity(each.observable)} lies {way} it {at} ({say.chance(each.p)})"
+        )
+    return f"Where the model fails: {say.told(words)}." if words else ""
 
 
 def testable(record: Record) -> bool:
@@ -113,19 +118,18 @@ def fit_line(record: Record, added: str) -> str:
 
 def numbers_line(record: Record, before: bool, without: str = "") -> str:
     """Calibrated numbers; those that were biased without an effect, or that end at the end of their range."""
-    words, moved, ends = [], [], []
+    words, ends = [], []
     without = "" if record.fit.p_after < say.ADEQUATE else without
-    short = [path.rpartition(".")[2] for path in record.numbers]
+    last = [path.rpartition(".")[2] for path in record.numbers]
     for path, each in record.numbers.items():
-        name = path.rpartition(".")[2] if short.count(path.rpartition(".")[2]) == 1 else path
-        words.append(f"{name} {say.interval(each.before if before else each.now, 3)}")
-        if without and (each.now.low > each.before.value or each.before.value > each.now.high):
-            was, now, start = (plain(x, 3) for x in (each.before.value, each.now.value, each.start))
-            moved.append(f"{name}, {was} before, {now} now (start {start})")
+        end = path.rpartition(".")[2]
+        name = say.quantity(end) if last.count(end) == 1 else path
+        moved = each.now.low > each.before.value or each.before.value > each.now.high
+        biased = f", biased without {without}: {plain(each.before.value, 3)}" if without and moved else ""
+        words.append(f"{name} {say.interval(each.before if before else each.now, 3)}{biased}")
         ends += [name] * each.at_end
-    more = f" Biased without {without}: {say.told(moved)}." if moved else ""
-    more += f" At the end of the allowed range: {say.joined(ends)}; check range and unit." if ends else ""
-    return f"Calibrated: {say.told(words, ', ')}.{more}" if words else ""
+    more = f" At the end of the allowed range: {say.joined(ends)}; check range and unit." if ends else ""
+    return f"Calibrated: {say.told(words)}.{more}" if words else ""
 
 
 def observable_rows(record: Record, voc: say.Vocabulary) -> Iterator[tuple[str, ...]]:
@@ -133,6 +137,11 @@ def observable_rows(record: Record, voc: say.Vocabulary) -> Iterator[tuple[str, 
     names = np.array(record.rows.observable)
     for name in dict.fromkeys(record.rows.observable):
         gap = voc.scale(name) * record.rows.gap(record.rows.before)[names == name]
-        axes = ", ".join(each.axis for each in failing(record) if each.observable == name)
+        axes = ", ".join(say.quantity(each.axis) for each in failing(record) if each.observable == name)
         errors = plain(float(np.sqrt(np.mean(gap**2))), 2), plain(float(np.mean(gap)), 2)
-        yield heading(name, voc.units.value_unit(name)), str(gap.size), *errors, axes or "nowhere"
+        yield (
+            heading(say.quantity(name), voc.units.value_unit(name)),
+            str(gap.size),
+            *errors,
+            axes or "nowhere",
+        )

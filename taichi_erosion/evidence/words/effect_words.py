@@ -84,7 +84,7 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
         names = say.joined(map(voc.titled, (*decided.named, *decided.group)), "or")
         return f"No effect is named: new runs of the scene change the answer. Candidates: {names}."
     if not data_words.testable(record):
-        return "No effect is named: what is said of the set-up comes first."
+        return "No effect is named before the errors above are mended."
     likely, share = max(decided.probabilities.items(), key=lambda item: item[1])
     failing = fit.p_before < say.ADEQUATE
     rows, chance = data_words.rows_text(record), say.chance(fit.p_before)
@@ -129,5 +129,4 @@ def effect_rows(record: Record) -> Iterator[tuple[str, ...]]:
         part = record.effects.get(name)
         hidden = part is None or part.varies_along or (name not in acts and part.probability < LIKELY)
         strength = "-" if hidden or part is None else strength_text(part)
-        bayes = "-" if part is None else plain(part.log_bayes_factor, 2)
-        yield name, status(name, record), strength, say.probability(chances[name]), bayes
+        yield name, status(name, record), strength, say.probability(chances[name])

@@ -15,7 +15,7 @@ PREDICTIONS = "Predictions"
 MEASURED, BARE = "measured", "the model as it is"
 RESIDUAL = "measured less predicted"
 CAPTIONS = {
-    "rows": "{observable} along {axis}: values, with 90 % intervals of those measured; residuals.",
+    "rows": "The {observable} along the {axis}: values, with 90 % intervals of those measured; residuals.",
     "limits": " Arrow: a limit; bar with ends: the value lies between them.",
     "posterior": "Probability of every explanation after the measurements.",
     "strengths": "Strength of every candidate. Dot: it acts or likely does; 90 % interval. Bar: it could act "
@@ -24,6 +24,12 @@ CAPTIONS = {
     "doses": "Dose of {mechanism} along {axis}: its law at the measured conditions, with 90 % intervals. At "
     "0 nothing is missing.",
     "ladder": "Misfit per row. Filled: fitted rows; open: held-out rows. Dotted: 1, what chance alone gives.",
+}
+CLOSED_FORM = "taichi_erosion.evidence.models.reduced"  # start of the name of the program's own formulas
+FORMULAS = {
+    "threshold_u_star": "u*t = A sqrt((rho_p / rho - 1) g d)",
+    "flux": "Q = C (rho / g) u*t (u*^2 - u*t^2), 0 below the threshold",
+    "repose_angle": "angle of repose = arctan(mu_s) + 15 deg mu_r",
 }
 METHODS = (
     "Every explanation (nothing, up to four listed effects, one mechanism, something not in the list) is the "
@@ -34,8 +40,8 @@ METHODS = (
     "Its probability is its share before the measurements times their density under it, over all t, u, sizes "
     "and f; an effect acts if the explanations that hold it have {sure:g} of the probability together and "
     "chance alone rarely makes a candidate look as good.",
-    "In the table of candidates strength is the median with a 90 % interval over these explanations, "
-    "probability is that the effect acts, and ln Bayes factor alone weighs it by itself against nothing.",
+    "In the table of candidates strength is the median with a 90 % interval over these explanations, and "
+    "probability is that the effect acts.",
     "Misfit per row is the mean squared residual in standard errors without errors in common, p the chance "
     "of as much with them; this answer took {settings} of the model, {runs}, seed {seed}.",
 )
@@ -80,9 +86,19 @@ def explanations(record: Record) -> Iterator[tuple[str, float, str]]:
         yield label, p, probability(p)
 
 
-def methods(record: Record) -> tuple[str, ...]:
-    """How the answer was found, in four sentences."""
+def model_line(model: str, record: Record) -> str:
+    """What answers in place of the soil: formulas, a function of the user, or simulated scenes."""
+    name, told = model.partition(" ")[0], dict.fromkeys(record.rows.observable)
+    if name.startswith(CLOSED_FORM):
+        formulas = "; ".join(FORMULAS[each] for each in told if each in FORMULAS)
+        return f"The model is a formula, times the shifts of the effects: {formulas}."
+    if ":" in name:
+        return f"The model is the function {name}."
+    return "The model simulates every grain; an emulator of its runs answers between them."
+
+
+def methods(record: Record, model: str = "") -> tuple[str, ...]:
+    """The model, and how the answer was found."""
     settings, runs = counted(record.cost.settings, "setting"), counted(record.cost.runs, "run")
-    return tuple(
-        each.format(sure=SURE, seed=record.cost.seed, settings=settings, runs=runs) for each in METHODS
-    )
+    told = (each.format(sure=SURE, seed=record.cost.seed, settings=settings, runs=runs) for each in METHODS)
+    return *([model_line(model, record)] if model else []), *told

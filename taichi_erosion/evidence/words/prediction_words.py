@@ -74,7 +74,7 @@ def prediction_rows(found: PredictionPart, units: TableUnits) -> Table | None:
     columns = ("observable", *map(heading, names, names.values()), "model", *INTERVALS)
     rows = tuple(
         (
-            heading(row.observable, units.value_unit(row.observable)),
+            heading(say.quantity(row.observable), units.value_unit(row.observable)),
             *(plain(row.conditions[name], 4) for name in names),
             *value_cells(row, units),
             outside_text(row),

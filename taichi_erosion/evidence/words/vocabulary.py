@@ -14,6 +14,28 @@ from taichi_erosion.evidence.race.record import Interval
 ADEQUATE = 0.01  # chance of a misfit from which it is none: of sound tables, one in a hundred is said to fail
 LEAST_TOLD = 1e-4  # chance below which its size tells a person nothing more
 MOST_TOLD = 3  # things of one kind in a line: more are not read
+QUANTITIES = {  # observables, conditions and numbers that say little by their keys
+    "repose_angle": "angle of repose",
+    "angle_of_repose": "angle of repose (outline)",
+    "cone_angle": "angle of the cone",
+    "dynamic_angle": "angle in the drum",
+    "centroid_height": "height of the centroid",
+    "radius_90": "radius of 90 % of the grains",
+    "flux": "sand flux",
+    "flux_height": "mean height of the flux",
+    "bed_stress": "stress at the bed",
+    "grain_stress": "stress carried by grains",
+    "rebound_share": "share of rebounding grains",
+    "rebound_speed": "speed of rebounding grains",
+    "ejecta_share": "ejected grains per impact",
+    "rolling_onset": "onset of rolling",
+    "threshold_u_star": "threshold friction velocity",
+    "impact_threshold_linear": "impact threshold (extrapolated)",
+    "threshold_ratio": "impact over fluid threshold",
+    "u_star": "friction velocity",
+    "friction_sliding": "sliding friction",
+    "friction_rolling": "rolling friction",
+}
 EXPLANATIONS = {"none": "no missing effect", "outside_library": "an effect that is not in the list"}
 
 
@@ -47,6 +69,11 @@ class Vocabulary:
         """`0.6 mm (0.4 to 0.8)`: size of a difference, counted along its sign."""
         sign = -1.0 if found.value < 0.0 else 1.0
         return interval(found, 2, sign * self.scale(observable), self.units.value_unit(observable))
+
+
+def quantity(name: str) -> str:
+    """An observable, condition or number in words: `threshold friction velocity`, `pile height`."""
+    return QUANTITIES.get(name, name.replace("_", " "))
 
 
 def interval(found: Interval, digits: int = 2, scale: float = 1.0, unit: str = "") -> str:

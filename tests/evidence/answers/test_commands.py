@@ -129,12 +129,22 @@ def test_bad_input_writes_nothing(tmp_path, command: Command):
     assert sorted(file.name for file in tmp_path.iterdir()) == ["heap.csv", "heap.toml"]
 
 
-def test_the_cost_of_an_answer_is_told_before_it_and_with_it(tmp_path):
+def test_the_cost_of_an_answer_is_told_before_it_only_where_it_takes_long(tmp_path, monkeypatch):
     told: list[str] = []
-    found = ask("discover", write_study(tmp_path, {}), options=StudyOptions(announce=told.append))
-    assert len(told) == 1
-    assert "runs" in told[0] or "evaluations" in told[0]
+    options, study = StudyOptions(announce=told.append), write_study(tmp_path, {})
+    found = ask("discover", study, options=options)
     assert found.record.cost.runs > found.record.cost.settings > 0
+    assert told == []
+    monkeypatch.setattr("taichi_erosion.evidence.answers.rounds.WORTH_TELLING", 0.0)
+    ask("discover", study, options=options)
+    assert len(told) == 1
+    assert "runs" in told[0]
+
+
+def test_compare_and_discover_tell_the_same_misfit_of_the_bare_model(tmp_path):
+    study = write_study(tmp_path, {"liquid_bridge": 1.0})
+    first, second = (ask(command, study).record.fit for command in ("compare", "discover"))
+    assert (first.chi2_before, first.p_before) == (second.chi2_before, second.p_before)
 
 
 SLOW_LAB = """

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers import set_up
 from taichi_erosion.evidence.answers.files import Command
 from tests.evidence import small_study
 from tests.evidence.asking import SILENT, ask
@@ -110,12 +109,11 @@ def test_too_few_rows_name_nothing_and_say_why(study, count: int):
     found = ask("discover", path)
     assert found.record.decided.verdict == "not_testable"
     assert found.record.effects == {}
-    assert "too few rows to tell effects apart" in found.about["set_up"][0]
-    assert found.about["set_up"][-1] == set_up.WAITS
+    assert found.about["set_up"][0].startswith("error: too few rows to tell effects apart")
     first, *_, last = found.answer().lines
-    assert first == "No effect is named: what is said of the set-up comes first."
-    assert last.startswith("Settle the set-up")
-    assert "set-up comes first" in ask("next", path).answer().lines[0]
+    assert first == "No effect is named before the errors above are mended."
+    assert last.startswith("Mend the errors")
+    assert "before the errors above are mended" in ask("next", path).answer().lines[0]
     assert ask("adopt", path, "liquid_bridge").answer().lines[0].startswith("No held-out row tests")
 
 

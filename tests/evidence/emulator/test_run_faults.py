@@ -77,15 +77,15 @@ def ask(tmp_path, monkeypatch):
 
 def test_a_heap_that_is_too_small_is_told_before_any_effect(ask):
     found = ask("small", "discover")
-    advice = shortfalls.small_heap_advice(LACKING["found"], 1800, False, min(MEASURED))
+    advice = shortfalls.small_heap_advice(LACKING["found"], 1800, min(MEASURED))
     told = re.sub(r"3\.6\d", "3.6", found.about["set_up"][0])
     assert told == (
-        "angle_of_repose: the heap is too small for its angle: 3.6 deg simulated against 31 to 43 measured, "
-        f"{advice}"
+        "error: angle_of_repose: the heap is too small for an angle: 3.6 deg simulated against 31 to 43 "
+        f"measured, {advice}"
     )
-    assert "1.2 rows of grains on its flank, 3 are needed" in advice
+    assert "1.2 of 3 rows of grains on its flank" in advice
     assert (found.record.decided.verdict, found.record.decided.named) == ("not_testable", ())
-    assert found.answer().lines[0] == "No effect is named: what is said of the set-up comes first."
+    assert found.answer().lines[0] == "No effect is named before the errors above are mended."
 
 
 def test_runs_that_stop_are_told(ask):

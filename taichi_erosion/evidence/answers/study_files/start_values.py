@@ -15,8 +15,8 @@ MORE = 4  # times as many: 9 of 10 of 480 sealed tables of doe/trials took fewer
 OVERHEAD = 0.01  # time that the inference takes for a setting [s]
 
 
-def evaluations_sentence(study: Study, candidates: int) -> str:
-    """What an answer costs where a function is the model, from the time that one setting takes."""
+def evaluations_sentence(study: Study, candidates: int, least: float = 0.0) -> str:
+    """What an answer costs where a function is the model; empty below `least` seconds."""
     problem = study.problem
     prepared = prepare(problem, problem.visible(), study.file.study.seed)
     rows, seeds = prepared.rows.size, prepared.seeds.fitting
@@ -24,6 +24,8 @@ def evaluations_sentence(study: Study, candidates: int) -> str:
     settings, begin = usual_settings(len(problem.parameters), candidates), perf_counter()
     prepared.predictor.compute(start, {}, seeds)
     seconds = settings * (perf_counter() - begin + OVERHEAD)
+    if seconds < least:
+        return ""
     more = f"up to {MORE} times as many where something acts, " if candidates else ""
     if candidates and problem.mechanisms:
         more += f"{DOSE * len(problem.mechanisms):,} more where mechanisms are tried, "

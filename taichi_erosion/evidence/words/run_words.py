@@ -1,0 +1,138 @@
+"""A run in words, for terminal, page and Python: measured beside simulated, warnings, what follows.
+
+All are made from the document of a run (`run/result.py`).
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from math import floor, hypot, isfinite, log10, nan, sqrt
+from typing import Any
+
+from taichi_erosion.evidence.data.number_words import counted, heading, plain, with_unit
+from taichi_erosion.evidence.words.answer_lines import Table
+from taichi_erosion.evidence.words.shell import shell_command
+from taichi_erosion.evidence.words.vocabulary import quantity
+
+Document = Mapping[str, Any]
+
+CHANCE = 2.0  # standard errors, up to which a difference is chance [1]
+LEAST_RUNS = 2  # that show a scatter
+COLUMNS = ("measure", "simulated", "measured", "difference")
+
+
+def spread(found: Document, usual: int | None = None) -> str:
+    """`32.91 ± 0.51 (n = 2)`, rounded to two digits of the deviation; without n where it is the usual one."""
+    value, sd, n = found.get("value"), found.get("sd"), found.get("n")
+    if value is None or not isfinite(value):
+        return "-"
+    text = plain(value, 4)
+    if sd is not None and isfinite(sd) and sd > 0.0:
+        digits = max(0, 1 - floor(log10(sd)))
+        text = f"{value:.{digits}f} \N{PLUS-MINUS SIGN} {sd:.{digits}f}"
+    return text if n in (None, usual) else f"{text} (n = {n})"
+
+
+def run_table(document: Document) -> Table:
+    """Simulated and measured values with their difference, one row a measure."""
+    simulated, measured, rows = document["measures"], document["measured"], []
+    for name in dict.fromkeys((*simulated, *measured)):
+        found, wanted = simulated.get(name, {}), measured.get(name, {})
+        got, want = (nan if each.get("value") is None else each["value"] for each in (found, wanted))
+        share = f" ({(got - want) / want:+.0%})" if want else ""
+        gap = f"{got - want:+.3g}{share}" if isfinite(got - want) else "-"
+        title = heading(quantity(name), found.get("unit") or wanted.get("unit") or "")
+        rows.append((title, spread(found, len(document["replicas"])), spread(wanted), gap))
+    return Table("", COLUMNS, tuple(rows))
+
+
+def comparisons(document: Document) -> Iterator[str]:
+    """One sentence for every measured value."""
+    for name, wanted in document["measured"].items():
+        found, title = document["measures"].get(name, {}), quantity(name)
+        if any(each["blocks"] for each in found.get("shortfalls", ())):
+            yield f"The {title} cannot be compared with the measured one: see the warning."
+        elif found.get("value") is None or not isfinite(found["value"]):
+            yield f"The {title} has no simulated value; {wanted['value']:g} was measured."
+        else:
+            yield comparison(title, found, wanted)
+
+
+def comparison(title: str, found: Document, wanted: Document) -> str:
+    """`The angle of repose is 4.8 deg lower than measured: 6.1 standard errors.`"""
+    gap, shared = found["value"] - wanted["value"], known(found.get("details", {}).get("shared_sd"))
+    size = with_unit(plain(abs(gap), 2), found.get("unit", ""))
+    words = f"The {title} is {size} {'lower' if gap < 0.0 else 'higher'} than measured"
+    if (found.get("n") or 1) < LEAST_RUNS:
+        sd = known(wanted.get("sd"))
+        far = f": {abs(gap) / sd:.1f} times the measured scatter" if sd > 0.0 else ""
+        return f"{words}{far}. One run shows no scatter of its own: use --replicas 3."
+    error = hypot(shared, *(known(each.get("sd")) / sqrt(each.get("n") or 1) for each in (found, wanted)))
+    if error > 0.0 and abs(gap) <= CHANCE * error:
+        return (
+            f"The {title} agrees with the measured one: {size} apart, {abs(gap) / error:.1f} standard errors."
+        )
+    return f"{words}: {abs(gap) / error:.1f} standard errors." if error > 0.0 else f"{words}."
+
+
+def known(sd: float | None) -> float:
+    """A standard deviation, 0 where it is unknown."""
+    return sd if sd is not None and isfinite(sd) else 0.0
+
+
+def run_warnings(document: Document) -> list[str]:
+    """What the set-up lacks for its measures, and what went wrong: each once, the gravest first."""
+    lacking: dict[str, list[tuple[str, Document]]] = {}
+    for name, found in document["measures"].items():
+        for each in found.get("shortfalls", ()):
+            if not each["stated"]:
+                lacking.setdefault(each["flag"], []).append((name, each))
+    told = sorted(lacking.values(), key=lambda own: not own[0][1]["blocks"])
+    counts = Counter(line for replica in document["replicas"] for line in replica.get("warnings", ()))
+    among = len(document["replicas"])
+    return [
+        *(f"{', '.join(quantity(name) for name, _ in own)}: {own[0][1]['sentence']}" for own in told),
+        *(f"{line} ({count} of {counted(among, 'repeat')})" for line, count in counts.items()),
+        *document.get("limits", {}).get("warnings", ()),
+    ]
+
+
+def run_notes(document: Document) -> Iterator[str]:
+    """Limits that the scene states, notes of measures, and what its stiffness and contacts imply."""
+    for name, found in document["measures"].items():
+        yield from (
+            f"{quantity(name)}: {each['sentence']}" for each in found.get("shortfalls", ()) if each["stated"]
+        )
+        yield from (f"{quantity(name)}: {note}" for note in found.get("notes", ()))
+    yield from consequences(document)
+    sources = {wanted.get("source") for wanted in document["measured"].values()}
+    yield from (f"measured: {source}" for source in sources if source)
+
+
+def consequences(document: Document) -> Iterator[str]:
+    """What reduced stiffness, adhesion and rolling friction of a scene imply."""
+    limits = document.get("limits", {})
+    yield from (f"stiffness: {line}" for line in limits.get("softening", ()))
+    yield from (f"rolling friction: {line}" for line in limits.get("rolling", ()))
+    if adhesion := limits.get("adhesion"):
+        yield (
+            f"adhesion: grains pull with {adhesion['pull_off_force']:.3g} N, {adhesion['bond_number']:.3g} "
+            f"weights, and stick below {adhesion['sticking_speed']:.3g} m/s"
+        )
+
+
+def run_cost(document: Document) -> str:
+    """`2 repeats in 8.5 s, 2.86e+06 grain-steps/s, scene 550ba494cbcb, seed 1`."""
+    seconds, kind = document["wall_s"], "cell" if "cell_steps" in document else "grain"
+    speed = document[f"{kind}_steps"] / seconds if seconds else 0.0
+    repeats = counted(len(document["replicas"]), "repeat")
+    made = f"{repeats} in {seconds:.1f} s, {speed:.3g} {kind}-steps/s"
+    return f"{made}, scene {document['hash']}, seed {document['seed']}"
+
+
+def after_run(document: Document) -> Iterator[str]:
+    """What can be done with a run."""
+    if recording := document.get("recording"):
+        view, page = shell_command("view", recording), shell_command("report", recording)
+        yield f"{view} shows the run, {page} makes a page of it."
+    if not document["measured"] and document["measures"]:
+        yield "[measured] in the scene file prints a measured value beside the simulated one."
