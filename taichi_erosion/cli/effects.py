@@ -111,7 +111,9 @@ def show_shift(name: str, library: "list[str]", as_json: bool) -> None:
 
     if name not in reduced.EFFECTS:
         near = did_you_mean(name, [*library, *reduced.EFFECTS])
-        raise BadInput(f"effects {name}: is not in the library{near}; `effects` lists it: {', '.join(library)}")
+        raise BadInput(
+            f"effects {name}: is not in the library{near}; `effects` lists it: {', '.join(library)}"
+        )
     told = " ".join((reduced.EFFECTS[name].__doc__ or "").split())
     if as_json:
         return output.print_json({"effects": {name: {"model": reduced.__name__, "description": told}}})
