@@ -124,15 +124,16 @@ class Observable:
     sd_shared_relative: float = 0.0  # systematic error that grows with the value, over the value [1]
 
 
+Asked = tuple[Observable, Conditions, Mapping[str, Floats]]  # rows, with the doses of a mechanism in them
+
+
 class Uncertainty(Protocol):
     """Covariance (n, n) of a model's own errors over rows of some observables, one after the other.
 
     On the comparison scale, at one setting of the calibrated numbers and strengths.
     """
 
-    def __call__(
-        self, asked: Sequence[tuple[Observable, Conditions]], parameters: Numbers, effects: Numbers
-    ) -> Floats: ...
+    def __call__(self, asked: Sequence[Asked], parameters: Numbers, effects: Numbers) -> Floats: ...
 
 
 @dataclass(frozen=True)

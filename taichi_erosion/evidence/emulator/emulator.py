@@ -19,6 +19,7 @@ from taichi_erosion.core.effect_loading import failures_of
 from taichi_erosion.core.errors import SimulationStopped
 from taichi_erosion.evidence.data.heap_correlation import LEAST_FREEDOM, shrunk
 from taichi_erosion.evidence.data.problem import (
+    Asked,
     Candidate,
     Conditions,
     Floats,
@@ -165,15 +166,13 @@ class Emulator:
             found[scene] = (tuple(names), joint)
         return found
 
-    def uncertainty(
-        self, asked: Sequence[tuple[Observable, Conditions]], parameters: Numbers, effects: Numbers
-    ) -> Floats:
+    def uncertainty(self, asked: Sequence[Asked], parameters: Numbers, effects: Numbers) -> Floats:
         """Covariance of the emulators' own errors over rows of observables, on the comparison scale."""
         places, points, steepness = dict[Path, list[int]](), list[Points](), list[Floats]()
-        for place, (observable, conditions) in enumerate(asked):
+        for place, (observable, conditions, doses) in enumerate(asked):
             found = self.emulators[observable.name]
             places.setdefault(found.inputs.scene.measure.scene, []).append(place)
-            points.append(request_points(found.inputs, conditions, parameters, effects))
+            points.append(request_points(found.inputs, conditions, parameters, {**effects, **doses}))
             value = from_scale(found.scale, found.process.mean(points[-1]))
             steepness.append(slope(observable, value) / slope(found.scale, value))
         rows = slices([each.size for each in steepness])
@@ -187,13 +186,13 @@ class Emulator:
 
 
 def request_points(
-    inputs: EmulatorInputs, conditions: Conditions, parameters: Numbers, effects: Numbers
+    inputs: EmulatorInputs, conditions: Conditions, parameters: Numbers, effects: Mapping[str, float | Floats]
 ) -> Points:
-    """Inputs of a request, in which numbers and strengths are the same for all rows."""
+    """Inputs of a request, in which numbers are the same for all rows; so are strengths, but for doses."""
     rows = simulator.row_count(conditions)
     at = {path: column for name, column in conditions.items() for path in simulator.dotted_paths(name)}
     numbers = {axis.name: np.full(rows, parameters[axis.name]) for axis in inputs.axes}
-    strengths = {name: np.full(rows, value) for name, value in effects.items() if value != 0.0}
+    strengths = {name: np.broadcast_to(each, rows) for name, each in effects.items() if np.any(each)}
     return inputs.points(at or {"": np.full(rows, np.nan)}, numbers, strengths)
 
 

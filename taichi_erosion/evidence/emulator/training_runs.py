@@ -18,13 +18,12 @@ from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.core.effect import read_params
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.data.problem import (
+    Asked,
     Budget,
     Candidate,
-    Conditions,
     Floats,
     Mechanism,
     Numbers,
-    Observable,
     Problem,
     Progress,
     expected_strength,
@@ -359,10 +358,8 @@ def emulated_problem(problem: Problem, emulator: Emulator) -> Problem:
     assert isinstance(model, NameMapping)
     mapped = replace(model, model=emulator)
 
-    def uncertainty(
-        asked: Sequence[tuple[Observable, Conditions]], parameters: Numbers, effects: Numbers
-    ) -> Floats:
-        known = [(observable, mapped.known(conditions)) for observable, conditions in asked]
+    def uncertainty(asked: Sequence[Asked], parameters: Numbers, effects: Numbers) -> Floats:
+        known = [(observable, mapped.known(conditions), doses) for observable, conditions, doses in asked]
         return emulator.uncertainty(known, parameters, effects)
 
     # an emulator costs nothing: its calibration need not be frugal

@@ -18,6 +18,7 @@ from scipy import linalg
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.foreign_code import tell_execution
 from taichi_erosion.evidence.data.problem import (
+    Asked,
     Conditions,
     Floats,
     Integers,
@@ -215,11 +216,9 @@ class ModelErrorCovariance:
     mapped: NameMapping
     seed: int  # of the value at which the scale is taken
 
-    def __call__(
-        self, asked: Sequence[tuple[Observable, Conditions]], parameters: Numbers, effects: Numbers
-    ) -> Floats:
-        """Covariance [row, row]; those of two observables are apart."""
-        parts = [self.own(*each, parameters, effects) for each in asked]
+    def __call__(self, asked: Sequence[Asked], parameters: Numbers, effects: Numbers) -> Floats:
+        """Covariance [row, row]; those of two observables are apart, and a dose changes none."""
+        parts = [self.own(observable, at, parameters, effects) for observable, at, _ in asked]
         return np.asarray(linalg.block_diag(*parts), dtype=np.float64)
 
     def own(

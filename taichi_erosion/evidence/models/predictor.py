@@ -9,6 +9,7 @@ the mean and the amplitude a the most likely one. Two calibrated numbers that mo
 indistinguishable then; raw noise would separate them. A model without noise is left as it is.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import sqrt
@@ -134,15 +135,18 @@ class Predictor:
             result[failed] = np.nan
         return result
 
-    def model_errors(self, x: Floats, acting: Numbers) -> Floats:
+    def model_errors(self, x: Floats, acting: Numbers, doses: Mapping[str, Floats] | None = None) -> Floats:
         """Factor F (n, r) of the covariance F F^T of the model's own errors at one setting.
 
-        No column for a model without errors.
+        `doses`: of a mechanism, in every row. No column for a model without errors.
         """
         if self.uncertainty is None:
             return np.zeros((self.which.size, 0))
         parameters, effects = self.setting(x, acting)
-        asked = [(observable, dict(chosen)) for observable, _, chosen in self.requests]
+        asked = [
+            (observable, dict(chosen), {name: dose[rows] for name, dose in (doses or {}).items()})
+            for observable, rows, chosen in self.requests
+        ]
         values, vectors = np.linalg.eigh(np.nan_to_num(self.uncertainty(asked, parameters, effects)))
         kept = values > NEGLIGIBLE * max(float(values[-1]), 0.0)
         found = np.zeros((self.which.size, int(kept.sum())))

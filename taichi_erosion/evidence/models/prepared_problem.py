@@ -4,7 +4,7 @@ Seeds for fitting and for scoring are disjoint: settings are compared with few s
 mean of many others says where they all lie.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -91,9 +91,11 @@ class PreparedProblem:
         """Whitened residual of a predicted mean (n,), censored rows as ordinary ones."""
         return working(self.white(self.rows.z - mean), self.white_reach)
 
-    def model_errors(self, x: Floats, acting: dict[str, float]) -> Floats:
+    def model_errors(
+        self, x: Floats, acting: dict[str, float], doses: Mapping[str, Floats] | None = None
+    ) -> Floats:
         """Columns (n, q) of one sd each: the model's own errors, then those of the stated conditions."""
-        own = self.predictor.model_errors(x, acting)
+        own = self.predictor.model_errors(x, acting, doses)
         if self.condition_errors is None:
             return own
         return np.hstack([own, error_columns(self.condition_errors, self.predictor, x, acting)])

@@ -106,6 +106,7 @@ class Dosing:
                 linear = fit.mean + fit.dose.slope * (there - w) if fit.dose is not None else fit.mean
                 jacobian = jacobian + np.outer(mean - linear - jacobian @ gone, gone) / (gone @ gone)
             fit, beta, w = replace(fit, v=v, mean=mean, jacobian=jacobian), tried, there
+        fit = replace(fit, errors=self.race.model.errors((), fit.v, {self.name: from_axis(w)}))
         found = self.expanded(fit, beta, w, u, 8)
         return self.race.better(found, self.race.fits.get(self.hypothesis, found))
 

@@ -12,6 +12,7 @@ with psi_0 two thirds of the scale of the strength and s = SPREAD. An effect tha
 has a strength among the calibrated numbers.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import exp, log
 
@@ -130,10 +131,10 @@ class RaceModel:
             return self.mean(names, v)
         return self.values(names, v, self.prepared.seeds.scoring)
 
-    def errors(self, names: Acting, v: Floats) -> Floats:
+    def errors(self, names: Acting, v: Floats, doses: Mapping[str, Floats] | None = None) -> Floats:
         """Errors of known size (n, q): shared by instruments, of the model itself, of stated conditions."""
         p = self.prepared
-        own = p.model_errors(self.numbers(v[: self.count]), self.strengths(names, v))
+        own = p.model_errors(self.numbers(v[: self.count]), self.strengths(names, v), doses)
         return np.hstack([p.rows.shared, own])
 
     def jacobian(self, names: Acting, v: Floats, mean: Floats) -> Floats:

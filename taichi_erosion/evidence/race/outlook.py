@@ -32,7 +32,7 @@ from taichi_erosion.evidence.models.new_conditions import NewConditions
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.race.blocks import Block, dose_columns, nuisance, unlisted
 from taichi_erosion.evidence.race.decision import acts
-from taichi_erosion.evidence.race.doses import dosings
+from taichi_erosion.evidence.race.doses import dosings, from_axis
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import Doses, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import Solved
@@ -212,7 +212,8 @@ def outlook(place: Elsewhere, fit: Fit) -> Outlook:
     mean, jacobian, doses = expanded(place, fit)
     both = both_rows(race.prepared.rows, place.rows, mean[n:])
     acting = model.strengths(fit.hypothesis.names, v)
-    own = model.prepared.model_errors(model.numbers(v[: model.count]), acting)
+    varied = None if doses is None else {fit.hypothesis.kind: from_axis(doses.w)}
+    own = model.prepared.model_errors(model.numbers(v[: model.count]), acting, varied)
     errors, blocks = np.hstack([both.shared, own]), both_blocks(place, fit, both, doses)
     known = replace(
         fit,

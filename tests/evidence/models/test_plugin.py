@@ -66,7 +66,7 @@ def study(tmp_path: Path):
 def own_covariance(problem):
     assert problem.uncertainty is not None
     at = {"diameter": np.array([1e-4, 2e-4])}
-    return problem.uncertainty([(Observable("threshold_u_star", "log"), at)], {}, {})
+    return problem.uncertainty([(Observable("threshold_u_star", "log"), at, {})], {}, {})
 
 
 def test_errors_are_carried_to_the_scale_of_the_comparison(study):
