@@ -68,7 +68,7 @@ def test_an_answer_to_an_older_table_is_left_out_and_told(study):
 def test_the_last_predictions_of_the_adopted_model_stand_on_the_page(study):
     assert "<h2>Predictions</h2>" not in write_report(study).read_text("utf-8")
     conditions = study.with_name("wanted.csv")
-    conditions.write_text("moisture,diameter\n0.007,3e-4\n", "utf-8")
+    conditions.write_text("moisture,diameter [mm]\n0.007,0.3\n", "utf-8")
     told = predict_study(study, conditions, silent).answer()
     page = write_report(study).read_text("utf-8").partition("<h2>Predictions</h2>")[2]
     assert "Predicted by the adopted model, with liquid_bridge" in page

@@ -63,7 +63,7 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     Where the table has a study already, the table is corrected and the study stays, unless `wishes.anew`.
     Raises BadInput with all faults of the table, or where a file of another origin would be replaced.
     """
-    folder = wishes.folder or table.with_name(table.stem)
+    folder = wishes.folder or table.parent / table.stem
     interview, wishes = Interview(ask), with_own_conditions(replace(wishes, folder=folder))
     measured = read_laboratory_table(table, wishes, interview)
     names = list(dict.fromkeys(row.observable for row in measured.rows))
