@@ -307,30 +307,46 @@ def pair_correlations(
 ) -> Floats:
     """Most probable correlations of all parts and of the scatter of two processes, from runs of both."""
     runs = Points(*(each[first] for each in vars(one.training).values()))
-    parts, size = kernel_parts(runs, runs, one.reads), first.size
-    own = [total_covariance(parts, process.amplitude) for process in (one, other)]
-    values = np.concatenate([one.known_values()[first], other.known_values()[second]])
+    parts = kernel_parts(runs, runs, one.reads)
+    white, values = zip(
+        *(whitened(process, at, parts) for process, at in ((one, first), (other, second))), strict=True
+    )
     amplitude = part_amplitudes(one) * part_amplitudes(other)
-    scatter = one.amplitude[-1] * other.amplitude[-1] * np.eye(size)
-    shared = np.array([*(a * part for a, part in zip(amplitude, parts, strict=True)), scatter])
+    scatter = one.amplitude[-1] * other.amplitude[-1] * np.eye(first.size)
+    shared = np.array([between(white, a * part) for a, part in zip(amplitude, parts, strict=True)])
+    shared = np.concatenate([shared, between(white, scatter)[np.newaxis]])
 
     def negative_log_evidence(far: Floats) -> tuple[float, Floats]:
+        """Of whitened values with the covariance ((1, M), (M^T, 1)); S = 1 - M M^T."""
         cross = np.tensordot(np.tanh(far), shared, axes=1)
         try:
-            factor = np.linalg.cholesky(np.block([[own[0], cross], [cross, own[1]]]))
+            factor = np.linalg.cholesky(np.eye(first.size) - cross @ cross.T)
         except np.linalg.LinAlgError:
             return IMPOSSIBLE, np.zeros(far.size)
-        inverse = linalg.cho_solve((factor, True), np.eye(2 * size))
-        weights = inverse @ values
-        value = 0.5 * values @ weights + np.sum(np.log(np.diag(factor))) + 0.5 * far @ far
-        pull = (inverse - np.outer(weights, weights))[:size, size:]
+        mine = linalg.cho_solve((factor, True), values[0] - cross @ values[1])
+        theirs = values[1] - cross.T @ mine
+        value = 0.5 * (values[0] @ mine + values[1] @ theirs) + np.sum(np.log(np.diag(factor)))
+        pull = -linalg.cho_solve((factor, True), cross) - np.outer(mine, theirs)
         slopes = np.tensordot(shared, pull, axes=2) / np.cosh(far) ** 2
-        return float(value), slopes + far
+        return float(value + 0.5 * far @ far), slopes + far
 
     bounds = [(-FARTHEST, FARTHEST)] * shared.shape[0]
     start = np.zeros(shared.shape[0])
     found = optimize.minimize(negative_log_evidence, start, jac=True, method="L-BFGS-B", bounds=bounds)
     return np.tanh(found.x)
+
+
+def whitened(process: GaussianProcess, at: Integers, parts: Floats) -> tuple[Floats, Floats]:
+    """Inverse root of the covariance of some training values of a process, and these values over it."""
+    root = linalg.cholesky(total_covariance(parts, process.amplitude), lower=True)
+    inverse: Floats = np.asarray(linalg.solve_triangular(root, np.eye(at.size), lower=True), np.float64)
+    return inverse, inverse @ process.known_values()[at]
+
+
+def between(white: Sequence[Floats], covariance: Floats) -> Floats:
+    """Covariance of the whitened values of two processes; most parts reach few runs."""
+    at = np.flatnonzero(covariance.any(axis=1))
+    return (white[0][:, at] @ covariance[np.ix_(at, at)]) @ white[1][:, at].T
 
 
 def part_amplitudes(process: GaussianProcess) -> Floats:
