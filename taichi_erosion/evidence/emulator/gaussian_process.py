@@ -328,7 +328,7 @@ def pair_correlations(
         value = 0.5 * (values[0] @ mine + values[1] @ theirs) + np.sum(np.log(np.diag(factor)))
         pull = -linalg.cho_solve((factor, True), cross) - np.outer(mine, theirs)
         slopes = np.tensordot(shared, pull, axes=2) / np.cosh(far) ** 2
-        return float(value + 0.5 * far @ far), slopes + far
+        return float(value + 0.5 * far @ far), np.asarray(slopes + far, dtype=np.float64)
 
     bounds = [(-FARTHEST, FARTHEST)] * shared.shape[0]
     start = np.zeros(shared.shape[0])
