@@ -151,11 +151,11 @@ def test_strength_zero_is_the_bare_model_whatever_the_condition_that_only_an_eff
     assert np.array_equal(surface.mean(bare), surface.mean(other))
 
 
-def test_what_a_surface_misses_widens_it_where_it_is_missed():
+def test_what_a_surface_misses_of_an_effect_widens_it_there_and_not_the_bare_model():
     generator = np.random.default_rng(9)
     known = joined(drawn(generator, 40, None), drawn(generator, 40, 0))
     jumps = np.where(known.psi[:, 0] > 0.0, generator.choice([-1.0, 1.0], 80), 0.0)  # no smooth law at all
     surface = fit_gaussian_process(known, law(known) + jumps + 0.05 * generator.standard_normal(80), READS)
     bare, acting = drawn(generator, 30, None), drawn(generator, 30, 0)
-    assert surface.lack_of_fit(acting).mean() > 3.0 * surface.lack_of_fit(bare).mean()
     assert surface.lack_of_fit(acting).mean() > 0.2
+    assert surface.lack_of_fit(bare).max() < 0.02

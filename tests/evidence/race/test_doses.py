@@ -1,5 +1,7 @@
 """A mechanism whose dose grows with a condition: it is found, with the doses that act."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -37,6 +39,22 @@ def test_a_mechanism_is_told_with_its_doses():
     assert record.law is not None
     assert (record.law.mechanism, record.law.conditions) == (truth.name, (truth.condition,))
     assert truth.condition in discover_answer(record, VOC).lines[0]
+
+
+def test_a_mechanism_is_judged_with_the_errors_of_the_model_at_its_own_doses():
+    problem, truth = beyond.draw(CASE)
+
+    def uncertainty(asked, parameters, effects):
+        doses = [each.get(truth.name, np.zeros(at["moisture"].size)) for _, at, each in asked]
+        return np.diag((0.01 * np.concatenate(doses)) ** 2)
+
+    race = raced(replace(problem, uncertainty=uncertainty), 58).race
+    fits = [fit for fit in race.fits.values() if fit.hypothesis.kind == truth.name and fit.dose is not None]
+    assert fits
+    for fit in fits:
+        assert fit.dose is not None
+        size = np.sqrt(np.sum(fit.errors**2, axis=1))
+        np.testing.assert_allclose(size, 0.01 * np.abs(from_axis(fit.dose.w)), atol=1e-4)
 
 
 def test_a_dose_is_zero_where_its_condition_is():
