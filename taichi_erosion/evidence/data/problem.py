@@ -235,6 +235,7 @@ class Problem:
     vault: Vault = field(default_factory=Vault)
     adopted: tuple[Candidate, ...] = ()  # effects already in the model; their strengths are calibrated too
     uncertainty: Uncertainty | None = None  # of the model itself; None: it has no error
+    dosed_by_row: bool = False  # whether the model takes a dose of its own for every row
     mechanisms: tuple[Mechanism, ...] = ()  # places that the model declares
     replicates: Replicates | None = None  # of a model whose values have no scatter any more: an emulator
 

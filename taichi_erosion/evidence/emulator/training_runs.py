@@ -363,7 +363,7 @@ def emulated_problem(problem: Problem, emulator: Emulator) -> Problem:
         return emulator.uncertainty(known, parameters, effects)
 
     # an emulator costs nothing: its calibration need not be frugal
-    return replace(problem, model=mapped, uncertainty=uncertainty, budget=Budget("full"))
+    return replace(problem, model=mapped, uncertainty=uncertainty, dosed_by_row=True, budget=Budget("full"))
 
 
 def inactive_notes(training: TrainingRuns) -> list[str]:

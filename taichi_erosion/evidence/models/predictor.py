@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import sqrt
+from typing import Any
 
 import numpy as np
 
@@ -120,11 +121,15 @@ class Predictor:
         parameters, adopted = split_setting(self.axes, x)
         return parameters, {**strengths(self.candidates, acting), **adopted}
 
-    def compute(self, x: Floats, acting: Numbers, seeds: Integers) -> Floats:
+    def compute(
+        self, x: Floats, acting: Numbers, seeds: Integers, doses: Mapping[str, Floats] | None = None
+    ) -> Floats:
+        """The same anew; `doses` of a mechanism are one for every row."""
         parameters, effects = self.setting(x, acting)
         result = np.empty((seeds.size, self.which.size))
         for observable, rows, chosen in self.requests:
-            answer = self.model(observable.name, dict(chosen), dict(parameters), dict(effects), seeds)
+            own: dict[str, Any] = effects | {name: dose[rows] for name, dose in (doses or {}).items()}
+            answer = self.model(observable.name, dict(chosen), dict(parameters), dict(own), seeds)
             result[:, rows] = to_scale(observable, np.asarray(answer, dtype=float))
         if self.offset is not None:
             result += self.offset
