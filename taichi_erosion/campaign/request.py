@@ -30,7 +30,7 @@ Payloads = Sequence[dict[str, Any]]
 SendRecord = Callable[[int, dict[str, Any]], None]  # (place in the batch, record)
 RunFunction = Callable[[Payloads, SendRecord], None]
 
-WORTH_A_START = 2e7  # grain-steps that take as long as to start an ensemble
+WORTH_A_START = 4e7  # grain-steps that take as long as to start an ensemble: 10 M/s
 START = 4.0  # s of one core that the start of an ensemble takes
 THREADS = 1  # of a batch: it is one of several that run beside each other
 RUNS_MOST = 64  # of a batch: more make an ensemble no cheaper to start, but its fields larger

@@ -23,6 +23,7 @@ from taichi_erosion.scene.shipped import SCENES
 
 LID = 1.5 * LID_LEAST  # height of the lid in largest diameters: a bed of up to ten, and hops above it [1]
 REST = 1.5 * REST_LEAST  # of sqrt(d / g) of the largest grains, at rest for so long before they sleep [1]
+SOFT = 2e6  # shear modulus of soil [Pa], as soft as the grains of the column collapse: doe/heap_size
 FLATTER = 0.8  # of the smallest measured angle, down to which a heap is large enough for its measure [1]
 USUAL_HEAP, USUAL_SAND = 2e-3, 2.5e-4  # grain diameters where the table states none [m]
 Changes = Mapping[str, Any]  # dotted path -> value; None: the entry is left out
@@ -104,6 +105,7 @@ def lifted_cylinder(diameter: float, grains: int) -> Changes:
         "stages.0.duration_max": None,
         "stages.0.duration_min_d": 17.0,
         "stages.0.duration_max_d": round(200.0 * size, 1),
+        "materials.soil.shear_modulus": SOFT,
     }
 
 
