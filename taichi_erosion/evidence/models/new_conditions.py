@@ -80,6 +80,12 @@ def condition_columns(
     """
     found = understood(cells, wishes_of(file), no_questions(), faults, measured=False)
     columns = {c.title: c for c in found if c.role == "condition" and c.title in file.conditions}
+    there = ", ".join(file.conditions)
+    faults += [
+        f"{cells.file}: {c.title} is no condition of the study, which has {there}; leave the column out"
+        for c in found
+        if c.role == "condition" and c.title not in file.conditions
+    ]
     for name, column in columns.items():
         usual, unit = known.table_units.conditions.get(name, Scale()).unit, column.heading.unit
         if unit and usual and conversion(parse_scale(unit), parse_scale(usual)) is None:

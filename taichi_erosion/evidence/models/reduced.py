@@ -27,12 +27,13 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Numbers, row_count
 
 GRAVITY = 9.81  # m s-2
-GRAIN_DENSITY = 2650.0  # kg m-3, quartz
+GRAIN_DENSITY = 2650.0  # kg m-3, quartz, where none is given
 AIR_DENSITY = 1.2  # kg m-3, what the bare model assumes everywhere
 MEDIAN_DIAMETER = 2.5e-4  # m
 REPOSE_TANGENT = 0.6  # tangent of the angle of repose on a slope [1]
 DEFAULTS = {
     "diameter": MEDIAN_DIAMETER,  # m
+    "grain_density": GRAIN_DENSITY,  # kg m-3
     "moisture": 0.0,  # kg water per kg of dry soil
     "slope": 0.0,  # rad, uphill positive
     "roughness": 0.0,  # frontal area of obstacles per ground area [1]
@@ -61,7 +62,7 @@ Law = Callable[[float, Conditions], Shift]
 def dry_cohesion(psi: float, at: Conditions) -> Shift:
     """u*t^2 gains gamma / (rho d); Reference: Shao & Lu (2000), J. Geophys. Res. 105, 22437, eq. (24)."""
     gamma = 2.0e-4  # N m-1
-    weight = GRAVITY * GRAIN_DENSITY / AIR_DENSITY * at["diameter"]
+    weight = GRAVITY * at["grain_density"] / AIR_DENSITY * at["diameter"]
     ratio = psi * gamma / (AIR_DENSITY * at["diameter"]) / weight
     return Shift(threshold=0.5 * np.log1p(ratio), repose=9.0 * ratio / (1.0 + ratio))
 
@@ -224,7 +225,7 @@ def shifted(observable: str, count: int, at: Conditions, given: Numbers, shifts:
         angle = np.degrees(np.arctan(given["friction_sliding"]))
         bare = angle + DEGREES_PER_ROLLING * given["friction_rolling"]
         return bare + sum((shift.repose for shift in shifts), start=np.zeros(count))
-    weight = (GRAIN_DENSITY / AIR_DENSITY - 1.0) * GRAVITY * at["diameter"]
+    weight = (at["grain_density"] / AIR_DENSITY - 1.0) * GRAVITY * at["diameter"]
     threshold = given["threshold_coefficient"] * np.sqrt(weight)
     threshold = threshold * np.exp(sum((shift.threshold for shift in shifts), start=0.0))
     if observable == "threshold_u_star":

@@ -66,3 +66,8 @@ def test_one_column_of_decimal_commas_is_one_column(study, tmp_path):
     places = place_units(study.file, study.path)
     found = read_new_conditions(tmp_path / "at.csv", study.file, places, constant, tmp_path)
     assert found.conditions["moisture"] == pytest.approx([0.015, 0.015, 0.0225, 0.0225])
+
+
+def test_a_condition_that_the_study_does_not_have_is_refused(study, tmp_path):
+    with pytest.raises(BadInput, match="density is no condition of the study, which has moisture, diameter"):
+        read(study, tmp_path, "moisture [%],diameter [mm],grain density [g/cm3]\n1,0.2,4\n")

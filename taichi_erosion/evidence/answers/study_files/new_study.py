@@ -71,6 +71,10 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     earlier = earlier_study(folder, table.stem)
     places = condition_places(measured, wishes.told)
     if wishes.closed_form:
+        if wishes.density is not None:
+            raise BadInput(
+                "--density: the closed form reads a column of grain densities; without one it takes quartz"
+            )
         text, scenes = closed_form_study(measured, names, places), {}
         for name in places.keys() - text.conditions.keys():
             interview.assume(f"column '{name}' is not used: the closed form does not read it")

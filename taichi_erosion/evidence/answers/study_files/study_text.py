@@ -11,7 +11,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.study_files.scene_templates import Calibrated
 from taichi_erosion.evidence.data.tables.interview import ANGLES
 from taichi_erosion.evidence.data.tables.rows import Table
-from taichi_erosion.evidence.data.tables.vocabulary import DIAMETER
+from taichi_erosion.evidence.data.tables.vocabulary import DIAMETER, GRAIN_DENSITY
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.scene.schema.units import Unit, parse_scale, scale_between
 
@@ -21,6 +21,7 @@ MODEL = "taichi_erosion.evidence.models.reduced:predict"
 CONDITIONS = {
     DIAMETER: "diameter",
     "conditions.diameter": "diameter",
+    GRAIN_DENSITY: "grain_density",
     "conditions.moisture": "moisture",
     "conditions.slope": "slope",
     "conditions.roughness_density": "roughness",
