@@ -294,7 +294,7 @@ def rolling_lines(scene: Scene) -> list[str]:
         if scene.laws.rolling == "none" or reduced == 0.0 or grain not in pair.split("-"):
             continue
         full, which = (reduced / 2.0, " (equal grains)") if pair == f"{grain}-{grain}" else (reduced, "")
-        lines.append(f"{pair}: friction_rolling {reduced:.3g}; EDEM users enter {full:.3g}{which}")
+        lines.append(f"{pair}: friction_rolling {reduced:.3g}, which is {full:.3g} in EDEM{which}")
     return lines
 
 

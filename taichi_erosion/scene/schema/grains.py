@@ -144,7 +144,7 @@ class Material(Section):
     @model_validator(mode="after")
     def _one_modulus(self) -> "Material":
         if (self.shear_modulus is None) == (self.young_modulus is None):
-            raise contradiction("needs either shear_modulus or young_modulus")
+            raise contradiction("needs shear_modulus or young_modulus, and only one of them")
         return self
 
 

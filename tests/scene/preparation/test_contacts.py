@@ -94,8 +94,8 @@ def test_rolling_friction_over_the_radius_of_a_grain_counts_twice_over_the_effec
     assert contacts_of(table).friction_rolling[soil] == pytest.approx(2.0 * 0.69)
     assert contacts_of(table).friction_rolling[wall] == 0.41
     assert explain(parse_scene(table))["rolling"] == [
-        "soil-soil: friction_rolling 1.38; EDEM users enter 0.69 (equal grains)",
-        "steel-soil: friction_rolling 0.41; EDEM users enter 0.41",
+        "soil-soil: friction_rolling 1.38, which is 0.69 in EDEM (equal grains)",
+        "steel-soil: friction_rolling 0.41, which is 0.41 in EDEM",
     ]
 
 
