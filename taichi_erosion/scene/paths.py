@@ -214,7 +214,9 @@ def parsed(override: str, text: str) -> Any:
         return table["value"]
     if BARE_WORD.fullmatch(text):
         return text
-    raise refusal(override, "the value is not a TOML value: a plain number with a decimal point, or text in quotes")
+    raise refusal(
+        override, "the value is not a TOML value: a plain number with a decimal point, or text in quotes"
+    )
 
 
 def other_order(pair: str, contacts: dict[str, Any]) -> str:
