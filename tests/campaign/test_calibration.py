@@ -203,7 +203,8 @@ def test_the_page_holds_every_step_and_its_pictures(page, folder):
     assert all((folder / "study" / picture).stat().st_size > 1000 for picture in pictures)
 
 
-def test_the_design_alone_runs_nothing(tmp_path, capsys):
+def test_the_design_alone_runs_nothing(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
     study = write_study(tmp_path)
     assert main(["doe", "design", str(study)]) == ExitCode.SUCCESS
     assert "friction_rolling" in capsys.readouterr().out
