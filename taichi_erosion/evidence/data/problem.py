@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 
-USUAL_SETTINGS = 2000.0  # of the model that an analysis may evaluate where no budget is stated
+MOST_SETTINGS = 2000  # of the model, each over all rows, that one answer may evaluate
 
 Transform = Literal["identity", "log", "log_floor"]
 Drawn = Literal["", "held out", "fitted"]  # what became of a row when rows were drawn for the vault
@@ -192,18 +192,6 @@ def stronger_candidate(candidate: Candidate) -> Candidate:
 
 
 @dataclass(frozen=True)
-class Budget:
-    """How much an answer may cost. One run is one set-up (numbers, effects, conditions) with one seed."""
-
-    name: Literal["quick", "full"] = "full"
-    runs: int | None = None  # at most; None: as many as 2000 settings of all rows
-
-    def settings(self, rows: int) -> float:
-        """Settings of the model, each over all rows and with one seed, that may be evaluated."""
-        return USUAL_SETTINGS if self.runs is None else self.runs / max(rows, 1)
-
-
-@dataclass(frozen=True)
 class Laboratory:
     """What could be measured next."""
 
@@ -231,7 +219,7 @@ class Problem:
     parameters: tuple[Parameter, ...]
     candidates: tuple[Candidate, ...]
     model: Model
-    budget: Budget = field(default_factory=Budget)
+    runs: int | None = None  # at most: set-ups with one seed each; None: MOST_SETTINGS of all rows
     vault: Vault = field(default_factory=Vault)
     adopted: tuple[Candidate, ...] = ()  # effects already in the model; their strengths are calibrated too
     uncertainty: Uncertainty | None = None  # of the model itself; None: it has no error

@@ -19,7 +19,6 @@ from taichi_erosion.core.effect import read_params
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.data.problem import (
     Asked,
-    Budget,
     Candidate,
     Floats,
     Mechanism,
@@ -363,7 +362,7 @@ def emulated_problem(problem: Problem, emulator: Emulator) -> Problem:
         return emulator.uncertainty(known, parameters, effects)
 
     # an emulator costs nothing: its calibration need not be frugal
-    return replace(problem, model=mapped, uncertainty=uncertainty, dosed_by_row=True, budget=Budget("full"))
+    return replace(problem, model=mapped, uncertainty=uncertainty, dosed_by_row=True, runs=None)
 
 
 def inactive_notes(training: TrainingRuns) -> list[str]:

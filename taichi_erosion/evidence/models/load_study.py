@@ -19,7 +19,6 @@ from taichi_erosion.core.setup import ArchChoice, Decomposition
 from taichi_erosion.evidence.data.held_out_rows import content_digest, openings, split
 from taichi_erosion.evidence.data.measured import read_table, study_measurements, table_faults_of
 from taichi_erosion.evidence.data.problem import (
-    Budget,
     Candidate,
     Measurements,
     Mechanism,
@@ -140,7 +139,7 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
         parameters=(*own, *found.parameters),
         candidates=tuple(found.candidates),
         model=model,
-        budget=with_stated(Budget(), name=options.budget, runs=file.budget.runs),
+        runs=file.budget.runs,
         vault=Vault(hidden, openings(results, vault.drawn_from or digest)),
         adopted=found.adopted,
         uncertainty=uncertainty,

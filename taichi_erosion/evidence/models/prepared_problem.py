@@ -19,7 +19,15 @@ from taichi_erosion.evidence.data.heap_correlation import (
     replicates_of,
 )
 from taichi_erosion.evidence.data.linear_algebra import Whitening, Working, working
-from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Measurements, Observable, Problem
+from taichi_erosion.evidence.data.problem import (
+    MOST_SETTINGS,
+    Bools,
+    Floats,
+    Integers,
+    Measurements,
+    Observable,
+    Problem,
+)
 from taichi_erosion.evidence.data.transforms import Axis, adopted_axis, parameter_axis
 from taichi_erosion.evidence.models.condition_errors import ConditionErrors, condition_errors, error_columns
 from taichi_erosion.evidence.models.predictor import Predictor, seed_mean, seed_variance
@@ -184,6 +192,7 @@ def seed_counts(problem: Problem, rows: ComparisonRows, variance: Floats, noisy:
     if noisy and known.any():
         numbers = len(problem.parameters) + len(problem.adopted)
         share = float(np.nanmedian(variance[known] / np.maximum(rows.variance[known], UNKNOWN_NOISE)))
-        most = problem.budget.settings(rows.size) / usual_settings(numbers, len(problem.candidates))
+        settings = MOST_SETTINGS if problem.runs is None else problem.runs / max(rows.size, 1)
+        most = settings / usual_settings(numbers, len(problem.candidates))
         count = int(np.clip(np.ceil(share / NOISE_SHARE), 2, max(2, min(most, MOST_FITTING))))
     return count, count * SCORING_FACTOR if noisy else 1

@@ -18,7 +18,7 @@ from numpy.linalg import LinAlgError
 from scipy import stats
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.problem import Floats, Measurements, Problem, Progress
+from taichi_erosion.evidence.data.problem import MOST_SETTINGS, Floats, Measurements, Problem, Progress
 from taichi_erosion.evidence.models.prepared_problem import prepare
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race.doses import add_doses
@@ -29,7 +29,6 @@ from taichi_erosion.evidence.race.search import log_prior, search
 
 SCALES = 60  # draws of the scales of one hypothesis
 FREEDOM = 4.0  # degrees of freedom of the t distribution of the scales
-MOST_SETTINGS = 2000  # of the model, all rows at once, that one answer may take
 
 
 @dataclass(frozen=True)
@@ -96,31 +95,27 @@ class Posterior:
         return self.race.fits[max(self.probability, key=lambda h: self.probability[h])]
 
     def unknowns(self, count: int) -> dict[str, Floats]:
-        """Draws of equal weight: calibrated numbers, and strengths, 0 where an effect does not act."""
+        """Draws of equal weight: calibrated numbers, and strengths, 0 where an effect has no single one."""
         numbers, weight = self.numbers
         names = list(self.race.model.candidates)
-        strengths = np.zeros((weight.size, len(names)))
-        start = 0
-        for each in self.draws:
-            end = start + each.weight.size
-            for place, name in enumerate(each.fit.hypothesis.names):
-                column = each.values[:, self.race.model.count + place]
-                strengths[start:end, names.index(name)] = [self.race.model.strength(name, v) for v in column]
-            start = end
+        strengths = [np.concatenate([self.strengths(each, name) for each in self.draws]) for name in names]
         picked = np.random.default_rng(SEED).choice(weight.size, count, p=weight / weight.sum())
         keys = [axis.name for axis in self.race.prepared.axes] + names
-        return dict(zip(keys, np.hstack([numbers, strengths])[picked].T, strict=True))
+        return dict(zip(keys, np.vstack([numbers.T, *strengths])[:, picked], strict=True))
 
     def strength(self, name: str) -> tuple[Floats, Floats]:
         """Strength of an effect where it acts with one strength, and weights."""
-        values, weights = [np.zeros(0)], [np.zeros(0)]
-        for each in self.draws:
-            names = each.fit.hypothesis.names
-            if name in names:
-                column = each.values[:, self.race.model.count + names.index(name)]
-                values.append(np.array([self.race.model.strength(name, v) for v in column]))
-                weights.append(each.weight)
-        return np.concatenate(values), np.concatenate(weights)
+        acting = [each for each in self.draws if name in each.fit.hypothesis.names]
+        values = [np.zeros(0), *(self.strengths(each, name) for each in acting)]
+        return np.concatenate(values), np.concatenate([np.zeros(0), *(each.weight for each in acting)])
+
+    def strengths(self, drawn: Draws, name: str) -> Floats:
+        """Strengths of an effect in the draws of one hypothesis; 0 where it has no single one."""
+        names = drawn.fit.hypothesis.names
+        if name not in names:
+            return np.zeros(drawn.weight.size)
+        column = drawn.values[:, self.race.model.count + names.index(name)]
+        return np.array([self.race.model.strength(name, v) for v in column])
 
 
 def quantiles(values: Floats, weight: Floats, shares: Sequence[float] = (0.05, 0.5, 0.95)) -> Floats:
