@@ -27,7 +27,7 @@ from taichi_erosion.scene.load import file_text
 
 WORTH_TELLING = 5.0  # s of an answer, from which its cost is told before it
 MOST_POINTS = 3  # explanations about which a round simulates
-MOST_REQUIRED = 2  # rounds beyond the planned ones, about points that an answer requires; again of mechanisms
+MOST_REQUIRED = 4  # rounds beyond the planned ones, about points that an answer requires
 Found = TypeVar("Found")
 Points = list[RefinementPoint]
 Rounds = dict[str, list[Points]]  # command and budget -> its rounds
@@ -197,8 +197,7 @@ def next_points(
         return points if training_runs.within_budget(runs, points) else []
     known = earlier | {acting(point) for points in own for point in points}
     points = [point for point in question.required(found) if acting(point) not in known]
-    most = 2 * MOST_REQUIRED if runs.mechanisms else MOST_REQUIRED
-    done = len(own) >= runs.plan_size.rounds + most
+    done = len(own) >= runs.plan_size.rounds + MOST_REQUIRED
     return None if done or not points or not training_runs.within_budget(runs, points) else points
 
 
