@@ -62,6 +62,7 @@ def comparison(title: str, found: Document, wanted: Document) -> str:
     gap, shared = found["value"] - wanted["value"], known(found.get("details", {}).get("shared_sd"))
     size = with_unit(plain(abs(gap), 2), found.get("unit", ""))
     words = f"The {title} is {size} {'lower' if gap < 0.0 else 'higher'} than measured"
+    words += "".join(f" ({each['sentence'].partition(':')[0]})" for each in found.get("shortfalls", ())[:1])
     if (found.get("n") or 1) < LEAST_RUNS:
         sd = known(wanted.get("sd"))
         far = f": {abs(gap) / sd:.1f} times the measured scatter" if sd > 0.0 else ""

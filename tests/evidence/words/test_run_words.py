@@ -35,6 +35,12 @@ def test_what_a_set_up_lacks_is_told_once_and_forbids_the_comparison():
     assert "cannot be compared" in next(comparisons(document))
 
 
+def test_a_difference_says_that_the_heap_is_too_small_for_its_angle():
+    lack = {"flag": "size", "sentence": "the angle has not converged: 5 rows", "blocks": False, "stated": True}
+    told = next(comparisons(run_document(28.7, shortfalls=[lack])))
+    assert "lower than measured (the angle has not converged): 13.2 standard errors" in told
+
+
 def test_the_table_has_words_units_and_the_difference():
     document = run_document(28.7)
     assert run_table(document).rows[0] == (
