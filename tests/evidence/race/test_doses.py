@@ -8,9 +8,11 @@ import pytest
 from doe.trials.reduced import beyond
 from taichi_erosion.evidence.answers.commands import discover_record
 from taichi_erosion.evidence.answers.scene_rounds import RacedStudy
+from taichi_erosion.evidence.models.prepared_problem import prepare
 from taichi_erosion.evidence.race.blocks import dose_columns
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.doses import from_axis, to_axis
+from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.posterior import raced
 from taichi_erosion.evidence.words.answer_lines import discover_answer
 from tests.evidence.ten_records import VOC
@@ -55,6 +57,27 @@ def test_a_mechanism_is_judged_with_the_errors_of_the_model_at_its_own_doses():
         assert fit.dose is not None
         size = np.sqrt(np.sum(fit.errors**2, axis=1))
         np.testing.assert_allclose(size, 0.01 * np.abs(from_axis(fit.dose.w)), atol=1e-4)
+
+
+def test_a_model_that_takes_a_dose_for_each_row_answers_as_one_that_takes_one():
+    problem, truth = beyond.draw(CASE)
+
+    def by_row(observable, at, parameters, effects, seeds):
+        columns = []
+        for row in range(at["moisture"].size):
+            own = {name: column[[row]] for name, column in at.items()}
+            doses = {name: float(np.broadcast_to(d, at["moisture"].size)[row]) for name, d in effects.items()}
+            columns.append(problem.model(observable, own, parameters, doses, seeds))
+        return np.hstack(columns)
+
+    prepared = prepare(problem, problem.visible(), 58)
+    rows = replace(problem, model=by_row, dosed_by_row=True)
+    one = RaceModel(prepared)
+    each = RaceModel(
+        replace(prepared, problem=rows, predictor=replace(prepared.predictor, model=by_row, cache={}))
+    )
+    v, doses = np.zeros(one.count), np.linspace(0.0, 0.8, prepared.rows.size).round(1)
+    np.testing.assert_allclose(each.dosed(v, truth.name, doses), one.dosed(v, truth.name, doses))
 
 
 def test_a_dose_is_zero_where_its_condition_is():
