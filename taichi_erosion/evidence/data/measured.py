@@ -3,24 +3,36 @@
 import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
+from dataclasses import replace
 from math import isfinite, nan
 from pathlib import Path
 
 import numpy as np
 
 from taichi_erosion.campaign.study_file import ObservableEntry, StudyFile
-from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.core.files import one_line_name, read_text_file
 from taichi_erosion.evidence.data.number_words import plain, with_unit
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.table_units import TableUnits, set_up_name
 from taichi_erosion.evidence.data.tables.column_roles import Told
-from taichi_erosion.evidence.data.tables.interview import Interview, TableWishes
-from taichi_erosion.evidence.data.tables.reader import read_rows
-from taichi_erosion.evidence.data.tables.rows import PLACE, Faults, Row, Table, is_tidy
+from taichi_erosion.evidence.data.tables.interview import (
+    Interview,
+    TableWishes,
+    scatter_is_error,
+    understood,
+    upright,
+)
+from taichi_erosion.evidence.data.tables.rows import (
+    PLACE,
+    Faults,
+    Row,
+    Table,
+    is_tidy,
+    table_of,
+    tidy_columns,
+)
 from taichi_erosion.evidence.data.tables.spreadsheet import read_cells
-from taichi_erosion.evidence.data.tables.vocabulary import NEAR
 from taichi_erosion.scene.schema.units import (
     EXAMPLES,
     PURE,
@@ -44,6 +56,29 @@ def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Ta
     faults.tell()
     assert found is not None
     return found
+
+
+def read_rows(
+    path: Path, name: str, wishes: TableWishes, interview: Interview, faults: Faults
+) -> Table | None:
+    """Rows of a file, a tidy one or a laboratory's own; what is wrong with it is added to `faults`.
+
+    None where its columns cannot be used; raises BadInput for a file without cells, and for a cross table.
+    """
+    cells = read_cells(path, name, faults)
+    if not cells.rows:
+        raise BadInput(*faults or [f"{name}: is empty; the first row names the columns: observable, ..."])
+    if is_tidy(cells.heading):
+        columns = faults.of(tidy_columns, cells)
+        return None if columns is None else table_of(cells, columns, faults)
+    if not cells.lines:
+        raise BadInput(*faults or [f"{name}: has a heading but no measurement, no measured value"])
+    cells, assumed = upright(cells, interview), len(interview.assumed)
+    columns = understood(cells, wishes, interview, faults)
+    table = table_of(cells, columns, faults, scatter_is_error(cells, interview))
+    if not any(column.role == "n" for column in columns):
+        interview.assume("no column counts repeats: n is left empty, and a value counts as one measurement")
+    return replace(table, notes=tuple(interview.assumed[assumed:]))
 
 
 def no_questions() -> Interview:
@@ -144,12 +179,6 @@ def refuse_absent(table: Table, file: StudyFile, name: str) -> None:
             )
     if faults:
         raise BadInput(*faults)
-
-
-def did_you_mean(wanted: str, there: Sequence[str]) -> str:
-    """The name of a table that is near to one of a study, as a question; empty where none is."""
-    near = get_close_matches(wanted, there, n=1, cutoff=NEAR)
-    return f"; did you mean '{near[0]}'?" if near else ""
 
 
 def condition_scales(table: Table, file: StudyFile, places: Mapping[str, str]) -> dict[str, Scale]:

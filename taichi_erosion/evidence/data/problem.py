@@ -1,6 +1,6 @@
 """Records of an evidence study: measurements, model, calibrated parameters, candidate effects.
 
-They are the whole input of the statistics; `findings.py` holds the output.
+They are the whole input of the statistics; `race/record.py` holds the output.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -253,3 +253,27 @@ class Problem:
     def hidden(self) -> Measurements:
         """The rows inside the vault."""
         return self.measurements.rows(self.vault.rows)
+
+
+FaultKind = Literal[
+    "too_small",
+    "not_converged",
+    "no_value",
+    "failed_runs",
+    "too_few_rows",
+    "repeats",
+    "source_changed",
+    "unit",
+    "scatter",
+]
+
+
+@dataclass(frozen=True)
+class SetUpFault:
+    """Something about the set-up, not about physics, that has to be known before an answer is read."""
+
+    kind: FaultKind
+    place: str  # observable, or path of a calibrated number
+    sentence: str
+    blocks: bool  # the verdict on physics waits until this is settled
+    rows: tuple[int, ...] = ()  # of the table, one of which is wrong

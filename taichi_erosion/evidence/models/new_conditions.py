@@ -16,7 +16,7 @@ from taichi_erosion.evidence.data.tables.column_roles import Column
 from taichi_erosion.evidence.data.tables.interview import understood
 from taichi_erosion.evidence.data.tables.rows import Faults, Row, RowReader, Table
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells
-from taichi_erosion.evidence.models.study_values import study_value_faults
+from taichi_erosion.evidence.models.column_units import study_value_faults
 from taichi_erosion.scene.schema.units import Scale, conversion, parse_scale
 
 OBSERVABLE = "observable"  # heading of a column that says what is to be predicted; without it: everything

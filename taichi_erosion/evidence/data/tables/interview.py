@@ -5,14 +5,20 @@ is none: without an answer the question is a fault, with what would settle it.
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isnan, nan
 from statistics import median
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.physical_ranges import likely_units, place_range
-from taichi_erosion.evidence.data.tables.cell_numbers import CellFault, CellNumber, read_cell
+from taichi_erosion.evidence.data.physical_ranges import likely_units, observed_range, place_range
+from taichi_erosion.evidence.data.tables.cell_numbers import (
+    CellFault,
+    CellNumber,
+    is_missing,
+    is_quantity,
+    read_cell,
+)
 from taichi_erosion.evidence.data.tables.column_roles import (
     HALF,
     UNUSED,
@@ -26,8 +32,7 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     tidy_name,
     with_partners,
 )
-from taichi_erosion.evidence.data.tables.cross_table import cross_table_faults
-from taichi_erosion.evidence.data.tables.headings import read_heading, stated_unit
+from taichi_erosion.evidence.data.tables.headings import VOLUMETRIC, read_heading, stated_unit, unit_in
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
 from taichi_erosion.evidence.data.tables.vocabulary import (
     FRICTION_VELOCITY,
@@ -38,7 +43,7 @@ from taichi_erosion.evidence.data.tables.vocabulary import (
     plain_words,
 )
 from taichi_erosion.scene.paths import unit_of_path
-from taichi_erosion.scene.schema.units import parse_unit, scale_between
+from taichi_erosion.scene.schema.units import parse_scale, parse_unit, scale_between
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 NOT_USED = "-"
@@ -59,6 +64,14 @@ SPREADS = {
 }
 TELLING = ("observable", "condition", *SCATTER)
 LEAST_KNOWN = 2  # headings that are known in the first column of a table that lies on its side
+
+BRACKETED_UNIT = re.compile(r"\[[^\]]*\]|\([^()\d]*\)")  # of what the column measures
+VALUE = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?)\s*([%‰°µμ]\w*|[^\W\d_]\w*)?")
+SHOWN = 3  # headings that are told
+REMEDY = (
+    "write one row for every measured value, with a column for each condition and one for the measured "
+    "quantity"
+)
 
 
 @dataclass
@@ -397,3 +410,55 @@ def lies_on_its_side(cells: Cells) -> bool:
     )
     known = [role for role in down if role in TELLING]
     return len(known) >= LEAST_KNOWN and "observable" in known and not any(role in TELLING for role in across)
+
+
+def cross_table_faults(cells: Cells, columns: list[Column], stated: Container[int] = ()) -> Iterator[str]:
+    """Why a table seems to be a cross table; nothing for any other.
+
+    `stated`: columns of which the user says what they are.
+    """
+    families: dict[tuple[str, str], dict[str, Column]] = {}
+    for column in columns:
+        found = list(VALUE.finditer(text := BRACKETED_UNIT.sub(" ", column.heading.text)))
+        if len(found) == 1 and column.numeric and isnan(column.height) and column.place not in stated:
+            number, unit = found[0].groups()
+            rest = " ".join(f"{text[: found[0].start()]} {text[found[0].end() :]}".split())
+            families.setdefault((rest, (unit and unit_in(unit)) or ""), {})[number] = column
+    measured = any(column.role == "observable" for column in columns)
+    for (rest, unit), family in families.items():
+        if len(family) > 1 and holds_condition(next(iter(family.values())), rest, unit, measured):
+            texts = [f"'{column.heading.text}'" for column in family.values()]
+            told = ", ".join(texts[:SHOWN]) + (", ..." if len(texts) > SHOWN else "")
+            hint = "" if measured else "; repeats side by side are headed 'angle 1', 'angle 2'"
+            words = f"headings {told} seem to hold values of a condition (a cross table): {REMEDY}{hint}"
+            yield f"{cells.file}: {words}"
+            return
+    yield from second_row_faults(cells, columns)
+
+
+def holds_condition(column: Column, rest: str, unit: str, measured: bool) -> bool:
+    """Whether columns whose headings differ in a number alone hold one measured quantity at its values.
+
+    Where a table names its measured quantity elsewhere, such columns are remarks (sieve fractions).
+    """
+    if column.role == "observable":
+        allowed = observed_range(column.name)
+        own = allowed and unit not in ("", VOLUMETRIC) and parse_scale(unit).kind
+        return bool(unit) and not (allowed and own == parse_unit(allowed.unit).kind)  # `Winkel 1 °` is none
+    alone = len(rest.strip(" =:()")) <= 1  # `2`, `w = 2`
+    return not measured and column.role == "remark" and (alone or bool(unit))
+
+
+def second_row_faults(cells: Cells, columns: list[Column]) -> Iterator[str]:
+    """A row right below the headings with numbers in columns of one measured quantity and nowhere else."""
+    names = [column.name for column in columns if column.role == "observable"]
+    repeated = {column.place for column in columns if names.count(column.name) > 1}
+    if not repeated or not any(column.role == "condition" for column in columns) or not cells.lines:
+        return
+    line, row = cells.lines[0]
+    filled = {place for place, cell in enumerate(row) if not is_missing(cell)}
+    if len(filled) > 1 and filled <= repeated and all(is_quantity(row[place]) for place in filled):
+        yield (
+            f"{cells.file}: row {line} has numbers without any condition below headings of one measured "
+            f"quantity, as if they were values of a condition (a cross table): {REMEDY}"
+        )
