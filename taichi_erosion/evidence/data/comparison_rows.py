@@ -102,10 +102,6 @@ class ComparisonRows:
         """An observable by its name."""
         return next(each for each in self.observables if each.name == name)
 
-    def rows_of(self, observable: Observable) -> Bools:
-        """Mask of the rows of an observable."""
-        return self.which == self.observables.index(observable)
-
     def index_of(self, names: Sequence[str]) -> Integers:
         """Index of the observable of every name."""
         place = {observable.name: index for index, observable in enumerate(self.observables)}
@@ -190,7 +186,7 @@ def merged_rows(
         freedom=np.nan,
         noise={observable.name: noise_budget(variance, shared, numerical, scatter)},
         warnings=tuple(notes),
-        lines=lines_of(table, keys, first),
+        lines=tuple(tuple(np.array(table.line)[keys == key].tolist()) for key in keys[first]),
         pure={observable.name: scatter.pure},
         apart=tuple(disagreements(observable, table, exact, cell, scatter.off)),
     )
@@ -202,11 +198,6 @@ def scaled(observable: Observable, table: Measurements) -> tuple[Floats, Floats,
     value = np.where(table.censored, table.limit, table.value)
     z, reach = censored_scale(observable, value, table.reaches)
     return z, reach, slope(observable, value), value
-
-
-def lines_of(table: Measurements, keys: np.ndarray, first: Integers) -> tuple[tuple[int, ...], ...]:
-    """Rows of the table behind each merged row."""
-    return tuple(tuple(np.array(table.line)[keys == key].tolist()) for key in keys[first])
 
 
 def heaps_of(parts: Sequence[ComparisonRows]) -> tuple[Mapping[str, float], ...]:

@@ -135,7 +135,8 @@ def study_measurements(
         censoring_limit(row, s, file.observables[row.observable], table.file)
         for row, s in zip(rows, factors, strict=True)
     ]
-    used = [used_conditions(row, table, scales) for row in rows]
+    stated = [dict(zip(table.conditions, row.conditions, strict=True)) for row in rows]
+    used = [{name: scale.used(at[name]) for name, scale in scales.items()} for at in stated]
     measurements = Measurements(
         observable=tuple(row.observable for row in rows),
         value=np.array([nan if r.censored else s * r.value for r, s in zip(rows, factors, strict=True)]),
@@ -205,12 +206,6 @@ def place_unit(place: str, column: str, file: str) -> Unit:
         return PURE if place == "1" else parse_unit(place)
     except UnknownUnit:
         raise BadInput(f"{file}: column '{column}' sets what is counted in {place}, not a number") from None
-
-
-def used_conditions(row: Row, table: Table, scales: Mapping[str, Scale]) -> dict[str, float]:
-    """Conditions of a row by name, in the units of use."""
-    stated = dict(zip(table.conditions, row.conditions, strict=True))
-    return {name: scale.used(stated[name]) for name, scale in scales.items()}
 
 
 def errors_of_conditions(rows: Sequence[Row], scales: Mapping[str, Scale]) -> dict[str, np.ndarray]:

@@ -138,11 +138,9 @@ def column_faults(
         used = scale.used(value)
         outside = f"outside {allowed.told()}" if not allowed.possible(used) else "which is unusual"
         more = f"; {len(wrong) - 1} rows more" if len(wrong) > SOLO_ROWS else ""
-        same = stated in (f"{used:g} {allowed.unit}", f"{value:g} (no unit: {allowed.unit})")
-        where = f"{file}: row {row.line}, {name} = {stated}" + (
-            "" if same else f" is {used:g} {allowed.unit}"
-        )
-        yield f"{where}, {outside}{more}; check number and unit{hint}"
+        also = f" is {used:g} {allowed.unit}" if unit not in (None, "", allowed.unit) else ""
+        told = f"{name} = {stated}{also}, {outside}{more}; check number and unit{hint}"
+        yield f"{file}: row {row.line}, {told}"
 
 
 def near_own(cells: Sequence[tuple[Row, float, str | None, Scale]], own: float) -> bool:

@@ -54,14 +54,17 @@ def library_of(file: StudyFile, effect_files: tuple[EffectFile, ...]) -> Mapping
 
 def declared_conditions(file: StudyFile, folder: Path) -> dict[str, str]:
     """Units of the conditions under [conditions.extra] of the study's scenes."""
-    found: dict[str, str] = {}
-    for scene in dict.fromkeys(entry.scene for entry in file.observables.values() if entry.scene):
-        conditions = readable_table(folder / scene).get("conditions")
-        extra = conditions.get("extra") if isinstance(conditions, dict) else None
-        for name, entry in extra.items() if isinstance(extra, dict) else ():
-            if isinstance(entry, dict) and isinstance(entry.get("unit"), str):
-                found[str(name)] = entry["unit"]
-    return found
+    scenes = dict.fromkeys(entry.scene for entry in file.observables.values() if entry.scene)
+    return {name: unit for scene in scenes for name, unit in declared_units(folder / scene).items()}
+
+
+def declared_units(scene: Path) -> dict[str, str]:
+    """Units of the conditions under [conditions.extra] of a scene."""
+    conditions = readable_table(scene).get("conditions")
+    extra = conditions.get("extra") if isinstance(conditions, dict) else None
+    entries = extra.items() if isinstance(extra, dict) else ()
+    units = {str(name): entry.get("unit") for name, entry in entries if isinstance(entry, dict)}
+    return {name: unit for name, unit in units.items() if isinstance(unit, str)}
 
 
 def readable_table(scene: Path) -> dict[str, object]:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, condition_numbers
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Numbers
 from taichi_erosion.evidence.models.predictor import Predictor, paired_change
 
@@ -51,8 +51,8 @@ def condition_errors(rows: ComparisonRows) -> ConditionErrors | None:
     stated = {name: column for name, column in stated.items() if np.any(column > 0.0)}
     if not stated:
         return None
-    columns = [np.nan_to_num(column, nan=-1.0) for column in rows.conditions.values()]
-    keys = ["|".join(map(str, key)) for key in zip(rows.group, rows.source, *map(list, columns), strict=True)]
+    cells = zip(rows.group, rows.source, condition_numbers(rows), strict=True)
+    keys = ["|".join(map(str, each)) for each in cells]
     cell = np.unique(keys, return_inverse=True)[1].astype(np.int64)
     return ConditionErrors(stated, cell, rows.condition_set)
 

@@ -47,6 +47,7 @@ from taichi_erosion.evidence.data.tables.vocabulary import (
     near_meaning,
     plain_words,
 )
+from taichi_erosion.evidence.models.column_units import declared_units
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene.load import toml_table
 from taichi_erosion.scene.paths import unit_of_path
@@ -108,7 +109,7 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
         for name in places.keys() - text.conditions.keys():
             interview.assume(f"column '{name}' is not used: the closed form does not read it")
     else:
-        text, scenes = named_apart(*scene_study(measured, names, places, wishes, interview), table.stem)
+        text, scenes = scene_study(measured, names, places, wishes, interview)
     text = replace(
         text,
         title=table.stem,
@@ -189,11 +190,12 @@ def scene_study(
 ) -> tuple[StudyText, dict[str, str]]:
     """The study that scenes answer, and the scenes by name."""
     scenes, parameters, conditions = {}, {}, {}
-    found = apparatus_of_all(names, wishes, interview, table.file)
+    found, study = apparatus_of_all(names, wishes, interview, table.file), Path(table.file).stem
+    files = {key: f"{key}_scene" if key == study else key for key in found}  # none has the name of the study
     for key, own in found.items():
         template = own_template(wishes) if key == OWN else TEMPLATES[key]
         if key != OWN:
-            scenes[key] = new_scene(table, key, own, places, wishes, interview)
+            scenes[files[key]] = new_scene(table, key, own, places, wishes, interview)
         for name, place in places.items():
             paths = [*conditions.get(name, "").split(", "), *places_of(template, place).split(", ")]
             conditions[name] = ", ".join(filter(None, dict.fromkeys(paths)))
@@ -201,7 +203,7 @@ def scene_study(
         parameters |= {number.path: number for number in template.parameters if number.path not in stated}
         if template.wind and FRICTION_VELOCITY not in places.values():
             interview.assume("no column states the friction velocity: the wind is that of the scene")
-    observables = {name: f"{key}.toml" for key, own in found.items() for name in own}
+    observables = {name: f"{files[key]}.toml" for key, own in found.items() for name in own}
     if wishes.scene is not None:
         observables = dict.fromkeys(names, relative(wishes.scene, wishes.folder or Path()))
     positive = {n for n in names if all(r.value > 0.0 for r in table.rows if r.observable == n)}
@@ -250,23 +252,13 @@ def new_scene(
     return scene_text(template, head, diameters, grains, density, undeclared(wishes))
 
 
-def named_apart(text: StudyText, scenes: Mapping[str, str], study: str) -> tuple[StudyText, dict[str, str]]:
-    """A study and its scenes; a scene that would have the name of the study gets another one."""
-    if study not in scenes:
-        return text, dict(scenes)
-    other = f"{study}_scene"
-    files = {
-        name: f"{other}.toml" if file == f"{study}.toml" else file for name, file in text.observables.items()
-    }
-    renamed = {other if name == study else name: each for name, each in scenes.items()}
-    return replace(text, observables=files), renamed
-
-
 def apparatus_of(
     observable: str, names: Sequence[str], wishes: Wishes, interview: Interview, file: str
 ) -> str:
     """Apparatus whose scene measures an observable; the guess measures most of what the table holds."""
-    possible = sorted(templates_for(observable), key=lambda key: -measured_by(key, names))
+    possible = sorted(
+        templates_for(observable), key=lambda key: -len({*TEMPLATES[key].observables} & {*names})
+    )
     if not possible:
         raise BadInput(
             f"{file}: no scene measures '{observable}'; rename it, or name a scene of your own: --scene FILE"
@@ -283,11 +275,6 @@ def apparatus_of(
     if answer not in possible:
         raise BadInput(f"{observable}: '{answer}' is not one of {', '.join(possible)}")
     return answer
-
-
-def measured_by(key: str, names: Sequence[str]) -> int:
-    """How many of some observables the scene of an apparatus measures."""
-    return len(set(TEMPLATES[key].observables) & set(names))
 
 
 def grain_diameters(
@@ -345,8 +332,8 @@ def with_own_conditions(wishes: Wishes) -> Wishes:
     A condition that every scene has keeps its place, and takes the unit for its column. Raises BadInput.
     """
     told, own, optional = {}, dict[str, str](), set[str]()
-    for name, entry in declared(wishes.scene).items():
-        own[name], told[name] = str(entry.get("unit", "1")), CONDITION + name
+    for name, unit in ({} if wishes.scene is None else declared_units(wishes.scene)).items():
+        own[name], told[name] = unit, CONDITION + name
         optional.add(name)
     measures = {} if wishes.scene is None else {name: name for name in read_scene(wishes.scene, ()).measure}
     for text, said in wishes.told.conditions.items():
@@ -369,15 +356,10 @@ def undeclared(wishes: Wishes) -> dict[str, str]:
     return {n: unit for n, unit in wishes.own_conditions.items() if unit_of_path(CONDITION + n) is None}
 
 
-def declared(scene: Path | None) -> Mapping[str, Mapping[str, Any]]:
-    """Conditions that a scene declares, by name."""
-    return {} if scene is None else toml_table(scene).get("conditions", {}).get("extra", {})
-
-
 def own_template(wishes: Wishes) -> Template:
     """The apparatus of an own scene; the friction of its grains on each other is calibrated."""
     assert wishes.scene is not None
-    if lost := undeclared(wishes).keys() - declared(wishes.scene).keys():
+    if lost := undeclared(wishes).keys() - declared_units(wishes.scene).keys():
         unit = wishes.own_conditions[name := min(lost)]
         entry = f'[conditions.extra] {name} = {{ unit = "{unit}" }}'
         raise BadInput(f"{wishes.scene}: does not declare the condition '{name}'; write {entry}")

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any
 
+from taichi_erosion.campaign.study_file import set_comment
 from taichi_erosion.evidence.data.tables.vocabulary import (
     DIAMETER,
     FRICTION_VELOCITY,
@@ -270,14 +271,8 @@ def scene_text(
     document.get("run", {}).pop("replicas", None)
     if "run" in document and not document["run"]:
         document.pop("run")
-    lines = tomlkit.dumps(document).splitlines()
-    kept = [line for k, line in enumerate(lines) if not (line.startswith("#") and k < first_section(lines))]
-    return "\n".join(kept).strip() + "\n"
-
-
-def first_section(lines: Sequence[str]) -> int:
-    """Line of the first section: comments above it describe the program's own scene."""
-    return next(k for k, line in enumerate(lines) if line.startswith("["))
+    text = "\n" + tomlkit.dumps(document)
+    return text[text.index("\n[") + 1 :].rstrip() + "\n"  # comments above describe the program's own scene
 
 
 def set_entry(document: Any, path: Sequence[str], value: Any) -> None:
@@ -296,7 +291,7 @@ def set_entry(document: Any, path: Sequence[str], value: Any) -> None:
         inline.update(value)
         value = inline
     holder[last] = value
-    holder[last].trivia.comment, holder[last].trivia.comment_ws = "", ""
+    set_comment(holder[last], "")
 
 
 def places_of(template: Template, place: str) -> str:

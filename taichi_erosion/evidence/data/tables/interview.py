@@ -38,9 +38,9 @@ from taichi_erosion.evidence.data.tables.vocabulary import (
     FRICTION_VELOCITY,
     GRAIN_CONTACT,
     SCATTER,
-    known_places,
     meaning_of,
     plain_words,
+    vocabulary,
 )
 from taichi_erosion.scene.paths import unit_of_path
 from taichi_erosion.scene.schema.units import parse_scale, parse_unit, scale_between
@@ -290,7 +290,7 @@ def column_fault(column: Column, seen: Mapping[str, str], wishes: TableWishes) -
         )
     unit = wishes.unit_of(column.name)
     if unit is None:
-        return f"no scene has a place '{column.name}'; known: {', '.join(known_places())}"
+        return f"no scene has a place '{column.name}'; known: {', '.join(vocabulary()['conditions'])}"
     if not column.heading.unit or scale_between(column.heading.unit, parse_unit(unit)) is not None:
         return ""
     slope = " (a slope in % is a tangent: write its angle)" if column.name.endswith("slope") else ""
