@@ -16,13 +16,7 @@ from taichi_erosion.evidence.data.number_words import plain, with_unit
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.table_units import TableUnits, set_up_name
 from taichi_erosion.evidence.data.tables.column_roles import Told
-from taichi_erosion.evidence.data.tables.interview import (
-    Interview,
-    TableWishes,
-    scatter_is_error,
-    understood,
-    upright,
-)
+from taichi_erosion.evidence.data.tables.interview import Interview, scatter_is_error, understood, upright
 from taichi_erosion.evidence.data.tables.rows import (
     PLACE,
     Faults,
@@ -52,15 +46,13 @@ def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Ta
     In a laboratory's own table the columns are what the study calls them, else what their headings mean.
     """
     faults = Faults()
-    found = faults.of(read_rows, path, one_line_name(file or path), wishes_of(study), no_questions(), faults)
+    found = faults.of(read_rows, path, one_line_name(file or path), told_by(study), no_questions(), faults)
     faults.tell()
     assert found is not None
     return found
 
 
-def read_rows(
-    path: Path, name: str, wishes: TableWishes, interview: Interview, faults: Faults
-) -> Table | None:
+def read_rows(path: Path, name: str, told: Told, interview: Interview, faults: Faults) -> Table | None:
     """Rows of a file, a tidy one or a laboratory's own; what is wrong with it is added to `faults`.
 
     None where its columns cannot be used; raises BadInput for a file without cells, and for a cross table.
@@ -74,7 +66,7 @@ def read_rows(
     if not cells.lines:
         raise BadInput(*faults or [f"{name}: has a heading but no measurement, no measured value"])
     cells, assumed = upright(cells, interview), len(interview.assumed)
-    columns = understood(cells, wishes, interview, faults)
+    columns = understood(cells, told, interview, faults)
     table = table_of(cells, columns, faults, scatter_is_error(cells, interview))
     if not any(column.role == "n" for column in columns):
         interview.assume("no column counts repeats: n is left empty, and a value counts as one measurement")
@@ -86,22 +78,17 @@ def no_questions() -> Interview:
     return Interview(lambda _, guess: guess)
 
 
-def wishes_of(study: StudyFile | None) -> TableWishes:
+def told_by(study: StudyFile | None) -> Told:
     """What a study says of the columns of its table: by [columns], or by the same name."""
     if study is None:
-        return TableWishes()
+        return Told()
     names = {name: name for name in (*study.observables, *study.conditions)} | study.columns
-    return TableWishes(
-        Told(
-            {text: name for text, name in names.items() if name in study.observables},
-            {text: study.conditions[name] for text, name in names.items() if name in study.conditions},
-            titles={
-                path: name
-                for name, paths in study.conditions.items()
-                for path in (paths, *map(str.strip, paths.split(",")))
-            },
-            optional=frozenset(names),
-        )
+    paths = [(path, name) for name, paths in study.conditions.items() for path in (paths, *paths.split(","))]
+    return Told(
+        {text: name for text, name in names.items() if name in study.observables},
+        {text: study.conditions[name] for text, name in names.items() if name in study.conditions},
+        titles={path.strip(): name for path, name in paths},
+        optional=frozenset(names),
     )
 
 
@@ -300,7 +287,7 @@ def unused_notes(table: Table, file: StudyFile) -> list[str]:
 
 def error_notes(measurements: Measurements) -> list[str]:
     """Conditions whose stated values have errors."""
-    notes, as_set = [], measurements.condition_set
+    notes = []
     for name, sd in measurements.condition_sd.items():
         scale = measurements.table_units.conditions.get(name, Scale())
         ends = dict.fromkeys(plain(end / scale.factor) for end in (np.nanmin(sd), np.nanmax(sd)))
@@ -308,7 +295,7 @@ def error_notes(measurements: Measurements) -> list[str]:
         count = int(np.sum(sd > 0.0))
         notes.append(
             f"{name}: {count} of {sd.size} rows state its sd, {size}; it enters their errors through "
-            f"the slope of the model{', as of a condition that was set' if name in as_set else ''}."
+            "the slope of the model."
         )
     return notes
 

@@ -207,9 +207,7 @@ class Budget:
 class Laboratory:
     """What could be measured next."""
 
-    ranges: Mapping[str, tuple[float, float]] = field(
-        default_factory=dict
-    )  # of each condition; else as measured
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # of conditions; else as measured
     costs: Mapping[str, float] = field(default_factory=dict)  # of one measurement, by observable; else 1
     repeats: int = 3  # of one measurement
 

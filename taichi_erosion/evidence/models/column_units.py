@@ -10,12 +10,7 @@ from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile
-from taichi_erosion.evidence.data.physical_ranges import (
-    PhysicalRange,
-    condition_faults,
-    observable_faults,
-    place_range,
-)
+from taichi_erosion.evidence.data.physical_ranges import condition_faults, observable_faults, place_range
 from taichi_erosion.evidence.data.tables.rows import Table
 from taichi_erosion.evidence.data.transforms import effect_of
 from taichi_erosion.evidence.models.simulator import condition_name, dotted_paths
@@ -110,16 +105,11 @@ def study_value_faults(table: Table, file: StudyFile, folder: Path) -> Iterator[
         if scenes:
             allowed, own = place_range(path), own_number(path, scenes)
         else:
-            allowed, own = function_range(path, table, name), nan
+            stated = table.units[table.conditions.index(name)]
+            allowed, own = place_range(f"conditions.{path}") if stated else None, nan
         yield from condition_faults(table, name, allowed, own, usual=bool(scenes))
     for name, entry in file.observables.items():
         yield from observable_faults(table, name, entry.measure or name, usual=False)
-
-
-def function_range(name: str, table: Table, column: str) -> PhysicalRange | None:
-    """Range of a condition of a model function whose column states a unit; None where nothing is known."""
-    stated = table.units[table.conditions.index(column)]
-    return place_range(f"conditions.{name}") if stated else None
 
 
 def own_number(path: str, scenes: Sequence[dict[str, Any]]) -> float:

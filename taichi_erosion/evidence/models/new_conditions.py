@@ -9,7 +9,7 @@ import numpy as np
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
-from taichi_erosion.evidence.data.measured import condition_scales, no_questions, wishes_of
+from taichi_erosion.evidence.data.measured import condition_scales, no_questions, told_by
 from taichi_erosion.evidence.data.problem import Conditions, Measurements
 from taichi_erosion.evidence.data.tables.cell_numbers import is_missing
 from taichi_erosion.evidence.data.tables.column_roles import Column
@@ -78,7 +78,7 @@ def condition_columns(
 
     One without a unit has that of the study's table.
     """
-    found = understood(cells, wishes_of(file), no_questions(), faults, measured=False)
+    found = understood(cells, told_by(file), no_questions(), faults, measured=False)
     columns = {c.title: c for c in found if c.role == "condition" and c.title in file.conditions}
     there = ", ".join(file.conditions)
     faults += [

@@ -36,7 +36,7 @@ from taichi_erosion.evidence.data.measured import read_rows
 from taichi_erosion.evidence.data.physical_ranges import condition_faults, observable_faults, place_range
 from taichi_erosion.evidence.data.tables.column_roles import Column, Told
 from taichi_erosion.evidence.data.tables.headings import read_heading, stated_number, unit_in
-from taichi_erosion.evidence.data.tables.interview import Ask, Interview, TableWishes
+from taichi_erosion.evidence.data.tables.interview import Ask, Interview
 from taichi_erosion.evidence.data.tables.rows import NAME, Faults, Table
 from taichi_erosion.evidence.data.tables.spreadsheet import source_digest
 from taichi_erosion.evidence.data.tables.vocabulary import (
@@ -74,17 +74,14 @@ class Wishes:
     grains: int | None = None  # of a run
     scene: Path | None = None  # of the user's own, in place of those of TEMPLATES
     effects: tuple[Path, ...] = ()  # files with effects of the user's own
-    own_conditions: Mapping[str, str] = field(default_factory=dict)  # name -> unit where its column has none
 
     @property
-    def table(self) -> TableWishes:
+    def table(self) -> Told:
         """What is said of the table."""
-        if self.scene is None:
-            measures = dict.fromkeys(name for each in TEMPLATES.values() for name in each.observables)
-        else:
-            measures = dict.fromkeys(read_scene(self.scene, ()).measure)
-        own = {CONDITION + name: unit for name, unit in self.own_conditions.items()}
-        return TableWishes(self.told, self.roughness, tuple(measures), own)
+        measures = tuple(dict.fromkeys(name for each in TEMPLATES.values() for name in each.observables))
+        if self.scene is not None:
+            measures = tuple(read_scene(self.scene, ()).measure)
+        return replace(self.told, roughness=self.roughness, measures=measures)
 
 
 def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
@@ -249,7 +246,7 @@ def new_scene(
         )
     notes = f"Made for {table.file}: {', '.join(names)}. Numbers of grains and contacts are usual ones."
     head = {"title": f"{table.file}: {template.words}", "notes": notes}
-    return scene_text(template, head, diameters, grains, density, undeclared(wishes))
+    return scene_text(template, head, diameters, grains, density, undeclared(wishes.told))
 
 
 def apparatus_of(
@@ -331,11 +328,11 @@ def with_own_conditions(wishes: Wishes) -> Wishes:
 
     A condition that every scene has keeps its place, and takes the unit for its column. Raises BadInput.
     """
-    told, own, optional = {}, dict[str, str](), set[str]()
-    for name, unit in ({} if wishes.scene is None else declared_units(wishes.scene)).items():
-        own[name], told[name] = unit, CONDITION + name
-        optional.add(name)
+    told, own = dict[str, str](), dict[str, str]()
     measures = {} if wishes.scene is None else {name: name for name in read_scene(wishes.scene, ()).measure}
+    for name, unit in ({} if wishes.scene is None else declared_units(wishes.scene)).items():
+        own[CONDITION + name], told[name] = unit, CONDITION + name
+    known = frozenset((*told, *measures)) - wishes.told.observables.keys() - wishes.told.conditions.keys()
     for text, said in wishes.told.conditions.items():
         name, unit = plain_words(read_heading(text).name).replace(" ", "_"), unit_in(said)
         if unit is None or unit_of_path(said) is not None:
@@ -344,23 +341,23 @@ def with_own_conditions(wishes: Wishes) -> Wishes:
         if not NAME.fullmatch(name):
             raise BadInput(f"--condition {text}={said}: '{name}' is no name of letters, digits and _")
         told[text] = CONDITION + name
-        own.setdefault(name, unit)
+        own.setdefault(told[text], unit)
     observables = measures | dict(wishes.told.observables)
-    known = frozenset((*optional, *measures)) - wishes.told.observables.keys() - wishes.told.conditions.keys()
-    stated = Told(observables, told, wishes.told.units, optional=known)
-    return replace(wishes, told=stated, own_conditions=own)
+    stated = Told(observables, told, wishes.told.units, optional=known, own_units=own)
+    return replace(wishes, told=stated)
 
 
-def undeclared(wishes: Wishes) -> dict[str, str]:
+def undeclared(told: Told) -> dict[str, str]:
     """Names and units of conditions that no scene has by itself."""
-    return {n: unit for n, unit in wishes.own_conditions.items() if unit_of_path(CONDITION + n) is None}
+    own = {path: unit for path, unit in told.own_units.items() if unit_of_path(path) is None}
+    return {path.removeprefix(CONDITION): unit for path, unit in own.items()}
 
 
 def own_template(wishes: Wishes) -> Template:
     """The apparatus of an own scene; the friction of its grains on each other is calibrated."""
     assert wishes.scene is not None
-    if lost := undeclared(wishes).keys() - declared_units(wishes.scene).keys():
-        unit = wishes.own_conditions[name := min(lost)]
+    if lost := (own := undeclared(wishes.told)).keys() - declared_units(wishes.scene).keys():
+        unit = own[name := min(lost)]
         entry = f'[conditions.extra] {name} = {{ unit = "{unit}" }}'
         raise BadInput(f"{wishes.scene}: does not declare the condition '{name}'; write {entry}")
     scene, table = read_scene(wishes.scene, ()), toml_table(wishes.scene)

@@ -92,7 +92,6 @@ def lifted_cylinder(diameter: float, grains: int) -> Changes:
     size = (grains / 1500) ** (1.0 / 3.0)
     return {
         "grains.count": grains,
-        "grains.size": {"law": "monodisperse", "diameter": diameter},
         "geometry.plate.radius": None,
         "geometry.plate.radius_d": round(40.0 * size, 1),
         "geometry.tube.radius_d": round(8.0 * size, 2),
@@ -115,7 +114,6 @@ def collapsed_column(diameter: float, grains: int) -> Changes:
     size = (grains / 1800) ** (1.0 / 3.0)
     return {
         "grains.count": grains,
-        "grains.size": {"law": "monodisperse", "diameter": diameter},
         "geometry.tube.radius_d": round(9.0 * size, 2),
         "geometry.tube.length_d": round(30.0 * size, 1),
         "fill.radius_d": round(9.0 * size - 0.6, 2),
@@ -135,9 +133,8 @@ def funnel(diameter: float, grains: int) -> Changes:
 
 
 def threshold_patch(diameter: float, grains: int) -> Changes:
-    """Grains of one size; the stiffness grows with their weight."""
+    """The stiffness grows with the weight of the grains."""
     return {
-        "grains.size": {"law": "monodisperse", "diameter": diameter},
         "materials.soil.shear_modulus": float(f"{6e4 * max(diameter / 2.8e-4, 1.0):.2g}"),
         "run.time_step_fraction": 0.12,
         "threshold.first": None,
@@ -145,11 +142,8 @@ def threshold_patch(diameter: float, grains: int) -> Changes:
 
 
 def blown_patch(diameter: float, grains: int) -> Changes:
-    """Grains of one size; the stiffness grows with their weight."""
-    return {
-        "grains.size": {"law": "monodisperse", "diameter": diameter},
-        "materials.sand.shear_modulus": float(f"{2e5 * max(diameter / 2.4e-4, 1.0):.2g}"),
-    }
+    """The stiffness grows with the weight of the grains."""
+    return {"materials.sand.shear_modulus": float(f"{2e5 * max(diameter / 2.4e-4, 1.0):.2g}")}
 
 
 def wind_changes(wind: Mapping[str, Any], largest: float) -> Changes:
@@ -213,7 +207,7 @@ TEMPLATES = {
         "impact_threshold",
         "a patch of bed under a wind that falls",
         ("impact_threshold", "impact_threshold_linear"),
-        lambda diameter, grains: {"grains.size": {"law": "monodisperse", "diameter": diameter}},
+        lambda diameter, grains: {},
         *(contact("sand-sand", 0.5, None), 800, USUAL_SAND),
     ),
     "saltation": Template(
@@ -259,7 +253,9 @@ def scene_text(
 
     document: Any = tomlkit.parse((SCENES / f"{template.scene}.toml").read_text(encoding="utf-8"))
     document.pop("measured", None)  # another laboratory's values
+    size = {"law": "monodisperse", "diameter": diameters.middle}
     changes = {
+        **({"grains.size": size} if template.varies else {}),
         **template.changes(diameters.middle, grains),
         **{f"scene.{key}": text for key, text in head.items()},
         **wind_changes(document.get("wind", {}), diameters.largest),
