@@ -77,9 +77,8 @@ class ComparisonRows:
     def suspect(self) -> Bools:
         """Rows to check, which differ grossly from their repeats."""
         off = {(each.observable, line) for each in self.apart for line in each.suspects}
-        return np.array(
-            [(name, own[0]) in off for name, own in zip(self.names, self.lines, strict=True)], bool
-        )
+        rows = zip(self.names, self.lines, strict=True)
+        return np.array([(name, own[0]) in off for name, own in rows], bool)
 
     @property
     def contradicted(self) -> Bools:

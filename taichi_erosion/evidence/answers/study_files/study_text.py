@@ -76,9 +76,8 @@ def study_text(study: StudyText) -> str:
         lines += ["", f"[observables.{name}]"]
         lines += [f"scene = {quoted(scene)}"] if scene else []
         lines += [f"unit = {quoted(study.units[name])}"] if name in study.units else []
-        lines += (
-            ['transform = "log"'] if name in study.logarithmic and OBSERVED.get(name) is not ANGLE else []
-        )
+        is_angle = OBSERVED.get(name) is ANGLE
+        lines += ['transform = "log"'] if name in study.logarithmic and not is_angle else []
     lines += ["", "[conditions]", *(f"{name} = {quoted(paths)}" for name, paths in study.conditions.items())]
     for number in study.parameters:
         lines += ["", f"[parameters.{quoted(number.path)}]    # {number.why}"]

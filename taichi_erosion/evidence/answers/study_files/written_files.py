@@ -74,12 +74,7 @@ def written_files(files: StudyFiles) -> Document:
         study = load_study(files.study)
         write_table(files, drawn_rows(study, files.rows))
         write_atomic(files.study, study_text(replace(text, drawn_from=study.digest)).encode())
-        return document_of(files, files.paths) | {"inactive": inactive}
-
-
-def document_of(files: StudyFiles, written: Sequence[Path]) -> Document:
-    """What was written, and what the study holds."""
-    return {"written": [str(path) for path in written], **check_study(files.study)}
+        return {"written": list(map(str, files.paths)), **check_study(files.study), "inactive": inactive}
 
 
 def with_candidates(files: StudyFiles) -> tuple[StudyText, dict[str, str]]:
@@ -194,7 +189,7 @@ def corrected_study(earlier: EarlierStudy, files: StudyFiles, anew: bool) -> Doc
 def fitting(files: StudyFiles, written: Sequence[Path]) -> Document:
     """What was written; raises BadInput where the study that is there does not fit the corrected table."""
     try:
-        return document_of(files, written)
+        return {"written": list(map(str, written)), **check_study(files.study)}
     except BadInput as error:
         remedy = "the study that is there does not fit the corrected table; correct it, or write it anew "
         raise BadInput(*error.faults, f"{files.study}: {remedy}with --anew") from None
