@@ -52,7 +52,8 @@ def split(
     `drawn_from` is the digest of the table from which rows were drawn first; None: of this table.
     """
     inside = stated_rows(measurements, ranges, sources)
-    by_group = enough_groups(measurements, ~inside)
+    counts = unit_counts(measurements, measurements.group, ~inside)
+    by_group = bool(counts) and min(counts.values()) >= FEWEST_GROUPS
     units = [unit_of(measurements, i, by_group) for i in range(measurements.size)]
     digest = content_digest(measurements)
     earlier = drawn_from not in (None, digest) and fraction > 0.0
@@ -95,12 +96,6 @@ def stated_rows(
         column = measurements.conditions[name]
         inside |= (column >= low) & (column <= high)
     return inside
-
-
-def enough_groups(measurements: Measurements, rows: Bools) -> bool:
-    """Whether every observable is spread over enough groups to hold some of them out whole."""
-    counts = unit_counts(measurements, measurements.group, rows)
-    return bool(counts) and min(counts.values()) >= FEWEST_GROUPS
 
 
 def unit_counts(measurements: Measurements, units: Sequence[Unit | str], rows: Bools) -> Counter[str]:

@@ -129,7 +129,7 @@ def study_measurements(
         value=np.array([nan if r.censored else s * r.value for r, s in zip(rows, factors, strict=True)]),
         sd=np.array([s * row.sd for row, s in zip(rows, factors, strict=True)]),
         n=np.array([nan if row.n is None else float(row.n) for row in rows]),
-        group=tuple(group_of(row, at) for row, at in zip(rows, used, strict=True)),
+        group=tuple(r.group or set_up_name(at.values()) or "all" for r, at in zip(rows, used, strict=True)),
         unit=tuple(units[row.observable] for row in rows),
         conditions={column: np.array([at[column] for at in used]) for column in file.conditions},
         censored=np.array([row.censored for row in rows], dtype=np.bool_),
@@ -204,11 +204,6 @@ def errors_of_conditions(rows: Sequence[Row], scales: Mapping[str, Scale]) -> di
     }
 
 
-def group_of(row: Row, at: Mapping[str, float]) -> str:
-    """Physical set-up of a row; its conditions where none is named."""
-    return row.group or set_up_name(at.values()) or "all"
-
-
 def heaps_of(rows: Sequence[Row]) -> tuple[str, ...]:
     """Heap on which each row was measured; rows of several observables with one name share a heap.
 
@@ -252,8 +247,7 @@ def value_scales(rows: Sequence[Row], units: Mapping[str, str]) -> dict[str, Sca
     found = {}
     for name, unit in units.items():
         written = Counter(row.unit for row in rows if row.observable == name).most_common(1)[0][0]
-        factor = conversion(parse_unit(written), parse_unit(unit))
-        found[name] = Scale(written, 1.0 if factor is None else factor)
+        found[name] = Scale(written, conversion(parse_unit(written), parse_unit(unit)) or 1.0)
     return found
 
 

@@ -91,7 +91,6 @@ def lifted_cylinder(diameter: float, grains: int) -> Changes:
     """Tube, plate and lift that grow with the heap."""
     size = (grains / 1500) ** (1.0 / 3.0)
     return {
-        "grains.count": grains,
         "geometry.plate.radius": None,
         "geometry.plate.radius_d": round(40.0 * size, 1),
         "geometry.tube.radius_d": round(8.0 * size, 2),
@@ -113,7 +112,6 @@ def collapsed_column(diameter: float, grains: int) -> Changes:
     """Tube that grows with the heap; all else counts in diameters already."""
     size = (grains / 1800) ** (1.0 / 3.0)
     return {
-        "grains.count": grains,
         "geometry.tube.radius_d": round(9.0 * size, 2),
         "geometry.tube.length_d": round(30.0 * size, 1),
         "fill.radius_d": round(9.0 * size - 0.6, 2),
@@ -125,7 +123,6 @@ def funnel(diameter: float, grains: int) -> Changes:
     """The funnel as it is, higher for a larger heap."""
     size = (grains / 3000) ** (1.0 / 3.0)
     return {
-        "grains.count": grains,
         "geometry.funnel.outlet": [0.0, 0.0, round(0.032 * size, 4)],
         "fill.centre": [0.0, 0.0, round(0.032 * size + 0.065, 4)],
         "conditions": None,
@@ -255,6 +252,7 @@ def scene_text(
     document.pop("measured", None)  # another laboratory's values
     size = {"law": "monodisperse", "diameter": diameters.middle}
     changes = {
+        "grains.count": grains,
         **({"grains.size": size} if template.varies else {}),
         **template.changes(diameters.middle, grains),
         **{f"scene.{key}": text for key, text in head.items()},
