@@ -215,7 +215,7 @@ class PredictionResult(Result):
 
 def prediction_table(reply: "PredictionReply") -> "pd.DataFrame":
     """Predictions with their conditions, as `PredictionResult.table` and a CSV have them."""
-    from taichi_erosion.evidence.words.prediction_words import outside_text
+    from taichi_erosion.evidence.words.answer_lines import outside_text
 
     units = reply.units
     rows = (

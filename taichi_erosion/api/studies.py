@@ -181,8 +181,8 @@ def new_study(
     one's own, `effects` are files of one's own, and a unit in `conditions` makes a column a condition of
     one's own: `conditions={"pore volume": "cm3/g"}`. Raises BadInput with all faults of the table.
     """
+    from taichi_erosion.evidence.answers.study_files.new_study import Wishes
     from taichi_erosion.evidence.answers.study_files.new_study import new_study as write_study
-    from taichi_erosion.evidence.answers.study_files.own_files import Wishes
     from taichi_erosion.evidence.data.tables.column_roles import Told
 
     wishes = Wishes(

@@ -260,8 +260,7 @@ def new(
     as_json: AsJson = False,
 ) -> None:
     """Read a table as a spreadsheet exports it; write a study and a scene for it, or correct its table."""
-    from taichi_erosion.evidence.answers.study_files.new_study import new_study
-    from taichi_erosion.evidence.answers.study_files.own_files import Wishes
+    from taichi_erosion.evidence.answers.study_files.new_study import Wishes, new_study
     from taichi_erosion.evidence.data.tables.column_roles import Told
 
     told = Told(pairs(observable, "--observable"), pairs(condition, "--condition"), pairs(unit, "--unit"))

@@ -13,7 +13,7 @@ import pytest
 from taichi_erosion.cli.main import main
 from taichi_erosion.evidence.answers import commands
 from taichi_erosion.evidence.answers.files import Reply, printed
-from taichi_erosion.evidence.data.set_up_fault import SetUpFault
+from taichi_erosion.evidence.data.problem import SetUpFault
 from taichi_erosion.evidence.race import record
 from taichi_erosion.scene.schema.units import Scale
 from taichi_erosion.verification.claims import Outcome

@@ -29,8 +29,7 @@ from taichi_erosion.evidence.models.new_conditions import NewConditions, read_ne
 from taichi_erosion.evidence.race.outlook import below, elsewhere, forecast, held_out_rows, left_out, new_rows
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.record import CheckPart, PredictedPart, PredictionPart
-from taichi_erosion.evidence.words.answer_lines import Answer
-from taichi_erosion.evidence.words.prediction_words import prediction_answer
+from taichi_erosion.evidence.words.answer_lines import Answer, prediction_answer
 from taichi_erosion.measures.result import without_nan
 from taichi_erosion.scene.schema.units import Scale
 

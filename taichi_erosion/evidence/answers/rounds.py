@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from taichi_erosion.evidence.answers import files
-from taichi_erosion.evidence.answers.study_files.start_values import evaluations_sentence
+from taichi_erosion.evidence.answers.study_files.function_cost import evaluations_sentence
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
 from taichi_erosion.evidence.emulator import training_runs

@@ -10,8 +10,7 @@ import numpy as np
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows, condition_numbers
 from taichi_erosion.evidence.data.number_words import plain
-from taichi_erosion.evidence.data.problem import Problem
-from taichi_erosion.evidence.data.set_up_fault import SetUpFault
+from taichi_erosion.evidence.data.problem import Problem, SetUpFault
 from taichi_erosion.evidence.data.tables.spreadsheet import source_changed
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import Study, first_study

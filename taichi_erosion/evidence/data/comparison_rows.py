@@ -22,7 +22,7 @@ from taichi_erosion.evidence.data.problem import (
     Problem,
     rows_picked,
 )
-from taichi_erosion.evidence.data.repeats import Disagreement, LackOfFit, lack_of_fit, pure_error, suspects
+from taichi_erosion.evidence.data.repeats import Disagreement, lack_of_fit, pure_error, suspects
 from taichi_erosion.evidence.data.tables.table_changes import source_names
 from taichi_erosion.evidence.data.transforms import slope, to_scale
 
@@ -50,7 +50,6 @@ class ComparisonRows:
     noise: Mapping[str, ObservableNoise]
     warnings: tuple[str, ...]
     condition_sd: Conditions = field(default_factory=dict)  # of stated conditions; NaN: exact
-    condition_set: frozenset[str] = frozenset()  # of these, conditions that were set and not measured
     heaps: tuple[Mapping[str, float], ...] = ()  # of each row: heap -> repeats on it; '' where it is unknown
     covariance: Floats | None = None  # (n, n), covariance of z of rows of one heap, diagonal 0; None: none
     lines: tuple[tuple[int, ...], ...] = ()  # rows of the table that each row merges
@@ -78,9 +77,8 @@ class ComparisonRows:
     def suspect(self) -> Bools:
         """Rows to check, which differ grossly from their repeats."""
         off = {(each.observable, line) for each in self.apart for line in each.suspects}
-        return np.array(
-            [(name, own[0]) in off for name, own in zip(self.names, self.lines, strict=True)], bool
-        )
+        rows = zip(self.names, self.lines, strict=True)
+        return np.array([(name, own[0]) in off for name, own in rows], bool)
 
     @property
     def contradicted(self) -> Bools:
@@ -101,10 +99,6 @@ class ComparisonRows:
     def observable(self, name: str) -> Observable:
         """An observable by its name."""
         return next(each for each in self.observables if each.name == name)
-
-    def rows_of(self, observable: Observable) -> Bools:
-        """Mask of the rows of an observable."""
-        return self.which == self.observables.index(observable)
 
     def index_of(self, names: Sequence[str]) -> Integers:
         """Index of the observable of every name."""
@@ -170,7 +164,9 @@ def merged_rows(
     first, mean, total = weighted_means(z, weight, keys := repeat_keys(table, cell, reach, scatter.off))
     steep, own = steepness[first], table.rows(first)
     numerical = (observable.sd_numerical * steep) ** 2
-    notes += unknown_notes(observable, unknown := ~np.isfinite(scatter.variance[first]))
+    if (unknown := ~np.isfinite(scatter.variance[first])).any():
+        count = f"{int(unknown.sum())} of {unknown.size}"
+        notes.append(f"{observable.name}: the scatter of {count} rows is not known; they are not used")
     shared = np.hypot(observable.sd_shared, observable.sd_shared_relative * value[first]) * steep
     shared = shared[:, np.newaxis] * (np.arange(len(observables)) == index)
     variance = np.where(unknown, np.nan, 1.0 / np.where(total > 0, total, 1.0) + numerical)
@@ -190,11 +186,12 @@ def merged_rows(
         freedom=np.nan,
         noise={observable.name: noise_budget(variance, shared, numerical, scatter)},
         warnings=tuple(notes),
-        lines=lines_of(table, keys, first),
+        lines=tuple(tuple(np.array(table.line)[keys == key].tolist()) for key in keys[first]),
         pure={observable.name: scatter.pure},
         apart=tuple(disagreements(observable, table, exact, cell, scatter.off)),
+        condition_sd={name: column[first] for name, column in table.condition_sd.items()},
     )
-    return with_heaps(with_condition_errors(rows, table, first), table, keys, keys[first]), scatter
+    return with_heaps(rows, table, keys, keys[first]), scatter
 
 
 def scaled(observable: Observable, table: Measurements) -> tuple[Floats, Floats, Floats, Floats]:
@@ -202,11 +199,6 @@ def scaled(observable: Observable, table: Measurements) -> tuple[Floats, Floats,
     value = np.where(table.censored, table.limit, table.value)
     z, reach = censored_scale(observable, value, table.reaches)
     return z, reach, slope(observable, value), value
-
-
-def lines_of(table: Measurements, keys: np.ndarray, first: Integers) -> tuple[tuple[int, ...], ...]:
-    """Rows of the table behind each merged row."""
-    return tuple(tuple(np.array(table.line)[keys == key].tolist()) for key in keys[first])
 
 
 def heaps_of(parts: Sequence[ComparisonRows]) -> tuple[Mapping[str, float], ...]:
@@ -236,12 +228,6 @@ def with_heaps(
     return replace(rows, heaps=tuple(counts.values()))
 
 
-def with_condition_errors(rows: ComparisonRows, table: Measurements, first: Integers) -> ComparisonRows:
-    """Rows with the errors of their conditions; repeats have those of the first of them."""
-    stated = {name: column[first] for name, column in table.condition_sd.items()}
-    return replace(rows, condition_sd=stated, condition_set=table.condition_set)
-
-
 def disagreements(
     observable: Observable, table: Measurements, z: Floats, cell: Floats, off: Bools
 ) -> Iterator[Disagreement]:
@@ -253,19 +239,17 @@ def disagreements(
         yield Disagreement(observable.name, lines, wrong, float(np.ptp(table.value[rows])))
 
 
-def tested_by_repeats(
-    rows: ComparisonRows, variance: Floats, residual: Floats, leverage: Floats
-) -> dict[str, LackOfFit]:
-    """Lack of fit of a model: residuals (n,) over their sd, and shares of them that calibration removes.
+def tested_by_repeats(rows: ComparisonRows, variance: Floats, residual: Floats, leverage: Floats) -> float:
+    """Chance of the lack of fit of a model; limits, and rows to check, have no part in it.
 
-    `variance` (n,) is that of the residuals. Limits, and rows to check, have no part in it.
+    `residual` (n,) is over its sd, `variance` its square, `leverage` the shares that calibration removes.
     """
-    cell, parts = repeat_numbers(rows), {}
+    cell, parts = repeat_numbers(rows), []
     for name in rows.pure:
         own = (np.array(rows.names) == name) & ~rows.censored & ~rows.suspect
         squares, within = pure_error(rows.z[own], 1.0 / variance[own], cell[own])
         left = float(np.sum(1.0 - leverage[own])) - within
-        parts[name] = (float(residual[own] @ residual[own]) - squares, left, *rows.pure[name])
+        parts.append((float(residual[own] @ residual[own]) - squares, left, *rows.pure[name]))
     return lack_of_fit(parts)
 
 
@@ -341,19 +325,10 @@ def row_notes(observable: Observable, table: Measurements, usable: Bools) -> lis
     return notes
 
 
-def unknown_notes(observable: Observable, unknown: Bools) -> list[str]:
-    """Sentence about rows of unknown scatter."""
-    if not unknown.any():
-        return []
-    count = f"{int(unknown.sum())} of {unknown.size}"
-    return [f"{observable.name}: the scatter of {count} rows is not known; they are not used"]
-
-
 def noise_budget(variance: Floats, shared: Floats, numerical: Floats, scatter: Scatter) -> ObservableNoise:
     """Budget of one observable before the model has been run."""
-    known, tolerance = variance[np.isfinite(variance)], 0.0
-    if variance.size:
-        tolerance = float(np.sqrt(np.median(numerical)))
+    known = variance[np.isfinite(variance)]
+    tolerance = float(np.sqrt(np.median(numerical))) if variance.size else 0.0
     return ObservableNoise(
         lab=float(np.sqrt(max(np.median(known) - tolerance**2, 0.0))) if known.size else np.nan,
         simulator=0.0,

@@ -8,7 +8,7 @@ the units that came later are drawn.
 
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -18,7 +18,7 @@ import numpy as np
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.data.number_words import counted
-from taichi_erosion.evidence.data.problem import Bools, Integers, Measurements
+from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Measurements
 from taichi_erosion.evidence.data.tables.table_changes import source_names
 
 FEWEST_GROUPS = 5  # per observable; with fewer, holding out a whole one would leave too little to fit
@@ -52,7 +52,8 @@ def split(
     `drawn_from` is the digest of the table from which rows were drawn first; None: of this table.
     """
     inside = stated_rows(measurements, ranges, sources)
-    by_group = enough_groups(measurements, ~inside)
+    counts = unit_counts(measurements, measurements.group, ~inside)
+    by_group = bool(counts) and min(counts.values()) >= FEWEST_GROUPS
     units = [unit_of(measurements, i, by_group) for i in range(measurements.size)]
     digest = content_digest(measurements)
     earlier = drawn_from not in (None, digest) and fraction > 0.0
@@ -97,11 +98,10 @@ def stated_rows(
     return inside
 
 
-def enough_groups(measurements: Measurements, rows: Bools) -> bool:
-    """Whether every observable is spread over enough groups to hold some of them out whole."""
-    pairs = {(measurements.observable[i], measurements.group[i]) for i in np.flatnonzero(rows).tolist()}
-    counts = Counter(observable for observable, _ in pairs)
-    return bool(counts) and min(counts.values()) >= FEWEST_GROUPS
+def unit_counts(measurements: Measurements, units: Sequence[Unit | str], rows: Bools) -> Counter[str]:
+    """Units in which each observable was measured, among some rows."""
+    pairs = {(measurements.observable[i], units[i]) for i in np.flatnonzero(rows).tolist()}
+    return Counter(observable for observable, _ in pairs)
 
 
 def unit_of(measurements: Measurements, row: int, by_group: bool) -> Unit:
@@ -119,7 +119,9 @@ def drawn_units(measurements: Measurements, draw: Draw, fraction: float) -> set[
     from effects that always act. So does one without which three levels of a condition would be one under
     either of two others: the effect of water on grains of two sizes separates it from similar effects.
     """
-    seen = observables_of_units(measurements, draw.units, draw.open)
+    seen: dict[Unit, set[str]] = {}
+    for i in np.flatnonzero(draw.open).tolist():
+        seen.setdefault(draw.units[i], set()).add(measurements.observable[i])
     numbers = {unit: k for k, unit in enumerate(dict.fromkeys(draw.units))}
     unit_of_row = np.array([numbers[unit] for unit in draw.units])
     left = draw.open & ~draw.kept
@@ -140,54 +142,42 @@ def drawn_units(measurements: Measurements, draw: Draw, fraction: float) -> set[
     return drawn
 
 
-def observables_of_units(
-    measurements: Measurements, units: Sequence[Unit], rows: Bools
-) -> dict[Unit, set[str]]:
-    """Observables that were measured in every unit, among some rows."""
-    seen: dict[Unit, set[str]] = {}
-    for i in np.flatnonzero(rows).tolist():
-        seen.setdefault(units[i], set()).add(measurements.observable[i])
-    return seen
-
-
 def wanted_units(measurements: Measurements, draw: Draw, fraction: float) -> dict[str, int]:
     """Units that are still to be drawn, by observable."""
-    among, kept = (
-        Counter(
-            name for kinds in observables_of_units(measurements, draw.units, rows).values() for name in kinds
-        )
-        for rows in (draw.open, draw.open & draw.kept)
-    )
+    among = unit_counts(measurements, draw.units, draw.open)
+    kept = unit_counts(measurements, draw.units, draw.open & draw.kept)
     return {name: (round(fraction * n) if n >= FEWEST_UNITS else 0) - kept[name] for name, n in among.items()}
+
+
+def condition_levels(
+    measurements: Measurements, rows: Bools
+) -> Iterator[tuple[str, Bools, str, Floats, Floats]]:
+    """Observable, its rows, a condition, its column and its values: each pair of them, among some rows."""
+    named = np.array(measurements.observable)
+    for observable in dict.fromkeys(measurements.observable):
+        own = rows & (named == observable)
+        for name, column in measurements.conditions.items():
+            yield observable, own, name, column, np.unique(column[own & np.isfinite(column)])
 
 
 def varying(measurements: Measurements, rows: Bools) -> set[tuple[str, str]]:
     """Observables with the conditions that vary among some of their rows, and with those that begin at 0."""
-    named = np.array(measurements.observable)
     found: set[tuple[str, str]] = set()
-    for observable in dict.fromkeys(measurements.observable):
-        own = rows & (named == observable)
-        for name, column in measurements.conditions.items():
-            levels = np.unique(column[own & np.isfinite(column)])
-            if levels.size > 1:
-                found.add((observable, name))
-                found |= {(observable, f"{name} from 0")} if levels[0] == 0.0 else set()
+    for observable, _, name, _, levels in condition_levels(measurements, rows):
+        if levels.size > 1:
+            found |= {(observable, name), (observable, f"{name} from 0" if levels[0] == 0.0 else name)}
     return found
 
 
 def crossed(measurements: Measurements, rows: Bools, least: int) -> set[tuple[str, str, float, str]]:
     """Observable, condition of two levels, one level, and a condition of at least so many values under it."""
-    named = np.array(measurements.observable)
     found: set[tuple[str, str, float, str]] = set()
-    for observable in dict.fromkeys(measurements.observable):
-        own = named == observable
-        for name, column in measurements.conditions.items():
-            levels = np.unique(column[own & np.isfinite(column)])
-            for level in levels if levels.size == 2 else ():
-                under = own & rows & (column == level)
-                for other, values in measurements.conditions.items():
-                    if np.unique(values[under & np.isfinite(values)]).size >= least:
-                        found.add((observable, name, float(level), other))
+    for observable, own, name, column, levels in condition_levels(measurements, np.ones_like(rows)):
+        for level in levels if levels.size == 2 else ():
+            under = own & rows & (column == level)
+            for other, values in measurements.conditions.items():
+                if np.unique(values[under & np.isfinite(values)]).size >= least:
+                    found.add((observable, name, float(level), other))
     return found
 
 

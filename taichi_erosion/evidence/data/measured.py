@@ -3,24 +3,30 @@
 import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
+from dataclasses import replace
 from math import isfinite, nan
 from pathlib import Path
 
 import numpy as np
 
 from taichi_erosion.campaign.study_file import ObservableEntry, StudyFile
-from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.core.files import one_line_name, read_text_file
 from taichi_erosion.evidence.data.number_words import plain, with_unit
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.table_units import TableUnits, set_up_name
 from taichi_erosion.evidence.data.tables.column_roles import Told
-from taichi_erosion.evidence.data.tables.interview import Interview, TableWishes
-from taichi_erosion.evidence.data.tables.reader import read_rows
-from taichi_erosion.evidence.data.tables.rows import PLACE, Faults, Row, Table, is_tidy
+from taichi_erosion.evidence.data.tables.interview import Interview, scatter_is_error, understood, upright
+from taichi_erosion.evidence.data.tables.rows import (
+    PLACE,
+    Faults,
+    Row,
+    Table,
+    is_tidy,
+    table_of,
+    tidy_columns,
+)
 from taichi_erosion.evidence.data.tables.spreadsheet import read_cells
-from taichi_erosion.evidence.data.tables.vocabulary import NEAR
 from taichi_erosion.scene.schema.units import (
     EXAMPLES,
     PURE,
@@ -40,10 +46,31 @@ def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Ta
     In a laboratory's own table the columns are what the study calls them, else what their headings mean.
     """
     faults = Faults()
-    found = faults.of(read_rows, path, one_line_name(file or path), wishes_of(study), no_questions(), faults)
+    found = faults.of(read_rows, path, one_line_name(file or path), told_by(study), no_questions(), faults)
     faults.tell()
     assert found is not None
     return found
+
+
+def read_rows(path: Path, name: str, told: Told, interview: Interview, faults: Faults) -> Table | None:
+    """Rows of a file, a tidy one or a laboratory's own; what is wrong with it is added to `faults`.
+
+    None where its columns cannot be used; raises BadInput for a file without cells, and for a cross table.
+    """
+    cells = read_cells(path, name, faults)
+    if not cells.rows:
+        raise BadInput(*faults or [f"{name}: is empty; the first row names the columns: observable, ..."])
+    if is_tidy(cells.heading):
+        columns = faults.of(tidy_columns, cells)
+        return None if columns is None else table_of(cells, columns, faults)
+    if not cells.lines:
+        raise BadInput(*faults or [f"{name}: has a heading but no measurement, no measured value"])
+    cells, assumed = upright(cells, interview), len(interview.assumed)
+    columns = understood(cells, told, interview, faults)
+    table = table_of(cells, columns, faults, scatter_is_error(cells, interview))
+    if not any(column.role == "n" for column in columns):
+        interview.assume("no column counts repeats: n is left empty, and a value counts as one measurement")
+    return replace(table, notes=tuple(interview.assumed[assumed:]))
 
 
 def no_questions() -> Interview:
@@ -51,22 +78,17 @@ def no_questions() -> Interview:
     return Interview(lambda _, guess: guess)
 
 
-def wishes_of(study: StudyFile | None) -> TableWishes:
+def told_by(study: StudyFile | None) -> Told:
     """What a study says of the columns of its table: by [columns], or by the same name."""
     if study is None:
-        return TableWishes()
+        return Told()
     names = {name: name for name in (*study.observables, *study.conditions)} | study.columns
-    return TableWishes(
-        Told(
-            {text: name for text, name in names.items() if name in study.observables},
-            {text: study.conditions[name] for text, name in names.items() if name in study.conditions},
-            titles={
-                path: name
-                for name, paths in study.conditions.items()
-                for path in (paths, *map(str.strip, paths.split(",")))
-            },
-            optional=frozenset(names),
-        )
+    paths = [(path, name) for name, paths in study.conditions.items() for path in (paths, *paths.split(","))]
+    return Told(
+        {text: name for text, name in names.items() if name in study.observables},
+        {text: study.conditions[name] for text, name in names.items() if name in study.conditions},
+        titles={path.strip(): name for path, name in paths},
+        optional=frozenset(names),
     )
 
 
@@ -100,13 +122,14 @@ def study_measurements(
         censoring_limit(row, s, file.observables[row.observable], table.file)
         for row, s in zip(rows, factors, strict=True)
     ]
-    used = [used_conditions(row, table, scales) for row in rows]
+    stated = [dict(zip(table.conditions, row.conditions, strict=True)) for row in rows]
+    used = [{name: scale.used(at[name]) for name, scale in scales.items()} for at in stated]
     measurements = Measurements(
         observable=tuple(row.observable for row in rows),
         value=np.array([nan if r.censored else s * r.value for r, s in zip(rows, factors, strict=True)]),
         sd=np.array([s * row.sd for row, s in zip(rows, factors, strict=True)]),
         n=np.array([nan if row.n is None else float(row.n) for row in rows]),
-        group=tuple(group_of(row, at) for row, at in zip(rows, used, strict=True)),
+        group=tuple(r.group or set_up_name(at.values()) or "all" for r, at in zip(rows, used, strict=True)),
         unit=tuple(units[row.observable] for row in rows),
         conditions={column: np.array([at[column] for at in used]) for column in file.conditions},
         censored=np.array([row.censored for row in rows], dtype=np.bool_),
@@ -146,12 +169,6 @@ def refuse_absent(table: Table, file: StudyFile, name: str) -> None:
         raise BadInput(*faults)
 
 
-def did_you_mean(wanted: str, there: Sequence[str]) -> str:
-    """The name of a table that is near to one of a study, as a question; empty where none is."""
-    near = get_close_matches(wanted, there, n=1, cutoff=NEAR)
-    return f"; did you mean '{near[0]}'?" if near else ""
-
-
 def condition_scales(table: Table, file: StudyFile, places: Mapping[str, str]) -> dict[str, Scale]:
     """Scale of every condition of a study; raises BadInput where a unit does not fit."""
     return {column: column_scale(table, column, places.get(column)) for column in file.conditions}
@@ -178,12 +195,6 @@ def place_unit(place: str, column: str, file: str) -> Unit:
         raise BadInput(f"{file}: column '{column}' sets what is counted in {place}, not a number") from None
 
 
-def used_conditions(row: Row, table: Table, scales: Mapping[str, Scale]) -> dict[str, float]:
-    """Conditions of a row by name, in the units of use."""
-    stated = dict(zip(table.conditions, row.conditions, strict=True))
-    return {name: scale.used(stated[name]) for name, scale in scales.items()}
-
-
 def errors_of_conditions(rows: Sequence[Row], scales: Mapping[str, Scale]) -> dict[str, np.ndarray]:
     """Standard deviations of stated conditions, in the units of use; NaN where a condition is exact."""
     return {
@@ -191,11 +202,6 @@ def errors_of_conditions(rows: Sequence[Row], scales: Mapping[str, Scale]) -> di
         for name, scale in scales.items()
         if any(row.condition_sd.get(name) for row in rows)
     }
-
-
-def group_of(row: Row, at: Mapping[str, float]) -> str:
-    """Physical set-up of a row; its conditions where none is named."""
-    return row.group or set_up_name(at.values()) or "all"
 
 
 def heaps_of(rows: Sequence[Row]) -> tuple[str, ...]:
@@ -241,8 +247,7 @@ def value_scales(rows: Sequence[Row], units: Mapping[str, str]) -> dict[str, Sca
     found = {}
     for name, unit in units.items():
         written = Counter(row.unit for row in rows if row.observable == name).most_common(1)[0][0]
-        factor = conversion(parse_unit(written), parse_unit(unit))
-        found[name] = Scale(written, 1.0 if factor is None else factor)
+        found[name] = Scale(written, conversion(parse_unit(written), parse_unit(unit)) or 1.0)
     return found
 
 
@@ -276,7 +281,7 @@ def unused_notes(table: Table, file: StudyFile) -> list[str]:
 
 def error_notes(measurements: Measurements) -> list[str]:
     """Conditions whose stated values have errors."""
-    notes, as_set = [], measurements.condition_set
+    notes = []
     for name, sd in measurements.condition_sd.items():
         scale = measurements.table_units.conditions.get(name, Scale())
         ends = dict.fromkeys(plain(end / scale.factor) for end in (np.nanmin(sd), np.nanmax(sd)))
@@ -284,7 +289,7 @@ def error_notes(measurements: Measurements) -> list[str]:
         count = int(np.sum(sd > 0.0))
         notes.append(
             f"{name}: {count} of {sd.size} rows state its sd, {size}; it enters their errors through "
-            f"the slope of the model{', as of a condition that was set' if name in as_set else ''}."
+            "the slope of the model."
         )
     return notes
 

@@ -1,9 +1,9 @@
 """Numbers, units and counts as a person reads them; needs no other module."""
 
-from math import floor, isfinite, log10
+from math import floor, log10
 
 PURE = ("", "1", "-")
-READABLE = (1e-4, 1e6)  # sizes of numbers that are written without an exponent
+LARGEST = 1e6  # number from which on one is written with an exponent
 
 
 def heading(name: str, unit: str) -> str:
@@ -17,19 +17,11 @@ def with_unit(text: str, unit: str) -> str:
 
 
 def plain(value: float, digits: int = 3) -> str:
-    """Number in at most so many significant digits, without an exponent where it is readable without."""
+    """Number in at most so many significant digits; `12300`, and an exponent from LARGEST on."""
     text = f"{value:.{digits}g}"
-    return short(value, digits) if "e" in text and isfinite(value) else text
-
-
-def short(value: float, digits: int = 2) -> str:
-    """Number in significant digits, zeros at its end too; with an exponent where it is unreadable without."""
-    if value == 0.0 or not isfinite(value):
-        return f"{value:g}"
-    places = digits - 1 - floor(log10(abs(value)))
-    text = f"{value:.{max(places, 0)}f}" if places > 0 else f"{round(value, places):.0f}"
-    low, high = READABLE
-    return text if low <= abs(value) < high else f"{value:.{digits}g}"
+    if "e" not in text or not 1.0 <= abs(value) < LARGEST:
+        return text
+    return f"{round(value, digits - 1 - floor(log10(abs(value)))):.0f}"
 
 
 def counted(count: int, noun: str) -> str:

@@ -16,15 +16,7 @@ from taichi_erosion.scene.schema.units import Scale, UnknownUnit, parse_scale, p
 GRAIN = (2e-6, 2e-2)  # m: from clay to gravel
 SOLO_ROWS = 3  # rows outside a range that are told one by one; more are told in one line
 NEAR_SCENE = 30.0  # factor about a scene's own number within which a column is taken as meant
-UNIT_FAMILIES = (
-    ("um", "mm", "cm", "m"),
-    ("%", "1"),
-    ("deg", "rad"),
-    ("m/s", "cm/s", "mm/s"),
-    ("degC", "K"),
-    ("Pa", "hPa", "kPa"),
-    ("s", "min", "h", "d"),
-)
+UNITS = "um mm cm m % 1 deg rad m/s cm/s mm/s degC K Pa hPa kPa s min h d".split()  # that are usual in tables
 
 
 @dataclass(frozen=True)
@@ -81,11 +73,6 @@ USUAL: Mapping[str, tuple[float, float]] = {  # of places, in their units
 }
 
 
-def observed_range(measure: str) -> PhysicalRange | None:
-    """Range of a measure of the program; None for one whose values are not bounded here."""
-    return OBSERVED.get(measure)
-
-
 def place_range(path: str) -> PhysicalRange | None:
     """Range of the number at a dotted path of a scene: the schema's, with the usual one where it is known."""
     number = number_at(path)
@@ -138,11 +125,9 @@ def column_faults(
         used = scale.used(value)
         outside = f"outside {allowed.told()}" if not allowed.possible(used) else "which is unusual"
         more = f"; {len(wrong) - 1} rows more" if len(wrong) > SOLO_ROWS else ""
-        same = stated in (f"{used:g} {allowed.unit}", f"{value:g} (no unit: {allowed.unit})")
-        where = f"{file}: row {row.line}, {name} = {stated}" + (
-            "" if same else f" is {used:g} {allowed.unit}"
-        )
-        yield f"{where}, {outside}{more}; check number and unit{hint}"
+        also = f" is {used:g} {allowed.unit}" if unit not in (None, "", allowed.unit) else ""
+        told = f"{name} = {stated}{also}, {outside}{more}; check number and unit{hint}"
+        yield f"{file}: row {row.line}, {told}"
 
 
 def near_own(cells: Sequence[tuple[Row, float, str | None, Scale]], own: float) -> bool:
@@ -165,7 +150,7 @@ def likely_units(values: Sequence[float], unit: str | None, allowed: PhysicalRan
     kind = parse_unit(allowed.unit).kind
     written = parse_scale(unit or allowed.unit)
     found = []
-    for other in (each for family in UNIT_FAMILIES for each in family):
+    for other in UNITS:
         target = parse_scale(other)
         same = target.kind == kind and (target.factor, target.origin) != (written.factor, written.origin)
         scale = scale_of(other, allowed) if same else None

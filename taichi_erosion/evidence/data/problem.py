@@ -1,6 +1,6 @@
 """Records of an evidence study: measurements, model, calibrated parameters, candidate effects.
 
-They are the whole input of the statistics; `findings.py` holds the output.
+They are the whole input of the statistics; `race/record.py` holds the output.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -195,9 +195,7 @@ def stronger_candidate(candidate: Candidate) -> Candidate:
 class Laboratory:
     """What could be measured next."""
 
-    ranges: Mapping[str, tuple[float, float]] = field(
-        default_factory=dict
-    )  # of each condition; else as measured
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # of conditions; else as measured
     costs: Mapping[str, float] = field(default_factory=dict)  # of one measurement, by observable; else 1
     repeats: int = 3  # of one measurement
 
@@ -241,3 +239,27 @@ class Problem:
     def hidden(self) -> Measurements:
         """The rows inside the vault."""
         return self.measurements.rows(self.vault.rows)
+
+
+FaultKind = Literal[
+    "too_small",
+    "not_converged",
+    "no_value",
+    "failed_runs",
+    "too_few_rows",
+    "repeats",
+    "source_changed",
+    "unit",
+    "scatter",
+]
+
+
+@dataclass(frozen=True)
+class SetUpFault:
+    """Something about the set-up, not about physics, that has to be known before an answer is read."""
+
+    kind: FaultKind
+    place: str  # observable, or path of a calibrated number
+    sentence: str
+    blocks: bool  # the verdict on physics waits until this is settled
+    rows: tuple[int, ...] = ()  # of the table, one of which is wrong

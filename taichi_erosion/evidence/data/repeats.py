@@ -17,7 +17,7 @@ References: Rousseeuw & Croux (1993), J. Am. Stat. Assoc. 88, 1273 (median as sc
 2.1 (pure error and lack of fit).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import log, nan
 
@@ -28,7 +28,6 @@ from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 
 GROSS = 1e-4  # chance at which sound repeats of one observable are taken for a mistake
 EFFICIENCY = 0.37  # of the median of squares of a normal variate [Rousseeuw & Croux]
-JOINT = "all"  # name under which all observables are tested together
 NEAREST = 5  # rows of nearest conditions, by whose median a pair is judged: two of them may be wrong
 RIGHT_SHARE = 0.8  # of stated sd that are right [1]
 RIGHT_SD = 0.05  # of ln(true / stated sd) where it is right
@@ -43,16 +42,6 @@ class Disagreement:
     lines: tuple[int, ...]  # rows of the table
     suspects: tuple[int, ...]  # of these, those to check
     gap: float  # largest less smallest value, in the observable's unit
-
-
-@dataclass(frozen=True)
-class LackOfFit:
-    """Whether a model misses means of repeats by more than repeats differ."""
-
-    ratio: float  # F, of the variance of the misfit over that of repeats
-    dof: float  # of the misfit
-    dof_repeats: float
-    p: float
 
 
 def repeated(z: Floats, weight: Floats, cell: Floats) -> tuple[list[Integers], Floats]:
@@ -140,15 +129,14 @@ def suspects(z: Floats, rows: Integers, off: Bools, conditions: Sequence[Floats]
     return farthest(z, rows, sound[np.argsort(far, kind="stable")[:NEAREST]])
 
 
-def lack_of_fit(parts: Mapping[str, tuple[float, float, float, float]]) -> dict[str, LackOfFit]:
-    """F tests of every observable, and first of all of them together, under the name JOINT.
+def lack_of_fit(parts: Iterable[tuple[float, float, float, float]]) -> float:
+    """Chance that repeats scatter as far as their means lie from a model; NaN where nothing is repeated.
 
-    `parts`: SS - SS_in, n - p - nu_in, SS_pe and nu_pe.
+    `parts`, by observable: SS - SS_in, n - p - nu_in, SS_pe and nu_pe; one F test for all of them together.
     """
-    tested = {name: part for name, part in parts.items() if min(part[1], part[3]) > 0.0}
-    whole = {JOINT: tuple(np.sum(list(tested.values()), axis=0))} if tested else {}
-    found = {}
-    for name, (squares, dof, error, repeats) in (whole | tested).items():
-        ratio = max(squares, 0.0) / dof / max(error / repeats, 1e-300)
-        found[name] = LackOfFit(ratio, dof, repeats, float(stats.f.sf(ratio, dof, repeats)))
-    return found
+    tested = [part for part in parts if min(part[1], part[3]) > 0.0]
+    if not tested:
+        return nan
+    squares, dof, error, repeats = np.sum(tested, axis=0)
+    ratio = max(squares, 0.0) / dof / max(error / repeats, 1e-300)
+    return float(stats.f.sf(ratio, dof, repeats))

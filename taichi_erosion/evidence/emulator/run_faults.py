@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.campaign.request import RunResult
-from taichi_erosion.evidence.data.problem import Floats
-from taichi_erosion.evidence.data.set_up_fault import SetUpFault
+from taichi_erosion.evidence.data.problem import Floats, SetUpFault
 from taichi_erosion.evidence.emulator.design import StudyScene, TrainingRun
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.simulator import value_in_unit

@@ -25,9 +25,9 @@ from taichi_erosion.evidence.data.problem import (
     Numbers,
     Problem,
     Progress,
+    SetUpFault,
     expected_strength,
 )
-from taichi_erosion.evidence.data.set_up_fault import SetUpFault
 from taichi_erosion.evidence.data.transforms import parameter_axis
 from taichi_erosion.evidence.emulator import design
 from taichi_erosion.evidence.emulator.design import PlanSize, RefinementPoint, Row, StudyScene, TrainingRun

@@ -1,13 +1,17 @@
-"""Units of the places that the columns of a study set: entries of scenes, numbers of effects."""
+"""Units and physical ranges of what the columns of a study set and measure."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+from math import nan
 from pathlib import Path
+from typing import Any
 
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile
+from taichi_erosion.evidence.data.physical_ranges import condition_faults, observable_faults, place_range
+from taichi_erosion.evidence.data.tables.rows import Table
 from taichi_erosion.evidence.data.transforms import effect_of
 from taichi_erosion.evidence.models.simulator import condition_name, dotted_paths
 from taichi_erosion.scene.load import toml_table
@@ -45,14 +49,17 @@ def library_of(file: StudyFile, effect_files: tuple[EffectFile, ...]) -> Mapping
 
 def declared_conditions(file: StudyFile, folder: Path) -> dict[str, str]:
     """Units of the conditions under [conditions.extra] of the study's scenes."""
-    found: dict[str, str] = {}
-    for scene in dict.fromkeys(entry.scene for entry in file.observables.values() if entry.scene):
-        conditions = readable_table(folder / scene).get("conditions")
-        extra = conditions.get("extra") if isinstance(conditions, dict) else None
-        for name, entry in extra.items() if isinstance(extra, dict) else ():
-            if isinstance(entry, dict) and isinstance(entry.get("unit"), str):
-                found[str(name)] = entry["unit"]
-    return found
+    scenes = dict.fromkeys(entry.scene for entry in file.observables.values() if entry.scene)
+    return {name: unit for scene in scenes for name, unit in declared_units(folder / scene).items()}
+
+
+def declared_units(scene: Path) -> dict[str, str]:
+    """Units of the conditions under [conditions.extra] of a scene."""
+    conditions = readable_table(scene).get("conditions")
+    extra = conditions.get("extra") if isinstance(conditions, dict) else None
+    entries = extra.items() if isinstance(extra, dict) else ()
+    units = {str(name): entry.get("unit") for name, entry in entries if isinstance(entry, dict)}
+    return {name: unit for name, unit in units.items() if isinstance(unit, str)}
 
 
 def readable_table(scene: Path) -> dict[str, object]:
@@ -83,3 +90,34 @@ def unit_of_place(path: str, declared: Declared) -> str | None:
         return unit_of_path(path)
     units = {field.name: str(field.metadata["unit"]) for field in fields(declared.library[effect].params)}
     return "1" if number == STRENGTH else units.get(number)
+
+
+def study_value_faults(table: Table, file: StudyFile, folder: Path) -> Iterator[str]:
+    """Impossible values of a table, and columns whose unit seems mistaken, one line each.
+
+    A model function may count in any unit: of its table only impossible values with a stated unit are told.
+    """
+    scenes = [readable_table(folder / e.scene) for e in file.observables.values() if e.scene is not None]
+    for name, paths in file.conditions.items():
+        if name not in table.conditions:
+            continue
+        path = dotted_paths(paths)[0]
+        if scenes:
+            allowed, own = place_range(path), own_number(path, scenes)
+        else:
+            stated = table.units[table.conditions.index(name)]
+            allowed, own = place_range(f"conditions.{path}") if stated else None, nan
+        yield from condition_faults(table, name, allowed, own, usual=bool(scenes))
+    for name, entry in file.observables.items():
+        yield from observable_faults(table, name, entry.measure or name, usual=False)
+
+
+def own_number(path: str, scenes: Sequence[dict[str, Any]]) -> float:
+    """Number at a dotted path of the first scene that states it; NaN where none does."""
+    for scene in scenes:
+        found: Any = scene
+        for key in path.split("."):
+            found = found.get(key) if isinstance(found, dict) else None
+        if isinstance(found, int | float) and not isinstance(found, bool):
+            return float(found)
+    return nan

@@ -1,27 +1,26 @@
-"""Errors of stated conditions, propagated through the slope of the model (errors in variables).
+"""Errors of stated conditions, propagated through the slope of the model (effective variance).
 
 A row says that a condition was c; in truth it was c + s u, with u ~ N(0, 1) and s the `sd of` that condition:
 
-    z = m(c + s u) + e ~ m(c') + F (u - u') + e,    F = s dm/dc at c',    c' = c + s u'
+    z = m(c + s u) + e ~ m(c) + F u + e,    F = s dm/dc
 
 The columns of F are errors that rows share, as others are: the variance of a row grows by F^2. The rows of
-one set-up under the same conditions share one u. A condition that was measured, with an error, is taken at
-its most probable u': at c a law along it would come out too flat (regression dilution). One that was set to c
-and then differs from it (Berkson) is taken at c, u' = 0.
+one set-up under the same conditions share one u. This is right for a condition that was set to c and then
+differs from it (Berkson). One that was measured, with an error, is taken so too: a law along it comes out
+too flat (regression dilution).
 
-Reference: Boggs, Byrd & Schnabel (1987), SIAM J. Sci. Stat. Comput. 8, 1052 (orthogonal distance regression);
-Orear (1982), Am. J. Phys. 50, 912 (effective variance).
+Reference: Orear (1982), Am. J. Phys. 50, 912 (effective variance); Carroll, Ruppert, Stefanski & Crainiceanu
+(2006), Measurement Error in Nonlinear Models, chapter 1 (Berkson and classical errors).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, condition_numbers
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Numbers
 from taichi_erosion.evidence.models.predictor import Predictor, paired_change
 
-FARTHEST = 3.0  # sd by which a most probable condition may differ from the stated one
 SEED = 1  # of the runs from which slopes along conditions are taken
 
 
@@ -31,18 +30,6 @@ class ConditionErrors:
 
     sd: Conditions  # (n,) by condition, 0 where the condition is exact
     cell: Integers  # (n,), number of the set-up and its conditions
-    fixed: frozenset[str] = frozenset()  # conditions that were set to the stated values
-
-    def rows(self, chosen: Integers) -> "ConditionErrors":
-        """Those of some rows."""
-        return replace(
-            self, sd={name: column[chosen] for name, column in self.sd.items()}, cell=self.cell[chosen]
-        )
-
-    @property
-    def movable(self) -> bool:
-        """Whether any condition was measured."""
-        return bool(self.sd.keys() - self.fixed)
 
 
 def condition_errors(rows: ComparisonRows) -> ConditionErrors | None:
@@ -51,10 +38,10 @@ def condition_errors(rows: ComparisonRows) -> ConditionErrors | None:
     stated = {name: column for name, column in stated.items() if np.any(column > 0.0)}
     if not stated:
         return None
-    columns = [np.nan_to_num(column, nan=-1.0) for column in rows.conditions.values()]
-    keys = ["|".join(map(str, key)) for key in zip(rows.group, rows.source, *map(list, columns), strict=True)]
+    cells = zip(rows.group, rows.source, condition_numbers(rows), strict=True)
+    keys = ["|".join(map(str, each)) for each in cells]
     cell = np.unique(keys, return_inverse=True)[1].astype(np.int64)
-    return ConditionErrors(stated, cell, rows.condition_set)
+    return ConditionErrors(stated, cell)
 
 
 def error_columns(errors: ConditionErrors, predictor: Predictor, x: Floats, acting: Numbers) -> Floats:

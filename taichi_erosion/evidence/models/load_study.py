@@ -26,15 +26,14 @@ from taichi_erosion.evidence.data.problem import (
     Observable,
     Parameter,
     Problem,
+    SetUpFault,
     Vault,
     with_stated,
 )
-from taichi_erosion.evidence.data.set_up_fault import SetUpFault
-from taichi_erosion.evidence.models.column_units import place_units
+from taichi_erosion.evidence.models.column_units import place_units, study_value_faults
 from taichi_erosion.evidence.models.own_effects import function_candidate, function_effects, with_effects
 from taichi_erosion.evidence.models.plugin import ModelErrorCovariance, NameMapping, Plugin, load_plugin
 from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
-from taichi_erosion.evidence.models.study_values import study_value_faults
 from taichi_erosion.mechanisms.library import load_mechanisms
 
 BudgetName = Literal["quick", "full"]

@@ -18,7 +18,6 @@ from scipy import stats
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, tested_by_repeats
 from taichi_erosion.evidence.data.problem import Floats
-from taichi_erosion.evidence.data.repeats import JOINT
 from taichi_erosion.evidence.data.table_units import set_up_name
 from taichi_erosion.evidence.data.transforms import axis_value, from_scale
 from taichi_erosion.evidence.models.predictor import axis_scale
@@ -110,8 +109,7 @@ def lack_of_fit(race: Race, bare: Fit) -> float:
     now, p = bare.evidence.solved, race.prepared
     own = p.white(bare.jacobian)
     leverage = np.einsum("ij,jk,ik->i", own, now.inverse[: bare.v.size, : bare.v.size], own)
-    found = tested_by_repeats(p.rows, p.variance, p.white(p.rows.z - bare.mean), leverage)
-    return found[JOINT].p if JOINT in found else nan
+    return tested_by_repeats(p.rows, p.variance, p.white(p.rows.z - bare.mean), leverage)
 
 
 def misfit(fit: Fit, told: bool = False) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from doe.trials.reduced.families import FAMILIES
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.data.measurement_noise import measurement_scatter
 from taichi_erosion.evidence.data.problem import Problem
-from taichi_erosion.evidence.data.repeats import JOINT, gross, lack_of_fit, pure_error, repeated
+from taichi_erosion.evidence.data.repeats import gross, lack_of_fit, pure_error, repeated
 from taichi_erosion.evidence.race.posterior import raced
 
 GROUPS, REPEATS = 8, 3
@@ -109,7 +109,7 @@ def test_lack_of_fit_has_the_size_of_its_level_and_sees_a_misfit():
             z = 3.0 * random.standard_normal(CELL.size) + size * np.sin(CELL)  # the model is 0
             error, freedom = pure_error(z, np.ones(z.size), CELL)
             squares = float(z @ z) - error
-            p.append(lack_of_fit({"y": (squares, z.size - freedom, error, freedom)})[JOINT].p)
+            p.append(lack_of_fit([(squares, z.size - freedom, error, freedom)]))
         chances.append(float(np.mean(np.array(p) < 0.05)))
     assert chances[0] == pytest.approx(0.05, abs=3.0 * np.sqrt(0.05 * 0.95 / 400))
     assert chances[1] > 0.9

@@ -23,7 +23,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.evidence.answers.rounds import MOST_POINTS
 from taichi_erosion.evidence.answers.set_up import source_faults, table_faults
-from taichi_erosion.evidence.answers.study_files.start_values import evaluations_sentence
+from taichi_erosion.evidence.answers.study_files.function_cost import evaluations_sentence
 from taichi_erosion.evidence.data.measured import read_table, study_measurements, table_faults_of
 from taichi_erosion.evidence.data.tables.rows import Faults, Table
 from taichi_erosion.evidence.emulator.plan_cost import MINUTE, PlanCost, plan_cost
@@ -33,7 +33,7 @@ from taichi_erosion.evidence.emulator.training_runs import (
     initial_training_runs,
     study_scenes,
 )
-from taichi_erosion.evidence.models.column_units import place_units
+from taichi_erosion.evidence.models.column_units import place_units, study_value_faults
 from taichi_erosion.evidence.models.load_study import (
     NO_OPTIONS,
     Study,
@@ -42,7 +42,6 @@ from taichi_erosion.evidence.models.load_study import (
     study_effect_files,
 )
 from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths
-from taichi_erosion.evidence.models.study_values import study_value_faults
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.verification.effect_contract import examined_file
 

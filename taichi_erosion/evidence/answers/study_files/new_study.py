@@ -5,26 +5,21 @@ What the table does not say is asked; every question has a guess, which counts w
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.study_files.own_files import (
-    OWN,
-    Wishes,
-    own_template,
-    undeclared,
-    with_own_conditions,
-)
 from taichi_erosion.evidence.answers.study_files.scene_templates import (
     LENGTHS,
     SIZES,
     TEMPLATES,
+    USUAL_HEAP,
     Diameters,
     Template,
+    contact,
     places_of,
     safe_grains,
     scene_text,
@@ -37,12 +32,12 @@ from taichi_erosion.evidence.answers.study_files.written_files import (
     earlier_study,
     written_files,
 )
+from taichi_erosion.evidence.data.measured import read_rows
 from taichi_erosion.evidence.data.physical_ranges import condition_faults, observable_faults, place_range
 from taichi_erosion.evidence.data.tables.column_roles import Column, Told
-from taichi_erosion.evidence.data.tables.headings import stated_number
+from taichi_erosion.evidence.data.tables.headings import read_heading, stated_number, unit_in
 from taichi_erosion.evidence.data.tables.interview import Ask, Interview
-from taichi_erosion.evidence.data.tables.reader import read_rows
-from taichi_erosion.evidence.data.tables.rows import Faults, Table
+from taichi_erosion.evidence.data.tables.rows import NAME, Faults, Table
 from taichi_erosion.evidence.data.tables.spreadsheet import source_digest
 from taichi_erosion.evidence.data.tables.vocabulary import (
     DIAMETER,
@@ -50,11 +45,43 @@ from taichi_erosion.evidence.data.tables.vocabulary import (
     GRAIN_DENSITY,
     meaning_of,
     near_meaning,
+    plain_words,
 )
+from taichi_erosion.evidence.models.column_units import declared_units
+from taichi_erosion.run.checks import read_scene
+from taichi_erosion.scene.load import toml_table
+from taichi_erosion.scene.paths import unit_of_path
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
 
 Document = dict[str, Any]
+CONDITION = "conditions."
+OWN = "own"  # name of the apparatus of an own scene
 LIGHTEST, DENSEST = 100.0, 20000.0  # of grains [kg m-3]
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the command line says beforehand."""
+
+    told: Told = field(default_factory=Told)
+    folder: Path | None = None
+    apparatus: str | None = None  # of TEMPLATES
+    closed_form: bool = False  # the reduced model answers in place of scenes
+    roughness: str | None = None  # length of the bed under winds that were measured at a height
+    anew: bool = False  # write a study that is there anew; else its table alone is corrected
+    diameter: str | None = None  # of the grains, with its unit, where no column states it
+    density: str | None = None  # of the grains, with its unit
+    grains: int | None = None  # of a run
+    scene: Path | None = None  # of the user's own, in place of those of TEMPLATES
+    effects: tuple[Path, ...] = ()  # files with effects of the user's own
+
+    @property
+    def table(self) -> Told:
+        """What is said of the table."""
+        measures = tuple(dict.fromkeys(name for each in TEMPLATES.values() for name in each.observables))
+        if self.scene is not None:
+            measures = tuple(read_scene(self.scene, ()).measure)
+        return replace(self.told, roughness=self.roughness, measures=measures)
 
 
 def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
@@ -79,7 +106,7 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
         for name in places.keys() - text.conditions.keys():
             interview.assume(f"column '{name}' is not used: the closed form does not read it")
     else:
-        text, scenes = named_apart(*scene_study(measured, names, places, wishes, interview), table.stem)
+        text, scenes = scene_study(measured, names, places, wishes, interview)
     text = replace(
         text,
         title=table.stem,
@@ -160,11 +187,12 @@ def scene_study(
 ) -> tuple[StudyText, dict[str, str]]:
     """The study that scenes answer, and the scenes by name."""
     scenes, parameters, conditions = {}, {}, {}
-    found = apparatus_of_all(names, wishes, interview, table.file)
+    found, study = apparatus_of_all(names, wishes, interview, table.file), Path(table.file).stem
+    files = {key: f"{key}_scene" if key == study else key for key in found}  # none has the name of the study
     for key, own in found.items():
         template = own_template(wishes) if key == OWN else TEMPLATES[key]
         if key != OWN:
-            scenes[key] = new_scene(table, key, own, places, wishes, interview)
+            scenes[files[key]] = new_scene(table, key, own, places, wishes, interview)
         for name, place in places.items():
             paths = [*conditions.get(name, "").split(", "), *places_of(template, place).split(", ")]
             conditions[name] = ", ".join(filter(None, dict.fromkeys(paths)))
@@ -172,7 +200,7 @@ def scene_study(
         parameters |= {number.path: number for number in template.parameters if number.path not in stated}
         if template.wind and FRICTION_VELOCITY not in places.values():
             interview.assume("no column states the friction velocity: the wind is that of the scene")
-    observables = {name: f"{key}.toml" for key, own in found.items() for name in own}
+    observables = {name: f"{files[key]}.toml" for key, own in found.items() for name in own}
     if wishes.scene is not None:
         observables = dict.fromkeys(names, relative(wishes.scene, wishes.folder or Path()))
     positive = {n for n in names if all(r.value > 0.0 for r in table.rows if r.observable == n)}
@@ -218,26 +246,16 @@ def new_scene(
         )
     notes = f"Made for {table.file}: {', '.join(names)}. Numbers of grains and contacts are usual ones."
     head = {"title": f"{table.file}: {template.words}", "notes": notes}
-    return scene_text(template, head, diameters, grains, density, undeclared(wishes))
-
-
-def named_apart(text: StudyText, scenes: Mapping[str, str], study: str) -> tuple[StudyText, dict[str, str]]:
-    """A study and its scenes; a scene that would have the name of the study gets another one."""
-    if study not in scenes:
-        return text, dict(scenes)
-    other = f"{study}_scene"
-    files = {
-        name: f"{other}.toml" if file == f"{study}.toml" else file for name, file in text.observables.items()
-    }
-    renamed = {other if name == study else name: each for name, each in scenes.items()}
-    return replace(text, observables=files), renamed
+    return scene_text(template, head, diameters, grains, density, undeclared(wishes.told))
 
 
 def apparatus_of(
     observable: str, names: Sequence[str], wishes: Wishes, interview: Interview, file: str
 ) -> str:
     """Apparatus whose scene measures an observable; the guess measures most of what the table holds."""
-    possible = sorted(templates_for(observable), key=lambda key: -measured_by(key, names))
+    possible = sorted(
+        templates_for(observable), key=lambda key: -len({*TEMPLATES[key].observables} & {*names})
+    )
     if not possible:
         raise BadInput(
             f"{file}: no scene measures '{observable}'; rename it, or name a scene of your own: --scene FILE"
@@ -254,11 +272,6 @@ def apparatus_of(
     if answer not in possible:
         raise BadInput(f"{observable}: '{answer}' is not one of {', '.join(possible)}")
     return answer
-
-
-def measured_by(key: str, names: Sequence[str]) -> int:
-    """How many of some observables the scene of an apparatus measures."""
-    return len(set(TEMPLATES[key].observables) & set(names))
 
 
 def grain_diameters(
@@ -308,6 +321,64 @@ def angles_of(table: Table, names: Sequence[str]) -> list[float]:
         if scale is not None and isfinite(row.value):
             found.append(scale.used(row.value))
     return found
+
+
+def with_own_conditions(wishes: Wishes) -> Wishes:
+    """The wishes with conditions that are stated by a unit, `roots=kg/m3`, and those of an own scene.
+
+    A condition that every scene has keeps its place, and takes the unit for its column. Raises BadInput.
+    """
+    told, own = dict[str, str](), dict[str, str]()
+    measures = {} if wishes.scene is None else {name: name for name in read_scene(wishes.scene, ()).measure}
+    for name, unit in ({} if wishes.scene is None else declared_units(wishes.scene)).items():
+        own[CONDITION + name], told[name] = unit, CONDITION + name
+    known = frozenset((*told, *measures)) - wishes.told.observables.keys() - wishes.told.conditions.keys()
+    for text, said in wishes.told.conditions.items():
+        name, unit = plain_words(read_heading(text).name).replace(" ", "_"), unit_in(said)
+        if unit is None or unit_of_path(said) is not None:
+            told[text] = said
+            continue
+        if not NAME.fullmatch(name):
+            raise BadInput(f"--condition {text}={said}: '{name}' is no name of letters, digits and _")
+        told[text] = CONDITION + name
+        own.setdefault(told[text], unit)
+    observables = measures | dict(wishes.told.observables)
+    stated = Told(observables, told, wishes.told.units, optional=known, own_units=own)
+    return replace(wishes, told=stated)
+
+
+def undeclared(told: Told) -> dict[str, str]:
+    """Names and units of conditions that no scene has by itself."""
+    own = {path: unit for path, unit in told.own_units.items() if unit_of_path(path) is None}
+    return {path.removeprefix(CONDITION): unit for path, unit in own.items()}
+
+
+def own_template(wishes: Wishes) -> Template:
+    """The apparatus of an own scene; the friction of its grains on each other is calibrated."""
+    assert wishes.scene is not None
+    if lost := (own := undeclared(wishes.told)).keys() - declared_units(wishes.scene).keys():
+        unit = own[name := min(lost)]
+        entry = f'[conditions.extra] {name} = {{ unit = "{unit}" }}'
+        raise BadInput(f"{wishes.scene}: does not declare the condition '{name}'; write {entry}")
+    scene, table = read_scene(wishes.scene, ()), toml_table(wishes.scene)
+    grains = table.get("grains", {})
+    pair, size = "-".join([str(grains.get("material", ""))] * 2), grains.get("size", {})
+    stated = table.get("contact", {}).get(pair)
+    if stated is None:
+        raise BadInput(f"{wishes.scene}: no contact.{pair}, whose friction a study calibrates")
+    rolling = stated.get("friction_rolling") or None
+    winds = [k for k, stage in enumerate(table.get("stages", ())) if "friction_velocity" in stage]
+    return Template(
+        scene=wishes.scene.stem,
+        words="your own scene",
+        observables=tuple(scene.measure),
+        changes=lambda diameter, grains: {},
+        parameters=contact(pair, float(stated.get("friction_sliding", 0.5)), rolling and float(rolling)),
+        grains=0,
+        diameter=float(size.get("diameter", USUAL_HEAP)),
+        varies="diameter" in size,
+        wind=tuple(f"stages.{stage}.friction_velocity" for stage in winds),
+    )
 
 
 UNIT_ROLES = ("observable", "condition", "condition_sd", "sd", "se", "cv")  # of columns whose unit is told

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any
 
+from taichi_erosion.campaign.study_file import set_comment
 from taichi_erosion.evidence.data.tables.vocabulary import (
     DIAMETER,
     FRICTION_VELOCITY,
@@ -90,8 +91,6 @@ def lifted_cylinder(diameter: float, grains: int) -> Changes:
     """Tube, plate and lift that grow with the heap."""
     size = (grains / 1500) ** (1.0 / 3.0)
     return {
-        "grains.count": grains,
-        "grains.size": {"law": "monodisperse", "diameter": diameter},
         "geometry.plate.radius": None,
         "geometry.plate.radius_d": round(40.0 * size, 1),
         "geometry.tube.radius_d": round(8.0 * size, 2),
@@ -113,8 +112,6 @@ def collapsed_column(diameter: float, grains: int) -> Changes:
     """Tube that grows with the heap; all else counts in diameters already."""
     size = (grains / 1800) ** (1.0 / 3.0)
     return {
-        "grains.count": grains,
-        "grains.size": {"law": "monodisperse", "diameter": diameter},
         "geometry.tube.radius_d": round(9.0 * size, 2),
         "geometry.tube.length_d": round(30.0 * size, 1),
         "fill.radius_d": round(9.0 * size - 0.6, 2),
@@ -126,7 +123,6 @@ def funnel(diameter: float, grains: int) -> Changes:
     """The funnel as it is, higher for a larger heap."""
     size = (grains / 3000) ** (1.0 / 3.0)
     return {
-        "grains.count": grains,
         "geometry.funnel.outlet": [0.0, 0.0, round(0.032 * size, 4)],
         "fill.centre": [0.0, 0.0, round(0.032 * size + 0.065, 4)],
         "conditions": None,
@@ -134,9 +130,8 @@ def funnel(diameter: float, grains: int) -> Changes:
 
 
 def threshold_patch(diameter: float, grains: int) -> Changes:
-    """Grains of one size; the stiffness grows with their weight."""
+    """The stiffness grows with the weight of the grains."""
     return {
-        "grains.size": {"law": "monodisperse", "diameter": diameter},
         "materials.soil.shear_modulus": float(f"{6e4 * max(diameter / 2.8e-4, 1.0):.2g}"),
         "run.time_step_fraction": 0.12,
         "threshold.first": None,
@@ -144,11 +139,8 @@ def threshold_patch(diameter: float, grains: int) -> Changes:
 
 
 def blown_patch(diameter: float, grains: int) -> Changes:
-    """Grains of one size; the stiffness grows with their weight."""
-    return {
-        "grains.size": {"law": "monodisperse", "diameter": diameter},
-        "materials.sand.shear_modulus": float(f"{2e5 * max(diameter / 2.4e-4, 1.0):.2g}"),
-    }
+    """The stiffness grows with the weight of the grains."""
+    return {"materials.sand.shear_modulus": float(f"{2e5 * max(diameter / 2.4e-4, 1.0):.2g}")}
 
 
 def wind_changes(wind: Mapping[str, Any], largest: float) -> Changes:
@@ -212,7 +204,7 @@ TEMPLATES = {
         "impact_threshold",
         "a patch of bed under a wind that falls",
         ("impact_threshold", "impact_threshold_linear"),
-        lambda diameter, grains: {"grains.size": {"law": "monodisperse", "diameter": diameter}},
+        lambda diameter, grains: {},
         *(contact("sand-sand", 0.5, None), 800, USUAL_SAND),
     ),
     "saltation": Template(
@@ -258,7 +250,10 @@ def scene_text(
 
     document: Any = tomlkit.parse((SCENES / f"{template.scene}.toml").read_text(encoding="utf-8"))
     document.pop("measured", None)  # another laboratory's values
+    size = {"law": "monodisperse", "diameter": diameters.middle}
     changes = {
+        "grains.count": grains,
+        **({"grains.size": size} if template.varies else {}),
         **template.changes(diameters.middle, grains),
         **{f"scene.{key}": text for key, text in head.items()},
         **wind_changes(document.get("wind", {}), diameters.largest),
@@ -270,14 +265,8 @@ def scene_text(
     document.get("run", {}).pop("replicas", None)
     if "run" in document and not document["run"]:
         document.pop("run")
-    lines = tomlkit.dumps(document).splitlines()
-    kept = [line for k, line in enumerate(lines) if not (line.startswith("#") and k < first_section(lines))]
-    return "\n".join(kept).strip() + "\n"
-
-
-def first_section(lines: Sequence[str]) -> int:
-    """Line of the first section: comments above it describe the program's own scene."""
-    return next(k for k, line in enumerate(lines) if line.startswith("["))
+    text = "\n" + tomlkit.dumps(document)
+    return text[text.index("\n[") + 1 :].rstrip() + "\n"  # comments above describe the program's own scene
 
 
 def set_entry(document: Any, path: Sequence[str], value: Any) -> None:
@@ -296,7 +285,7 @@ def set_entry(document: Any, path: Sequence[str], value: Any) -> None:
         inline.update(value)
         value = inline
     holder[last] = value
-    holder[last].trivia.comment, holder[last].trivia.comment_ws = "", ""
+    set_comment(holder[last], "")
 
 
 def places_of(template: Template, place: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.study_files.scene_templates import Calibrated
-from taichi_erosion.evidence.data.tables.interview import ANGLES
+from taichi_erosion.evidence.data.physical_ranges import ANGLE, OBSERVED
 from taichi_erosion.evidence.data.tables.rows import Table
 from taichi_erosion.evidence.data.tables.vocabulary import DIAMETER, GRAIN_DENSITY
 from taichi_erosion.evidence.models import reduced
@@ -36,7 +36,6 @@ ROLLING = Calibrated(
 )
 FLUX = Calibrated("flux_coefficient", 2.5, 0.3, 20.0, 0.5, "of the flux above the threshold")
 PARAMETERS = {"repose_angle": (SLIDING, ROLLING), "threshold_u_star": (THRESHOLD,), "flux": (THRESHOLD, FLUX)}
-UNITS = {"repose_angle": "deg", "threshold_u_star": "m/s", "flux": "kg/(m s)"}
 LEAST_SHIFT = 1e-3  # of an observable by an effect of strength 1, below which it cannot be seen [1]
 
 
@@ -77,7 +76,8 @@ def study_text(study: StudyText) -> str:
         lines += ["", f"[observables.{name}]"]
         lines += [f"scene = {quoted(scene)}"] if scene else []
         lines += [f"unit = {quoted(study.units[name])}"] if name in study.units else []
-        lines += ['transform = "log"'] if name in study.logarithmic and name not in ANGLES else []
+        is_angle = OBSERVED.get(name) is ANGLE
+        lines += ['transform = "log"'] if name in study.logarithmic and not is_angle else []
     lines += ["", "[conditions]", *(f"{name} = {quoted(paths)}" for name, paths in study.conditions.items())]
     for number in study.parameters:
         lines += ["", f"[parameters.{quoted(number.path)}]    # {number.why}"]
@@ -124,7 +124,7 @@ def closed_form_study(table: Table, names: Sequence[str], places: Mapping[str, s
         ),
         candidates=acting_effects(table, names, conditions),
         model=MODEL,
-        units={name: UNITS[name] for name in names},
+        units={name: OBSERVED[name].unit for name in names},
     )
 
 

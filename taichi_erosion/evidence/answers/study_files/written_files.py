@@ -74,12 +74,7 @@ def written_files(files: StudyFiles) -> Document:
         study = load_study(files.study)
         write_table(files, drawn_rows(study, files.rows))
         write_atomic(files.study, study_text(replace(text, drawn_from=study.digest)).encode())
-        return document_of(files, files.paths) | {"inactive": inactive}
-
-
-def document_of(files: StudyFiles, written: Sequence[Path]) -> Document:
-    """What was written, and what the study holds."""
-    return {"written": [str(path) for path in written], **check_study(files.study)}
+        return {"written": list(map(str, files.paths)), **check_study(files.study), "inactive": inactive}
 
 
 def with_candidates(files: StudyFiles) -> tuple[StudyText, dict[str, str]]:
@@ -178,11 +173,13 @@ def corrected_study(earlier: EarlierStudy, files: StudyFiles, anew: bool) -> Doc
             text, inactive = with_candidates(files)
             new = study_text(replace(text, drawn_from=earlier.study.drawn_from))
         else:
-            new = with_origin(earlier, files)
+            new = with_entry(earlier.text, ("study", "made_from"), files.text.made_from)
+            new = with_entry(new, ("study", "made_from_digest"), files.text.made_from_digest, READ)
             if not changes.none:
                 new = with_entry(new, ("vault", "drawn_from"), earlier.study.drawn_from)
         if anew or not changes.none:
-            write_table(files, drawn_again(earlier, changes))
+            before = drawn_rows(earlier.study, earlier.rows)
+            write_table(files, ["" if place is None else before[place] for place in changes.earlier])
         write_atomic(files.study, new.encode())
         found = fitting(files, [] if new == earlier.text and changes.none else written)
     kept = [] if anew else list(differences(files))
@@ -192,22 +189,10 @@ def corrected_study(earlier: EarlierStudy, files: StudyFiles, anew: bool) -> Doc
 def fitting(files: StudyFiles, written: Sequence[Path]) -> Document:
     """What was written; raises BadInput where the study that is there does not fit the corrected table."""
     try:
-        return document_of(files, written)
+        return {"written": list(map(str, written)), **check_study(files.study)}
     except BadInput as error:
         remedy = "the study that is there does not fit the corrected table; correct it, or write it anew "
         raise BadInput(*error.faults, f"{files.study}: {remedy}with --anew") from None
-
-
-def with_origin(earlier: EarlierStudy, files: StudyFiles) -> str:
-    """Text of the study that is there with the table from which it is made now."""
-    text = with_entry(earlier.text, ("study", "made_from"), files.text.made_from)
-    return with_entry(text, ("study", "made_from_digest"), files.text.made_from_digest, READ)
-
-
-def drawn_again(earlier: EarlierStudy, changes: TableChanges) -> list[Drawn]:
-    """What every row of the corrected table became when rows were drawn; empty for rows that were added."""
-    before = drawn_rows(earlier.study, earlier.rows)
-    return ["" if place is None else before[place] for place in changes.earlier]
 
 
 def changes_document(earlier: EarlierStudy, changes: TableChanges) -> Document:

@@ -52,7 +52,6 @@ SYMBOL = re.compile(r"\s*[uUvV](?![\w*])|\s*[uUvV]_?\d")  # of a speed; u* is no
 HEIGHT = re.compile(r"(?<![\w.,/^-])_?(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>mm|cm|m)(?![\w/^-])")
 INDEX = re.compile(r"\s*[uUvV]_?(?P<number>\d+)\s*(?:m\b|$|[\s(\[])")  # U10, u_2
 SPEED = parse_unit("m/s").kind
-METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 
 
 @dataclass(frozen=True)
@@ -76,13 +75,16 @@ class Column:
 
 @dataclass(frozen=True)
 class Told:
-    """Meaning of columns as the user states it: heading or its name -> what it measures or sets."""
+    """What the user, or a study, says of a table: heading or its name -> what the column measures or sets."""
 
     observables: Mapping[str, str] = field(default_factory=dict)
     conditions: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     titles: Mapping[str, str] = field(default_factory=dict)  # place of a condition -> its name in a study
     optional: frozenset[str] = frozenset()  # headings of columns that may be missing
+    roughness: str | None = None  # length of the bed under winds that were measured at a height
+    measures: tuple[str, ...] = ()  # what can be measured; (): whatever the study names
+    own_units: Mapping[str, str] = field(default_factory=dict)  # of places of the user's own
 
 
 def column_roles(cells: Cells, told: Told, faults: list[str]) -> list[Column]:
@@ -235,7 +237,7 @@ def wind_height(heading: Heading, name: str) -> float:
     text = re.sub(r"\[[^\]]*\]", " ", heading.text)
     found = HEIGHT.search(text.replace("_", " "))
     if found is not None:
-        return float(found["number"].replace(",", ".")) * METRES[found["unit"]]
+        return float(found["number"].replace(",", ".")) * parse_unit(found["unit"]).factor
     index = INDEX.match(text)
     return nan if index is None else float(index["number"])
 

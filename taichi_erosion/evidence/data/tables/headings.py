@@ -1,6 +1,7 @@
 """Headings of columns as laboratories write them: `Korngröße [µm]`, `Feuchte in %`, `d / mm`."""
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import isfinite, nan
 
@@ -98,11 +99,11 @@ def stated_number(text: str, unit: str, name: str, example: str) -> float:
     """A number with its unit as the user states it, `0.03 mm`, in another unit; raises BadInput."""
     number, _, behind = text.strip().replace(",", ".").partition(" ")
     match = re.fullmatch(r"([\d.]+(?:[eE][+-]?\d+)?)([a-zµμ]*)", number)
-    try:
+    value, wanted = nan, parse_unit(unit)
+    with suppress(UnknownUnit, ValueError):
         scale = parse_scale(behind.strip() or (match[2] if match else "") or "?")
-        value = float(match[1]) * scale.factor / parse_unit(unit).factor if match else nan
-    except (UnknownUnit, ValueError):
-        raise BadInput(f"{name} '{text}': write a number and its unit, such as '{example}'") from None
-    if scale.kind != parse_unit(unit).kind or not isfinite(value):
+        if match and scale.kind == wanted.kind:
+            value = float(match[1]) * scale.factor / wanted.factor
+    if not isfinite(value):
         raise BadInput(f"{name} '{text}': write a number and its unit, such as '{example}'")
     return value

@@ -5,14 +5,20 @@ is none: without an answer the question is a fault, with what would settle it.
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isnan, nan
 from statistics import median
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.physical_ranges import likely_units, place_range
-from taichi_erosion.evidence.data.tables.cell_numbers import CellFault, CellNumber, read_cell
+from taichi_erosion.evidence.data.physical_ranges import OBSERVED, likely_units, place_range
+from taichi_erosion.evidence.data.tables.cell_numbers import (
+    CellFault,
+    CellNumber,
+    is_missing,
+    is_quantity,
+    read_cell,
+)
 from taichi_erosion.evidence.data.tables.column_roles import (
     HALF,
     UNUSED,
@@ -26,32 +32,24 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     tidy_name,
     with_partners,
 )
-from taichi_erosion.evidence.data.tables.cross_table import cross_table_faults
-from taichi_erosion.evidence.data.tables.headings import read_heading, stated_unit
+from taichi_erosion.evidence.data.tables.headings import VOLUMETRIC, read_heading, stated_unit, unit_in
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells
 from taichi_erosion.evidence.data.tables.vocabulary import (
     FRICTION_VELOCITY,
     GRAIN_CONTACT,
     SCATTER,
-    known_places,
     meaning_of,
     plain_words,
+    vocabulary,
 )
 from taichi_erosion.scene.paths import unit_of_path
-from taichi_erosion.scene.schema.units import parse_unit, scale_between
+from taichi_erosion.scene.schema.units import parse_scale, parse_unit, scale_between
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 NOT_USED = "-"
 AGREED, REFUSED = ("yes", "y", "ja", "j", "oui", "o", "si", "sí"), ("no", "n", "nein", "non")
 MOST_APART = 2.0  # ratio of the medians of two columns up to which they may hold repeats [1]
 MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
-ANGLES = ("repose_angle", "cone_angle", "angle_of_repose", "dynamic_angle", "sliding_angle")
-SPEEDS = ("threshold_u_star", "impact_threshold", "threshold_wind_speed", "rolling_onset")
-UNITS = {  # of the program's measures, where a heading has none
-    **dict.fromkeys(ANGLES, "deg"),
-    **dict.fromkeys(SPEEDS, "m/s"),
-    "flux": "kg/(m s)",
-}
 SPREADS = {
     "sd": "the standard deviation of single repeats",
     "se": "the standard error of their mean",
@@ -59,6 +57,14 @@ SPREADS = {
 }
 TELLING = ("observable", "condition", *SCATTER)
 LEAST_KNOWN = 2  # headings that are known in the first column of a table that lies on its side
+
+BRACKETED_UNIT = re.compile(r"\[[^\]]*\]|\([^()\d]*\)")  # of what the column measures
+VALUE = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?)\s*([%‰°µμ]\w*|[^\W\d_]\w*)?")
+SHOWN = 3  # headings that are told
+REMEDY = (
+    "write one row for every measured value, with a column for each condition and one for the measured "
+    "quantity"
+)
 
 
 @dataclass
@@ -89,26 +95,11 @@ class Interview:
 
 
 @dataclass(frozen=True)
-class TableWishes:
-    """What a command line or a study says of a table beforehand."""
-
-    told: Told = field(default_factory=Told)
-    roughness: str | None = None  # length of the bed under winds that were measured at a height
-    measures: tuple[str, ...] = ()  # what can be measured; () : whatever the study names
-    conditions: Mapping[str, str] = field(default_factory=dict)  # places of the user's own, with their units
-
-    def unit_of(self, place: str) -> str | None:
-        """Unit of the place that a condition sets; None for one that no scene has."""
-        path = place.split(",")[0].strip()
-        return self.conditions.get(path) or unit_of_path(path)
-
-
-@dataclass(frozen=True)
 class Reading:
     """A table that is being understood."""
 
     cells: Cells
-    wishes: TableWishes
+    told: Told
     interview: Interview
     faults: list[str]
 
@@ -129,25 +120,25 @@ class Reading:
 
 
 def understood(
-    cells: Cells, wishes: TableWishes, interview: Interview, faults: list[str], measured: bool = True
+    cells: Cells, told: Told, interview: Interview, faults: list[str], measured: bool = True
 ) -> list[Column]:
     """The columns of a table, all settled, with units; what is wrong with them is added to `faults`.
 
     `measured`: whether the table must hold a measured quantity. Raises BadInput for a cross table, of which
     no column means what its heading says.
     """
-    columns = column_roles(cells, wishes.told, faults)
-    if crossed := list(cross_table_faults(cells, columns, stated_names(cells, wishes.told, []))):
+    columns = column_roles(cells, told, faults)
+    if crossed := list(cross_table_faults(cells, columns, stated_names(cells, told, []))):
         raise BadInput(*crossed)
     if faults:  # nobody is asked about a table that has to be corrected
         interview = Interview(lambda _, guess: guess)
-    reading = Reading(cells, wishes, interview, faults)
+    reading = Reading(cells, told, interview, faults)
     measures = any(column.role == "observable" for column in columns)
     columns = repeats_side_by_side([settled(column, reading, measures) for column in columns], reading)
     columns = with_partners(list(without_unknown(columns, reading)))
     columns = list(without_foreign_scatter(columns, interview))
     if measured and not any(column.role == "observable" for column in columns):
-        known = ", ".join(wishes.measures or wishes.told.observables)
+        known = ", ".join(told.measures or told.observables)
         faults.append(
             f"{cells.file}: no column is known as a measured quantity; say which one is: --observable "
             f"'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME one of {known or 'its own'}"
@@ -229,7 +220,7 @@ def settled_wind(column: Column, reading: Reading, measured: bool) -> Column:
         f"with its unit (flat sand: grain diameter / 30, such as '0.008 mm'), for u* = 0.4 U / ln(z / z0); "
         f"{NOT_USED}: the column is not used"
     )
-    answer = reading.wishes.roughness or reading.interview.choice(question, "", "")
+    answer = reading.told.roughness or reading.interview.choice(question, "", "")
     if not answer:
         return reading.fault(
             column,
@@ -256,28 +247,27 @@ def without_unknown(columns: Sequence[Column], reading: Reading) -> Iterator[Col
         if column.role not in ("observable", "condition"):
             yield column
             continue
-        wrong = column_fault(column, seen, reading.wishes)
+        wrong = column_fault(column, seen, reading.told)
         seen.setdefault(column.name, column.heading.text)
         yield reading.fault(column, wrong) if wrong else column
 
 
-def column_fault(column: Column, seen: Mapping[str, str], wishes: TableWishes) -> str:
+def column_fault(column: Column, seen: Mapping[str, str], told: Told) -> str:
     """What is wrong with the meaning of a column; empty where nothing is."""
     if column.name in seen and not column.is_repeat:
         return (
             f"means {column.name}, as column '{seen[column.name]}' does; say what it is with --condition "
             f"'{column.heading.name}=PATH'; {UNUSED}"
         )
-    if not wishes.measures:  # a study says itself what there is
+    if not told.measures:  # a study says itself what there is
         return ""
     if column.role == "observable":
-        measures = ", ".join(wishes.measures)
-        return (
-            "" if column.name in wishes.measures else f"no scene measures '{column.name}'; known: {measures}"
-        )
-    unit = wishes.unit_of(column.name)
+        known = column.name in told.measures
+        return "" if known else f"no scene measures '{column.name}'; known: {', '.join(told.measures)}"
+    path = column.name.split(",")[0].strip()
+    unit = told.own_units.get(path) or unit_of_path(path)
     if unit is None:
-        return f"no scene has a place '{column.name}'; known: {', '.join(known_places())}"
+        return f"no scene has a place '{column.name}'; known: {', '.join(vocabulary()['conditions'])}"
     if not column.heading.unit or scale_between(column.heading.unit, parse_unit(unit)) is not None:
         return ""
     slope = " (a slope in % is a tangent: write its angle)" if column.name.endswith("slope") else ""
@@ -340,12 +330,13 @@ def with_asked_unit(column: Column, reading: Reading) -> Column:
         return column
     numbers, text = reading.numbers(column), column.heading.text
     written = next((number.unit for number in numbers if number.unit), "")
-    if written or (written := reading.wishes.conditions.get(column.name, "")):
+    if written or (written := reading.told.own_units.get(column.name, "")):
         return replace(column, heading=stated_unit(column.heading, written))
     if column.role == "condition":
         return with_unit_of_place(column, [number.value for number in numbers], reading)
     share = max((number.value for number in numbers), default=0.0) <= MOST_SHARE
-    usual = UNITS.get(column.name, "m") if column.role == "observable" else "1" if share else "%"
+    known = OBSERVED.get(column.name)
+    usual = (known.unit if known else "m") if column.role == "observable" else "1" if share else "%"
     told = usual if column.role == "observable" else "a share of the value" if share else "percent of it"
     meaning = f"'{text}' has no unit in its heading: taken as {told}"
     answer = reading.interview.choice(f"Unit of column '{text}' (such as {usual})", usual, meaning)
@@ -397,3 +388,55 @@ def lies_on_its_side(cells: Cells) -> bool:
     )
     known = [role for role in down if role in TELLING]
     return len(known) >= LEAST_KNOWN and "observable" in known and not any(role in TELLING for role in across)
+
+
+def cross_table_faults(cells: Cells, columns: list[Column], stated: Container[int] = ()) -> Iterator[str]:
+    """Why a table seems to be a cross table; nothing for any other.
+
+    `stated`: columns of which the user says what they are.
+    """
+    families: dict[tuple[str, str], dict[str, Column]] = {}
+    for column in columns:
+        found = list(VALUE.finditer(text := BRACKETED_UNIT.sub(" ", column.heading.text)))
+        if len(found) == 1 and column.numeric and isnan(column.height) and column.place not in stated:
+            number, unit = found[0].groups()
+            rest = " ".join(f"{text[: found[0].start()]} {text[found[0].end() :]}".split())
+            families.setdefault((rest, (unit and unit_in(unit)) or ""), {})[number] = column
+    measured = any(column.role == "observable" for column in columns)
+    for (rest, unit), family in families.items():
+        if len(family) > 1 and holds_condition(next(iter(family.values())), rest, unit, measured):
+            texts = [f"'{column.heading.text}'" for column in family.values()]
+            told = ", ".join(texts[:SHOWN]) + (", ..." if len(texts) > SHOWN else "")
+            hint = "" if measured else "; repeats side by side are headed 'angle 1', 'angle 2'"
+            words = f"headings {told} seem to hold values of a condition (a cross table): {REMEDY}{hint}"
+            yield f"{cells.file}: {words}"
+            return
+    yield from second_row_faults(cells, columns)
+
+
+def holds_condition(column: Column, rest: str, unit: str, measured: bool) -> bool:
+    """Whether columns whose headings differ in a number alone hold one measured quantity at its values.
+
+    Where a table names its measured quantity elsewhere, such columns are remarks (sieve fractions).
+    """
+    if column.role == "observable":
+        allowed = OBSERVED.get(column.name)
+        own = allowed and unit not in ("", VOLUMETRIC) and parse_scale(unit).kind
+        return bool(unit) and not (allowed and own == parse_unit(allowed.unit).kind)  # `Winkel 1 °` is none
+    alone = len(rest.strip(" =:()")) <= 1  # `2`, `w = 2`
+    return not measured and column.role == "remark" and (alone or bool(unit))
+
+
+def second_row_faults(cells: Cells, columns: list[Column]) -> Iterator[str]:
+    """A row right below the headings with numbers in columns of one measured quantity and nowhere else."""
+    names = [column.name for column in columns if column.role == "observable"]
+    repeated = {column.place for column in columns if names.count(column.name) > 1}
+    if not repeated or not any(column.role == "condition" for column in columns) or not cells.lines:
+        return
+    line, row = cells.lines[0]
+    filled = {place for place, cell in enumerate(row) if not is_missing(cell)}
+    if len(filled) > 1 and filled <= repeated and all(is_quantity(row[place]) for place in filled):
+        yield (
+            f"{cells.file}: row {line} has numbers without any condition below headings of one measured "
+            f"quantity, as if they were values of a condition (a cross table): {REMEDY}"
+        )

@@ -389,11 +389,9 @@ class RowReader:
     def drawn(self, line: int, row: Sequence[str]) -> Drawn:
         """What became of a row when rows were drawn for the vault."""
         text = self.text(row, "vault")
-        for known in get_args(Drawn):
-            if text == known:
-                return known
-        self.fault(line, self.of("vault")[0], row, "must be 'held out', 'fitted' or empty")
-        return ""
+        if text not in get_args(Drawn):
+            self.fault(line, self.of("vault")[0], row, "must be 'held out', 'fitted' or empty")
+        return text  # pyright: ignore[reportReturnType]
 
 
 def quoted(text: str) -> str:
@@ -408,7 +406,7 @@ def tidy_fields(table: Table) -> list[dict[str, str]]:
     errors = {each: "set " if each in table.set_conditions else "" for each in table.conditions}
     errors = {n: t for n, t in errors.items() if any(n in row.condition_sd for row in table.rows)}
     units = dict(zip(table.conditions, names, strict=True))
-    found = []
+    found, repeats = [], any(row.repeat for row in table.rows)
     for row in table.rows:
         limit = {-inf: "<", inf: ">"}.get(row.reach if row.censored else 0.0, "")
         value = limit + shown(row.value)
@@ -419,13 +417,8 @@ def tidy_fields(table: Table) -> list[dict[str, str]]:
         fields |= {"n": str(row.n or ""), "unit": row.unit, "group": row.group, "vault": row.drawn}
         fields |= dict(zip(names, map(shown, row.conditions), strict=True))
         fields |= {f"sd of {t}{units[n]}": shown(row.condition_sd.get(n, nan)) for n, t in errors.items()}
-        found.append(fields | {"replicate": row.repeat, "source": row.source})
-    return found if any(row.repeat for row in table.rows) else [without(each, "replicate") for each in found]
-
-
-def without(fields: dict[str, str], name: str) -> dict[str, str]:
-    """Cells of a row but one."""
-    return {key: text for key, text in fields.items() if key != name}
+        found.append(fields | ({"replicate": row.repeat} if repeats else {}) | {"source": row.source})
+    return found
 
 
 def shown(number: float) -> str:

@@ -11,11 +11,11 @@ import re
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import digest_of, regular_file
 from taichi_erosion.evidence.data.tables.cell_numbers import (
     NUMBER,
     has_decimal_comma,
@@ -33,7 +33,6 @@ CODE_PAGES = ["cp1252", "cp1250", "cp1251", "cp1253", "cp1254", "mac_roman", "gb
 WORKBOOK, OLD_WORKBOOK = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # first bytes
 MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}  # of an encoding
 ONE_COLUMN = re.compile(rf"[^,;\t\n]+(?:\n{NUMBER})+", re.ASCII)  # of numbers with decimal commas
-DIGITS = 16  # of the digest
 Lines = list[tuple[int, list[str]]]  # row in the file from 1, cells
 
 
@@ -83,11 +82,11 @@ def read_cells(path: Path, name: str, faults: list[str]) -> Cells:
 def file_bytes(path: Path, name: str) -> bytes:
     """Content of a regular file of reasonable size."""
     try:
-        if not path.is_file():
-            raise BadInput(f"{name}: {'is not a file' if path.exists() else 'no such file'}")
-        if path.stat().st_size > LARGEST_FILE:
-            raise BadInput(f"{name}: {path.stat().st_size} bytes are too many; at most {LARGEST_FILE}")
+        if (size := regular_file(path).stat().st_size) > LARGEST_FILE:
+            raise BadInput(f"{name}: {size} bytes are too many; at most {LARGEST_FILE}")
         return path.read_bytes()
+    except FileNotFoundError:
+        raise BadInput(f"{name}: no such file") from None
     except (OSError, ValueError) as error:
         raise BadInput(f"{name}: cannot be read: {str(error).splitlines()[0]}") from None
 
@@ -335,7 +334,7 @@ def source_digest(table: Path) -> str:
         rows = read_cells(table, table.name, []).rows
     except BadInput:
         return ""
-    return sha256(repr([cells for _, cells in rows]).encode()).hexdigest()[:DIGITS]
+    return digest_of(repr([cells for _, cells in rows]).encode())
 
 
 def source_changed(table: Path, digest: str) -> bool:

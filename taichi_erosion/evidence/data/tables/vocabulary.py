@@ -134,11 +134,6 @@ def near_meaning(heading: str) -> str:
     return next(iter([*asked, *(known[word] for word in near)]), "")
 
 
-def known_places() -> tuple[str, ...]:
-    """Places that headings can mean."""
-    return tuple(vocabulary()["conditions"])
-
-
 def is_summary(cell: str) -> bool:
     """Whether a cell heads a row in which a spreadsheet sums up the others."""
     return plain_words(cell) in vocabulary()["rows"]["summary"]

@@ -10,8 +10,7 @@ import pytest
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.commands import open_study
-from taichi_erosion.evidence.answers.study_files.new_study import new_study
-from taichi_erosion.evidence.answers.study_files.own_files import Wishes
+from taichi_erosion.evidence.answers.study_files.new_study import Wishes, new_study
 from taichi_erosion.evidence.data.held_out_rows import record_opening
 from taichi_erosion.evidence.data.tables.spreadsheet import source_digest
 from taichi_erosion.evidence.models.load_study import load_study

@@ -14,11 +14,11 @@ from taichi_erosion.effects import load_library
 from taichi_erosion.evidence.answers.study_files import check_study
 from taichi_erosion.evidence.answers.study_files.check_study import EXPECTED_AS
 from taichi_erosion.evidence.answers.study_files.new_study import (
+    Wishes,
     apparatus_of,
     new_study,
     read_laboratory_table,
 )
-from taichi_erosion.evidence.answers.study_files.own_files import Wishes
 from taichi_erosion.evidence.answers.study_files.scene_templates import (
     TEMPLATES,
     Diameters,
