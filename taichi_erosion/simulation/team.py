@@ -5,8 +5,7 @@ on a busy machine a team can be slower than one worker alone. With x the share o
 workers is not complete, it does s (1 - x) times the work of one worker, and one of s - 1 does s - 1 times: a
 worker is left out where x > 1 / s. x is seen as processor time that launches did not get.
 
-After a while half of those that are left out come back. Where they leave again at once, the while doubles,
-from WAIT_LEAST up to WAIT_MOST.
+After a while half of those that are left out come back. Where they leave again at once, the while doubles.
 Partitions of a replica belong to it and not to workers, so no size changes a result.
 """
 
