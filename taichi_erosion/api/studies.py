@@ -47,21 +47,7 @@ class Study:
     """An evidence study: its file, and what its runs may cost."""
 
     path: Path
-    budget: Literal["quick", "full"] | int | None = None  # a number: at most so many runs
-    workers: int | None = None
-    seed: int | None = None
-    effect_files: tuple[Path, ...] = ()
-    arch: Literal["auto", "cpu", "cuda", "vulkan"] | None = None
-    decomposition: Literal["partitions", "grains"] | None = None
-
-    @property
-    def options(self) -> "StudyOptions":
-        """What the commands take beside the file."""
-        from taichi_erosion.evidence.models.load_study import StudyOptions, stated_budget
-
-        stated = {name: getattr(self, name) for name in ("workers", "seed", "effect_files")}
-        stated |= {"arch": self.arch, "decomposition": self.decomposition}
-        return StudyOptions(*stated_budget(self.budget), **stated)
+    options: "StudyOptions"
 
     def check(self) -> Document:
         """Validate study, table, scenes and model; run nothing. Raises BadInput with all faults."""
@@ -150,15 +136,21 @@ def study(
 
     Raises BadInput for a file that is none and for a budget that is none; its commands do for faults in it.
     """
-    from taichi_erosion.evidence.models.load_study import stated_budget
+    from taichi_erosion.evidence.models.load_study import StudyOptions, stated_budget
     from taichi_erosion.scene.file_kind import refuse_other_kind
 
     refuse_other_kind(Path(path), "study")
     if not Path(path).is_file():
         raise BadInput(f"{path}: there is no such file")
-    stated_budget(budget)
-    files = tuple(Path(file) for file in effect_files)
-    return Study(Path(path), budget, workers, seed, files, arch, decomposition)
+    stated = StudyOptions(
+        *stated_budget(budget),
+        workers,
+        seed,
+        tuple(map(Path, effect_files)),
+        arch=arch,
+        decomposition=decomposition,
+    )
+    return Study(Path(path), stated)
 
 
 @in_python

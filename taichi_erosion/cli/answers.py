@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from taichi_erosion.evidence.answers.files import Reply
     from taichi_erosion.evidence.answers.predictions import PredictionReply
     from taichi_erosion.evidence.race import record
+    from taichi_erosion.evidence.words.answer_lines import Answer
 
 MOST_LINES = 8  # of an answer, the set-up included: a screen with its table
 MOST_CHANGES = 5  # of one column, told one by one
@@ -35,12 +36,17 @@ def print_answer(reply: "Reply", options: Sequence[str], verbose: bool) -> None:
     if not verbose and len(set_up) > room:
         set_up = [*set_up[: room - 1], f"{counted(len(set_up) - room + 1, 'sentence')} more: --verbose"]
     print_lines(set_up)
+    print_parts(answer)
+    if verbose:
+        print_details(reply)
+
+
+def print_parts(answer: "Answer") -> None:
+    """Print the sentences of an answer with its table between them."""
     print_lines((*answer.missing, *answer.holds))
     if answer.table is not None:
         print_table(answer.table.title, answer.table.columns, answer.table.rows)
     print_lines(answer.following)
-    if verbose:
-        print_details(reply)
 
 
 def print_details(reply: "Reply") -> None:
@@ -74,11 +80,8 @@ def cost_of(found: "record.CostPart") -> str:
 
 def print_prediction(reply: "PredictionReply") -> None:
     """Print what is wrong with the set-up, what the intervals rest on, and the table."""
-    answer = reply.answer()
-    print_lines((*reply.about["set_up"], *answer.missing, *answer.holds))
-    if answer.table is not None:
-        print_table(answer.table.title, answer.table.columns, answer.table.rows)
-    print_lines(answer.following)
+    print_lines(reply.about["set_up"])
+    print_parts(reply.answer())
 
 
 def prediction_csv(reply: "PredictionReply") -> str:

@@ -144,11 +144,14 @@ def run(
     if check:
         return print_check(scene, overrides, effects, as_json)
     check_options(record, no_record, checkpoint, every)
+    from taichi_erosion.run import RunOptions, run_scene
+
     options = given(seed=seed, replicas=replicas, arch=arch, threads=threads, precision=precision)
     options |= given(decomposition=decomposition)
     options |= given(record=record, checkpoint=checkpoint, checkpoint_interval=every, resume=resume)
     options |= {"overrides": overrides, "effect_files": effects} | ({"force": True} if force else {})
-    document = simulate(scene, no_record=no_record, **options)
+    with interruptible("simulating") as progress:
+        document = run_scene(scene, RunOptions(no_record=no_record, progress=progress, **options))
     output.log_run(document)
     output.print_result(document, as_json, lambda found: output.print_run(found, verbose))
     if any(replica.get("stopped") for replica in document["replicas"]):
@@ -188,14 +191,6 @@ def check_options(record: Path | None, no_record: bool, checkpoint: Path | None,
         raise BadInput("--every needs --checkpoint FILE")
     if every is not None and not every > 0.0:
         raise BadInput(f"--every {every}: must be greater than 0 s")
-
-
-def simulate(scene: Path, **options: Any) -> dict[str, Any]:
-    """Run a scene with a progress report."""
-    from taichi_erosion.run import RunOptions, run_scene
-
-    with interruptible("simulating") as progress:
-        return run_scene(scene, RunOptions(**options, progress=progress))
 
 
 @app.command(**help_of("live"))

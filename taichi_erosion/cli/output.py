@@ -40,7 +40,7 @@ MOST_TOLD = 6  # comparisons and warnings of a run
 
 def print_json(document: Record) -> None:
     """Print one JSON document; numbers that are not finite become null."""
-    from taichi_erosion.measures.result import without_nan
+    from taichi_erosion.measures.result import json_value, without_nan
 
     typer.echo(json.dumps(without_nan(document), default=json_value, allow_nan=False))
 
@@ -48,11 +48,6 @@ def print_json(document: Record) -> None:
 def print_result(document: Record, as_json: bool, print_text: Callable[[Any], None]) -> None:
     """Print a document as JSON, or as text by a function."""
     (print_json if as_json else print_text)(document)
-
-
-def json_value(value: Any) -> Any:
-    """JSON value of a NumPy scalar or a path."""
-    return str(value) if isinstance(value, Path) else value.item()
 
 
 def print_run(document: Record, verbose: bool = False) -> None:

@@ -63,28 +63,30 @@ Report = Callable[[float, str], None]  # (share done [1], short text)
 def reporting(title: str) -> Iterator[Report]:
     """Context with a progress function: a bar after SHOWN_AFTER seconds, or a line every LINE_INTERVAL."""
     console = Console(stderr=True)
-    if not console.is_terminal:
-        yield report_by_lines(
-            title, lambda line: console.print(line, markup=False, highlight=False, soft_wrap=True)
-        )
-        return
     columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()
-    log, countdown = report_by_lines(title, lambda _: None), Countdown(monotonic())
     bar = Progress(*columns, TextColumn("{task.fields[left]}"), console=console, transient=True)
     task, began = bar.add_task(title, total=1.0, left=""), monotonic()
+    countdown, last = Countdown(began), began
 
     def report(share: float, words: str) -> None:
+        nonlocal last
         now = monotonic()
         left = left_words(countdown.seconds(share, now))
         bar.update(task, completed=share, description=f"{title}: {words}", left=left)
-        if now - began > SHOWN_AFTER:
+        if console.is_terminal and now - began > SHOWN_AFTER:
             bar.start()
-        log(share, words)
+        if now - last >= LINE_INTERVAL:
+            last = now
+            line = f"{title}: {share:.0%}, {words}" + (f", {left}" if left else "")
+            LOG.info(line)
+            if not console.is_terminal:
+                console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     try:
         yield report
     finally:
-        bar.stop()
+        if console.is_terminal:
+            bar.stop()
 
 
 @contextmanager
@@ -103,24 +105,6 @@ def announce(line: str) -> None:
     """Print a line before the work on stderr and write it to the log."""
     LOG.info(line)
     typer.echo(line, err=True)
-
-
-def report_by_lines(title: str, show: Callable[[str], None]) -> Report:
-    """Progress function that shows and logs a line every LINE_INTERVAL seconds."""
-    last = monotonic()
-    countdown = Countdown(last)
-
-    def report(share: float, words: str) -> None:
-        nonlocal last
-        now = monotonic()
-        left = left_words(countdown.seconds(share, now))
-        if now - last >= LINE_INTERVAL:
-            last = now
-            line = f"{title}: {share:.0%}, {words}" + (f", {left}" if left else "")
-            LOG.info(line)
-            show(line)
-
-    return report
 
 
 @dataclass

@@ -12,13 +12,8 @@ origin of the coded units. Effects of a two-level design, and sizes beyond which
     effect = mean at high - mean at low = 2 b
     t limit            t(0.975, df)
     Bonferroni limit   t(1 - 0.025 / m, df)  for m effects
-    Lenth: s_0 = 1.5 median |effect|,  PSE = 1.5 median of those |effect| < 2.5 s_0,
-           ME = t(0.975, m / 3) PSE,  SME = t((1 + 0.95^(1/m)) / 2, m / 3) PSE
 
-Lenth's limits need no error of their own and serve a saturated design.
-
-References: Montgomery (2017), Design and Analysis of Experiments, 9th ed., 5.3, 6.8, 11.2 and ch. 6;
-Lenth (1989), Technometrics 31, 469, eq. (1)-(4).
+Reference: Montgomery (2017), Design and Analysis of Experiments, 9th ed., 5.3, 6.8, 11.2 and ch. 6.
 """
 
 from dataclasses import dataclass, replace
@@ -153,9 +148,6 @@ def p_values(fit: Fit) -> np.ndarray:
 
 
 CONFIDENCE = 0.95  # [1]
-LENTH_INFLATION, LENTH_TRIM = 1.5, 2.5  # Lenth (1989): 1.5 makes the median of |N(0, s)| an estimate of s [1]
-
-
 Error = tuple[float, int]  # mean square and degrees of freedom, where not those of the fit
 
 
@@ -176,8 +168,6 @@ class EffectLimits:
 
     single: float  # t limit
     bonferroni: float
-    lenth_margin: float  # ME
-    lenth_simultaneous: float  # SME
 
 
 def effects(fit: Fit, error: Error | None = None) -> list[Effect]:
@@ -201,17 +191,4 @@ def effect_limits(fit: Fit, error: Error | None = None) -> EffectLimits:
     _, df = error or (fit.ms_error, fit.df_error)
     spread, tail = float(effect_errors(fit, error).max()), 0.5 * (1.0 - CONFIDENCE)
     single, bonferroni = stats.t.isf([tail, tail / len(fit.terms)], df) * spread
-    return EffectLimits(float(single), float(bonferroni), *lenth_limits(2.0 * fit.coefficients[1:]))
-
-
-def lenth_limits(values: Floats) -> tuple[float, float]:
-    """Lenth's margin of error, for one effect and for all at once; for effects of one standard error."""
-    sizes = np.abs(values)
-    first = LENTH_INFLATION * float(np.median(sizes))
-    small = sizes[sizes < LENTH_TRIM * first]
-    if not len(small):
-        return nan, nan
-    pseudo_error, df = LENTH_INFLATION * float(np.median(small)), len(sizes) / 3.0
-    together = 0.5 * (1.0 + CONFIDENCE ** (1.0 / len(sizes)))
-    single = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, df))
-    return single * pseudo_error, float(stats.t.ppf(together, df)) * pseudo_error
+    return EffectLimits(float(single), float(bonferroni))

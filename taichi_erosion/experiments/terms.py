@@ -1,12 +1,4 @@
-"""Terms of a polynomial model: products of powers of coded factors, their hierarchy, and aliases of a design:
-
-    E[b_1] = beta_1 + A beta_2,   A = (X_1' X_1)^-1 X_1' X_2
-
-with X_1 the terms in the model and X_2 those left out. In a regular fraction A holds 0 and +-1, in a
-Plackett-Burman design fractions such as +-1/3.
-
-Reference: Box & Wilson (1951); Montgomery (2017), 8.2 and 10.7.
-"""
+"""Terms of a polynomial model: products of powers of coded factors, and their hierarchy."""
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
@@ -63,14 +55,8 @@ def parents(term: Term) -> set[Term]:
     return set[Term]().union(*({each} | parents(each) for each in lower if any(each)))
 
 
-def columns(coded: Floats, terms: Sequence[Term]) -> Floats:
-    """Values of the terms at coded points, [runs, terms]."""
+def model_matrix(coded: Floats, terms: Sequence[Term]) -> Floats:
+    """Constant and terms at coded points, [runs, 1 + terms]."""
     points = np.atleast_2d(np.asarray(coded, dtype=float))
     powers = np.array(terms, dtype=int).reshape(len(terms), points.shape[1])
-    return np.prod(points[:, None, :] ** powers, axis=2)
-
-
-def model_matrix(coded: Floats, terms: Sequence[Term]) -> Floats:
-    """Constant and terms, [runs, 1 + terms]."""
-    values = columns(coded, terms)
-    return np.column_stack([np.ones(len(values)), values])
+    return np.column_stack([np.ones(len(points)), np.prod(points[:, None, :] ** powers, axis=2)])

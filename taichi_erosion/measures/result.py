@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from math import isfinite, nan
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -94,3 +95,8 @@ def without_nan(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [without_nan(entry) for entry in value]
     return value
+
+
+def json_value(value: Any) -> Any:
+    """JSON value of a NumPy scalar or a path."""
+    return str(value) if isinstance(value, Path) else value.item()

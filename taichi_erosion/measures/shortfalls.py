@@ -72,16 +72,9 @@ def enough_grains(wanted: float, rows: float, grains: int, angle: float) -> int:
     Those of a heap of this angle [deg]; where the heap has as many and is flatter, those of its own shape.
     """
     estimate = grains_for(wanted, angle)
-    return (
-        estimate
-        if estimate > grains
-        else two_digits_up(grains * (height_for(wanted) / height_for(rows)) ** 3)
-    )
-
-
-def settled_rows(poured: bool) -> float:
-    """Rows up to which the angle of a heap changes with its size [1]."""
-    return POURED_ROWS if poured else COLUMN_ROWS
+    if estimate > grains:
+        return estimate
+    return two_digits_up(grains * (height_for(wanted) / height_for(rows)) ** 3)
 
 
 def small_heap_advice(rows: float, grains: int, angle: float) -> str:
@@ -96,7 +89,7 @@ def heap_shortfalls(
 ) -> Iterator[Shortfall]:
     """Shortfalls of an angle of repose; `angle` [deg] is the one to be reached, NaN where it is unknown."""
     wanted = next((each for each in (angle, simulated) if isfinite(each)), USUAL_ANGLE)
-    settled = settled_rows(poured)
+    settled = POURED_ROWS if poured else COLUMN_ROWS  # rows up to which an angle changes with its size
     if rows < LEAST_ROWS:
         words = f"the heap is too small for an angle: {small_heap_advice(rows, grains, wanted)}"
         enough = enough_grains(LEAST_ROWS, rows, grains, wanted)

@@ -47,6 +47,7 @@ BAR_SHARE = 0.25  # longest scale bar over the width of the picture [1]
 LETTER_SIZE = 12  # px
 MARGIN = 10  # px around lettering
 GAP = 6  # px between the silhouettes of a grid
+COLUMNS = 3  # of a grid
 HEADROOM = 24  # px of sky above a silhouette, for its caption
 CAPTION_CORNER = (8, 6)  # px
 COLOUR_BAR = (150, 8)  # px, width and height of the colours of a legend
@@ -211,18 +212,16 @@ def silhouette_picture(mask: Mask, flanks: Floats, caption: str = "") -> Picture
     return picture
 
 
-def silhouette_grid(
-    masks: Sequence[Mask], flanks: Sequence[Floats], captions: Sequence[str], columns: int = 3
-) -> Picture:
+def silhouette_grid(masks: Sequence[Mask], flanks: Sequence[Floats], captions: Sequence[str]) -> Picture:
     """Silhouettes of all azimuths in one picture, row by row, standing on a common base within each row."""
     tiles = [silhouette_picture(*tile) for tile in zip(masks, flanks, captions, strict=True)]
     height = max(tile.height for tile in tiles) + GAP
     width = max(tile.width for tile in tiles) + GAP
-    rows = -(-len(tiles) // columns)
-    grid = Image.new("RGB", (columns * width + GAP, rows * height + GAP))
+    rows = -(-len(tiles) // COLUMNS)
+    grid = Image.new("RGB", (COLUMNS * width + GAP, rows * height + GAP))
     for index, tile in enumerate(tiles):
-        left = GAP + index % columns * width + (width - GAP - tile.width) // 2
-        grid.paste(tile, (left, (index // columns + 1) * height - tile.height))
+        left = GAP + index % COLUMNS * width + (width - GAP - tile.width) // 2
+        grid.paste(tile, (left, (index // COLUMNS + 1) * height - tile.height))
     return grid
 
 

@@ -122,13 +122,13 @@ def idle_effects(scene: Scene, files: EffectFiles) -> list[str]:
     ]
 
 
-def library_of(scene: Scene) -> dict[str, Any]:
-    """The effects that a scene can name; empty where it names none: most scenes need no library."""
-    if not scene.effects:
+def library_of(*scenes: Scene) -> dict[str, Any]:
+    """The effects that scenes can name; empty where they name none: most scenes need no library."""
+    if not any(scene.effects for scene in scenes):
         return {}
     from taichi_erosion.effects import load_library
 
-    return load_library(scene.effect_files)
+    return load_library(dict.fromkeys(file for scene in scenes for file in scene.effect_files))
 
 
 def read_air_scene(path: Path, overrides: tuple[str, ...] = ()) -> AirScene:

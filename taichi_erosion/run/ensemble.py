@@ -17,6 +17,7 @@ from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics, Setup
 from taichi_erosion.run import Report
+from taichi_erosion.run.checks import library_of
 from taichi_erosion.run.ensemble_loop import EnsembleRun, ProgressReporter, run_ensemble
 from taichi_erosion.run.recorder import (
     Properties,
@@ -84,7 +85,7 @@ def run_replicas_after(
 
     The device keeps running: after the last ensemble the caller stops it.
     """
-    library = batch_library(requests)
+    library = library_of(*(request.scene for request in requests))
     prepared = prepare_replicas(requests, library, on_result)
     if not prepared:
         return previous
@@ -106,15 +107,6 @@ def run_replicas_after(
     recording = [partial(record_while_disk_has_room, recorder) for recorder in reporter.recorders.values()]
     run_ensemble(ensemble, [*recording, *([ProgressReporter(progress)] if progress else []), reporter])
     return sim
-
-
-def batch_library(requests: Sequence[ReplicaRequest]) -> dict[str, Effect]:
-    """All effects that some scenes can name; empty where they name none."""
-    if not any(request.scene.effects for request in requests):
-        return {}
-    from taichi_erosion.effects import load_library
-
-    return load_library(dict.fromkeys(file for request in requests for file in request.scene.effect_files))
 
 
 def prepare_replicas(

@@ -40,7 +40,7 @@ from taichi_erosion.core.effect_loading import checked_number, failures_of
 from taichi_erosion.core.engine.choice import engine_name
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.measures.result import Measurement, as_record, without_nan
+from taichi_erosion.measures.result import Measurement, as_record, json_value, without_nan
 from taichi_erosion.run.ensemble_loop import EnsembleRun
 from taichi_erosion.run.sanity_checks import failure_message
 from taichi_erosion.scene import Scene
@@ -116,13 +116,8 @@ def versions() -> dict[str, str]:
 
 def write_document_or_warn(record: Path, document: dict[str, Any]) -> None:
     """Write the document beside its recording as strict JSON; a refusal of the disk becomes a warning."""
-    text = json.dumps(without_nan(document), indent=1, default=plain, allow_nan=False)
+    text = json.dumps(without_nan(document), indent=1, default=json_value, allow_nan=False)
     try:
         write_atomic(record.with_suffix(".json"), (text + "\n").encode())
     except BadInput as error:
         document["replicas"][0]["warnings"].insert(0, str(error))
-
-
-def plain(value: Any) -> Any:
-    """Plain value of a NumPy scalar or a path, for JSON."""
-    return str(value) if isinstance(value, Path) else value.item()

@@ -16,11 +16,10 @@ from pydantic import TypeAdapter
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot, Status
-from taichi_erosion.measures.result import Measurement
+from taichi_erosion.measures.result import Measurement, json_value
 from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.recording.checkpoint import save_checkpoint
 from taichi_erosion.run.ensemble_loop import EnsembleRun
-from taichi_erosion.run.result import plain
 from taichi_erosion.run.stages import ROUNDING, ReplicaState, whole_intervals
 from taichi_erosion.run.threshold_search import ThresholdSearch, Trial
 from taichi_erosion.scene import Scene
@@ -68,7 +67,7 @@ def run_state(ensemble: EnsembleRun) -> tuple[Arrays, dict[str, Any]]:
     arrays: Arrays = {}
     for replica, state in enumerate(ensemble.states):
         arrays |= prefixed(f"run{replica}_", state_arrays(state))
-    records = [json.loads(json.dumps(state_record(state), default=plain)) for state in ensemble.states]
+    records = [json.loads(json.dumps(state_record(state), default=json_value)) for state in ensemble.states]
     return arrays, {"checks": ensemble.checks, "grain_steps": ensemble.grain_steps, "replicas": records}
 
 

@@ -27,7 +27,7 @@ from taichi_erosion.scene.preparation.walls import mesh_triangles, outward
 from taichi_erosion.scene.schema.air import AirBox, AirScene, box_problems
 from taichi_erosion.scene.schema.geometry import Mesh, Plane
 from taichi_erosion.scene.schema.grains import Lattice, Layers, Positions, Pour, Rain
-from taichi_erosion.scene.schema.scene import Known, Scene, observable_problems, reference_problems
+from taichi_erosion.scene.schema.scene import Scene, observable_problems, reference_problems
 from taichi_erosion.scene.schema.wind import Wind
 
 MOST_SPHERES = 20_000_000  # in all replicas together, about 20 GB of state
@@ -42,9 +42,9 @@ REST_LEAST = 0.1  # of sqrt(d / g): a grain that begins to fall is faster by the
 PATCH_GRAINS_LEAST = 6  # in each direction of a periodic patch: else a grain meets its own image
 
 
-def cross_checks(scene: Scene, effects: Known | None, observables: Collection[str] | None) -> Iterator[str]:
+def cross_checks(scene: Scene, observables: Collection[str] | None) -> Iterator[str]:
     """Problems of a scene whose entries are right one by one."""
-    references = list(reference_problems(scene, effects, observables))
+    references = list(reference_problems(scene, observables))
     yield from references
     if references:
         return

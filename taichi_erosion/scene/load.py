@@ -38,19 +38,13 @@ NOT_HASHED = {
 
 
 def load_scene(
-    path: str | Path,
-    overrides: Sequence[str] = (),
-    *,
-    effects: Mapping[str, Collection[str]] | None = None,
-    observables: Collection[str] | None = None,
+    path: str | Path, overrides: Sequence[str] = (), observables: Collection[str] | None = None
 ) -> Scene:
     """Validated scene of a TOML file.
 
-    `overrides` are PATH=VALUE. `effects` (name -> its entries) and `observables` are those of the program;
-    None: those names are not checked.
+    `overrides` are PATH=VALUE. `observables` are those of the program; None: their names are not checked.
     """
-    table, name, folder = toml_table(path), one_line_name(path), Path(path).parent
-    return parse_scene(table, name, folder, overrides, effects=effects, observables=observables)
+    return parse_scene(toml_table(path), one_line_name(path), Path(path).parent, overrides, observables)
 
 
 def load_air_scene(
@@ -104,15 +98,13 @@ def parse_scene(
     name: str = "scene",
     folder: Path = Path(),
     overrides: Sequence[str] = (),
-    *,
-    effects: Mapping[str, Collection[str]] | None = None,
     observables: Collection[str] | None = None,
 ) -> Scene:
     """Validated scene of a raw table, as TOML or `resolved` gives it."""
 
     def problems(scene: Scene) -> Iterator[str]:
         scene._folder = folder
-        return cross_checks(scene, effects, observables)
+        return cross_checks(scene, observables)
 
     return parsed(Scene, table, name, overrides, problems)
 

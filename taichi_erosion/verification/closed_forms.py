@@ -145,14 +145,14 @@ def peak_outcomes(
     yield relative(f"{name}: contact time [s]", found, duration, 5e-3, precision)
 
 
-def tumbling(seed: int, count: int = 40, surface_energy: float = 0.01) -> Setup:
+def tumbling(seed: int, count: int = 40) -> Setup:
     """Grains that fall through each other into a tube, with friction, rolling resistance and adhesion."""
     contact = {"restitution": 0.5, "friction_sliding": 0.5, "friction_rolling": 0.2}
     scene = sample_scene(
         run={"time_step": 8e-6, "overlap_limit": 0.5},
         grains={"count": count},
         laws={"normal": "jkr", "rolling": "elastic_plastic"},
-        contact=dict.fromkeys(("sand-sand", "sand-steel"), contact | {"surface_energy": surface_energy}),
+        contact=dict.fromkeys(("sand-sand", "sand-steel"), contact | {"surface_energy": 0.01}),
     )
     return build_setup(scene, seed)
 

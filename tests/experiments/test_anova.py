@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy import stats
 from textbook import central_composite, chemical_yield, full_factorial, tool_life, unit_factors
 
-from taichi_erosion.experiments.anova import Row, anova, curvature, lenth_limits, reduced
+from taichi_erosion.experiments.anova import Row, anova, curvature, reduced
 from taichi_erosion.experiments.fit import Fit, fit_model
 from taichi_erosion.experiments.terms import model_terms, parents
 
@@ -75,12 +74,3 @@ def test_hierarchy_is_honoured_whatever_leaves_the_model():
         found = reduced(fit_model(made.with_responses(y=y), "y", "quadratic"))
         assert (1, 1, 0, 0) in found.terms
         assert all(parents(term) <= set(found.terms) for term in found.terms)
-
-
-def test_lenths_limits_are_those_worked_out_by_hand():
-    values = [0.13, 0.15, 0.30, 0.15, 0.40, 0.03, 0.38, 0.40, 0.05, 0.43, 0.13, 0.13, 0.38, 2.15, 3.10]
-    margin, together = lenth_limits(np.array(values))
-    # median 0.30, s0 = 0.45, 2.5 s0 = 1.125 trims 2.15 and 3.10; median of the other 13 is 0.15, PSE 0.225
-    assert margin == pytest.approx(2.5706 * 0.225, rel=1e-4)  # t(0.975, 5) of any table
-    share = 0.5 * (1.0 + 0.95 ** (1.0 / 15.0))
-    assert together == pytest.approx(float(stats.t.ppf(share, 5.0)) * 0.225, rel=1e-9)

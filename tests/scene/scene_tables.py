@@ -1,6 +1,6 @@
 """Raw scenes for the tests: one that is right, and hundreds that are wrong in one place each."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from copy import deepcopy
 from datetime import date
 from math import inf, nan
@@ -225,18 +225,3 @@ def complaint(table: dict[str, Any], **known: Any) -> str:
     with pytest.raises(BadInput) as caught:
         parse_scene(table, "scenes/bad.toml", **known)
     return str(caught.value)
-
-
-def refusal(load: Callable[[], Any]) -> str | None:
-    """The line in which a scene is refused, None where it loads."""
-    try:
-        load()
-    except BadInput as error:
-        return str(error)
-    return None
-
-
-def told_or_loaded(table: dict[str, Any], *orders: str) -> None:
-    """A scene, or one line that names the file."""
-    line = refusal(lambda: parse_scene(table, "scenes/bad.toml", Path(), orders))
-    assert line is None or (line.startswith("scenes/bad.toml: ") and "\n" not in line)

@@ -10,19 +10,19 @@ from scene_tables import SCENES, complaint, good_table
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
 from taichi_erosion.run import check_scene
-from taichi_erosion.scene.load import parse_air_scene
+from taichi_erosion.scene.load import parse_air_scene, parse_scene
+from taichi_erosion.scene.schema.scene import effect_problems
 
 
 def test_an_unknown_effect_or_observable_is_told_with_those_that_exist():
-    line = complaint(good_table(), effects={"lift": ("strength",), "drag": ()})
-    assert line.startswith(
-        "scenes/bad.toml: effects.plain_pull is unknown; an effect of your own needs --effect"
-    )
+    scene = parse_scene(good_table())
+    (line,) = effect_problems(scene, {"lift": ("strength",), "drag": ()})
+    assert line.startswith("effects.plain_pull is unknown; an effect of your own needs --effect")
     assert line.endswith("known effects: drag, lift")
-    line = complaint(good_table(), effects={"plain_pul": ("strength",), "drag": ()})
-    assert "effects.plain_pull is unknown; did you mean 'plain_pul'?" in line
-    line = complaint(good_table(), effects={"plain_pull": ("force",)})
-    assert line == "scenes/bad.toml: effects.plain_pull.strength is unknown; allowed: force"
+    (line,) = effect_problems(scene, {"plain_pul": ("strength",), "drag": ()})
+    assert line == "effects.plain_pull is unknown; did you mean 'plain_pul'?"
+    (line,) = effect_problems(scene, {"plain_pull": ("force",)})
+    assert line == "effects.plain_pull.strength is unknown; allowed: force"
     line = complaint(good_table(), observables=("pile_height",))
     assert line == "scenes/bad.toml: measure.repose_angle is unknown; known observables: pile_height"
 

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scene_tables import NUMBERS, SCENES, TABLES, WORDS, changed, good_table, told_or_loaded
+from scene_tables import SCENES, changed, good_table
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import build_setup, load_scene, parse_scene, resolved, scene_hash
@@ -136,24 +134,6 @@ def test_a_file_that_holds_no_scene_is_told_in_one_line(tmp_path: Path, content:
 def test_a_path_without_a_file_is_told_in_one_line(tmp_path: Path, name: str):
     with pytest.raises(BadInput, match=r"no such file|is a folder|is not a file|cannot be read"):
         load_scene(tmp_path / name)
-
-
-VALUES = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | st.dates() | st.times(),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3),
-    max_leaves=6,
-)
-
-
-@settings(max_examples=300)
-@given(st.lists(st.tuples(st.sampled_from(NUMBERS + TABLES + WORDS), VALUES), min_size=1, max_size=2))
-def test_random_values_anywhere_give_a_scene_or_one_line(mistakes: list[tuple[str, Any]]):
-    table = changed(*mistakes[0])
-    for path, value in mistakes[1:]:
-        if path.split(".")[0] != mistakes[0][0].split(".")[0]:
-            place = path.split(".")
-            table[place[0]] = changed(path, value).get(place[0])
-    told_or_loaded(table)
 
 
 TUNNEL = SCENES / "tunnel_section.toml"

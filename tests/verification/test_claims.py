@@ -31,7 +31,7 @@ def test_every_claim_of_a_check_holds_or_is_known_to_fail(ident: str) -> None:
 
 
 def test_every_numbered_check_is_there() -> None:
-    assert list(CHECKS) == [f"V{k:02d}" for k in (*range(1, 35), 36, 37, 38, 39)]
+    assert list(CHECKS) == [f"V{k:02d}" for k in (*range(1, 21), 22, 23, *range(25, 35), *range(36, 40))]
     assert closed_forms.LADDER.checks.keys() <= CHECKS.keys()
 
 

@@ -6,7 +6,7 @@ builds every kernel twice, first to find the members of dataclasses that nothing
 syntax tree for them; kernels take no dataclass here. So sources and descriptions are cached, and the
 inspection of the stack, the first building and the search are skipped.
 
-All of it replaces internals of two versions; `docs/speed.md` says what each saves.
+All of it replaces internals of two versions.
 """
 
 import ast

@@ -16,7 +16,7 @@ import numpy as np
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.experiments import design
 from taichi_erosion.experiments.audit.published import Finding, PublishedTable
-from taichi_erosion.experiments.terms import columns, model_terms
+from taichi_erosion.experiments.terms import model_matrix, model_terms
 
 NOTHING = 1e-6  # sums of coded levels below it vanish [1]
 MOST_ODD = 0.1  # share of the runs beyond which levels are not misprints but the design's own [1]
@@ -70,7 +70,8 @@ def examine_structure(coded: Floats) -> Structure:
 
 def soundness(coded: Floats, two_level: bool) -> tuple[bool, bool]:
     """Whether levels are balanced, and whether they are orthogonal."""
-    matrix = columns(coded, model_terms(coded.shape[1], "linear" if two_level else "interactions"))
+    terms = model_terms(coded.shape[1], "linear" if two_level else "interactions")
+    matrix = model_matrix(coded, terms)[:, 1:]
     gram = matrix.T @ matrix
     overlap = gram[np.triu_indices(len(gram), 1)]
     return bool(np.all(np.abs(matrix.sum(axis=0)) < NOTHING)), bool(np.all(np.abs(overlap) < NOTHING))

@@ -228,12 +228,10 @@ class Scene(SceneFile):
         return self.contact.get(f"{a}-{b}") or self.contact.get(f"{b}-{a}")
 
 
-def reference_problems(
-    scene: Scene, effects: Known | None, observables: Collection[str] | None
-) -> Iterator[str]:
+def reference_problems(scene: Scene, observables: Collection[str] | None) -> Iterator[str]:
     """Contradictions between sections, one line each, beginning with a dotted path.
 
-    `effects` (name -> its entries) and `observables` are those of the program; None: not checked.
+    `observables` are those of the program; None: not checked.
     """
     unknown = list(name_problems(scene))
     yield from unknown
@@ -243,7 +241,8 @@ def reference_problems(
             *(threshold_problems, wind_problems, measure_problems),
         ):
             yield from problems(scene)
-    yield from effect_problems(scene, effects)
+    numbers = {f"effects.{name}.{key}": v for name, e in scene.effects.items() for key, v in e.items()}
+    yield from (f"{path} must be a finite number" for path, v in numbers.items() if not isfinite(v))
     yield from observable_problems(scene.measure, observables)
 
 
@@ -311,14 +310,9 @@ def surface_problems(scene: Scene) -> Iterator[str]:
                 yield f"stages.{place}.move.{name} is not standing: {', '.join(sorted(standing))}"
 
 
-def effect_problems(scene: Scene, known: Known | None) -> Iterator[str]:
-    """Effects and parameters that the library does not have."""
+def effect_problems(scene: Scene, known: Known) -> Iterator[str]:
+    """Effects and parameters that the library (name -> its entries) does not have."""
     for name, values in scene.effects.items():
-        yield from (
-            f"effects.{name}.{key} must be a finite number" for key, v in values.items() if not isfinite(v)
-        )
-        if known is None:
-            continue
         if name not in known:
             yield f"effects.{name} is unknown; {effect_hint(name, known)}"
             continue

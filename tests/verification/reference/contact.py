@@ -115,7 +115,6 @@ def series(first: float, second: float) -> float:
 
 CUBE_PULL_OFF = 1.5  # s^3 where dF/ds = 0 [1]
 CUBE_BALANCE = 3.0  # s^3 where F = 0 [1]
-CUBE_TOUCH = 2.0  # s^3 where d = 0 [1]
 CUBE_TEAR = 0.5  # s^3 where dd/ds = 0 [1]
 WORK_LOST = 3.3412907  # of pi gamma L^2: from touch to tear [1]
 
