@@ -170,6 +170,7 @@ def make(trial: str, name: str, secret: Secret) -> None:
     """Tables and studies of laboratories that simulate, with another seed than drew them."""
     place = SealedSet(trial, name)
     cases = opened(place, secret)
+    place.folder.mkdir(parents=True, exist_ok=True)
     LABORATORIES[trial].measure(place.folder, [case for *_, case in cases], cases[0][0] + 1)
 
 
