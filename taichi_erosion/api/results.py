@@ -2,15 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taichi_erosion.api.notebook import frame, html
-from taichi_erosion.api.wording import python_words
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.number_words import heading
+from taichi_erosion.evidence.words.shell import shell_command
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,6 +25,14 @@ if TYPE_CHECKING:
 
 DRAWS = 2000  # of a posterior
 PREDICTED = ("model", "value", "low", "high", "measured_low", "measured_high", "unit", "outside")  # columns
+
+
+def python_call(own: Path, command: str, file: str, *words: str) -> str:
+    """A command of the evidence loop as a call in backquotes; `own`: the study that answers."""
+    if command == "effects":
+        return shell_command(command, file, *words)
+    study = "study" if Path(file) == own else f"te.study({file!r})"
+    return f"`{study}.{command}({', '.join(map(repr, words))})`"
 
 
 @dataclass(frozen=True, repr=False)
@@ -41,7 +50,12 @@ class Result:
     @property
     def found(self) -> list[str]:
         """What was found, in plain sentences; what is wrong with the set-up comes first."""
-        return [python_words(each) for each in (*self.reply.about["set_up"], *self.reply.answer().lines)]
+        return [*self.reply.about["set_up"], *self.lines]
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Sentences of the answer."""
+        return self.reply.answer().lines
 
     @property
     def table(self) -> "pd.DataFrame":
@@ -60,6 +74,11 @@ class RaceResult(Result):
     """Answer to `compare`, `discover`, `adopt` or `next`."""
 
     reply: "Reply"
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Sentences of the answer, with calls of Python in place of commands."""
+        return self.reply.answer(call=partial(python_call, self.study)).lines
 
     @property
     def record(self) -> "Record":

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taichi_erosion.api.notebook import frame, html, progress
-from taichi_erosion.api.wording import in_python, python_words
 from taichi_erosion.core.errors import BadInput
 
 if TYPE_CHECKING:
@@ -95,7 +94,6 @@ class Run:
             },
         )
 
-    @in_python
     def report(self, to: PathLike | None = None) -> Path:
         """Page of the run (HTML). Raises BadInput for a run without a recording."""
         from taichi_erosion.report import write_report
@@ -109,7 +107,7 @@ class Run:
         """What to know about the set-up and its replicas, each sentence once."""
         told = [*self.document.get("limits", {}).get("warnings", ())]
         told += [each for replica in self.document["replicas"] for each in replica.get("warnings", ())]
-        return [python_words(sentence) for sentence in dict.fromkeys(told)]
+        return list(dict.fromkeys(told))
 
     def __repr__(self) -> str:
         found = (
@@ -123,7 +121,6 @@ class Run:
         return html(self.document["title"] or self.document["scene"], self.warnings, [self.table])
 
 
-@in_python
 def run(
     scene: SceneLike,
     changes: Mapping[str, Any] | None = None,
@@ -165,7 +162,6 @@ def stated_changes(changes: Mapping[str, Any] | None, entries: Mapping[str, Any]
     return dict(changes or {}) | {name.replace("__", "."): value for name, value in entries.items()}
 
 
-@in_python
 def open_run(file: PathLike) -> Run:
     """A run from its document (.json) or recording (.rrd). Raises BadInput where there is none."""
     document = Path(file).with_suffix(".json")
@@ -192,7 +188,6 @@ def override(path: str, value: Any) -> str:
     return f"{path}={tomlkit.item(value).as_string()}"
 
 
-@in_python
 def effects(effect_files: Sequence[PathLike] = ()) -> "pd.DataFrame":
     """All effects, those of own files too: name, title, place, conditions, largest strength [1]."""
     from taichi_erosion.effects import load_library

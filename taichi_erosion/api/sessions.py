@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_erosion.api.notebook import frame, html
 from taichi_erosion.api.runs import PathLike, override, stated_changes
-from taichi_erosion.api.wording import all_in_python
 from taichi_erosion.run import session as sessions
 from taichi_erosion.run import session_queries as queries
 from taichi_erosion.verification.effect_contract import refuse_unusable
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     from taichi_erosion.report.figure_style import Figure
 
 
-@all_in_python
 class LiveSession:
     """One replica of a scene under the caller's control; times in s of the simulation."""
 

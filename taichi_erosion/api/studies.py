@@ -16,7 +16,6 @@ from taichi_erosion.api.results import (
     Result,
 )
 from taichi_erosion.api.runs import PathLike
-from taichi_erosion.api.wording import all_in_python, in_python
 from taichi_erosion.core.errors import BadInput
 
 if TYPE_CHECKING:
@@ -41,7 +40,6 @@ class StatedGrains(TypedDict, total=False):
     effects: Sequence[PathLike]  # files with effects of one's own
 
 
-@all_in_python
 @dataclass(frozen=True)
 class Study:
     """An evidence study: its file, and what its runs may cost."""
@@ -121,7 +119,6 @@ class Study:
         return kind(self.path, reply)
 
 
-@in_python
 def study(
     path: PathLike,
     *,
@@ -153,7 +150,6 @@ def study(
     return Study(Path(path), stated)
 
 
-@in_python
 def new_study(
     table: TableLike,
     out: PathLike | None = None,

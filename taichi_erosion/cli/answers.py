@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from taichi_erosion.evidence.words.answer_lines import Answer
 
 MOST_LINES = 8  # of an answer, the set-up included: a screen with its table
-MOST_CHANGES = 5  # of one column, told one by one
-TIDY = "_tidy.csv"  # end of the name of a table that `study new` wrote
+MOST_CHANGES = 12  # rows that are told one by one
 NUMBERS = ("number", "start", "if nothing is missing", "now", "of its prior left")
 LIMITS = ("candidate", "excluded above (95 %)", "could act unseen below", "imitated by calibration")
 
@@ -117,31 +116,15 @@ def print_new_study(document: Record) -> None:
 def told_changes(document: Record) -> Iterator[str]:
     """What a corrected table says otherwise, and what stays."""
     changes, study = document["changes"], document["study"]
-    if not any(changes.values()):
+    lines, removed = changes["lines"], changes["removed"]
+    if not lines and not removed:
         yield f"{study} is there already, and its table has not changed"
-    for name, before, after in changes["units"]:
-        yield f"corrected: column {name}: unit {before or 'none'} -> {after or 'none'}"
-    yield from corrected_cells(changes["cells"])
-    if changes["added"]:
-        yield f"added: row {', '.join(map(str, dict.fromkeys(changes['added'])))}"
-    yield from (f"no longer there: {row}" for row in changes["removed"])
-    if any(path.endswith(TIDY) for path in document["written"]):
-        yield "the rows of before stay held out or fitted, and openings of the vault go on being counted"
-        yield "answers given before rest on the earlier table: ask again"
-    yield from (f"kept: {words}" for words in document["kept"])
+    else:
+        shown = [*map(str, lines[:MOST_CHANGES]), *(["..."] if len(lines) > MOST_CHANGES else [])]
+        rows = f"new or corrected: {counted(len(lines), 'row')} ({', '.join(shown)}); " if lines else ""
+        yield f"{rows}{removed} gone; the others stay held out or fitted. Ask again: the table is another one"
     if document["kept"]:
-        yield f"{study} stays as it is, with your changes; --anew writes it as a new study would be"
-
-
-def corrected_cells(changes: Sequence[Record]) -> Iterator[str]:
-    """Cells that say something else, column by column."""
-    for name in dict.fromkeys(change["column"] for change in changes):
-        cells = [change for change in changes if change["column"] == name]
-        for cell in cells[:MOST_CHANGES]:
-            before, after = (cell[key] or "empty" for key in ("before", "after"))
-            yield f"corrected: row {cell['line']}, {name}: {before} -> {after}"
-        if len(cells) > MOST_CHANGES:
-            yield f"corrected: {name} in {len(cells) - MOST_CHANGES} rows more"
+        yield f"kept: {', '.join(document['kept'])}; a new study would have them otherwise (--anew)"
 
 
 def print_check(document: Record) -> None:

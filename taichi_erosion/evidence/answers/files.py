@@ -6,7 +6,7 @@ drawn from.
 
 import json
 import platform
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from math import isfinite
@@ -55,7 +55,7 @@ class Reply:
         """What `--json` prints."""
         return self.about | document(self.record)
 
-    def vocabulary(self, *options: str) -> Vocabulary:
+    def vocabulary(self, *options: str, call: Callable[..., str] = shell_command) -> Vocabulary:
         """Names and units of the study, and its commands as the user gives them, with further options.
 
         A study that `adopt` wrote states its effect files itself.
@@ -65,7 +65,7 @@ class Reply:
 
         def command(*words: str) -> str:
             alone = words[0] == "effects" or written in words
-            return shell_command(*words, *(() if alone else options))
+            return call(*words, *(() if alone else options))
 
         known = {**mechanisms, **load_library(map(Path, about["effect_files"]))}
         return Vocabulary(
@@ -78,9 +78,9 @@ class Reply:
             written,
         )
 
-    def answer(self, *options: str) -> lines.Answer:
+    def answer(self, *options: str, call: Callable[..., str] = shell_command) -> lines.Answer:
         """Sentences and table."""
-        return WORDS[self.command](self.record, self.vocabulary(*options))
+        return WORDS[self.command](self.record, self.vocabulary(*options, call=call))
 
 
 def study_document(study: Study) -> Document:

@@ -12,20 +12,18 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from taichi_erosion.evidence.answers import files
-from taichi_erosion.evidence.answers.study_files.function_cost import evaluations_sentence
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
 from taichi_erosion.evidence.emulator import training_runs
 from taichi_erosion.evidence.emulator.design import RefinementPoint
 from taichi_erosion.evidence.emulator.fresh_runs import FreshSimulator, fresh_count
 from taichi_erosion.evidence.emulator.mechanism_runs import with_mechanisms
-from taichi_erosion.evidence.emulator.plan_cost import plan_cost, shares
+from taichi_erosion.evidence.emulator.plan_cost import WORTH_TELLING, function_cost, plan_cost, shares
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns
 from taichi_erosion.evidence.models.load_study import BudgetName, Study
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.scene.load import file_text
 
-WORTH_TELLING = 5.0  # s of an answer, from which its cost is told before it
 MOST_POINTS = 3  # explanations about which a round simulates
 MOST_REQUIRED = 4  # rounds beyond the planned ones, about points that an answer requires
 Found = TypeVar("Found")
@@ -86,7 +84,7 @@ def answered_by(
     """
     first = training_runs.initial_training_runs(study, question.effects, budget, question.ahead)
     if first is None:
-        announce(study, evaluations_sentence(study, len(question.effects), WORTH_TELLING))
+        announce(study, function_cost(study, len(question.effects)))
         return question.answer(study, progress), study
     rounds = read_rounds(study)
     runs, own, key, earlier = replayed(first, rounds, question, budget)

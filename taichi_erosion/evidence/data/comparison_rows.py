@@ -23,7 +23,7 @@ from taichi_erosion.evidence.data.problem import (
     rows_picked,
 )
 from taichi_erosion.evidence.data.repeats import Disagreement, lack_of_fit, pure_error, suspects
-from taichi_erosion.evidence.data.tables.table_changes import source_names
+from taichi_erosion.evidence.data.tables.rows import source_names
 from taichi_erosion.evidence.data.transforms import slope, to_scale
 
 ROW_WISE = ("which", "z", "variance", "censored", "reach", "conditions", "group", "source", "slope", "stated")

@@ -1,15 +1,24 @@
-"""Cost of a plan of runs: their number and the time that they take here, printed before the first run."""
+"""Cost of an answer, told before it: runs of scenes or settings of a function, and their time here."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
+from time import perf_counter
+
+import numpy as np
 
 from taichi_erosion.campaign.execute import pace
 from taichi_erosion.campaign.ledger import finished_runs
 from taichi_erosion.campaign.request import START
 from taichi_erosion.core.device import usable_cores
+from taichi_erosion.evidence.data.number_words import counted
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, requested, room_left
+from taichi_erosion.evidence.models.load_study import Study
+from taichi_erosion.evidence.models.prepared_problem import prepare, usual_settings
 
+WORTH_TELLING = 5.0  # s of an answer, from which its cost is told before it
+MORE = 4  # times as many settings: 9 of 10 of 480 sealed tables of doe/trials took fewer
+SETTING = 0.01  # s of statistics for a setting of a function
 ANSWER = 0.05  # s of statistics per run behind an answer
 MINUTE, HOUR = 60.0, 3600.0  # s
 
@@ -81,6 +90,22 @@ def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) 
         fresh=fresh,
         fresh_s=second * mean * fresh + START if fresh else 0.0,
     )
+
+
+def function_cost(study: Study, candidates: int) -> str:
+    """What an answer costs where a function is the model; empty where it is not worth telling."""
+    problem = study.problem
+    prepared = prepare(problem, problem.visible(), study.file.study.seed)
+    rows, seeds = prepared.rows.size, prepared.seeds.fitting
+    start = np.array([min(max(0.0, axis.low), axis.high) for axis in prepared.axes])
+    settings, begin = usual_settings(len(problem.parameters), candidates), perf_counter()
+    prepared.predictor.compute(start, {}, seeds)
+    seconds = settings * (perf_counter() - begin + SETTING)
+    if seconds < WORTH_TELLING:
+        return ""
+    more = f"; up to {MORE} times as many where something acts" * bool(candidates)
+    runs = f"{settings} settings of {counted(rows, 'row')} ({settings * rows * seeds.size:,} runs)"
+    return f"About {runs}, {span(seconds)}{more}."
 
 
 def starts_s(groups: int, workers: int) -> float:

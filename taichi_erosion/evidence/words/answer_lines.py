@@ -95,7 +95,7 @@ def compared(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
         last = HARDER
         return f"The calibrated model agrees with {rows} ({size}).", last
     places = "" if fit.p_before < say.ADEQUATE else " in places"
-    last = f"{voc.command('discover', voc.study)} finds the missing effect"
+    last = f"{voc.command('discover', voc.study)} asks which effect is missing"
     return f"The calibrated model fails{places} ({rows}: {size}).", last
 
 
@@ -121,7 +121,7 @@ def after_discovery(record: Record, voc: say.Vocabulary) -> str:
         return f"{own} makes an effect of your own; {proposals} asks for more data."
     if verdict == "unstable":
         return f"{voc.command('discover', voc.study)} makes more runs and tests the answer anew."
-    return f"{HARDER}." if data_words.agrees(record) else f"{proposals} proposes measurements that decide."
+    return f"{HARDER}." if data_words.agrees(record) else f"{proposals} asks which measurements would decide."
 
 
 def acting_steps(record: Record, voc: say.Vocabulary) -> Iterator[str]:
@@ -134,7 +134,7 @@ def acting_steps(record: Record, voc: say.Vocabulary) -> Iterator[str]:
         yield f"{own} writes {say.joined(sure)} as an effect of your own, and `adopt` tests it"
     if either:
         names = say.joined(either)
-        yield f"{voc.command('next', voc.study)} proposes measurements that tell {names} apart"
+        yield f"{voc.command('next', voc.study)} asks which measurements tell {names} apart"
 
 
 def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
@@ -142,7 +142,7 @@ def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
     held = record.held_out
     if held is None or not held.n:
         names, proposals = say.joined(record.decided.named), voc.command("next", voc.study)
-        words = f"No held-out row tests {names}: {proposals} proposes measurements that do."
+        words = f"No held-out row tests {names}: {proposals} asks which measurements do."
         return framed(Answer((words,), (), (), None), record, voc)
     first, numbers, last = adoption(record, held, voc)
     following = (f"{again(record, 'adopt', voc, *held.adopted) or last}.",)
@@ -158,7 +158,9 @@ def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[st
     misfits = {"held-out": held.p_after, "fitted": record.fit.p_after}
     failing = [f"{name} rows ({say.chance(p)})" for name, p in misfits.items() if p < say.ADEQUATE]
     if not record.improves:
-        last = f"Go on with {voc.study}: {voc.command('next', voc.study)} proposes measurements that decide"
+        last = (
+            f"Go on with {voc.study}: {voc.command('next', voc.study)} asks which measurements would decide"
+        )
         fit = record.fit
         fitted = (
             f"of fitted rows from {plain(fit.chi2_before / fit.n, 2)} to {plain(fit.chi2_after / fit.n, 2)}"

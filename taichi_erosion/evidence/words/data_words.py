@@ -80,13 +80,13 @@ def failing(record: Record) -> list[PlacePart]:
 
 
 def where_line(record: Record) -> str:
-    """`Where the model fails: the measured pile height lies above it at large moisture (p = 0.002).`"""
+    """`Where the model fails: the measured flux lies above the model at large moisture (p = 0.002).`"""
     words = []
     for each in failing(record):
         at = "everywhere" if each.axis == "level" else f"at large {say.quantity(each.axis)}"
         way = "below" if each.sign < 0 else "above"
         words.append(
-            f"the measured {say.quantity(each.observable)} lies {way} it {at} ({say.chance(each.p)})"
+            f"the measured {say.quantity(each.observable)} lies {way} the model {at} ({say.chance(each.p)})"
         )
     return f"Where the model fails: {say.told(words)}." if words else ""
 
@@ -128,7 +128,7 @@ def numbers_line(record: Record, before: bool, without: str = "") -> str:
         biased = f", biased without {without}: {plain(each.before.value, 3)}" if without and moved else ""
         words.append(f"{name} {say.interval(each.before if before else each.now, 3)}{biased}")
         ends += [name] * each.at_end
-    more = f" At the end of the allowed range: {say.joined(ends)}; check range and unit." if ends else ""
+    more = f" At the end of the searched range: {say.joined(ends)}; check range and unit." if ends else ""
     return f"Calibrated: {say.told(words)}.{more}" if words else ""
 
 

@@ -135,7 +135,7 @@ def test_the_cost_of_an_answer_is_told_before_it_only_where_it_takes_long(tmp_pa
     found = ask("discover", study, options=options)
     assert found.record.cost.runs > found.record.cost.settings > 0
     assert told == []
-    monkeypatch.setattr("taichi_erosion.evidence.answers.rounds.WORTH_TELLING", 0.0)
+    monkeypatch.setattr("taichi_erosion.evidence.emulator.plan_cost.WORTH_TELLING", 0.0)
     ask("discover", study, options=options)
     assert len(told) == 1
     assert "runs" in told[0]

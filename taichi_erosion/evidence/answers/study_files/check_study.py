@@ -23,10 +23,9 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.evidence.answers.rounds import MOST_POINTS
 from taichi_erosion.evidence.answers.set_up import source_faults, table_faults
-from taichi_erosion.evidence.answers.study_files.function_cost import evaluations_sentence
 from taichi_erosion.evidence.data.measured import read_table, study_measurements, table_faults_of
 from taichi_erosion.evidence.data.tables.rows import Faults, Table
-from taichi_erosion.evidence.emulator.plan_cost import MINUTE, PlanCost, plan_cost
+from taichi_erosion.evidence.emulator.plan_cost import MINUTE, PlanCost, function_cost, plan_cost
 from taichi_erosion.evidence.emulator.training_runs import (
     TrainingRuns,
     inactive_reason,
@@ -36,6 +35,7 @@ from taichi_erosion.evidence.emulator.training_runs import (
 from taichi_erosion.evidence.models.column_units import place_units, study_value_faults
 from taichi_erosion.evidence.models.load_study import (
     NO_OPTIONS,
+    PLANS,
     Study,
     StudyOptions,
     load_study,
@@ -46,7 +46,6 @@ from taichi_erosion.run.checks import read_scene
 from taichi_erosion.verification.effect_contract import examined_file
 
 Document = dict[str, Any]
-PLANS = ("quick", "full")
 UNEXPECTED = "the literature expects none of these observables to change with it"
 EXPECTED_AS = {  # observable -> the one of which the literature tells the effects: a steeper heap is higher
     **dict.fromkeys(("angle_of_repose", "cone_angle", "dynamic_angle", "runout_radius"), "repose_angle"),
@@ -197,7 +196,8 @@ def study_cost(study: Study) -> dict[str, Any]:
     for name in PLANS:
         planned = initial_training_runs(study, effects, name)
         if planned is None:
-            return {"full": {"sentence": evaluations_sentence(study, len(effects))}}
+            sentence = function_cost(study, len(effects))
+            return {"full": {"sentence": sentence}} if sentence else {}
         cost = without_a_trace(planned)
         found[name] = {
             "runs": cost.first + cost.later,

@@ -1,17 +1,13 @@
 """Files of a new study: tidy table, scenes, study. They are written together, or not at all.
 
-A study whose table was corrected after `study new`.
-
-The tidy table is written anew. The study and its scenes stay as they are, with what the user has changed in
-them; what a new study would say otherwise is told. Rows keep what they became when rows were drawn for the
-vault, and its openings go on being counted (`held_out_rows.py`).
+Where the study is there already, its tidy table is written anew; the study and its scenes stay as the user
+has changed them. Rows keep what they became when rows were drawn for the vault (`held_out_rows.py`).
 """
 
-import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,17 +19,21 @@ from taichi_erosion.evidence.answers.study_files.study_text import READ, StudyTe
 from taichi_erosion.evidence.data.held_out_rows import stated_rows
 from taichi_erosion.evidence.data.measured import read_table
 from taichi_erosion.evidence.data.problem import Drawn
-from taichi_erosion.evidence.data.tables.rows import Faults, Table, tidy_text
-from taichi_erosion.evidence.data.tables.table_changes import TableChanges, table_changes
+from taichi_erosion.evidence.data.tables.rows import PLACE, Faults, Table, tidy_fields, tidy_text
 from taichi_erosion.evidence.models.load_study import Study, load_study
 from taichi_erosion.scene.load import file_text
 
 Document = dict[str, Any]
 TIDY = "_tidy.csv"  # end of the name of a tidy table, which so is another one than that of the laboratory's
 KNOWN_AGAIN = 0.5  # share of the earlier rows that a correction of the same table has again
-UNTOLD = ("study.notes", "study.title", "scene.title", "scene.notes", "study.made_from")  # of differences
-UNTOLD += ("study.made_from_digest", "vault.drawn_from", "candidates.effects")
-LONGEST = 60  # characters of an entry that is told
+UNTOLD = (
+    "scene.",
+    "vault.",
+    "candidates.",
+    "study.notes",
+    "study.title",
+    "study.made_from",
+)  # of differences
 
 
 @dataclass(frozen=True)
@@ -160,14 +160,22 @@ def corrected_study(earlier: EarlierStudy, files: StudyFiles, anew: bool) -> Doc
 
     Raises BadInput where it is another table, or where the study does not fit it; then nothing is written.
     """
-    changes, rows = table_changes(earlier.rows, files.rows), len(earlier.rows.rows)
-    if rows - len(changes.removed) < KNOWN_AGAIN * rows:
+    earlier_of = earlier_places(earlier.rows, files.rows)
+    rows, again = len(earlier.rows.rows), sum(place is not None for place in earlier_of)
+    if again < KNOWN_AGAIN * rows:
         raise BadInput(
-            f"{files.study}: is a study of another table: {len(changes.removed)} of its {rows} rows are not "
+            f"{files.study}: is a study of another table: {rows - again} of its {rows} rows are not "
             f"in {files.rows.file}; name another folder with --out"
         )
     inactive: dict[str, str] = {}
-    written = files.paths if anew else [files.study] if changes.none else [files.table, files.study]
+    was, now = map(plain_rows, (earlier.rows, files.rows))
+    lines = [
+        row.line
+        for row, cells, place in zip(files.rows.rows, now, earlier_of, strict=True)
+        if place is None or was[place] != cells
+    ]
+    same = not lines and again == rows
+    written = files.paths if anew else [files.study] if same else [files.table, files.study]
     with all_or_none(written):
         if anew:
             text, inactive = with_candidates(files)
@@ -175,15 +183,45 @@ def corrected_study(earlier: EarlierStudy, files: StudyFiles, anew: bool) -> Doc
         else:
             new = with_entry(earlier.text, ("study", "made_from"), files.text.made_from)
             new = with_entry(new, ("study", "made_from_digest"), files.text.made_from_digest, READ)
-            if not changes.none:
+            if not same:
                 new = with_entry(new, ("vault", "drawn_from"), earlier.study.drawn_from)
-        if anew or not changes.none:
+        if anew or not same:
             before = drawn_rows(earlier.study, earlier.rows)
-            write_table(files, ["" if place is None else before[place] for place in changes.earlier])
+            write_table(files, ["" if place is None else before[place] for place in earlier_of])
         write_atomic(files.study, new.encode())
-        found = fitting(files, [] if new == earlier.text and changes.none else written)
+        found = fitting(files, [] if new == earlier.text and same else written)
     kept = [] if anew else list(differences(files))
-    return {**found, "inactive": inactive, "changes": changes_document(earlier, changes), "kept": kept}
+    changes = {"lines": list(dict.fromkeys(lines)), "removed": rows - again}
+    return {**found, "inactive": inactive, "changes": changes, "kept": kept}
+
+
+def plain_rows(table: Table) -> list[dict[str, str]]:
+    """Cells of every row, but for what the vault makes of it and its place in the file."""
+    return [
+        {name: text for name, text in row.items() if name != "vault" and text and not PLACE.fullmatch(text)}
+        for row in tidy_fields(table)
+    ]
+
+
+def earlier_places(before: Table, after: Table) -> list[int | None]:
+    """Of every new row its place in the earlier version; None for a row that was added.
+
+    A row is known by its cells, else by its place in a table of equal length, else by its conditions.
+    """
+    was, now = plain_rows(before), plain_rows(after)
+    at = [[(row.observable, row.conditions) for row in table.rows] for table in (before, after)]
+    found: list[int | None] = [None] * len(now)
+    places = [range(len(was)), range(len(now))]
+    alike: list[tuple[Sequence[Any], Sequence[Any]]] = [(was, now), (at[0], at[1])]
+    if len(was) == len(now):
+        alike.insert(1, (places[0], places[1]))
+    for old, new in alike:
+        free = [place for place in places[0] if place not in found]
+        for k in places[1]:
+            if found[k] is None and (place := next((i for i in free if old[i] == new[k]), None)) is not None:
+                found[k] = place
+                free.remove(place)
+    return found
 
 
 def fitting(files: StudyFiles, written: Sequence[Path]) -> Document:
@@ -195,40 +233,21 @@ def fitting(files: StudyFiles, written: Sequence[Path]) -> Document:
         raise BadInput(*error.faults, f"{files.study}: {remedy}with --anew") from None
 
 
-def changes_document(earlier: EarlierStudy, changes: TableChanges) -> Document:
-    """Changes of a table as plain values."""
-    gone = [earlier.rows.rows[place] for place in changes.removed]
-    return {
-        "cells": [asdict(change) for change in changes.cells],
-        "units": [list(change) for change in changes.units],
-        "added": list(changes.added),
-        "removed": [row.source or f"row {row.line}" for row in gone],
-    }
-
-
 def differences(files: StudyFiles) -> Iterator[str]:
-    """What a new study of the table would say otherwise than the one that is there, one line each."""
+    """Entries of the study and its scenes that a new one would have otherwise."""
     fresh = {files.study: study_text(replace(files.text, measurements=files.table.name))}
     fresh |= {files.scene(name): text for name, text in files.scenes.items()}
     for path, text in fresh.items():
-        if not path.exists():
-            yield f"{path} is not there; a new study would have it"
-            continue
-        now, other = (flat(tomllib.loads(each)) for each in (file_text(path, str(path)), text))
-        for name in dict.fromkeys((*now, *other)):
-            if now.get(name) != other.get(name) and name not in UNTOLD:
-                there = f"{name} = {now[name]} stays" if name in now else f"{name} is not there"
-                yield f"{path}: {there}; a new study would have {other.get(name, 'no such entry')}"
+        there = tomllib.loads(file_text(path, str(path))) if path.exists() else {}
+        now, other = (dict(flat(each)) for each in (there, tomllib.loads(text)))
+        names = (name for name in {**now, **other} if not name.startswith(UNTOLD))
+        yield from (name for name in names if now.get(name) != other.get(name))
 
 
-def flat(table: Mapping[str, Any], above: str = "") -> dict[str, str]:
-    """Entries of nested tables by dotted path, as short texts."""
-    found: dict[str, str] = {}
+def flat(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Entries of nested tables by dotted path."""
     for key, value in table.items():
-        path = f"{above}{key}"
         if isinstance(value, Mapping):
-            found |= flat(value, f"{path}.")
+            yield from flat(value, f"{above}{key}.")
         else:
-            text = json.dumps(value, ensure_ascii=False, default=str)
-            found[path] = text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
-    return found
+            yield f"{above}{key}", value

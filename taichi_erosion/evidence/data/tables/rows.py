@@ -400,6 +400,12 @@ def quoted(text: str) -> str:
     return f"'{clean}'" if len(clean) <= SHOWN else f"'{clean[: SHOWN - 3]}...'"
 
 
+def source_names(sources: Sequence[str]) -> tuple[str, ...]:
+    """Sources of rows: those that name no other are of one source, their file."""
+    places = [PLACE.fullmatch(source) for source in sources]
+    return tuple(place["file"] if place else source for place, source in zip(places, sources, strict=True))
+
+
 def tidy_fields(table: Table) -> list[dict[str, str]]:
     """Cells of the tidy form of a table, by heading."""
     names = [f"{n} [{u}]" if u else n for n, u in zip(table.conditions, table.units, strict=True)]
