@@ -88,7 +88,7 @@ def test_wrong_input_raises_one_kind_of_error(tmp_path):
         te.study(SCENE)
     assert "is a scene" in str(refused.value)
     for wrong in ("fast", 0, 1.5):
-        with pytest.raises(te.BadInput, match=f'budget {wrong}: give quick, full, or the most runs'):
+        with pytest.raises(te.BadInput, match=f"budget {wrong}: give quick, full, or the most runs"):
             te.study(TABLE.with_name("my_lab.toml"), budget=wrong)
     with pytest.raises(te.BadInput, match="out=FOLDER"):
         te.new_study(pd.DataFrame({"a": [1]}))

@@ -237,8 +237,13 @@ def new_scene(
     """Text of the scene of an apparatus that measures some observables of a table."""
     template = TEMPLATES[key]
     diameters = grain_diameters(table, template, places, wishes, interview)
-    grains = wishes.grains or safe_grains(template, angles_of(table, names))
+    safe = safe_grains(template, angles_of(table, names))
+    grains = wishes.grains or safe
+    if template.rows and grains < safe:
+        interview.assume(f"{grains:,} grains may be too few for these angles; {safe:,} are enough (--grains)")
     density = grain_density(wishes, places, table.file)
+    if density is None and GRAIN_DENSITY not in places.values():
+        interview.assume(f"no column states the grain density: {template.usual_density:g} kg/m3 (--density)")
     if sized := [name for name in names if name in LENGTHS]:
         interview.assume(
             f"{' and '.join(sized)}: heaps of {grains:,} grains in the scene '{key}'; lengths grow with the "
