@@ -123,13 +123,17 @@ class GaussianProcess:
         with e_i the error of run i predicted from all others and v_i the variance it should have: errors
         larger than that come from a shape that the kernels do not hold. That of an effect vanishes with it.
         """
-        precision = np.diag(linalg.cho_solve((self.factor, True), np.eye(self.weights.size)))
-        excess = self.width**2 * ((self.weights / precision) ** 2 - 1.0 / precision)
+        excess = self.width**2 * ((self.weights / self.precision) ** 2 - 1.0 / self.precision)
         weight = rbf_kernel(at.psi, self.training.psi, LENGTH_MISFIT)
         for psi, own in zip(at.psi.T, self.training.psi.T, strict=True):
             acts = own != 0.0
             weight[:, acts] *= np.minimum((psi[:, np.newaxis] / own[acts]) ** 2, 1.0)
         return np.sqrt(np.maximum(weight @ excess / (RUNS_WITHOUT_MISFIT + weight.sum(axis=1)), 0.0))
+
+    @cached_property
+    def precision(self) -> Floats:
+        """Diagonal of K^-1: 1 over the variance of each known value, given all others."""
+        return np.diag(linalg.cho_solve((self.factor, True), np.eye(self.weights.size)))
 
     @property
     def scatter(self) -> float:
@@ -138,8 +142,7 @@ class GaussianProcess:
 
     def leave_one_out(self) -> Floats:
         """Every known value minus its prediction from all others, in standard deviations of that."""
-        inverse = linalg.cho_solve((self.factor, True), np.eye(self.weights.size))
-        return self.weights / np.sqrt(np.diag(inverse))
+        return self.weights / np.sqrt(self.precision)
 
     def covariance(self, one: Points, other: Points) -> Floats:
         parts = kernel_parts(one, other, self.reads)
