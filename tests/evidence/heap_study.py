@@ -12,14 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from taichi_erosion.evidence.data.problem import (
-    Candidate,
-    Measurements,
-    Observable,
-    Parameter,
-    Problem,
-    Vault,
-)
+from doe.trials.reduced.laboratory import Readings, table_of
+from taichi_erosion.evidence.data.problem import Candidate, Observable, Parameter, Problem, Vault
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.race.posterior import raced
 from taichi_erosion.evidence.race.record import Record
@@ -28,7 +22,6 @@ from taichi_erosion.scene.schema.units import Scale
 
 MOISTURE, DIAMETER = np.linspace(0.0, 1.0, 5), np.array([1.0, 2.0])
 SD = {"angle": 0.3, "height": 0.1}
-UNIT = {"angle": "deg", "height": "mm"}
 FRICTION, TRUE_FRICTION = 0.5, 0.53
 EFFECTS = ("bridge", "size", "flat")
 
@@ -61,26 +54,16 @@ def heap_problem(
     """A laboratory off by `offset` in angles and `factor` in heights; its sd are understated by `scatter`."""
     random = np.random.default_rng(seed)
     w, d = (column.ravel() for column in np.meshgrid(MOISTURE, DIAMETER, indexing="ij"))
-    parts = []
-    for name in SD:
+    group = tuple(f"w{a:g} d{b:g}" for a, b in zip(w, d, strict=True))
+    parts, at = [], {"moisture": w, "diameter": d, "cover": np.zeros(w.size)}
+    for name, sd in SD.items():
         exact = value(name, w, d, friction, acting)
-        noisy = exact + scatter * SD[name] * random.standard_normal(w.size)
-        parts.append(noisy + offset if name == "angle" else noisy * factor)
-    size = 2 * w.size
-    sd = np.concatenate([np.full(w.size, SD["angle"]), np.full(w.size, SD["height"] * factor)])
-    table = Measurements(
-        observable=("angle",) * w.size + ("height",) * w.size,
-        value=np.concatenate(parts),
-        sd=sd,
-        n=np.ones(size),
-        group=tuple(f"w{a:g} d{b:g}" for a, b in zip(w, d, strict=True)) * 2,
-        unit=("deg",) * w.size + ("mm",) * w.size,
-        conditions={"moisture": np.tile(w, 2), "diameter": np.tile(d, 2), "cover": np.zeros(size)},
-        censored=np.zeros(size, dtype=np.bool_),
-        limit=np.full(size, np.nan),
-        source=("made",) * size,
-        table_units=TableUnits({"angle": Scale("deg"), "height": Scale("mm")}),
-    )
+        noisy = exact + scatter * sd * random.standard_normal(w.size)
+        level = factor if name == "height" else 1.0
+        read = noisy + offset if name == "angle" else noisy * factor
+        parts.append(Readings(name, at, read, np.full(w.size, level * sd), group))
+    units = TableUnits({"angle": Scale("deg"), "height": Scale("mm")})
+    table = replace(table_of(parts), table_units=units)
     candidates = tuple(
         Candidate(name, mask=(lambda at: at["cover"] > 0.0) if name == "flat" else None) for name in EFFECTS
     )

@@ -1,8 +1,11 @@
 """A study of single heaps in closed form: two observables whose scatter is correlated."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from taichi_erosion.evidence.data.problem import Candidate, Measurements, Observable, Parameter, Problem
+from doe.trials.reduced.laboratory import Readings, table_of
+from taichi_erosion.evidence.data.problem import Candidate, Observable, Parameter, Problem
 
 CELLS, REPEATS, SLOPE_SD = 10, 3, 0.5
 
@@ -21,19 +24,12 @@ def heaps(seed: int, rho: float = 0.8, named: bool = True, strength: float = 0.0
     errors = random.standard_normal((size, 2)) @ np.linalg.cholesky([[1.0, rho], [rho, 1.0]]).T
     acting = {"slope": 0.4}
     truth = [model(name, {"x": x}, acting, {"bend": strength}, np.zeros(1))[0] for name in ("angle", "width")]
-    table = Measurements(
-        observable=("angle",) * size + ("width",) * size,
-        value=np.concatenate([truth[0] + 0.1 * errors[:, 0], truth[1] + 0.2 * errors[:, 1]]),
-        sd=np.concatenate([np.full(size, 0.1), np.full(size, 0.2)]),
-        n=np.ones(2 * size),
-        group=tuple(f"x{v:.3f}" for v in x) * 2,
-        unit=("1",) * (2 * size),
-        conditions={"x": np.tile(x, 2)},
-        censored=np.zeros(2 * size, dtype=np.bool_),
-        limit=np.full(2 * size, np.nan),
-        source=("made",) * (2 * size),
-        heap=tuple(f"heap {k}" for k in range(size)) * 2 if named else (),
-    )
+    parts = [
+        Readings(name, {"x": x}, exact + sd * error, np.full(size, sd), tuple(f"x{v:.3f}" for v in x))
+        for name, sd, exact, error in zip(("angle", "width"), (0.1, 0.2), truth, errors.T, strict=True)
+    ]
+    heap = tuple(f"heap {k}" for k in range(size)) * 2 if named else ()
+    table = replace(table_of(parts), heap=heap)
     observables = {"angle": Observable("angle", sd_shared=0.15)}
     numbers = (Parameter("slope", 0.4, 1e-9, 1e9, SLOPE_SD),)
     return Problem(table, observables, numbers, (Candidate("bend"),), model)

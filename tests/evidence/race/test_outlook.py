@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
-from taichi_erosion.evidence.data.problem import Floats, Measurements, Parameter, Problem, Vault
+from doe.trials.reduced.laboratory import Readings, table_of
+from taichi_erosion.evidence.data.problem import Floats, Parameter, Problem, Vault
 from taichi_erosion.evidence.models.new_conditions import NewConditions
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.race.fit import Hypothesis
@@ -24,13 +25,7 @@ def three_rows() -> Problem:
     def model(observable, conditions, parameters, effects, seeds):
         return np.tile(np.log(parameters["a"]) * conditions["x"], (seeds.size, 1))
 
-    plain, none = np.ones(3), np.full(3, np.nan)
-    table = Measurements(
-        *(("y",) * 3, y, SD * plain, plain, ("a", "b", "c"), ("1",) * 3, {"x": x}),
-        censored=np.zeros(3, dtype=np.bool_),
-        limit=none,
-        source=("made",) * 3,
-    )
+    table = table_of([Readings("y", {"x": x}, y, np.full(3, SD), ("a", "b", "c"))])
     return Problem(table, {}, (Parameter("a", 1.0, 0.0, np.inf, PRIOR_SD),), (), model)
 
 

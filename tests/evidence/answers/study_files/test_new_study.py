@@ -1,11 +1,9 @@
 """A stranger's table becomes a study; whatever is wrong with it is told in one line with place and remedy."""
 
-import io
 import math
 from pathlib import Path
 
 import numpy as np
-import openpyxl
 import pytest
 
 from taichi_erosion.cli.main import main
@@ -49,14 +47,6 @@ def uncounted(monkeypatch) -> None:
 def changed(old: str, new: str) -> bytes:
     assert old in GOOD
     return GOOD.replace(old, new, 1).encode("cp1252")
-
-
-def workbook(*rows: tuple) -> bytes:
-    book, content = openpyxl.Workbook(), io.BytesIO()
-    for row in rows:
-        book.worksheets[0].append(row)
-    book.save(content)
-    return content.getvalue()
 
 
 def faults_of(
@@ -160,34 +150,10 @@ def test_faults_of_every_layer_are_told_at_once(tmp_path):
     assert all(any(place in fault for fault in told) for place in places), told
 
 
-def test_units_in_a_row_below_the_heading_belong_to_it(tmp_path):
-    head = "Probe;Korngröße;Feuchte;Böschungswinkel;SD;n\n;µm;%;°;°;\n"
-    (tmp_path / "heap.csv").write_bytes((head + "".join(ROWS)).encode("cp1252"))
-    document = new_study(tmp_path / "heap.csv", Wishes(closed_form=True), guess)
-    assert [column["unit"] for column in document["columns"]] == ["", "µm", "%", "°", "°", ""]
-    assert document["conditions"] == {"diameter": "250 to 800 µm", "moisture": "0 to 3.1 %"}
-
-
 def test_a_unit_that_the_user_states_counts(tmp_path):
     (tmp_path / "heap.csv").write_bytes(GOOD.replace(" [µm]", "").encode("cp1252"))
     new_study(tmp_path / "heap.csv", Wishes(Told(units={"Korngröße": "mm"}), closed_form=True), guess)
     assert "diameter [mm]" in (tmp_path / "heap" / "heap_tidy.csv").read_text("utf-8")
-
-
-@pytest.mark.parametrize(
-    ("heading", "role"),
-    [
-        *((word, "scatter of single repeats") for word in ("s", "stdev", "Standardabweichung", "+-")),
-        *((word, "standard error of the mean") for word in ("SEM", "Standardfehler")),
-        *((word, "number of repeats") for word in ("replicates", "Wdh.")),
-    ],
-)
-def test_columns_of_scatter_and_repeats_are_known_by_their_usual_headings(tmp_path, heading, role):
-    old, new = (";n\n", f";{heading}\n") if role == "number of repeats" else ("SD [°];n", f"{heading};n")
-    text = GOOD.replace(old, new)
-    (tmp_path / "heap.csv").write_bytes(text.encode("cp1252"))
-    document = new_study(tmp_path / "heap.csv", Wishes(closed_form=True), guess)
-    assert {column["column"]: column["told"] for column in document["columns"]}[heading] == role
 
 
 def test_a_wind_at_a_height_becomes_a_friction_velocity_by_the_law_of_the_wall(tmp_path):
@@ -214,34 +180,6 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path, out, capsys):
     (tmp_path / "taken").touch()
     assert main(["study", "new", str(tmp_path / "heap.csv"), "--yes", "--out", str(tmp_path / out)]) == 2
     assert capsys.readouterr().err.count("taken: is a file, and no folder") == 1
-
-
-def test_the_same_table_means_the_same_as_text_and_as_a_workbook(tmp_path):
-    rows = [tuple(line.split(";")) for line in GOOD.replace(",", ".").splitlines()]
-    numbers = [(first, *map(float, rest)) for first, *rest in rows[1:]]
-    (tmp_path / "heap.csv").write_bytes(GOOD.encode("cp1252"))
-    (tmp_path / "sheet.xlsx").write_bytes(workbook(rows[0], (), *numbers))
-    tidy = []
-    for table in ("heap.csv", "sheet.xlsx"):
-        new_study(tmp_path / table, Wishes(closed_form=True), guess)
-        stem = Path(table).stem
-        text = (tmp_path / stem / f"{stem}_tidy.csv").read_text("utf-8")
-        tidy.append([line.rpartition(",")[0].rpartition(",")[0].rstrip('"') for line in text.splitlines()])
-    assert tidy[0] == tidy[1]
-
-
-def test_answers_take_the_place_of_guesses(tmp_path):
-    (tmp_path / "t.csv").write_text("d [mm],W1\n1,30.5 ± 1\n2,31.0 ± 1\n", encoding="utf-8")
-    asked = []
-
-    def answer(question: str, guess: str) -> str:
-        asked.append(question)
-        known = {"Column 'W1' is not known": "repose_angle", "Unit of column 'W1'": "deg"}
-        return next((told for words, told in known.items() if question.startswith(words)), guess)
-
-    document = new_study(tmp_path / "t.csv", Wishes(closed_form=True), answer)
-    assert [column["told"] for column in document["columns"]] == ["sets diameter", "measured: repose_angle"]
-    assert len(asked) == 3, "what the column is, its unit, and what stands behind the sign"
 
 
 @pytest.mark.parametrize("name", TEMPLATES)
