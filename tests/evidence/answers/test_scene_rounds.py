@@ -34,7 +34,6 @@ class Told:
 
     found: RacedStudy
     runs: list[list[str]]
-    simulations: int
     plan: str | None  # that decided
     decided: Decided  # as it is said
 
@@ -58,27 +57,13 @@ def told(path: Path, wrong: bool = False, plans: Sequence[BudgetName] = ("quick"
         question = discovery_question(study, whole)
         found, ready = answered(study, plans, question, lambda words, share: None)
         decided = discover_record(found).decided
-    return Told(found, runs, ready.simulations or 0, ready.options.budget, decided)
+    return Told(found, runs, ready.options.budget, decided)
 
 
 @cache
 def on_function(number: int) -> RacedStudy:
     posterior = raced(FAMILIES["clean"](4242, number).problem, number)
     return RacedStudy(posterior, decide(posterior))
-
-
-def test_a_name_that_is_sure_needs_no_round_and_fresh_runs_confirm_it(tmp_path):
-    answer = told(write(tmp_path, STRONG))
-    found, fresh = answer.found, answer.found.fresh
-    assert found.decision.named == (NAME,)
-    assert fresh is not None
-    assert (fresh.outcome, fresh.effects, fresh.agreement) == ("confirmed", (NAME,), 1.0)
-    training, tests = answer.runs
-    assert not set(tests) & set(training)
-    # 16 bare, 10 of sticking, 14 of rolling; 2 at each of 8 conditions, 2 of the bare model
-    assert len(set(training)) == 16 + 24
-    assert fresh.runs == len(set(tests)) <= 2 * (8 + 2 + 2)
-    assert answer.simulations == len(keys(answer.runs))
 
 
 @pytest.mark.parametrize(("strength", "plan"), [(STRONG, "quick"), (OPEN, "full")])
@@ -100,13 +85,6 @@ def test_a_round_is_made_once_about_what_is_undecided(tmp_path, monkeypatch):
     assert len(again.runs) < len(first.runs), "the round is known"
     assert again.found.posterior.probability == first.found.posterior.probability
     assert again.found.fresh == first.found.fresh
-
-
-def test_nothing_is_simulated_for_a_sure_null(tmp_path):
-    answer = told(write(tmp_path, 0.0))
-    assert answer.found.decision.verdict == "none_detected"
-    assert len(answer.runs) == 1
-    assert answer.found.fresh is None
 
 
 def test_a_name_by_a_wrong_emulator_is_contradicted_and_more_runs_come_first(tmp_path):
