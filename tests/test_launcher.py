@@ -192,7 +192,6 @@ def test_two_set_ups_do_not_run_at_once(tree):
         waiting = subprocess.Popen(
             words, env=tree.environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
-        assert waiting.stderr is not None
         assert waiting.stderr.readline() == "erosion: waiting for another set-up of .venv to finish\n"
         assert tree.installations() == []
     out, _ = waiting.communicate(timeout=600)

@@ -35,8 +35,6 @@ def name_of(page: Path) -> str:
 @pytest.mark.parametrize("page", [page for page in PAGES if page != WALKED], ids=name_of)
 def test_the_commands_of_a_page_run_and_print_what_it_shows(page: Path) -> None:
     spec = spec_from_file_location("tutorial", DOCS / "tutorial.py")
-    assert spec is not None
-    assert spec.loader is not None
     tutorial = module_from_spec(spec)
     spec.loader.exec_module(tutorial)
     text = page.read_text("utf-8")

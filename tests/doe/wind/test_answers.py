@@ -18,8 +18,6 @@ NO_SEED = np.array([1])
 def answers():
     """The model of the study."""
     spec = spec_from_file_location("answers", ROOT / "doe" / "wind" / "answers.py")
-    assert spec is not None
-    assert spec.loader is not None
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -44,7 +44,6 @@ def replies(wet) -> dict[str, Reply]:
 def test_a_reply_is_read_as_it_was_stored(wet, replies, command: Command):
     found = read_reply(Path(replies[command].about["results"]), wet.stem, command)
     last = replies["again" if command == "discover" else command]
-    assert found is not None
     assert found.answer() == last.answer()
     assert found.document == last.document
     np.testing.assert_array_equal(found.record.rows.measured, last.record.rows.measured)
@@ -72,7 +71,6 @@ def test_a_discovery_names_what_acts_and_has_a_word_on_every_candidate(replies):
 def test_the_vault_is_opened_by_adopt_alone_and_counted(replies):
     assert replies["discover"].record.held_out is None
     adopted, again = replies["adopt"].record.held_out, replies["again"].record.held_out
-    assert adopted is not None
     assert adopted.opened == 1
     assert adopted.after < adopted.before
     assert again == adopted, "a later discovery of the same name tells the test"

@@ -107,14 +107,12 @@ def test_a_pull_that_no_list_holds_is_found_and_adopted(wet_laboratory, monkeypa
     found = ask("discover", wet, options=MANY).record
     assert found.decided.verdict == "outside_library"
     assert found.decided.mechanisms[0] == "contact_pull"
-    assert found.law is not None
     doses = {at["moisture"]: dose.value for at, dose in found.law.doses}
     assert doses[max(doses)] > doses[min(doses)]
     results = str(wet_laboratory / "wet-results" / "wet.discover.json")
     assert main(["effects", "new", "sticky", "--from-discovery", results]) == 0
     own = replace(MANY, effect_files=(wet_laboratory / "sticky.py",))
     held = ask("adopt", wet, "sticky", options=own).record.held_out
-    assert held is not None
     assert held.after < 0.5 * held.before
     assert truth_in(wet_laboratory)["wet"] > 1.0
 

@@ -143,7 +143,6 @@ def test_a_number_beyond_its_range_is_told_and_no_effect_is_named_in_its_place()
 def test_an_adopted_effect_is_judged_after_the_offset_of_the_laboratory():
     posterior = raced(heap_problem({"bridge": 0.5}, offset=OFFSET, hidden=HIDDEN), 1)
     found = adopt_record(posterior, ("bridge",), 1)
-    assert found.held_out is not None
     assert found.held_out.after < 3.0 < found.held_out.before
     assert found.fit.p_after > 0.01
     assert found.effects["bridge"].strength.low < 0.5 < found.effects["bridge"].strength.high

@@ -91,9 +91,7 @@ def test_a_name_by_a_wrong_emulator_is_contradicted_and_more_runs_come_first(tmp
     path = write(tmp_path, STRONG)
     answer = told(path, wrong=True)
     fresh = answer.found.fresh
-    assert fresh is not None
     assert fresh.outcome == "contradicted"
-    assert fresh.gap is not None
     assert fresh.gap.p < 0.01
     assert fresh.gap.emulated > fresh.gap.simulated, "the effect was overstated"
     assert fresh.more_runs == 24
@@ -111,7 +109,6 @@ def test_a_name_by_a_wrong_emulator_is_contradicted_and_more_runs_come_first(tmp
 def test_without_room_for_fresh_runs_the_name_is_told_untested(tmp_path):
     answer = told(write(tmp_path, STRONG, text=f"{STUDY}[budget]\nruns = {MOST}\n"))
     fresh = answer.found.fresh
-    assert fresh is not None
     assert fresh.outcome == "not_made"
     assert fresh.needed > MOST - len(keys(answer.runs))
     assert answer.found.decision.named == (NAME,)

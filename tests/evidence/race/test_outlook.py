@@ -86,7 +86,6 @@ def test_held_out_misfit_falls_with_the_right_effect_alone():
     shapes = {"right": lambda x: x**2, "wrong": lambda x: np.sin(4.0 * x)}
     problem = replace(linear_problem(shapes, {"right": 0.8}), vault=Vault(np.arange(3, 24, 5)))
     found = held_out_part(raced(problem, 1), ["right"], 1)
-    assert found is not None
     assert (found.n, found.opened) == (5, 1)
     assert found.after < 0.3 * found.before
     assert found.wrong > 0.7 * found.before
