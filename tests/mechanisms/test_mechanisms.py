@@ -1,4 +1,4 @@
-"""Every mechanism has a dose and stays out of the list of effects; test_contract.py of these asks its contract."""
+"""Every mechanism has a dose and is no listed effect; for its contract see tests/effects/test_contract.py."""
 
 from dataclasses import fields
 
