@@ -125,20 +125,26 @@ def aliases_of(function: ast.FunctionDef) -> dict[str, tuple[str, ...]]:
     return found
 
 
+def is_template(argument: ast.arg) -> bool:
+    """Whether assigning to the bare name of an argument changes the caller's variable."""
+    return argument.annotation is not None and "ti.template" in ast.unparse(argument.annotation)
+
+
 def written_places(function: ast.FunctionDef) -> list[ast.expr]:
-    """Every indexed expression that the function changes itself."""
+    """Every expression that the function changes in place itself."""
     found: list[ast.expr] = []
+    templates = {argument.arg for argument in function.args.args if is_template(argument)}
     for node in ast.walk(function):
-        if isinstance(node, ast.Assign):
-            found += [part for target in node.targets for part in flat(target)]
-        elif isinstance(node, ast.AugAssign | ast.AnnAssign):
-            found.append(node.target)
+        if isinstance(node, ast.Assign | ast.AugAssign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            parts = [part for target in targets for part in flat(target)]
+            found += [part for part in parts if not isinstance(part, ast.Name) or part.id in templates]
         elif isinstance(node, ast.Call):
             if ast.unparse(node.func).startswith("ti.atomic_"):
                 found.append(node.args[0])
             elif isinstance(node.func, ast.Attribute) and node.func.attr in WRITING_METHODS:
                 found.append(node.func.value)
-    return [place for place in found if not isinstance(place, ast.Name)]
+    return found
 
 
 @cache

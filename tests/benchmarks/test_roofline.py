@@ -18,7 +18,6 @@ GRAIN, ENTRY, CONTACT = 10 + 4 * 6 + 2 * 9 + 3 + 4, 6 + 2 + 1, 3 + 2 * 6 + 2 * 9
 
 def test_every_number_counts_once_for_every_stage_that_reads_or_writes_it():
     sim = assemble([heap(GRAINS, 1)] * 2, Laws(), Numerics("cpu", 1, "f32", "grains"))
-    assert sim.buffers is not None
     write(sim.buffers.listed, ENTRIES // 2)
     found = step_bytes(sim, CONTACTS)
     stop_device()

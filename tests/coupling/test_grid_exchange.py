@@ -30,7 +30,6 @@ TURNOVERS = 0.1
 def gridded(seed: int, **words):
     """The bed of `windy_beds` under a grid of air that eddies may stir."""
     table = bed(seed, **words)
-    assert table.air is not None
     air = replace(
         table.air,
         cells=(4, 4, table.air.cells[2]),

@@ -61,11 +61,8 @@ def test_an_own_effect_goes_from_a_scaffold_to_a_falling_error(reader, monkeypat
             assert main(words) == 0, text
     results = Path("doe/own_effect/pores-results")
     discovered, adopted = read_reply(results, "pores", "discover"), read_reply(results, "pores", "adopt")
-    assert discovered is not None
-    assert adopted is not None
     assert (discovered.record.decided.verdict, discovered.record.decided.named) == ("present", (NAME,))
     held = adopted.record.held_out
-    assert held is not None
     assert held.after < 0.1 * held.before
     assert held.wrong > 2.0 * held.after
     for section, file in (("scene", "fall_pores"), ("study", "pores")):

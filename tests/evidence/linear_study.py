@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from taichi_erosion.evidence.data.problem import Candidate, Measurements, Parameter, Problem
+from doe.trials.reduced.laboratory import Readings, table_of
+from taichi_erosion.evidence.data.problem import Candidate, Parameter, Problem
 
 Shape = Callable[[np.ndarray], np.ndarray]
 LEVEL_SD = 5.0  # prior sd of the level: a quarter of its range
@@ -32,18 +33,7 @@ def linear_problem(
 
     exact = sum((strength * shapes[name](x) for name, strength in truth.items()), np.zeros(count))
     noise = np.zeros(count) if seed is None else sd * np.random.default_rng(seed).standard_normal(count)
-    nothing = np.full(count, np.nan)
-    table = Measurements(
-        observable=("y",) * count,
-        value=exact + noise,
-        sd=np.full(count, sd),
-        n=np.ones(count),
-        group=tuple(f"g{k % 12}" for k in range(count)),
-        unit=("1",) * count,
-        conditions={"x": x},
-        censored=np.zeros(count, dtype=np.bool_),
-        limit=nothing,
-        source=("made",) * count,
-    )
+    group = tuple(f"g{k % 12}" for k in range(count))
+    table = table_of([Readings("y", {"x": x}, exact + noise, np.full(count, sd), group)])
     level = (Parameter("level", 0.0, -2.0 * LEVEL_SD, 2.0 * LEVEL_SD),) if calibrated else ()
     return Problem(table, {}, level, tuple(Candidate(name) for name in shapes), model)

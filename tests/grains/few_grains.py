@@ -3,12 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from grain_worlds import NONE, PLATE, RADIUS, RESTING, TIME_STEP, Walls, contacts, grains, mesh_floor, setup
+from grain_worlds import NONE, PLATE, RADIUS, RESTING, TIME_STEP, contacts, grains, mesh_floor, setup
 
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Motion, Numerics, PrimitiveKind, Setup
 from taichi_erosion.core.snapshot import Failure, Snapshot
 from taichi_erosion.simulation import advance, assemble, failure, move_surface, remove_surface, snapshot
+from tests.verification.small_scenes import primitive_table
 
 INTERVAL = 0.002  # s between snapshots
 INTERVALS = 20
@@ -17,6 +18,7 @@ BELT_SPEED = 0.1  # m s-1
 TURN = 20.0  # rad s-1 of turntable and drum
 ARM = 8e-3  # m, distance of the grain from the axis of the turntable
 DRUM = 0.02  # m, radius
+DRUM_WALL = primitive_table(PrimitiveKind.REVOLVED, (0.0, 0.0, 0.0, 0.0, 1.0, 0.0, DRUM, -0.01, DRUM, 0.01))
 PERIOD = 6e-3  # m
 BOX = ((0.0, -1.0, -1.0), (PERIOD, 1.0, 1.0))
 OBLIQUE = ((0.3, 0.05, 0.02), (-0.1, -0.02, 0.04))  # m s-1
@@ -33,11 +35,6 @@ class WorldRecord:
     setup: Setup
 
 
-def drum() -> Walls:
-    profile = (0.0, 0.0, 0.0, 0.0, 1.0, 0.0, DRUM, -0.01, DRUM, 0.01)
-    return Walls((PrimitiveKind.REVOLVED,), (profile,), (0,))
-
-
 def worlds() -> dict[str, Setup]:
     pair = np.array([[-0.7, 0.1, 0.0], [0.5, 0.0, 0.05]]) * 2.0 * RADIUS
     rolling = grains(RESTED, (0.11, 0.037, 0.0))
@@ -51,7 +48,7 @@ def worlds() -> dict[str, Setup]:
         "released": setup(grains(np.eye(3) * 0.01, release=[0.0, 0.011, 0.03]), NONE),
         "belt": setup(grains(RESTED)),
         "turntable": setup(grains((ARM, 0.0, RESTED[2]))),
-        "drum": setup(grains((0.0, 0.0, -DRUM + RESTED[2])), drum()),
+        "drum": setup(grains((0.0, 0.0, -DRUM + RESTED[2])), DRUM_WALL),
         "removed": setup(grains([RESTED, (4.0 * RADIUS, 0.0, RESTED[2])])),
         "across the edge": setup(
             grains(across, towards), NONE, domain=BOX, period=(PERIOD, 0.0, 0.0), **FREE

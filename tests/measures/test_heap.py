@@ -1,6 +1,6 @@
 """The definitions of the laboratory set lab_C on configurations that can be reckoned by hand."""
 
-from math import atan, cos, degrees, isnan, pi, radians, sin, tan
+from math import atan, cos, degrees, isnan, radians, sin
 
 import numpy as np
 import pytest
@@ -56,24 +56,6 @@ def test_the_runout_is_where_the_ring_height_falls_through_one_diameter():
     # ring heights: 3 d; 2 d in all 4 sectors; 1 d in one of 7 sectors
     expected = 1.5 + (2 - 1) / (2 - 1 / 7)
     assert runout_radius(grains(*tower, *ring, *runaway)).value == pytest.approx(expected * DIAMETER)
-
-
-def rosette(angle, rings=12):
-    """Rings of 24 grains with tops on an exact cone: one grain per bin and side along each of 12 azimuths."""
-    turns = 2 * pi * np.arange(24) / 24
-    fall = tan(radians(angle))
-    return [
-        ((k + 0.5) * cos(turn), (k + 0.5) * sin(turn), (rings - k) * fall)
-        for k in range(rings)
-        for turn in turns
-    ]
-
-
-@pytest.mark.parametrize("angle", [22.0, 38.0])
-def test_the_outline_angle_of_an_exact_cone_is_exact(angle):
-    measured = angle_of_repose_outline(grains(*rosette(angle)))
-    assert measured.value == pytest.approx(angle, abs=1e-9)
-    assert measured.notes == ()
 
 
 def prose_angle(snapshot):

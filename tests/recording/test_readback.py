@@ -56,7 +56,6 @@ def test_grains_are_read_back_as_they_were_written_to_single_precision(tmp_path:
     written |= {"contacts": mobile.contacts, "ageing_age": mobile.effect_state["ageing.age"]}
     assert frames[-1].state.keys() == written.keys()
     for name, column in written.items():
-        assert column is not None
         np.testing.assert_array_equal(frames[-1].state[name][-1], column[-1].astype(np.float32))
 
 

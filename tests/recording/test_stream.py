@@ -141,6 +141,3 @@ def test_the_file_takes_its_name_only_when_it_is_whole(tmp_path: Path):
     assert close(recording) == path
     with pytest.raises(BadInput, match=r"next\.rrd: its folder cannot be made"):
         open_recording(path / "next.rrd", header())
-
-
-FALLING = len(heap_snapshot().ident) - 1  # row of the grain in the air

@@ -5,7 +5,7 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 from recorded_heaps import MOVING, header, heap_snapshot, recorded, totals
-from viewer_reports import view_reports
+from viewer_reports import drawing, view_reports
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import pictures, viewer
@@ -50,12 +50,8 @@ def heap(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A whole recording and beside it its picture, where a renderer is there to draw it."""
     path = tmp_path_factory.mktemp("viewer") / "heap.rrd"
     list(record(path))
-    try:
+    with drawing():
         viewer.render_picture(path, None, path.with_suffix(".png"), size=SIZE)
-    except BadInput as error:
-        if str(error) == viewer.NO_RENDERER:
-            pytest.skip(viewer.NO_RENDERER)
-        raise
     return path
 
 

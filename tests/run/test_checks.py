@@ -4,7 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from small_scene import write_scene
+from small_scene import TAPPED, WET, write_scene
 
 from taichi_erosion.run.checks import compatibility_key, read_scene
 
@@ -21,12 +21,6 @@ def test_validation_alone_does_not_load_the_device(tmp_path):
     assert "valid" in ended.stdout
 
 
-WET = (
-    "conditions.moisture=0.02",
-    "effects.liquid_bridge.strength=1",
-    "effects.liquid_bridge.wet_fraction=0.5",
-)
-TAPPED = ("effects.packing_preparation.strength=1",)
 ANGULAR = ("conditions.angularity=0.5", "effects.rolling_resistance.strength=1")
 LONG = ("effects.grain_shape.strength=1",)
 CHARGED = ("effects.electric_field.strength=1",)

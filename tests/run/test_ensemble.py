@@ -3,18 +3,11 @@
 from pathlib import Path
 
 import pytest
-from small_scene import write_scene
+from small_scene import TAPPED, WET, write_scene
 
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas
-
-WET = (
-    "conditions.moisture=0.02",
-    "effects.liquid_bridge.strength=1",
-    "effects.liquid_bridge.wet_fraction=0.5",
-)
-TAPPED = ("effects.packing_preparation.strength=1",)
 
 
 def heights(scene: Path, cases: list[tuple[str, ...]]) -> list[float]:

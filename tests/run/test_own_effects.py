@@ -15,10 +15,6 @@ from taichi_erosion.simulation import effective_scene, prepare
 
 PULL = (Path(__file__).parents[1] / "effects" / "constant_pull.py").read_text(encoding="utf-8")
 ON = ("effects.constant_pull.strength=1.0",)
-ROOTED = PULL.replace('"pull": strength', '"pull": conditions["root_density"] * strength').replace(
-    "    constants=", '    reads=("root_density",),\n    constants='
-)
-DECLARED = 'conditions.extra.root_density={unit="g/cm3"}'
 
 
 @pytest.fixture

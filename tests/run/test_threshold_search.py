@@ -88,7 +88,6 @@ def state(position: np.ndarray, speed: float = 0.0) -> Snapshot:
 
 
 def test_a_grain_that_crosses_the_edge_of_the_patch_has_not_rolled(scene: Scene):
-    assert scene.wind is not None
     search = ThresholdSearch(scene, {}, trial(0.2, grains=2))
     search.trial.start = search.trial.last = np.array([[1e-6, 0.0, 0.0], [1e-4, 0.0, 0.0]])
     far = 1.1 * search.diameter

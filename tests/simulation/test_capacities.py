@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from grain_worlds import NONE, PLATE, RADIUS, Walls, fingerprint, grains, setup
+from grain_worlds import NONE, PLATE, RADIUS, fingerprint, grains, setup
 
-from taichi_erosion.core.setup import Laws, Numerics, Setup
+from taichi_erosion.core.setup import Laws, Numerics, PrimitiveTable, Setup
 from taichi_erosion.core.ti import impl
 from taichi_erosion.simulation import advance, assemble, energies, export_state, snapshot
 from taichi_erosion.simulation.assemble import reallocate
@@ -16,7 +16,7 @@ from taichi_erosion.simulation.step import release_first
 UNTIL = 2e-3  # s, in which a grain that starts a radius above the plate has hit it
 
 
-def row(count: int, walls: Walls = PLATE) -> Setup:
+def row(count: int, walls: PrimitiveTable = PLATE) -> Setup:
     """Grains side by side, a radius above the plate, that fall on it at 1 m/s."""
     place = np.zeros((count, 3))
     place[:, 0], place[:, 2] = 1.99 * RADIUS * np.arange(count), 2.0 * RADIUS

@@ -147,7 +147,6 @@ def test_heaps_of_an_ensemble_repeat_their_bits(ways):
 def test_a_number_that_is_none_stops_its_replica_by_name(ways):
     *others, reason = ways["by grain ends"]
     assert others == [None] * 3
-    assert reason is not None
     assert (reason.status, reason.grain) == (Status.NOT_FINITE, 3)
 
 
@@ -328,7 +327,6 @@ def test_a_resumed_run_and_lists_that_grow_change_no_bit():
 
 def test_what_is_not_there_is_refused_by_name():
     patch = bed(1)
-    assert patch.air is not None
     gridded = replace(patch, air=replace(patch.air, cells=(4, 4, patch.air.cells[2])))
     with pytest.raises(BadInput, match="one thread per grain has no grids of air"):
         assemble([gridded], ROLLING, ON_CPU)

@@ -41,7 +41,6 @@ def without_some_partitions(sim: Simulation) -> None:
 
 def without_some_reverse_lists(sim: Simulation) -> None:
     """Half of the grains are the second of no pair."""
-    assert sim.buffers is not None
     stop = sim.buffers.stop.to_numpy()
     sim.buffers.stop.from_numpy(np.minimum(stop, stop[GRAINS // 2]))
 

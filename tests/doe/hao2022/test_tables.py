@@ -72,7 +72,6 @@ def test_table_5_needs_three_degrees_of_freedom_and_so_counts_curvature_as_noise
     assert variance(4)["Residual"].df == 3
     assert variance(4)["Residual"].mean_square == pytest.approx(25.70, abs=0.005)
     bend = curvature(fitted(4))
-    assert bend is not None
     assert bend.sum_of_squares == pytest.approx(45.6, abs=0.05)
     assert (bend.df_error, bend.ms_error) == (2, pytest.approx(15.8, abs=0.05))
 

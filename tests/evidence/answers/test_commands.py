@@ -44,16 +44,10 @@ def replies(wet) -> dict[str, Reply]:
 def test_a_reply_is_read_as_it_was_stored(wet, replies, command: Command):
     found = read_reply(Path(replies[command].about["results"]), wet.stem, command)
     last = replies["again" if command == "discover" else command]
-    assert found is not None
     assert found.answer() == last.answer()
     assert found.document == last.document
     np.testing.assert_array_equal(found.record.rows.measured, last.record.rows.measured)
     json.dumps(found.document, allow_nan=False)
-
-
-@pytest.mark.parametrize("command", ["compare", "discover", "adopt", "next"])
-def test_an_answer_has_at_most_eight_lines(replies, command: str):
-    assert 1 <= len(replies[command].answer().lines) <= 8
 
 
 def test_a_stored_reply_that_is_damaged_is_told(tmp_path, wet, replies):
@@ -77,7 +71,6 @@ def test_a_discovery_names_what_acts_and_has_a_word_on_every_candidate(replies):
 def test_the_vault_is_opened_by_adopt_alone_and_counted(replies):
     assert replies["discover"].record.held_out is None
     adopted, again = replies["adopt"].record.held_out, replies["again"].record.held_out
-    assert adopted is not None
     assert adopted.opened == 1
     assert adopted.after < adopted.before
     assert again == adopted, "a later discovery of the same name tells the test"
@@ -121,14 +114,6 @@ def test_an_effect_that_is_no_candidate_is_refused_with_those_that_are(tmp_path)
         ask("adopt", write_study(tmp_path, {}), "moonlight")
 
 
-@pytest.mark.parametrize("command", ["compare", "discover", "next"])
-def test_bad_input_writes_nothing(tmp_path, command: Command):
-    path = write_study(tmp_path, {}, study=study_text().replace("fraction = 0.3", "fraction = 3"))
-    with pytest.raises(BadInput, match=r"vault.fraction = 3 lies outside \[0, 0.9\]"):
-        ask(command, path)
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["heap.csv", "heap.toml"]
-
-
 def test_the_cost_of_an_answer_is_told_before_it_only_where_it_takes_long(tmp_path, monkeypatch):
     told: list[str] = []
     options, study = StudyOptions(announce=told.append), write_study(tmp_path, {})
@@ -141,9 +126,8 @@ def test_the_cost_of_an_answer_is_told_before_it_only_where_it_takes_long(tmp_pa
     assert "runs" in told[0]
 
 
-def test_compare_and_discover_tell_the_same_misfit_of_the_bare_model(tmp_path):
-    study = write_study(tmp_path, {"liquid_bridge": 1.0})
-    first, second = (ask(command, study).record.fit for command in ("compare", "discover"))
+def test_compare_and_discover_tell_the_same_misfit_of_the_bare_model(replies):
+    first, second = (replies[command].record.fit for command in ("compare", "discover"))
     assert (first.chi2_before, first.p_before) == (second.chi2_before, second.p_before)
 
 

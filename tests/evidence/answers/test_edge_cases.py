@@ -117,20 +117,6 @@ def test_too_few_rows_name_nothing_and_say_why(study, count: int):
     assert ask("adopt", path, "liquid_bridge").answer().lines[0].startswith("No held-out row tests")
 
 
-def test_one_row(study):
-    text = study_text().replace("[observables.repose_angle]\n", "")
-    table = "\n".join(rows(1).splitlines()[:2]) + "\n"
-    text = text[: text.index("[parameters.friction_s")] + text[text.index("[candidates]") :]
-    found = ask("discover", study(table, text))
-    assert found.record.decided.verdict == "not_testable"
-
-
-def test_an_observable_without_a_row_is_refused(study):
-    table = "\n".join(line for line in rows(12).splitlines() if not line.startswith("repose")) + "\n"
-    with pytest.raises(BadInput, match=r"observables.repose_angle has no row in heap.csv; there: threshold"):
-        ask("compare", study(table))
-
-
 def test_without_calibrated_numbers_the_effect_is_named_beside_the_levels_that_they_would_take(study):
     path = study(text=BEFORE + AFTER)
     found = ask("discover", path)

@@ -35,7 +35,6 @@ def test_a_hidden_effect_is_found_named_and_adopted(study):
 
     adopted = ask("adopt", path, hidden).record
     held = adopted.held_out
-    assert held is not None
     assert held.after < 0.5 * held.before
     assert held.wrong > 5.0 * held.after, "a wrong effect that falls with diameter too gains some"
     fitted = adopted.effects[hidden].strength

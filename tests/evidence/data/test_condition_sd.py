@@ -63,5 +63,4 @@ def test_a_study_has_it_in_the_unit_of_the_model_and_tells_it(tmp_path):
     assert study.problem.measurements.condition_set == {"diameter"}
     assert any("rows state its sd, 0.02 mm; it enters their errors" in note for note in study.notes)
     errors = condition_errors(comparison_rows(study.problem, study.problem.visible()))
-    assert errors is not None
     assert errors.sd["diameter"] == pytest.approx(2e-5)

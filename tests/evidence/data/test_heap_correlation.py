@@ -1,8 +1,11 @@
 """Correlation of rows of one heap, from repeats of a laboratory and from replicates of a model."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.data.heap_correlation import HeapCorrelation, correlated, heap_correlation
 from taichi_erosion.evidence.data.problem import Measurements, Observable, Problem, Replicates
@@ -18,19 +21,13 @@ def table(
     root = np.linalg.cholesky(np.array([[1.0, rho], [rho, 1.0]]))
     values = random.standard_normal((cells * repeats, 2)) @ root.T / np.sqrt(n)
     size, at = cells * repeats, np.repeat(np.arange(cells, dtype=float), repeats)
-    return Measurements(
-        observable=("angle",) * size + ("height",) * size,
-        value=np.concatenate([30.0 + at + values[:, 0], 10.0 + at + 0.2 * values[:, 1]]),
-        sd=np.concatenate([np.full(size, sd), np.full(size, 0.2 * sd)]),
-        n=np.full(2 * size, n),
-        group=tuple(f"g{c:g}" for c in at) * 2,
-        unit=("deg",) * size + ("mm",) * size,
-        conditions={"x": np.tile(at, 2)},
-        censored=np.zeros(2 * size, dtype=np.bool_),
-        limit=np.full(2 * size, np.nan),
-        source=("made",) * (2 * size),
-        heap=tuple(f"heap {k}" for k in range(size)) * 2,
-    )
+    groups = tuple(f"g{c:g}" for c in at)
+    of = {"angle": (30.0, 1.0, values[:, 0]), "height": (10.0, 0.2, values[:, 1])}
+    parts = [
+        Readings(name, {"x": at}, middle + at + unit * own, np.full(size, unit * sd), groups)
+        for name, (middle, unit, own) in of.items()
+    ]
+    return replace(table_of(parts, n), heap=tuple(f"heap {k}" for k in range(size)) * 2)
 
 
 def problem_of(measured: Measurements) -> Problem:

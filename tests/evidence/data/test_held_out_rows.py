@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.held_out_rows import content_digest, openings, record_opening, split
 from taichi_erosion.evidence.data.problem import Measurements
@@ -15,20 +16,11 @@ OBSERVABLES = ("repose_angle", "pile_height")
 
 def measurements(groups: int = 20, group: str | None = None, repeats: int = 1) -> Measurements:
     """Two observables under `groups` moistures, each moisture a group of its own unless one is named."""
-    rows = [(o, k) for o in OBSERVABLES for k in range(groups) for _ in range(repeats)]
-    count = len(rows)
-    return Measurements(
-        observable=tuple(o for o, _ in rows),
-        value=np.linspace(20.0, 30.0, count),
-        sd=np.full(count, 1.0),
-        n=np.ones(count),
-        group=tuple(group or f"heap {k}" for _, k in rows),
-        unit=("deg",) * count,
-        conditions={"moisture": np.array([0.001 * k for _, k in rows])},
-        censored=np.zeros(count, dtype=np.bool_),
-        limit=np.full(count, np.nan),
-        source=("made",) * count,
-    )
+    k = np.repeat(np.arange(groups), repeats)
+    names = tuple(group or f"heap {each}" for each in k)
+    values = np.split(np.linspace(20.0, 30.0, 2 * k.size), 2)
+    parts = zip(OBSERVABLES, values, strict=True)
+    return table_of([Readings(o, {"moisture": 0.001 * k}, v, np.ones(k.size), names) for o, v in parts])
 
 
 def held_out(table: Measurements, fraction: float = 0.3, **ranges) -> set[tuple[str, float]]:

@@ -44,27 +44,6 @@ def test_what_the_instrument_did_not_see_is_censored_and_not_dropped(tmp_path, c
     assert isnan(row.value) if value is None else row.value == value
 
 
-@pytest.mark.parametrize(
-    "dressed",
-    [
-        GOOD.replace(",", ";").encode(),
-        GOOD.replace(",", ";")
-        .replace("33.5", "33,5")
-        .replace("1.65", "1,65")
-        .replace("0.7", "0,7")
-        .replace("31.2", "31,2")
-        .encode(),
-        GOOD.replace(",", "\t").encode("utf-16"),
-        ("sep=;\n" + GOOD.replace(",", ";")).encode("cp1252"),
-        ("Heaps of 2024\n\n" + GOOD).encode("utf-8-sig"),
-    ],
-)
-def test_a_tidy_table_means_the_same_however_a_spreadsheet_exports_it(tmp_path, dressed):
-    plain, found = table(tmp_path, GOOD), table(tmp_path, dressed)
-    strip = [(row.observable, row.value, row.unit, row.group, row.conditions) for row in plain.rows]
-    assert [(row.observable, row.value, row.unit, row.group, row.conditions) for row in found.rows] == strip
-
-
 def test_all_faults_of_a_table_are_told_at_once(tmp_path):
     with pytest.raises(BadInput) as caught:
         table(tmp_path, GOOD.replace("33.5", "high").replace("0.7", "-1").replace("heap,0,", "heap,wet,"))
@@ -81,20 +60,9 @@ def test_lower_limits_and_intervals_are_censored_values(tmp_path, cell, value, r
     assert (row.value, row.censored, row.reach) == (value, True, reach)
 
 
-def test_an_interval_the_wrong_way_round_is_refused(tmp_path):
-    assert "first number must be below" in complaint(tmp_path, GOOD.replace("33.5", "25..20"))
-
-
 def test_repeated_rows_stay_single_repeats(tmp_path):
     text = HEAD + "repose_angle,33.5,,,deg,heap,1.65,me\n" * 2 + "repose_angle,33.9,,,deg,heap,1.65,me\n"
     assert [row.value for row in table(tmp_path, text).rows] == [33.5, 33.5, 33.9]
-
-
-@pytest.mark.parametrize("unit", ["degC", "°C"])
-def test_degrees_celsius_in_a_heading_become_kelvin(tmp_path, unit):
-    found = table(tmp_path, GOOD.replace("moisture [%]", f"temperature [{unit}]"))
-    scale = column_scale(found, "temperature", None)
-    assert scale.used(found.rows[0].conditions[0]) == pytest.approx(1.65 + 273.15)
 
 
 @pytest.mark.parametrize(

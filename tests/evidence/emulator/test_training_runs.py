@@ -195,9 +195,11 @@ def test_the_study_that_adopt_writes_goes_on_from_the_same_runs(loop):
 
 
 def test_a_null_stays_a_null_and_starts_from_the_same_runs(tmp_path, loop, asked):
-    found = ask("discover", write(tmp_path, strength=0.0), options=QUICK).record.decided
-    assert found.verdict in SILENT
-    assert found.named == ()
+    found = ask("discover", write(tmp_path, strength=0.0), options=QUICK).record
+    assert found.decided.verdict in SILENT
+    assert found.decided.named == ()
+    assert found.fresh is None, "nothing is simulated for a sure null"
+    assert len(asked) == 1
     assert set(asked[0]) <= keys(loop.runs["discover"]), "a plan never follows from a measured value"
 
 

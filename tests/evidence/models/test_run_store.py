@@ -94,5 +94,8 @@ def test_no_answer_of_a_function_passes_its_budget(tmp_path):
     lab.write_text(COUNTING_LAB, encoding="utf-8")
     text = study_text(model="counting_lab:predict") + "[budget]\nruns = 5000\n"
     path = write_study(tmp_path, {"liquid_bridge": 1.0}, study=text)
-    assert asked("discover", path).record.cost.stopped == "budget"
+    found = asked("discover", path)
+    assert found.record.cost.stopped == found.document["stopped"] == "budget"
+    assert found.record.decided.named == ("liquid_bridge",), "what is known so far"
+    assert found.answer().lines[-2].startswith("Stopped at the budget")
     assert 4000 < sum(map(int, (tmp_path / "calls.txt").read_text("utf-8").split())) <= 5000

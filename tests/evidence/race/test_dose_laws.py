@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from taichi_erosion.evidence.data.problem import Measurements, Mechanism, Parameter, Problem
+from doe.trials.reduced.laboratory import Readings, table_of
+from taichi_erosion.evidence.data.problem import Mechanism, Parameter, Problem
 from taichi_erosion.evidence.models.prepared_problem import prepare
 from taichi_erosion.evidence.race.blocks import dose_columns
 from taichi_erosion.evidence.race.dose_forms import forms_of
@@ -35,24 +36,12 @@ def law(exponent: float, seed: int) -> tuple[LawPart, int]:
     random = np.random.default_rng(seed)
     x, z = np.exp(random.uniform(-0.7, 0.9, COUNT)), random.uniform(0.5, 1.5, COUNT)
     dose = DOSE * (x / 1.2) ** exponent
-    exact = [
-        float(value(name, {"z": z[k : k + 1]}, {"level": 0.7}, {"pull": dose[k]}, np.zeros(1))[0, 0])
-        for name in ("y", "f")
-        for k in range(COUNT)
-    ]
-    n = 2 * COUNT
-    table = Measurements(
-        observable=("y",) * COUNT + ("f",) * COUNT,
-        value=exact + SD * random.standard_normal(n),
-        sd=np.full(n, SD),
-        n=np.ones(n),
-        group=tuple(f"g{k % COUNT}" for k in range(n)),
-        unit=("1",) * n,
-        conditions={"x": np.tile(x, 2), "z": np.tile(z, 2)},
-        censored=np.zeros(n, dtype=np.bool_),
-        limit=np.full(n, np.nan),
-        source=("made",) * n,
-    )
+    parts, group = [], tuple(f"g{k}" for k in range(COUNT))
+    for name in ("y", "f"):
+        exact = value(name, {"z": z}, {"level": 0.7}, {"pull": dose}, np.zeros(1))[0]
+        noisy = exact + SD * random.standard_normal(COUNT)
+        parts.append(Readings(name, {"x": x, "z": z}, noisy, np.full(COUNT, SD), group))
+    table = table_of(parts)
     level = Parameter("level", 0.0, -10.0, 10.0)
     problem = Problem(table, {}, (level,), (), value, mechanisms=(Mechanism("pull", -0.9, 10.0),))
     prepared = prepare(problem, table, seed)

@@ -33,12 +33,10 @@ def test_a_mechanism_is_told_with_its_doses():
     assert found.mechanisms == (truth.name,)
     share = posterior.probability
     fit = posterior.race.fits[max(share, key=lambda h: share[h])]
-    assert fit.dose is not None
     assert fit.hypothesis.along == truth.condition
     true = beyond.doses(truth, posterior.race.prepared.rows.conditions)
     assert np.max(np.abs(from_axis(fit.dose.w) - true)) < 0.35 * np.max(true)
     record = discover_record(RacedStudy(posterior, found))
-    assert record.law is not None
     assert (record.law.mechanism, record.law.conditions) == (truth.name, (truth.condition,))
     assert truth.condition in discover_answer(record, VOC).lines[0]
 
@@ -54,7 +52,6 @@ def test_a_mechanism_is_judged_with_the_errors_of_the_model_at_its_own_doses():
     fits = [fit for fit in race.fits.values() if fit.hypothesis.kind == truth.name and fit.dose is not None]
     assert fits
     for fit in fits:
-        assert fit.dose is not None
         size = np.sqrt(np.sum(fit.errors**2, axis=1))
         np.testing.assert_allclose(size, 0.01 * np.abs(from_axis(fit.dose.w)), atol=1e-4)
 

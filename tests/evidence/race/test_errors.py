@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from taichi_erosion.evidence.data.problem import Measurements, Problem
+from doe.trials.reduced.laboratory import Readings, table_of
+from taichi_erosion.evidence.data.problem import Candidate, Measurements, Observable, Parameter, Problem
 from taichi_erosion.evidence.models.prepared_problem import prepare
 from taichi_erosion.evidence.race.posterior import raced
 from taichi_erosion.evidence.race.record import ErrorPart, Record
 from taichi_erosion.evidence.race.summary import summary
 from tests.evidence.linear_study import linear_problem
-from tests.evidence.one_heap_study import heaps
 
 SD, COUNT = 0.1, 48  # of a row, and rows
 SHAPES = {"bend": lambda x: x**2, "wave": lambda x: np.sin(3.0 * x)}
@@ -88,6 +88,34 @@ def test_a_source_that_states_no_sd_has_a_scatter_of_its_own(acting: dict[str, f
     record = told(problem, value=table.value + more, sd=sd, source=LABORATORIES)
     assert record.decided.named == tuple(acting)
     assert record.decided.verdict in ("present", "none_detected")
+
+
+CELLS, REPEATS, SLOPE_SD = 10, 3, 0.5
+
+
+def model(observable, conditions, parameters, effects, seeds):
+    x = conditions["x"]
+    value = 3.0 + parameters["slope"] * x * (1.0 if observable == "angle" else -0.5)
+    value = value + effects.get("bend", 0.0) * (x**2 if observable == "angle" else 0.3 * x)
+    return np.repeat(value[np.newaxis], seeds.size, axis=0)
+
+
+def heaps(seed: int, named: bool = True, strength: float = 0.0) -> Problem:
+    """Single heaps at ten conditions, three of each, with two observables whose scatter is correlated."""
+    random = np.random.default_rng(seed)
+    size, x = CELLS * REPEATS, np.repeat(np.linspace(-1.0, 1.0, CELLS), REPEATS)
+    errors = random.standard_normal((size, 2)) @ np.linalg.cholesky([[1.0, 0.8], [0.8, 1.0]]).T
+    acting = {"slope": 0.4}
+    truth = [model(name, {"x": x}, acting, {"bend": strength}, np.zeros(1))[0] for name in ("angle", "width")]
+    parts = [
+        Readings(name, {"x": x}, exact + sd * error, np.full(size, sd), tuple(f"x{v:.3f}" for v in x))
+        for name, sd, exact, error in zip(("angle", "width"), (0.1, 0.2), truth, errors.T, strict=True)
+    ]
+    heap = tuple(f"heap {k}" for k in range(size)) * 2 if named else ()
+    table = replace(table_of(parts), heap=heap)
+    observables = {"angle": Observable("angle", sd_shared=0.15)}
+    numbers = (Parameter("slope", 0.4, 1e-9, 1e9, SLOPE_SD),)
+    return Problem(table, observables, numbers, (Candidate("bend"),), model)
 
 
 def test_rows_of_one_heap_are_whitened_together():

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
-from taichi_erosion.evidence.data.problem import Floats, Measurements, Parameter, Problem, Vault
+from doe.trials.reduced.laboratory import Readings, table_of
+from taichi_erosion.evidence.data.problem import Floats, Parameter, Problem, Vault
 from taichi_erosion.evidence.models.new_conditions import NewConditions
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.race.fit import Hypothesis
@@ -24,13 +25,7 @@ def three_rows() -> Problem:
     def model(observable, conditions, parameters, effects, seeds):
         return np.tile(np.log(parameters["a"]) * conditions["x"], (seeds.size, 1))
 
-    plain, none = np.ones(3), np.full(3, np.nan)
-    table = Measurements(
-        *(("y",) * 3, y, SD * plain, plain, ("a", "b", "c"), ("1",) * 3, {"x": x}),
-        censored=np.zeros(3, dtype=np.bool_),
-        limit=none,
-        source=("made",) * 3,
-    )
+    table = table_of([Readings("y", {"x": x}, y, np.full(3, SD), ("a", "b", "c"))])
     return Problem(table, {}, (Parameter("a", 1.0, 0.0, np.inf, PRIOR_SD),), (), model)
 
 
@@ -91,7 +86,6 @@ def test_held_out_misfit_falls_with_the_right_effect_alone():
     shapes = {"right": lambda x: x**2, "wrong": lambda x: np.sin(4.0 * x)}
     problem = replace(linear_problem(shapes, {"right": 0.8}), vault=Vault(np.arange(3, 24, 5)))
     found = held_out_part(raced(problem, 1), ["right"], 1)
-    assert found is not None
     assert (found.n, found.opened) == (5, 1)
     assert found.after < 0.3 * found.before
     assert found.wrong > 0.7 * found.before

@@ -120,12 +120,6 @@ def test_two_effects_are_told_apart_where_they_differ_and_the_truth_is_named_the
     assert decide(raced(measured(problem, told, 0.3), 1)).named == ("slope",)
 
 
-def test_nothing_would_decide_between_copies():
-    copies = {"slope": lambda x: x, "copy": lambda x: x}
-    told = proposals(undecided(linear_problem(copies, {"slope": 0.6})), WIDE)
-    assert told == ()
-
-
 def test_a_decided_study_asks_for_nothing():
     found = raced(linear_problem({"slope": lambda x: x, "square": lambda x: x**2}, {"slope": 1.0}), 1)
     assert decide(found).named == ("slope",)

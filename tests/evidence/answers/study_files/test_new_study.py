@@ -1,11 +1,9 @@
 """A stranger's table becomes a study; whatever is wrong with it is told in one line with place and remedy."""
 
-import io
 import math
 from pathlib import Path
 
 import numpy as np
-import openpyxl
 import pytest
 
 from taichi_erosion.cli.main import main
@@ -27,7 +25,7 @@ from taichi_erosion.evidence.answers.study_files.scene_templates import (
 )
 from taichi_erosion.evidence.data.tables.column_roles import Told
 from taichi_erosion.evidence.data.tables.interview import Interview
-from taichi_erosion.evidence.models.load_study import load_study
+from taichi_erosion.evidence.models.load_study import Study, load_study
 from taichi_erosion.run.checks import read_scene
 
 ROOT = Path(__file__).parents[4]
@@ -51,12 +49,11 @@ def changed(old: str, new: str) -> bytes:
     return GOOD.replace(old, new, 1).encode("cp1252")
 
 
-def workbook(*rows: tuple) -> bytes:
-    book, content = openpyxl.Workbook(), io.BytesIO()
-    for row in rows:
-        book.worksheets[0].append(row)
-    book.save(content)
-    return content.getvalue()
+def made(folder: Path, text: str, wishes: Wishes, answer=guess) -> tuple[dict, Study]:
+    """Document and study of a table."""
+    (folder / "t.csv").write_text(text, encoding="utf-8")
+    document = new_study(folder / "t.csv", wishes, answer)
+    return document, load_study(Path(document["written"][0]))
 
 
 def faults_of(
@@ -160,41 +157,15 @@ def test_faults_of_every_layer_are_told_at_once(tmp_path):
     assert all(any(place in fault for fault in told) for place in places), told
 
 
-def test_units_in_a_row_below_the_heading_belong_to_it(tmp_path):
-    head = "Probe;Korngröße;Feuchte;Böschungswinkel;SD;n\n;µm;%;°;°;\n"
-    (tmp_path / "heap.csv").write_bytes((head + "".join(ROWS)).encode("cp1252"))
-    document = new_study(tmp_path / "heap.csv", Wishes(closed_form=True), guess)
-    assert [column["unit"] for column in document["columns"]] == ["", "µm", "%", "°", "°", ""]
-    assert document["conditions"] == {"diameter": "250 to 800 µm", "moisture": "0 to 3.1 %"}
-
-
 def test_a_unit_that_the_user_states_counts(tmp_path):
     (tmp_path / "heap.csv").write_bytes(GOOD.replace(" [µm]", "").encode("cp1252"))
     new_study(tmp_path / "heap.csv", Wishes(Told(units={"Korngröße": "mm"}), closed_form=True), guess)
     assert "diameter [mm]" in (tmp_path / "heap" / "heap_tidy.csv").read_text("utf-8")
 
 
-@pytest.mark.parametrize(
-    ("heading", "role"),
-    [
-        *((word, "scatter of single repeats") for word in ("s", "stdev", "Standardabweichung", "+-")),
-        *((word, "standard error of the mean") for word in ("SEM", "Standardfehler")),
-        *((word, "number of repeats") for word in ("replicates", "Wdh.")),
-    ],
-)
-def test_columns_of_scatter_and_repeats_are_known_by_their_usual_headings(tmp_path, heading, role):
-    old, new = (";n\n", f";{heading}\n") if role == "number of repeats" else ("SD [°];n", f"{heading};n")
-    text = GOOD.replace(old, new)
-    (tmp_path / "heap.csv").write_bytes(text.encode("cp1252"))
-    document = new_study(tmp_path / "heap.csv", Wishes(closed_form=True), guess)
-    assert {column["column"]: column["told"] for column in document["columns"]}[heading] == role
-
-
 def test_a_wind_at_a_height_becomes_a_friction_velocity_by_the_law_of_the_wall(tmp_path):
     text = "Korngröße [µm];u at 1 m [m/s];sd;n\n250;6;0,3;5\n400;8;0,4;5\n600;10;0,5;5\n"
-    (tmp_path / "t.csv").write_text(text, encoding="utf-8")
-    document = new_study(tmp_path / "t.csv", Wishes(closed_form=True, roughness="0.02 mm"), guess)
-    study = load_study(tmp_path / "t" / "t.toml")
+    document, study = made(tmp_path, text, Wishes(closed_form=True, roughness="0.02 mm"))
     factor = 0.4 / math.log(1.0 / 2e-5)
     assert study.problem.measurements.value == pytest.approx(factor * np.array([6.0, 8.0, 10.0]))
     assert study.problem.measurements.sd == pytest.approx(factor * np.array([0.3, 0.4, 0.5]))
@@ -214,34 +185,6 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path, out, capsys):
     (tmp_path / "taken").touch()
     assert main(["study", "new", str(tmp_path / "heap.csv"), "--yes", "--out", str(tmp_path / out)]) == 2
     assert capsys.readouterr().err.count("taken: is a file, and no folder") == 1
-
-
-def test_the_same_table_means_the_same_as_text_and_as_a_workbook(tmp_path):
-    rows = [tuple(line.split(";")) for line in GOOD.replace(",", ".").splitlines()]
-    numbers = [(first, *map(float, rest)) for first, *rest in rows[1:]]
-    (tmp_path / "heap.csv").write_bytes(GOOD.encode("cp1252"))
-    (tmp_path / "sheet.xlsx").write_bytes(workbook(rows[0], (), *numbers))
-    tidy = []
-    for table in ("heap.csv", "sheet.xlsx"):
-        new_study(tmp_path / table, Wishes(closed_form=True), guess)
-        stem = Path(table).stem
-        text = (tmp_path / stem / f"{stem}_tidy.csv").read_text("utf-8")
-        tidy.append([line.rpartition(",")[0].rpartition(",")[0].rstrip('"') for line in text.splitlines()])
-    assert tidy[0] == tidy[1]
-
-
-def test_answers_take_the_place_of_guesses(tmp_path):
-    (tmp_path / "t.csv").write_text("d [mm],W1\n1,30.5 ± 1\n2,31.0 ± 1\n", encoding="utf-8")
-    asked = []
-
-    def answer(question: str, guess: str) -> str:
-        asked.append(question)
-        known = {"Column 'W1' is not known": "repose_angle", "Unit of column 'W1'": "deg"}
-        return next((told for words, told in known.items() if question.startswith(words)), guess)
-
-    document = new_study(tmp_path / "t.csv", Wishes(closed_form=True), answer)
-    assert [column["told"] for column in document["columns"]] == ["sets diameter", "measured: repose_angle"]
-    assert len(asked) == 3, "what the column is, its unit, and what stands behind the sign"
 
 
 @pytest.mark.parametrize("name", TEMPLATES)
@@ -274,10 +217,8 @@ def test_an_apparatus_that_does_not_measure_the_table_is_refused_with_those_that
 
 @pytest.mark.usefixtures("uncounted")
 def test_a_new_study_on_a_scene_is_complete_and_its_conditions_arrive(tmp_path):
-    (tmp_path / "heap.csv").write_bytes(GOOD.encode("cp1252"))
     told = Told(conditions={"Feuchte in %": "conditions.moisture"})
-    document = new_study(tmp_path / "heap.csv", Wishes(told), guess)
-    study = load_study(tmp_path / "heap" / "heap.toml")
+    document, study = made(tmp_path, GOOD, Wishes(told))
     assert study.problem.measurements.conditions["diameter"] == pytest.approx([250e-6, 500e-6, 800e-6])
     assert study.problem.measurements.conditions["moisture"] == pytest.approx([0.016, 0.0, 0.031])
     assert "liquid_bridge" in document["candidates"]
@@ -319,10 +260,8 @@ FRICTION += "1;0,3;0,1;2;2,5;40\n2;0,6;0,1;2;2,7;35\n3;0,9;0,1;3;2,6;33\n"
 
 @pytest.mark.usefixtures("uncounted")
 def test_columns_of_friction_and_density_set_the_contacts_and_the_material_of_the_apparatus(tmp_path):
-    (tmp_path / "t.csv").write_text(FRICTION, encoding="utf-8")
-    told = Told({"runout": "runout_radius"})
-    document = new_study(tmp_path / "t.csv", Wishes(told, apparatus="collapse", grains=700), guess)
-    study = load_study(Path(document["written"][0]))
+    wishes = Wishes(Told({"runout": "runout_radius"}), apparatus="collapse", grains=700)
+    document, study = made(tmp_path, FRICTION, wishes)
     assert study.file.conditions["friction_sliding"] == "contact.grain-grain.friction_sliding"
     assert study.file.conditions["density"] == "materials.grain.density"
     assert study.problem.measurements.conditions["density"] == pytest.approx([2500.0, 2700.0, 2600.0])
@@ -332,9 +271,7 @@ def test_columns_of_friction_and_density_set_the_contacts_and_the_material_of_th
 
 @pytest.mark.usefixtures("uncounted")
 def test_a_number_that_is_calibrated_and_set_by_a_column_is_refused(tmp_path):
-    (tmp_path / "t.csv").write_text(FRICTION, encoding="utf-8")
-    told = Told({"runout": "runout_radius"})
-    path = Path(new_study(tmp_path / "t.csv", Wishes(told, apparatus="collapse"), guess)["written"][0])
+    path = made(tmp_path, FRICTION, Wishes(Told({"runout": "runout_radius"}), apparatus="collapse"))[1].path
     number = "contact.grain-grain.friction_sliding"
     text = f'{path.read_text("utf-8")}\n[parameters."{number}"]\nstart = 0.5\nlow = 0.1\nhigh = 1.0\n'
     path.write_text(text, encoding="utf-8")
@@ -347,12 +284,10 @@ HEIGHTS = "run;moisture (%);pile height (mm)\n1;0;20\n2;1;22\n3;2;25\n"
 
 @pytest.mark.usefixtures("uncounted")
 def test_grains_that_no_column_states_are_asked_or_taken_from_the_command(tmp_path):
-    (tmp_path / "t.csv").write_text(HEIGHTS, encoding="utf-8")
-
     def answer(question: str, guessed: str) -> str:
         return "0,8 mm" if question.startswith("Grain diameter") else guessed
 
-    new_study(tmp_path / "t.csv", Wishes(apparatus="cylinder", density="2.5 g/cm3", grains=900), answer)
+    made(tmp_path, HEIGHTS, Wishes(apparatus="cylinder", density="2.5 g/cm3", grains=900), answer)
     scene = read_scene(tmp_path / "t" / "cylinder.toml", ())
     assert (scene.grains.size.diameter, scene.grains.count) == (pytest.approx(8e-4), 900)
     assert scene.materials["soil"].density == pytest.approx(2500.0)
@@ -377,9 +312,7 @@ ROOTS = "Wurzelmasse;d [mm];repose angle [deg]\n0;1;31\n2;1;32\n4;2;33\n"
 
 @pytest.mark.usefixtures("uncounted")
 def test_a_condition_that_no_scene_has_enters_by_its_unit(tmp_path):
-    (tmp_path / "t.csv").write_text(ROOTS, encoding="utf-8")
-    new_study(tmp_path / "t.csv", Wishes(Told(conditions={"Wurzelmasse": "g/kg"})), guess)
-    study = load_study(tmp_path / "t" / "t.toml")
+    _, study = made(tmp_path, ROOTS, Wishes(Told(conditions={"Wurzelmasse": "g/kg"})))
     assert study.file.conditions["wurzelmasse"] == "conditions.wurzelmasse"
     assert read_scene(tmp_path / "t" / "cylinder.toml", ()).conditions.extra["wurzelmasse"].unit == "g/kg"
     assert study.problem.measurements.conditions["wurzelmasse"] == pytest.approx([0.0, 2.0, 4.0])
@@ -390,10 +323,9 @@ def test_a_scene_a_condition_and_an_effect_of_ones_own_make_a_study(tmp_path, mo
     monkeypatch.chdir(tmp_path)
     (tmp_path / "fall.toml").write_bytes((ROOT / "doe" / "own_effect" / "fall.toml").read_bytes())
     assert main(["effects", "new", "my_pull", "--place", "scene"]) == 0
-    (tmp_path / "t.csv").write_text("pore volume [mm3/g];settling velocity [m/s]\n0;1,91\n100;1,8\n200;1,7\n")
+    text = "pore volume [mm3/g];settling velocity [m/s]\n0;1,91\n100;1,8\n200;1,7\n"
     wishes = Wishes(scene=Path("fall.toml"), effects=(Path("my_pull.py"),), folder=tmp_path / "deep" / "er")
-    document = new_study(tmp_path / "t.csv", wishes, guess)
-    study = load_study(Path(document["written"][0]))
+    _, study = made(tmp_path, text, wishes)
     assert study.file.study.effect_files == ("../../my_pull.py",)
     assert study.file.observables["settling_velocity"].scene == "../../fall.toml"
     assert study.problem.measurements.conditions["pore_volume"] == pytest.approx([0.0, 0.1, 0.2])

@@ -289,6 +289,10 @@ def test_a_heading_gives_name_and_unit(heading, name, unit):
         ("Standardabweichung Winkel", ("sd", "")),
         ("Anzahl Wiederholungen", ("n", "")),
         ("Farbe", ("unknown", "")),
+        *((word, ("sd", "")) for word in ("s", "stdev", "Standardabweichung")),
+        ("+-", ("spread", "")),
+        *((word, ("se", "")) for word in ("SEM", "Standardfehler")),
+        *((word, ("n", "")) for word in ("replicates", "Wdh.")),
     ],
 )
 def test_the_longest_known_word_of_a_heading_counts(heading, meaning):
