@@ -233,6 +233,15 @@ def negative_log_evidence(
 
 
 @dataclass(frozen=True)
+class Values:
+    """Values of several observables at points that they share."""
+
+    points: Points
+    place: Integers  # of the point of every value
+    observable: Integers  # of every value
+
+
+@dataclass(frozen=True)
 class JointErrors:
     """Processes of the observables of one scene, with the correlations of their parts."""
 
@@ -241,29 +250,33 @@ class JointErrors:
     correlation: Floats  # (parts + 1, observables, observables); the last part is the scatter
 
     @cached_property
-    def runs(self) -> Points:
-        """Training runs of every process, one after the other."""
-        return stacked([process.training for process in self.processes])
+    def runs(self) -> Values:
+        """Training values of every process, one after the other."""
+        _, first, place = np.unique(np.concatenate(self.known), return_index=True, return_inverse=True)
+        every = stacked([process.training for process in self.processes])
+        which = np.repeat(np.arange(len(self.known)), [each.size for each in self.known])
+        return Values(Points(*(each[first] for each in vars(every).values())), place, which)
 
     @cached_property
     def prior(self) -> Floats:
         """Covariance of the values of all training runs of all processes."""
-        which = np.repeat(np.arange(len(self.known)), [each.size for each in self.known])
-        run = np.concatenate(self.known)
+        which, run = self.runs.observable, self.runs.place
         scatter = np.array([process.amplitude[-1] for process in self.processes])
         alike = self.correlation[-1][np.ix_(which, which)] * np.outer(scatter[which], scatter[which])
-        found = self.smooth(self.runs, which, self.runs, which) + alike * (run[:, np.newaxis] == run)
+        found = self.smooth(self.runs, self.runs) + alike * (run[:, np.newaxis] == run)
         return found + JITTER * np.eye(run.size)
 
-    def smooth(self, one: Points, first: Integers, other: Points, second: Integers) -> Floats:
-        """Prior covariance of points of observables `first` and `second`, by their places here."""
-        parts = kernel_parts(one, other, self.processes[0].reads)
+    def smooth(self, one: Values, other: Values) -> Floats:
+        """Prior covariance of values."""
+        parts = kernel_parts(one.points, other.points, self.processes[0].reads)
         amplitude = np.array([part_amplitudes(process) for process in self.processes])
-        total = np.zeros(parts.shape[1:])
+        total = np.zeros((one.place.size, other.place.size))
         for k, part in enumerate(parts):
             if part.any():
                 weight = self.correlation[k] * np.outer(amplitude[:, k], amplitude[:, k])
-                total += weight[np.ix_(first, second)] * part
+                total += (
+                    weight[np.ix_(one.observable, other.observable)] * part[np.ix_(one.place, other.place)]
+                )
         return total
 
     def covariance(self, asked: Sequence[tuple[int, Points]]) -> Floats:
@@ -271,10 +284,9 @@ class JointErrors:
         at = stacked([points for _, points in asked])
         sizes = [points.x.shape[0] for _, points in asked]
         which = np.repeat([place for place, _ in asked], sizes)
-        of_runs = np.repeat(np.arange(len(self.known)), [each.size for each in self.known])
-        weights = self.weights(asked)
-        cross = self.smooth(at, which, self.runs, of_runs)
-        found = self.smooth(at, which, at, which) - cross @ weights.T - weights @ cross.T
+        values, weights = Values(at, np.arange(which.size), which), self.weights(asked)
+        cross = self.smooth(values, self.runs)
+        found = self.smooth(values, values) - cross @ weights.T - weights @ cross.T
         found += weights @ self.prior @ weights.T
         width = np.array([process.width for process in self.processes])[which]
         found *= np.outer(width, width)
