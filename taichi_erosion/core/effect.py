@@ -131,6 +131,7 @@ class Effect:
     grain_state: type | None = None  # frozen dataclass of `quantity` fields: state variables of a grain
     initial_state: Callable[[Any, float, Conditions], Any] | None = None  # (params, strength, conditions)
     update_state: Callable[..., Any] | None = None  # ti.func (constants, grain, state) -> state
+    through_air: bool = False  # acts through the air alone: not at all in a scene without wind
     reads: tuple[str, ...] = ()  # conditions that it reads
     can_act: Callable[[Mapping[str, NDArray[np.float64]]], Any] = everywhere  # conditions -> mask
     dose: Callable[[Any, Mapping[str, Any]], Any] = undiminished  # (params, conditions) -> [1]

@@ -36,7 +36,11 @@ DIAMETERS = "_d"  # suffix of a length in nominal diameters, or of a time in s p
 SCALING_UNITS = ("m", "s")  # of quantities that may be given so
 DIAMETER = "diameter"  # the nominal one [m], in the context of validation
 FARTHEST = 1e4  # coordinates beyond it are taken for a wrong unit [m]
+LARGEST_APPARATUS = 3.0  # likewise walls, fills and patches whose grains are followed one by one [m]
+SMALLEST_GRAIN = 1e-6  # smaller grains are no longer moved by contact and weight alone [m]
+LARGEST_GRAIN = 0.05  # larger ones are taken for a wrong unit; wind moves none of them [m]
 FASTEST = 1e3  # likewise speeds [m s-1]
+SLIPS = {"m": ((1e-3, "mm"), (1e-6, "um")), "kg m-3": ((1e3, "g cm-3"),)}  # units of print in SI, by SI unit
 
 
 def contradiction(message: str) -> PydanticCustomError:
@@ -161,8 +165,18 @@ class Section(BaseModel):
             low, high = float(str(extra.get("minimum", -inf))), float(str(extra.get("maximum", inf)))
             if not all(low <= v <= high for v in numbers_in(value)):
                 unit = "" if extra["unit"] == "1" else f" {extra['unit']}"
-                raise PydanticCustomError("outside", "{range}", {"range": f"[{low:g}, {high:g}]{unit}"})
+                allowed = f"[{low:g}, {high:g}]{unit}{slip_hint(value, str(extra['unit']), low, high)}"
+                raise PydanticCustomError("outside", "{range}", {"range": allowed})
         return value
+
+
+def slip_hint(value: Any, unit: str, low: float, high: float) -> str:
+    """`; did you mean 2650 kg m-3?` for a number outside of a range that a unit of print puts inside."""
+    is_outside = isinstance(value, int | float) and not low <= value <= high
+    for factor, printed in SLIPS.get(unit, ()) if is_outside else ():
+        if low <= value * factor <= high:
+            return f"; did you mean {value * factor:g} {unit} ({value:g} {printed})?"
+    return ""
 
 
 def position(default: Any, meaning: str) -> Any:
@@ -170,9 +184,9 @@ def position(default: Any, meaning: str) -> Any:
     return number(default, "m", meaning, -FARTHEST, FARTHEST)
 
 
-def extent(default: Any, meaning: str, low: float = 1e-7) -> Any:
-    """Declare an extent [m], positive unless `low` says otherwise."""
-    return number(default, "m", meaning, low, FARTHEST)
+def extent(default: Any, meaning: str, low: float = 1e-7, high: float = LARGEST_APPARATUS) -> Any:
+    """Declare an extent [m], positive and no larger than an apparatus unless its bounds are given."""
+    return number(default, "m", meaning, low, high)
 
 
 def direction(default: Any, meaning: str) -> Any:
