@@ -23,10 +23,10 @@ from taichi_erosion.scene.preparation.clump import reach_over_diameter, template
 from taichi_erosion.scene.preparation.contacts import young_effective
 from taichi_erosion.scene.preparation.fill import lattice_points, places_per_layer
 from taichi_erosion.scene.preparation.sizes import nominal_diameter, size_range
-from taichi_erosion.scene.preparation.walls import mesh_triangles, outward, revolved_rows
+from taichi_erosion.scene.preparation.walls import outward, revolved_rows
 from taichi_erosion.scene.schema.air import AirBox, AirScene, box_problems
 from taichi_erosion.scene.schema.fields import unit_vector
-from taichi_erosion.scene.schema.geometry import UPWARDS, Cylinder, Funnel, Mesh, Plane
+from taichi_erosion.scene.schema.geometry import UPWARDS, Cylinder, Funnel, Plane
 from taichi_erosion.scene.schema.grains import Lattice, Layers, Positions, Pour, Rain
 from taichi_erosion.scene.schema.scene import Scene, observable_problems, reference_problems
 from taichi_erosion.scene.schema.wind import Wind
@@ -50,7 +50,7 @@ def cross_checks(scene: Scene, observables: Collection[str] | None) -> Iterator[
     yield from references
     if references:
         return
-    for check in (check_sizes, check_wind, check_memory, check_fill, check_meshes, check_numbers):
+    for check in (check_sizes, check_wind, check_memory, check_fill, check_numbers):
         lines = list(computed(check, scene))
         yield from lines
         if lines:
@@ -233,16 +233,8 @@ def listed_checks(scene: Scene, fill: Positions) -> Iterator[str]:
                 yield f"fill.grains.{i} overlaps geometry.{name} by {overlap:.3g} m"
 
 
-def check_meshes(scene: Scene) -> Iterator[str]:
-    """Mesh files can be read."""
-    for name, wall in scene.geometry.items():
-        if isinstance(wall, Mesh):
-            mesh_triangles(scene, name, wall)  # raises BadInput
-    yield from ()
-
-
 def check_numbers(scene: Scene) -> Iterator[str]:
-    """Time step and stiffness are within their limits."""
+    """Mesh files can be read; time step and stiffness are within their limits."""
     limits.refuse_unsafe_step(scene)
     steps = sum(stage.duration_max for stage in scene.stages) / limits.time_step(scene)
     if steps > MOST_STEPS:

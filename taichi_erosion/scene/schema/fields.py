@@ -82,17 +82,13 @@ def numbers_in(value: Any) -> Iterator[float]:
         yield value
 
 
-def is_numeric(value: Any) -> bool:
-    """Whether a value is a number or a list of numbers."""
-    if isinstance(value, tuple):
-        return len(value) > 0 and all(map(is_numeric, value))
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
 def times(value: Any, factor: float) -> Any:
-    """A number, or a vector of numbers, multiplied."""
+    """A number, or a list of numbers, multiplied; None for anything else."""
     if isinstance(value, tuple):
-        return tuple(times(entry, factor) for entry in value)
+        parts = tuple(times(entry, factor) for entry in value)
+        return None if None in parts else parts or None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
     try:
         return float(value) * factor
     except OverflowError:
@@ -122,12 +118,13 @@ class Section(BaseModel):
         diameter: float | None = (about.context or {}).get(DIAMETER)
         found = {}
         for key, value in table.items():
-            name = cls.scaled_name(str(key)) if diameter and is_numeric(value) else None
+            scaled = times(value, diameter) if diameter else None
+            name = cls.scaled_name(str(key)) if scaled is not None else None
             if name is not None and name in table:
                 raise contradiction(f"{name} and {key} name the same quantity")
             if name is None and key not in cls.model_fields:
                 raise unknown_key(str(key), cls.model_fields)
-            found[name or key] = times(value, diameter) if name and diameter else value
+            found[name or key] = scaled if name else value
         return found
 
     @classmethod
