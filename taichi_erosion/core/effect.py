@@ -82,21 +82,6 @@ class Check:
 Checks = Iterator[Check]
 
 
-def everywhere(conditions: Mapping[str, NDArray[np.float64]]) -> bool:
-    """Mask of an effect that acts under all conditions."""
-    return True
-
-
-def no_reach(constants: Constants, radius: float) -> float:
-    """Reach of an effect that acts at contact only [m]."""
-    return 0.0
-
-
-def undiminished(params: Any, conditions: Mapping[str, Any]) -> float:
-    """Dose of an effect that acts with its full strength under all conditions."""
-    return 1.0
-
-
 @dataclass(frozen=True)
 class Effect:
     """Optional physics that a scene can switch on by name.
@@ -124,16 +109,18 @@ class Effect:
     act: Callable[..., Any]
     checks: Callable[[Probe], Iterator[Check]]
     constants: Callable[[Any, float, Conditions], Constants] | None = None  # on the device only
-    reach: Callable[[Constants, float], float] = no_reach  # (constants, largest radius) -> gap [m], pair only
+    # (constants, largest radius) -> gap [m], pair only; without it an effect acts at contact only
+    reach: Callable[[Constants, float], float] = lambda constants, radius: 0.0
     drag: Callable[..., Any] | None = None  # factor of the run's drag, grain only; the air loses what it adds
     gust: Callable[..., Any] | None = None  # velocity that every effect on the grain then feels, grain only
     vector: bool = False  # a pair effect that gives a force vector, not an attraction
     grain_state: type | None = None  # frozen dataclass of `quantity` fields: state variables of a grain
     initial_state: Callable[[Any, float, Conditions], Any] | None = None  # (params, strength, conditions)
     update_state: Callable[..., Any] | None = None  # ti.func (constants, grain, state) -> state
+    through_air: bool = False  # acts through the air alone: not at all in a scene without wind
     reads: tuple[str, ...] = ()  # conditions that it reads
-    can_act: Callable[[Mapping[str, NDArray[np.float64]]], Any] = everywhere  # conditions -> mask
-    dose: Callable[[Any, Mapping[str, Any]], Any] = undiminished  # (params, conditions) -> [1]
+    can_act: Callable[[Mapping[str, NDArray[np.float64]]], Any] = lambda conditions: True  # -> mask
+    dose: Callable[[Any, Mapping[str, Any]], Any] = lambda params, conditions: 1.0  # of its strength [1]
     uncertain: Mapping[str, float] = field(default_factory=dict)  # own numbers to calibrate -> prior sd of ln
     prior_scale: float = 1.0  # of strength: half-normal scale that the literature supports [1]
     most: float = 3.0  # largest strength that is physical [1]

@@ -70,5 +70,10 @@ def checks(probe: Probe) -> Checks:
 
 
 EFFECT = effect_of(
-    __name__, title="Magnus lift of spinning grains", place="grain", act=push, expected={"flux": 1}
+    __name__,
+    title="Magnus lift of spinning grains",
+    place="grain",
+    through_air=True,
+    act=push,
+    expected={"flux": 1},
 )

@@ -102,6 +102,7 @@ EFFECT = effect_of(
     __name__,
     title="more drag on grains on the bed and close above it",
     place="grain",
+    through_air=True,
     act=push,
     drag=factor,
     most=1.5,

@@ -109,6 +109,7 @@ EFFECT = effect_of(
     __name__,
     title="shear lift, free (Saffman) and on the bed",
     place="grain",
+    through_air=True,
     act=push,
     expected={"threshold_u_star": -1, "flux": 1},
 )

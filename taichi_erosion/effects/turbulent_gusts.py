@@ -187,6 +187,7 @@ EFFECT = effect_of(
     __name__,
     title="gusts of the wind (log-normal, Langevin statistics)",
     place="grain",
+    through_air=True,
     act=push,
     expected={"threshold_u_star": -1, "flux": 1},
 )

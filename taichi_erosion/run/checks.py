@@ -109,17 +109,39 @@ def named_effects(paths: Sequence[Path]) -> EffectFiles:
 
 
 def idle_effects(scene: Scene, files: EffectFiles) -> list[str]:
-    """Sentences on effects of named files that do not act in a scene."""
-    if not files:
-        return []
+    """Sentences on effects that do not act in a scene: of named files that it does not name, and its own."""
+    if not files and not scene.effects:
+        return []  # and the device is not imported
     from taichi_erosion.core.effect_loading import effect_in
 
-    names = [effect_in(file).name for file in files]
-    return [
-        f"effect '{name}' does not act: the scene does not name it; --set effects.{name}.strength=1"
-        for name in names
+    reasons = {
+        name: f"the scene does not name it; --set effects.{name}.strength=1"
+        for name in (effect_in(file).name for file in files)
         if name not in scene.effects
+    }
+    library = library_of(scene)
+    reasons |= {name: idle_reason(scene, library[name]) for name in scene.effects}
+    return [f"effect '{name}' does not act: {reason}" for name, reason in reasons.items() if reason]
+
+
+def idle_reason(scene: Scene, effect: Any) -> str:
+    """What keeps an effect from changing anything in a scene; empty where it acts, or is stated as 0."""
+    from taichi_erosion.simulation.scene_setup import acts, can_act
+
+    if scene.effects[effect.name].get("strength") == 0.0:
+        return ""
+    stated, possible = scene.conditions.stated(), can_act(scene, effect)
+    if possible and acts(scene, effect):
+        return ""
+    if effect.place == "instrument":
+        return f"it changes the reading of none of {', '.join(scene.measure)}"
+    told = [
+        f"conditions.{name} = {stated[name]:g}" if name in stated else f"conditions.{name} is not stated"
+        for name in effect.reads
     ]
+    if possible and scene.wind is None:
+        told.append("there is no [wind] section")
+    return ", ".join(told) or "with these numbers it changes nothing"
 
 
 def library_of(*scenes: Scene) -> dict[str, Any]:

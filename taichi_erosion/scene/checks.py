@@ -4,7 +4,7 @@ Rules on the entries of one section, and on names that refer to other sections, 
 """
 
 from collections.abc import Callable, Collection, Iterator
-from math import log, sqrt
+from math import inf, log, sqrt
 
 import numpy as np
 import scipy
@@ -23,9 +23,10 @@ from taichi_erosion.scene.preparation.clump import reach_over_diameter, template
 from taichi_erosion.scene.preparation.contacts import young_effective
 from taichi_erosion.scene.preparation.fill import lattice_points, places_per_layer
 from taichi_erosion.scene.preparation.sizes import nominal_diameter, size_range
-from taichi_erosion.scene.preparation.walls import mesh_triangles, outward
+from taichi_erosion.scene.preparation.walls import outward, revolved_rows
 from taichi_erosion.scene.schema.air import AirBox, AirScene, box_problems
-from taichi_erosion.scene.schema.geometry import Mesh, Plane
+from taichi_erosion.scene.schema.fields import unit_vector
+from taichi_erosion.scene.schema.geometry import UPWARDS, Cylinder, Funnel, Plane
 from taichi_erosion.scene.schema.grains import Lattice, Layers, Positions, Pour, Rain
 from taichi_erosion.scene.schema.scene import Scene, observable_problems, reference_problems
 from taichi_erosion.scene.schema.wind import Wind
@@ -39,6 +40,7 @@ GUST = 3.0 * 2.5  # u' that hardly any gust exceeds, over u*: three deviations n
 LID_LEAST = 20.0  # diameters between bed and lid where wind blows: below, the lid lies in the layer that hops
 EXCHANGE_SHARE = 0.1  # of the response of the smallest grain that may pass between two exchanges [1]
 REST_LEAST = 0.1  # of sqrt(d / g): a grain that begins to fall is faster by then than one at rest may be [1]
+PARALLEL = 0.999  # cosine between two axes that count as one direction [1]
 PATCH_GRAINS_LEAST = 6  # in each direction of a periodic patch: else a grain meets its own image
 
 
@@ -48,7 +50,7 @@ def cross_checks(scene: Scene, observables: Collection[str] | None) -> Iterator[
     yield from references
     if references:
         return
-    for check in (check_sizes, check_wind, check_memory, check_fill, check_meshes, check_numbers):
+    for check in (check_sizes, check_wind, check_memory, check_fill, check_numbers):
         lines = list(computed(check, scene))
         yield from lines
         if lines:
@@ -158,11 +160,31 @@ def check_fill(scene: Scene) -> Iterator[str]:
         yield "fill.law = 'layers' fills a patch: a [wind] section must state its length and width"
     elif not isinstance(fill, Layers) and fill.radius < reach:
         yield f"fill.radius = {fill.radius:g} m is smaller than a grain's reach of {reach:g} m"
+    elif not isinstance(fill, Layers) and (lines := list(tube_checks(scene, fill))):
+        yield from lines
     elif isinstance(fill, Pour):
         if fill.speed == 0.0 and scene.gravity.magnitude == 0.0:
             yield "fill.speed = 0.0 without gravity: poured grains would never fall"
     else:
         yield from net_checks(scene, fill, 2.0 * reach)
+
+
+def tube_checks(scene: Scene, fill: Rain | Lattice | Pour) -> Iterator[str]:
+    """Grains start inside the tube or funnel about the axis of their fill."""
+    start, axis = (fill.axis_point if isinstance(fill, Rain) else fill.centre), np.array(UPWARDS)
+    if isinstance(fill, Rain):
+        start = np.add(start, fill.first_height * axis)
+    elif isinstance(fill, Lattice):
+        axis = np.array(unit_vector(fill.axis))
+    for name, wall in scene.geometry.items():
+        for row in revolved_rows(wall) if isinstance(wall, Cylinder | Funnel) else ():
+            arm, own_axis = np.subtract(start, row[:3]), np.array(row[3:6])
+            along = float(arm @ own_axis)
+            across = float(np.linalg.norm(arm - along * own_axis))
+            inner = float(np.interp(along, row[7::2], row[6::2], left=inf, right=inf))
+            if abs(axis @ own_axis) > PARALLEL and across < inner < across + fill.radius:
+                told = f"geometry.{name} has a radius of {inner:g} m there"
+                yield f"fill.radius = {fill.radius:g} m: grains would start outside the wall; {told}"
 
 
 def net_checks(scene: Scene, fill: Rain | Lattice | Layers, largest: float) -> Iterator[str]:
@@ -211,16 +233,8 @@ def listed_checks(scene: Scene, fill: Positions) -> Iterator[str]:
                 yield f"fill.grains.{i} overlaps geometry.{name} by {overlap:.3g} m"
 
 
-def check_meshes(scene: Scene) -> Iterator[str]:
-    """Mesh files can be read."""
-    for name, wall in scene.geometry.items():
-        if isinstance(wall, Mesh):
-            mesh_triangles(scene, name, wall)  # raises BadInput
-    yield from ()
-
-
 def check_numbers(scene: Scene) -> Iterator[str]:
-    """Time step and stiffness are within their limits."""
+    """Mesh files can be read; time step and stiffness are within their limits."""
     limits.refuse_unsafe_step(scene)
     steps = sum(stage.duration_max for stage in scene.stages) / limits.time_step(scene)
     if steps > MOST_STEPS:

@@ -127,8 +127,11 @@ def parsed(
     problems: Callable[[S], Iterator[str]],
 ) -> S:
     """Scene without problems, of a raw table."""
+    raw = deepcopy(dict(table))
     try:
-        scene = validated(kind, deepcopy(dict(table)), overrides)
+        for override in overrides:
+            apply_override(raw, override)
+        scene = validated(kind, with_tuples(raw))
         scene._file = name
         lines = list(problems(scene))
     except BadInput as error:
@@ -138,16 +141,13 @@ def parsed(
     return scene
 
 
-def validated(kind: type[S], table: dict[str, Any], overrides: Sequence[str]) -> S:
+def validated(kind: type[S], table: dict[str, Any]) -> S:
     """Scene whose every entry is right by itself."""
-    for override in overrides:
-        apply_override(table, override)
-    frozen = with_tuples(table)
-    diameter = readable_diameter(frozen) if kind is Scene else None
+    diameter = readable_diameter(table) if kind is Scene else None
     try:
-        return kind.model_validate(frozen, context={DIAMETER: diameter})
+        return kind.model_validate(table, context={DIAMETER: diameter})
     except ValidationError as error:
-        raise BadInput(*problem_lines(error, frozen, diameter)) from None
+        raise BadInput(*problem_lines(error, table, diameter)) from None
     except (OverflowError, RecursionError) as error:
         raise BadInput(f"cannot be used: {first_line(error)}") from None
 

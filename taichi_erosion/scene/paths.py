@@ -69,8 +69,14 @@ def meaning_of(path: str) -> str:
         if found is None:
             names = [name for option in options(schema, above) for name in option.get("properties", {})]
             raise BadInput(f"no scene has an entry '{path}'{did_you_mean(key, names)}")
-    nameless = "a component" if found.get("type") == "number" else "a section"
+    nameless = "a component" if found.get("type") == "number" else section_meaning(schema, found)
     return "\n".join([f"{path}: {told_entry(found, nameless)}", *lines_below(schema, found)])
+
+
+def section_meaning(schema: dict[str, Any], node: dict[str, Any]) -> str:
+    """First line of the docstring of a section, or of the entries of a list of sections."""
+    found = [option for option in options(schema, node.get("items", node)) if "description" in option]
+    return found[0]["description"].partition("\n")[0] if len(found) == 1 else "a section"
 
 
 def told_entry(entry: Mapping[str, Any], nameless: str = "") -> str:
@@ -80,10 +86,10 @@ def told_entry(entry: Mapping[str, Any], nameless: str = "") -> str:
         f"{name} {entry[word]:g}" for name, word in (("from", "minimum"), ("to", "maximum")) if word in entry
     ]
     if isinstance(entry.get("default"), (str, int, float)):
-        bounds.append(f"default {entry['default']}")
+        bounds.append(f"; default {entry['default']}")
     if "enum" in entry:
-        bounds.append(f"one of {', '.join(map(str, entry['enum']))}")
-    return " ".join(filter(None, [entry.get("description", nameless), *bounds]))
+        bounds.append(f"; one of {', '.join(map(str, entry['enum']))}")
+    return " ".join(filter(None, [entry.get("description", nameless), *bounds])).replace(" ;", ";")
 
 
 def lines_below(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[str]:
@@ -92,11 +98,14 @@ def lines_below(schema: dict[str, Any], node: dict[str, Any]) -> Iterator[str]:
     Lengths and times in nominal diameters (`NAME_d`) are left out: each has its twin in metres or seconds.
     """
     for option in options(schema, node):
+        if isinstance(option.get("items"), dict) and (entries := list(lines_below(schema, option["items"]))):
+            yield "  a list, each entry a section with"
+            yield from (f"  {line}" for line in entries)
         within = option.get("properties", {})
         if (named := named_section(option)) is not None:
             yield "  names of your own, each a section with"
             yield from (f"  {line}" for line in lines_below(schema, named))
-        for name, entry in within.items():
+        for name, entry in sorted(within.items(), key=lambda item: "const" not in item[1]):
             if "const" in entry:
                 yield f'  {name} = "{entry["const"]}", with'
             elif not (name.endswith("_d") and name.removesuffix("_d") in within):

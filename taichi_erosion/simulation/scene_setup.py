@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from taichi_erosion.core.effect import Conditions, Effect, ReplicaEffect, read_params, replica_effect
 from taichi_erosion.core.effect_loading import ON_DEVICE, at, failures_of
 from taichi_erosion.core.errors import BadInput
@@ -83,6 +85,25 @@ def device_effects(after: Scene, library: Library, radius: float) -> list[Replic
             with failures_of(effect, "constants"):
                 found.append(replica_effect(effect, params, strength, circumstances, radius))
     return found
+
+
+def can_act(scene: Scene, effect: Effect) -> bool:
+    """Whether an effect can act under the conditions that a scene states."""
+    with failures_of(effect, "can_act"):
+        return bool(np.all(effect.can_act({n: np.array([v]) for n, v in conditions_of(scene).items()})))
+
+
+def acts(scene: Scene, effect: Effect) -> bool:
+    """Whether an effect of a scene changes it, a reading of its measures, or a number on the device."""
+    params, strength = checked_params(scene, effect)
+    known = circumstances_of(scene)
+    if effect.place == "scene":
+        return changed_by(effect, params, strength, conditions_of(scene), scene) != scene
+    if effect.place == "instrument":
+        return any(effect.act(params, strength, known, name, 1.0) != 1.0 for name in scene.measure)
+    assert effect.constants is not None
+    blows = scene.wind is not None or not effect.through_air
+    return blows and effect.constants(params, strength, known) != effect.constants(params, 0.0, known)
 
 
 def checked_params(scene: Scene, effect: Effect) -> tuple[object, float]:

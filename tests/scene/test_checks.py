@@ -34,6 +34,19 @@ def test_two_grains_in_one_place_are_refused():
     assert "fill.grains.1 overlaps fill.grains.0 by 0.001 m" in complaint(table)
 
 
+@pytest.mark.parametrize(
+    ("scene", "order"),
+    [
+        ("column_collapse", "fill.radius_d=9.5"),  # rain into a tube of 9 d
+        ("rotating_drum", "fill.radius=0.031"),  # a lattice in a drum of 0.03 m that lies on its side
+        ("funnel_repose", "fill.radius=0.07"),  # a pour into a funnel
+    ],
+)
+def test_a_fill_wider_than_its_tube_is_refused(scene: str, order: str):
+    with pytest.raises(BadInput, match=r"fill.radius = .*: grains would start outside the wall; geometry\."):
+        check_scene(SCENES / f"{scene}.toml", (order,))
+
+
 TUNNEL = SCENES / "tunnel_section.toml"
 
 

@@ -8,7 +8,8 @@ from scene_tables import SCENES, good_table
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import parse_scene, resolved
-from taichi_erosion.scene.paths import schema_text
+from taichi_erosion.scene.paths import meaning_of, schema_text
+from taichi_erosion.scene.schema.scene import Stage
 
 
 @pytest.mark.parametrize(
@@ -70,3 +71,12 @@ def test_every_number_of_the_schema_has_a_unit():
                     yield from numbers(entry, f"{name}.{key}")
 
     assert list(numbers(json.loads(schema_text())["$defs"])) == []
+
+
+def test_the_entries_of_a_list_of_sections_are_told_with_their_meanings():
+    first, *lines = meaning_of("stages").splitlines()
+    assert first == f"stages: {(Stage.__doc__ or '').strip()}"
+    told = dict(line.strip().split(": ", 1) for line in lines[1:])
+    assert list(told) == list(Stage.model_fields)
+    assert told["duration_min"] == "shortest duration [s] from 0 to 100000; default 0.0"
+    assert told["until"].endswith("; default rest; one of rest, time, threshold")

@@ -37,7 +37,7 @@ def test_every_mistake_gives_one_line_that_names_the_file_and_the_section(path: 
         (
             "materials.soil.density",
             2.13e9,
-            "materials.soil.density = 2130000000.0 lies outside [1, 30000] kg m-3",
+            "materials.soil.density = 2130000000.0 lies outside [25, 30000] kg m-3",
         ),
         (
             "contact.soil-soil.restituton",
@@ -54,6 +54,21 @@ def test_every_mistake_gives_one_line_that_names_the_file_and_the_section(path: 
 )
 def test_the_line_says_what_is_allowed(path: str, value: Any, line: str):
     assert complaint(changed(path, value)) == f"scenes/bad.toml: {line}"
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "hint"),
+    [
+        ("materials.soil.density", 2.65, "; did you mean 2650 kg m-3 (2.65 g cm-3)?"),
+        ("geometry.funnel.rim_radius", 12.0, "; did you mean 0.012 m (12 mm)?"),
+        ("grains.size.median", 0.3, "; did you mean 0.0003 m (0.3 mm)?"),
+        ("grains.size.median", 250.0, "; did you mean 0.00025 m (250 um)?"),
+        ("grains.size", {"law": "sieve", "rows": [[0.1, 0.5, 1.0]]}, "; did you mean 0.0005 m (0.5 mm)?"),
+        ("materials.soil.density", 2.13e9, "kg m-3"),  # no unit of print explains it
+    ],
+)
+def test_a_number_in_a_unit_of_print_is_recognised(path: str, value: Any, hint: str):
+    assert complaint(changed(path, value)).endswith(hint)
 
 
 def test_several_mistakes_give_the_first_and_their_number():

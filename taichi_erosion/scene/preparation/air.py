@@ -92,6 +92,7 @@ def on_grid(column: AirSetup, wind: Wind, diameter: float, seed: int) -> AirSetu
 def patch_coupling(scene: Scene, wind: Wind, seed: int) -> Coupling:
     """Intervals and constants of the exchange between grains and air."""
     rising = any(stage.through_flow is not None for stage in scene.stages)
+    interval = wind.look_steps * time_step(scene)
     return Coupling(
         look_steps=wind.look_steps,
         surface=surface_height(scene, wind),
@@ -99,16 +100,10 @@ def patch_coupling(scene: Scene, wind: Wind, seed: int) -> Coupling:
         rising=rising,
         seed=seed % 2**31,
         partition=wind.partition,
-        sleep_exchanges=sleep_exchanges(scene, wind),
+        # at rest, the first included, that last no less than the stated time
+        sleep_exchanges=1 + ceil(wind.sleep_after / interval) if wind.sleep_after else 0,
         sleep_share=wind.sleep_share,
     )
-
-
-def sleep_exchanges(scene: Scene, wind: Wind) -> int:
-    """Exchanges, the first included, that last no less than the time at rest; 0 where no grain sleeps."""
-    if not wind.sleep_after:
-        return 0
-    return 1 + ceil(wind.sleep_after / (wind.look_steps * time_step(scene)))
 
 
 def patch_box(wind: Wind, grains: GrainTable) -> tuple[Triple, Triple]:
@@ -186,7 +181,6 @@ def build_air(scene: AirScene, seed: int) -> AirSetup:
     """Air of one replica of a scene of air alone."""
     air = scene.air
     shape = inlet_shape(air)
-    start = shape if shape is not None else first_guess(air)
     return AirSetup(
         cells=air.cells,
         low=(0.0, 0.0, 0.0),
@@ -204,8 +198,11 @@ def build_air(scene: AirScene, seed: int) -> AirSetup:
         driving_gradient=air.driving_gradient,
         implicitness=air.implicitness,
         inlet_shape=shape,
-        turbulence=inlet_turbulence(air, seed),
-        start=start,
+        turbulence=air.turbulence
+        and InletTurbulence(
+            air.turbulence.deviation, air.turbulence.integral_length, seed, air.turbulence.waves
+        ),
+        start=shape if shape is not None else first_guess(air),
     )
 
 
@@ -233,12 +230,3 @@ def first_guess(air: AirBox) -> Floats | None:
     smooth = 0.11 * air.viscosity / max(friction, 1e-12)  # roughness length of a smooth wall
     roughness = max(air.sides["z_low"].roughness_length, smooth)
     return air_setup.log_profile(0.5 * (height[1:] + height[:-1]), friction, roughness, air.karman)
-
-
-def inlet_turbulence(air: AirBox, seed: int) -> InletTurbulence | None:
-    """Fluctuations at the inlet."""
-    if air.turbulence is None:
-        return None
-    return InletTurbulence(
-        air.turbulence.deviation, air.turbulence.integral_length, seed, air.turbulence.waves
-    )

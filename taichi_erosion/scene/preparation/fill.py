@@ -91,24 +91,17 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
     diameter = sample_diameters(scene.grains.size, scene.grains.count, stream(seed, "diameters"))
     if isinstance(scene.fill, Pour):
         return poured_bodies(scene, scene.fill, seed, diameter, reach)
-    random = stream(seed, "places")
-    fill = scene.fill
-    position = jittered_net(scene, fill, len(diameter), random)
+    fill, random = scene.fill, stream(seed, "places")
+    if isinstance(fill, Rain):
+        position = rain(fill, len(diameter), random)
+    elif isinstance(fill, Lattice):
+        position = lattice(fill, len(diameter), random)
+    else:
+        assert scene.wind is not None
+        position = patch_layers(scene.wind, fill, len(diameter), random)
     speed = fill.speed_sd * sqrt(scene.gravity.magnitude * nominal_diameter(scene.grains.size))
     velocity = speed * stream(seed, "velocities").standard_normal(position.shape)
     return InitialBodies(position, velocity, np.zeros_like(position), diameter, np.zeros(len(diameter)))
-
-
-def jittered_net(
-    scene: Scene, fill: Rain | Lattice | Layers, count: int, random: np.random.Generator
-) -> Floats:
-    """Centres on a jittered net, [count, 3] m."""
-    if isinstance(fill, Rain):
-        return rain(fill, count, random)
-    if isinstance(fill, Lattice):
-        return lattice(fill, count, random)
-    assert scene.wind is not None
-    return patch_layers(scene.wind, fill, count, random)
 
 
 def patch_layers(wind: Wind, fill: Layers, count: int, random: np.random.Generator) -> Floats:

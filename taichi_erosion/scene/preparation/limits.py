@@ -1,7 +1,7 @@
 """Limits of the time step, the step chosen, adhesion numbers: whatever a run prints about its own numbers."""
 
 from dataclasses import asdict, dataclass
-from math import pi, radians, sqrt, tan
+from math import hypot, pi, radians, sqrt, tan
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
@@ -107,17 +107,15 @@ def adhesion(scene: Scene) -> Adhesion | None:
 
 def adhesion_warnings(scene: Scene, sticking: Adhesion | None) -> list[str]:
     """Sentences about implausible adhesion."""
-    if sticking is None:
-        return []
     lines = []
-    if sticking.bond_number > BOND_WARNED:
+    if sticking and sticking.bond_number > BOND_WARNED:
         lines.append(
             f"Bond number {sticking.bond_number:.3g} exceeds {BOND_WARNED:g}: "
             "a grain carries that many weights; the surface energy is a fitted constant of this grain size, "
             "not a soil property"
         )
     is_heap = scene.scene.kind in ("repose", "collapse", "lifting")
-    if is_heap and sticking.cohesion_over_heap_stress > STRESS_WARNED:
+    if sticking and is_heap and sticking.cohesion_over_heap_stress > STRESS_WARNED:
         lines.append(
             f"cohesion is {sticking.cohesion_over_heap_stress:.3g} of the stress under the heap, "
             f"above {STRESS_WARNED:g}: a heap of this size need not fail at any angle"
@@ -186,7 +184,7 @@ def expected_speed(scene: Scene) -> float:
     v = sqrt(v_0^2 + 2 g h)
     """
     top = start_top(scene, 0.5 * size_range(scene.grains.size)[1])
-    bottom = min((float(wall_bounds(scene, name).low[2]) for name in scene.geometry), default=top)
+    bottom = min((float(wall_bounds(scene, name)[0, 2]) for name in scene.geometry), default=top)
     fall = 2.0 * scene.gravity.magnitude * max(top - bottom, 0.0)
     return max([sqrt(start_speed(scene) ** 2 + fall), *wall_speeds(scene)])
 
@@ -195,7 +193,7 @@ def start_speed(scene: Scene) -> float:
     """Speed with which grains start [m s-1]; three standard deviations where it is random."""
     fill = scene.fill
     if isinstance(fill, Positions):
-        return max(sqrt(sum(c * c for c in grain.velocity)) for grain in fill.grains)
+        return max(hypot(*grain.velocity) for grain in fill.grains)
     if isinstance(fill, Pour):
         return fill.speed
     return 3.0 * fill.speed_sd * sqrt(scene.gravity.magnitude * nominal_diameter(scene.grains.size))
@@ -206,10 +204,8 @@ def wall_speeds(scene: Scene) -> list[float]:
     speeds = [0.0]
     for stage in scene.stages:
         for name, order in stage.move.items():
-            box = wall_bounds(scene, name)
-            arm = max(float(abs(box.low - order.centre).max()), float(abs(box.high - order.centre).max()))
-            spin = sqrt(sum(c * c for c in order.spin))
-            speeds.append(sqrt(sum(c * c for c in order.velocity)) + spin * arm)
+            arm = float(abs(wall_bounds(scene, name) - order.centre).max())
+            speeds.append(hypot(*order.velocity) + hypot(*order.spin) * arm)
     return speeds
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
-from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Laws, Setup, Surface
+from taichi_erosion.core.setup import ClumpTable, GrainTable, Laws, Setup, Surface
 from taichi_erosion.scene.preparation.air import patch_air, patch_box, patch_coupling
 from taichi_erosion.scene.preparation.clump import Body, body_of, reach_over_diameter
 from taichi_erosion.scene.preparation.contacts import contact_table, materials_used
@@ -93,13 +93,8 @@ def clump_table(scene: Scene, seed: int, start: InitialBodies, body: Body, densi
         mass=density * body.volume * start.diameter**3,
         inertia=density * np.outer(start.diameter**5, body.inertia),
         position=start.position + start.diameter[:, None] * shift,
-        orientation=canonical(turned * body.rotation),
+        orientation=(turned * body.rotation).as_quat(canonical=True, scalar_first=True),  # w >= 0
     )
-
-
-def canonical(rotation: "scipy.spatial.transform.Rotation") -> Floats:
-    """Unit quaternions (w, x, y, z) with w >= 0."""
-    return rotation.as_quat(canonical=True, scalar_first=True)
 
 
 def clump_spheres(start: InitialBodies, body: Body, clumps: ClumpTable, material: int) -> GrainTable:

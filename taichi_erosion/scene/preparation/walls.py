@@ -1,7 +1,5 @@
 """Walls of a scene as primitives, their bounding boxes, and the domain that no grain may leave."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
@@ -28,8 +26,8 @@ def domain_box(scene: Scene, centres: Floats, radius_largest: float) -> tuple[Ve
     A grain found outside is lost, and the run stops; the margin leaves room for a spreading heap.
     """
     boxes = [wall_bounds(scene, name) for name in scene.geometry] + [bounds_of(centres)]
-    low = np.min([box.low for box in boxes], axis=0) + travel(scene, np.minimum)
-    high = np.max([box.high for box in boxes], axis=0) + travel(scene, np.maximum)
+    low = np.min(boxes, axis=0)[0] + travel(scene, np.minimum)
+    high = np.max(boxes, axis=0)[1] + travel(scene, np.maximum)
     is_open = any(isinstance(wall, Plane) for wall in scene.geometry.values())
     share = MARGIN_OPEN if is_open else MARGIN_CLOSED
     least = MARGIN_RADII_OPEN if is_open else MARGIN_RADII
@@ -51,14 +49,6 @@ def travel(scene: Scene, extreme: np.ufunc) -> Floats:
             reached[name] = reached.get(name, np.zeros(3)) + v * stage.duration_max
             farthest = extreme(farthest, reached[name])
     return farthest
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """Axis-parallel box."""
-
-    low: Floats  # [3] m
-    high: Floats  # [3] m
 
 
 def primitive_table(scene: Scene, names: list[str]) -> PrimitiveTable:
@@ -133,8 +123,8 @@ def mesh_triangles(scene: Scene, name: str, wall: Mesh) -> Floats:
     return triangles * wall.scale + np.array(wall.translate)
 
 
-def wall_bounds(scene: Scene, name: str) -> Bounds:
-    """Box around a wall; of a plane, only its point."""
+def wall_bounds(scene: Scene, name: str) -> Floats:
+    """Low and high corner [2, 3] m of the box around a wall; of a plane, only its point."""
     wall = scene.geometry[name]
     if isinstance(wall, Plane):
         return bounds_of(np.array([wall.point]))
@@ -145,7 +135,7 @@ def wall_bounds(scene: Scene, name: str) -> Bounds:
     return revolved_bounds(wall)
 
 
-def revolved_bounds(wall: Disc | Cylinder | Cone | Funnel) -> Bounds:
+def revolved_bounds(wall: Disc | Cylinder | Cone | Funnel) -> Floats:
     """Box around a surface of revolution: a circle of radius r reaches r sqrt(1 - axis_k^2) along k."""
     corners = []
     for row in revolved_rows(wall):
@@ -156,9 +146,9 @@ def revolved_bounds(wall: Disc | Cylinder | Cone | Funnel) -> Bounds:
     return bounds_of(np.array(corners))
 
 
-def bounds_of(points: Floats) -> Bounds:
-    """Box around points."""
-    return Bounds(points.min(axis=0), points.max(axis=0))
+def bounds_of(points: Floats) -> Floats:
+    """Low and high corner [2, 3] m of the box around points."""
+    return np.array([points.min(axis=0), points.max(axis=0)])
 
 
 def outward(point: Vector, wall: Plane) -> float:

@@ -88,7 +88,7 @@ class PowerProfile(AirSection):
     speed: float = fields.number(
         ..., "m s-1", "wind speed at the edge of the layer and above", 0.0, fields.FASTEST
     )
-    thickness: float = fields.extent(..., "thickness of the layer")
+    thickness: float = fields.extent(..., "thickness of the layer", high=fields.FARTHEST)
     exponent: float = fields.number(1.0 / 7.0, "1", "exponent", 0.01, 1.0)
 
 
@@ -117,7 +117,7 @@ class Turbulence(AirSection):
     """Fluctuations at the inlet."""
 
     deviation: Vector = fields.number(..., "m s-1", "standard deviations of u, v and w", 0.0, fields.FASTEST)
-    integral_length: float = fields.extent(..., "integral length scale")
+    integral_length: float = fields.extent(..., "integral length scale", high=fields.FARTHEST)
     waves: int = fields.number(InletTurbulence.waves, "1", "random waves that are summed", 8, 10_000)
 
 
@@ -160,7 +160,9 @@ class AirBox(AirSection):
 class AirMeasure(AirSection):
     """Where one observable of the air is read."""
 
-    place: float | None = fields.extent(None, "position along x; left out: the mean along x", 0.0)
+    place: float | None = fields.extent(
+        None, "position along x; left out: the mean along x", 0.0, fields.FARTHEST
+    )
 
 
 class AirScene(SceneFile):

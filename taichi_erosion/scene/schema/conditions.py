@@ -4,7 +4,16 @@ from typing import Any
 
 from pydantic import Field, SerializerFunctionWrapHandler, field_validator, model_serializer, model_validator
 
-from taichi_erosion.scene.schema.fields import Name, Section, contradiction, number, unit_of, unknown_key
+from taichi_erosion.scene.schema.fields import (
+    LARGEST_GRAIN,
+    SMALLEST_GRAIN,
+    Name,
+    Section,
+    contradiction,
+    number,
+    unit_of,
+    unknown_key,
+)
 from taichi_erosion.scene.schema.units import EXAMPLES, UnknownUnit, parse_scale
 
 LARGEST = 1e30  # values beyond it are taken for a slip
@@ -49,7 +58,9 @@ class Conditions(Section):
     slope: float | None = number(None, "deg", "slope of the bed, uphill positive", -90.0, 90.0)
     wind_speed: float | None = number(None, "m s-1", "free-stream wind speed", 0.0, 100.0)
     friction_velocity: float | None = number(None, "m s-1", "friction velocity u*", 0.0, 10.0)
-    diameter: float | None = number(None, "m", "grain diameter as the laboratory states it", 1e-6, 1.0)
+    diameter: float | None = number(
+        None, "m", "grain diameter as the laboratory states it", SMALLEST_GRAIN, LARGEST_GRAIN
+    )
     angularity: float | None = number(None, "1", "shape index: 0 round, 1 most angular", 0.0, 1.0)
     clay_fraction: float | None = number(None, "kg kg-1", "mass fraction of clay", 0.0, 1.0)
     organic_fraction: float | None = number(None, "kg kg-1", "mass fraction of organic matter", 0.0, 1.0)

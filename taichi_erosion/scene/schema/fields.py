@@ -36,7 +36,11 @@ DIAMETERS = "_d"  # suffix of a length in nominal diameters, or of a time in s p
 SCALING_UNITS = ("m", "s")  # of quantities that may be given so
 DIAMETER = "diameter"  # the nominal one [m], in the context of validation
 FARTHEST = 1e4  # coordinates beyond it are taken for a wrong unit [m]
+LARGEST_APPARATUS = 3.0  # likewise walls, fills and patches whose grains are followed one by one [m]
+SMALLEST_GRAIN = 1e-6  # smaller grains are no longer moved by contact and weight alone [m]
+LARGEST_GRAIN = 0.05  # larger ones are taken for a wrong unit; wind moves none of them [m]
 FASTEST = 1e3  # likewise speeds [m s-1]
+SLIPS = {"m": ((1e-3, "mm"), (1e-6, "um")), "kg m-3": ((1e3, "g cm-3"),)}  # units of print in SI, by SI unit
 
 
 def contradiction(message: str) -> PydanticCustomError:
@@ -78,17 +82,13 @@ def numbers_in(value: Any) -> Iterator[float]:
         yield value
 
 
-def is_numeric(value: Any) -> bool:
-    """Whether a value is a number or a list of numbers."""
-    if isinstance(value, tuple):
-        return len(value) > 0 and all(map(is_numeric, value))
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
 def times(value: Any, factor: float) -> Any:
-    """A number, or a vector of numbers, multiplied."""
+    """A number, or a list of numbers, multiplied; None for anything else."""
     if isinstance(value, tuple):
-        return tuple(times(entry, factor) for entry in value)
+        parts = tuple(times(entry, factor) for entry in value)
+        return None if None in parts else parts or None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
     try:
         return float(value) * factor
     except OverflowError:
@@ -118,12 +118,13 @@ class Section(BaseModel):
         diameter: float | None = (about.context or {}).get(DIAMETER)
         found = {}
         for key, value in table.items():
-            name = cls.scaled_name(str(key)) if diameter and is_numeric(value) else None
+            scaled = times(value, diameter) if diameter else None
+            name = cls.scaled_name(str(key)) if scaled is not None else None
             if name is not None and name in table:
                 raise contradiction(f"{name} and {key} name the same quantity")
             if name is None and key not in cls.model_fields:
                 raise unknown_key(str(key), cls.model_fields)
-            found[name or key] = times(value, diameter) if name and diameter else value
+            found[name or key] = scaled if name else value
         return found
 
     @classmethod
@@ -161,8 +162,18 @@ class Section(BaseModel):
             low, high = float(str(extra.get("minimum", -inf))), float(str(extra.get("maximum", inf)))
             if not all(low <= v <= high for v in numbers_in(value)):
                 unit = "" if extra["unit"] == "1" else f" {extra['unit']}"
-                raise PydanticCustomError("outside", "{range}", {"range": f"[{low:g}, {high:g}]{unit}"})
+                allowed = f"[{low:g}, {high:g}]{unit}{slip_hint(value, str(extra['unit']), low, high)}"
+                raise PydanticCustomError("outside", "{range}", {"range": allowed})
         return value
+
+
+def slip_hint(value: Any, unit: str, low: float, high: float) -> str:
+    """`; did you mean 2650 kg m-3?` for a number outside of a range that a unit of print puts inside."""
+    is_outside = isinstance(value, int | float) and not low <= value <= high
+    for factor, printed in SLIPS.get(unit, ()) if is_outside else ():
+        if low <= value * factor <= high:
+            return f"; did you mean {value * factor:g} {unit} ({value:g} {printed})?"
+    return ""
 
 
 def position(default: Any, meaning: str) -> Any:
@@ -170,9 +181,9 @@ def position(default: Any, meaning: str) -> Any:
     return number(default, "m", meaning, -FARTHEST, FARTHEST)
 
 
-def extent(default: Any, meaning: str, low: float = 1e-7) -> Any:
-    """Declare an extent [m], positive unless `low` says otherwise."""
-    return number(default, "m", meaning, low, FARTHEST)
+def extent(default: Any, meaning: str, low: float = 1e-7, high: float = LARGEST_APPARATUS) -> Any:
+    """Declare an extent [m], positive and no larger than an apparatus unless its bounds are given."""
+    return number(default, "m", meaning, low, high)
 
 
 def direction(default: Any, meaning: str) -> Any:

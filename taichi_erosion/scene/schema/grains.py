@@ -5,6 +5,8 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from taichi_erosion.scene.schema.fields import (
+    LARGEST_GRAIN,
+    SMALLEST_GRAIN,
     Direction,
     Name,
     Section,
@@ -14,10 +16,10 @@ from taichi_erosion.scene.schema.fields import (
     extent,
     number,
     position,
+    slip_hint,
 )
 
-SMALLEST = 1e-6  # grains below it are no longer moved by contact and weight alone [m]
-LARGEST = 1.0  # grains above it are taken for a slip of units [m]
+LIGHTEST = 25.0  # no solid has more than 23 g cm-3: smaller numbers are taken for that unit [kg m-3]
 MOST_GRAINS = 5_000_000  # about 5 GB of state
 MOST_MASS = 1e6  # total of a sieve column, in whatever unit of mass [any]
 
@@ -30,7 +32,7 @@ class Monodisperse(Section):
     in_metres_only = True
 
     law: Literal["monodisperse"]
-    diameter: float = number(..., "m", "grain diameter", SMALLEST, LARGEST)
+    diameter: float = number(..., "m", "grain diameter", SMALLEST_GRAIN, LARGEST_GRAIN)
 
 
 class Lognormal(Section):
@@ -39,12 +41,14 @@ class Lognormal(Section):
     in_metres_only = True
 
     law: Literal["lognormal"]
-    median: float = number(..., "m", "median diameter by number, before truncation", SMALLEST, LARGEST)
+    median: float = number(
+        ..., "m", "median diameter by number, before truncation", SMALLEST_GRAIN, LARGEST_GRAIN
+    )
     sigma_log: float = number(
         ..., "1", "standard deviation of the natural logarithm of the diameter", 0.0, 2.0
     )
-    low: float = number(..., "m", "smallest diameter", SMALLEST, LARGEST)
-    high: float = number(..., "m", "largest diameter", SMALLEST, LARGEST)
+    low: float = number(..., "m", "smallest diameter", SMALLEST_GRAIN, LARGEST_GRAIN)
+    high: float = number(..., "m", "largest diameter", SMALLEST_GRAIN, LARGEST_GRAIN)
 
     @model_validator(mode="after")
     def _bracket(self) -> "Lognormal":
@@ -64,8 +68,8 @@ class Sieve(Section):
     law: Literal["sieve"]
     table: Name | None = Field(None, description="name of a shipped sieve table")
     rows: tuple[SieveRow, ...] = number((), "m, m, any mass", "size classes: low, high, mass", 0.0, MOST_MASS)
-    low: float | None = number(None, "m", "lower cut of the tabulated curve", SMALLEST, LARGEST)
-    high: float | None = number(None, "m", "upper cut of the tabulated curve", SMALLEST, LARGEST)
+    low: float | None = number(None, "m", "lower cut of the tabulated curve", SMALLEST_GRAIN, LARGEST_GRAIN)
+    high: float | None = number(None, "m", "upper cut of the tabulated curve", SMALLEST_GRAIN, LARGEST_GRAIN)
     scale: float = number(1.0, "1", "simulated over tabulated diameter (coarse graining)", 1e-2, 1e3)
 
     @model_validator(mode="after")
@@ -73,8 +77,10 @@ class Sieve(Section):
         if bool(self.rows) == (self.table is not None):
             raise contradiction("needs either table or rows")
         for row in self.rows:
-            if not SMALLEST <= row[0] < row[1] <= LARGEST:
-                raise contradiction(f"row {list(row)} needs {SMALLEST} <= low < high <= {LARGEST} m")
+            if not SMALLEST_GRAIN <= row[0] < row[1] <= LARGEST_GRAIN:
+                hint = slip_hint(row[1], "m", SMALLEST_GRAIN, LARGEST_GRAIN)
+                needed = f"{SMALLEST_GRAIN} <= low < high <= {LARGEST_GRAIN} m{hint}"
+                raise contradiction(f"row {list(row)} needs {needed}")
         if any(b[0] < a[1] for a, b in zip(self.rows, self.rows[1:], strict=False)):
             raise contradiction("rows must ascend without overlap")
         if self.low is not None and self.high is not None and self.low >= self.high:
@@ -135,7 +141,7 @@ class Softening(Section):
 class Material(Section):
     """Elastic material of grains or walls; one modulus is given, the other follows."""
 
-    density: float = number(..., "kg m-3", "density of the solid", 1.0, 3e4)
+    density: float = number(..., "kg m-3", "density of the solid", LIGHTEST, 3e4)
     shear_modulus: float | None = number(None, "Pa", "shear modulus as simulated", 1e3, 1e12)
     young_modulus: float | None = number(None, "Pa", "Young's modulus as simulated", 1e3, 1e12)
     poisson_ratio: float = number(..., "1", "Poisson ratio", 0.0, 0.5)
@@ -197,7 +203,9 @@ class GrainStart(Section):
     position: Vector = position(..., "centre (of the template's origin for a clump)")
     velocity: Vector = number((0.0, 0.0, 0.0), "m s-1", "velocity", -1e3, 1e3)
     spin: Vector = number((0.0, 0.0, 0.0), "rad s-1", "angular velocity", -1e6, 1e6)
-    diameter: float | None = number(None, "m", "diameter; left out: nominal diameter", SMALLEST, LARGEST)
+    diameter: float | None = number(
+        None, "m", "diameter; left out: nominal diameter", SMALLEST_GRAIN, LARGEST_GRAIN
+    )
 
 
 class Positions(Section):

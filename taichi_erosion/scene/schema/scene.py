@@ -144,8 +144,12 @@ class Stage(Section):
         1e-5, "1", "translational kinetic energy per grain over m g d at rest", 0.0, 1.0
     )
     rest_contact_share: float = number(0.9, "1", "least share of grains with a contact at rest", 0.0, 1.0)
-    remove: tuple[Name, ...] = Field((), description="surfaces that vanish when the stage begins")
-    move: dict[Name, Movement] = Field({}, description="motion of surfaces by name, until the next order")
+    remove: tuple[Name, ...] = Field(
+        (), description="names under [geometry] that vanish when the stage begins"
+    )
+    move: dict[Name, Movement] = Field(
+        {}, description="motion of surfaces, by name under [geometry], until the next order"
+    )
     tilt_rate: float = number(0.0, "deg s-1", "rate at which gravity turns about tilt_axis", -1e4, 1e4)
     tilt_axis: Direction = direction((0.0, 1.0, 0.0), "axis about which the apparatus is tilted")
     friction_velocity: float | None = number(

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 
 from taichi_erosion.core.air_setup import Closure
 from taichi_erosion.core.setup import Coupling, DragLaw, Laws
-from taichi_erosion.scene.schema.fields import Section, contradiction, extent, number
+from taichi_erosion.scene.schema.fields import FARTHEST, Section, contradiction, extent, number
 
 Columns = tuple[int, int]
 COLUMNS_MOST = 256  # along either side of a patch
@@ -25,7 +25,7 @@ class Wind(Section):
 
     length: float = extent(..., "period downwind")
     width: float = extent(..., "period across")
-    height: float = extent(..., "height of the lid")
+    height: float = extent(..., "height of the lid", high=FARTHEST)
     friction_velocity: float = number(0.0, "m s-1", "u* at the start", 0.0, FASTEST_FRICTION)
     partition: float = number(
         1.0, "1", "friction velocity that reaches the patch over the stated one", 1e-3, 1.0
