@@ -45,13 +45,13 @@ def html(title: str, sentences: Iterable[str], tables: Iterable["pd.DataFrame"])
 def frame(
     rows: Iterable[dict[str, Any]], units: dict[str, str] | None = None, columns: Sequence[str] = ()
 ) -> "pd.DataFrame":
-    """Table of rows; `.attrs["units"]` has the unit of every column that has one.
+    """Table of rows, which prints whole; `.attrs["units"]` has the unit of every column that has one.
 
     `columns` are those of a table without rows.
     """
-    import pandas as pd
+    from taichi_erosion.api.whole_table import WholeTable
 
     stated = list(rows)
-    table = pd.DataFrame(stated) if stated else pd.DataFrame(columns=list(columns))
+    table = WholeTable(stated) if stated else WholeTable(columns=list(columns))
     table.attrs["units"] = {name: unit for name, unit in (units or {}).items() if name in table.columns}
     return table
