@@ -129,7 +129,7 @@ def show_shift(name: str, library: "list[str]", as_json: bool) -> None:
 
 
 def show_library(library: "list[Effect]", as_json: bool, mechanisms: bool) -> None:
-    """Tables of all effects of scenes and of the closed-form model, or of mechanisms; in JSON, all details."""
+    """Tables of all effects of scenes and of the closed-form model, or of mechanisms; details in JSON."""
     shifts = {} if mechanisms else closed_form_effects()
     if as_json:
         measured = measured_shifts()

@@ -195,12 +195,10 @@ def is_wide(values: Floats) -> bool:
     return bool(known.size and known.min() > 0.0 and known.max() > WIDE_RANGE * known.min())
 
 
-def scale_axis(
-    frame: Axes, which: Literal["x", "y"], values: Floats, logarithmic: bool | None = None
-) -> None:
-    """Logarithmic axis with plain numbers for values of a wide range or where told so, else a linear one."""
+def scale_axis(frame: Axes, which: Literal["x", "y"], values: Floats) -> None:
+    """Logarithmic axis with plain numbers for values of a wide range, else a linear one."""
     axis = frame.xaxis if which == "x" else frame.yaxis
-    if not (is_wide(values) if logarithmic is None else logarithmic):
+    if not is_wide(values):
         axis.set_major_locator(MaxNLocator(TICKS))
         return
     frame.set(**{f"{which}scale": "log"})

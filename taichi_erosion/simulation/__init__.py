@@ -23,7 +23,6 @@ from taichi_erosion.simulation.scene_setup import conditions_of, device_effects,
 from taichi_erosion.simulation.wind_driver import (
     air_profile,
     friction_velocity,
-    set_friction_velocity,
     set_through_flow,
     spin_up_wind,
 )
@@ -50,7 +49,6 @@ __all__ = [
     "reuse_or_assemble",
     "set_contacts",
     "set_effects",
-    "set_friction_velocity",
     "set_gravity",
     "set_through_flow",
     "share_touching",
