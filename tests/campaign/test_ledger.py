@@ -191,13 +191,6 @@ def test_a_database_of_another_program_is_refused_and_left_alone(tmp_path):
     assert (tmp_path / ledger.LEDGER).read_bytes() == before
 
 
-def test_work_that_does_not_exist_is_refused_at_the_door(tmp_path):
-    store = open_ledger(tmp_path)
-    with pytest.raises(BadInput, match="work 'stand_in:nothing'"):
-        execute(requests(tmp_path, 1), store, function="stand_in:nothing")
-    close_ledger(store)
-
-
 @pytest.mark.parametrize("clock", [-86_400.0, 86_400.0], ids=["back", "forward"])
 def test_a_clock_that_is_put_back_or_forward_takes_no_lease_and_keeps_none(neighbours, monkeypatch, clock):
     key, near, elsewhere = neighbours

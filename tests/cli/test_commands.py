@@ -205,7 +205,6 @@ def test_a_traceback_is_shown_to_those_who_ask_for_it(room, capsys, monkeypatch)
         (["view", "missing.rrd"], "missing.rrd"),
         (["measure", "repose", "missing.png"], "missing.png"),
         (["measure", "repose", __file__, "--crop", "1,2,3"], "--crop 1,2,3"),
-        (["measure", "repose", __file__, "--crop", "5,0,5,9"], "--crop 5,0,5,9"),
         (["schema", "-o", "missing/folder/s.json"], "missing/folder"),
         (["erode"], "erode"),
     ],
