@@ -267,7 +267,9 @@ def number_picture(record: Record) -> Picture:
 def dose_pictures(law: LawPart, voc: Vocabulary) -> Iterator[Picture]:
     """Doses of a law along each of its conditions, in the order of the first of them."""
     doses = sorted(law.doses, key=lambda each: tuple(each[0].values()))
-    texts = {"doses": [dose_text(at, dose, voc) for at, dose in doses]}
+    texts = {
+        "doses": ["\n".join([interval(dose), *voc.units.setting_text(at).split(", ")]) for at, dose in doses]
+    }
     value, low, high = np.array([(dose.value, dose.low, dose.high) for _, dose in doses]).T
     for number, axis in enumerate(law.conditions):
         x = np.array([voc.units.condition(axis, at[axis]) for at, _ in doses])
@@ -289,11 +291,6 @@ def dose_pictures(law: LawPart, voc: Vocabulary) -> Iterator[Picture]:
 
         caption = page_words.CAPTIONS["doses"].format(mechanism=law.mechanism, axis=axis)
         yield responsive(draw, caption, f"doses{number}", texts)
-
-
-def dose_text(at: Mapping[str, float], dose: Interval, voc: Vocabulary) -> str:
-    """A dose with its conditions."""
-    return "\n".join([interval(dose), *voc.units.setting_text(at).split(", ")])
 
 
 def ladder_picture(record: Record) -> Picture:

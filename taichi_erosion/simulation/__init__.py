@@ -19,7 +19,7 @@ from taichi_erosion.simulation.readback import (
     wall_poses,
 )
 from taichi_erosion.simulation.saved_state import export_bed, export_state, import_bed, import_state
-from taichi_erosion.simulation.scene_setup import conditions_of, device_effects, effective_scene, prepare
+from taichi_erosion.simulation.scene_setup import device_effects, effective_scene, prepare
 from taichi_erosion.simulation.wind_driver import (
     air_profile,
     friction_velocity,
@@ -33,7 +33,6 @@ __all__ = [
     "advance",
     "air_profile",
     "assemble",
-    "conditions_of",
     "device_effects",
     "effective_scene",
     "energies",
