@@ -61,15 +61,9 @@ class Database:
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
         """One transaction; what fails leaves the file as it was."""
-        with readable_errors(self.path, self.kind):
+        with readable_errors(self.path, self.kind), self.connection:
             self.connection.execute("BEGIN IMMEDIATE")
-            try:
-                yield self.connection
-                self.connection.execute("COMMIT")
-            except BaseException:
-                if self.connection.in_transaction:  # a full disk has rolled back already
-                    self.connection.execute("ROLLBACK")
-                raise
+            yield self.connection
 
 
 def open_database(path: Path, kind: str, table: str) -> Database:

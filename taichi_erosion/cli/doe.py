@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 Record = Mapping[str, Any]
 
-DIGITS = 5  # of a number in a table
 STEPS: 'dict[Step | Literal["calibrate"], str]' = {
     "run": "Make the runs of the screening design.",
     "analyse": "Show which parameters matter in the screening.",
@@ -148,7 +147,7 @@ def print_design(found: "Calibration", section: str = "design") -> None:
     """Print runs with their settings and responses."""
     rows = found.document[section]["rows"]
     values = ((row["settings"] | row["responses"]).values() for row in rows)
-    cells = ([str(number), *map(rounded, row)] for number, row in enumerate(values, start=1))
+    cells = ([str(number), *map(output.significant, row)] for number, row in enumerate(values, start=1))
     output.print_table(section, ("run", *rows[0]["settings"], *rows[0]["responses"]), cells)
 
 
@@ -201,13 +200,6 @@ def print_confirmation(found: "Calibration") -> None:
         runs, wanted = samples(test).values()
         typer.echo(f"{name}: {runs} simulated, {wanted} measured")
         typer.echo(verdict(test, name, found.file.study.targets[name].unit).replace("**", ""))
-
-
-def rounded(value: Any) -> str:
-    """Number in DIGITS digits; nothing for NaN."""
-    if not isinstance(value, float):
-        return output.significant(value)
-    return "" if value != value else f"{value:.{DIGITS}g}"
 
 
 PRINT = {
