@@ -13,6 +13,6 @@ class WholeTable(pd.DataFrame):
         return WholeTable
 
     def __repr__(self) -> str:
-        whole = {"display.max_columns": None, "display.max_colwidth": None}
-        with pd.option_context(whole | {"display.width": get_terminal_size().columns}):
+        whole = ("display.max_columns", None, "display.max_colwidth", None)
+        with pd.option_context(*whole, "display.width", get_terminal_size().columns):
             return super().__repr__()
