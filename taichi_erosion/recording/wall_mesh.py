@@ -33,7 +33,7 @@ def wall_meshes(setup: Setup, bounds: Box, moving: frozenset[str] = frozenset())
         rows = np.flatnonzero(table.surface == index)
         parts = [triangulate(PrimitiveKind(table.kind[row]), table.shape[row], bounds) for row in rows]
         if parts:
-            vertices, triangles = trimesh.util.append_faces(*zip(*parts, strict=True))
+            vertices, triangles = map(np.asarray, trimesh.util.append_faces(*zip(*parts, strict=True)))
             meshes.append(WallMesh(surface.name, vertices, triangles, surface.name in moving))
     return tuple(meshes)
 
@@ -58,7 +58,7 @@ def plane(point: Floats, normal: Floats, bounds: Box) -> tuple[Floats, Integers]
     low, high = np.asarray(bounds)
     centre = 0.5 * (low + high)
     centre = centre - np.dot(centre - point, normal) * normal
-    edges = trimesh.geometry.align_vectors((0.0, 0.0, 1.0), normal)[:3, :2].T
+    edges = np.asarray(trimesh.geometry.align_vectors((0.0, 0.0, 1.0), normal))[:3, :2].T
     first, second = 0.5 * (np.abs(edges) @ (high - low))[:, None] * edges
     corners = np.array([-first - second, first - second, first + second, second - first])
     return centre + corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
@@ -68,7 +68,7 @@ def revolved(point: Floats, axis: Floats, profile: Floats) -> tuple[Floats, Inte
     """Line segment turned about an axis; `profile` = radius and height of one end, then of the other [m]."""
     import trimesh
 
-    pose = trimesh.geometry.align_vectors((0.0, 0.0, 1.0), axis)
+    pose = np.asarray(trimesh.geometry.align_vectors((0.0, 0.0, 1.0), axis))
     pose[:3, 3] = point
     mesh = trimesh.creation.revolve(profile.reshape(2, 2), sections=SEGMENTS, transform=pose)
     return np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int32)

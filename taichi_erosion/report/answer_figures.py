@@ -45,10 +45,8 @@ MODELS = {"before": BEFORE, "after": AFTER}
 ARROW = 22.0  # size of the mark of a limit [pt]; its length is half of that
 MIDDLE = 3.0  # size of the dot in the middle of an interval [pt]
 CAP = 5.0  # half length of the ends of an interval [pt]
-BELOW = Outline(
-    [(-0.7, 0.0), (0.7, 0.0), (0.0, 0.0), (0.0, -1.5), (-0.5, -1.4), (0.5, -1.4), (0.0, -2.2), (-0.5, -1.4)],
-    [1, 2, 1, 2, 1, 2, 2, 2],
-)
+ARROW_POINTS = [(-0.7, 0), (0.7, 0), (0, 0), (0, -1.5), (-0.5, -1.4), (0.5, -1.4), (0, -2.2), (-0.5, -1.4)]
+BELOW = Outline(np.array(ARROW_POINTS), [1, 2, 1, 2, 1, 2, 2, 2])
 ABOVE = Outline(-np.asarray(BELOW.vertices), BELOW.codes)
 DOTS = {"marker": "o", "ms": 5.0, "color": INK, "mfc": INK}
 LETTERS = 6.0  # of a label per inch of the figure
@@ -152,7 +150,8 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
 
 def marked(points: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
     """Rows by their marks: limits and intervals, and last, above the others, ordinary values."""
-    yield from sorted(points.groupby("limit"), key=lambda each: each[0], reverse=True)
+    groups = sorted(points.groupby("limit"), key=lambda each: str(each[0]), reverse=True)
+    yield from ((str(kind), own) for kind, own in groups)
 
 
 def draw_points(frame: Axes, points: pd.DataFrame) -> None:
