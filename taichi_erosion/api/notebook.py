@@ -13,25 +13,18 @@ Report = Callable[[float, str], None]  # (share done [1], words)
 
 
 @contextmanager
-def progress(title: str, shown: bool = True) -> Iterator[Report]:
+def progress(title: str) -> Iterator[Report]:
     """Context with a progress function: a bar in a terminal or a notebook, nothing where stderr is a file."""
-    if not shown or not (sys.stderr.isatty() or in_notebook()):
-        yield lambda share, words: None
-        return
     from rich.console import Console
     from rich.progress import Progress
 
-    console = Console() if in_notebook() else Console(stderr=True)
+    console = Console(stderr=True)
+    if not (sys.stderr.isatty() or console.is_jupyter):
+        yield lambda share, words: None
+        return
     with Progress(console=console, transient=True) as bar:
         task = bar.add_task(title, total=1.0)
         yield lambda share, words: bar.update(task, completed=share, description=f"{title}: {words}")
-
-
-def in_notebook() -> bool:
-    """Whether cells of a notebook show what is displayed."""
-    ipython = sys.modules.get("IPython")
-    shell = ipython.get_ipython() if ipython is not None else None
-    return type(shell).__name__ == "ZMQInteractiveShell"
 
 
 def html(title: str, sentences: Iterable[str], tables: Iterable["pd.DataFrame"]) -> str:
@@ -45,13 +38,13 @@ def html(title: str, sentences: Iterable[str], tables: Iterable["pd.DataFrame"])
 def frame(
     rows: Iterable[dict[str, Any]], units: dict[str, str] | None = None, columns: Sequence[str] = ()
 ) -> "pd.DataFrame":
-    """Table of rows; `.attrs["units"]` has the unit of every column that has one.
+    """Table of rows, which prints whole; `.attrs["units"]` has the unit of every column that has one.
 
     `columns` are those of a table without rows.
     """
-    import pandas as pd
+    from taichi_erosion.api.whole_table import WholeTable
 
     stated = list(rows)
-    table = pd.DataFrame(stated) if stated else pd.DataFrame(columns=list(columns))
+    table = WholeTable(stated) if stated else WholeTable(columns=list(columns))
     table.attrs["units"] = {name: unit for name, unit in (units or {}).items() if name in table.columns}
     return table

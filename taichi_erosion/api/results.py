@@ -93,7 +93,7 @@ class RaceResult(Result):
     @property
     def rows(self) -> "pd.DataFrame":
         """Fitted rows in the units of the table: measured, and the model before and after."""
-        import pandas as pd
+        from taichi_erosion.api.whole_table import WholeTable
 
         rows, units = self.record.rows, self.units
         columns = {"observable": rows.observable, "unit": [unit_of(units, name) for name in rows.observable]}
@@ -102,7 +102,7 @@ class RaceResult(Result):
             columns[key] = [units.value(name, number) for name, number in pairs]
         for name, numbers in rows.conditions.items():
             columns[condition_heading(units, name)] = [units.condition(name, number) for number in numbers]
-        return pd.DataFrame(columns)
+        return WholeTable(columns)
 
     @property
     def law(self) -> "LawPart | None":
@@ -147,10 +147,12 @@ class ComparisonResult(RaceResult):
     @property
     def table(self) -> "pd.DataFrame":
         """Misfit of every observable in its unit; `bias` is the mean of measured less predicted."""
+        from taichi_erosion.api.whole_table import WholeTable
+
         rows = self.rows
         gaps = rows.assign(gap=rows["measured"] - rows["before"]).groupby(["observable", "unit"], sort=False)
         found = gaps["gap"].agg(n="size", rmse=lambda gap: (gap**2).mean() ** 0.5, bias="mean")
-        return found.reset_index("unit")
+        return WholeTable(found.reset_index("unit"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -192,12 +194,12 @@ class AdoptionResult(RaceResult):
     @property
     def table(self) -> "pd.DataFrame":
         """Misfit per row, 1 is chance, of every model; NaN where it is not known [1]."""
-        import pandas as pd
+        from taichi_erosion.api.whole_table import WholeTable
 
         fit, held = self.record.fit, self.record.held_out
         unseen = (held.before, held.after, held.wrong) if held else (nan, nan, nan)
         fitted = (fit.chi2_before / fit.n, fit.chi2_after / fit.n, nan)
-        return pd.DataFrame({"fitted": fitted, "held_out": unseen}, ["before", "after", "control"])
+        return WholeTable({"fitted": fitted, "held_out": unseen}, ["before", "after", "control"])
 
     @property
     def files(self) -> list[Path]:

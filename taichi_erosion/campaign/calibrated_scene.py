@@ -1,17 +1,17 @@
 """Scene of a calibration with its numbers set: the settings of its confirmation runs as a file to run."""
 
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from taichi_erosion.campaign.calibration_steps import changes_of, complete_settings
-from taichi_erosion.campaign.study_file import CalibrationStudy, set_comment
+from taichi_erosion.campaign.study_file import CalibrationStudy, with_entry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import marked_toml, refuse_foreign, without_mark, write_atomic
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene import Scene, resolved, scene_hash
 from taichi_erosion.scene.load import file_text, parse_scene
-from taichi_erosion.scene.paths import apply_override
+from taichi_erosion.scene.paths import parsed
 from taichi_erosion.scene.schema.geometry import Mesh
 
 MARK = "# Written by `doe calibrate`"  # first words of the comment that says what the scene is
@@ -50,30 +50,14 @@ def write_calibrated_scene(file: CalibrationStudy, scene: Path, overrides: Seque
 def calibrated_text(scene: Path, overrides: Sequence[str], wanted: Scene) -> str:
     """Text of a scene with changed entries; comments stay where the result is the same scene."""
     import tomlkit
-    from tomlkit.exceptions import TOMLKitError
 
     lines = file_text(scene, str(scene)).splitlines(keepends=True)
-    document = tomlkit.parse("".join(line for line in lines if not line.startswith(SCHEMA_LINE)))
+    text = "".join(line for line in lines if not line.startswith(SCHEMA_LINE))
     try:
         for override in overrides:
-            apply_override(document, override)
-            drop_comment(document, override.partition("=")[0].strip().split("."))
-        text = tomlkit.dumps(document)
-        again = parse_scene(tomlkit.parse(text).unwrap(), str(scene), scene.parent)
-        if scene_hash(again) == scene_hash(wanted):
-            return text
-    except (TOMLKitError, TypeError, ValueError, BadInput):
-        pass
-    return tomlkit.dumps(resolved(wanted))
-
-
-def drop_comment(document: Any, keys: Sequence[str]) -> None:
-    """Remove the comment beside a changed entry, which spoke of another value."""
-    from tomlkit.items import InlineTable
-
-    holder = document
-    for key in keys[:-1]:
-        holder = holder[int(key)] if isinstance(holder, list) else holder.get(key, {})
-    item = holder.get(keys[-1]) if isinstance(holder, dict) else None
-    if hasattr(item, "trivia") and not isinstance(holder, InlineTable):
-        set_comment(item, "")
+            path, _, value = override.partition("=")
+            text = with_entry(text, path.strip().split("."), parsed(override, value.strip()))
+        again = parse_scene(tomllib.loads(text), str(scene), scene.parent)
+    except BadInput:
+        return tomlkit.dumps(resolved(wanted))
+    return text if scene_hash(again) == scene_hash(wanted) else tomlkit.dumps(resolved(wanted))

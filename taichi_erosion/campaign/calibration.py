@@ -117,7 +117,8 @@ def run_steps(found: Calibration, runner: DesignRunner, steps: tuple[Step, ...])
     write_design(found, "screen", screening.design)
     document["screen"] = path_document(screening.design)
     if "analyse" in steps:
-        document["analyse"] = screening_document(screening, labels)
+        responses = {name: effect_document(fit, labels) for name, fit in screening.fits.items()}
+        document["analyse"] = {"responses": responses, "kept": [factor.path for factor in screening.kept]}
     if "climb" not in steps:
         return
     path = found.climb = calculate.climb(runner, screening)
@@ -184,12 +185,6 @@ def path_document(design: Design) -> Document:
         for row in range(len(design))
     ]
     return {"rows": rows}
-
-
-def screening_document(screening: Screening, labels: Mapping[str, str]) -> Document:
-    """Effects, largest first, their limits, and which factors go on."""
-    found = {name: effect_document(fit, labels) for name, fit in screening.fits.items()}
-    return {"responses": found, "kept": [factor.path for factor in screening.kept]}
 
 
 def effect_document(fit: Fit, labels: Mapping[str, str]) -> Document:

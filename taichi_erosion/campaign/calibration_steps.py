@@ -28,7 +28,7 @@ import numpy as np
 
 from taichi_erosion.campaign.execute import SIMULATE, execute
 from taichi_erosion.campaign.ledger import Ledger
-from taichi_erosion.campaign.request import Report, RunRequest, RunResult, run_device, scene_request
+from taichi_erosion.campaign.request import Report, RunRequest, RunResult, scene_request
 from taichi_erosion.campaign.study_file import CalibrationStudy, WorkersEntry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
@@ -137,7 +137,7 @@ def design_request(
 ) -> RunRequest:
     """Request of one row of a design at one scene."""
     file = runner.file
-    extra: dict[str, Any] = {"device": run_device(runner.where)}
+    extra: dict[str, Any] = {"device": runner.where}
     if file.study.design.record in (stage, "all"):
         columns = {path.replace(".", "_").replace("-", "_"): value for path, value in settings.items()}
         extra |= {

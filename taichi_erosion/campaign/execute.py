@@ -22,15 +22,7 @@ import numpy as np
 
 from taichi_erosion.campaign import ledger as ledgers
 from taichi_erosion.campaign.ledger import Ledger, finished_runs, unfinished
-from taichi_erosion.campaign.pool import (
-    Batch,
-    Ended,
-    Pool,
-    join_cluster,
-    named_work,
-    refuse_missing_devices,
-    start_pool,
-)
+from taichi_erosion.campaign.pool import Batch, Ended, Pool, join_cluster, refuse_missing_devices, start_pool
 from taichi_erosion.campaign.request import START, WORTH_A_START, Report, RunRequest, RunResult
 from taichi_erosion.core.device import usable_cores
 from taichi_erosion.core.errors import BadInput
@@ -114,7 +106,6 @@ def execute(
     BadInput where the ledger, the scheduler or the device cannot be used.
     """
     wanted = {request.key: request for request in requests}
-    named_work(function)
     ledgers.add_requests(ledger, list(wanted.values()))
     ledgers.release_stale_leases(ledger)
     if left := unfinished(ledger, list(wanted)):

@@ -2,8 +2,7 @@
 
 waiting -> leased -> done or failed. Several parent processes may work on one ledger: each leases runs before
 it starts them, and renews its leases while it lives. A lease is free again when its owner is a dead process
-of this machine, or when its heartbeat did not change while another parent looked on for LEASE seconds: no two
-clocks are compared, and none is trusted to go on evenly. The first result of a run stays.
+of this machine, or when its last heartbeat is LEASE seconds old. The first result of a run stays.
 """
 
 import json
@@ -13,7 +12,7 @@ import sqlite3
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +34,7 @@ CREATE TABLE IF NOT EXISTS run (
     payload TEXT NOT NULL,
     state TEXT NOT NULL DEFAULT 'waiting' CHECK (state IN ('waiting', 'leased', 'done', 'failed')),
     owner TEXT,              -- machine:process that holds the lease
-    beat REAL,               -- unix time of its last heartbeat; only its change is read
+    beat REAL,               -- unix time of its last heartbeat
     deaths INTEGER NOT NULL DEFAULT 0,
     record TEXT,             -- JSON that the run function returned
     failure TEXT,            -- why there is no result
@@ -61,15 +60,9 @@ class Database:
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
         """One transaction; what fails leaves the file as it was."""
-        with readable_errors(self.path, self.kind):
+        with readable_errors(self.path, self.kind), self.connection:
             self.connection.execute("BEGIN IMMEDIATE")
-            try:
-                yield self.connection
-                self.connection.execute("COMMIT")
-            except BaseException:
-                if self.connection.in_transaction:  # a full disk has rolled back already
-                    self.connection.execute("ROLLBACK")
-                raise
+            yield self.connection
 
 
 def open_database(path: Path, kind: str, table: str) -> Database:
@@ -135,7 +128,6 @@ class Ledger:
 
     database: Database
     owner: str  # machine:process of this parent
-    heartbeats: dict[str, tuple[float, float]] = field(default_factory=dict)  # by owner: beat, s
 
     @property
     def folder(self) -> Path:
@@ -181,21 +173,13 @@ def release_leases(ledger: Ledger, owner: str) -> None:
 
 
 def release_stale_leases(ledger: Ledger) -> None:
-    """Free the leases of processes that no longer exist, or whose heartbeat stood still for LEASE seconds."""
+    """Free the leases of processes that no longer exist, or whose last heartbeat is LEASE seconds old."""
     query = "SELECT owner, MAX(beat) FROM run WHERE state = 'leased' GROUP BY owner"
     for owner, last in ledger.database.rows(query):
         machine, _, process = owner.rpartition(":")
         gone = machine == socket.gethostname() and not is_alive(int(process))
-        if owner != ledger.owner and (gone or heartbeat_age(ledger, owner, last) > LEASE):
+        if owner != ledger.owner and (gone or time.time() - last > LEASE):
             release_leases(ledger, owner)
-
-
-def heartbeat_age(ledger: Ledger, owner: str, last: float) -> float:
-    """Time for which this parent has seen another's heartbeat unchanged [s], by its own steady clock."""
-    now = time.monotonic()
-    beat, since = ledger.heartbeats.get(owner, (last, now))
-    ledger.heartbeats[owner] = (last, since if beat == last else now)
-    return now - ledger.heartbeats[owner][1]
 
 
 def is_alive(process: int) -> bool:

@@ -55,12 +55,9 @@ class Ended:
 
 
 def named_work(name: str) -> Callable[[], AbstractContextManager[RunFunction]]:
-    """The context manager of "module:function". Raises BadInput where there is none."""
+    """The context manager of "module:function"."""
     module, _, function = name.partition(":")
-    try:
-        return getattr(import_module(module), function)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise BadInput(f"work '{name}' must be MODULE:FUNCTION ({error})") from None
+    return getattr(import_module(module), function)
 
 
 WORKER: list[tuple[RunFunction, Ledger]] = []  # of this process, where it is a local worker

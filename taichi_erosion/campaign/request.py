@@ -20,7 +20,7 @@ from taichi_erosion.campaign.study_file import WorkersEntry
 from taichi_erosion.core.engine.choice import engine_mark
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile
-from taichi_erosion.core.setup import Arch, ArchChoice, Decomposition, Numerics
+from taichi_erosion.core.setup import Arch, Numerics
 from taichi_erosion.run.checks import EffectFiles, compatibility_key, read_scene, with_effects
 from taichi_erosion.scene import Scene, resolved, scene_hash
 from taichi_erosion.scene.preparation.limits import time_step
@@ -35,22 +35,7 @@ START = 4.0  # s of one core that the start of an ensemble takes
 THREADS = 1  # of a batch: it is one of several that run beside each other
 RUNS_MOST = 64  # of a batch: more make an ensemble no cheaper to start, but its fields larger
 DEVICE_GRAINS = 1_000_000  # of a batch on a graphics processor: some GB of its memory
-
-
-@dataclass(frozen=True)
-class RunDevice:
-    """Where runs are made, and what one thread advances there."""
-
-    arch: ArchChoice = "cpu"
-    decomposition: Decomposition | None = None  # None: as the device has it
-
-
-CPU = RunDevice()
-
-
-def run_device(where: WorkersEntry) -> RunDevice:
-    """Device that a study's [campaign] names."""
-    return RunDevice(where.arch, where.decomposition)
+CPU = WorkersEntry()
 
 
 @dataclass(frozen=True)
@@ -86,8 +71,9 @@ def scene_request(
 ) -> RunRequest:
     """Request of one scene file with PATH=VALUE overrides and a seed. Raises BadInput for what cannot run.
 
-    `extra` may be what `request_of` takes beside: `device`; `record` (file of a recording) and `properties`
-    (columns of rerun's table of runs, by group), which change no result and are not in the key.
+    `extra` may be what `request_of` takes beside: `device`, a study's [campaign]; `record` (file of a
+    recording) and `properties` (columns of rerun's table of runs, by group), which change no result and are
+    not in the key.
     """
     return request_of(read_scene(path, tuple(overrides), effect_files), seed, **extra)
 
@@ -97,7 +83,7 @@ def request_of(
     seed: int,
     record: Path | None = None,
     properties: Mapping[str, Mapping[str, Any]] | None = None,
-    device: RunDevice = CPU,
+    device: WorkersEntry = CPU,
 ) -> RunRequest:
     """Request of a scene that has been read. Raises BadInput for what the device cannot run.
 
@@ -123,7 +109,7 @@ def request_of(
     return RunRequest(key, payload, f"{group}{mark}-{grains}", work_of(scene), most, numerics.arch)
 
 
-def numerics_of(scene: Scene, device: RunDevice) -> tuple[Numerics, str]:
+def numerics_of(scene: Scene, device: WorkersEntry) -> tuple[Numerics, str]:
     """Device, precision and decomposition of a run, and a sentence where `auto` leaves out a device.
 
     Raises BadInput for what cannot run there.

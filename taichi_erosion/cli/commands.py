@@ -346,10 +346,6 @@ def rectangle(text: str) -> tuple[int, int, int, int]:
         left, top, right, bottom = (int(word) for word in text.split(","))
     except ValueError:
         raise BadInput(f"--crop {text}: give four whole numbers X0,Y0,X1,Y1 in pixels") from None
-    if not (0 <= left < right and 0 <= top < bottom):
-        raise BadInput(
-            f"--crop {text}: needs 0 <= X0 < X1 and 0 <= Y0 < Y1, counted from the upper left corner"
-        )
     return left, top, right, bottom
 
 

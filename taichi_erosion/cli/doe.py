@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 Record = Mapping[str, Any]
 
-OPTIMA = 3  # printed
-DIGITS = 5  # of a number in a table
 STEPS: 'dict[Step | Literal["calibrate"], str]' = {
     "run": "Make the runs of the screening design.",
     "analyse": "Show which parameters matter in the screening.",
@@ -115,13 +113,11 @@ for _step, _summary in STEPS.items():
 
 
 def publish_page(found: "Calibration", as_json: bool) -> None:
-    """Write the page of a whole calibration; print its verdict and what may come next."""
-    from taichi_erosion.report.calibration_page import publish, verdict
+    """Write the page of a whole calibration; print where it is and what may come next."""
+    from taichi_erosion.report.calibration_page import publish
 
-    page, targets = publish(found), found.file.study.targets
+    page = publish(found)
     if not as_json:
-        for name, test in found.document["confirm"]["tests"].items():
-            typer.echo(verdict(test, name, targets[name].unit).replace("**", ""))
         typer.echo(f"page: {page}")
         for scene in found.document.get("calibrated_scenes", ()):
             typer.echo(f"{shell_command('run', scene)} runs the calibrated scene.")
@@ -142,86 +138,73 @@ def run_steps(
     if as_json:
         output.print_json(found.document)
     else:
-        PRINT[until](found.document)
+        PRINT[until](found)
         typer.echo(f"tables: {found.file.folder}")
     return found
 
 
-def print_design(document: Record, section: str = "design") -> None:
+def print_design(found: "Calibration", section: str = "design") -> None:
     """Print runs with their settings and responses."""
-    rows = document[section]["rows"]
+    rows = found.document[section]["rows"]
     values = ((row["settings"] | row["responses"]).values() for row in rows)
-    cells = ([str(number), *map(rounded, row)] for number, row in enumerate(values, start=1))
+    cells = ([str(number), *map(output.significant, row)] for number, row in enumerate(values, start=1))
     output.print_table(section, ("run", *rows[0]["settings"], *rows[0]["responses"]), cells)
 
 
-def print_analysis(document: Record) -> None:
+def print_analysis(found: "Calibration") -> None:
     """Print the effects on every response, largest first."""
-    for response, found in document["analyse"]["responses"].items():
-        rows = (
-            [rounded(effect[key]) for key in ("label", "value", "share", "p")] for effect in found["effects"]
-        )
-        output.print_table(f"effects on {response}", ("factor", "effect", "share", "p"), rows)
-    typer.echo(f"factors of the next steps: {', '.join(document['analyse']['kept'])}")
+    from taichi_erosion.report.calibration_page import effect_table
+
+    for name in found.file.study.targets:
+        output.print_table(f"effects on {name}", *effect_table(found, name))
+    typer.echo(f"factors of the next steps: {', '.join(found.document['analyse']['kept'])}")
 
 
-def print_climb(document: Record) -> None:
-    """Print the path of steepest ascent and its best run."""
-    print_design(document, "climb")
-    typer.echo(f"nearest to the target: run {document['climb']['best']}")
+def print_climb(found: "Calibration") -> None:
+    """Print the path of steepest ascent; its best run is marked."""
+    from taichi_erosion.report.calibration_page import climb_table
+
+    output.print_table("climb", *climb_table(found))
 
 
-def print_surface(document: Record) -> None:
+def print_surface(found: "Calibration") -> None:
     """Print the analysis of variance and the equation of every response."""
-    keys = ("sum_of_squares", "df", "mean_square", "f", "p")
-    for response, found in document["surface"]["responses"].items():
-        rows = ([rounded(row[key]) for key in ("label", *keys)] for row in found["anova"])
-        output.print_table(f"response surface of {response}", ("source", *keys), rows)
-        typer.echo(found["natural_reduced"])
-        fit = found["quality_reduced"]
+    from taichi_erosion.report.calibration_page import variance_table
+
+    for name, response in found.document["surface"]["responses"].items():
+        output.print_table(f"response surface of {name}", *variance_table(found, name))
+        typer.echo(response["natural_reduced"])
+        fit = response["quality_reduced"]
         typer.echo(
             f"R2 {fit['r2']:.3f}, adjusted {fit['r2_adjusted']:.3f}, predicted {fit['r2_predicted']:.3f}"
         )
-        if found["warning"]:
-            typer.echo(found["warning"])
+        if response["warning"]:
+            typer.echo(response["warning"])
 
 
-def print_optimum(document: Record) -> None:
+def print_optimum(found: "Calibration") -> None:
     """Print the settings that reach the target, or the nearest ones."""
-    for optimum in document["optimise"]["optima"][:OPTIMA]:
-        settings = ", ".join(f"{path} = {rounded(value)}" for path, value in optimum["settings"].items())
-        predicted = ", ".join(f"{name} {rounded(one['value'])}" for name, one in optimum["predicted"].items())
-        typer.echo(f"{settings}: {predicted}")
-    for sentence in document["optimise"]["sentences"]:
+    from taichi_erosion.report.calibration_page import optimum_table
+
+    output.print_table("optimum", *optimum_table(found))
+    for sentence in found.document["optimise"]["sentences"]:
         typer.echo(sentence)
 
 
-def print_confirmation(document: Record) -> None:
-    """Print the optimum, and the confirmation runs with the measurement."""
-    from taichi_erosion.evidence.words.run_words import spread
+def print_confirmation(found: "Calibration") -> None:
+    """Print the optimum, and the confirmation runs with the measurement and the verdict."""
+    from taichi_erosion.report.calibration_page import samples, verdict
 
-    print_optimum(document)
-    for name, test in document["confirm"]["tests"].items():
-        runs, wanted = (
-            spread({"value": test[kind]["mean"], "sd": test[kind]["sd"], "n": int(test[kind]["n"])})
-            for kind in ("runs", "wanted")
-        )
-        typer.echo(
-            f"{name}: {runs} simulated, {wanted} measured, p = {test['p']:.3g}; "
-            f"the test detects a difference of {test['resolve']:.3g} with a power of {test['power']:.2f}"
-        )
-
-
-def rounded(value: Any) -> str:
-    """Number in DIGITS digits; nothing for NaN."""
-    if not isinstance(value, float):
-        return output.significant(value)
-    return "" if value != value else f"{value:.{DIGITS}g}"
+    print_optimum(found)
+    for name, test in found.document["confirm"]["tests"].items():
+        runs, wanted = samples(test).values()
+        typer.echo(f"{name}: {runs} simulated, {wanted} measured")
+        typer.echo(verdict(test, name, found.file.study.targets[name].unit).replace("**", ""))
 
 
 PRINT = {
     "design": print_design,
-    "run": lambda document: print_design(document, "screen"),
+    "run": lambda found: print_design(found, "screen"),
     "analyse": print_analysis,
     "climb": print_climb,
     "surface": print_surface,

@@ -26,9 +26,12 @@ Row = dict[str, str]  # of a table of measured shifts or known answers
 SIGNIFICANT = 2.0  # shift over its standard error from which it is listed [1]
 SHIFTS = ("signatures.csv", "beds.csv")
 LIST_NOTES = {  # whether mechanisms are listed -> what is said below the list
-    False: "A scene switches one on by [effects.NAME] strength = 1.0; `effects NAME` describes it.",
+    False: "A scene switches one of the first list on by [effects.NAME] strength = 1.0. A study whose model "
+    'is "taichi_erosion.evidence.models.reduced:predict" (`study new --closed-form`) names those of the '
+    "second under [candidates] effects. `effects NAME` describes one.",
     True: "`effects NAME --mechanisms` describes one; `discover` tries them where no effect suffices.",
 }
+CLOSED_FORM = "taichi_erosion.evidence.models.reduced"
 SIGNS = {1: "up", -1: "down"}
 
 app = typer.Typer()
@@ -81,9 +84,7 @@ def effects(
             typer.echo(str(path))
             typer.echo(f"{shell_command('effects', name, '--effect', path)} shows and checks it.", err=True)
         case []:
-            show_library(list(asked_library(effect, mechanisms).values()), as_json)
-            if not as_json:
-                typer.echo(LIST_NOTES[mechanisms])
+            show_library(list(asked_library(effect, mechanisms).values()), as_json, mechanisms)
         case [name]:
             library = asked_library(effect, mechanisms)
             if name in library:
@@ -105,30 +106,40 @@ def asked_library(effect_files: list[Path] | None, mechanisms: bool) -> "dict[st
     return load_library(effect_files or ())
 
 
-def show_shift(name: str, library: "list[str]", as_json: bool) -> None:
-    """What an effect of the reduced model does there. Raises BadInput where neither has the name."""
+def closed_form_effects() -> dict[str, str]:
+    """Names and descriptions of the effects of the closed-form model, as its studies name them."""
     from taichi_erosion.evidence.models import reduced
 
-    if name not in reduced.EFFECTS:
-        near = did_you_mean(name, [*library, *reduced.EFFECTS])
+    return {name: " ".join((law.__doc__ or "").split()) for name, law in reduced.EFFECTS.items()}
+
+
+def show_shift(name: str, library: "list[str]", as_json: bool) -> None:
+    """What an effect of the closed-form model does there. Raises BadInput where neither has the name."""
+    shifts = closed_form_effects()
+    if name not in shifts:
+        near = did_you_mean(name, [*library, *shifts])
         raise BadInput(
             f"effects {name}: is not in the library{near}; `effects` lists it: {', '.join(library)}"
         )
-    told = " ".join((reduced.EFFECTS[name].__doc__ or "").split())
     if as_json:
-        return output.print_json({"effects": {name: {"model": reduced.__name__, "description": told}}})
-    typer.echo(f"{name} is an effect of the closed-form model, not of scenes: {told}")
+        return output.print_json({"effects": {name: {"model": CLOSED_FORM, "description": shifts[name]}}})
+    typer.echo(f"{name} is an effect of the closed-form model, not of scenes: {shifts[name]}")
     if near := did_you_mean(name, library):
         typer.echo(f"For scenes{near.removeprefix(';')}")
 
 
-def show_library(library: "list[Effect]", as_json: bool) -> None:
-    """Table of all effects; their measured shifts and references in JSON."""
+def show_library(library: "list[Effect]", as_json: bool, mechanisms: bool) -> None:
+    """Tables of all effects of scenes and of the closed-form model, or of mechanisms; details in JSON."""
+    shifts = {} if mechanisms else closed_form_effects()
     if as_json:
         measured = measured_shifts()
-        return output.print_json({"effects": {effect.name: record(effect, measured) for effect in library}})
+        listed = {effect.name: record(effect, measured) for effect in library}
+        return output.print_json({"effects": listed} | ({"closed_form": shifts} if shifts else {}))
     rows = ((effect.name, effect.title, effect.place) for effect in library)
     output.print_table("", ("effect", "what it is", "acts on"), rows)
+    if shifts:
+        output.print_table("\nof the closed-form model", ("effect", "what it does"), shifts.items())
+    typer.echo(LIST_NOTES[mechanisms])
 
 
 def show_effect(effect: "Effect", as_json: bool) -> None:

@@ -6,7 +6,6 @@ import signal
 import sys
 import traceback
 from collections.abc import Sequence
-from types import FrameType
 
 import typer
 
@@ -29,7 +28,8 @@ app.add_typer(effects.app)
 
 def main(words: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code; `words` are its arguments, default those of the process."""
-    previous = signal.signal(signal.SIGTERM, exit_on_sigterm)
+    # SystemExit, so that recordings are closed
+    previous = signal.signal(signal.SIGTERM, lambda *_: sys.exit(ExitCode.TERMINATED))
     code: int = ExitCode.TERMINATED
     try:
         code = run_command(sys.argv[1:] if words is None else list(words))
@@ -55,11 +55,6 @@ def run_command(words: list[str]) -> int:
         return print_error(str(error), ExitCode.STOPPED)
     except Exception as error:
         return report_unexpected(error)
-
-
-def exit_on_sigterm(_number: int, _frame: FrameType | None) -> None:
-    """Signal handler: raise SystemExit, so that recordings are closed."""
-    sys.exit(ExitCode.TERMINATED)
 
 
 def print_error(sentence: str, code: ExitCode) -> ExitCode:

@@ -151,7 +151,7 @@ def print_table(title: str, columns: Iterable[str], rows: Iterable[Iterable[str]
 
 
 def significant(value: Any) -> str:
-    """Number in six significant digits; any other value as text."""
-    if value is None:
+    """Number in six significant digits, a mark for None and NaN, any other value as text."""
+    if value is None or value != value:
         return MARK_MISSING
     return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -4,13 +4,13 @@ import logging
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from datetime import timedelta
 from pathlib import Path
 from time import monotonic
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from taichi_erosion.core.errors import BadInput, ExitCode
 
@@ -50,9 +50,7 @@ def close_log() -> None:
 
 SHOWN_AFTER = 3.0  # s, below which a command shows no progress
 LINE_INTERVAL = 10.0  # s between two lines
-ESTIMATE_AFTER = 5.0  # s before the remaining time is estimated
-ESTIMATE_FROM = 0.005  # share done from which it is [1]
-MINUTE, HOUR = 60.0, 3600.0  # s
+PACE_WINDOW = 86_400.0  # s over which the pace is taken, from which the remaining time follows
 
 KEPT = "finished runs are kept, the same command continues"  # after Ctrl-C
 
@@ -63,21 +61,22 @@ Report = Callable[[float, str], None]  # (share done [1], short text)
 def reporting(title: str) -> Iterator[Report]:
     """Context with a progress function: a bar after SHOWN_AFTER seconds, or a line every LINE_INTERVAL."""
     console = Console(stderr=True)
-    columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()
-    bar = Progress(*columns, TextColumn("{task.fields[left]}"), console=console, transient=True)
-    task, began = bar.add_task(title, total=1.0, left=""), monotonic()
-    countdown, last = Countdown(began), began
+    columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
+    bar = Progress(*columns, console=console, transient=True, speed_estimate_period=PACE_WINDOW)
+    task, began = bar.add_task(title, total=1.0), monotonic()
+    last = began
 
     def report(share: float, words: str) -> None:
         nonlocal last
         now = monotonic()
-        left = left_words(countdown.seconds(share, now))
-        bar.update(task, completed=share, description=f"{title}: {words}", left=left)
+        bar.update(task, completed=share, description=f"{title}: {words}")
         if console.is_terminal and now - began > SHOWN_AFTER:
             bar.start()
         if now - last >= LINE_INTERVAL:
             last = now
-            line = f"{title}: {share:.0%}, {words}" + (f", {left}" if left else "")
+            left = bar.tasks[task].time_remaining
+            line = f"{title}: {share:.0%}, {words}"
+            line += "" if left is None else f", about {timedelta(seconds=round(left))} left"
             LOG.info(line)
             if not console.is_terminal:
                 console.print(line, markup=False, highlight=False, soft_wrap=True)
@@ -105,34 +104,3 @@ def announce(line: str) -> None:
     """Print a line before the work on stderr and write it to the log."""
     LOG.info(line)
     typer.echo(line, err=True)
-
-
-@dataclass
-class Countdown:
-    """Remaining time of work, t (1 - s) / (s - s_0), from the pace since the first report.
-
-    t is the time since then, s the share done, s_0 the share that was done then.
-    """
-
-    began: float  # s, by a steady clock
-    first: float | None = None  # share that was done at the first report
-
-    def seconds(self, share: float, now: float) -> float | None:
-        """Remaining time [s]; None before there is an estimate."""
-        if self.first is None:
-            self.began, self.first = now, share
-        gained, elapsed = share - self.first, now - self.began
-        if gained < ESTIMATE_FROM or elapsed < ESTIMATE_AFTER or share >= 1.0:
-            return None
-        return elapsed * (1.0 - share) / gained
-
-
-def left_words(seconds: float | None) -> str:
-    """A remaining time in words; "" where it is not known."""
-    if seconds is None:
-        return ""
-    if seconds < 1.5 * MINUTE:
-        return f"about {seconds:.0f} s left"
-    if seconds < 1.5 * HOUR:
-        return f"about {seconds / MINUTE:.0f} min left"
-    return f"about {seconds / HOUR:.1f} h left"

@@ -86,8 +86,6 @@ def sliding_angle(
     covers that distance: tilt slowly. `details`: displacement [d] at each frame and friction = tan(angle).
     """
     name = "sliding_angle"
-    if len(frames) != len(tilts):
-        raise ValueError(f"one tilt per frame is needed, got {len(tilts)} for {len(frames)} frames")
     reasons = [reason for frame in frames if (reason := defect(frame))]
     if reasons or not frames:
         return no_measurement(name, "deg", reasons[0] if reasons else "no frames")

@@ -111,7 +111,8 @@ def describe(views: list[View], angles: list[float], grain: float) -> dict[str, 
     """Figures of all views together, as plain numbers and lists."""
     flanks = [flank for view in views for flank in view.found]
     bends = [float(np.mean([flank.bend for flank in view.found])) for view in views if view.found]
-    meetings = [silhouette.meeting_height(*view.found) for view in views if falls_both_ways(view)]
+    falling = [[flank for flank in view.found if flank.angle > 0.0] for view in views]
+    meetings = [silhouette.meeting_height(*both) for both in falling if len(both) == 2]
     return {
         "azimuth_angles": [[view.azimuth, *(f.angle if f else None for f in view.flanks)] for view in views],
         "azimuth_sd": float(np.std(angles, ddof=1)) if len(angles) > 1 else nan,
@@ -126,11 +127,6 @@ def describe(views: list[View], angles: list[float], grain: float) -> dict[str, 
         "lines": [line for view in views for line in drawn_lines(view)],
         "grain_diameter": grain,
     }
-
-
-def falls_both_ways(view: View) -> bool:
-    """Whether both flanks were found and descend outward."""
-    return len(view.found) == 2 and all(flank.angle > 0.0 for flank in view.found)
 
 
 def drawn_lines(view: View) -> list[list[float]]:

@@ -55,10 +55,7 @@ def pool(repeats: Sequence[Measurement]) -> Measurement:
 
     Repeats without a value are left out and counted in the notes. A single repeat keeps its own sd.
     """
-    kinds = {(repeat.name, repeat.unit) for repeat in repeats}
-    if len(kinds) != 1:
-        raise ValueError(f"only repeats of one measure can be pooled, got {sorted(kinds)}")
-    ((name, unit),) = kinds
+    ((name, unit),) = {(repeat.name, repeat.unit) for repeat in repeats}
     valid = [repeat for repeat in repeats if isfinite(repeat.value)]
     values = [repeat.value for repeat in valid]
     notes = tuple(dict.fromkeys(note for repeat in repeats for note in repeat.notes))

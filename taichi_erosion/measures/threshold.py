@@ -1,6 +1,6 @@
 """Thresholds of motion: brackets bed by bed, their pooled value, and the wind speed of a tunnel."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import exp, hypot, log, pi, sqrt
 
@@ -9,7 +9,7 @@ import scipy
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.measures.boundary_layer import coles_speed, flat_plate_thickness
-from taichi_erosion.measures.result import Measurement, Shortfall, no_measurement, pool
+from taichi_erosion.measures.result import Measurement, no_measurement, pool
 from taichi_erosion.measures.shortfalls import bed_shortfalls
 
 UNIT = "m s-1"
@@ -161,7 +161,8 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     shared = {
         key: float(np.mean([b[key] for b in brackets])) for key in SHARED if key in next(iter(brackets), {})
     }
-    lacking = (*plain.shortfalls, *beds_lacking(plain, repeats))
+    counts_beds = plain.name in THRESHOLDS or brackets  # other measures lack no beds
+    lacking = (*plain.shortfalls, *(bed_shortfalls(plain) if counts_beds else ()))
     notes = (*plain.notes, CONVERSION.format(**shared)) if shared else plain.notes
     plain = replace(plain, notes=notes, shortfalls=lacking, details=plain.details | shared)
     if len(brackets) < 2:
@@ -174,12 +175,6 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     found = {"low": exp(low), "high": exp(high), "confidence": CONFIDENCE, "scale": scale}
     details = plain.details | {"interval": found}
     return replace(plain, value=exp(middle), sd=exp(middle) * spread, details=details)
-
-
-def beds_lacking(pooled: Measurement, repeats: Sequence[Measurement]) -> Iterator[Shortfall]:
-    """What a pooled threshold lacks, of brackets or from a line; other measures lack no beds."""
-    if pooled.name in THRESHOLDS or any({"low", "high"} <= set(repeat.details) for repeat in repeats):
-        yield from bed_shortfalls(pooled)
 
 
 def log_likelihood(ends: Floats, middle: float, scale: Floats) -> Floats:

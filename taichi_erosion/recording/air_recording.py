@@ -1,7 +1,6 @@
 """Recording of air alone: a slice along the wind, the profile, and curves over time."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -24,21 +23,14 @@ BACKFLOW = 0.01  # of the fastest wind: slower backflow is drawn as 0 [1]
 FRAMES_PER_SECOND = 10.0  # of the viewer's playback
 
 
-@dataclass(frozen=True)
-class WindHeader:
-    """Static content of the recording of a flow."""
+def open_wind_recording(path: Path, name: str, scene_text: str, curves: Mapping[str, str]) -> Recording:
+    """Begin PATH.part with its blueprint and the scene file (TOML); `curves` are legends by name.
 
-    recording_id: str
-    name: str
-    scene_text: str  # the scene file, TOML
-    curves: Mapping[str, str]  # legend by name of every curve
-
-
-def open_wind_recording(path: Path, header: WindHeader) -> Recording:
-    """Begin PATH.part with its blueprint and the scene. Raises BadInput where it cannot be written."""
-    recording = stream.open_stream(path, header.name, wind_blueprint(header.curves), header.recording_id)
-    stream.log_scene(recording, header.name, header.scene_text)
-    for curve, legend in header.curves.items():
+    Raises BadInput where it cannot be written.
+    """
+    recording = stream.open_stream(path, name, wind_blueprint(curves), path.stem)
+    stream.log_scene(recording, name, scene_text)
+    for curve, legend in curves.items():
         stream.log_legend(recording, f"air/{curve}", legend, pictures.SAND)
     stream.flush(recording)
     return recording

@@ -190,7 +190,7 @@ def log_frame(recording: Recording, snapshot: Snapshot, moving_speed: float) -> 
     """Write the grains: static ones to world/bed when they have changed, the others to world/mobile."""
     set_time(recording, snapshot.time, snapshot.step)
     recording.static_grains, is_new = update_static_grains(recording.static_grains, snapshot, moving_speed)
-    resting = is_static(recording.static_grains, snapshot)
+    resting = np.isin(snapshot.ident, recording.static_grains.ident)
     if is_new:
         tints = pictures.resting_colours(snapshot.ident[resting])
         log_grains(recording, "world/bed", snapshot, resting, tints)
@@ -217,11 +217,6 @@ def update_static_grains(
     if stays.all():
         return StaticGrains(before.ident, before.position, before.age + 1), False
     return StaticGrains(before.ident[stays], snapshot.position[rows[stays]], before.age + 1), True
-
-
-def is_static(grains: StaticGrains, snapshot: Snapshot) -> NDArray[np.bool_]:
-    """Mask of the grains of the snapshot that are static."""
-    return np.isin(snapshot.ident, grains.ident)
 
 
 def log_grains(

@@ -47,7 +47,11 @@ class StudyPage:
 
 def record_study(path: Path, page: StudyPage) -> Path:
     """Write the recording of a study. Raises BadInput where it cannot be written."""
-    films = {run.name: thin_out(read_grains(run.recording)) for run in page.runs}
+    films = {}
+    for run in page.runs:
+        frames = read_grains(run.recording)
+        kept = np.linspace(0, len(frames) - 1, min(MOST_FRAMES, len(frames))).round().astype(int)
+        films[run.name] = [frames[k] for k in kept]
     recording = open_stream(path, page.title, study_blueprint(page, films), path.stem, APPLICATION)
     stream = recording.stream
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -68,12 +72,6 @@ def record_study(path: Path, page: StudyPage) -> Path:
             colours = pictures.resting_colours(frame.ident)
             stream.log(f"runs/{run.name}", rr.Points3D(frame.position, radii=frame.radius, colors=colours))
     return close(recording)
-
-
-def thin_out(frames: list[GrainFrame]) -> list[GrainFrame]:
-    """At most MOST_FRAMES frames, the first and the last among them."""
-    kept = np.linspace(0, len(frames) - 1, min(MOST_FRAMES, len(frames))).round().astype(int)
-    return [frames[k] for k in kept]
 
 
 def study_blueprint(page: StudyPage, films: Films) -> "rrb.Blueprint":

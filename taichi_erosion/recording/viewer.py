@@ -69,18 +69,13 @@ def viewer_process(port: int, *options: str | Path) -> Iterator[subprocess.Popen
             process.wait()
 
 
-def has_screen() -> bool:
-    """Whether a window can be opened: on Linux a display server must be named."""
-    return sys.platform != "linux" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
-
-
 def open_viewer(path: Path) -> int:
     """Show a recording in a window until the user closes it; returns the viewer's exit code.
 
     Raises BadInput without a screen.
     """
     with readable(path) as whole:
-        if not has_screen():
+        if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             named = shlex.quote(str(path))
             others = f"`view {named} --web` serves it to a browser, `snapshot {named} -o PNG` draws it"
             raise BadInput(f"{path}: no screen here; {others}")

@@ -15,8 +15,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.path import Path as Outline
 
-from taichi_erosion.evidence.data.number_words import heading, plain
+from taichi_erosion.evidence.data.number_words import heading
 from taichi_erosion.evidence.race.record import Interval, LawPart, Record
 from taichi_erosion.evidence.race.summary import ONE_SIDED
 from taichi_erosion.evidence.words import page_words
@@ -39,18 +40,15 @@ from taichi_erosion.report.figure_style import (
     scale_axis,
     single,
 )
-from taichi_erosion.report.pictures.measured_marks import (
-    DOTS,
-    EDGES,
-    ValueRange,
-    draw_edge_texts,
-    draw_intervals,
-    draw_marks,
-    edge_of,
-    value_range,
-)
 
 MODELS = {"before": BEFORE, "after": AFTER}
+ARROW = 22.0  # size of the mark of a limit [pt]; its length is half of that
+MIDDLE = 3.0  # size of the dot in the middle of an interval [pt]
+CAP = 5.0  # half length of the ends of an interval [pt]
+ARROW_POINTS = [(-0.7, 0), (0.7, 0), (0, 0), (0, -1.5), (-0.5, -1.4), (0.5, -1.4), (0, -2.2), (-0.5, -1.4)]
+BELOW = Outline(np.array(ARROW_POINTS), [1, 2, 1, 2, 1, 2, 2, 2])
+ABOVE = Outline(-np.asarray(BELOW.vertices), BELOW.codes)
+DOTS = {"marker": "o", "ms": 5.0, "color": INK, "mfc": INK}
 LETTERS = 6.0  # of a label per inch of the figure
 LINE, MARGIN = 0.2, 0.55  # heights of a line of a chart, and of its axis [in]
 
@@ -120,18 +118,17 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
     """Measured values with both models, and what they leave, along one condition."""
     points = points_of(record, voc, observable, axis)
     labels = {name: label for name, label in zip(MODELS, key(record)[1:], strict=True) if label}
-    x, y, sd, low, high = (points[name].to_numpy() for name in ("x", "measured", "sd", "low", "high"))
+    x, y, sd = (points[name].to_numpy() for name in ("x", "measured", "sd"))
     error = np.where(points["limit"] == "", ONE_SIDED * np.nan_to_num(sd), 0.0)
-    ends = np.concatenate([y - error, y + error, low, high])
-    shown = value_range(points[["measured", *labels]].to_numpy().ravel(), ends)
-    texts = hover_texts(points, shown)
+    shown = points[["measured", *labels]].to_numpy().ravel()
+    texts = {f"measured#{kind}": list(own["text"]) for kind, own in marked(points)}
     texts |= {key: list(points["text"]) for key in labels}
 
     def draw(width: float) -> Figure:
         columns, share = (2, 1.0) if width == WIDE else (1, 0.7)  # lower on a phone: one above the other
         figure, (values, residuals) = panels(2, columns, (width / columns, share * PANEL[1]))
         values.errorbar(x, y, error, fmt="none", ecolor=INK, elinewidth=0.9)
-        draw_points(values, points, shown)
+        draw_points(values, points)
         residuals.axhline(0.0, color=SOFT, lw=0.8)
         for name, label in labels.items():
             dash = {"ls": "", "marker": "_", "ms": 9.0, "mew": 1.8, "label": label}
@@ -141,8 +138,7 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
             scale_axis(frame, "x", x)
             frame.set_xlabel(heading(quantity(axis or "row"), voc.units.condition_unit(axis)))
             frame.set_title(heading(title, voc.units.value_unit(observable)), loc="left")
-        scale_axis(values, "y", np.array([shown.low, shown.high]), shown.logarithmic)
-        values.set_ylim(shown.low, shown.high)
+        scale_axis(values, "y", shown)
         return figure
 
     caption = page_words.CAPTIONS["rows"].format(
@@ -152,29 +148,36 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
     return responsive(draw, caption, f"rows{number}", texts)
 
 
-def marked(points: pd.DataFrame, shown: ValueRange) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Rows by their marks: values beyond the ends of the axis, limits and intervals, ordinary values."""
-    values = points["measured"]
-    kinds = points["limit"].mask(values > shown.high, "high").mask(values < shown.low, "low")
-    groups = sorted(points.groupby(kinds), key=lambda each: str(each[0]), reverse=True)
-    yield from ((str(kind), own) for kind, own in groups)  # ordinary values last, above the others
+def marked(points: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Rows by their marks: limits and intervals, and last, above the others, ordinary values."""
+    groups = sorted(points.groupby("limit"), key=lambda each: str(each[0]), reverse=True)
+    yield from ((str(kind), own) for kind, own in groups)
 
 
-def draw_points(frame: Axes, points: pd.DataFrame, shown: ValueRange) -> None:
-    """Measured values; one beyond the axis stands at its edge, with its value if no other is there."""
-    for kind, own in marked(points, shown):
+def draw_points(frame: Axes, points: pd.DataFrame) -> None:
+    """Measured values: dots, arrows for limits, bars with ends for intervals."""
+    for kind, own in marked(points):
         x, y, low, high = (own[name].to_numpy() for name in ("x", "measured", "low", "high"))
-        style = DOTS | {"marker": "o", "label": "" if kind else page_words.MEASURED}
-        draw_marks(frame, x, edge_of(shown, kind, y), kind, style, f"rows:measured#{kind}")
-        if kind == "between":
-            draw_intervals(frame, x, low, high, INK, "layer:measured")
-        if kind in EDGES and len(own) == 1:
-            draw_edge_texts(frame, x, [plain(float(y[0]))], kind)
+        style = DOTS | {"label": "" if kind else page_words.MEASURED}
+        if kind in ("below", "above"):
+            style |= {"marker": BELOW if kind == "below" else ABOVE, "ms": ARROW, "mfc": PAPER}
+        elif kind == "between":
+            style |= {"ms": MIDDLE}
+            draw_interval_bars(frame, x, low, high)
+        draw_marks(frame, x, y, style, f"rows:measured#{kind}")
 
 
-def hover_texts(points: pd.DataFrame, shown: ValueRange) -> dict[str, list[str]]:
-    """Texts of dots in the order of drawing."""
-    return {f"measured#{kind}": list(own["text"]) for kind, own in marked(points, shown)}
+def draw_marks(frame: Axes, x: Floats, y: Floats, style: Mapping[str, object], gid: str) -> None:
+    """Marks at their places."""
+    frame.plot(x, y, ls="", mew=1.1, zorder=5, gid=gid, **style)  # type: ignore[arg-type]
+
+
+def draw_interval_bars(frame: Axes, x: Floats, low: Floats, high: Floats) -> None:
+    """Bars from end to end of intervals in which values lie; their ends tell them from error bars."""
+    style = {"fmt": "none", "ecolor": INK, "elinewidth": 1.4, "capsize": CAP, "capthick": 1.4}
+    bars = frame.errorbar(x, 0.5 * (low + high), 0.5 * (high - low), gid="layer:measured", **style)
+    for cap in bars[1]:
+        cap.set_gid("layer:measured")
 
 
 def chart(width: float, labels: list[str]) -> tuple[Figure, Axes, Floats]:
@@ -263,7 +266,9 @@ def number_picture(record: Record) -> Picture:
 def dose_pictures(law: LawPart, voc: Vocabulary) -> Iterator[Picture]:
     """Doses of a law along each of its conditions, in the order of the first of them."""
     doses = sorted(law.doses, key=lambda each: tuple(each[0].values()))
-    texts = {"doses": [dose_text(at, dose, voc) for at, dose in doses]}
+    texts = {
+        "doses": ["\n".join([interval(dose), *voc.units.setting_text(at).split(", ")]) for at, dose in doses]
+    }
     value, low, high = np.array([(dose.value, dose.low, dose.high) for _, dose in doses]).T
     for number, axis in enumerate(law.conditions):
         x = np.array([voc.units.condition(axis, at[axis]) for at, _ in doses])
@@ -276,9 +281,7 @@ def dose_pictures(law: LawPart, voc: Vocabulary) -> Iterator[Picture]:
                 frame.fill_between(x, low, high, color=AFTER, alpha=0.16, lw=0.0)
             ends = np.maximum([value - low, high - value], 0.0)
             frame.errorbar(x, value, ends, fmt="none", ecolor=AFTER, elinewidth=0.9)
-            draw_marks(
-                frame, x, value, "", DOTS | {"marker": "o", "color": AFTER, "mfc": AFTER}, "rows:doses"
-            )
+            draw_marks(frame, x, value, DOTS | {"color": AFTER, "mfc": AFTER}, "rows:doses")
             scale_axis(frame, "x", x)
             frame.set_xlabel(heading(axis, voc.units.condition_unit(axis)))
             counts = voc.doses.get(law.mechanism.partition(":")[0], "strength")
@@ -287,11 +290,6 @@ def dose_pictures(law: LawPart, voc: Vocabulary) -> Iterator[Picture]:
 
         caption = page_words.CAPTIONS["doses"].format(mechanism=law.mechanism, axis=axis)
         yield responsive(draw, caption, f"doses{number}", texts)
-
-
-def dose_text(at: Mapping[str, float], dose: Interval, voc: Vocabulary) -> str:
-    """A dose with its conditions."""
-    return "\n".join([interval(dose), *voc.units.setting_text(at).split(", ")])
 
 
 def ladder_picture(record: Record) -> Picture:

@@ -64,7 +64,8 @@ def answer_page(
     voc, told = portable(vocabulary), leading(records)
     found = page_words.answers(records, voc)
     parts = page_words.page_lines(found)
-    first, *others = row_pictures(told, voc)
+    shown = figures.places(told)  # the worst first
+    first, *others = (figures.row_picture(told, voc, *place, number) for number, place in enumerate(shown))
     drawn = (missing_pictures(told, voc, found), [*holding_pictures(records, told), *others], [])
     lead = 1 + bool(told.repeats)  # repeats that disagree stand before what was found
     lines = parts[0][lead:], *parts[1:]
@@ -106,12 +107,6 @@ def portable(voc: Vocabulary) -> Vocabulary:
     return replace(
         voc, **{key: os.path.relpath(file, home) for key, file in files.items() if os.path.isabs(file)}
     )
-
-
-def row_pictures(record: Record, voc: Vocabulary) -> list[Picture]:
-    """Measured beside predicted, the worst place first."""
-    shown = figures.places(record)
-    return [figures.row_picture(record, voc, *place, number) for number, place in enumerate(shown)]
 
 
 def missing_pictures(record: Record, voc: Vocabulary, found: Mapping[str, object]) -> list[Picture]:

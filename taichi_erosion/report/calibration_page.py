@@ -25,6 +25,7 @@ from taichi_erosion.report.html import address_of, made, render
 from taichi_erosion.report.markdown import markdown_table, with_scatter_of, with_spread
 
 Row = Mapping[str, Any]
+Cells = tuple[Sequence[str], Sequence[Sequence[str]]]  # header and rows of a table
 
 PAGE_TEMPLATE, TEMPLATE = "calibration.md", "calibration.html"
 RECORDING = "study.rrd"
@@ -56,11 +57,11 @@ def publish(found: Calibration) -> Path:
         scatter=with_scatter_of,
         symbols=symbols(found),
         kept=", ".join(found.file.labels[path] for path in document["analyse"]["kept"]),
-        effects={name: effect_table(found, name) for name in targets},
-        climb=climb_table(found),
-        variance={name: variance_table(document["surface"]["responses"][name]) for name in targets},
+        effects={name: markdown_table(*effect_table(found, name)) for name in targets},
+        climb=markdown_table(*climb_table(found)),
+        variance={name: markdown_table(*variance_table(found, name)) for name in targets},
         equations={name: equation(found, name) for name in targets},
-        optima=optimum_table(found),
+        optima=markdown_table(*optimum_table(found)),
         samples={name: samples(document["confirm"]["tests"][name]) for name in targets},
     )
     return ListedFolder(found.file.folder).write(PAGE, (text.rstrip() + "\n").encode())
@@ -105,7 +106,7 @@ def response_figures(found: Calibration, name: str) -> dict[str, Figure]:
     }
 
 
-def effect_table(found: Calibration, name: str) -> str:
+def effect_table(found: Calibration, name: str) -> Cells:
     """Effects, largest first, with the published values where the study has any."""
     rows, target = [], found.file.study.targets[name]
     screened = found.document["analyse"]["responses"][name]
@@ -119,7 +120,7 @@ def effect_table(found: Calibration, name: str) -> str:
         )
         rows.append((label, limits, value, f"{effect['p']:.2g}", *([entry.published] if published else [])))
     header = ("parameter", "range", f"effect [{target.unit}]", "p", *(["published"] if published else []))
-    return markdown_table(header, rows)
+    return header, rows
 
 
 def standard_error(effect: Mapping[str, float], scatter: float) -> float:
@@ -162,7 +163,7 @@ def verdict(test: Mapping[str, Any], name: str, unit: str) -> str:
     return f"**Yes.** In the calibrated scene {words}. {power}"
 
 
-def climb_table(found: Calibration) -> str:
+def climb_table(found: Calibration) -> Cells:
     """Path of steepest ascent, step by step."""
     document = found.document["climb"]
     paths, names = (list(document["rows"][0][key]) for key in ("settings", "responses"))
@@ -171,7 +172,7 @@ def climb_table(found: Calibration) -> str:
         mark = " (nearest)" if step == document["best"] - 1 else ""
         values = [row["settings"][path] for path in paths] + [row["responses"][name] for name in names]
         rows.append((f"{step}{mark}", *(number(value) for value in values)))
-    return markdown_table(("step", *(found.file.labels[path] for path in paths), *names), rows)
+    return ("step", *(found.file.labels[path] for path in paths), *names), rows
 
 
 def number(value: float) -> str:
@@ -179,10 +180,11 @@ def number(value: float) -> str:
     return "none" if value != value else f"{value:.4g}"
 
 
-def variance_table(document: Mapping[str, Any]) -> str:
+def variance_table(found: Calibration, name: str) -> Cells:
     """Analysis of variance."""
-    rows = [(row["label"], *(number(row[key]) for key in VARIANCE)) for row in document["anova"]]
-    return markdown_table(("source", "sum of squares", "df", "mean square", "F", "p"), rows)
+    anova = found.document["surface"]["responses"][name]["anova"]
+    rows = [(row["label"], *(number(row[key]) for key in VARIANCE)) for row in anova]
+    return ("source", "sum of squares", "df", "mean square", "F", "p"), rows
 
 
 def equation(found: Calibration, name: str) -> str:
@@ -201,7 +203,7 @@ def symbols(found: Calibration) -> dict[str, str]:
     return {path: parameters[path].symbol or f"x{place}" for place, path in enumerate(paths, 1)}
 
 
-def optimum_table(found: Calibration) -> str:
+def optimum_table(found: Calibration) -> Cells:
     """Settings that reach the target, the narrowest prediction interval first."""
     optima, targets = found.document["optimise"]["optima"][:OPTIMA], list(found.file.study.targets)
     paths = list(optima[0]["settings"])
@@ -211,7 +213,7 @@ def optimum_table(found: Calibration) -> str:
         intervals = (interval_words(each) for each in predicted)
         rows.append((*(number(one["settings"][path]) for path in paths), *intervals))
     header = (*(found.file.labels[path] for path in paths), *(f"{name}, predicted" for name in targets))
-    return markdown_table(header, rows)
+    return header, rows
 
 
 def interval_words(predicted: Mapping[str, float]) -> str:

@@ -9,10 +9,6 @@ from contextlib import contextmanager
 from itertools import combinations
 from typing import Any
 
-import matplotlib as mpl
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -33,15 +29,13 @@ DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
 MAP = "cividis"  # even rise of lightness: readable in grey
 TICKS = 41  # points along an edge of a surface
 LEVELS = 9  # contour lines
-STYLE: dict[Any, Any] = {"font.size": 9.0, "axes.spines.top": False, "axes.spines.right": False}
-CALIBRATION_STYLE: dict[Any, Any] = STYLE | {"font.size": 8.5}
 PANEL = (3.3, 0.9 * 3.3)  # in
 
 
 @contextmanager
 def panels(count: int, columns: int, projection: str | None = None) -> Iterator[tuple[Figure, list[Any]]]:
-    """Figure of `count` panels in STYLE."""
-    with plt.rc_context(STYLE):
+    """Figure of `count` panels."""
+    with figure_style.page_style():
         yield figure_style.panels(count, columns, PANEL, projection)
 
 
@@ -160,8 +154,8 @@ def residuals(fit: Fit, run_order: NDArray[np.int64]) -> Figure:
 def effect_bars(found: Record, kept: Sequence[str], unit: str) -> Figure:
     """Effects by size with their significance limits; dark: factors that the calibration keeps."""
     effects = found["effects"][::-1]
-    with plt.rc_context(CALIBRATION_STYLE):
-        figure, axes = plt.subplots(figsize=(6.4, 0.32 * len(effects) + 1.0), layout="constrained")
+    with figure_style.page_style():
+        figure, axes = figure_style.single(6.4, 0.32 * len(effects) + 1.0)
         colours = [LINE if effect["name"] in kept else PALE for effect in effects]
         axes.barh([e["label"] for e in effects], [e["value"] for e in effects], color=colours)
         for limit, style, label in (
@@ -178,8 +172,8 @@ def effect_bars(found: Record, kept: Sequence[str], unit: str) -> Figure:
 
 def climb_curve(design: Design, name: str, best: int, target: Target) -> Figure:
     """Response along the path of steepest ascent, with the measured value."""
-    with plt.rc_context(CALIBRATION_STYLE):
-        figure, axes = plt.subplots(figsize=(4.6, 2.8), layout="constrained")
+    with figure_style.page_style():
+        figure, axes = figure_style.single(4.6, 2.8)
         measured_band(axes, target)
         steps = np.arange(len(design))
         axes.plot(steps, design.responses[name], "o-", color=LINE)
@@ -198,8 +192,8 @@ def measured_band(axes: Any, target: Target) -> None:
 
 def confirmation_runs(values: Sequence[float], name: str, target: Target, predicted: Record) -> Figure:
     """Confirmation runs at the optimum, with prediction and measurement."""
-    with plt.rc_context(CALIBRATION_STYLE):
-        figure, axes = plt.subplots(figsize=(3.6, 2.8), layout="constrained")
+    with figure_style.page_style():
+        figure, axes = figure_style.single(3.6, 2.8)
         measured_band(axes, target)
         half = 0.5 * (predicted["high"] - predicted["low"])
         axes.errorbar([0.0], [predicted["value"]], yerr=[half], fmt="s", color=PALE, capsize=3)

@@ -189,22 +189,15 @@ def single(width: float, height: float) -> tuple[Figure, Axes]:
     return plt.subplots(figsize=(width, height), layout="constrained")
 
 
-def is_wide(values: Floats) -> bool:
-    """Whether values span so many factors that their axis is logarithmic."""
-    known = values[np.isfinite(values)]
-    return bool(known.size and known.min() > 0.0 and known.max() > WIDE_RANGE * known.min())
-
-
-def scale_axis(
-    frame: Axes, which: Literal["x", "y"], values: Floats, logarithmic: bool | None = None
-) -> None:
-    """Logarithmic axis with plain numbers for values of a wide range or where told so, else a linear one."""
+def scale_axis(frame: Axes, which: Literal["x", "y"], values: Floats) -> None:
+    """Logarithmic axis with plain numbers for values of a wide range, else a linear one."""
     axis = frame.xaxis if which == "x" else frame.yaxis
-    if not (is_wide(values) if logarithmic is None else logarithmic):
+    known = values[np.isfinite(values)]
+    if not (known.size and known.min() > 0.0 and known.max() > WIDE_RANGE * known.min()):
         axis.set_major_locator(MaxNLocator(TICKS))
         return
     frame.set(**{f"{which}scale": "log"})
-    decades = np.log10(np.nanmax(values) / np.nanmin(values))
+    decades = np.log10(known.max() / known.min())
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -17,7 +17,7 @@ from taichi_erosion.core.snapshot import AirSnapshot
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES, AirMeasureInput
 from taichi_erosion.measures.result import as_record, pool
 from taichi_erosion.recording import stream
-from taichi_erosion.recording.air_recording import WindHeader, log_wind, open_wind_recording
+from taichi_erosion.recording.air_recording import log_wind, open_wind_recording
 from taichi_erosion.run import RunOptions
 from taichi_erosion.run.checks import read_air_scene
 from taichi_erosion.run.result import run_document, write_document_or_warn
@@ -65,8 +65,7 @@ def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     run, recording = AirRun(scene, allocate_air(setups), seeds, setups[0].time_step), None
     if not options.no_record:
         text = path.read_text(encoding="utf-8")
-        header = WindHeader(record.stem, scene.scene.title or path.stem, text, CURVES)
-        recording = open_wind_recording(record, header)
+        recording = open_wind_recording(record, scene.scene.title or path.stem, text, CURVES)
     try:
         with deferred_signals() as pending:
             advance_to_end(run, recording, options, pending.raise_pending)

@@ -183,12 +183,11 @@ def present_walls(walls: tuple[WallMesh, ...], sim: Simulation, replica: int) ->
     if not any(wall.moving for wall in walls):
         return walls
     poses = simulation.wall_poses(sim, replica)
-    return tuple(at_pose(wall, poses[wall.name]) for wall in walls if poses[wall.name].present)
-
-
-def at_pose(wall: WallMesh, pose: WallPose) -> WallMesh:
-    """A wall rotated and translated to its pose."""
-    return replace(wall, vertices=wall.vertices @ pose.rotation.T + pose.translation) if wall.moving else wall
+    return tuple(
+        replace(wall, vertices=wall.vertices @ poses[wall.name].rotation.T + poses[wall.name].translation)
+        for wall in walls
+        if poses[wall.name].present
+    )
 
 
 def log_walls(recorder: Recorder, sim: Simulation) -> None:

@@ -115,7 +115,9 @@ def new_trial(sim: Simulation, replica: int, friction_velocity: float, time: flo
 def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time: float) -> bool:
     """Record the motion since the last check; where a trial ends begin the next one. True after the last."""
     record_motion(search, snapshot(sim, replica))
-    moved = trial_outcome(search, time, steady=is_steady(sim))
+    # neither an effect nor an eddy changes the wind over grains at rest
+    steady = not sim.world.grain_effects.any and (sim.coupling.air is None or sim.coupling.air.is_column)
+    moved = trial_outcome(search, time, steady)
     if moved is None:
         return False
     log_trial(search, moved, time)
@@ -131,11 +133,6 @@ def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time:
     if search.phase == "ramp":
         search.trial.start, search.trial.rolled, search.trial.risen = old.start, old.rolled, old.risen
     return False
-
-
-def is_steady(sim: Simulation) -> bool:
-    """Whether the wind over grains at rest is constant: neither an effect nor an eddy changes it."""
-    return not sim.world.grain_effects.any and (sim.coupling.air is None or sim.coupling.air.is_column)
 
 
 def record_motion(search: ThresholdSearch, state: Snapshot) -> None:

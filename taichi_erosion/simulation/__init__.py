@@ -19,11 +19,10 @@ from taichi_erosion.simulation.readback import (
     wall_poses,
 )
 from taichi_erosion.simulation.saved_state import export_bed, export_state, import_bed, import_state
-from taichi_erosion.simulation.scene_setup import conditions_of, device_effects, effective_scene, prepare
+from taichi_erosion.simulation.scene_setup import device_effects, effective_scene, prepare
 from taichi_erosion.simulation.wind_driver import (
     air_profile,
     friction_velocity,
-    set_friction_velocity,
     set_through_flow,
     spin_up_wind,
 )
@@ -34,7 +33,6 @@ __all__ = [
     "advance",
     "air_profile",
     "assemble",
-    "conditions_of",
     "device_effects",
     "effective_scene",
     "energies",
@@ -50,7 +48,6 @@ __all__ = [
     "reuse_or_assemble",
     "set_contacts",
     "set_effects",
-    "set_friction_velocity",
     "set_gravity",
     "set_through_flow",
     "share_touching",

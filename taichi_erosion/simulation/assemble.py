@@ -1,7 +1,7 @@
 """Assemble a simulation: the laws that a run names become device functions, its setups become fields."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -134,13 +134,6 @@ def check_periods(world: World, setups: list[Setup]) -> None:
                 )
 
 
-def check_contacts(setup: Setup) -> None:
-    """Raise BadInput where a contact parameter is not finite: a comparison with NaN would hide it."""
-    for column in fields(setup.contacts):
-        if not np.isfinite(getattr(setup.contacts, column.name)).all():
-            raise BadInput(f"{column.name} holds a value that is not a finite number")
-
-
 def check_mixture(setups: list[Setup]) -> None:
     """Raise BadInput where replicas differ in what is compiled in, or combine what excludes each other."""
     if len({s.clumps is None for s in setups}) > 1:
@@ -155,8 +148,6 @@ def checked(setups: Sequence[Setup]) -> list[Setup]:
     """Setups of an ensemble as a list. Raises BadInput for what cannot run."""
     listed = list(setups)
     check_mixture(listed)
-    for setup in listed:
-        check_contacts(setup)
     return listed
 
 

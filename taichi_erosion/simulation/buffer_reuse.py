@@ -52,15 +52,10 @@ def is_reusable(before: Simulation, setups: list[Setup], laws: Laws, numerics: N
         same_laws
         and alike
         and without_air
-        and has_capacity(before.capacities, wanted)
+        and all(getattr(before.capacities, f.name) >= getattr(wanted, f.name) for f in fields(Capacities))
+        and before.capacities.materials == wanted.materials  # tables of contacts have the same size
         and has_same_effects(before, setups)
     )
-
-
-def has_capacity(capacities: Capacities, wanted: Capacities) -> bool:
-    """Whether capacities suffice; tables of contacts must have the same size."""
-    enough = all(getattr(capacities, f.name) >= getattr(wanted, f.name) for f in fields(Capacities))
-    return enough and capacities.materials == wanted.materials
 
 
 def has_same_effects(before: Simulation, setups: list[Setup]) -> bool:

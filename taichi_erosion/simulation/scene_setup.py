@@ -16,11 +16,6 @@ from taichi_erosion.scene.preparation.sizes import nominal_diameter
 Library = Mapping[str, Effect]
 
 
-def conditions_of(scene: Scene) -> dict[str, float]:
-    """What the scene states of its conditions, by name, as effects read it."""
-    return scene.conditions.stated()
-
-
 def circumstances_of(after: Scene) -> dict[str, float]:
     """Conditions for effects on the device and instruments: those stated, and what the scene adds to them.
 
@@ -30,7 +25,7 @@ def circumstances_of(after: Scene) -> dict[str, float]:
     if after.wind is not None:
         known["bed_height"] = surface_height(after, after.wind)
         known["density_ratio"] = after.materials[after.grains.material].density / after.wind.density
-    return conditions_of(after) | known
+    return after.conditions.stated() | known
 
 
 def effective_scene(scene: Scene, library: Library) -> Scene:
@@ -38,7 +33,7 @@ def effective_scene(scene: Scene, library: Library) -> Scene:
 
     What comes out is validated like a file. Raises BadInput where it cannot be simulated.
     """
-    conditions, changed = conditions_of(scene), scene
+    conditions, changed = scene.conditions.stated(), scene
     for name in sorted(scene.effects):
         effect = library[name]
         params, strength = checked_params(scene, effect)

@@ -72,6 +72,16 @@ def test_predictions_are_in_the_units_of_the_table(wet):
     assert table["value"].between(10.0, 60.0).all()  # cm/s: sand of this size, moist
 
 
+def test_a_printed_table_has_all_columns_in_a_narrow_terminal(wet, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "60")
+    comparison, discovery = wet.compare(), wet.discover()
+    for table in (comparison.rows, comparison.table, discovery.table, discovery.table[["status", "low"]]):
+        printed = str(table)
+        assert "..." not in printed
+        assert all(column in printed for column in table.columns)
+        assert max(map(len, printed.splitlines())) <= 60
+
+
 def test_a_data_frame_is_a_table(tmp_path):
     diameters, thresholds = [0.1, 0.2, 0.4, 0.8], [14.0, 17.0, 24.0, 34.0, 14.5, 17.4, 23.6, 34.7]
     table = pd.DataFrame({"diameter [mm]": 2 * diameters, "threshold_u_star [cm/s]": thresholds})

@@ -8,7 +8,8 @@ from run.small_scene import write_scene
 
 from taichi_erosion.campaign.execute import Campaign, WorkDone, execute, report_progress
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
-from taichi_erosion.campaign.request import RunDevice, scene_request
+from taichi_erosion.campaign.request import scene_request
+from taichi_erosion.campaign.study_file import WorkersEntry
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.run import RunOptions, run_scene, scene_run
@@ -16,7 +17,7 @@ from taichi_erosion.scene.shipped import SCENES
 
 ROUGH = "contact.soil-soil.friction_sliding=0.9"
 STIFF = "materials.soil.shear_modulus=2e6"  # Pa: another time step beside the others
-BY_GRAIN, AUTO = RunDevice("cpu", "grains"), RunDevice("auto")
+BY_GRAIN, AUTO = WorkersEntry(decomposition="grains"), WorkersEntry(arch="auto")
 HASTY = ("run.time_step=5e-3", "run.force_time_step=true")  # s, thirty Rayleigh times: a guard will stop it
 
 
@@ -80,11 +81,12 @@ def test_the_key_follows_scene_and_seed_and_nothing_else(folder):
 def test_runs_whose_bits_differ_by_the_way_they_are_made_have_keys_of_their_own(folder):
     scene = write_scene(folder)
     usual = scene_request(scene, (), 3)
-    devices = [BY_GRAIN, RunDevice("vulkan"), RunDevice("cuda"), RunDevice("cuda", "partitions")]
+    devices = [BY_GRAIN, *(WorkersEntry(arch=arch) for arch in ("vulkan", "cuda"))]
+    devices.append(WorkersEntry(arch="cuda", decomposition="partitions"))
     asked = [scene_request(scene, (), 3, device=device) for device in devices]
     assert len({usual.key, *(request.key for request in asked)}) == 5
     assert len({usual.group, *(request.group for request in asked)}) == 5
-    assert scene_request(scene, (), 3, device=RunDevice("cpu", "partitions")).key == usual.key
+    assert scene_request(scene, (), 3, device=WorkersEntry(decomposition="partitions")).key == usual.key
     # no graphics processor here, and too few grains for one
     assert scene_request(scene, (), 3, device=AUTO).key == usual.key
 

@@ -22,6 +22,7 @@ from taichi_erosion.cli.answers import cost_line
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Numerics
+from taichi_erosion.evidence.models.reduced import EFFECTS
 
 DOCUMENT = {
     "scene": "funnel",
@@ -205,7 +206,6 @@ def test_a_traceback_is_shown_to_those_who_ask_for_it(room, capsys, monkeypatch)
         (["view", "missing.rrd"], "missing.rrd"),
         (["measure", "repose", "missing.png"], "missing.png"),
         (["measure", "repose", __file__, "--crop", "1,2,3"], "--crop 1,2,3"),
-        (["measure", "repose", __file__, "--crop", "5,0,5,9"], "--crop 5,0,5,9"),
         (["schema", "-o", "missing/folder/s.json"], "missing/folder"),
         (["erode"], "erode"),
     ],
@@ -396,3 +396,15 @@ def test_the_cost_of_a_small_study_is_no_zero():
     cost = {"sentence": "42 runs to make: at most about 45 s on 1 process.", "core_minutes": 0.743}
     assert cost_line("quick", cost).endswith("at most about 45 s on 1 process (0.743 core-minutes)")
     assert cost_line("full", {"sentence": "No run."}) == "cost with --budget full: No run"
+
+
+def test_effects_lists_those_of_the_closed_form_model_as_its_studies_name_them(capsys):
+    assert main(["effects", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert set(document["closed_form"]) == set(EFFECTS)
+    assert "sqrt(1 + 1.21 w^0.68)" in document["closed_form"]["liquid_bridge"]
+    assert main(["effects"]) == 0
+    scenes, closed_form = capsys.readouterr().out.split("of the closed-form model")
+    assert "turbulent_gusts" in scenes
+    assert all(f"\n{name} " in closed_form for name in EFFECTS)
+    assert "study new --closed-form" in closed_form

@@ -3,8 +3,6 @@
 import re
 from pathlib import Path
 
-import pytest
-
 from taichi_erosion.cli import progress
 from taichi_erosion.cli.main import main
 
@@ -35,23 +33,16 @@ def test_a_log_that_cannot_be_written_is_refused_in_one_line(tmp_path: Path, cap
     assert "--log" in printed.err
 
 
-@pytest.mark.parametrize(
-    ("share", "elapsed", "said"),
-    [
-        (0.25, 10.0, "about 30 s left"),
-        (0.5, 600.0, "about 10 min left"),
-        (0.5, 7200.0, "about 2.0 h left"),
-        (0.001, 60.0, ""),  # too little is done to tell
-        (0.5, 1.0, ""),
-    ],
-)
-def test_the_time_that_is_left_is_told_once_the_pace_is_known(share: float, elapsed: float, said: str):
-    countdown = progress.Countdown(0.0)
-    assert countdown.seconds(0.0, 100.0) is None
-    assert progress.left_words(countdown.seconds(share, 100.0 + elapsed)) == said
-
-
-def test_what_was_done_before_does_not_count_as_pace():
-    countdown = progress.Countdown(0.0)
-    countdown.seconds(0.8, 0.0)
-    assert countdown.seconds(0.9, 60.0) == pytest.approx(60.0)
+def test_the_time_that_is_left_follows_from_the_pace_since_the_first_report(monkeypatch, capsys):
+    clock = [100.0]
+    monkeypatch.setattr("rich.console.monotonic", lambda: clock[0])
+    monkeypatch.setattr(progress, "LINE_INTERVAL", 0.0)
+    monkeypatch.delenv("FORCE_COLOR", raising=False)
+    with progress.reporting("heaping") as report:
+        report(0.5, "2 heaps")  # done before, which does not count as pace
+        clock[0] += 60.0
+        report(0.75, "3 heaps")
+    assert capsys.readouterr().err.splitlines() == [
+        "heaping: 50%, 2 heaps",
+        "heaping: 75%, 3 heaps, about 0:01:00 left",
+    ]

@@ -4,7 +4,6 @@ import pytest
 from scene_tables import complaint, good_table
 
 from taichi_erosion.scene import parse_scene, resolved, scene_hash
-from taichi_erosion.simulation import conditions_of
 
 EXTRA = {"root_density": {"unit": "g/cm3", "value": 0.004}, "room": {"unit": "degC", "value": 20.0}}
 
@@ -16,16 +15,16 @@ def scene_with(extra, overrides=(), **stated):
 
 
 def test_effects_read_declared_conditions_in_si_units():
-    found = conditions_of(scene_with(EXTRA))
+    found = scene_with(EXTRA).conditions.stated()
     assert found == pytest.approx({"moisture": 0.01, "root_density": 4.0, "room": 293.15})
 
 
 def test_a_value_may_be_set_beside_the_declaration_and_on_the_command_line():
     declared = {"root_density": {"unit": "g/cm3"}}
-    assert "root_density" not in conditions_of(scene_with(declared))
-    assert conditions_of(scene_with(declared, root_density=0.5))["root_density"] == pytest.approx(500.0)
+    assert "root_density" not in scene_with(declared).conditions.stated()
+    assert scene_with(declared, root_density=0.5).conditions.stated()["root_density"] == pytest.approx(500.0)
     set_later = scene_with(declared, ["conditions.root_density=0.25"])
-    assert conditions_of(set_later)["root_density"] == pytest.approx(250.0)
+    assert set_later.conditions.stated()["root_density"] == pytest.approx(250.0)
     long_path = scene_with(declared, ["conditions.extra.root_density.value=0.25"])
     assert long_path == set_later
 

@@ -8,9 +8,8 @@ import pytest
 from grain_worlds import contacts, fingerprint, heap
 
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import ContactTable, Laws, Numerics, Setup, Surface, pair_row, pair_rows
-from taichi_erosion.simulation import Simulation, advance, assemble, reuse_or_assemble, set_contacts, snapshot
+from taichi_erosion.simulation import Simulation, advance, reuse_or_assemble, set_contacts, snapshot
 
 LAWS, NUMERICS = Laws(rolling="elastic_plastic"), Numerics("cpu", 1)
 FALLEN = 0.01  # s, half way down
@@ -87,10 +86,3 @@ def test_replicas_with_few_and_with_three_materials_come_out_as_alone(found):
 def test_contacts_of_one_replica_change_beside_others_with_more_materials(found):
     alone = found["alone"]
     assert alone["slippery beside 2"] == alone["slippery beside 3"] != alone["few"]
-
-
-def test_a_contact_parameter_that_is_no_number_is_refused_by_name():
-    one = heap(4, 1)
-    energy = np.full_like(one.contacts.surface_energy, np.nan)
-    with pytest.raises(BadInput, match="surface_energy holds a value that is not a finite number"):
-        assemble([replace(one, contacts=replace(one.contacts, surface_energy=energy))], LAWS, NUMERICS)

@@ -16,8 +16,8 @@ import numpy as np
 
 from taichi_erosion.campaign.execute import execute
 from taichi_erosion.campaign.ledger import Ledger, open_ledger
-from taichi_erosion.campaign.request import CPU, RunDevice, RunRequest, RunResult, request_of, run_device
-from taichi_erosion.campaign.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile
+from taichi_erosion.campaign.request import CPU, RunRequest, RunResult, request_of
+from taichi_erosion.campaign.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile, WorkersEntry
 from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.effect_loading import effect_in, failures_of
 from taichi_erosion.core.errors import BadInput, SimulationStopped
@@ -67,7 +67,7 @@ class Simulator:
     effect_files: EffectFiles = ()  # of the study and its scenes
     own: tuple[str, ...] = ()  # effects of the study's files: candidates
     mechanisms: tuple[str, ...] = ()  # of the library, known by their doses in place of strengths
-    device: RunDevice = CPU
+    device: WorkersEntry = CPU
     ledger: Ledger | None = field(default=None, repr=False)
 
     def __call__(
@@ -227,8 +227,7 @@ def study_simulator(
     scenes = {(path.parent / str(entry.scene)).resolve() for entry in file.observables.values()}
     files = all_effect_files(sorted(scenes), effect_files)
     own = tuple(effect_in(each).name for each in effect_files)
-    device = run_device(file.campaign)
-    simulator = Simulator({}, load_library(files), folder, files, own, device=device)
+    simulator = Simulator({}, load_library(files), folder, files, own, device=file.campaign)
     numbers = scene_numbers(file, table)
     units = dict(zip(table.observable, table.unit, strict=True))
     measures, refusals = {}, {}
