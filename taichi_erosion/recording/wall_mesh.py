@@ -33,7 +33,8 @@ def wall_meshes(setup: Setup, bounds: Box, moving: frozenset[str] = frozenset())
         rows = np.flatnonzero(table.surface == index)
         parts = [triangulate(PrimitiveKind(table.kind[row]), table.shape[row], bounds) for row in rows]
         if parts:
-            vertices, triangles = map(np.asarray, trimesh.util.append_faces(*zip(*parts, strict=True)))
+            joined = trimesh.util.append_faces(*zip(*parts, strict=True))
+            vertices, triangles = np.asarray(joined[0], np.float64), np.asarray(joined[1], np.int32)
             meshes.append(WallMesh(surface.name, vertices, triangles, surface.name in moving))
     return tuple(meshes)
 

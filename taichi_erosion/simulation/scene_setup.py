@@ -85,7 +85,7 @@ def device_effects(after: Scene, library: Library, radius: float) -> list[Replic
 def can_act(scene: Scene, effect: Effect) -> bool:
     """Whether an effect can act under the conditions that a scene states."""
     with failures_of(effect, "can_act"):
-        return bool(np.all(effect.can_act({n: np.array([v]) for n, v in conditions_of(scene).items()})))
+        return bool(np.all(effect.can_act({n: np.array([v]) for n, v in scene.conditions.stated().items()})))
 
 
 def acts(scene: Scene, effect: Effect) -> bool:
@@ -93,7 +93,7 @@ def acts(scene: Scene, effect: Effect) -> bool:
     params, strength = checked_params(scene, effect)
     known = circumstances_of(scene)
     if effect.place == "scene":
-        return changed_by(effect, params, strength, conditions_of(scene), scene) != scene
+        return changed_by(effect, params, strength, scene.conditions.stated(), scene) != scene
     if effect.place == "instrument":
         return any(effect.act(params, strength, known, name, 1.0) != 1.0 for name in scene.measure)
     assert effect.constants is not None
