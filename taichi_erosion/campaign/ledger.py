@@ -40,8 +40,7 @@ CREATE TABLE IF NOT EXISTS run (
     failure TEXT,            -- why there is no result
     wall_s REAL,
     ended REAL               -- unix time
-) WITHOUT ROWID;
-CREATE INDEX IF NOT EXISTS run_state ON run (state, deaths, wall_s) -- what is polled, without the records
+) WITHOUT ROWID
 """
 
 
@@ -76,7 +75,7 @@ def open_database(path: Path, kind: str, table: str) -> Database:
         # a killed process loses nothing; after a power cut the last results may have to be run again
         connection.execute("PRAGMA synchronous = NORMAL")
         connection.execute(f"PRAGMA user_version = {FORMAT}")
-        connection.executescript(table)
+        connection.execute(table)
     return Database(path, connection, kind)
 
 
@@ -102,7 +101,7 @@ def refuse_foreign(path: Path, connection: sqlite3.Connection, kind: str, table:
     if version not in (0, FORMAT):
         raise BadInput(f"{path}: {kind} of format {version}, of another version; this one is {FORMAT}")
     model = sqlite3.connect(":memory:")
-    model.executescript(table)
+    model.execute(table)
     columns, wanted = ([row[1] for row in c.execute("PRAGMA table_info(run)")] for c in (connection, model))
     model.close()
     if columns not in ([], wanted):
