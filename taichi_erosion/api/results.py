@@ -50,12 +50,7 @@ class Result:
     @property
     def found(self) -> list[str]:
         """What was found, in plain sentences; what is wrong with the set-up comes first."""
-        return [*self.reply.about["set_up"], *self.lines]
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """Sentences of the answer."""
-        return self.reply.answer().lines
+        return [*self.reply.about["set_up"], *self.reply.answer().lines]
 
     @property
     def table(self) -> "pd.DataFrame":
@@ -76,9 +71,10 @@ class RaceResult(Result):
     reply: "Reply"
 
     @property
-    def lines(self) -> tuple[str, ...]:
-        """Sentences of the answer, with calls of Python in place of commands."""
-        return self.reply.answer(call=partial(python_call, self.study)).lines
+    def found(self) -> list[str]:
+        """The same, with calls of Python in place of commands."""
+        call = partial(python_call, self.study)
+        return [*self.reply.about["set_up"], *self.reply.answer(call=call).lines]
 
     @property
     def record(self) -> "Record":

@@ -55,10 +55,9 @@ def test_observables_that_move_alike_have_errors_that_hang_together(joint):
 
 def test_the_covariance_is_that_of_drawn_errors(joint):
     random, which = np.random.default_rng(8), np.repeat([0, 1], 2)
-    of_runs = np.repeat([0, 1], [each.size for each in joint.known])
-    at = module.stacked([ASKED, ASKED])
-    cross = joint.smooth(at, which, joint.runs, of_runs)
-    whole = np.block([[joint.smooth(at, which, at, which), cross], [cross.T, joint.prior]])
+    at = module.Values(ASKED, np.tile([0, 1], 2), which)
+    cross = joint.smooth(at, joint.runs)
+    whole = np.block([[joint.smooth(at, at), cross], [cross.T, joint.prior]])
     drawn = random.multivariate_normal(np.zeros(len(whole)), whole, DRAWS, method="eigh")
     asked = [(0, ASKED), (1, ASKED)]
     errors = drawn[:, :4] - drawn[:, 4:] @ joint.weights(asked).T

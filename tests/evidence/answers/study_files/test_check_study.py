@@ -68,11 +68,11 @@ def test_a_laboratorys_own_table_works_in_a_study_directly(tmp_path):
 
 
 def test_a_table_far_from_its_own_scene_is_suspected_of_a_unit(tmp_path):
-    table = TABLE.replace("slope [deg]", "diameter [mm]").replace(",5,1,me", ",250,1,me")
+    table = TABLE.replace("slope [deg]", "diameter [mm]").replace(",5,1,me", ",25,1,me")
     study = STUDY.replace('slope = "conditions.slope"', 'diameter = "grains.size.diameter"')
     with pytest.raises(BadInput) as caught:
         check_study(written(tmp_path, study, table))
-    assert "diameter = 250 mm is 0.25 m, which is unusual" in caught.value.faults[0]
+    assert "diameter = 25 mm is 0.025 m, which is unusual" in caught.value.faults[0]
     assert "did you mean [um]?" in caught.value.faults[0]
 
 

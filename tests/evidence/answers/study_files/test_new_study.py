@@ -158,7 +158,9 @@ def test_faults_of_every_layer_are_told_at_once(tmp_path):
 
 
 def test_a_unit_that_the_user_states_counts(tmp_path):
-    (tmp_path / "heap.csv").write_bytes(GOOD.replace(" [µm]", "").encode("cp1252"))
+    (tmp_path / "heap.csv").write_bytes(
+        GOOD.replace(" [µm]", "").replace("800;", "40;").replace("50", "2").encode("cp1252")
+    )
     new_study(tmp_path / "heap.csv", Wishes(Told(units={"Korngröße": "mm"}), closed_form=True), guess)
     assert "diameter [mm]" in (tmp_path / "heap" / "heap_tidy.csv").read_text("utf-8")
 
