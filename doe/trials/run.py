@@ -168,8 +168,7 @@ def seal_command(trial: str, name: str, secret: Secret, cases: int = 500) -> Non
 @app.command()
 def make(trial: str, name: str, secret: Secret) -> None:
     """Tables and studies of laboratories that simulate, with another seed than drew them."""
-    place = SealedSet(trial, name)
-    cases = opened(place, secret)
+    cases = opened(place := SealedSet(trial, name), secret)
     place.folder.mkdir(parents=True, exist_ok=True)
     LABORATORIES[trial].measure(place.folder, [case for *_, case in cases], cases[0][0] + 1)
 

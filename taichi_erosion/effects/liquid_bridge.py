@@ -58,14 +58,10 @@ class Params:
     grain_density: float = quantity(2650.0, "kg m-3", "of the solid", low=500.0, high=8000.0)
 
 
-def held_by_clay(clay: Any) -> Any:
-    """Moisture that clay adsorbs [kg kg-1], from its mass fraction [1]; Fecan et al. (1999), eq. (14)."""
-    return CLAY_SQUARE * np.square(clay) + CLAY_LINEAR * np.asarray(clay)
-
-
 def free_water(params: Params, conditions: Mapping[str, Any]) -> Any:
-    """Moisture that forms necks [kg kg-1]."""
-    held = params.adsorbed + held_by_clay(conditions.get("clay_fraction", 0.0))
+    """Moisture that forms necks [kg kg-1]: clay adsorbs the rest; Fecan et al. (1999), eq. (14)."""
+    clay = np.asarray(conditions.get("clay_fraction", 0.0))
+    held = params.adsorbed + CLAY_SQUARE * clay**2 + CLAY_LINEAR * clay
     return np.maximum(np.asarray(conditions.get("moisture", 0.0)) - held, 0.0)
 
 

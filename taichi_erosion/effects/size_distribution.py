@@ -37,12 +37,6 @@ class Params:
     cut: float = quantity(1.5, "1", "largest deviation of ln d, in standard deviations", low=0.5, high=3.0)
 
 
-def ninetieth(cut: float) -> float:
-    """90 % point of the normal distribution cut at both ends, in standard deviations [1]."""
-    below = NORMAL.cdf(-cut)
-    return NORMAL.inv_cdf(below + 0.9 * (1.0 - 2.0 * below))
-
-
 def sieves(median: float, sigma: float, cut: float) -> Sieve:
     """Masses of a cut lognormal distribution by sieve."""
     deviates = np.linspace(-cut, cut, CLASSES + 1)
@@ -54,7 +48,9 @@ def sieves(median: float, sigma: float, cut: float) -> Sieve:
 
 def change(params: Params, strength: float, conditions: Conditions, scene: Scene) -> Scene:
     """The scene with sizes around its own."""
-    size, sigma = scene.grains.size, strength * log(params.spread) / ninetieth(params.cut)
+    below = NORMAL.cdf(-params.cut)
+    ninetieth = NORMAL.inv_cdf(below + 0.9 * (1.0 - 2.0 * below))  # percentile of the cut normal distribution
+    size, sigma = scene.grains.size, strength * log(params.spread) / ninetieth
     if sigma == 0.0:
         return scene
     if not isinstance(size, Monodisperse):

@@ -114,11 +114,8 @@ def idle_effects(scene: Scene, files: EffectFiles) -> list[str]:
         return []  # and the device is not imported
     from taichi_erosion.core.effect_loading import effect_in
 
-    reasons = {
-        name: f"the scene does not name it; --set effects.{name}.strength=1"
-        for name in (effect_in(file).name for file in files)
-        if name not in scene.effects
-    }
+    told, own = "the scene does not name it; --set effects.{}.strength=1", (effect_in(f).name for f in files)
+    reasons = {name: told.format(name) for name in own if name not in scene.effects}
     library = library_of(scene)
     reasons |= {name: idle_reason(scene, library[name]) for name in scene.effects}
     return [f"effect '{name}' does not act: {reason}" for name, reason in reasons.items() if reason]

@@ -129,15 +129,11 @@ def restore_replica(state_out: ReplicaState, record: dict[str, Any], arrays: Arr
     airs = without_prefix("air_", arrays)
     rows = zip(*(airs[name] for name in AIR_COLUMNS), strict=True) if airs else ()
     state_out.airs = [AirProfile(**dict(zip(AIR_COLUMNS, row, strict=True))) for row in rows]
-    state_out.search = record["search"] and restored_search(record["search"], arrays, scene)
-
-
-def restored_search(record: dict[str, Any], arrays: Arrays, scene: Scene) -> ThresholdSearch:
-    """Inverse of `search_record`."""
-    trial = Trial(**record["trial"] | without_prefix("trial_", arrays))
-    found = {name: Bracket(**bracket) for name, bracket in record["found"].items()}
-    bed = without_prefix("bed_", arrays)
-    return ThresholdSearch(scene, **record | {"bed": bed, "trial": trial, "found": found})
+    if search := record["search"]:  # inverse of `search_record`
+        trial = Trial(**search["trial"] | without_prefix("trial_", arrays))
+        found = {name: Bracket(**bracket) for name, bracket in search["found"].items()}
+        again = {"bed": without_prefix("bed_", arrays), "trial": trial, "found": found}
+        state_out.search = ThresholdSearch(scene, **search | again)
 
 
 def pack_frames(frames: list[Snapshot]) -> Arrays:

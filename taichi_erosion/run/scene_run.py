@@ -95,7 +95,9 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     """
     started = time.perf_counter()
     named = named_effects(options.effect_files)
-    scene = read_scene(path, scene_overrides(options), named)
+    words = {"seed": options.seed, "replicas": options.replicas, "precision": options.precision}
+    given = [f"run.{name}={value}" for name, value in words.items() if value is not None]
+    scene = read_scene(path, (*options.overrides, *given), named)
     hashed = scene_hash(scene)
     record = record_of(path, scene, scene.run.seed, options)
     library = library_of(scene)
@@ -117,7 +119,10 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
             first, properties = document["replicas"][0], {"scene": {"hash": hashed}}
             document |= finish_recording_or_warn(recorder, ensemble, first, properties)
             write_document_or_warn(record, document)
-    raise_if_all_failed(ensemble)
+    failed = [(state.failure, state.seed) for state in ensemble.states if state.failure is not None]
+    if len(failed) == len(ensemble.states):
+        more = f" (and {len(failed) - 1} more replicas stopped)" if len(failed) > 1 else ""
+        raise SimulationStopped(failure_message(*failed[0]) + more)
     return document
 
 
@@ -183,13 +188,6 @@ def scene_text(path: Path, overrides: tuple[str, ...]) -> str:
     return changes + path.read_text(encoding="utf-8")
 
 
-def scene_overrides(options: RunOptions) -> tuple[str, ...]:
-    """Overrides of the scene, among them seed, replicas and precision of the command line."""
-    words = {"seed": options.seed, "replicas": options.replicas, "precision": options.precision}
-    given = [f"run.{name}={value}" for name, value in words.items() if value is not None]
-    return (*options.overrides, *given)
-
-
 def run_with_outputs(
     ensemble: EnsembleRun, recorder: Recorder | None, checkpointer: Checkpointer, options: RunOptions
 ) -> None:
@@ -239,11 +237,3 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
         resolved=resolved(scene),
         effect_digests=scene.effect_digests,
     )
-
-
-def raise_if_all_failed(ensemble: EnsembleRun) -> None:
-    """Raise SimulationStopped where every replica failed."""
-    failed = [(state.failure, state.seed) for state in ensemble.states if state.failure is not None]
-    if len(failed) == len(ensemble.states):
-        more = f" (and {len(failed) - 1} more replicas stopped)" if len(failed) > 1 else ""
-        raise SimulationStopped(failure_message(*failed[0]) + more)

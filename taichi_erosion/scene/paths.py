@@ -69,14 +69,10 @@ def meaning_of(path: str) -> str:
         if found is None:
             names = [name for option in options(schema, above) for name in option.get("properties", {})]
             raise BadInput(f"no scene has an entry '{path}'{did_you_mean(key, names)}")
-    nameless = "a component" if found.get("type") == "number" else section_meaning(schema, found)
+    meanings = [o["description"] for o in options(schema, found.get("items", found)) if "description" in o]
+    nameless = meanings[0].partition("\n")[0] if len(meanings) == 1 else "a section"
+    nameless = "a component" if found.get("type") == "number" else nameless
     return "\n".join([f"{path}: {told_entry(found, nameless)}", *lines_below(schema, found)])
-
-
-def section_meaning(schema: dict[str, Any], node: dict[str, Any]) -> str:
-    """First line of the docstring of a section, or of the entries of a list of sections."""
-    found = [option for option in options(schema, node.get("items", node)) if "description" in option]
-    return found[0]["description"].partition("\n")[0] if len(found) == 1 else "a section"
 
 
 def told_entry(entry: Mapping[str, Any], nameless: str = "") -> str:
@@ -200,7 +196,9 @@ def apply_override(table: dict[str, Any], override: str) -> None:
     for depth, key in enumerate(keys):
         is_last = depth == len(keys) - 1
         if isinstance(holder, dict):
-            place: Any = other_order(key, holder) if keys[:depth] == ["contact"] else key
+            turned = "-".join(reversed(key.split("-")))  # a contact pair in the order of the scene
+            is_turned = keys[:depth] == ["contact"] and key not in holder and turned in holder
+            place: Any = turned if is_turned else key
             twin = key.removesuffix(DIAMETERS) if key.endswith(DIAMETERS) else key + DIAMETERS
             if is_last:
                 holder.pop(twin, None)
@@ -226,12 +224,6 @@ def parsed(override: str, text: str) -> Any:
     raise refusal(
         override, "the value is not a TOML value: a plain number with a decimal point, or text in quotes"
     )
-
-
-def other_order(pair: str, contacts: dict[str, Any]) -> str:
-    """A contact pair in the order in which the scene writes it."""
-    other = "-".join(reversed(pair.split("-")))
-    return other if pair not in contacts and other in contacts else pair
 
 
 def place_in_list(holder: Any, key: str, override: str) -> int:

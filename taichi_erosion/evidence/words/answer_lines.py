@@ -158,9 +158,7 @@ def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[st
     misfits = {"held-out": held.p_after, "fitted": record.fit.p_after}
     failing = [f"{name} rows ({say.chance(p)})" for name, p in misfits.items() if p < say.ADEQUATE]
     if not record.improves:
-        last = (
-            f"Go on with {voc.study}: {voc.command('next', voc.study)} asks which measurements would decide"
-        )
+        last = f"Go on with {voc.study}: {voc.command('next', voc.study)} asks which measurements decide"
         fit = record.fit
         fitted = (
             f"of fitted rows from {plain(fit.chi2_before / fit.n, 2)} to {plain(fit.chi2_after / fit.n, 2)}"

@@ -144,15 +144,12 @@ def fastest_wind(air: AirBox) -> float:
     shape, moving = inlet_shape(air), max(max(map(abs, side.velocity)) for side in air.sides.values())
     gust = GUST * max(air.turbulence.deviation) if air.turbulence else 0.0
     blowing = 0.0 if shape is None else float(shape.max())
-    return max(blowing + gust, moving, driven_speed(air))
-
-
-def driven_speed(air: AirBox) -> float:
-    """Speed scale of air that a pressure gradient drives [m s-1]: laminar, or 30 u* with a closure."""
+    # a pressure gradient drives a laminar flow, or one of 30 u* with a closure
     gradient, height = max(map(abs, air.driving_gradient)), air.extents[2]
     laminar = gradient * height**2 / (8.0 * air.density * air.viscosity)
     turbulent = TURBULENT * max((gradient * height / air.density) ** 0.5, air.friction_velocity)
-    return laminar if air.closure == "none" else min(laminar, turbulent) if gradient else turbulent
+    driven = laminar if air.closure == "none" else min(laminar, turbulent) if gradient else turbulent
+    return max(blowing + gust, moving, driven)
 
 
 def longest_step(scene: AirScene) -> float:

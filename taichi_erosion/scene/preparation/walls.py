@@ -132,12 +132,7 @@ def wall_bounds(scene: Scene, name: str) -> Floats:
         return bounds_of(np.array([wall.low, wall.high]))
     if isinstance(wall, Mesh):
         return bounds_of(mesh_triangles(scene, name, wall).reshape(-1, 3))
-    return revolved_bounds(wall)
-
-
-def revolved_bounds(wall: Disc | Cylinder | Cone | Funnel) -> Floats:
-    """Box around a surface of revolution: a circle of radius r reaches r sqrt(1 - axis_k^2) along k."""
-    corners = []
+    corners = []  # of a surface of revolution: a circle of radius r reaches r sqrt(1 - axis_k^2) along k
     for row in revolved_rows(wall):
         point, axis = np.array(row[0:3]), np.array(row[3:6])
         for radius, height in (row[6:8], row[8:10]):

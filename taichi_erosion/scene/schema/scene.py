@@ -318,20 +318,15 @@ def effect_problems(scene: Scene, known: Known) -> Iterator[str]:
     """Effects and parameters that the library (name -> its entries) does not have."""
     for name, values in scene.effects.items():
         if name not in known:
-            yield f"effects.{name} is unknown; {effect_hint(name, known)}"
+            own = "an effect of your own needs --effect FILE, or effect_files under [scene] or [study]"
+            hint = f"{own}; known effects: {', '.join(sorted(known)) or 'none'}"
+            hint = f"did you mean '{near}'?" if (near := nearest(name, known)) else hint
+            yield f"effects.{name} is unknown; {hint}"
             continue
         for key in values:
             if key not in known[name]:
                 near = did_you_mean(key, known[name])
                 yield f"effects.{name}.{key} is unknown{near}; allowed: {', '.join(known[name])}"
-
-
-def effect_hint(name: str, known: Known) -> str:
-    """What to do about an effect that is not there."""
-    if near := nearest(name, known):
-        return f"did you mean '{near}'?"
-    own = "an effect of your own needs --effect FILE, or effect_files under [scene] or [study]"
-    return f"{own}; known effects: {', '.join(sorted(known)) or 'none'}"
 
 
 def observable_problems(measures: Iterable[str], known: Collection[str] | None) -> Iterator[str]:
