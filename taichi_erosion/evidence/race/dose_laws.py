@@ -224,7 +224,7 @@ def first_fit(rows: LawRows, form: Form, w: Floats) -> FittedForm:
     dose, starts = from_axis(w), []
     for rest in form.starts:
         shape = form.dose(rows.conditions, np.array([1.0, *rest]))
-        starts.append(np.array([float(shape @ dose / (shape @ shape)), *rest]))
+        starts.append(np.array([float(shape @ dose / (shape @ shape or 1.0)), *rest]))  # 0 where it vanishes
     everything, size = np.ones(w.size, dtype=np.bool_), starts[0].size
     return FittedForm(form, rows, everything, starts[0], np.inf, np.eye(size)).fitted(starts)
 

@@ -31,10 +31,15 @@ def value(observable, conditions, parameters, effects, seeds):
     return np.repeat(found[np.newaxis], seeds.size, axis=0)
 
 
-def law(exponent: float, seed: int) -> tuple[LawPart, int]:
-    """The law of rows made with an exponent, and the settings of the model that it took."""
+def law(exponent: float, seed: int, apart: bool = False) -> tuple[LawPart, int]:
+    """The law of rows made with an exponent, and the settings of the model that it took.
+
+    `apart`: no row has both conditions.
+    """
     random = np.random.default_rng(seed)
     x, z = np.exp(random.uniform(-0.7, 0.9, COUNT)), random.uniform(0.5, 1.5, COUNT)
+    if apart:
+        x[::2], z[1::2] = 0.0, 0.0
     dose = DOSE * (x / 1.2) ** exponent
     parts, group = [], tuple(f"g{k}" for k in range(COUNT))
     for name in ("y", "f"):
@@ -70,6 +75,11 @@ def test_power_with_its_exponent_is_found_within_few_settings(exponent: float) -
         assert told.high - told.low < 0.5
         inside += told.low <= exponent <= told.high
     assert inside >= 2
+
+
+def test_conditions_that_never_go_together_make_no_law_of_both() -> None:
+    found, _ = law(1.3, 0, apart=True)
+    assert found.conditions == ("x",)
 
 
 def test_doses_are_those_of_the_expression_within_their_intervals() -> None:
