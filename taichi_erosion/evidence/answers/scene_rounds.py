@@ -72,9 +72,9 @@ def undecided(found: Decision) -> bool:
 
 
 def settled(found: RacedStudy) -> bool:
-    """Whether everything that could be said is, and new runs of the scene bear it out."""
-    contradicted = found.fresh is not None and found.fresh.outcome == "contradicted"
-    return not undecided(found.decision) and not contradicted
+    """Whether everything that could be said is, and new runs of the scene confirm it."""
+    doubted = found.fresh is not None and found.fresh.outcome in ("contradicted", "undecided")
+    return not undecided(found.decision) and not doubted
 
 
 def points(found: RacedStudy) -> Points:

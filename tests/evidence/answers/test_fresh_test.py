@@ -8,6 +8,7 @@ import pytest
 
 from doe.trials.reduced.families import FAMILIES
 from taichi_erosion.evidence.answers.fresh_test import fresh_test, is_true, kinds_of
+from taichi_erosion.evidence.answers.scene_rounds import RacedStudy, settled
 from taichi_erosion.evidence.data.transforms import to_scale
 from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, GapTest
 from taichi_erosion.evidence.race.decision import Decision, decide
@@ -83,6 +84,11 @@ def test_an_effect_that_acts_half_as_strongly_is_still_the_right_name():
 
 def test_most_of_the_runs_fail():
     assert asked(fails=0.6).outcome == "undecided"
+
+
+def test_only_a_confirmed_name_of_the_small_plan_is_settled():
+    found = [RacedStudy(*answered(), asked(fails=share)) for share in (0.0, 0.6)]
+    assert [settled(each) for each in found] == [True, False]
 
 
 def test_an_emulator_that_is_off_by_more_than_its_errors_is_believed_nowhere():
