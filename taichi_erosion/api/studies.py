@@ -159,9 +159,12 @@ def new_study(
     units: Mapping[str, str] | None = None,
     apparatus: str | None = None,
     closed_form: bool = False,
+    anew: bool = False,
     **grains: Unpack[StatedGrains],
 ) -> Study:
     """A study, its tidy table and its scene from a laboratory's table; every guess is taken.
+
+    `anew` writes a study that is there again.
 
     `table` is a file (.csv, .xlsx), or a DataFrame or dict whose column names carry units; `out` is the
     folder to write, which columns in memory need. `units` are those of columns. What no column states of
@@ -173,11 +176,14 @@ def new_study(
     from taichi_erosion.evidence.answers.study_files.new_study import new_study as write_study
     from taichi_erosion.evidence.data.tables.column_roles import Told
 
+    if unknown := grains.keys() - StatedGrains.__annotations__:
+        raise TypeError(f"new_study() got an unexpected keyword argument '{min(unknown)}'")
     wishes = Wishes(
         Told(dict(observables or {}), dict(conditions or {}), dict(units or {})),
         None if out is None else Path(out),
         apparatus,
         closed_form,
+        anew=anew,
         diameter=grains.get("diameter"),
         density=grains.get("density"),
         grains=grains.get("grains"),
@@ -185,7 +191,7 @@ def new_study(
         effects=tuple(map(Path, grains.get("effects", ()))),
     )
     document = write_study(table_file(table, out), wishes, lambda question, guess: guess)
-    return study(document["written"][0])
+    return study(document["study"])
 
 
 def table_file(table: TableLike, out: PathLike | None) -> Path:

@@ -72,6 +72,16 @@ def test_predictions_are_in_the_units_of_the_table(wet):
     assert table["value"].between(10.0, 60.0).all()  # cm/s: sand of this size, moist
 
 
+def test_a_study_is_made_again_and_an_unknown_word_is_refused(tmp_path):
+    columns = {"diameter [um]": [100, 250, 400], "threshold friction velocity [cm/s]": [20, 30, 40]}
+    first, again, anew = (
+        te.new_study(columns, tmp_path / "mine", closed_form=True, anew=way) for way in (False, False, True)
+    )
+    assert first.path == again.path == anew.path
+    with pytest.raises(TypeError, match="unexpected keyword argument 'grain'"):
+        te.new_study(columns, tmp_path / "mine", closed_form=True, grain=100)  # pyright: ignore
+
+
 def test_a_printed_table_has_all_columns_in_a_narrow_terminal(wet, monkeypatch):
     monkeypatch.setenv("COLUMNS", "60")
     comparison, discovery = wet.compare(), wet.discover()

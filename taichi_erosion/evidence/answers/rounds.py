@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from taichi_erosion.evidence.answers import files
+from taichi_erosion.evidence.answers.set_up import blocked
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
 from taichi_erosion.evidence.emulator import training_runs
@@ -68,7 +69,7 @@ def answered(
     budget, *larger = plans
     share = [1.0] * len(plans)
     found, ready = answered_by(budget, study, question, part_of(progress, share, 0))
-    if larger and ready.simulations is not None and not question.decided(found):
+    if larger and ready.simulations is not None and not (question.decided(found) or blocked(ready.faults)):
         study.options.announce("These runs do not decide; more are made.")
         return answered(study, larger, question, part_of(progress, share, 1))
     return found, replace(ready, options=replace(ready.options, budget=budget))
@@ -101,14 +102,18 @@ def answered_by(
         if points is None:
             rounds = {**rounds, key: own}
             write_rounds(study, rounds)
-            wider = None if runs.mechanisms or not question.beyond(found) else with_mechanisms(runs)
+            wider = (
+                None
+                if runs.mechanisms or blocked(ready.faults) or not question.beyond(found)
+                else with_mechanisms(runs)
+            )
             if wider is None or not wider.mechanisms or training_runs.room_left(wider) < 0:
                 steps = part_of(progress, phases, len(phases) - 1)
                 return after_test(question, found, ready, RoundsOf(runs, rounds, key), steps)
             runs = wider
-            more = plan_cost(runs, 0, 0)
-            study.options.announce(f"No listed effect suffices. {more.sentence}")
-            phases = [*phases[:phase], *more.phases, *phases[phase:]]
+            cost = plan_cost(runs, 0, 0)
+            study.options.announce(f"No listed effect suffices. {cost.sentence}")
+            phases = [*phases[:phase], *cost.phases, *phases[phase:]]
             continue
         runs = training_runs.refined_training_runs(runs, points, f"{key}|{len(own)}")
         own.append(points)

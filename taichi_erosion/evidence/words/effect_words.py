@@ -44,10 +44,11 @@ def acting_text(name: str, record: Record, voc: say.Vocabulary) -> str:
     law, part, title = record.law, record.effects.get(name), voc.titled(name)
     if law is not None and law.mechanism == name:
         return f"{title} with the law {law_text(law, voc)}"
+    if part is not None and part.varies_along:
+        return f"{title} with a strength that varies along {part.varies_along}"
     if part is None or name not in record.decided.named:
         return title
-    varies = f"a strength that varies along {part.varies_along}"
-    return f"{title} with {varies if part.varies_along else f'strength {strength_text(part)}'}"
+    return f"{title} with strength {strength_text(part)}"
 
 
 def strength_text(part: EffectPart) -> str:

@@ -104,6 +104,10 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
             )
         text, scenes = closed_form_study(measured, names, places), {}
         for name in places.keys() - text.conditions.keys():
+            if places[name] in wishes.told.conditions.values():
+                raise BadInput(
+                    f"--condition: the closed form does not read '{name}'; leave out --closed-form"
+                )
             interview.assume(f"column '{name}' is not used: the closed form does not read it")
     else:
         text, scenes = scene_study(measured, names, places, wishes, interview)

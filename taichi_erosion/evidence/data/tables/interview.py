@@ -355,10 +355,13 @@ def with_unit_of_place(column: Column, values: Sequence[float], reading: Reading
             f"'{text}' has no unit in its heading: taken as {told} (--unit '{text}=UNIT')"
         )
         return column
-    likely = " or ".join(likely_units(values, None, allowed)) or "none"
+    units = likely_units(values, None, allowed)
     span = f"its numbers are {min(values):g} to {max(values):g}"
-    answer = reading.interview.choice(f"Unit of column '{text}' ({span}; likely {likely})", "", "")
-    return replace(column, heading=stated_unit(column.heading, answer)) if answer else column
+    question = f"Unit of column '{text}' ({span}; likely {' or '.join(units) or 'none'})"
+    if answer := reading.interview.choice(question, "", ""):
+        return replace(column, heading=stated_unit(column.heading, answer))
+    hint = f"{span} {allowed.unit}; say its unit: --unit '{text}={units[0]}'" if units else ""
+    return reading.fault(column, f"has no unit in its heading: {hint}") if hint else column
 
 
 def upright(cells: Cells, interview: Interview) -> Cells:

@@ -165,6 +165,19 @@ def test_a_unit_that_the_user_states_counts(tmp_path):
     assert "diameter [mm]" in (tmp_path / "heap" / "heap_tidy.csv").read_text("utf-8")
 
 
+@pytest.mark.parametrize(
+    ("heading", "told", "fault"),
+    [
+        ("Feuchte", Told(), "has no unit in its heading: its numbers are 0 to 3.1"),
+        ("Wurzeln", Told(conditions={"Wurzeln": "g/kg"}), "the closed form does not read"),
+    ],
+)
+def test_a_condition_that_nobody_can_use_is_refused(tmp_path, heading, told, fault):
+    (tmp_path / "heap.csv").write_bytes(GOOD.replace("Feuchte in %", heading).encode("cp1252"))
+    with pytest.raises(BadInput, match=fault):
+        new_study(tmp_path / "heap.csv", Wishes(told, closed_form=True), guess)
+
+
 def test_a_wind_at_a_height_becomes_a_friction_velocity_by_the_law_of_the_wall(tmp_path):
     text = "Korngröße [µm];u at 1 m [m/s];sd;n\n250;6;0,3;5\n400;8;0,4;5\n600;10;0,5;5\n"
     document, study = made(tmp_path, text, Wishes(closed_form=True, roughness="0.02 mm"))
