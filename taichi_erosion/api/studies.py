@@ -38,6 +38,7 @@ class StatedGrains(TypedDict, total=False):
     grains: int  # of a run
     scene: PathLike  # of one's own, in place of a ready one
     effects: Sequence[PathLike]  # files with effects of one's own
+    anew: bool  # write a study that is there again
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,6 @@ def new_study(
     units: Mapping[str, str] | None = None,
     apparatus: str | None = None,
     closed_form: bool = False,
-    anew: bool = False,
     **grains: Unpack[StatedGrains],
 ) -> Study:
     """A study, its tidy table and its scene from a laboratory's table; every guess is taken.
@@ -183,7 +183,7 @@ def new_study(
         None if out is None else Path(out),
         apparatus,
         closed_form,
-        anew=anew,
+        anew=grains.get("anew", False),
         diameter=grains.get("diameter"),
         density=grains.get("density"),
         grains=grains.get("grains"),
