@@ -285,6 +285,7 @@ def test_a_heading_gives_name_and_unit(heading, name, unit):
     [
         ("relative Luftfeuchte", ("condition", "conditions.relative_humidity")),
         ("Threshold friction velocity", ("observable", "threshold_u_star")),
+        ("Grenzschubspannungsgeschwindigkeit", ("observable", "threshold_u_star")),
         ("friction velocity", ("condition", "conditions.friction_velocity")),
         ("Standardabweichung Winkel", ("sd", "")),
         ("Anzahl Wiederholungen", ("n", "")),
