@@ -28,6 +28,7 @@ from taichi_erosion.measures.result import Measurement, Shortfall
 from taichi_erosion.measures.silhouette import FOOT_GRAINS, FOOT_SHARE, SHOULDER_SHARE, fit_window
 
 LEAST_ROWS = 3.0  # of grains on a flank, below which there is no angle [1]
+POURED_LEAST = 5.0  # of a poured heap, from which 3,000 grains read 28 to 30 deg [1]
 POURED_ROWS = 10.0  # up to which the angle of a poured heap grows in doe/repose_sensitivity [1]
 COLUMN_ROWS = 5.0  # from which the angle of any other heap stays within 1.2 deg in doe/heap_size [1]
 COLUMN_TEXT = "angles of such heaps fall by 2 to 3 deg from 3.5 to 7 rows"

@@ -1,8 +1,8 @@
 """Files of a run: whether they may be written, whether the disk has room, and who writes a recording.
 
 A run of a scene replaces the recording, document, silhouettes and film of an earlier run of the same scene
-under the same name. The document names its scene; a recording without a document, which an interruption
-leaves, is known by the name of the program at its beginning.
+under the same name. The document names its scene and the other files; a recording without a document, which
+an interruption leaves, is known by the name of the program at its beginning.
 
 rerun writes from a thread of its own. At the first byte that the disk refuses the thread ends, what is logged
 afterwards goes nowhere, and the program would wait for that thread for ever when it leaves. A recording is
@@ -52,8 +52,12 @@ def refuse_foreign_outputs(record: Path, scene: Path, force: bool = False) -> No
     if document and Path(str(document["scene"])).name != scene.name:
         told = f"exists, and belongs to a run of {document['scene']}"
         raise BadInput(f"{record.with_suffix('.json')}: {told}; {REMEDY}")
+    named = {
+        Path(str(document[key])).name for key in ("recording", "silhouettes", "film") if document.get(key)
+    }
     for path in present:
-        if not document and not is_recording(path):
+        own = path.name in named or (document and path.suffix == ".json") or is_recording(path)
+        if not own:
             raise BadInput(f"{path}: exists, and no run of {scene} wrote it; {REMEDY}")
 
 

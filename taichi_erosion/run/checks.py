@@ -132,10 +132,8 @@ def idle_reason(scene: Scene, effect: Any) -> str:
         return ""
     if effect.place == "instrument":
         return f"it changes the reading of none of {', '.join(scene.measure)}"
-    told = [
-        f"conditions.{name} = {stated[name]:g}" if name in stated else f"conditions.{name} is not stated"
-        for name in effect.reads
-    ]
+    told = [f"conditions.{name} = {stated[name]:g}" for name in effect.reads if name in stated]
+    told = told or [f"conditions.{name} is not stated" for name in effect.reads]
     if possible and scene.wind is None:
         told.append("there is no [wind] section")
     return ", ".join(told) or "with these numbers it changes nothing"
