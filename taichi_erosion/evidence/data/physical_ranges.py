@@ -9,12 +9,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 
-from taichi_erosion.evidence.data.tables.rows import Row, Table
+from taichi_erosion.evidence.data.tables.rows import SOLO_ROWS, Row, Table
 from taichi_erosion.scene.paths import number_at
 from taichi_erosion.scene.schema.units import Scale, UnknownUnit, parse_scale, parse_unit, scale_between
 
 GRAIN = (2e-6, 2e-2)  # m: from clay to gravel
-SOLO_ROWS = 3  # rows outside a range that are told one by one; more are told in one line
 NEAR_SCENE = 30.0  # factor about a scene's own number within which a column is taken as meant
 UNITS = "um mm cm m % 1 deg rad m/s cm/s mm/s degC K Pa hPa kPa s min h d".split()  # that are usual in tables
 

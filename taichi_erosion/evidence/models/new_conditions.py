@@ -104,6 +104,7 @@ def conditions_of(cells: Cells, columns: Mapping[str, Column], faults: Faults) -
         empty = [column for column in columns.values() if is_missing(row[column.place])]
         faults += [f"{cells.file}: row {line}, {column.heading.text} is empty" for column in empty]
         rows.append(Row(line, "", np.nan, False, np.nan, None, "1", "", "", numbers))
+    faults += reader.cell_faults()
     units = tuple(column.heading.unit or None for column in columns.values())
     return Table(cells.file, tuple(columns), units, tuple(rows))
 

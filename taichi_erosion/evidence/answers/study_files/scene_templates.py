@@ -25,7 +25,7 @@ from taichi_erosion.scene.shipped import SCENES
 
 LID = 1.5 * LID_LEAST  # height of the lid in largest diameters: a bed of up to ten, and hops above it [1]
 REST = 1.5 * REST_LEAST  # of sqrt(d / g) of the largest grains, at rest for so long before they sleep [1]
-SOFT = 2e6  # shear modulus of soil [Pa], as soft as the grains of the column collapse: doe/heap_size
+SOFT = 2e6  # shear modulus of soil [Pa] in heaps that are lifted or poured: doe/heap_size
 FLATTER = 0.8  # of the smallest measured angle, down to which a heap is large enough for its measure [1]
 USUAL_HEAP, USUAL_SAND = 2e-3, 2.5e-4  # grain diameters where the table states none [m]
 Changes = Mapping[str, Any]  # dotted path -> value; None: the entry is left out
@@ -136,6 +136,7 @@ def funnel(diameter: float, grains: int) -> Changes:
         "geometry.funnel.outlet": [0.0, 0.0, round(0.032 * size, 4)],
         "fill.centre": [0.0, 0.0, round(0.032 * size + 0.065, 4)],
         "stages.0.duration_max": round(0.4 + 0.8 * grains / 3000, 2),
+        "materials.soil.shear_modulus": SOFT,
         "conditions": None,
     }
 
@@ -255,17 +256,20 @@ def scene_text(
 ) -> str:
     """The scene of a table; comments of what stays are kept.
 
-    `density`: of the grains [kg m-3]; `own_conditions`: names and units of those to declare.
+    `density`: of the grains [kg m-3], heavier ones are as much stiffer; `own_conditions`: names and units of
+    those to declare.
     """
     import tomlkit
 
     document: Any = tomlkit.parse((SCENES / f"{template.scene}.toml").read_text(encoding="utf-8"))
     document.pop("measured", None)  # another laboratory's values
     size = {"law": "monodisperse", "diameter": diameters.middle}
+    own, heavier = template.changes(diameters.middle, grains), (density or 0.0) / template.usual_density
     changes = {
         "grains.count": grains,
         **({"grains.size": size} if template.varies else {}),
-        **template.changes(diameters.middle, grains),
+        **own,
+        **{path: value * max(heavier, 1.0) for path, value in own.items() if path.endswith(".shear_modulus")},
         **{f"scene.{key}": text for key, text in head.items()},
         **wind_changes(document.get("wind", {}), diameters.largest),
         **({} if density is None else {template.density: density}),

@@ -58,6 +58,7 @@ SD_OF = re.compile(r"sd[ _]of[ _](?P<set>set )?(?P<name>[A-Za-z][A-Za-z0-9_]*)")
 PLACE = re.compile(r"(?P<file>.*), row (?P<line>\d+)")  # source of a row that names no other
 MOST_REPEATS = 10**9
 SHOWN = 40  # characters of a cell that a message repeats
+SOLO_ROWS = 3  # with one fault, up to which each is told
 
 
 class Faults(list[str]):
@@ -185,6 +186,7 @@ def table_of(cells: Cells, columns: Sequence[Column], faults: list[str], se: boo
     """
     reader = RowReader(cells, columns, faults, se)
     rows = [row for line, row in cells.lines for row in reader.rows(line, row)]
+    faults += reader.cell_faults()
     if not rows and not faults:
         faults.append(f"{cells.file}: has a heading but no measurement, no measured value")
     faults += copy_faults(cells, columns)
@@ -217,6 +219,7 @@ class RowReader:
     columns: Sequence[Column]
     faults: list[str]
     se: bool = False
+    wrong: dict[tuple[int, str], list[str]] = field(default_factory=dict)  # cells by column and reason
 
     @property
     def tidy(self) -> bool:
@@ -228,9 +231,15 @@ class RowReader:
         return [column for column in self.columns if column.role in roles]
 
     def fault(self, line: int, column: Column, row: Sequence[str], words: object) -> None:
-        """Tell what is wrong with a cell."""
-        where = f"{self.cells.file}: row {line}, {column.heading.text}"
-        self.faults.append(f"{where} = {quoted(row[column.place])} {words}")
+        """Keep what is wrong with a cell."""
+        told = f"{self.cells.file}: row {line}, {column.heading.text} = {quoted(row[column.place])} {words}"
+        self.wrong.setdefault((column.place, str(words)), []).append(told)
+
+    def cell_faults(self) -> Iterator[str]:
+        """What is wrong with cells; of many with one reason the first and the number of the others."""
+        for told in self.wrong.values():
+            alone = len(told) <= SOLO_ROWS
+            yield from told if alone else [f"{told[0]}; {len(told) - 1} rows more"]
 
     def rows(self, line: int, row: Sequence[str]) -> Iterator[Row]:
         """What one row of the file says: in a laboratory's own table a row for each measured quantity."""
