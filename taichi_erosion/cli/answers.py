@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from taichi_erosion.evidence.words.answer_lines import Answer
 
 MOST_LINES = 8  # of an answer, the set-up included: a screen with its table
-MOST_CHANGES = 12  # rows that are told one by one
+MOST_CHANGES = 12  # rows or entries that are told one by one
 NUMBERS = ("number", "start", "if nothing is missing", "now", "of its prior left")
 LIMITS = ("candidate", "excluded above (95 %)", "could act unseen below", "imitated by calibration")
 
@@ -120,11 +120,15 @@ def told_changes(document: Record) -> Iterator[str]:
     if not lines and not removed:
         yield f"{study} is there already, and its table has not changed"
     else:
-        shown = [*map(str, lines[:MOST_CHANGES]), *(["..."] if len(lines) > MOST_CHANGES else [])]
-        rows = f"new or corrected: {counted(len(lines), 'row')} ({', '.join(shown)}); " if lines else ""
+        rows = f"new or corrected: {counted(len(lines), 'row')} ({some(lines)}); " if lines else ""
         yield f"{rows}{removed} gone; the others stay held out or fitted. Ask again: the table is another one"
-    if document["kept"]:
-        yield f"kept: {', '.join(document['kept'])}; a new study would have them otherwise (--anew)"
+    if kept := document["kept"]:
+        yield f"kept: {some(kept)}; a new study would have them otherwise (--anew)"
+
+
+def some(entries: Sequence[object]) -> str:
+    """Up to MOST_CHANGES entries, and `...` for more."""
+    return ", ".join([*map(str, entries[:MOST_CHANGES]), *(["..."] if len(entries) > MOST_CHANGES else [])])
 
 
 def print_check(document: Record) -> None:

@@ -7,14 +7,15 @@ from math import inf, nan
 
 from taichi_erosion.core.snapshot import AirProfile, Snapshot
 from taichi_erosion.measures import drum_and_incline, heap, repose, shortfalls, splash, threshold, wind_bed
-from taichi_erosion.measures.result import Measurement, Shortfall
+from taichi_erosion.measures.result import Measurement, Shortfall, no_measurement
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.preparation.air import surface_height
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
-from taichi_erosion.scene.schema.geometry import Cylinder, Disc, Plane
+from taichi_erosion.scene.schema.geometry import Cylinder, Disc, Funnel, Plane
 from taichi_erosion.scene.schema.scene import Measure
 
 AZIMUTHS = 12  # silhouettes of a heap where the scene names no number
+EMPTY = 0.05  # of the grains, up to which may rest in a funnel that has emptied [1]
 
 
 @dataclass(frozen=True)
@@ -168,8 +169,19 @@ LACKING: dict[str, Callable[[MeasureInput, Measurement], Iterable[Shortfall]]] =
 }
 
 
+def left_in_funnel(given: MeasureInput) -> float:
+    """Share of the grains above the outlet of a funnel [1]; 0 without one."""
+    outlets = [wall.outlet[2] for wall in given.scene.geometry.values() if isinstance(wall, Funnel)]
+    if not outlets or heap.defect(given.end):
+        return 0.0
+    return float((given.end.position[:, 2] > min(outlets)).mean())
+
+
 def measure(name: str, given: MeasureInput) -> Measurement:
-    """The measurement, with what the set-up lacks for it."""
+    """The measurement, with what the set-up lacks for it; no value where a funnel has not emptied."""
     found = OBSERVABLES[name](given)
+    if (share := left_in_funnel(given)) > EMPTY:
+        reason = f"the funnel has not emptied: {100.0 * share:.0f} % of the grains are still in it"
+        return no_measurement(name, found.unit, reason)
     lacking = LACKING[name](given, found) if name in LACKING else ()
     return replace(found, shortfalls=(*found.shortfalls, *lacking))

@@ -1,6 +1,7 @@
 """Messages of validation errors: dotted path, value, what is allowed; one line each."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from typing import Any
 
 from pydantic import ValidationError
@@ -9,6 +10,7 @@ from taichi_erosion.scene.schema.fields import DIAMETERS
 
 DISCRIMINATORS = ("law", "shape")
 KEY_MARK = "[key]"
+LIKE = 0.85  # similarity of names of sections from which one may be the other misspelt [1]
 LONGEST_VALUE = 60  # characters of a value that a message repeats
 
 SENTENCES = {
@@ -46,11 +48,14 @@ def problem_line(entry: Any, table: Any) -> str:
         return f"{dotted([*words, context['key']])} is unknown; {context['hint']}"
     where = dotted(words)
     if kind == "missing":
-        return f"{where} is missing"
+        return missing_line(words, table)
     if kind == "contradiction":
         return f"{where}: {context['message']}"
-    if kind.startswith("union_tag"):
-        return choice_line(where, entry, context)
+    if kind == "union_tag_not_found":
+        return missing_line([*words, context["discriminator"].strip("'")], table)
+    if kind == "union_tag_invalid":
+        key = context["discriminator"].strip("'")
+        return f"{where}.{key} = {shown(context['tag'])} is not one of {context['expected_tags']}"
     value = shown(entry["input"])
     if words and words[-1].endswith(DIAMETERS):
         value = f"{shown(written)} diameters: {value}"
@@ -70,12 +75,14 @@ def sentence(kind: str, context: Mapping[str, Any], message: str) -> str:
     return SENTENCES.get(kind, message[:1].lower() + message[1:])
 
 
-def choice_line(where: str, entry: Any, context: Mapping[str, Any]) -> str:
-    """A section whose `law` or `shape` is missing or unknown."""
-    key = context["discriminator"].strip("'")
-    if entry["type"] == "union_tag_not_found":
-        return f"{where}.{key} is missing"
-    return f"{where}.{key} = {shown(context['tag'])} is not one of {context['expected_tags']}"
+def missing_line(words: Sequence[str], table: Any) -> str:
+    """An entry that is missing; a section beside one of nearly the same name may be misspelt."""
+    *above, section, _ = ["", *words]
+    for word in above[1:]:
+        table = step_into(table, word)
+    others = [name for name in table if name != section] if isinstance(table, dict) else []
+    near = get_close_matches(section, others, n=1, cutoff=LIKE)
+    return f"{dotted([*words])} is missing" + (f"; did you mean '{near[0]}'?" if near else "")
 
 
 def as_written(location: tuple[str | int, ...], table: Any) -> tuple[list[str], Any]:

@@ -186,7 +186,8 @@ def settled_unknown(column: Column, reading: Reading) -> Column:
     told = f" '{column.near}' is near its heading." if column.near else ""
     question = (
         f"Column '{text}' is not known.{told} Type the name of a measured quantity (repose_angle, flux, "
-        f"...), a place of the scene (conditions.moisture, ...), or {NOT_USED} for a column that is not used"
+        f"...), a place of the scene (conditions.moisture, ...), or {NOT_USED} for a column that is not used "
+        f"(a condition of your own: --condition '{column.heading.name}=UNIT')"
     )
     if column.near:
         answer = reading.interview.choice(question, "", "")
