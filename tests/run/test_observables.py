@@ -16,7 +16,7 @@ SCENE = read_scene(Path(__file__).parents[2] / "scenes/funnel_repose.toml", ())
 def test_a_heap_below_a_funnel_that_has_not_emptied_has_no_value(in_funnel: float, valued: bool):
     heap = cone(30.0, radius=12.0)
     assert heap[:, 2].max() < SCENE.geometry["funnel"].outlet[2]
-    stuck = heap[: int(in_funnel * len(heap))] + (0.0, 0.0, 0.06)
+    stuck = heap[: int(in_funnel * len(heap))] + np.array([0.0, 0.0, 0.06])
     end = snapshot_of(np.concatenate([heap, stuck]))
     for name, request in SCENE.measure.items():
         found = measure(name, MeasureInput(SCENE, request, end, (), ()))
