@@ -27,19 +27,17 @@ def stack(*heights):
     return grains(*((0.0, 0.0, height) for height in heights))
 
 
-def test_the_pile_height_is_the_mean_top_of_the_five_highest():
-    assert pile_height(stack(1, 9, 2, 3, 8, 4, 1)).value == pytest.approx(
-        (9 + 8 + 4 + 3 + 2 + 2.5) / 5 * DIAMETER
-    )
-
-
-def test_the_centroid_is_the_mean_centre_above_the_base():
-    assert centroid_height(stack(1, 2, 6), base_height=DIAMETER).value == pytest.approx(2 * DIAMETER)
-
-
-def test_the_column_height_is_the_mean_top_of_the_highest_twentieth():
-    # int(0.05 * 59) = 2 grains
-    assert column_height(stack(*range(1, 60))).value == pytest.approx((59 + 58 + 1) / 2 * DIAMETER)
+@pytest.mark.parametrize(
+    ("measured", "diameters"),
+    [
+        (pile_height(stack(1, 9, 2, 3, 8, 4, 1)), (9 + 8 + 4 + 3 + 2 + 2.5) / 5),  # mean top of five
+        (centroid_height(stack(1, 2, 6), base_height=DIAMETER), 2.0),  # mean centre above the base
+        (column_height(stack(*range(1, 60))), (59 + 58 + 1) / 2),  # mean top of int(0.05 * 59) = 2 grains
+    ],
+    ids=lambda part: getattr(part, "name", ""),
+)
+def test_heights_are_means_of_the_highest_tops_or_of_all_centres(measured, diameters):
+    assert measured.value == pytest.approx(diameters * DIAMETER)
 
 
 def test_the_radius_of_90_percent_counts_from_zero_about_the_median_axis():
@@ -98,10 +96,10 @@ def test_the_grain_diameter_halves_the_volume_not_the_number():
     assert grain_diameter(snapshot_of(np.zeros((101, 3)), sizes)) == 10.0
 
 
-@pytest.mark.parametrize(
-    "measure",
-    [pile_height, centroid_height, column_height, radius_90, runout_radius, angle_of_repose_outline],
-)
+HEIGHTS = (pile_height, centroid_height, column_height)
+
+
+@pytest.mark.parametrize("measure", [*HEIGHTS, radius_90, runout_radius, angle_of_repose_outline])
 def test_no_grains_give_no_value(measure):
     measured = measure(snapshot_of(np.zeros((0, 3))))
     assert isnan(measured.value)

@@ -6,14 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taichi_erosion.scene.schema.units import (
-    UnknownUnit,
-    conversion,
-    parse_scale,
-    parse_unit,
-    registry,
-    scale_between,
-)
+from taichi_erosion.scene.schema.units import UnknownUnit, conversion, parse_scale, parse_unit, scale_between
 
 
 @pytest.mark.parametrize(
@@ -96,12 +89,3 @@ def test_a_refusal_says_what_may_have_been_meant(text, hint):
     with pytest.raises(UnknownUnit) as caught:
         parse_unit(text)
     assert hint in caught.value.hint
-
-
-@pytest.mark.parametrize(("name", "text"), [("degC", "°C"), ("degF", "°F")])
-def test_a_scale_of_temperatures_is_that_of_the_dictionary(name, text):
-    scale = scale_between(text, parse_unit("K"))
-    assert scale is not None
-    for number in (-40.0, 0.0, 71.5):
-        kelvin = registry().Quantity(number, name).to("kelvin").magnitude
-        assert scale.used(number) == pytest.approx(kelvin, rel=1e-12)

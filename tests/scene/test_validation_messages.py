@@ -12,10 +12,6 @@ from taichi_erosion.scene.load import MOST_FAULTS
 MISTAKES = list(wrong_places())
 
 
-def test_the_scene_that_the_mistakes_start_from_is_right():
-    parse_scene(good_table())
-
-
 @pytest.mark.parametrize(
     ("path", "value"), MISTAKES, ids=lambda part: "absent" if part is ABSENT else str(part)[:40]
 )
@@ -71,7 +67,7 @@ def test_a_number_in_a_unit_of_print_is_recognised(path: str, value: Any, hint: 
     assert complaint(changed(path, value)).endswith(hint)
 
 
-def test_several_mistakes_give_the_first_and_their_number():
+def test_the_first_of_several_mistakes_are_told_and_the_others_counted():
     table = changed("contact.soil-soil.restitution", 7.0)
     table["contact"]["soil-soil"]["friction_sliding"] = -1.0
     table["grains"]["count"] = 0
@@ -83,9 +79,6 @@ def test_several_mistakes_give_the_first_and_their_number():
         "scenes/bad.toml: contact.soil-soil.restitution",
         "scenes/bad.toml: contact.soil-soil.friction_sliding",
     ]
-
-
-def test_of_many_mistakes_the_first_are_told_and_the_others_counted():
     table = good_table()
     table["stages"] = [{"name": f"stage {k}", "duration_max": -1.0} for k in range(MOST_FAULTS + 2)]
     with pytest.raises(BadInput) as caught:

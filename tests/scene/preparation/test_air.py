@@ -46,10 +46,6 @@ def test_a_grid_over_a_patch_is_built_with_what_stirs_it():
     air = build_setup(scene, 3).air
     assert air is not None
     assert air.initial_turbulence is not None
-    assert air.cells[:2] == (8, 8)
-    assert air.sides["z_high"].kind == "symmetry"
-    assert (air.model.closure, air.model.scheme, air.initial_turbulence.seed) == (
-        "smagorinsky",
-        "runge_kutta",
-        3,
-    )
+    assert air.initial_turbulence.seed == 3
+    assert (air.cells[:2], air.sides["z_high"].kind) == ((8, 8), "symmetry")
+    assert (air.model.closure, air.model.scheme) == ("smagorinsky", "runge_kutta")

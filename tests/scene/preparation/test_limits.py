@@ -89,25 +89,18 @@ def test_the_published_surface_energy_is_reported_and_warned_of():
     assert told["adhesion"]["tensile_strength"] == pytest.approx(2.7 * GAMMA / 2e-3)
     assert sum("Bond number" in line or "cohesion" in line for line in told["warnings"]) == 2
     assert any("range of adhesion" in line for line in told["warnings"])
+    resolved = seed_study(time_step=1e-7)
+    assert resolved["limits"]["jkr_neck"] > 1e-7
+    assert not any("range of adhesion" in line for line in resolved["warnings"])
 
 
-def test_a_small_enough_step_resolves_the_neck_and_is_not_warned_of():
-    told = seed_study(time_step=1e-7)
-    assert told["limits"]["jkr_neck"] > 1e-7
-    assert not any("range of adhesion" in line for line in told["warnings"])
-
-
-def test_dry_grains_have_no_adhesion_numbers_and_no_warnings():
+def test_dry_grains_have_a_step_a_speed_and_no_adhesion_numbers():
     told = explain(parse_scene(good_table()))
-    assert told["adhesion"] is None
-    assert told["limits"]["jkr_neck"] is None
-    assert told["warnings"] == []
-
-
-def test_the_step_is_a_share_of_the_rayleigh_time_of_the_smallest_grain():
-    told = explain(parse_scene(good_table()))
+    assert (told["adhesion"], told["limits"]["jkr_neck"], told["warnings"]) == (None, None, [])
     assert told["limits"]["rayleigh_time"] == pytest.approx(rayleigh_time(0.5e-3, 2130.0, 1e7, 0.29))
     assert told["time_step"] == pytest.approx(0.2 * told["limits"]["rayleigh_time"])
+    # the largest grain's top starts at 0.09 + 0.0015 m above the plate
+    assert told["expected_speed"] == pytest.approx(np.sqrt(2.0**2 + 2.0 * 9.81 * 0.0915))
 
 
 def test_five_rayleigh_times_are_refused_unless_forced():
@@ -115,12 +108,6 @@ def test_five_rayleigh_times_are_refused_unless_forced():
     with pytest.raises(BadInput, match=r"5 Rayleigh times .* unless run\.force_time_step = true"):
         parse_scene(table)
     parse_scene(table, overrides=["run.force_time_step=true"])
-
-
-def test_grains_fall_from_the_plane_to_the_plate():
-    told = explain(parse_scene(good_table()))
-    # the largest grain's top starts at 0.09 + 0.0015 m
-    assert told["expected_speed"] == pytest.approx(np.sqrt(2.0**2 + 2.0 * 9.81 * 0.0915))
 
 
 def test_softening_is_told_with_its_rule_and_its_factor():

@@ -21,14 +21,8 @@ from taichi_erosion.scene.preparation.sizes import (
 from taichi_erosion.scene.schema.grains import Size
 
 MANY = 200_000
-
-
 COARSE = {"law": "sieve", "table": "hao2022", "low": 0.25e-3, "high": 2e-3, "scale": 4.0}
-
-
 NARROW = {"law": "sieve", "rows": ((1e-3, 2e-3, 30.0), (2e-3, 3e-3, 60.0), (4e-3, 5e-3, 10.0))}
-
-
 BROAD = {"law": "lognormal", "median": 1e-3, "sigma_log": 0.4, "low": 0.4e-3, "high": 2e-3}
 
 
@@ -84,16 +78,12 @@ def test_the_nominal_diameter_of_a_sieve_curve_halves_the_mass():
     assert nominal_diameter(size_of(NARROW)) == pytest.approx(2e-3 * 1.5 ** (20.0 / 60.0))
 
 
-def test_coarse_graining_magnifies_every_class_and_keeps_the_masses():
-    plain = sieve_classes(size_of(COARSE | {"scale": 1.0}))
-    coarse = sieve_classes(size_of(COARSE))
+def test_coarse_graining_magnifies_every_class_and_keeps_the_masses_and_a_cut_shares_them_by_logarithm():
+    plain, coarse = (sieve_classes(size_of(COARSE | more)) for more in ({"scale": 1.0}, {}))
     assert coarse[:, :2] == pytest.approx(4.0 * plain[:, :2])
     assert coarse[:, 2] == pytest.approx(plain[:, 2])
-
-
-def test_cutting_inside_a_class_keeps_its_mass_in_proportion_to_the_logarithm():
-    size = size_of({"law": "sieve", "rows": ((1e-3, 4e-3, 8.0), (4e-3, 8e-3, 4.0)), "low": 2e-3})
-    assert sieve_classes(size)[:, 2] == pytest.approx([0.5, 0.5])
+    cut = size_of({"law": "sieve", "rows": ((1e-3, 4e-3, 8.0), (4e-3, 8e-3, 4.0)), "low": 2e-3})
+    assert sieve_classes(cut)[:, 2] == pytest.approx([0.5, 0.5])
 
 
 def test_the_published_sieve_table_is_shipped_as_printed():
