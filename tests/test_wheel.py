@@ -107,17 +107,11 @@ def from_source(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 def test_the_wheel_holds_the_product_and_nothing_else(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         names = [name for name in archive.namelist() if ".dist-info/" not in name]
-    files = (path for path in PACKAGE.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
-    scenes = [f"taichi_erosion/scene/shipped/{name}" for name in SHIPPED_SCENES]
-    assert sorted(names) == sorted([*(path.relative_to(ROOT).as_posix() for path in files), *scenes])
-
-
-def test_installed_scenes_are_those_of_the_source_tree(wheel: Path) -> None:
-    with zipfile.ZipFile(wheel) as archive:
-        for name in SHIPPED_SCENES:
-            assert (
-                archive.read(f"taichi_erosion/scene/shipped/{name}") == (ROOT / "scenes" / name).read_bytes()
-            )
+        files = (path for path in PACKAGE.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
+        scenes = [f"taichi_erosion/scene/shipped/{name}" for name in SHIPPED_SCENES]
+        assert sorted(names) == sorted([*(path.relative_to(ROOT).as_posix() for path in files), *scenes])
+        for scene in scenes:
+            assert archive.read(scene) == (ROOT / "scenes" / Path(scene).name).read_bytes()
 
 
 def test_the_package_imports_no_study_and_no_test() -> None:

@@ -12,28 +12,16 @@ ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.docs
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
+def test_the_site_has_every_page_a_search_with_the_words_of_users_and_no_other_server(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    return folder
-
-
-def test_every_page_is_in_the_site(site: Path) -> None:
     pages = {path.stem for path in (ROOT / "docs").glob("*.md")} | {"index", "GLOSSARY", "CHANGELOG"}
-    assert pages <= {path.stem for path in site.glob("*.html")}
-
-
-def test_the_search_finds_the_words_of_users(site: Path) -> None:
-    found = json.loads((site / "search" / "search_index.json").read_text(encoding="utf-8"))
+    assert pages <= {path.stem for path in tmp_path.glob("*.html")}
+    found = json.loads((tmp_path / "search" / "search_index.json").read_text(encoding="utf-8"))
     texts = {entry["location"].partition("#")[0]: entry["text"] for entry in found["docs"]}
     assert any("vault" in text for text in texts.values())
     assert "your_table.html" in texts
-
-
-def test_the_site_asks_no_other_server_for_anything(site: Path) -> None:
-    for page in site.glob("*.html"):
+    for page in tmp_path.glob("*.html"):
         text = page.read_text(encoding="utf-8")
         assert not re.findall(r"<(?:script|link|img)[^>]+(?:src|href)=[\"'](?:https?:)?//", text), page.name

@@ -4,10 +4,15 @@ from collections.abc import Mapping
 from itertools import product
 
 import numpy as np
+import pytest
 
+from taichi_erosion.experiments.anova import Row, anova
 from taichi_erosion.experiments.design import grid_points
 from taichi_erosion.experiments.design_table import Design, Factor, arranged, to_coded
-from taichi_erosion.experiments.terms import Term
+from taichi_erosion.experiments.fit import Fit
+from taichi_erosion.experiments.terms import Term, model_terms
+
+FULL = (*model_terms(3, "interactions"), (1, 1, 1))  # of three factors in two levels
 
 
 def full_factorial(factors: list[Factor], levels: int = 2, centre_points: int = 0) -> Design:
@@ -46,6 +51,16 @@ def evaluate(polynomial: Mapping[Term, float], values: tuple[float, ...]) -> flo
 
 def unit_factors(names: str) -> list[Factor]:
     return [Factor(name, -1.0, 1.0) for name in names]
+
+
+def rows_of(fit: Fit) -> dict[str, Row]:
+    """Analysis of variance by source."""
+    return {row.source: row for row in anova(fit)}
+
+
+def printed(value: float, digits: int) -> object:
+    """What agrees with a number printed with so many decimals."""
+    return pytest.approx(value, abs=0.5000001 * 10.0**-digits)
 
 
 def tool_life() -> Design:

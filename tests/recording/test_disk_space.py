@@ -1,16 +1,14 @@
 """A disk that is full, nearly full, or shared with another writer: what is kept, and what is said."""
 
-import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from recorded_heaps import FLOOR, MOVING, heap_snapshot, recorded
+from recorded_heaps import FLOOR, MOVING, heap_snapshot, recorded, write_elsewhere
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import outputs
@@ -19,8 +17,6 @@ from taichi_erosion.recording.readback import read_grains
 from taichi_erosion.recording.stream import RunHeader, log_frame, open_recording
 
 HEADER = RunHeader("full", "a heap", "repose", "", np.full(205, 1e-3), (FLOOR,))
-PATIENCE = 300  # s until a program that does not end counts as hanging; the cores may be busy
-
 WRITER = """
 import resource, sys
 from pathlib import Path
@@ -44,19 +40,9 @@ except stream.BadInput as error:
 """
 
 
-def write_until_refused(path: Path, limit: int) -> subprocess.CompletedProcess[str]:
-    places = os.pathsep.join([str(Path(__file__).parent), *sys.path])
-    return subprocess.run(
-        [sys.executable, "-c", WRITER, str(limit), str(path)],
-        env=os.environ | {"PYTHONPATH": places},
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-
-
-def assert_beginning_is_kept(ended: subprocess.CompletedProcess[str], path: Path) -> None:
+def write_until_refused(path: Path, limit: int) -> None:
+    """Record under a limit of the file's size [byte]; the refusal is told and the beginning kept."""
+    ended = write_elsewhere(WRITER, limit, path)
     told = [line for line in ended.stderr.splitlines() if line.startswith("told: ")]
     assert told == [f"told: {path}: cannot be written to its end; {path}.part holds the beginning"]
     assert not path.exists()
@@ -64,8 +50,7 @@ def assert_beginning_is_kept(ended: subprocess.CompletedProcess[str], path: Path
 
 
 def test_a_recording_that_may_not_grow_is_told_and_keeps_its_beginning(tmp_path: Path):
-    path = tmp_path / "heap.rrd"
-    assert_beginning_is_kept(write_until_refused(path, limit=120_000), path)
+    write_until_refused(tmp_path / "heap.rrd", limit=120_000)
 
 
 def test_a_nearly_full_disk_is_told_before_anything_is_recorded(tmp_path: Path, monkeypatch):
@@ -101,8 +86,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 def test_a_recording_on_a_full_disk_is_told_keeps_its_beginning_and_lets_the_program_end(small_disk: Path):
-    path = small_disk / "heap.rrd"
-    assert_beginning_is_kept(write_until_refused(path, limit=0), path)
+    write_until_refused(small_disk / "heap.rrd", limit=0)
 
 
 def test_a_full_disk_leaves_the_checkpoint_before_and_nothing_beside_it(small_disk: Path):

@@ -17,16 +17,8 @@ TABLES = Path(__file__).parents[3] / "doe" / "effects"
 BARE = Pocket()
 SAYING = Saying("dry_adhesion", "lifts", "x", "answers", "u*_t over bare", "", nan, nan, nan, 1)
 ANSWER = Answer("dry_adhesion", "u*_t over bare", "diameter [mm]", 0.1, 0.25, 1.5, 0.001, 1.501, 1, "pocket")
-SHIFT = {
-    "effect": "dry_adhesion",
-    "label": "",
-    "observable": "pile_height",
-    "unit": "m",
-    "bare": "0.5",
-    "shift": "0.1",
-    "standard_error": "0.02",
-    "note": "",
-}
+SHIFT = {"effect": "dry_adhesion", "label": "", "observable": "pile_height", "unit": "m", "bare": "0.5"}
+SHIFT |= {"shift": "0.1", "standard_error": "0.02", "note": ""}
 
 
 def test_drag_at_the_balance_of_a_bare_grain_is_its_weight_over_two_roots_of_two():

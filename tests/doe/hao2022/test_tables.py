@@ -68,20 +68,26 @@ def test_every_sum_of_squares_f_and_p_of_table_5_comes_out(line):
     assert agrees(line["p value"], row.p)
 
 
-def test_table_5_needs_three_degrees_of_freedom_and_so_counts_curvature_as_noise():
+def test_table_5_counts_curvature_as_noise_and_agrees_with_one_cell_changed_and_a_quarter_without():
     assert variance(4)["Residual"].df == 3
     assert variance(4)["Residual"].mean_square == pytest.approx(25.70, abs=0.005)
     bend = curvature(fitted(4))
     assert bend.sum_of_squares == pytest.approx(45.6, abs=0.05)
     assert (bend.df_error, bend.ms_error) == (2, pytest.approx(15.8, abs=0.05))
+    comparisons = audited(4).comparisons
+    assert len(comparisons) == 36
+    assert all(comparison.agrees for comparison in comparisons)
+    # the nine degrees of freedom agree in any case
+    assert audited(4).agree_as_printed == 9
 
 
 @pytest.mark.parametrize("line", lines(9), ids=lambda line: line["source"])
 def test_every_number_of_table_9_comes_out_but_the_lack_of_fit_sum(line):
     """Its columns 'Mean square' and 'Sum of square' hold each other's numbers."""
     source = {"Sum": "Total"}.get(line["source"], line["source"])
-    name = source if source in variance(8) else fitted_name(source)
-    row = variance(8)[name]
+    # `CtGt` and `Ct2` as this project writes them
+    fitted_name = f"{source[:2]}^2" if source.endswith("2") else f"{source[:2]}*{source[2:]}"
+    row = variance(8)[source if source in variance(8) else fitted_name]
     assert agrees(line["Degree of freedom"], row.df)
     assert agrees(line["Mean square"], row.sum_of_squares) == (source != "Lack of fit")
     if line["Sum of square"]:
@@ -90,24 +96,11 @@ def test_every_number_of_table_9_comes_out_but_the_lack_of_fit_sum(line):
         assert agrees(line["P value"], row.p)
 
 
-def fitted_name(source: str) -> str:
-    """`CtGt` and `Ct2` as this project writes them."""
-    return f"{source[:2]}^2" if source.endswith("2") else f"{source[:2]}*{source[2:]}"
-
-
-def test_the_figures_of_merit_of_table_9_come_out():
-    found = quality(fitted(8))
-    for text, value in (
-        ("0.9883", found.r2),
-        ("0.9731", found.r2_adjusted),
-        ("3.55", found.cv),
-        ("32.9751", found.adequate_precision),
-    ):
-        assert agrees(text, value)
-    assert found.r2_predicted == pytest.approx(0.9073, abs=5e-5)
-
-
-def test_the_regression_comes_out_with_one_sign_changed():
+def test_the_figures_of_merit_of_table_9_and_the_regression_with_one_sign_changed_come_out():
+    merit = quality(fitted(8))
+    values = (merit.r2, merit.r2_adjusted, merit.cv, merit.adequate_precision)
+    assert all(map(agrees, ("0.9883", "0.9731", "3.55", "32.9751"), values))
+    assert merit.r2_predicted == pytest.approx(0.9073, abs=5e-5)
     printed = {
         "Ct": "-0.8187", "Gt": "5.64", "It": "0.7313", "Ct*Gt": "-0.4675", "Ct*It": "-0.615",
         "Gt*It": "-1.27", "Ct^2": "0.8985", "Gt^2": "-0.3940", "It^2": "-5.64",
@@ -130,21 +123,10 @@ def test_the_published_optimum_comes_out_to_the_printed_digits():
     assert angles[0] == pytest.approx(angles[1], abs=1e-4)
 
 
-def test_with_that_cell_changed_all_of_table_5_agrees_and_without_it_a_quarter():
-    comparisons = audited(4).comparisons
-    assert len(comparisons) == 36
-    assert all(comparison.agrees for comparison in comparisons)
-    # the nine degrees of freedom agree in any case
-    assert audited(4).agree_as_printed == 9
-
-
-def test_the_audit_finds_the_sign_of_ct_gt_and_no_other():
+def test_the_audit_finds_the_sign_of_ct_gt_and_no_other_and_the_target_out_of_reach():
     (finding,) = found_in(8, "sign")
     assert (finding.column, finding.printed) == ("CtGt", "0.4675")
     assert finding.found == pytest.approx(-0.4675, abs=1e-9)
-
-
-def test_the_audit_finds_the_target_out_of_reach():
     (finding,) = found_in(8, "target")
     assert finding.found == pytest.approx(33.32, abs=0.005)
     # by a grid of 101 levels: it misses the top by less than 5.64 0.01^2
