@@ -41,10 +41,8 @@ def test_a_stack_in_equilibrium_carries_its_weight_by_normal_forces_alone():
 
 
 def test_the_decks_are_told_the_grains_of_our_scene():
-    soil, scene = (
-        physics_column.column_soil(physics_column.ONE_LAW),
-        physics_column.column_scene(physics_column.ONE_LAW),
-    )
+    law = physics_column.ONE_LAW
+    soil, scene = physics_column.column_soil(law), physics_column.column_scene(law)
     contacts = build_setup(scene, 1).contacts
     # plate, tube and rim are as stiff and as bouncy as the grains, the decks know one modulus
     assert contacts.young_effective == pytest.approx(young_effective(soil))

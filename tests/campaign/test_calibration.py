@@ -40,11 +40,8 @@ STUDY = {
 WIDE = STUDY["parameters"] | {
     "contact.soil-soil.restitution": {"low": 0.2, "high": 0.6, "least": 0.05, "most": 0.95}
 }
-MATTER = {
-    "contact.soil-soil.restitution",
-    "contact.soil-soil.friction_rolling",
-    "contact.soil-steel.friction_sliding",
-}
+MATTER = {"contact.soil-soil.restitution", "contact.soil-soil.friction_rolling"}
+MATTER |= {"contact.soil-steel.friction_sliding"}
 
 
 def write_study(folder: Path, **sections) -> Path:

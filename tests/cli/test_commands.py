@@ -157,9 +157,7 @@ TRANSLATED = [  # words, what answers them and how, its arguments, exit code, wh
 ]
 
 
-@pytest.mark.parametrize(
-    ("words", "answered", "arguments", "ended"), TRANSLATED, ids=lambda part: str(part)[:9]
-)
+@pytest.mark.parametrize(("words", "answered", "arguments", "ended"), TRANSLATED)
 def test_words_arrive_as_arguments(room, capsys, tmp_path, monkeypatch, words, answered, arguments, ended):
     monkeypatch.chdir(tmp_path)
     RECORDING.touch()

@@ -64,7 +64,7 @@ def test_what_is_no_python_file_is_refused(name, tmp_path):
         read_effect_file(tmp_path / name)
 
 
-def test_two_files_or_a_file_and_the_library_may_not_share_a_name_but_one_may_be_named_twice(tmp_path):
+def test_no_two_files_nor_a_file_and_the_library_share_a_name_but_one_may_be_named_twice(tmp_path, capsys):
     one, other, listed = (tmp_path / f"{name}.py" for name in ("one", "other", "listed"))
     listed.write_text(PULL.replace('"constant_pull"', '"dry_adhesion"'), encoding="utf-8")
     with pytest.raises(BadInput, match=r"effect 'dry_adhesion' exists already in the library; give it"):
@@ -72,6 +72,7 @@ def test_two_files_or_a_file_and_the_library_may_not_share_a_name_but_one_may_be
     one.write_text(PULL, encoding="utf-8")
     other.write_text(f"{PULL}\n", encoding="utf-8")
     assert "constant_pull" in load_library(read_effect_files([one, tmp_path / "." / "one.py"]))
+    assert capsys.readouterr() == ("", f"executes {one} (named by --effect)\n")
     with pytest.raises(BadInput, match="exists already in another file"):
         load_library([one, other])
 

@@ -29,7 +29,7 @@ def study(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", MARKED)
-def test_a_file_is_written_again_from_its_source_and_no_other_wherever_both_stand(
+def test_a_file_is_written_again_from_its_source_alone_wherever_both_stand(
     study, tmp_path, monkeypatch, name
 ):
     path = study.with_name(name)
@@ -65,9 +65,8 @@ def test_a_marked_text_and_a_marked_picture_hold_what_they_held(study):
     path = study.with_name("out.png")
     path.write_bytes(files.marked_png(path, study, PNG))
     assert np.array_equal(imageio.imread(path), PICTURE)
-    assert (
-        files.without_mark(files.marked_toml(path, study, TEXT).decode()) == files.without_mark(TEXT) == TEXT
-    )
+    marked = files.marked_toml(path, study, TEXT).decode()
+    assert files.without_mark(marked) == files.without_mark(TEXT) == TEXT
 
 
 def test_tables_of_a_folder_are_known_by_its_list(tmp_path):

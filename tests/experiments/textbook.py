@@ -18,11 +18,8 @@ FULL = (*model_terms(3, "interactions"), (1, 1, 1))  # of three factors in two l
 def full_factorial(factors: list[Factor], levels: int = 2, centre_points: int = 0) -> Design:
     """All combinations of levels, the first factor changing fastest, then repeats of the centre."""
     points = grid_points(len(factors), levels)
-    return arranged(
-        "full factorial",
-        factors,
-        [("factorial", points), ("centre", np.zeros((centre_points, len(factors))))],
-    )
+    centre = np.zeros((centre_points, len(factors)))
+    return arranged("full factorial", factors, [("factorial", points), ("centre", centre)])
 
 
 def central_composite(factors: list[Factor], distance: float | None = None) -> Design:

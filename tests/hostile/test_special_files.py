@@ -58,9 +58,7 @@ def impatient() -> Iterator[None]:
 @pytest.mark.usefixtures("impatient")
 @pytest.mark.parametrize("kind", ["pipe", "folder", "empty", "loop", "dangling", "device"])
 @pytest.mark.parametrize("command", READERS)
-def test_what_is_no_file_is_refused_in_one_line_for_each_fault(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any, command: str, kind: str
-):
+def test_what_is_no_file_is_refused_in_one_line_for_each_fault(tmp_path, monkeypatch, capsys, command, kind):
     monkeypatch.chdir(tmp_path)
     (name,) = (word for word in command.split() if word.startswith("FILE"))
     make(kind, tmp_path / name.replace("FILE", kind))

@@ -24,10 +24,7 @@ def stack(*heights):
     [
         (heaps.pile_height(stack(1, 9, 2, 3, 8, 4, 1)), (9 + 8 + 4 + 3 + 2 + 2.5) / 5),  # mean top of five
         (heaps.centroid_height(stack(1, 2, 6), base_height=DIAMETER), 2.0),  # mean centre above the base
-        (
-            heaps.column_height(stack(*range(1, 60))),
-            (59 + 58 + 1) / 2,
-        ),  # mean top of int(0.05 * 59) = 2 grains
+        (heaps.column_height(stack(*range(1, 60))), (59 + 58 + 1) / 2),  # of int(0.05 * 59) = 2 grains
     ],
     ids=lambda part: getattr(part, "name", ""),
 )
@@ -91,12 +88,11 @@ def test_the_grain_diameter_halves_the_volume_not_the_number():
     assert heaps.grain_diameter(snapshot_of(np.zeros((101, 3)), sizes)) == 10.0
 
 
-HEIGHTS = (heaps.pile_height, heaps.centroid_height, heaps.column_height)
+MEASURES = [heaps.pile_height, heaps.centroid_height, heaps.column_height, heaps.radius_90]
+MEASURES += [heaps.runout_radius, heaps.angle_of_repose_outline]
 
 
-@pytest.mark.parametrize(
-    "measure", [*HEIGHTS, heaps.radius_90, heaps.runout_radius, heaps.angle_of_repose_outline]
-)
+@pytest.mark.parametrize("measure", MEASURES)
 def test_no_grains_give_no_value(measure):
     measured = measure(snapshot_of(np.zeros((0, 3))))
     assert isnan(measured.value)

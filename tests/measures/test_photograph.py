@@ -112,9 +112,7 @@ def taken(path, angle=34.0, tilt=0.0, noise=0.0, light=0.0, shadow=0.0):
 
 
 @pytest.mark.parametrize(("angle", "tilt"), [(34.0, -8.0), (34.0, 1.0), (18.0, 4.0)])
-@pytest.mark.parametrize(
-    ("noise", "light"), [(0.0, 0.0), (0.08, 0.4)], ids=["clean", "noise and uneven light"]
-)
+@pytest.mark.parametrize(("noise", "light"), [(0.0, 0.0), (0.08, 0.4)])
 def test_a_tilted_photograph_is_turned_and_says_so(tmp_path, angle, tilt, noise, light):
     record = measure_photograph(taken(tmp_path / "heap.png", angle, tilt, noise, light))
     # a pixel at one end of the flanks, and of the base line across the picture

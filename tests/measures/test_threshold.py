@@ -102,10 +102,8 @@ def test_the_speed_of_the_tunnel_is_that_of_the_simulated_working_section():
 
 def test_beds_share_the_uncertainty_of_the_map():
     tunnel = Tunnel(6.0, 0.25e-3, 1.5e-5)
-    repeats = [
-        tunnel_speed("threshold_wind_speed", Bracket(u - 0.005, u + 0.005), tunnel) for u in (0.28, 0.32)
-    ]
-    pooled = pool_beds(repeats)
+    brackets = Bracket(0.275, 0.285), Bracket(0.315, 0.325)
+    pooled = pool_beds([tunnel_speed("threshold_wind_speed", each, tunnel) for each in brackets])
     assert pooled.value == pytest.approx(wind_speed(0.299, tunnel), rel=0.01)
     # 5.6 % of u*, and a little more of the speed, which grows faster than u*
     assert 0.056 < pooled.details["shared_sd"] / pooled.value < 0.065

@@ -19,9 +19,8 @@ RADIUS = 5e-3  # m
 def spheres(*centres: tuple[float, float, float], walls: tuple[WallMesh, ...] = ()) -> np.ndarray:
     """Picture of equal spheres."""
     places = np.array(centres).reshape(-1, 3)
-    return np.asarray(pictures.render_side(places, np.full(len(places), RADIUS), WINDOW, walls=walls)).astype(
-        int
-    )
+    image = pictures.render_side(places, np.full(len(places), RADIUS), WINDOW, walls=walls)
+    return np.asarray(image).astype(int)
 
 
 def coloured(image: np.ndarray) -> np.ndarray:

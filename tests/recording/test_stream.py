@@ -34,18 +34,15 @@ def heap(tmp_path_factory) -> Path:
                 stream.log_text(recording, "WARN", "the heap is truncated by the plate")
                 stream.log_image(recording, "silhouette", night((30, 20)))
         stream.set_properties(recording, "doe", {"contact.soil-soil.friction_rolling": 0.3})
-        stream.set_properties(
-            recording, "result", {"repose_angle": 33.5, "flag": None, "n": 3, "straight": True}
-        )
+        result = {"repose_angle": 33.5, "flag": None, "n": 3, "straight": True}
+        stream.set_properties(recording, "result", result)
     return path
 
 
 def test_a_resting_bed_is_written_once_while_mobile_grains_are_written_every_frame(heap: Path):
     # frame 0: the last grain has no speed yet and counts as resting; it leaves the bed at the next frame
-    assert [len(positions) for _, positions in heaps.read_frames(heap, "world/bed")] == [205, 204]
-    assert [len(positions) for _, positions in heaps.read_frames(heap, "world/mobile")] == [0] + [1] * (
-        FRAMES - 1
-    )
+    for entity, counts in (("bed", [205, 204]), ("mobile", [0] + [1] * (FRAMES - 1))):
+        assert [len(positions) for _, positions in heaps.read_frames(heap, f"world/{entity}")] == counts
 
 
 def test_totals_are_read_back_as_curves_and_energies_also_in_decades(heap: Path):
@@ -99,10 +96,8 @@ def test_every_grain_is_either_in_the_bed_or_mobile(tmp_path: Path):
 
 
 def test_a_creeping_grain_is_never_shown_further_away_than_the_creep_allowed(tmp_path: Path):
-    path, crept = (
-        tmp_path / "heap.rrd",
-        [heaps.moved(heaps.heap_snapshot(3), 7, 3e-6 * frame) for frame in range(40)],
-    )
+    path = tmp_path / "heap.rrd"
+    crept = [heaps.moved(heaps.heap_snapshot(3), 7, 3e-6 * frame) for frame in range(40)]
     with heaps.recorded(path, heaps.header()) as recording:
         for frame, snapshot in enumerate(crept):
             stream.log_frame(recording, replace(snapshot, time=0.01 * frame), heaps.MOVING)

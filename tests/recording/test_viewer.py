@@ -28,13 +28,11 @@ def record(path: Path, kind: str = "repose") -> Iterator[stream.Recording]:
             stream.log_totals(recording, totals(frame))
             if kind in WIND_KINDS:
                 log_profile(recording, np.linspace(0.0, 8.0, 12), np.linspace(0.0, 0.06, 13))
-                stream.log_values(
-                    recording, "transport", {"flux": 1e-3 * frame, "flying": 0.1, "friction_velocity": 0.4}
-                )
+                told = {"flux": 1e-3 * frame, "flying": 0.1, "friction_velocity": 0.4}
+                stream.log_values(recording, "transport", told)
         stream.log_text(recording, "INFO", "at rest")
-        stream.log_image(
-            recording, "silhouette", silhouette_picture(MASK, np.array([[[0.0, 0.0], [59.0, 59.0]]]))
-        )
+        flank = np.array([[[0.0, 0.0], [59.0, 59.0]]])
+        stream.log_image(recording, "silhouette", silhouette_picture(MASK, flank))
         yield recording
 
 
@@ -77,9 +75,7 @@ def test_the_picture_shows_the_heap_in_its_middle_and_what_was_recorded_beside_i
         assert share_like(view, colour) > least
 
 
-def test_a_machine_without_a_renderer_is_told_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_machine_without_a_renderer_is_told_what_to_install(tmp_path, monkeypatch):
     path = tmp_path / "heap.rrd"
     list(record(path))
     for variable in ("VK_ICD_FILENAMES", "VK_DRIVER_FILES"):  # the loader's old and new name

@@ -71,9 +71,7 @@ def test_a_time_step_beyond_all_limits_is_stopped_with_one_sentence(tmp_path, ca
     assert (tmp_path / "kept.rrd").stat().st_size > 0
 
 
-def test_an_output_folder_that_cannot_be_written_is_told_before_the_device_starts(
-    scene, unwritable, capsys, monkeypatch
-):
+def test_an_unwritable_folder_is_told_before_the_device_starts(scene, unwritable, capsys, monkeypatch):
     monkeypatch.setattr("taichi_erosion.run.scene_run.assemble", lambda *_: pytest.fail("too late"))
     for option in ("--record", "--checkpoint"):
         record = ["--no-record"] if option == "--checkpoint" else []

@@ -130,9 +130,7 @@ def read_input(session, monkeypatch, tmp_path: Path, lines: list[str], is_termin
     return tmp_path / "live.rrd"
 
 
-def test_a_piped_session_stops_at_the_first_mistake_and_keeps_the_recording(
-    session, tmp_path, monkeypatch, capsys
-) -> None:
+def test_a_piped_session_stops_at_a_mistake_and_keeps_its_recording(session, tmp_path, monkeypatch, capsys):
     orders = ["# begin", "run 0.002s", "status", "set nonsense 1", "run 0.002s"]
     with pytest.raises(BadInput, match="nonsense"):
         read_input(session, monkeypatch, tmp_path, orders, is_terminal=False)
@@ -143,9 +141,7 @@ def test_a_piped_session_stops_at_the_first_mistake_and_keeps_the_recording(
     assert (tmp_path / "live.rrd").exists()
 
 
-def test_a_session_on_a_terminal_completes_says_mistakes_and_goes_on(
-    session, tmp_path, monkeypatch, capsys
-) -> None:
+def test_a_session_on_a_terminal_completes_words_and_goes_on(session, tmp_path, monkeypatch, capsys):
     readline = pytest.importorskip("readline")
     orders = ["fly", "run 0.001s", "quit"]
     record = read_input(session, monkeypatch, tmp_path, orders, is_terminal=True)
@@ -158,9 +154,7 @@ def test_a_session_on_a_terminal_completes_says_mistakes_and_goes_on(
     assert complete("contact.grain-grain.friction_rol", 0) == "contact.grain-grain.friction_rolling"
 
 
-def test_watched_numbers_are_printed_with_units_and_kept_for_a_plot(
-    session, capsys, tmp_path, monkeypatch
-) -> None:
+def test_watched_numbers_are_printed_and_kept_for_a_plot(session, capsys, tmp_path, monkeypatch):
     assert prompt.execute(session, "watch kinetic_J pile_height") == "watching kinetic_J, pile_height"
     session.callbacks.append(prompt.Sampler())
     monkeypatch.setattr(prompt, "WATCH_INTERVAL", 3600.0)  # s

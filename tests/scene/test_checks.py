@@ -59,6 +59,7 @@ def test_a_bad_air_scene_gets_one_line(order: str, line: str):
 
 
 GRID = "wind.columns=[8, 8]; wind.closure='smagorinsky'; wind.drive='gradient'"
+GUSTS = "effects.turbulent_gusts.strength=1.0"
 OUTSIDE = r"fill.radius = .*: grains would start outside the wall; geometry\."
 MOVING = "stages.0.move={ground = { velocity = [1.0, 0.0, 0.0] }}"
 REFUSED = [
@@ -88,11 +89,7 @@ REFUSED = [
     ("wind_threshold", "wind.columns=[5, 4]", r"wind\.columns\.0 = 5: an even number"),
     ("wind_threshold", "wind.columns=[4, 16]", "narrower than a grain"),
     ("wind_threshold", f"effects={{}}; {GRID}; wind.look_steps=100", "a gust of .* crosses .*; at most"),
-    (
-        "wind_threshold",
-        f"{GRID}; wind.look_steps=5; effects.turbulent_gusts.strength=1.0",
-        "the grid has gusts of its own",
-    ),
+    ("wind_threshold", f"{GRID}; wind.look_steps=5; {GUSTS}", "the grid has gusts of its own"),
 ]
 
 

@@ -67,10 +67,8 @@ def test_the_hash_of_a_mesh_follows_its_content(tmp_path: Path):
     names = []
     for x in (1.0, 2.0):
         (tmp_path / "wall.stl").write_text(f"solid wall\n{facet.format(x=x)}endsolid wall\n")
-        table = changed(
-            "geometry.plate", {"shape": "mesh", "material": "steel", "file": "wall.stl", "scale": 0.1}
-        )
-        scene = parse_scene(table, "scene.toml", tmp_path)
+        wall = {"shape": "mesh", "material": "steel", "file": "wall.stl", "scale": 0.1}
+        scene = parse_scene(changed("geometry.plate", wall), "scene.toml", tmp_path)
         names.append(scene_hash(scene))
         shape = build_setup(scene, 1).primitives.shape
         assert shape[-1, :9] == pytest.approx([0.0, 0.0, 0.0, 0.1 * x, 0.0, 0.0, 0.0, 0.1, 0.0])

@@ -15,9 +15,8 @@ def test_inlet_profiles_follow_their_laws():
     logarithmic = LogProfile(law="log", friction_velocity=0.3, roughness_length=1e-4)
     assert inlet_speed(logarithmic, height, 0.4) == pytest.approx(0.75 * np.log1p(height / 1e-4))
     power = PowerProfile(law="power", speed=6.0, thickness=0.1)
-    assert inlet_speed(power, height, 0.4) == pytest.approx(
-        [6.0 * 0.01 ** (1 / 7), 6.0 * 0.1 ** (1 / 7), 6.0]
-    )
+    shares = np.array([0.01, 0.1, 1.0]) ** (1.0 / 7.0)
+    assert inlet_speed(power, height, 0.4) == pytest.approx(6.0 * shares)
     listed = TableProfile(law="table", heights=(0.0, 0.02), speeds=(0.0, 4.0))
     assert inlet_speed(listed, height, 0.4) == pytest.approx([0.2, 2.0, 4.0])
 

@@ -113,9 +113,8 @@ def test_random_orientations_favour_no_direction():
 
 
 def test_an_explicitly_placed_clump_lies_as_its_template():
-    table = changed(
-        "fill", {"law": "positions", "grains": [{"position": [0.0, 0.0, 0.01], "spin": [0.0, 0.0, 2.0]}]}
-    )
+    placed = {"position": [0.0, 0.0, 0.01], "spin": [0.0, 0.0, 2.0]}
+    table = changed("fill", {"law": "positions", "grains": [placed]})
     table["grains"] |= {"count": 1, "clump": {"template": "tripod"}}
     grains = build_setup(parse_scene(table), 1).grains
     assert grains.position[:, 2] == pytest.approx(0.01, abs=1e-8)

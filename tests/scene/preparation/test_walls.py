@@ -30,11 +30,9 @@ def test_walls_become_the_primitives_that_they_describe():
     table["geometry"]["funnel"]["stem_length"] = 0.01
     setup = build_setup(parse_scene(table), 1)
     assert [surface.name for surface in setup.surfaces] == ["box", "cone", "floor", "funnel", "plate", "tube"]
-    rows = {
-        surface.name: setup.primitives.shape[setup.primitives.surface == k]
-        for k, surface in enumerate(setup.surfaces)
-    }
-    kinds = dict(zip(setup.primitives.surface.tolist(), setup.primitives.kind.tolist(), strict=True))
+    walls = setup.primitives
+    rows = {each.name: walls.shape[walls.surface == k] for k, each in enumerate(setup.surfaces)}
+    kinds = dict(zip(walls.surface.tolist(), walls.kind.tolist(), strict=True))
     assert [kinds[k] for k in range(6)] == [PrimitiveKind.PLANE, 1, 0, PrimitiveKind.REVOLVED, 1, 1]
     assert len(rows["box"]) == 5
     assert rows["box"][3, :6].tolist() == [1.0, 1.0, 1.0, 0.0, -1.0, 0.0]
