@@ -42,6 +42,9 @@ WIDE = STUDY["parameters"] | {
 }
 MATTER = {"contact.soil-soil.restitution", "contact.soil-soil.friction_rolling"}
 MATTER |= {"contact.soil-steel.friction_sliding"}
+HERE = {"stated": {"workers": 1}, "function": closed_form.FUNCTION}
+TOLD: list[tuple[float, str]] = []  # share of the work and words, as the calibration went on
+FEW_RUNS = {"surface": "latin_hypercube", "surface_factors": 4, "surface_runs": 14}
 
 
 def write_study(folder: Path, **sections) -> Path:
@@ -63,10 +66,6 @@ def true_angle(settings: dict[str, float]) -> float:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     return tmp_path_factory.mktemp("calibration")
-
-
-HERE = {"stated": {"workers": 1}, "function": closed_form.FUNCTION}
-TOLD: list[tuple[float, str]] = []  # share of the work and words, as the calibration went on
 
 
 @pytest.fixture(scope="module")
@@ -195,9 +194,6 @@ def test_the_design_alone_runs_nothing(tmp_path, capsys, monkeypatch):
     assert main(["doe", "design", str(study)]) == ExitCode.SUCCESS
     assert "friction_rolling" in capsys.readouterr().out
     assert sorted(path.name for path in (tmp_path / "study").iterdir()) == ["screen.csv", "written.json"]
-
-
-FEW_RUNS = {"surface": "latin_hypercube", "surface_factors": 4, "surface_runs": 14}
 
 
 @pytest.mark.parametrize(

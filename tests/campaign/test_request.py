@@ -19,6 +19,7 @@ ROUGH = "contact.soil-soil.friction_sliding=0.9"
 STIFF = "materials.soil.shear_modulus=2e6"  # Pa: another time step beside the others
 BY_GRAIN, AUTO = WorkersEntry(decomposition="grains"), WorkersEntry(arch="auto")
 HASTY = ("run.time_step=5e-3", "run.force_time_step=true")  # s, thirty Rayleigh times: a guard will stop it
+GRID = SCENES.parent / "doe" / "wind" / "gusty_patch.toml"
 
 
 @pytest.fixture(scope="module")
@@ -85,9 +86,6 @@ def test_one_thread_per_grain_makes_the_runs_of_a_campaign_too(results, folder):
     # single precision, the same grains, forces summed in another order: heaps of a few grains stay alike
     assert by_grain.value("column_height") == pytest.approx(usual.value("column_height"), rel=0.02)
     assert by_grain.key != usual.key
-
-
-GRID = SCENES.parent / "doe" / "wind" / "gusty_patch.toml"
 
 
 def test_what_the_device_cannot_run_is_refused_or_left_to_the_cpu_with_the_reason(folder, monkeypatch):

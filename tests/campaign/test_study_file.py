@@ -39,6 +39,8 @@ fraction = 0.2
 TARGETS = "[targets.angle]\nvalue = 33.0\nsd = 0.5\nn = 5\n"
 SCENE_ANSWERS = '"heap.csv"\n[observables.angle]\nscene = "heap.toml"\n'
 MODEL_ANSWERS = '"heap.csv"\nmodel = "m:f"\n[observables.angle]\n'
+ROOT = Path(__file__).parents[2]
+STUDIES = sorted((ROOT / "doe").glob("*.toml"))
 
 
 def written(folder: Path, text: str) -> Path:
@@ -126,10 +128,6 @@ def test_a_comment_beside_a_changed_number_goes_and_all_others_stay():
     noted = with_entry(text, ("a", "b"), 2.0, "calibrated: 1 to 3, 90 %")
     assert noted == text.replace("1.0   # measured by hand", "2.0  # calibrated: 1 to 3, 90 %")
     assert with_entry(text, ("a", "b"), 1.0, "calibrated") == text, "an entry that has the value keeps it"
-
-
-ROOT = Path(__file__).parents[2]
-STUDIES = sorted((ROOT / "doe").glob("*.toml"))
 
 
 def test_the_schema_beside_the_studies_is_fresh():

@@ -43,6 +43,8 @@ DOCUMENT = {
 
 HELD = Claim("V01", "a sphere falls freely", 1.0, 1.0, 1e-6, "f64", True, 0.1)
 BROKEN = Claim("V02", "a sphere bounces", float("nan"), 2.0, 1e-6, "f32", False, 0.1)
+VALID = {"scene": "funnel", "hash": "abc", "effects": []}
+SCENE, RECORDING, PICTURE = Path("scene.toml"), Path("a.rrd"), Path("a.png")
 
 
 @pytest.fixture
@@ -132,8 +134,6 @@ def test_progress_goes_to_stderr(room, capsys, monkeypatch):
     assert json.loads(printed.out)["seed"] == 1
 
 
-VALID = {"scene": "funnel", "hash": "abc", "effects": []}
-SCENE, RECORDING, PICTURE = Path("scene.toml"), Path("a.rrd"), Path("a.png")
 TRANSLATED = [  # words, what answers them and how, its arguments, exit code, what is printed
     (
         "run scene.toml --check --set a.b=1",

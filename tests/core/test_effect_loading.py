@@ -31,6 +31,8 @@ BROKEN = {  # change of a good file -> what is told of it
     ("@dataclass(frozen=True)", "raise SystemExit(0)"): "SystemExit: 0",
     ("EFFECT = Effect(", "EFFECT = Effect("[:-1]): "is not Python",
 }
+SCENE = str(Path(__file__).parents[2] / "scenes" / "column_collapse.toml")
+RUN = ("run", SCENE, "--set", "effects.constant_pull.strength=1")
 
 
 @pytest.fixture
@@ -104,10 +106,6 @@ UNUSABLE = {  # change of a good file -> what is told of it by `run --check`, in
     ('{"pull": strength * params.pull_off}', "strength"): "constants must give a dict of numbers by name",
     ("strength * params", "strength / 0.0 * params"): "its constants failed (glue.py, line ",
 }
-
-
-SCENE = str(Path(__file__).parents[2] / "scenes" / "column_collapse.toml")
-RUN = ("run", SCENE, "--set", "effects.constant_pull.strength=1")
 
 
 @pytest.mark.parametrize(("old", "new"), UNUSABLE)

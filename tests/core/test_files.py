@@ -18,6 +18,7 @@ MARKED: dict[str, Callable[[Path, Path], bytes]] = {
     "out.png": lambda path, source: files.marked_png(path, source, PNG),
     "out.html": lambda path, source: files.marked_html(path, source, "<html><head></head></html>"),
 }
+CHANGED = files.marked_toml(Path("out.toml"), Path("höhe, 1.toml"), TEXT).replace(b"b = 1", b"b = 2")
 
 
 @pytest.fixture
@@ -41,9 +42,6 @@ def test_a_file_is_written_again_from_its_source_alone_wherever_both_stand(
     monkeypatch.chdir(tmp_path / "moved")
     files.refuse_foreign(Path(name), Path(study.name))
     files.refuse_foreign(Path("nothing.toml"), Path(study.name))
-
-
-CHANGED = files.marked_toml(Path("out.toml"), Path("höhe, 1.toml"), TEXT).replace(b"b = 1", b"b = 2")
 
 
 @pytest.mark.parametrize(

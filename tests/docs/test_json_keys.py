@@ -36,6 +36,7 @@ RECORDS = {
     "scale": Scale,
 }
 pytestmark = pytest.mark.docs
+_, *PARTS = SECTION.split(PAGE)
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,6 @@ def entries(text: str) -> dict[str, Entry]:
     return found
 
 
-_, *PARTS = SECTION.split(PAGE)
 TABLES = {name: entries(text) for name, text in zip(PARTS[::2], PARTS[1::2], strict=True)}
 
 

@@ -15,6 +15,16 @@ TOKENS = (
     *(b'"' * 3, b"=", b"#", b",", b";", b"..", b"__import__('os').abort()", b"${HOME}", b"%s%n"),
     *("\u202e\u2028".encode(), b"A" * 5000),
 )
+places = st.floats(0.0, 1.0, exclude_max=True)  # share of a file's length
+pieces = st.sampled_from(TOKENS) | st.binary(max_size=12)
+WORDS = st.text(max_size=8)
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | WORDS | st.dates() | st.times(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(WORDS, inner, max_size=3),
+    max_leaves=8,
+)
+NUMBERS = st.floats().map(str) | st.integers().map(str)
+CELLS = st.text(max_size=6) | NUMBERS | st.sampled_from(["", "<1", "NaN", '"'])
 
 
 def shipped(pattern: str) -> dict[str, bytes]:
@@ -48,8 +58,6 @@ def pictures() -> dict[str, bytes]:
 MESHES = meshes()
 PICTURES = pictures()
 
-places = st.floats(0.0, 1.0, exclude_max=True)  # share of a file's length
-pieces = st.sampled_from(TOKENS) | st.binary(max_size=12)
 blows = st.one_of(
     st.tuples(st.just("put"), places, pieces),  # over what is there
     st.tuples(st.just("insert"), places, pieces),
@@ -94,20 +102,10 @@ def damaged_file(draw: st.DrawFn, files: dict[str, bytes]) -> tuple[str, bytes]:
     return name, damaged(files[name], draw(st.lists(blows, min_size=1, max_size=4)))
 
 
-WORDS = st.text(max_size=8)
-VALUES = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | WORDS | st.dates() | st.times(),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(WORDS, inner, max_size=3),
-    max_leaves=8,
-)
-
-
 def as_lines(rows: list[list[str]]) -> bytes:
     """A table as a careless program would write it."""
     text = "".join(",".join(row) + "\n" for row in rows)
     return text.encode("utf-8", errors="surrogatepass")
 
 
-NUMBERS = st.floats().map(str) | st.integers().map(str)
-CELLS = st.text(max_size=6) | NUMBERS | st.sampled_from(["", "<1", "NaN", '"'])
 tables = st.lists(st.lists(CELLS, min_size=1, max_size=6), max_size=8).map(as_lines)

@@ -21,6 +21,11 @@ READERS = (
     "effects new law --from-discovery FILE.json",
 )
 PATIENCE = 300  # s of wall time: a pipe that nobody fills takes none of the process's own
+BEYOND = (
+    *("--replicas 999999999999", f"--seed {10**30}", "--threads 99999999999", "--effect scene.toml"),
+    *("--every nan --checkpoint kept.npz", "--every -1 --checkpoint kept.npz", "--record="),
+    "--record \udcff.rrd",
+)
 
 
 def make(kind: str, place: Path) -> None:
@@ -103,13 +108,6 @@ def test_an_output_never_replaces_the_scene(folder: Path, capsys: Any, option: s
     assert main(["run", "scene.toml", *option.split()]) == ExitCode.BAD_INPUT
     assert (folder / "scene.toml").read_bytes() == SCENES[SCENE]
     assert "is the scene itself" in capsys.readouterr().err
-
-
-BEYOND = (
-    *("--replicas 999999999999", f"--seed {10**30}", "--threads 99999999999", "--effect scene.toml"),
-    *("--every nan --checkpoint kept.npz", "--every -1 --checkpoint kept.npz", "--record="),
-    "--record \udcff.rrd",
-)
 
 
 @pytest.mark.parametrize("words", BEYOND)

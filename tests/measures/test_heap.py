@@ -8,6 +8,9 @@ import pytest
 from taichi_erosion.measures import heap as heaps
 from tests.measures.heaps import DIAMETER, cone, skirt, snapshot_of
 
+MEASURES = [heaps.pile_height, heaps.centroid_height, heaps.column_height, heaps.radius_90]
+MEASURES += [heaps.runout_radius, heaps.angle_of_repose_outline]
+
 
 def grains(*centres):
     """A snapshot from centres in diameters."""
@@ -86,10 +89,6 @@ def test_the_outline_angle_follows_the_prose_of_the_laboratory(seed):
 def test_the_grain_diameter_halves_the_volume_not_the_number():
     sizes = np.array([1.0] * 100 + [10.0])  # 100 against 1000 parts of volume
     assert heaps.grain_diameter(snapshot_of(np.zeros((101, 3)), sizes)) == 10.0
-
-
-MEASURES = [heaps.pile_height, heaps.centroid_height, heaps.column_height, heaps.radius_90]
-MEASURES += [heaps.runout_radius, heaps.angle_of_repose_outline]
 
 
 @pytest.mark.parametrize("measure", MEASURES)

@@ -8,6 +8,9 @@ from scipy.signal import lfilter
 
 from taichi_erosion.measures import silhouette
 
+COLUMNS = 400
+GRAIN = 8.0  # px
+
 
 def test_discs_are_drawn_as_a_pixel_by_pixel_search_finds_them():
     rng = np.random.default_rng(3)
@@ -50,10 +53,6 @@ def test_detached_specks_vanish_and_holes_close():
     body = silhouette.largest_body(image)
     assert body[12:15, 9:12].all()
     assert not body[2:4, 24:26].any()
-
-
-COLUMNS = 400
-GRAIN = 8.0  # px
 
 
 def grainy(correlation, rng):

@@ -14,6 +14,9 @@ from taichi_erosion.report.answer_page import answer_page, html_page
 from tests.report.browser import assert_readable
 
 HOME = Path("/home/somebody/soils")
+NARROW = {
+    "k": NumberPart(0.1, Interval(0.0981, 0.0974, 0.0988), Interval(0.0972, 0.0966, 0.0977), 0.02, False)
+}
 
 
 def many_rows() -> RowsPart:
@@ -27,9 +30,6 @@ def many_rows() -> RowsPart:
     return RowsPart(("repose_angle",) * 30, conditions, measured, measured, measured, sd, before, after)
 
 
-NARROW = {
-    "k": NumberPart(0.1, Interval(0.0981, 0.0974, 0.0988), Interval(0.0972, 0.0966, 0.0977), 0.02, False)
-}
 PAGES = {
     "adopted": {"compare": adopted, "discover": adopted, "adopt": adopted, "next": group},
     "group": {"discover": replace(group, rows=many_rows(), numbers=NARROW), "next": group},

@@ -10,6 +10,7 @@ from taichi_erosion.run.checks import check_scene, compatibility_key, read_scene
 ANGULAR = ("conditions.angularity=0.5", "effects.rolling_resistance.strength=1")
 LONG = ("effects.grain_shape.strength=1",)
 CHARGED = ("effects.electric_field.strength=1",)
+NO_WIND = "there is no [wind] section"
 
 
 @pytest.mark.parametrize(("cases", "ensembles"), [(((), WET, TAPPED, ANGULAR), 1), (((), LONG, CHARGED), 3)])
@@ -18,7 +19,6 @@ def test_clumps_and_forces_on_single_grains_alone_need_ensembles_of_their_own(tm
     assert len({compatibility_key(read_scene(scene, orders)) for orders in cases}) == ensembles
 
 
-NO_WIND = "there is no [wind] section"
 IDLE = {
     "liquid_bridge": "conditions.moisture is not stated, conditions.clay_fraction is not stated",
     "bed_slope": "conditions.slope is not stated",

@@ -13,6 +13,13 @@ from taichi_erosion.run import sanity_checks
 from taichi_erosion.run.sanity_checks import count_failure, failure_message
 from taichi_erosion.simulation import assemble
 
+DAMAGES = [  # how a snapshot differs, and what is noticed
+    (lambda state: {}, None),
+    (lambda state: {"ident": np.where(state.ident == 7, 6, state.ident)}, Status.COUNT),
+    (lambda state: {"mass": 1.001 * state.mass}, Status.COUNT),
+    (lambda state: {"velocity": np.nan * state.velocity}, Status.NOT_FINITE),
+]
+
 
 @pytest.mark.parametrize(
     ("end", "words"),
@@ -28,14 +35,6 @@ def test_a_failure_is_told_in_one_line_with_place_time_and_cause(end, words):
     said = failure_message(end, 11)
     assert all(word in said for word in ("seed 11", "likely cause", *words))
     assert "\n" not in said
-
-
-DAMAGES = [  # how a snapshot differs, and what is noticed
-    (lambda state: {}, None),
-    (lambda state: {"ident": np.where(state.ident == 7, 6, state.ident)}, Status.COUNT),
-    (lambda state: {"mass": 1.001 * state.mass}, Status.COUNT),
-    (lambda state: {"velocity": np.nan * state.velocity}, Status.NOT_FINITE),
-]
 
 
 def test_a_grain_that_is_missing_doubled_or_nowhere_is_noticed(monkeypatch):

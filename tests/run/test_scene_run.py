@@ -21,6 +21,8 @@ from taichi_erosion.scene.shipped import SCENES
 
 DURATION = 0.12  # s, of both stages
 COLOURS = 3  # channels of a film
+OVERLAPPING = {"law": "positions", "grains": [{"position": [0, 0, 2e-3]}, {"position": [0, 0, 3e-3]}]}
+ABSURD_STEP = {"time_step": 5e-3, "force_time_step": True}  # s, thirty Rayleigh times
 
 
 def test_a_run_leaves_document_recording_and_film(whole, folder):
@@ -48,10 +50,6 @@ def test_the_document_holds_every_replica_with_the_measures_of_its_stages_and_th
         measures = replica["measures"]
         assert measures["column_height"]["value"] > measures["pile_height"]["value"] > 1e-3
         assert measures["runout_radius"]["value"] > 5e-3  # the tube has a radius of 6 mm, a grain one of 1 mm
-
-
-OVERLAPPING = {"law": "positions", "grains": [{"position": [0, 0, 2e-3]}, {"position": [0, 0, 3e-3]}]}
-ABSURD_STEP = {"time_step": 5e-3, "force_time_step": True}  # s, thirty Rayleigh times
 
 
 def test_grains_that_start_inside_each_other_are_refused_at_the_door(tmp_path, capsys):

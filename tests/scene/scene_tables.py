@@ -15,6 +15,14 @@ from taichi_erosion.scene import parse_scene
 SCENES = Path(__file__).parents[2] / "scenes"
 TUNNEL = SCENES / "tunnel_section.toml"
 ABSENT = object()  # stands for a key that is taken away
+TABLES = (
+    "scene conditions run gravity grains grains.size materials materials.soil laws contact contact.soil-soil "
+    "geometry geometry.plate fill stages.1 stages.1.move measure measured record effects"
+).split()
+WORDS = (
+    "scene.kind laws.normal laws.friction_cap laws.rolling grains.size.law geometry.plate.shape fill.law "
+    "run.precision stages.0.until"
+).split()
 
 
 def good_table() -> dict[str, Any]:
@@ -80,15 +88,6 @@ NEEDED = (
     "fill.radius stages stages.0.name stages.0.duration_max measured.repose_angle.value"
 ).split()
 
-TABLES = (
-    "scene conditions run gravity grains grains.size materials materials.soil laws contact contact.soil-soil "
-    "geometry geometry.plate fill stages.1 stages.1.move measure measured record effects"
-).split()
-
-WORDS = (
-    "scene.kind laws.normal laws.friction_cap laws.rolling grains.size.law geometry.plate.shape fill.law "
-    "run.precision stages.0.until"
-).split()
 
 ABSURD = {  # values that are numbers, but not here
     "conditions.moisture": (-0.1, 20.0),

@@ -9,6 +9,11 @@ from taichi_erosion.run import check_scene
 from taichi_erosion.scene.load import parse_air_scene, parse_scene, toml_table
 from taichi_erosion.scene.schema.scene import effect_problems
 
+GRID = "wind.columns=[8, 8]; wind.closure='smagorinsky'; wind.drive='gradient'"
+GUSTS = "effects.turbulent_gusts.strength=1.0"
+OUTSIDE = r"fill.radius = .*: grains would start outside the wall; geometry\."
+MOVING = "stages.0.move={ground = { velocity = [1.0, 0.0, 0.0] }}"
+
 
 def test_an_unknown_effect_or_observable_is_told_with_those_that_exist():
     scene = parse_scene(good_table())
@@ -58,10 +63,6 @@ def test_a_bad_air_scene_gets_one_line(order: str, line: str):
         parse_air_scene(raw)
 
 
-GRID = "wind.columns=[8, 8]; wind.closure='smagorinsky'; wind.drive='gradient'"
-GUSTS = "effects.turbulent_gusts.strength=1.0"
-OUTSIDE = r"fill.radius = .*: grains would start outside the wall; geometry\."
-MOVING = "stages.0.move={ground = { velocity = [1.0, 0.0, 0.0] }}"
 REFUSED = [
     ("column_collapse", "fill.radius_d=9.5", OUTSIDE),  # rain into a tube of 9 d
     ("rotating_drum", "fill.radius=0.031", OUTSIDE),  # a lattice in a drum of 0.03 m that lies on its side

@@ -13,6 +13,15 @@ from taichi_erosion.scene import build_setup, load_scene, parse_scene, resolved,
 from taichi_erosion.scene.load import parse_air_scene, toml_table
 
 FUNNEL = SCENES / "funnel_repose.toml"
+IDLE = (
+    "run.replicas=9 run.seed=99 record.every=0.5 record.bed_every=3 scene.title='other' scene.notes='why' "
+    "measured.repose_angle.value=20.0 gravity.magnitude=9.81 run.skin=0.05 stages.0.until=rest"
+).split()
+PHYSICS = (
+    "grains.count=61 contact.soil-soil.restitution=0.61 conditions.moisture=0.02 run.precision=f64 "
+    "run.time_step_fraction=0.1 laws.friction_cap=edem effects.plain_pull.strength=0.0 "
+    "stages.2.duration_max=2.0 geometry.plate.radius=0.11"
+).split()
 
 
 def test_the_order_of_sections_and_comments_leave_the_hash_and_every_bit(tmp_path: Path):
@@ -27,17 +36,6 @@ def test_the_order_of_sections_and_comments_leave_the_hash_and_every_bit(tmp_pat
     assert first.surfaces == other.surfaces
     assert np.array_equal(first.primitives.shape, other.primitives.shape)
     assert np.array_equal(first.grains.position, other.grains.position)
-
-
-IDLE = (
-    "run.replicas=9 run.seed=99 record.every=0.5 record.bed_every=3 scene.title='other' scene.notes='why' "
-    "measured.repose_angle.value=20.0 gravity.magnitude=9.81 run.skin=0.05 stages.0.until=rest"
-).split()
-PHYSICS = (
-    "grains.count=61 contact.soil-soil.restitution=0.61 conditions.moisture=0.02 run.precision=f64 "
-    "run.time_step_fraction=0.1 laws.friction_cap=edem effects.plain_pull.strength=0.0 "
-    "stages.2.duration_max=2.0 geometry.plate.radius=0.11"
-).split()
 
 
 @pytest.mark.parametrize("order", [*IDLE, *PHYSICS])

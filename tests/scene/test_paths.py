@@ -11,6 +11,8 @@ from taichi_erosion.scene import parse_scene, resolved
 from taichi_erosion.scene.paths import meaning_of, schema_text
 from taichi_erosion.scene.schema.scene import Stage
 
+BAD_ORDERS = "grains.count|=3|grains..count=3|stages.9.name=x|stages.x=1|grains.count.a.b=3|grains.count=1 2"
+
 
 @pytest.mark.parametrize(
     ("order", "path", "value"),
@@ -31,9 +33,6 @@ def test_any_parameter_can_be_set_by_its_dotted_path(order: str, path: tuple[Any
     for key in path:
         place = place[key]
     assert place == (pytest.approx(value) if isinstance(value, float) else value)
-
-
-BAD_ORDERS = "grains.count|=3|grains..count=3|stages.9.name=x|stages.x=1|grains.count.a.b=3|grains.count=1 2"
 
 
 @pytest.mark.parametrize("order", [*BAD_ORDERS.split("|"), "=\n", "stages.x\n=1"])

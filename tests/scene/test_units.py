@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 
 from taichi_erosion.scene.schema.units import UnknownUnit, conversion, parse_scale, parse_unit, scale_between
 
+NO_UNITS = "grad|C|MM|wet|kg/m s|m/|(m|m)|()|m--2|m99|/|€"
+
 
 @pytest.mark.parametrize(
     ("source", "target", "factor"),
@@ -40,9 +42,6 @@ def test_a_unit_is_converted_by_its_factor_where_the_kind_is_the_same(source, ta
     # ten digits: factors are products of a few roundings
     wanted = factor and pytest.approx(factor, rel=1e-10)
     assert conversion(parse_unit(source), parse_unit(target)) == wanted
-
-
-NO_UNITS = "grad|C|MM|wet|kg/m s|m/|(m|m)|()|m--2|m99|/|€"
 
 
 @pytest.mark.parametrize("text", [*NO_UNITS.split("|"), "m" * 61])

@@ -15,6 +15,7 @@ from taichi_erosion.experiments.audit.published import parse_printed
 from taichi_erosion.experiments.design_table import Factor
 
 LAW = np.array([3.0, -8.0, 0.5, 1.0, -2.0, 0.1, 4.0])
+SOUND = "a,y\n1,2\n-1,3\n1,1\n-1,4\n"
 
 
 def write(path, names, rows):
@@ -128,9 +129,6 @@ def test_a_printed_number_is_as_exact_as_its_last_digit(text, found, agrees):
     assert printed is not None
     assert printed.agrees(found) is agrees
     assert parse_printed("n.s.") is None
-
-
-SOUND = "a,y\n1,2\n-1,3\n1,1\n-1,4\n"
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,8 @@ from taichi_erosion.scene.preparation.air import inlet_speed, surface_height
 from taichi_erosion.scene.preparation.sizes import mean_cube, nominal_diameter
 from taichi_erosion.scene.schema.air import LogProfile, PowerProfile, TableProfile
 
+GRID = ("effects={}", "wind.columns=[8, 8]", "wind.closure='smagorinsky'", "wind.drive='gradient'")
+
 
 def test_inlet_profiles_follow_their_laws():
     height = np.array([0.001, 0.01, 0.2])
@@ -35,9 +37,6 @@ def test_the_bed_is_as_high_as_its_grains_fill_whatever_their_sizes():
     # of a sample of some hundred grains: the mean cube scatters by a few percent
     assert mean_cube(size) < nominal_diameter(size) ** 3
     assert surface_height(scene, wind) == pytest.approx(solid / (0.6 * wind.length * wind.width), rel=0.1)
-
-
-GRID = ("effects={}", "wind.columns=[8, 8]", "wind.closure='smagorinsky'", "wind.drive='gradient'")
 
 
 def test_a_grid_over_a_patch_is_built_with_what_stirs_it():
