@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from textbook import central_composite, unit_factors
+from textbook import unit_factors
 
-from taichi_erosion.experiments.design import Factor, box_behnken
+from taichi_erosion.experiments.design import Factor, box_behnken, central_composite
 from taichi_erosion.experiments.fit import Fit, fit_model
 from taichi_erosion.experiments.optimise import SEPARATE, Goal, desirability, optimise, single_share
 
@@ -13,7 +13,7 @@ RANGES = [Factor("a", 0.0, 2.0), Factor("b", 10.0, 30.0)]
 
 def surface(response: str, law) -> Fit:
     """Exact quadratic of two coded factors, with a little noise so that intervals exist."""
-    made = central_composite(RANGES, distance=1.0)
+    made = central_composite(RANGES, axial="faced")
     noise = 1e-6 * np.random.default_rng(1).normal(size=len(made))
     return fit_model(made.with_responses(**{response: law(*made.coded.T) + noise}), response, "quadratic")
 
