@@ -6,10 +6,12 @@ from html import unescape
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from ten_records import VOC, adopted, group, mechanism, null, single, typo
 
 from taichi_erosion.evidence.race.record import Interval, NumberPart, RowsPart
+from taichi_erosion.report.answer_figures import marked
 from taichi_erosion.report.answer_page import answer_page, html_page
 from tests.report.browser import assert_readable
 
@@ -109,3 +111,11 @@ def test_every_row_tells_what_was_measured_and_what_both_models_say(pages):
 
 def test_a_browser_shows_every_page_on_a_desk_and_on_a_phone(pages, tmp_path):
     assert_readable(pages, tmp_path)
+
+
+def test_limits_are_marked_by_the_side_on_which_the_value_lies():
+    limit = ["below", "", "above", "between", "", ""]
+    points = pd.DataFrame({"measured": [20.0, 22.0, 25.0, 27.0, 30.0, 33.0], "limit": limit})
+    found = {kind: own["measured"].to_list() for kind, own in marked(points)}
+    assert found == {"": [22.0, 30.0, 33.0], "below": [20.0], "above": [25.0], "between": [27.0]}
+    assert list(found)[-1] == ""  # drawn last, above the others
