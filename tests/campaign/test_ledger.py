@@ -104,28 +104,18 @@ def test_two_parents_at_once_share_the_work_and_repeat_none_of_it(tmp_path, undi
     assert carried_out(tmp_path) == undisturbed
 
 
-@pytest.fixture
-def neighbours(tmp_path):
-    """One run, leased by a parent on another machine, and a parent here that would like to have it."""
-    (request,) = requests(tmp_path, 1)
+def test_a_lease_lapses_when_its_owner_on_another_machine_is_silent(tmp_path, monkeypatch):
+    (request,), now = requests(tmp_path, 1), time.time()
     with opened(tmp_path) as near, opened(tmp_path) as far:
         elsewhere = ledger.Ledger(far.database, "other-machine:1")
         ledger.add_requests(near, [request])
         assert ledger.lease_runs(elsewhere, [request.key]) == [request.key]
-        yield request.key, near, elsewhere
-
-
-def test_a_lease_lapses_when_its_owner_is_silent(neighbours, monkeypatch):
-    key, near, elsewhere = neighbours
-    now = time.time()
-    for passed in (0.9, 1.8):
-        monkeypatch.setattr(ledger.time, "time", lambda: now + passed * ledger.LEASE)  # noqa: B023
-        ledger.release_stale_leases(near)
-        assert ledger.lease_runs(near, [key]) == []
-        ledger.renew_leases(elsewhere)
-    monkeypatch.setattr(ledger.time, "time", lambda: now + 2.9 * ledger.LEASE)
-    ledger.release_stale_leases(near)
-    assert ledger.lease_runs(near, [key]) == [key]
+        for passed, leased in ((0.9, []), (1.8, []), (2.9, [request.key])):
+            monkeypatch.setattr(ledger.time, "time", lambda passed=passed: now + passed * ledger.LEASE)
+            ledger.release_stale_leases(near)
+            assert ledger.lease_runs(near, [request.key]) == leased
+            if passed < 1.0:
+                ledger.renew_leases(elsewhere)
 
 
 def test_the_first_result_of_a_run_stays(tmp_path):

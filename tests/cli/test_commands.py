@@ -39,12 +39,12 @@ DOCUMENT = {
     "recording": Path("recordings/funnel.rrd"),
     "versions": {},
 }
-
-
 HELD = Claim("V01", "a sphere falls freely", 1.0, 1.0, 1e-6, "f64", True, 0.1)
 BROKEN = Claim("V02", "a sphere bounces", float("nan"), 2.0, 1e-6, "f32", False, 0.1)
 VALID = {"scene": "funnel", "hash": "abc", "effects": []}
 SCENE, RECORDING, PICTURE = Path("scene.toml"), Path("a.rrd"), Path("a.png")
+CHECKED = ((SCENE, ("a=1",), (), commands.examine_effect), {})
+DRAWN = ((RECORDING, 0.5, PICTURE), {"view": None, "source": RECORDING})
 
 
 @pytest.fixture
@@ -134,35 +134,23 @@ def test_progress_goes_to_stderr(room, capsys, monkeypatch):
     assert json.loads(printed.out)["seed"] == 1
 
 
-TRANSLATED = [  # words, what answers them and how, its arguments, exit code, what is printed
-    (
-        "run scene.toml --check --set a.b=1",
-        ("taichi_erosion.run", "check_scene", VALID),
-        ((SCENE, ("a.b=1",), (), commands.examine_effect), {}),
-        (0, "scene.toml: valid, hash abc\n"),
-    ),
-    (
-        "schema -o scene.schema.json",
-        ("taichi_erosion.scene", "write_schema", None),
-        ((Path("scene.schema.json"),), {}),
-        (0, "scene.schema.json\n"),
-    ),
-    (
-        "snapshot a.rrd --time 0.5 -o a.png",
-        ("taichi_erosion.recording.viewer", "render_picture", PICTURE),
-        ((RECORDING, 0.5, PICTURE), {"view": None, "source": RECORDING}),
-        (0, "a.png\n"),
-    ),
-    ("view a.rrd", ("taichi_erosion.recording.viewer", "open_viewer", 7), None, (7, "")),
+TRANSLATED = [  # words, what answers them and how, with which arguments, exit code, what is printed
+    ("run scene.toml --check --set a=1", "run.check_scene", VALID, CHECKED, 0, f"{SCENE}: valid, hash abc\n"),
+    ("schema -o s.json", "scene.write_schema", None, ((Path("s.json"),), {}), 0, "s.json\n"),
+    ("snapshot a.rrd --time 0.5 -o a.png", "recording.viewer.render_picture", PICTURE, DRAWN, 0, "a.png\n"),
+    ("view a.rrd", "recording.viewer.open_viewer", 7, None, 7, ""),
 ]
 
 
-@pytest.mark.parametrize(("words", "answered", "arguments", "ended"), TRANSLATED)
-def test_words_arrive_as_arguments(room, capsys, tmp_path, monkeypatch, words, answered, arguments, ended):
+@pytest.mark.parametrize(("words", "function", "answer", "arguments", "code", "printed"), TRANSLATED)
+def test_words_arrive_as_arguments(
+    words, function, answer, arguments, code, printed, room, capsys, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     RECORDING.touch()
-    calls = room(*answered)
-    assert (main(words.split()), capsys.readouterr().out) == ended
+    module, _, name = f"taichi_erosion.{function}".rpartition(".")
+    calls = room(module, name, answer)
+    assert (main(words.split()), capsys.readouterr().out) == (code, printed)
     assert arguments is None or calls == [arguments]
 
 

@@ -5,7 +5,8 @@ import pytest
 import textbook
 
 from taichi_erosion.experiments.anova import curvature, reduced
-from taichi_erosion.experiments.design import central_composite
+from taichi_erosion.experiments.design import central_composite, grid_points
+from taichi_erosion.experiments.design_table import arranged
 from taichi_erosion.experiments.fit import fit_model
 from taichi_erosion.experiments.terms import parents
 
@@ -35,7 +36,8 @@ def test_montgomerys_tool_life_has_the_printed_analysis_of_variance():
 
 
 def test_curvature_is_the_difference_of_the_means_tested_without_itself():
-    made = textbook.full_factorial(textbook.unit_factors("ab"), centre_points=5)
+    parts = [("factorial", grid_points(2, 2)), ("centre", np.zeros((5, 2)))]
+    made = arranged("full factorial", textbook.unit_factors("ab"), parts)
     y = np.array([39.3, 40.9, 40.0, 41.5, 40.3, 40.5, 40.7, 40.2, 40.6])
     # Montgomery (2017), example 6.7: SS 0.0027, F 0.06, error 0.1720 (4)
     bend = curvature(fit_model(made.with_responses(y=y), "y", "interactions"))

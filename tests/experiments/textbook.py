@@ -6,19 +6,11 @@ import numpy as np
 import pytest
 
 from taichi_erosion.experiments.anova import Row, anova
-from taichi_erosion.experiments.design import grid_points
 from taichi_erosion.experiments.design_table import Design, Factor, arranged, to_coded
 from taichi_erosion.experiments.fit import Fit
 from taichi_erosion.experiments.terms import model_terms
 
 FULL = (*model_terms(3, "interactions"), (1, 1, 1))  # of three factors in two levels
-
-
-def full_factorial(factors: list[Factor], levels: int = 2, centre_points: int = 0) -> Design:
-    """All combinations of levels, the first factor changing fastest, then repeats of the centre."""
-    points = grid_points(len(factors), levels)
-    centre = np.zeros((centre_points, len(factors)))
-    return arranged("full factorial", factors, [("factorial", points), ("centre", centre)])
 
 
 def unit_factors(names: str) -> list[Factor]:

@@ -85,7 +85,7 @@ def right_flank(position, height):
     return silhouette.fit_flanks(silhouette.Outline(position, height, 1.0), GRAIN, 3 * GRAIN)[1]
 
 
-def test_the_line_of_an_ideal_roof_is_exact():
+def test_the_line_of_an_ideal_roof_is_exact_and_ends_at_a_gap_wider_than_a_grain():
     left, right = silhouette.fit_flanks(silhouette.Outline(*roof(), 1.0), GRAIN, 3 * GRAIN)
     for flank in (left, right):
         assert flank.angle == pytest.approx(30.0, abs=1e-9)
@@ -93,9 +93,7 @@ def test_the_line_of_an_ideal_roof_is_exact():
         assert flank.residual == pytest.approx(0.0, abs=1e-9)
         # 0.75 and 0.15 of the height lie at 0.25 and 0.85 of the half width
         assert (flank.start, flank.end) == pytest.approx((50.0, 170.0), abs=1.0)
-
-
-def test_a_gap_narrower_than_a_grain_does_not_end_the_flank():
+    # a gap narrower than a grain does not end the flank
     position, height = roof()
     narrow, wide = height.copy(), height.copy()
     narrow[(position > 100) & (position < 105)] = 0.0

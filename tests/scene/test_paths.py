@@ -42,12 +42,10 @@ def test_an_order_that_cannot_be_followed_is_told(order: str):
     assert "\n" not in str(refused.value)
 
 
-def test_the_schema_beside_the_scenes_is_fresh():
+def test_the_schema_beside_the_scenes_is_fresh_and_every_number_of_it_has_a_unit():
     # write_schema writes it
     assert (SCENES / "scene.schema.json").read_text(encoding="utf-8") == schema_text()
 
-
-def test_every_number_of_the_schema_has_a_unit():
     def numbers(part: object, name: str = ""):
         if isinstance(part, dict):
             kinds = {part.get("type")} | {option.get("type") for option in part.get("anyOf", ())}

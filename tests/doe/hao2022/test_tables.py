@@ -13,7 +13,6 @@ import pytest
 from taichi_erosion.cli.main import main
 from taichi_erosion.experiments.anova import anova, curvature
 from taichi_erosion.experiments.audit.examine import Audit, audit
-from taichi_erosion.experiments.audit.published import Finding
 from taichi_erosion.experiments.design_table import Factor, to_natural
 from taichi_erosion.experiments.fit import Fit, quality
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
@@ -39,10 +38,6 @@ def fitted(table: int) -> Fit:
     found = audited(table).fit
     assert found is not None
     return found
-
-
-def found_in(table: int, kind: str) -> list[Finding]:
-    return [finding for finding in audited(table).findings if finding.kind == kind]
 
 
 def test_table_5_counts_curvature_as_noise():
@@ -76,12 +71,13 @@ def test_the_published_optimum_comes_out_to_the_printed_digits():
     assert angles[0] == pytest.approx(angles[1], abs=1e-4)
 
 
-def test_the_audit_finds_the_sign_of_ct_gt_and_no_other_and_the_target_out_of_reach():
-    (finding,) = found_in(8, "sign")
-    assert (finding.column, finding.printed) == ("CtGt", "0.4675")
-    assert finding.found == pytest.approx(-0.4675, abs=1e-9)
-    (finding,) = found_in(8, "target")
-    assert finding.found == pytest.approx(33.32, abs=0.005)
+def test_the_audit_finds_headings_a_number_a_sign_and_the_target_out_of_reach_and_nothing_else():
+    *headings, number, sign, target = audited(8).findings
+    assert [one.column for one in headings] == ["Mean square", "Sum of square"]
+    assert (number.kind, number.column, number.printed) == ("number", "Lack of fit", "2.41")
+    assert (sign.kind, sign.column, sign.printed) == ("sign", "CtGt", "0.4675")
+    assert target.kind == "target"
+    assert (sign.found, target.found) == pytest.approx((-0.4675, 33.32), abs=0.005)
     # by a grid of 101 levels: it misses the top by less than 5.64 0.01^2
     ticks = np.linspace(-1.0, 1.0, 101)
     grid = np.array(np.meshgrid(ticks, ticks, ticks)).reshape(3, -1).T
