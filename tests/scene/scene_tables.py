@@ -1,5 +1,6 @@
 """Raw scenes for the tests: one that is right, and hundreds that are wrong in one place each."""
 
+import tomllib
 from collections.abc import Iterator
 from copy import deepcopy
 from datetime import date
@@ -25,49 +26,38 @@ WORDS = (
 ).split()
 
 
+GOOD = """
+scene = { kind = "repose", title = "small pour" }
+conditions = { moisture = 0.01 }
+run = { replicas = 2, seed = 7 }
+gravity = { magnitude = 9.81 }
+grains = { count = 60, material = "soil", size = { law = "lognormal", median = 2e-3, sigma_log = 0.2 } }
+materials.soil = { density = 2130.0, shear_modulus = 1e7, poisson_ratio = 0.29 }
+materials.steel = { density = 7850.0, young_modulus = 1.8e11, poisson_ratio = 0.3 }
+laws = { rolling = "elastic_plastic" }
+contact.soil-soil = { restitution = 0.6, friction_sliding = 0.61, friction_rolling = 0.69 }
+contact.steel-soil = { restitution = 0.25, friction_sliding = 0.34, friction_rolling = 0.41 }
+geometry.plate = { shape = "disc", material = "steel", radius = 0.1 }
+geometry.funnel = { shape = "funnel", material = "steel", outlet = [0.0, 0.0, 0.05], outlet_radius = 0.01 }
+fill = { law = "pour", centre = [0.0, 0.0, 0.09], radius = 0.02, speed = 2.0 }
+stages = [
+  { name = "pour", duration_max = 1.0 },
+  { name = "lift", duration_max = 1.0, move = { funnel = { velocity = [0.0, 0.0, 0.1] } } },
+  { name = "rest", duration_max = 1.0, remove = ["funnel"] },
+]
+measure.repose_angle = { stage = "rest", plate = "plate" }
+measured.repose_angle = { value = 33.52, sd = 0.68, n = 10 }
+record = { every = 0.01 }
+effects.plain_pull = { strength = 1.0 }
+"""
+
+
 def good_table() -> dict[str, Any]:
     """A small pour that uses every section."""
-    return {
-        "scene": {"kind": "repose", "title": "small pour"},
-        "conditions": {"moisture": 0.01},
-        "run": {"replicas": 2, "seed": 7},
-        "gravity": {"magnitude": 9.81},
-        "grains": {
-            "count": 60,
-            "material": "soil",
-            "size": {"law": "lognormal", "median": 2e-3, "sigma_log": 0.2, "low": 1e-3, "high": 3e-3},
-        },
-        "materials": {
-            "soil": {"density": 2130.0, "shear_modulus": 1e7, "poisson_ratio": 0.29},
-            "steel": {"density": 7850.0, "young_modulus": 1.8e11, "poisson_ratio": 0.3},
-        },
-        "laws": {"rolling": "elastic_plastic"},
-        "contact": {
-            "soil-soil": {"restitution": 0.6, "friction_sliding": 0.61, "friction_rolling": 0.69},
-            "steel-soil": {"restitution": 0.25, "friction_sliding": 0.34, "friction_rolling": 0.41},
-        },
-        "geometry": {
-            "plate": {"shape": "disc", "material": "steel", "radius": 0.1},
-            "funnel": {
-                "shape": "funnel",
-                "material": "steel",
-                "outlet": [0.0, 0.0, 0.05],
-                "outlet_radius": 0.01,
-                "rim_radius": 0.04,
-                "cone_height": 0.04,
-            },
-        },
-        "fill": {"law": "pour", "centre": [0.0, 0.0, 0.09], "radius": 0.02, "speed": 2.0},
-        "stages": [
-            {"name": "pour", "duration_max": 1.0},
-            {"name": "lift", "duration_max": 1.0, "move": {"funnel": {"velocity": [0.0, 0.0, 0.1]}}},
-            {"name": "rest", "duration_max": 1.0, "remove": ["funnel"]},
-        ],
-        "measure": {"repose_angle": {"stage": "rest", "plate": "plate"}},
-        "measured": {"repose_angle": {"value": 33.52, "sd": 0.68, "n": 10}},
-        "record": {"every": 0.01},
-        "effects": {"plain_pull": {"strength": 1.0}},
-    }
+    table = tomllib.loads(GOOD)
+    table["grains"]["size"] |= {"low": 1e-3, "high": 3e-3}
+    table["geometry"]["funnel"] |= {"rim_radius": 0.04, "cone_height": 0.04}
+    return table
 
 
 NUMBERS = (
