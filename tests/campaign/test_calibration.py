@@ -64,13 +64,9 @@ def true_angle(settings: dict[str, float]) -> float:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory) -> Path:
-    return tmp_path_factory.mktemp("calibration")
-
-
-@pytest.fixture(scope="module")
-def found(folder):
-    return calibrate(write_study(folder), progress=lambda *words: TOLD.append(words), **HERE)
+def found(tmp_path_factory):
+    study = write_study(tmp_path_factory.mktemp("calibration"))
+    return calibrate(study, progress=lambda *words: TOLD.append(words), **HERE)
 
 
 @pytest.mark.usefixtures("found")
@@ -96,20 +92,6 @@ def test_every_step_finds_what_the_closed_form_hides(found):
     assert abs(test["difference"]) < 3.0 * closed_form.NOISE
 
 
-@pytest.fixture(scope="module")
-def found_by(tmp_path_factory):
-    """The calibration by another design of its surface."""
-
-    def again(**entries):
-        folder = tmp_path_factory.mktemp("surface")
-        study = write_study(folder, design=STUDY["design"] | entries, parameters=WIDE)
-        with pytest.MonkeyPatch.context() as patched:
-            patched.setattr(calibration_steps, "execute", closed_form.execute_here)
-            return calibrate(study)
-
-    return again
-
-
 @pytest.mark.parametrize(
     ("entries", "runs", "furthest"),
     [
@@ -119,8 +101,11 @@ def found_by(tmp_path_factory):
         ({"surface": "latin_hypercube", "surface_runs": 24}, 24 + 5, pytest.approx(1.0, abs=2.0 / 24)),
     ],
 )
-def test_every_design_of_the_surface_finds_the_same_optimum(found, found_by, entries, runs, furthest):
-    other = found_by(**entries)
+def test_every_design_of_the_surface_finds_the_same_optimum(
+    found, tmp_path, monkeypatch, entries, runs, furthest
+):
+    monkeypatch.setattr(calibration_steps, "execute", closed_form.execute_here)
+    other = calibrate(write_study(tmp_path, design=STUDY["design"] | entries, parameters=WIDE))
     assert len(other.surface.design) == runs
     assert np.abs(other.surface.design.coded).max() == furthest
     assert other.surface.design.factors == found.surface.design.factors
@@ -155,15 +140,15 @@ def test_a_star_point_beyond_a_limit_is_refused_with_the_remedy(tmp_path, place,
     assert len(surface_design(read_calibration_study(faced), ranges)) == 19
 
 
-def test_no_two_runs_share_their_noise(found, folder):
-    lines = (folder / "study" / "runs.csv").read_text(encoding="utf-8").splitlines()
+def test_no_two_runs_share_their_noise(found):
+    lines = (found.file.folder / "study" / "runs.csv").read_text(encoding="utf-8").splitlines()
     seeds = [line.split(",")[2] for line in lines[1:]]
     assert len(set(seeds)) == len(seeds) == found.document["runs"]
 
 
-def test_a_step_called_again_runs_nothing_and_says_the_same(found, folder, monkeypatch):
+def test_a_step_called_again_runs_nothing_and_says_the_same(found, monkeypatch):
     monkeypatch.setattr(execute, "start_pool", None)  # whoever starts workers fails
-    again = calibrate(folder / "study.toml", **HERE)
+    again = calibrate(found.file.path, **HERE)
     timing = dict.fromkeys(("wall_s", "cpu_s"))
     assert again.document | timing == found.document | timing
 
@@ -173,13 +158,13 @@ def page(found):
     return publish(found)
 
 
-def test_the_page_and_its_report_hold_every_step_and_its_pictures(found, page, folder, tmp_path):
+def test_the_page_and_its_report_hold_every_step_and_its_pictures(found, page, tmp_path):
     text = page.read_text(encoding="utf-8")
     for part in ("Screening", "Steepest ascent", "Response surface", "Optimum", "Confirmation"):
         assert f"## {part}" in text
     pictures = re.findall(r"\]\(([^)]+)\)", text)
     assert len(pictures) == 8
-    assert all((folder / "study" / picture).stat().st_size > 1000 for picture in pictures)
+    assert all((page.parent / picture).stat().st_size > 1000 for picture in pictures)
     report = write_report(found.file.path, tmp_path / "calibration.html")
     text = report.read_text(encoding="utf-8")
     assert text.count("data:image/png;base64,") == len(pictures)

@@ -86,10 +86,10 @@ def recorded(path: Path, header: RunHeader) -> Iterator[Recording]:
         close(recording)
 
 
-def record_heap(path: Path, frames: int = 5, kind: str = "repose") -> list[Snapshot]:
+def record_heap(path: Path) -> list[Snapshot]:
     """Write a recording of the heap and return what was written."""
-    snapshots = [heap_snapshot(frame) for frame in range(frames)]
-    with recorded(path, header(kind)) as recording:
+    snapshots = [heap_snapshot(frame) for frame in range(5)]
+    with recorded(path, header()) as recording:
         for frame, snapshot in enumerate(snapshots):
             log_frame(recording, snapshot, MOVING)
             log_totals(recording, totals(frame))

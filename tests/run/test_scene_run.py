@@ -21,7 +21,6 @@ from taichi_erosion.scene.shipped import SCENES
 
 DURATION = 0.12  # s, of both stages
 COLOURS = 3  # channels of a film
-OVERLAPPING = {"law": "positions", "grains": [{"position": [0, 0, 2e-3]}, {"position": [0, 0, 3e-3]}]}
 ABSURD_STEP = {"time_step": 5e-3, "force_time_step": True}  # s, thirty Rayleigh times
 
 
@@ -50,13 +49,6 @@ def test_the_document_holds_every_replica_with_the_measures_of_its_stages_and_th
         measures = replica["measures"]
         assert measures["column_height"]["value"] > measures["pile_height"]["value"] > 1e-3
         assert measures["runout_radius"]["value"] > 5e-3  # the tube has a radius of 6 mm, a grain one of 1 mm
-
-
-def test_grains_that_start_inside_each_other_are_refused_at_the_door(tmp_path, capsys):
-    scene = write_scene(tmp_path, grains={"count": 2}, fill=OVERLAPPING)
-    assert main(["run", str(scene), "--record", str(tmp_path / "kept.rrd")]) == ExitCode.BAD_INPUT
-    assert len(capsys.readouterr().err.strip().splitlines()) == 1
-    assert not (tmp_path / "kept.rrd").exists()
 
 
 def test_a_time_step_beyond_all_limits_is_stopped_with_one_sentence(tmp_path, capsys):

@@ -6,7 +6,6 @@ import subprocess
 from dataclasses import fields
 from math import isfinite, nan
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -63,47 +62,25 @@ def test_a_case_is_the_command_that_repeats_it():
     assert " ".join(command("s.toml", case)) == typed
 
 
-def a_document(stops: list[str | None], **found: float) -> dict[str, Any]:
-    """What `run --json` prints of one observable, as far as a table holds it."""
-    return {
-        "limits": {"time_step": 1e-5, "time_step_over_rayleigh": 0.2},
-        "replicas": [{"stopped": stop} for stop in stops],
-        "measures": {"repose_angle": {"value": 30.0, "sd": 2.0, "unit": "deg", "notes": []} | found},
-        "hash": "0" * 12,
-        "seed": 1,
-        "resolved": {"grains": {"count": 10}},
-        "wall_s": 1.0,
-        "versions": {},
-    }
+# what `run --json` prints of one observable where one of two seeds was stopped, as far as a table holds it
+SOME_STOPPED = {
+    "limits": {"time_step": 1e-5, "time_step_over_rayleigh": 0.2},
+    "replicas": [{"stopped": None}, {"stopped": "overlap"}],
+    "measures": {"repose_angle": {"value": 30.0, "sd": 2.0, "n": 1, "unit": "deg", "notes": []}},
+    "resolved": {"grains": {"count": 10}},
+} | {"hash": "0" * 12, "seed": 1, "wall_s": 1.0, "versions": {}}
 
 
-def ended(monkeypatch: pytest.MonkeyPatch, code: int, out: str) -> None:
-    """Let every command end with a code and what it printed."""
-    done = subprocess.CompletedProcess((), code, out, "stopped: overlap")
-    monkeypatch.setattr(subprocess, "run", lambda *words, **options: done)
-
-
-SOME_STOPPED = json.dumps(a_document([None, "overlap"], n=1))
-
-
-@pytest.mark.parametrize(
-    ("out", "row"),
-    [
-        (SOME_STOPPED, ("repose_angle", 1, "1 seeds stopped: overlap")),
-        ("", (STOPPED, 0, "stopped: overlap")),  # all seeds
-    ],
-)
-def test_a_case_of_which_a_guard_stopped_seeds_is_a_row_that_says_why(monkeypatch, out, row):
-    ended(monkeypatch, GUARDED, out)
-    (found,) = simulate("s.toml", Case("g", "l", ()))
-    assert (found.observable, found.n, found.note) == row
-    assert found.n == 0 or found.value == 30.0
-
-
-def test_a_case_that_is_refused_ends_the_study(monkeypatch):
-    ended(monkeypatch, 2, "")
+def test_seeds_that_a_guard_stopped_are_told_in_their_row_and_a_refusal_ends_the_study(monkeypatch):
+    said = {"some": (GUARDED, json.dumps(SOME_STOPPED)), "all": (GUARDED, ""), "refused": (2, "")}
+    ends = iter(subprocess.CompletedProcess((), *end, "stopped: overlap") for end in said.values())
+    monkeypatch.setattr(subprocess, "run", lambda *words, **options: next(ends))
+    case = Case("g", "l", ())
+    (some,), (none,) = simulate("s.toml", case), simulate("s.toml", case)
+    assert (some.value, some.n, some.note) == (30.0, 1, "1 seeds stopped: overlap")
+    assert (none.observable, none.n, none.note) == (STOPPED, 0, "stopped: overlap")
     with pytest.raises(BadInput, match="stopped: overlap"):
-        simulate("s.toml", Case("g", "l", ()))
+        simulate("s.toml", case)
 
 
 def test_a_mark_without_a_table_is_noticed():

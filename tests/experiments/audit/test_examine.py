@@ -12,7 +12,6 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments import design
 from taichi_erosion.experiments.audit.examine import as_document, audit
 from taichi_erosion.experiments.audit.published import parse_printed
-from taichi_erosion.experiments.design_table import Factor
 
 LAW = np.array([3.0, -8.0, 0.5, 1.0, -2.0, 0.1, 4.0])
 SOUND = "a,y\n1,2\n-1,3\n1,1\n-1,4\n"
@@ -24,9 +23,9 @@ def write(path, names, rows):
     return path
 
 
-def screening(count: int = 7, ranges: list[Factor] | None = None) -> tuple[list[str], list[list[float]]]:
+def screening(count: int = 7) -> tuple[list[str], list[list[float]]]:
     """Heading and rows of a Plackett-Burman design with a response of known effects."""
-    factors = ranges or unit_factors("ABCDEFG"[:count])
+    factors = unit_factors("ABCDEFG"[:count])
     made = design.plackett_burman(factors, centre_points=1)
     noise = np.random.default_rng(5).normal(0.0, 0.3, len(made))
     values = np.round(20.0 + made.coded @ LAW[: len(factors)] + noise, 2)
