@@ -141,7 +141,7 @@ def test_a_star_point_beyond_a_limit_is_refused_with_the_remedy(tmp_path, place,
 
 
 def test_no_two_runs_share_their_noise(found):
-    lines = (found.file.folder / "study" / "runs.csv").read_text(encoding="utf-8").splitlines()
+    lines = (found.file.folder / "runs.csv").read_text(encoding="utf-8").splitlines()
     seeds = [line.split(",")[2] for line in lines[1:]]
     assert len(set(seeds)) == len(seeds) == found.document["runs"]
 

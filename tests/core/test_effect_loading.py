@@ -74,7 +74,8 @@ def test_no_two_files_nor_a_file_and_the_library_share_a_name_but_one_may_be_nam
     one.write_text(PULL, encoding="utf-8")
     other.write_text(f"{PULL}\n", encoding="utf-8")
     assert "constant_pull" in load_library(read_effect_files([one, tmp_path / "." / "one.py"]))
-    assert capsys.readouterr() == ("", f"executes {one} (named by --effect)\n")
+    told = capsys.readouterr().err.splitlines()
+    assert told == [f"executes {file} (named by --effect)" for file in (listed, one)]
     with pytest.raises(BadInput, match="exists already in another file"):
         load_library([one, other])
 
