@@ -35,18 +35,30 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 @pytest.fixture
-def unwritable(tmp_path: Path) -> Iterator[Path]:
+def mounted(tmp_path: Path) -> Iterator[Callable[[str], Path]]:
+    """Function that makes a folder a disk of its own with some options; skips where nobody may mount."""
+    folder = tmp_path / "mounted"
+
+    def mount(options: str) -> Path:
+        folder.mkdir()
+        order = ["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)]
+        if shutil.which("mount") is None or subprocess.call(order, stderr=subprocess.DEVNULL) != 0:
+            pytest.skip("only an administrator can mount a disk")
+        return folder
+
+    yield mount
+    if os.path.ismount(folder):
+        subprocess.check_call(["umount", "-l", str(folder)])
+
+
+@pytest.fixture
+def unwritable(tmp_path: Path, mounted: Callable[[str], Path]) -> Path:
     """A folder in which nobody can write; an administrator, for whom modes mean nothing, mounts one."""
+    if os.geteuid() == 0:
+        return mounted("ro")
     folder = tmp_path / "unwritable"
     folder.mkdir(mode=0o500)
-    if os.geteuid() != 0:
-        yield folder
-        return
-    order = ["mount", "-t", "tmpfs", "-o", "ro", "tmpfs", str(folder)]
-    if shutil.which("mount") is None or subprocess.call(order, stderr=subprocess.DEVNULL) != 0:
-        pytest.skip("nothing is unwritable for an administrator who may not mount")
-    yield folder
-    subprocess.check_call(["umount", "-l", str(folder)])
+    return folder
 
 
 @pytest.fixture

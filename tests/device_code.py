@@ -95,13 +95,6 @@ def path_of(expression: ast.expr, aliases: dict[str, tuple[str, ...]]) -> tuple[
     return (*aliases.get(expression.id, (expression.id,)), *reversed(members))
 
 
-def flat(target: ast.expr) -> list[ast.expr]:
-    """The parts of `a, (b, c) = ...` one by one."""
-    if isinstance(target, ast.Tuple | ast.List):
-        return [part for element in target.elts for part in flat(element)]
-    return [target.value if isinstance(target, ast.Starred) else target]
-
-
 def static_content(value: ast.expr) -> ast.expr | None:
     """What `ti.static(content)` or `ti.static(content)[k]` stands for: another name of it, not a copy."""
     if isinstance(value, ast.Call) and ast.unparse(value.func) == "ti.static":
@@ -119,26 +112,22 @@ def aliases_of(function: ast.FunctionDef) -> dict[str, tuple[str, ...]]:
         if not isinstance(node, ast.Assign) or (content := static_content(node.value)) is None:
             continue
         contents = content.elts if isinstance(content, ast.Tuple) else [content]
-        for target, origin in zip(flat(node.targets[0]), contents, strict=False):
+        targets = getattr(node.targets[0], "elts", node.targets)
+        for target, origin in zip(targets, contents, strict=False):
             if isinstance(target, ast.Name) and (path := path_of(origin, found)):
                 found[target.id] = path
     return found
 
 
-def is_template(argument: ast.arg) -> bool:
-    """Whether assigning to the bare name of an argument changes the caller's variable."""
-    return argument.annotation is not None and "ti.template" in ast.unparse(argument.annotation)
-
-
 def written_places(function: ast.FunctionDef) -> list[ast.expr]:
     """Every expression that the function changes in place itself."""
     found: list[ast.expr] = []
-    templates = {argument.arg for argument in function.args.args if is_template(argument)}
+    annotations = {each.arg: ast.unparse(each.annotation) for each in function.args.args if each.annotation}
+    # assigning to the bare name of such an argument changes the caller's variable
+    templates = {name for name, text in annotations.items() if "ti.template" in text}
     for node in ast.walk(function):
-        if isinstance(node, ast.Assign | ast.AugAssign | ast.AnnAssign):
-            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            parts = [part for target in targets for part in flat(target)]
-            found += [part for part in parts if not isinstance(part, ast.Name) or part.id in templates]
+        if isinstance(node, ast.Name | ast.Attribute | ast.Subscript) and isinstance(node.ctx, ast.Store):
+            found += [node] if not isinstance(node, ast.Name) or node.id in templates else []
         elif isinstance(node, ast.Call):
             if ast.unparse(node.func).startswith("ti.atomic_"):
                 found.append(node.args[0])

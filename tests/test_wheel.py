@@ -107,23 +107,22 @@ def from_source(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 def test_the_wheel_holds_the_product_and_nothing_else(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         names = [name for name in archive.namelist() if ".dist-info/" not in name]
-    files = (path for path in PACKAGE.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
-    scenes = [f"taichi_erosion/scene/shipped/{name}" for name in SHIPPED_SCENES]
-    assert sorted(names) == sorted([*(path.relative_to(ROOT).as_posix() for path in files), *scenes])
+        files = (path for path in PACKAGE.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
+        scenes = [f"taichi_erosion/scene/shipped/{name}" for name in SHIPPED_SCENES]
+        assert sorted(names) == sorted([*(path.relative_to(ROOT).as_posix() for path in files), *scenes])
+        for scene in scenes:
+            assert archive.read(scene) == (ROOT / "scenes" / Path(scene).name).read_bytes()
 
 
-def test_installed_scenes_are_those_of_the_source_tree(wheel: Path) -> None:
-    with zipfile.ZipFile(wheel) as archive:
-        for name in SHIPPED_SCENES:
-            assert (
-                archive.read(f"taichi_erosion/scene/shipped/{name}") == (ROOT / "scenes" / name).read_bytes()
-            )
-
-
-def test_the_package_imports_no_study_and_no_test() -> None:
+def test_the_package_imports_no_study_and_no_test_and_what_it_serves_is_bound_to_this_machine() -> None:
     forbidden = re.compile(r"^\s*(?:from|import) (?:doe|tests|benchmarks|docs)\b", re.MULTILINE)
     found = [path for path in PACKAGE.rglob("*.py") if forbidden.search(path.read_text(encoding="utf-8"))]
     assert found == []
+    text = (PACKAGE / "recording" / "viewer.py").read_text(encoding="utf-8")
+    commands = re.findall(r"\[binary,[^\]]*\]", text)
+    assert commands
+    assert all('"--bind", LOOPBACK' in command for command in commands)
+    assert 'LOOPBACK = "127.0.0.1"' in text
 
 
 def test_the_installed_program_prints_what_the_source_tree_prints(

@@ -27,19 +27,19 @@ def test_a_run_has_its_measures_with_units_and_its_changes(run):
     assert set(run.table["unit"]) == {run.document["measures"][name]["unit"] for name in run.table.index}
     assert list(run.seeds["seed"].unique()) == [run.document["seed"]]
     assert "<table" in run._repr_html_()
+    assert repr(run).startswith("Run(")
+    assert len(repr(run)) < 300
+    assert "\n" not in repr(run)
 
 
-def test_recorded_grains_fall_in_an_xarray(run):
+def test_recorded_grains_fall_in_an_xarray_also_when_opened_again(run):
+    assert te.open_run(run.recording).document["hash"] == run.document["hash"]
     height = run.grains["position"].sel(axis="z").mean("grain")
     assert run.grains["position"].attrs["units"] == "m"
     assert run.grains["time"].size > 2
     assert float(run.grains["velocity"].sel(axis="z").mean("grain")[-1]) < 0.0
     assert float(height[-1]) < float(height[0])
     assert np.isfinite(run.grains["radius"].values).all()
-
-
-def test_a_run_is_opened_again_from_its_file(run):
-    assert te.open_run(run.recording).document["hash"] == run.document["hash"]
 
 
 def test_a_session_runs_changes_and_returns_bit_for_bit():
@@ -71,12 +71,6 @@ def test_a_session_tells_entries_differences_and_curves():
     stop_device()
 
 
-def test_a_run_is_one_line_in_words(run):
-    assert repr(run).startswith("Run(")
-    assert len(repr(run)) < 300
-    assert "\n" not in repr(run)
-
-
 def test_functions_are_found_before_and_after_the_rooms_of_their_names_are_imported():
     code = (
         "import taichi_erosion as te; first = te.effects();"
@@ -88,16 +82,10 @@ def test_functions_are_found_before_and_after_the_rooms_of_their_names_are_impor
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_an_unknown_option_is_named():
+def test_an_unknown_option_is_named_values_become_toml_and_the_library_is_a_table():
     with pytest.raises(te.BadInput, match="no option 'replica'; there are seed, replicas"):
         te.run(SCENE, replica=1)
-
-
-def test_values_become_toml():
     assert override("a.b", 3) == "a.b=3"
     assert override("a.b", "hertz") == 'a.b="hertz"'
     assert override("a.b", [1.0, 2.0]) == "a.b=[1.0, 2.0]"
-
-
-def test_the_library_is_a_table():
     assert te.effects().loc["liquid_bridge", "place"] == "pair"

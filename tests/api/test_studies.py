@@ -21,9 +21,8 @@ def test_a_comparison_has_the_rows_of_the_table_in_its_units(wet):
     rows = comparison.rows
     assert len(rows) == comparison.document["rows_visible"] == 18
     assert set(rows["unit"]) == {"cm/s"}
-    assert rows.loc[0, ["measured", "diameter [µm]", "moisture [%]"]].to_list() == pytest.approx(
-        [13.9, 90, 0]
-    )
+    first = rows.loc[0, ["measured", "diameter [µm]", "moisture [%]"]]
+    assert first.to_list() == pytest.approx([13.9, 90, 0])
     assert rows["moisture [%]"].max() == pytest.approx(1.2)
     assert comparison.p < 1e-6
     assert comparison.found[0].startswith("The calibrated model fails (all 18 rows")
@@ -57,13 +56,10 @@ def test_a_discovery_lists_the_likeliest_candidate_first_and_adoption_lowers_the
     assert residuals.lines
 
 
-def test_experiments_and_a_page_follow(wet):
+def test_experiments_a_page_and_predictions_in_the_units_of_the_table_follow(wet):
     wet.compare()
     assert {"observable", "unit", "chance", "cost"} <= set(wet.next().table.columns)
     assert wet.report().read_text("utf-8").count("<h2>") == 4
-
-
-def test_predictions_are_in_the_units_of_the_table(wet):
     asked = {"diameter [µm]": [200.0, 300.0], "moisture [%]": [0.5, 0.9]}
     table = wet.predict(asked).table
     assert table[list(asked)].to_dict("list") == asked
@@ -104,9 +100,8 @@ def test_a_data_frame_is_a_table(tmp_path):
 def test_wrong_input_raises_one_kind_of_error(tmp_path):
     with pytest.raises(te.BadInput, match=r"none\.toml"):
         te.study(tmp_path / "none.toml")
-    with pytest.raises(te.BadInput, match=r"incline\.toml: is a scene; simulate it") as refused:
+    with pytest.raises(te.BadInput, match=r"incline\.toml: is a scene; simulate it"):
         te.study(SCENE)
-    assert "is a scene" in str(refused.value)
     for wrong in ("fast", 0, 1.5):
         with pytest.raises(te.BadInput, match=f"budget {wrong}: give quick, full, or the most runs"):
             te.study(TABLE.with_name("my_lab.toml"), budget=wrong)

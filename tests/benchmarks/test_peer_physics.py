@@ -5,21 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.peers import physics
+from benchmarks.peers import physics, physics_column
 from benchmarks.peers.cases import SOIL
 from benchmarks.peers.physics_cases import BED_SIDE, shear_effective, weight, young_effective
 from benchmarks.peers.physics_codes import ROLLING_SPRING, lammps_normal
-from benchmarks.peers.physics_column import (
-    ONE_LAW,
-    POISSON,
-    STICKY,
-    STICKY_FREE,
-    USUAL,
-    column_scene,
-    column_soil,
-    rolling_spring,
-    surface_energy,
-)
 from benchmarks.peers.physics_impact import IMPACT, LAWS, speed_left
 from benchmarks.peers.physics_measures import CLOSE, Rest, bed_numbers, close_numbers, depth
 from benchmarks.peers.physics_pair import pair_numbers
@@ -52,7 +41,8 @@ def test_a_stack_in_equilibrium_carries_its_weight_by_normal_forces_alone():
 
 
 def test_the_decks_are_told_the_grains_of_our_scene():
-    soil, scene = column_soil(ONE_LAW), column_scene(ONE_LAW)
+    law = physics_column.ONE_LAW
+    soil, scene = physics_column.column_soil(law), physics_column.column_scene(law)
     contacts = build_setup(scene, 1).contacts
     # plate, tube and rim are as stiff and as bouncy as the grains, the decks know one modulus
     assert contacts.young_effective == pytest.approx(young_effective(soil))
@@ -60,19 +50,19 @@ def test_the_decks_are_told_the_grains_of_our_scene():
     assert {contact.restitution for contact in scene.contact.values()} == {soil.restitution}
     damping = {name: contact.rolling_damping for name, contact in scene.contact.items()}
     assert damping["grain-grain"] == damping["grain-plate"] == 0.0
-    assert soil.poisson == POISSON
+    assert soil.poisson == physics_column.POISSON
 
 
 def test_the_rolling_spring_of_lammps_in_the_beds_is_ours_under_five_weights():
     contact_radius = np.sqrt(0.25 * SOIL.diameter * depth(5.0, 0.25))
     spring = 4.5 * young_effective(SOIL) * contact_radius * SOIL.friction_rolling**2
-    assert rolling_spring(SOIL, 0.25 * SOIL.diameter, load=5.0) == pytest.approx(spring)
+    assert physics_column.rolling_spring(SOIL, 0.25 * SOIL.diameter, load=5.0) == pytest.approx(spring)
     assert pytest.approx(spring, rel=0.02) == ROLLING_SPRING
 
 
 def test_sticky_grains_pull_each_other_with_two_weights_and_walls_with_nothing():
-    for column in (STICKY_FREE, STICKY):
-        soil, scene = column_soil(column), column_scene(column)
+    for column in (physics_column.STICKY_FREE, physics_column.STICKY):
+        soil, scene = physics_column.column_soil(column), physics_column.column_scene(column)
         energy = {name: contact.surface_energy for name, contact in scene.contact.items()}
         pull = 3.0 * np.pi * energy.pop("grain-grain") * 0.25 * soil.diameter
         assert pull == pytest.approx(2.0 * weight(soil))
@@ -80,17 +70,21 @@ def test_sticky_grains_pull_each_other_with_two_weights_and_walls_with_nothing()
         assert scene.laws.normal == "jkr"
         law, *words = lammps_normal(column, 0.6).split()
         assert law == "jkr"
-        assert list(map(float, words)) == [soil.young, 0.6, soil.poisson, surface_energy(column)]
-    assert column_scene(USUAL).laws.normal == "hertz"
-    assert lammps_normal(USUAL, 0.6).startswith("hertz/material")
+        assert list(map(float, words)) == [
+            soil.young,
+            0.6,
+            soil.poisson,
+            physics_column.surface_energy(column),
+        ]
+    assert physics_column.column_scene(physics_column.USUAL).laws.normal == "hertz"
+    assert lammps_normal(physics_column.USUAL, 0.6).startswith("hertz/material")
 
 
 def test_grains_with_a_stretched_neck_count_as_neighbours():
-    soil = column_soil(STICKY)
-    neck = (np.pi * surface_energy(STICKY) * (0.25 * soil.diameter) ** 2 / young_effective(soil)) ** (
-        1.0 / 3.0
-    )
-    tear = -jkr.overlap_at(jkr.CUBE_TEAR) * neck**2 / (0.25 * soil.diameter)
+    soil = physics_column.column_soil(physics_column.STICKY)
+    reduced = 0.25 * soil.diameter
+    cube = np.pi * physics_column.surface_energy(physics_column.STICKY) * reduced**2 / young_effective(soil)
+    tear = -jkr.overlap_at(jkr.CUBE_TEAR) * cube ** (2.0 / 3.0) / reduced
     assert 1.0 + tear / soil.diameter < CLOSE
     place = np.array([[0.0, 0.0, 0.0], [soil.diameter + tear, 0.0, 0.0], [3.0 * soil.diameter, 0.0, 0.0]])
     (found,) = dict(close_numbers(Rest(place, place, place), soil)).values()
@@ -98,7 +92,7 @@ def test_grains_with_a_stretched_neck_count_as_neighbours():
 
 
 def test_a_sliding_impact_exchanges_friction_times_the_normal_momentum():
-    soil = replace(column_soil(IMPACT), friction_wall=0.05, friction_rolling=0.0)
+    soil = replace(physics_column.column_soil(IMPACT), friction_wall=0.05, friction_rolling=0.0)
     exact = 1.0 - soil.friction_wall * (1.0 + soil.restitution)
     # the weight adds g times a contact of 0.4 ms, 4 % of the momentum
     assert speed_left(LAWS["ours"], soil) == pytest.approx(exact, abs=0.04 * soil.friction_wall * 1.5)
@@ -119,9 +113,8 @@ def test_differences_are_given_in_standard_errors():
     error = np.sqrt((ours.var(ddof=1) + theirs.var(ddof=1)) / 4.0)
     assert physics.apart(theirs, ours, paired=False) == pytest.approx(1.0 / error)
     # the same beds: only what a bed does differently counts
-    assert physics.apart(theirs, ours, paired=True) == pytest.approx(
-        1.0 / (np.std([1.1, 1, 1, 0.9], ddof=1) / 2)
-    )
+    same = np.std([1.1, 1.0, 1.0, 0.9], ddof=1) / 2.0
+    assert physics.apart(theirs, ours, paired=True) == pytest.approx(1.0 / same)
     assert np.isnan(physics.apart(theirs[:1], ours[:1], paired=False))
 
 

@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import pytest
-
 from benchmarks.wind_cases import SCENES, STEP_FRACTION, WINDS, threshold_scene
 from taichi_erosion.scene import load_scene
 from taichi_erosion.scene.shipped import INSTALLED
@@ -17,14 +15,10 @@ def test_scenes_are_read_from_the_source_tree_where_there_is_one():
     assert INSTALLED == ROOT / "taichi_erosion" / "scene" / "shipped"  # as in pyproject.toml
 
 
-@pytest.mark.parametrize("section", SECTIONS)
-def test_the_beds_of_the_threshold_are_those_of_the_scene(section):
-    assert getattr(threshold_scene(), section) == getattr(load_scene(SCENES / "wind_threshold.toml"), section)
-
-
-def test_the_threshold_is_timed_under_drag_alone_in_steps_of_all_earlier_speeds():
-    scene = threshold_scene()
-    assert (scene.effects, scene.run.time_step_fraction) == ({}, STEP_FRACTION)
+def test_the_threshold_is_timed_over_the_beds_of_its_scene_under_drag_alone_in_steps_of_all_speeds():
+    timed, scene = threshold_scene(), load_scene(SCENES / "wind_threshold.toml")
+    assert [name for name in SECTIONS if getattr(timed, name) != getattr(scene, name)] == []
+    assert (timed.effects, timed.run.time_step_fraction) == ({}, STEP_FRACTION)
 
 
 def test_the_patch_is_timed_in_the_wind_of_the_scene():

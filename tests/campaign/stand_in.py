@@ -15,6 +15,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from taichi_erosion.campaign.ledger import Ledger
     from taichi_erosion.campaign.request import RunRequest, RunResult
 
 FUNCTION = "stand_in:answering"
@@ -65,16 +68,10 @@ def requests(
 ) -> list[RunRequest]:
     from taichi_erosion.campaign.request import RunRequest
 
-    journal = str(folder / "journal")
+    shared = {"journal": str(folder / "journal"), "pause": pause}
     return [
         RunRequest(
-            key=f"scene-{seed}",
-            payload={
-                "seed": seed,
-                "journal": journal,
-                "pause": pause,
-                "mishap": (mishaps or {}).get(seed, ""),
-            },
+            key=f"scene-{seed}", payload={"seed": seed, "mishap": (mishaps or {}).get(seed, "")} | shared
         )
         for seed in range(count)
     ]
@@ -92,16 +89,26 @@ def processes(folder: Path) -> set[int]:
     return {int(line.split()[1]) for line in (folder / "journal").read_text(encoding="utf-8").splitlines()}
 
 
-def main(folder: Path, pause: float) -> None:
-    """A parent in a process of its own."""
-    from taichi_erosion.campaign.execute import execute
+@contextmanager
+def opened(folder: Path) -> Iterator[Ledger]:
+    """The ledger of a folder, closed whatever happens."""
     from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 
     store = open_ledger(folder)
-    results = execute(requests(folder, pause=pause), store, workers=2, function=FUNCTION)
-    close_ledger(store)
-    sys.stdout.write(str(len(results)))
+    try:
+        yield store
+    finally:
+        close_ledger(store)
 
 
-if __name__ == "__main__":
-    main(Path(sys.argv[1]), float(sys.argv[2]))
+def carry_out(folder: Path, listed: list[RunRequest], **words: Any) -> list[RunResult]:
+    """Results of runs that go through a ledger and two workers."""
+    from taichi_erosion.campaign.execute import execute
+
+    with opened(folder) as store:
+        return execute(listed, store, **{"workers": 2, "function": FUNCTION} | words)
+
+
+if __name__ == "__main__":  # a parent in a process of its own
+    place = Path(sys.argv[1])
+    sys.stdout.write(str(len(carry_out(place, requests(place, pause=float(sys.argv[2]))))))

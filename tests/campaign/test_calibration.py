@@ -40,11 +40,11 @@ STUDY = {
 WIDE = STUDY["parameters"] | {
     "contact.soil-soil.restitution": {"low": 0.2, "high": 0.6, "least": 0.05, "most": 0.95}
 }
-MATTER = {
-    "contact.soil-soil.restitution",
-    "contact.soil-soil.friction_rolling",
-    "contact.soil-steel.friction_sliding",
-}
+MATTER = {"contact.soil-soil.restitution", "contact.soil-soil.friction_rolling"}
+MATTER |= {"contact.soil-steel.friction_sliding"}
+HERE = {"stated": {"workers": 1}, "function": closed_form.FUNCTION}
+TOLD: list[tuple[float, str]] = []  # share of the work and words, as the calibration went on
+FEW_RUNS = {"surface": "latin_hypercube", "surface_factors": 4, "surface_runs": 14}
 
 
 def write_study(folder: Path, **sections) -> Path:
@@ -64,67 +64,32 @@ def true_angle(settings: dict[str, float]) -> float:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory) -> Path:
-    return tmp_path_factory.mktemp("calibration")
+def found(tmp_path_factory):
+    study = write_study(tmp_path_factory.mktemp("calibration"))
+    return calibrate(study, progress=lambda *words: TOLD.append(words), **HERE)
 
 
-@pytest.fixture(scope="module")
-def told() -> list[tuple[float, str]]:
-    return []
-
-
-@pytest.fixture(scope="module")
-def found(folder, told):
-    report = lambda *words: told.append(words)  # noqa: E731
-    return calibrate(
-        write_study(folder), stated={"workers": 1}, progress=report, function=closed_form.FUNCTION
-    )
-
-
-def test_progress_never_falls_from_stage_to_stage(found, told):
-    shares = [share for share, _ in told]
+@pytest.mark.usefixtures("found")
+def test_progress_never_falls_from_stage_to_stage():
+    shares = [share for share, _ in TOLD]
     assert shares == sorted(shares)
     assert 0.0 < shares[0] < 0.3
     assert 0.8 < shares[-1] <= 1.0
-    assert {words.partition(":")[0] for _, words in told} <= set(STAGES)
+    assert {words.partition(":")[0] for _, words in TOLD} <= set(STAGES)
 
 
-def test_the_screening_keeps_the_parameters_that_matter(found):
+def test_every_step_finds_what_the_closed_form_hides(found):
     assert {factor.path for factor in found.screening.kept} == MATTER
-
-
-def test_the_climb_ends_nearer_to_the_target_than_it_begins(found):
     path = found.climb
     distances = abs(path.design.responses["repose_angle"] - TARGET)
     assert path.best > 0
     assert distances[path.best] < distances[0] - 1.0
-
-
-def test_the_optimum_meets_the_target_in_truth_and_not_only_on_the_fitted_surface(found):
     # the surface rests on 17 runs: its prediction is good to about 2 sd / sqrt(17 / 10) of the noise
     settings = found.optimum.optima[0].settings
     assert true_angle(settings) == pytest.approx(TARGET, abs=2.0 * closed_form.NOISE)
-
-
-def test_fresh_seeds_confirm_the_optimum(found):
     test = found.document["confirm"]["tests"]["repose_angle"]
     assert test["runs"]["n"] == STUDY["design"]["confirm"]
     assert abs(test["difference"]) < 3.0 * closed_form.NOISE
-
-
-@pytest.fixture(scope="module")
-def found_by(tmp_path_factory):
-    """The calibration by another design of its surface."""
-
-    def again(**entries):
-        study = write_study(
-            tmp_path_factory.mktemp("surface"), design=STUDY["design"] | entries, parameters=WIDE
-        )
-        with pytest.MonkeyPatch.context() as patched:
-            patched.setattr(calibration_steps, "execute", closed_form.execute_here)
-            return calibrate(study)
-
-    return again
 
 
 @pytest.mark.parametrize(
@@ -136,8 +101,11 @@ def found_by(tmp_path_factory):
         ({"surface": "latin_hypercube", "surface_runs": 24}, 24 + 5, pytest.approx(1.0, abs=2.0 / 24)),
     ],
 )
-def test_every_design_of_the_surface_finds_the_same_optimum(found, found_by, entries, runs, furthest):
-    other = found_by(**entries)
+def test_every_design_of_the_surface_finds_the_same_optimum(
+    found, tmp_path, monkeypatch, entries, runs, furthest
+):
+    monkeypatch.setattr(calibration_steps, "execute", closed_form.execute_here)
+    other = calibrate(write_study(tmp_path, design=STUDY["design"] | entries, parameters=WIDE))
     assert len(other.surface.design) == runs
     assert np.abs(other.surface.design.coded).max() == furthest
     assert other.surface.design.factors == found.surface.design.factors
@@ -159,11 +127,9 @@ def test_every_design_of_the_surface_finds_the_same_optimum(found, found_by, ent
     ],
 )
 def test_a_star_point_beyond_a_limit_is_refused_with_the_remedy(tmp_path, place, said):
-    parameters = {
-        "friction": {"low": 0.1, "high": 0.9, "least": 0.0, "most": 1.0},
-        "b": {"low": 0.0, "high": 1.0},
-        "c": {"low": 0.0, "high": 1.0},
-    }
+    unit = {"low": 0.0, "high": 1.0}
+    limited = {"low": 0.1, "high": 0.9, "least": 0.0, "most": 1.0}
+    parameters = {"friction": limited, "b": unit, "c": unit}
     ranges = [Factor("friction", *place), Factor("b", 0.4, 0.6), Factor("c", 0.4, 0.6)]
     design = {"surface": "central_composite"}
     study = read_calibration_study(write_study(tmp_path, design=design, parameters=parameters))
@@ -174,19 +140,17 @@ def test_a_star_point_beyond_a_limit_is_refused_with_the_remedy(tmp_path, place,
     assert len(surface_design(read_calibration_study(faced), ranges)) == 19
 
 
-def test_no_two_runs_share_their_noise(found, folder):
-    lines = (folder / "study" / "runs.csv").read_text(encoding="utf-8").splitlines()
+def test_no_two_runs_share_their_noise(found):
+    lines = (found.file.folder / "runs.csv").read_text(encoding="utf-8").splitlines()
     seeds = [line.split(",")[2] for line in lines[1:]]
     assert len(set(seeds)) == len(seeds) == found.document["runs"]
 
 
-def test_a_step_called_again_runs_nothing_and_says_the_same(found, folder, monkeypatch):
+def test_a_step_called_again_runs_nothing_and_says_the_same(found, monkeypatch):
     monkeypatch.setattr(execute, "start_pool", None)  # whoever starts workers fails
-    again = calibrate(folder / "study.toml", stated={"workers": 1}, function=closed_form.FUNCTION)
-    timing = {"wall_s", "cpu_s"}
-    assert {k: v for k, v in again.document.items() if k not in timing} == {
-        k: v for k, v in found.document.items() if k not in timing
-    }
+    again = calibrate(found.file.path, **HERE)
+    timing = dict.fromkeys(("wall_s", "cpu_s"))
+    assert again.document | timing == found.document | timing
 
 
 @pytest.fixture(scope="module")
@@ -194,13 +158,19 @@ def page(found):
     return publish(found)
 
 
-def test_the_page_holds_every_step_and_its_pictures(page, folder):
+def test_the_page_and_its_report_hold_every_step_and_its_pictures(found, page, tmp_path):
     text = page.read_text(encoding="utf-8")
     for part in ("Screening", "Steepest ascent", "Response surface", "Optimum", "Confirmation"):
         assert f"## {part}" in text
     pictures = re.findall(r"\]\(([^)]+)\)", text)
     assert len(pictures) == 8
-    assert all((folder / "study" / picture).stat().st_size > 1000 for picture in pictures)
+    assert all((page.parent / picture).stat().st_size > 1000 for picture in pictures)
+    report = write_report(found.file.path, tmp_path / "calibration.html")
+    text = report.read_text(encoding="utf-8")
+    assert text.count("data:image/png;base64,") == len(pictures)
+    assert "<table>" in text
+    assert 'src="pictures' not in text
+    assert_readable({"calibration": report}, tmp_path)
 
 
 def test_the_design_alone_runs_nothing(tmp_path, capsys, monkeypatch):
@@ -215,15 +185,9 @@ def test_the_design_alone_runs_nothing(tmp_path, capsys, monkeypatch):
     ("sections", "said"),
     [
         ({"targets": {"pile_height": {"value": 1.0, "sd": 0.1, "n": 3}}}, "targets.pile_height"),
-        (
-            {"design": {"surface": "box_benken"}},
-            "surface = 'box_benken' is not one of 'box_behnken', 'central_composite'",
-        ),
+        ({"design": {"surface": "box_benken"}}, "'box_benken' is not one of 'box_behnken', 'central"),
         ({"design": {"surface_axial": "faced"}}, "surface_axial needs surface = 'central_composite'"),
-        (
-            {"design": {"surface": "latin_hypercube", "surface_factors": 4, "surface_runs": 14}},
-            "surface_runs = 14; a quadratic in 4 factors needs at least 15",
-        ),
+        ({"design": FEW_RUNS}, "surface_runs = 14; a quadratic in 4 factors needs at least 15"),
         ({"targets": {"repose_angle": {"value": "steep", "sd": 0.1, "n": 3}}}, "must be a number"),
     ],
 )
@@ -237,31 +201,17 @@ def test_a_wrong_entry_of_a_study_gives_one_clear_line(tmp_path, sections, said)
 def test_a_parameter_that_the_scene_does_not_know_is_refused_before_anything_runs(tmp_path):
     strange = STUDY["parameters"] | {"contact.soil-soil.stickiness": {"low": 0.1, "high": 0.2}}
     with pytest.raises(BadInput, match="stickiness"):
-        calibrate(
-            write_study(tmp_path, parameters=strange), stated={"workers": 1}, function=closed_form.FUNCTION
-        )
-
-
-def test_the_report_is_the_page_with_its_pictures_inside(found, page):
-    text = write_report(found.file.path).read_text(encoding="utf-8")
-    assert text.count("data:image/png;base64,") == len(list((page.parent / "pictures").glob("*.png")))
-    assert "<table>" in text
-    assert 'src="pictures' not in text
+        calibrate(write_study(tmp_path, parameters=strange), **HERE)
 
 
 def test_the_recording_holds_the_table_of_all_runs(found, page):
     chunks = read_chunks(write_recording(found.file.path))
     (table,) = [chunk.to_record_batch() for chunk in chunks if chunk.entity_path == "/design"]
     columns = dict(zip(table.schema.names, table.columns, strict=True))
-    paths = {
-        re.sub("[.-]", "_", path) for path in STUDY["parameters"]
-    }  # a viewer takes letters of identifiers
+    # a viewer takes letters of identifiers
+    paths = {re.sub("[.-]", "_", path) for path in STUDY["parameters"]}
     assert {"stage", "row", "seed", "repose_angle", *paths} <= set(columns)
     assert len(columns["repose_angle"][0]) == found.document["runs"]
-
-
-def test_a_browser_shows_the_page_on_a_desk_and_on_a_phone(found, page, tmp_path):
-    assert_readable({"calibration": write_report(found.file.path, tmp_path / "calibration.html")}, tmp_path)
 
 
 def test_the_calibrated_scene_runs_with_the_numbers_of_the_confirmation_runs(found):

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 import stand_in
+from stand_in import carry_out, opened
 
 from taichi_erosion.campaign import execute as execution
 from taichi_erosion.campaign.execute import WORK_MOST, next_batch, pace
-from taichi_erosion.campaign.ledger import close_ledger, open_ledger, unfinished
+from taichi_erosion.campaign.ledger import unfinished
 from taichi_erosion.campaign.pool import Pool, start_pool
 from taichi_erosion.campaign.request import RUNS_MOST, START, WORTH_A_START, RunRequest
 from taichi_erosion.core.device import has_cuda
@@ -23,11 +24,13 @@ def requests(count: int, work: float, group: str = "") -> list[RunRequest]:
     return [RunRequest(f"{group}{k}", {}, group, work) for k in range(count)]
 
 
-def dealt(waiting: list[RunRequest], deaths: dict[str, int] | None = None) -> list[int]:
+def dealt(
+    waiting: list[RunRequest], deaths: dict[str, int] | None = None, workers: int = WORKERS
+) -> list[int]:
     """Sizes of the batches, in the order in which workers take them."""
     sizes, deaths = [], defaultdict(int, deaths or {})
     while waiting:
-        batch = next_batch(waiting, deaths, WORKERS)
+        batch = next_batch(waiting, deaths, workers)
         waiting = [request for request in waiting if request not in batch]
         sizes.append(len(batch))
     return sizes
@@ -38,25 +41,14 @@ def test_batches_shrink_are_worth_a_start_have_a_limit_and_hold_one_group():
     assert dealt(requests(20, WORTH_A_START / 8)) == [10, 8, 2]
     assert dealt(requests(RUNS_MOST + 6, 1.0)) == [RUNS_MOST, 6]
     assert dealt([*requests(3, 1.0, "a"), *requests(2, 1.0, "b")]) == [3, 2]
-
-
-def test_a_batch_is_no_longer_than_a_killed_worker_may_lose():
-    assert dealt(requests(4, WORK_MOST / 1.5)) == [1, 1, 1, 1]
+    assert dealt(requests(4, WORK_MOST / 1.5)) == [1] * 4  # no longer than a killed worker may lose
+    most = [replace(each, most=6, arch="vulkan") for each in requests(15, WORK_MOST)]
+    assert dealt(most, workers=1) == [6, 6, 3]  # a graphics processor takes all that it has room for
 
 
 @pytest.mark.parametrize("work", [1.0, WORTH_A_START])
 def test_a_run_that_a_worker_died_of_goes_alone(work):
     assert dealt(requests(3, work), {"0": 1})[0] == 1
-
-
-def test_a_graphics_processor_takes_all_that_it_has_room_for():
-    long = [RunRequest(str(k), {}, "", WORK_MOST, most=6, arch="vulkan") for k in range(15)]
-    sizes = []
-    while long:
-        batch = next_batch(long, defaultdict(int), 1)
-        long = long[len(batch) :]
-        sizes.append(len(batch))
-    assert sizes == [6, 6, 3]
 
 
 def on_device(folder: Path, arch: Arch) -> list[RunRequest]:
@@ -72,28 +64,22 @@ def test_one_worker_holds_the_device(tmp_path, monkeypatch):
 
     monkeypatch.setattr(execution, "start_pool", start)
     monkeypatch.setattr(execution, "refuse_missing_devices", looked.append)
-    ledger = open_ledger(tmp_path)
-    found = execution.execute(on_device(tmp_path, "vulkan"), ledger, workers=2, function=stand_in.FUNCTION)
-    close_ledger(ledger)
+    found = carry_out(tmp_path, on_device(tmp_path, "vulkan"))
     assert [result.failure for result in found] == [None] * 4
     assert (started, looked) == ([1], [{"vulkan"}])
 
 
+@pytest.mark.skipif(has_cuda(), reason="there is such a device")
 def test_a_missing_device_is_told_before_any_run_counts_as_failed(tmp_path):
-    if has_cuda():
-        pytest.skip("there is such a device")
-    ledger = open_ledger(tmp_path)
-    with pytest.raises(BadInput, match="--arch cuda: no such device"):
-        execution.execute(on_device(tmp_path, "cuda"), ledger, function=stand_in.FUNCTION)
-    assert len(unfinished(ledger, [f"scene-{seed}" for seed in range(4)])) == 4
-    close_ledger(ledger)
-
-
-USUAL = START / WORTH_A_START  # s per grain-step
+    listed = on_device(tmp_path, "cuda")
+    with opened(tmp_path) as ledger:
+        with pytest.raises(BadInput, match="--arch cuda: no such device"):
+            execution.execute(listed, ledger, function=stand_in.FUNCTION)
+        assert len(unfinished(ledger, [request.key for request in listed])) == 4
 
 
 def test_the_pace_is_that_of_the_runs_that_have_ended_each_by_its_own_work():
     runs = {name: RunRequest(name, {}, work=work) for name, work in (("small", 1e8), ("large", 1e9))}
-    assert pace(runs, {}) == USUAL
+    assert pace(runs, {}) == START / WORTH_A_START  # s per grain-step
     assert pace(runs, {"small": 40.0}) == 4e-7
     assert pace(runs, {"small": 40.0, "large": 180.0}) == pytest.approx(2e-7)

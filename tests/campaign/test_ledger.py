@@ -10,11 +10,11 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from stand_in import FUNCTION, processes, requests, starts, table
+from stand_in import carry_out, opened, processes, requests, starts, table
 
 from taichi_erosion.campaign import ledger as ledger
 from taichi_erosion.campaign.execute import execute
-from taichi_erosion.campaign.ledger import close_ledger, is_alive, open_ledger
+from taichi_erosion.campaign.ledger import is_alive, open_ledger
 from taichi_erosion.core.errors import BadInput
 
 RUNS = 120
@@ -24,12 +24,8 @@ SLOW = 0.05  # s of a run that is to be interrupted
 Table = list[tuple[str, float, str | None]]
 
 
-def carry_out(folder: Path, **words: object) -> Table:
-    store = open_ledger(folder)
-    try:
-        return table(execute(requests(folder, RUNS, **words), store, workers=2, function=FUNCTION))  # type: ignore[arg-type]
-    finally:
-        close_ledger(store)
+def carried_out(folder: Path, mishaps: dict[int, str] | None = None) -> Table:
+    return table(carry_out(folder, requests(folder, RUNS, mishaps=mishaps)))
 
 
 def start_parent(folder: Path, pause: float) -> subprocess.Popen[str]:
@@ -39,12 +35,17 @@ def start_parent(folder: Path, pause: float) -> subprocess.Popen[str]:
 
 
 def done(folder: Path) -> list[str]:
-    store = open_ledger(folder)
-    try:
+    with opened(folder) as store:
         found = store.database.connection.execute("SELECT key FROM run WHERE state = 'done'").fetchall()
-    finally:
-        close_ledger(store)
     return [key for (key,) in found]
+
+
+def assert_goes_on(folder: Path, undisturbed: Table) -> None:
+    """Some runs were kept; a second call makes the others and repeats none."""
+    kept, before = done(folder), Counter(starts(folder))
+    assert 0 < len(kept) < RUNS
+    assert carried_out(folder) == undisturbed
+    assert not {f"scene-{seed}" for seed in Counter(starts(folder)) - before} & set(kept)
 
 
 def wait_for(condition: object) -> None:
@@ -56,19 +57,17 @@ def wait_for(condition: object) -> None:
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory) -> Table:
+    """The table of runs that are done once each and stand in the order asked for."""
     folder = tmp_path_factory.mktemp("undisturbed")
-    found = carry_out(folder)
+    found = carried_out(folder)
     assert sorted(starts(folder)) == list(range(RUNS))
+    assert [key for key, _, _ in found] == [f"scene-{seed}" for seed in range(RUNS)]
+    assert {failure for _, _, failure in found} == {None}
     return found
 
 
-def test_every_run_is_done_once_and_stands_in_the_order_asked_for(undisturbed):
-    assert [key for key, _, _ in undisturbed] == [f"scene-{seed}" for seed in range(RUNS)]
-    assert all(failure is None for _, _, failure in undisturbed)
-
-
 def test_a_killed_worker_costs_only_the_run_it_was_at(tmp_path, undisturbed):
-    assert carry_out(tmp_path, mishaps={37: "kills once", 90: "kills once"}) == undisturbed
+    assert carried_out(tmp_path, mishaps={37: "kills once", 90: "kills once"}) == undisturbed
     repeated = {seed for seed, times in Counter(starts(tmp_path)).items() if times > 1}
     assert repeated == {37, 90}
 
@@ -80,26 +79,19 @@ def test_after_a_killed_parent_its_workers_end_and_nothing_finished_is_repeated(
     parent.send_signal(signal.SIGKILL)
     parent.communicate()
     wait_for(lambda: not any(is_alive(process) for process in processes(tmp_path)))
-    kept, before = done(tmp_path), Counter(starts(tmp_path))
-    assert 0 < len(kept) < RUNS
-    assert carry_out(tmp_path) == undisturbed
-    again = Counter(starts(tmp_path)) - before
-    assert not {f"scene-{seed}" for seed in again} & set(kept)
+    assert_goes_on(tmp_path, undisturbed)
 
 
 def test_a_full_disk_is_named_and_a_second_call_goes_on(tmp_path, undisturbed):
-    store = open_ledger(tmp_path)
-    ledger.add_requests(store, requests(tmp_path, RUNS))
-    pages = store.database.connection.execute("PRAGMA page_count").fetchone()[0]
-    # SQLite answers a file that may not grow with the error it gives for a disk that is full
-    store.database.connection.execute(f"PRAGMA max_page_count = {pages + 1}")
-    with pytest.raises(BadInput, match=r"ledger\.sqlite: the disk is full; finished runs are kept"):
-        execute(requests(tmp_path, RUNS), store, workers=2, function="stand_in:without_ledger")
-    close_ledger(store)
-    kept, before = done(tmp_path), Counter(starts(tmp_path))
-    assert 0 < len(kept) < RUNS
-    assert carry_out(tmp_path) == undisturbed
-    assert not {f"scene-{seed}" for seed in Counter(starts(tmp_path)) - before} & set(kept)
+    listed = requests(tmp_path, RUNS)
+    with opened(tmp_path) as store:
+        ledger.add_requests(store, listed)
+        pages = store.database.connection.execute("PRAGMA page_count").fetchone()[0]
+        # SQLite answers a file that may not grow with the error it gives for a disk that is full
+        store.database.connection.execute(f"PRAGMA max_page_count = {pages + 1}")
+        with pytest.raises(BadInput, match=r"ledger\.sqlite: the disk is full; finished runs are kept"):
+            execute(listed, store, workers=2, function="stand_in:without_ledger")
+    assert_goes_on(tmp_path, undisturbed)
 
 
 def test_two_parents_at_once_share_the_work_and_repeat_none_of_it(tmp_path, undisturbed):
@@ -109,73 +101,57 @@ def test_two_parents_at_once_share_the_work_and_repeat_none_of_it(tmp_path, undi
     assert said == [str(RUNS)] * 2
     assert Counter(starts(tmp_path)) == Counter(range(RUNS))
     assert len(processes(tmp_path)) > 2  # workers of both parents
-    assert carry_out(tmp_path) == undisturbed
+    assert carried_out(tmp_path) == undisturbed
 
 
-@pytest.fixture
-def neighbours(tmp_path):
-    """One run, leased by a parent on another machine, and a parent here that would like to have it."""
-    (request,) = requests(tmp_path, 1)
-    near, far = open_ledger(tmp_path), open_ledger(tmp_path)
-    elsewhere = ledger.Ledger(far.database, "other-machine:1")
-    ledger.add_requests(near, [request])
-    assert ledger.lease_runs(elsewhere, [request.key]) == [request.key]
-    yield request.key, near, elsewhere
-    close_ledger(near)
-    close_ledger(far)
-
-
-def test_a_lease_lapses_when_its_owner_is_silent(neighbours, monkeypatch):
-    key, near, elsewhere = neighbours
-    now = time.time()
-    for passed in (0.9, 1.8):
-        monkeypatch.setattr(ledger.time, "time", lambda: now + passed * ledger.LEASE)  # noqa: B023
-        ledger.release_stale_leases(near)
-        assert ledger.lease_runs(near, [key]) == []
-        ledger.renew_leases(elsewhere)
-    monkeypatch.setattr(ledger.time, "time", lambda: now + 2.9 * ledger.LEASE)
-    ledger.release_stale_leases(near)
-    assert ledger.lease_runs(near, [key]) == [key]
+def test_a_lease_lapses_when_its_owner_on_another_machine_is_silent(tmp_path, monkeypatch):
+    (request,), now = requests(tmp_path, 1), time.time()
+    with opened(tmp_path) as near, opened(tmp_path) as far:
+        elsewhere = ledger.Ledger(far.database, "other-machine:1")
+        ledger.add_requests(near, [request])
+        assert ledger.lease_runs(elsewhere, [request.key]) == [request.key]
+        for passed, leased in ((0.9, []), (1.8, []), (2.9, [request.key])):
+            monkeypatch.setattr(ledger.time, "time", lambda passed=passed: now + passed * ledger.LEASE)
+            ledger.release_stale_leases(near)
+            assert ledger.lease_runs(near, [request.key]) == leased
+            ledger.renew_leases(elsewhere)
 
 
 def test_the_first_result_of_a_run_stays(tmp_path):
     (request,) = requests(tmp_path, 1)
-    store = open_ledger(tmp_path)
-    ledger.add_requests(store, [request])
-    for value in (1.0, 2.0):
-        ledger.record_result(store, request.key, {"measures": {"angle": {"value": value}}})
-    assert ledger.read_results(store, [request.key])[0].value("angle") == 1.0
-    close_ledger(store)
+    with opened(tmp_path) as store:
+        ledger.add_requests(store, [request])
+        for value in (1.0, 2.0):
+            ledger.record_result(store, request.key, {"measures": {"angle": {"value": value}}})
+        assert ledger.read_results(store, [request.key])[0].value("angle") == 1.0
 
 
 def test_failed_runs_are_results_with_their_reason(tmp_path):
-    found = carry_out(tmp_path, mishaps={3: "fails", 5: "raises", 8: "kills"})
+    found = carried_out(tmp_path, mishaps={3: "fails", 5: "raises", 8: "kills"})
     reasons = {key: failure for key, _, failure in found if failure}
-    assert reasons["scene-3"] == "grains overlap"
-    assert reasons["scene-5"] == "ValueError: no such soil"
-    assert "3 workers died of it; the last: killed by signal 9" in reasons["scene-8"]
-    assert len(reasons) == 3
+    killed = reasons.pop("scene-8")
+    assert "3 workers died of it; the last: killed by signal 9" in killed
+    assert reasons == {"scene-3": "grains overlap", "scene-5": "ValueError: no such soil"}
     assert len(found) == RUNS
 
 
 @pytest.mark.parametrize("share", [0.02, 0.5, 0.99])
 def test_a_ledger_cut_anywhere_is_refused_in_one_line_or_read_rightly(tmp_path, share):
-    store = open_ledger(tmp_path)
     listed = requests(tmp_path, RUNS)
-    ledger.add_requests(store, listed)
-    for request in listed:
-        ledger.record_result(store, request.key, {"measures": {"angle": {"value": 1.0}}})
-    close_ledger(store)
+    with opened(tmp_path) as store:
+        ledger.add_requests(store, listed)
+        for request in listed:
+            ledger.record_result(store, request.key, {"measures": {"angle": {"value": 1.0}}})
     path = tmp_path / ledger.LEDGER
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
-    line = None
     try:
-        store = open_ledger(tmp_path)
-        found = ledger.read_results(store, [request.key for request in listed])
-        assert all(result.value("angle") == 1.0 for result in found)
+        found = ledger.read_results(open_ledger(tmp_path), [request.key for request in listed])
     except BadInput as refusal:
         line = str(refusal)
-    assert line is None or (line.startswith(f"{path}: the ledger cannot be used (") and "\n" not in line)
+        assert line.startswith(f"{path}: the ledger cannot be used (")
+        assert "\n" not in line
+    else:
+        assert all(result.value("angle") == 1.0 for result in found)
 
 
 def test_a_database_of_another_program_is_refused_and_left_alone(tmp_path):

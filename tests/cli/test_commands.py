@@ -9,7 +9,6 @@ import re
 import signal
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import get_args, get_type_hints
@@ -23,15 +22,13 @@ from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.evidence.models.reduced import EFFECTS
+from taichi_erosion.verification.claims import Claim
 
 DOCUMENT = {
     "scene": "funnel",
     "hash": "0123456789ab",
     "seed": 1,
-    "replicas": [
-        {"seed": 1, "measures": {}, "warnings": ["flank not straight"]},
-        {"seed": 2, "measures": {}, "warnings": ["flank not straight"]},
-    ],
+    "replicas": [{"seed": 1, "measures": {}, "warnings": [f"warning {k}" for k in range(30)]}],
     "measures": {
         "repose_angle": {"value": 32.914, "sd": 0.514, "unit": "deg", "n": 2},
         "height": {"value": 0.0123456, "sd": float("nan"), "unit": "m", "n": 1},
@@ -42,22 +39,12 @@ DOCUMENT = {
     "recording": Path("recordings/funnel.rrd"),
     "versions": {},
 }
-
-
-@dataclass(frozen=True)
-class Claim:
-    id: str
-    claim: str
-    got: float
-    want: float
-    tolerance: float
-    precision: str
-    passed: bool
-    wall_s: float
-
-
 HELD = Claim("V01", "a sphere falls freely", 1.0, 1.0, 1e-6, "f64", True, 0.1)
 BROKEN = Claim("V02", "a sphere bounces", float("nan"), 2.0, 1e-6, "f32", False, 0.1)
+VALID = {"scene": "funnel", "hash": "abc", "effects": []}
+SCENE, RECORDING, PICTURE = Path("scene.toml"), Path("a.rrd"), Path("a.png")
+CHECKED = ((SCENE, ("a=1",), (), commands.examine_effect), {})
+DRAWN = ((RECORDING, 0.5, PICTURE), {"view": None, "source": RECORDING})
 
 
 @pytest.fixture
@@ -89,19 +76,8 @@ def run_scene(room, answer=DOCUMENT):
 def test_words_of_run_arrive_as_options_and_only_those_that_were_typed(room, tmp_path):
     calls = run_scene(room)
     target = tmp_path / "a.rrd"
-    words = [
-        "--set",
-        "run.seed=3",
-        "--set",
-        "a.b=1",
-        "--replicas",
-        "3",
-        "--arch",
-        "cpu",
-        "--record",
-        str(target),
-    ]
-    assert main(["run", "scene.toml", *words]) == 0
+    words = "--set run.seed=3 --set a.b=1 --replicas 3 --arch cpu --record".split()
+    assert main(["run", "scene.toml", *words, str(target)]) == 0
     (((path, options), _),) = calls
     assert path == Path("scene.toml")
     typed = vars(options)
@@ -130,8 +106,7 @@ def test_json_of_run_is_one_document_that_any_reader_accepts(room, capsys):
 def test_a_run_is_told_in_ten_lines_beside_its_table(room, capsys, monkeypatch):
     tables = []
     monkeypatch.setattr("taichi_erosion.cli.output.print_table", lambda *table: tables.append(table))
-    many = {"replicas": [{"seed": 1, "measures": {}, "warnings": [f"warning {k}" for k in range(30)]}]}
-    run_scene(room, DOCUMENT | many)
+    run_scene(room)
     assert main(["run", "scene.toml"]) == 0
     printed = capsys.readouterr().out.splitlines()
     assert len(tables) == 1
@@ -159,11 +134,24 @@ def test_progress_goes_to_stderr(room, capsys, monkeypatch):
     assert json.loads(printed.out)["seed"] == 1
 
 
-def test_check_validates_without_simulating(room, capsys):
-    calls = room("taichi_erosion.run", "check_scene", {"scene": "funnel", "hash": "abc", "effects": []})
-    assert main(["run", "scene.toml", "--check", "--set", "a.b=1"]) == 0
-    assert calls == [((Path("scene.toml"), ("a.b=1",), (), commands.examine_effect), {})]
-    assert capsys.readouterr().out == "scene.toml: valid, hash abc\n"
+TRANSLATED = [  # words, what answers them and how, with which arguments, exit code, what is printed
+    ("run scene.toml --check --set a=1", "run.check_scene", VALID, CHECKED, 0, f"{SCENE}: valid, hash abc\n"),
+    ("schema -o s.json", "scene.write_schema", None, ((Path("s.json"),), {}), 0, "s.json\n"),
+    ("snapshot a.rrd --time 0.5 -o a.png", "recording.viewer.render_picture", PICTURE, DRAWN, 0, "a.png\n"),
+    ("view a.rrd", "recording.viewer.open_viewer", 7, None, 7, ""),
+]
+
+
+@pytest.mark.parametrize(("words", "function", "answer", "arguments", "code", "printed"), TRANSLATED)
+def test_words_arrive_as_arguments(
+    words, function, answer, arguments, code, printed, room, capsys, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    RECORDING.touch()
+    module, _, name = f"taichi_erosion.{function}".rpartition(".")
+    calls = room(module, name, answer)
+    assert (main(words.split()), capsys.readouterr().out) == (code, printed)
+    assert arguments is None or calls == [arguments]
 
 
 @pytest.mark.parametrize(
@@ -176,20 +164,16 @@ def test_check_validates_without_simulating(room, capsys):
     ],
     ids=["bad input", "guarded stop", "Ctrl-C", "a mistake of ours"],
 )
-def test_every_failure_is_one_line_and_its_exit_code(room, capsys, failure, code, line):
+def test_every_failure_is_one_line_and_its_exit_code(room, capsys, monkeypatch, failure, code, line):
     run_scene(room, failure)
     assert main(["run", "scene.toml", "--json"]) == code
     printed = capsys.readouterr()
     assert printed.out == ""
     assert printed.err.count("\n") == 1
     assert line in printed.err
-
-
-def test_a_traceback_is_shown_to_those_who_ask_for_it(room, capsys, monkeypatch):
-    monkeypatch.setenv("TAICHI_EROSION_TRACEBACK", "1")
-    run_scene(room, ZeroDivisionError("division by zero"))
-    assert main(["run", "scene.toml"]) == 1
-    assert "Traceback" in capsys.readouterr().err
+    monkeypatch.setenv("TAICHI_EROSION_TRACEBACK", "1")  # for those who ask for it
+    assert main(["run", "scene.toml"]) == code
+    assert ("Traceback" in capsys.readouterr().err) == (code == 1)
 
 
 @pytest.mark.parametrize(
@@ -207,6 +191,7 @@ def test_a_traceback_is_shown_to_those_who_ask_for_it(room, capsys, monkeypatch)
         (["measure", "repose", "missing.png"], "missing.png"),
         (["measure", "repose", __file__, "--crop", "1,2,3"], "--crop 1,2,3"),
         (["schema", "-o", "missing/folder/s.json"], "missing/folder"),
+        (["--log", "missing/folder/log", "effects"], "--log"),
         (["erode"], "erode"),
     ],
     ids=" ".join,
@@ -221,20 +206,14 @@ def test_a_word_that_cannot_be_used_is_named_in_one_line(room, capsys, words, na
     assert calls == []
 
 
-def verified(monkeypatch, *claims):
-    """Put these claims in place of those that `verify` would check, and return the calls it received."""
+def test_verify_fails_as_a_whole_where_one_claim_fails(monkeypatch, capsys):
     calls = []
 
-    def stand_in(ladder, ids, **words):
+    def verify(ladder, ids, **words):
         calls.append((ids, words))
-        return list(claims)
+        return [HELD, BROKEN]
 
-    monkeypatch.setattr("taichi_erosion.verification.claims.verify", stand_in)
-    return calls
-
-
-def test_verify_fails_as_a_whole_where_one_claim_fails(monkeypatch, capsys):
-    calls = verified(monkeypatch, HELD, BROKEN)
+    monkeypatch.setattr("taichi_erosion.verification.claims.verify", verify)
     assert main(["verify", "V01", "V02", "--json"]) == 1
     ((ids, words),) = calls
     assert ids == ("V01", "V02")
@@ -245,24 +224,15 @@ def test_verify_fails_as_a_whole_where_one_claim_fails(monkeypatch, capsys):
     assert capsys.readouterr() == ("", "V02 FAILED: a sphere bounces\n")
 
 
-def test_bench_prints_every_case_with_its_stages(room, capsys):
-    case = {
-        "case": "bed",
-        "grain_steps_per_s": np.float64(1.5e7),
-        "stages": {"contacts": 0.75, "rebuild": 0.25},
-    }
-    room(
-        "benchmarks.cases",
-        "run_benchmarks",
-        {"cases": [case], "target": "znver3", "cores": 2, "engine": "taichi 1.7.4"},
-    )
+def test_bench_prints_every_case_with_its_stages_and_takes_sizes_for_devices_alone(room, capsys):
+    case = {"case": "bed", "stages": {"contacts": 0.75, "rebuild": 0.25}}
+    case["grain_steps_per_s"] = np.float64(1.5e7)
+    answer = {"cases": [case], "target": "znver3", "cores": 2, "engine": "taichi 1.7.4"}
+    calls = room("benchmarks.cases", "run_benchmarks", answer)
     assert main(["bench"]) == 0
     printed = capsys.readouterr().out
     assert all(word in printed for word in ("bed", "1.5e+07", "contacts 0.75", "rebuild 0.25", "znver3"))
-
-
-def test_bench_takes_sizes_for_devices_alone(room, capsys):
-    calls = room("benchmarks.cases", "run_benchmarks", {"cases": [], "target": "", "cores": 2, "engine": ""})
+    calls.clear()
     assert main(["bench", "--arch", "vulkan", "--quick"]) == 0
     ((_, words),) = calls
     assert words == {"arch": "vulkan", "size": "quick"}
@@ -274,14 +244,8 @@ def test_bench_takes_sizes_for_devices_alone(room, capsys):
 def test_repose_of_a_photograph_is_measured_within_the_crop(room, capsys, tmp_path):
     image = tmp_path / "heap.png"
     image.touch()
-    record = {
-        "name": "repose_angle",
-        "value": 31.0,
-        "sd": 0.4,
-        "unit": "deg",
-        "n": 1,
-        "notes": ["left flank only"],
-    }
+    record = {"name": "repose_angle", "value": 31.0, "sd": 0.4, "unit": "deg", "n": 1}
+    record["notes"] = ["left flank only"]
     calls = room("taichi_erosion.measures.photograph", "measure_photograph", record)
     picture = tmp_path / "heap.detected.png"
     room("taichi_erosion.report.pictures.photograph", "draw_detection", picture)
@@ -292,30 +256,6 @@ def test_repose_of_a_photograph_is_measured_within_the_crop(room, capsys, tmp_pa
     assert lines[2] == f"what was detected: {picture}"
 
 
-def test_the_schema_of_scenes_is_written_where_it_was_asked_for(room, capsys, tmp_path):
-    calls = room("taichi_erosion.scene", "write_schema", None)
-    target = tmp_path / "scene.schema.json"
-    assert main(["schema", "-o", str(target)]) == 0
-    assert calls == [((target,), {})]
-    assert capsys.readouterr().out == f"{target}\n"
-
-
-def test_a_picture_is_taken_at_the_time_asked_for(room, capsys, tmp_path):
-    recording = tmp_path / "a.rrd"
-    recording.touch()
-    calls = room("taichi_erosion.recording.viewer", "render_picture", Path("a.png"))
-    assert main(["snapshot", str(recording), "--time", "0.5", "-o", "a.png"]) == 0
-    assert calls == [((recording, 0.5, Path("a.png")), {"view": None, "source": recording})]
-    assert capsys.readouterr().out == "a.png\n"
-
-
-def test_the_viewer_s_exit_code_is_ours(room, tmp_path):
-    recording = tmp_path / "a.rrd"
-    recording.touch()
-    room("taichi_erosion.recording.viewer", "open_viewer", 7)
-    assert main(["view", str(recording)]) == 7
-
-
 def test_devices_and_precisions_on_offer_are_those_of_the_core():
     words = get_type_hints(commands.run)
     offered = {name: set(get_args(get_args(words[name])[0])) for name in ("arch", "precision")}
@@ -324,30 +264,16 @@ def test_devices_and_precisions_on_offer_are_those_of_the_core():
     assert offered == {name: set(get_args(known[name])) for name in offered}
 
 
-def python(source, **words):
-    return subprocess.run([sys.executable, "-c", source], capture_output=True, text=True, **words)
-
-
-def test_help_loads_none_of_the_heavy_libraries():
-    heavy = ("taichi", "rerun", "statsmodels", "scipy", "matplotlib", "numpy")
-    source = f"""
-import sys
-from taichi_erosion.cli.main import main
-code = main(["run", "--help"])
-print(code, [name for name in {heavy!r} if name in sys.modules], file=sys.stderr)
-"""
-    answer = python(source, cwd=Path(__file__).parents[2])
-    assert "--set" in answer.stdout
-    assert answer.stderr == "0 []\n"
+def python(source, **environment):
+    words = {"capture_output": True, "text": True, "cwd": Path(__file__).parents[2]}
+    return subprocess.run([sys.executable, "-c", source], env=os.environ | environment, **words)
 
 
 def test_no_colour_is_printed_where_none_is_wanted():
     source = "from taichi_erosion.cli.main import main; main(['--help'])"
-    environment = {**os.environ, "NO_COLOR": "1", "FORCE_COLOR": "1"}
-    answer = python(source, cwd=Path(__file__).parents[2], env=environment)
-    colours = re.findall(r"\x1b\[[0-9;]*3[0-9][0-9;]*m", answer.stdout)
+    answer = python(source, NO_COLOR="1", FORCE_COLOR="1")
     assert answer.stdout
-    assert colours == []
+    assert not re.search(r"\x1b\[[0-9;]*3[0-9][0-9;]*m", answer.stdout)
 
 
 def test_sigterm_lets_what_is_open_be_closed():
@@ -366,10 +292,8 @@ room.run_scene, room.RunOptions = run_scene, SimpleNamespace
 sys.modules["taichi_erosion.run"] = room
 sys.exit(main(["run", "scene.toml"]))
 """
-    answer = python(source, cwd=Path(__file__).parents[2])
-    assert answer.returncode == 128 + signal.SIGTERM
-    assert answer.stderr == "closed\n"
-    assert answer.stdout == ""
+    answer = python(source)
+    assert (answer.returncode, answer.stdout, answer.stderr) == (128 + signal.SIGTERM, "", "closed\n")
 
 
 @pytest.mark.parametrize(

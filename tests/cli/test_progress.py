@@ -25,14 +25,6 @@ def test_the_log_tells_order_warnings_and_end_with_their_times(tmp_path: Path, c
     assert len(told) == 5
 
 
-def test_a_log_that_cannot_be_written_is_refused_in_one_line(tmp_path: Path, capsys) -> None:
-    assert main(["--log", str(tmp_path / "no" / "log"), "effects"]) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert printed.err.count("\n") == 1
-    assert "--log" in printed.err
-
-
 def test_the_time_that_is_left_follows_from_the_pace_since_the_first_report(monkeypatch, capsys):
     clock = [100.0]
     monkeypatch.setattr("rich.console.monotonic", lambda: clock[0])

@@ -5,6 +5,8 @@ import pytest
 from taichi_erosion.core.engine import choice
 from taichi_erosion.core.errors import BadInput
 
+BOTH = ("quadrants", "taichi")
+
 
 @pytest.fixture
 def chosen(monkeypatch):
@@ -18,9 +20,6 @@ def chosen(monkeypatch):
 
     yield choose
     choice.engine_name.cache_clear()
-
-
-BOTH = ("quadrants", "taichi")
 
 
 @pytest.mark.parametrize(

@@ -18,17 +18,12 @@ print(total[None])
 """
 
 
-@pytest.mark.parametrize("lost", ["no home", "home is a file", "cache is a file"])
+@pytest.mark.parametrize("lost", [{}, {"HOME": "file"}, {"XDG_CACHE_HOME": "file"}], ids=str)
 def test_without_a_place_for_its_cache_the_device_starts_and_the_program_ends_well(tmp_path, lost):
     (tmp_path / "file").touch()
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    environment.pop("XDG_CACHE_HOME", None)
-    if lost == "no home":
-        environment.pop("HOME", None)
-    elif lost == "home is a file":
-        environment["HOME"] = str(tmp_path / "file")
-    else:
-        environment["XDG_CACHE_HOME"] = str(tmp_path / "file")
+    usual = {name: value for name, value in os.environ.items() if name not in ("HOME", "XDG_CACHE_HOME")}
+    environment = usual | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    environment |= {name: str(tmp_path / file) for name, file in lost.items()}
     ended = subprocess.run(
         [sys.executable, "-c", STARTS], env=environment, capture_output=True, text=True, check=False
     )

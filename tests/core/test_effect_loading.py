@@ -31,18 +31,31 @@ BROKEN = {  # change of a good file -> what is told of it
     ("@dataclass(frozen=True)", "raise SystemExit(0)"): "SystemExit: 0",
     ("EFFECT = Effect(", "EFFECT = Effect("[:-1]): "is not Python",
 }
+SCENE = str(Path(__file__).parents[2] / "scenes" / "column_collapse.toml")
+RUN = ("run", SCENE, "--set", "effects.constant_pull.strength=1")
+
+
+@pytest.fixture
+def told_of(tmp_path, monkeypatch, capsys):
+    """Function that gives what a command that is refused says of a changed effect file."""
+
+    def refusal(old: str, new: str, *words: str) -> str:
+        assert old in PULL
+        monkeypatch.chdir(tmp_path)
+        Path("glue.py").write_text(PULL.replace(old, new), encoding="utf-8")
+        assert main([*words, "--effect", "glue.py"]) == 2
+        first, told = capsys.readouterr().err.splitlines()
+        assert first == EXECUTES
+        assert told.startswith("glue.py: ")
+        assert "effect_device" not in told
+        return told
+
+    return refusal
 
 
 @pytest.mark.parametrize(("old", "new"), BROKEN)
-def test_a_file_of_another_interface_gets_one_line(old, new, tmp_path, monkeypatch, capsys):
-    assert old in PULL
-    monkeypatch.chdir(tmp_path)
-    Path("glue.py").write_text(PULL.replace(old, new), encoding="utf-8")
-    assert main(["effects", "--effect", "glue.py"]) == 2
-    first, told = capsys.readouterr().err.splitlines()
-    assert first == EXECUTES
-    assert told.startswith("glue.py: ")
-    assert BROKEN[old, new] in told
+def test_a_file_of_another_interface_gets_one_line(old, new, told_of):
+    assert BROKEN[old, new] in told_of(old, new, "effects")
 
 
 @pytest.mark.parametrize("name", ["glue.toml", "nothing.py", "folder.py"])
@@ -53,18 +66,16 @@ def test_what_is_no_python_file_is_refused(name, tmp_path):
         read_effect_file(tmp_path / name)
 
 
-def test_a_file_may_not_take_the_name_of_a_listed_effect(tmp_path):
-    file = tmp_path / "glue.py"
-    file.write_text(PULL.replace('"constant_pull"', '"dry_adhesion"'), encoding="utf-8")
+def test_no_two_files_nor_a_file_and_the_library_share_a_name_but_one_may_be_named_twice(tmp_path, capsys):
+    one, other, listed = (tmp_path / f"{name}.py" for name in ("one", "other", "listed"))
+    listed.write_text(PULL.replace('"constant_pull"', '"dry_adhesion"'), encoding="utf-8")
     with pytest.raises(BadInput, match=r"effect 'dry_adhesion' exists already in the library; give it"):
-        load_library([file])
-
-
-def test_two_files_may_not_share_a_name_but_one_may_be_named_twice(tmp_path):
-    one, other = tmp_path / "one.py", tmp_path / "other.py"
+        load_library([listed])
     one.write_text(PULL, encoding="utf-8")
     other.write_text(f"{PULL}\n", encoding="utf-8")
     assert "constant_pull" in load_library(read_effect_files([one, tmp_path / "." / "one.py"]))
+    told = capsys.readouterr().err.splitlines()
+    assert told == [f"executes {file} (named by --effect)" for file in (listed, one)]
     with pytest.raises(BadInput, match="exists already in another file"):
         load_library([one, other])
 
@@ -94,47 +105,30 @@ UNUSABLE = {  # change of a good file -> what is told of it by `run --check`, in
     ("strength * params", "strength * float('nan') * params"): "its constants give pull = nan, not a finite",
     ('"pull": strength * params.pull_off', '"pull": "strong"'): "give pull = 'strong', not a finite number",
     ('{"pull": strength * params.pull_off}', "strength"): "constants must give a dict of numbers by name",
-    ("strength * params", "strength / 0.0 * params"): "ZeroDivisionError",
+    ("strength * params", "strength / 0.0 * params"): "its constants failed (glue.py, line ",
 }
 
 
 @pytest.mark.parametrize(("old", "new"), UNUSABLE)
-def test_an_effect_that_cannot_act_is_refused_before_a_run(old, new, tmp_path, monkeypatch, capsys):
-    assert old in PULL
-    monkeypatch.chdir(tmp_path)
-    Path("glue.py").write_text(PULL.replace(old, new), encoding="utf-8")
-    scene = str(Path(__file__).parents[2] / "scenes" / "column_collapse.toml")
-    words = ["run", scene, "--check", "--effect", "glue.py", "--set", "effects.constant_pull.strength=1"]
-    assert main(words) == 2
-    first, told = capsys.readouterr().err.splitlines()
-    assert first == EXECUTES
+def test_an_effect_that_cannot_act_is_refused_before_a_run(old, new, told_of):
+    told = told_of(old, new, *RUN, "--check")
     assert told.startswith("glue.py: effect 'constant_pull' cannot act: ")
     assert UNUSABLE[old, new] in told
     assert "Traceback" not in told
-    assert "effect_device" not in told
 
 
-def test_a_run_tells_the_line_of_a_result_of_the_wrong_shape(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    Path("glue.py").write_text(PULL.replace("constants.pull, 0.0)", "constants.pull, 0.0) * pair.normal"))
-    scene = str(Path(__file__).parents[2] / "scenes" / "column_collapse.toml")
-    words = ["run", scene, "--no-record", "--effect", "glue.py", "--set", "effects.constant_pull.strength=1"]
-    assert main([*words, "--set", "grains.count=20", "--replicas", "1"]) == 2
-    told = capsys.readouterr().err
+def test_a_run_tells_the_line_of_a_result_of_the_wrong_shape(told_of):
+    few = ("--no-record", "--set", "grains.count=20", "--replicas", "1")
+    told = told_of("constants.pull, 0.0)", "constants.pull, 0.0) * pair.normal", *RUN, *few)
     assert "glue.py: line 28, in pull" in told
     assert "act must give one number, the attraction [N]" in told
-    assert "effect_device" not in told
 
 
 def test_a_check_says_that_a_file_keeps_or_breaks_the_contract(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    scene = str(Path(__file__).parents[2] / "scenes" / "column_collapse.toml")
-    for text, told in (
-        (PULL, "compiles and keeps the contract"),
-        (PULL.replace('"N"', '"uN"'), "declared in uN"),
-    ):
-        Path("glue.py").write_text(text, encoding="utf-8")
-        assert main(["run", scene, "--check", "--effect", "glue.py"]) == 0
+    for unit, told in (('"N"', "compiles and keeps the contract"), ('"uN"', "declared in uN")):
+        Path("glue.py").write_text(PULL.replace('"N"', unit), encoding="utf-8")
+        assert main(["run", SCENE, "--check", "--effect", "glue.py"]) == 0
         out = capsys.readouterr().out
         assert told in out
         assert "effect 'constant_pull' does not act: the scene does not name it" in out

@@ -7,25 +7,18 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 
+from taichi_erosion.core import files
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import (
-    ListedFolder,
-    is_named,
-    marked_html,
-    marked_png,
-    marked_toml,
-    refuse_foreign,
-    without_mark,
-)
 
 TEXT = "[a]\nb = 1\n"
 PICTURE = np.random.default_rng(1).integers(0, 256, (20, 30, 3), dtype=np.uint8)
 PNG = imageio.imwrite("<bytes>", PICTURE, extension=".png")
 MARKED: dict[str, Callable[[Path, Path], bytes]] = {
-    "out.toml": lambda path, source: marked_toml(path, source, TEXT),
-    "out.png": lambda path, source: marked_png(path, source, PNG),
-    "out.html": lambda path, source: marked_html(path, source, "<html><head></head></html>"),
+    "out.toml": lambda path, source: files.marked_toml(path, source, TEXT),
+    "out.png": lambda path, source: files.marked_png(path, source, PNG),
+    "out.html": lambda path, source: files.marked_html(path, source, "<html><head></head></html>"),
 }
+CHANGED = files.marked_toml(Path("out.toml"), Path("höhe, 1.toml"), TEXT).replace(b"b = 1", b"b = 2")
 
 
 @pytest.fixture
@@ -37,56 +30,51 @@ def study(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", MARKED)
-def test_a_file_is_written_again_from_its_source_and_no_other_wherever_both_stand(
+def test_a_file_is_written_again_from_its_source_alone_wherever_both_stand(
     study, tmp_path, monkeypatch, name
 ):
     path = study.with_name(name)
     path.write_bytes(MARKED[name](path, study))
-    refuse_foreign(path, study)
+    files.refuse_foreign(path, study)
     with pytest.raises(BadInput, match=r"made from höhe, 1\.toml, not from"):
-        refuse_foreign(path, study.with_name("other.toml"))
+        files.refuse_foreign(path, study.with_name("other.toml"))
     study.parent.rename(tmp_path / "moved")
     monkeypatch.chdir(tmp_path / "moved")
-    refuse_foreign(Path(name), Path(study.name))
-    refuse_foreign(Path("nothing.toml"), Path(study.name))
-
-
-CHANGED = marked_toml(Path("out.toml"), Path("höhe, 1.toml"), TEXT).replace(b"b = 1", b"b = 2")
+    files.refuse_foreign(Path(name), Path(study.name))
+    files.refuse_foreign(Path("nothing.toml"), Path(study.name))
 
 
 @pytest.mark.parametrize(
     ("content", "told"),
     [
-        (content, "this program did not write it; move it")
-        for content in (b"", b"mine", b"# hand\n", b"\xff\x00")
-    ]
-    + [(CHANGED, "was changed after this program wrote it")],
+        *((content, "this program did not write it; move it") for content in (b"", b"mine", b"\xff\x00")),
+        (CHANGED, "was changed after this program wrote it"),
+    ],
 )
 def test_what_a_user_wrote_or_changed_is_refused_unless_by_force(study, content, told):
     path = study.with_name("out.toml")
     path.write_bytes(content)
     with pytest.raises(BadInput, match=told):
-        refuse_foreign(path, study)
-    refuse_foreign(path, study, force=True)
+        files.refuse_foreign(path, study)
+    files.refuse_foreign(path, study, force=True)
 
 
 def test_a_marked_text_and_a_marked_picture_hold_what_they_held(study):
     path = study.with_name("out.png")
-    path.write_bytes(marked_png(path, study, PNG))
+    path.write_bytes(files.marked_png(path, study, PNG))
     assert np.array_equal(imageio.imread(path), PICTURE)
-    assert without_mark(marked_toml(path, study, TEXT).decode()) == without_mark(TEXT) == TEXT
+    marked = files.marked_toml(path, study, TEXT).decode()
+    assert files.without_mark(marked) == files.without_mark(TEXT) == TEXT
 
 
 def test_tables_of_a_folder_are_known_by_its_list(tmp_path):
-    folder = ListedFolder(tmp_path / "study")
+    folder = files.ListedFolder(tmp_path / "study")
     folder.write("screen.csv", b"a,b\n1,\n")
     folder.refuse_foreign(["screen.csv", "climb.csv"])
     (folder.path / "screen.csv").write_text("a,b\n1,31.5\n")
     (folder.path / "README.md").write_text("my notes")
-    for name, told in (
-        ("screen.csv", "was changed after"),
-        ("README.md", "exists, and this program did not"),
-    ):
+    refusals = {"screen.csv": "was changed after", "README.md": "exists, and this program did not"}
+    for name, told in refusals.items():
         with pytest.raises(BadInput, match=f"{name}: {told}"):
             folder.refuse_foreign([name])
     folder.refuse_foreign(["screen.csv", "README.md"], force=True)
@@ -95,8 +83,8 @@ def test_tables_of_a_folder_are_known_by_its_list(tmp_path):
 def test_an_open_file_that_was_renamed_is_no_longer_at_its_path(tmp_path):
     path = tmp_path / "runs.csv.part"
     with path.open("wb") as file:
-        assert is_named(file, path)
+        assert files.is_named(file, path)
         path.rename(tmp_path / "runs.csv")
-        assert not is_named(file, path)
+        assert not files.is_named(file, path)
         path.touch()
-        assert not is_named(file, path), "another file has the name"
+        assert not files.is_named(file, path), "another file has the name"

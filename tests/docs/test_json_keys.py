@@ -36,6 +36,7 @@ RECORDS = {
     "scale": Scale,
 }
 pytestmark = pytest.mark.docs
+_, *PARTS = SECTION.split(PAGE)
 
 
 @dataclass(frozen=True)
@@ -58,14 +59,7 @@ def entries(text: str) -> dict[str, Entry]:
     return found
 
 
-def sections() -> dict[str, dict[str, Entry]]:
-    """Keys by section of the page."""
-    heads = list(SECTION.finditer(PAGE))
-    ends = [*(head.start() for head in heads[1:]), len(PAGE)]
-    return {head["name"]: entries(PAGE[head.end() : end]) for head, end in zip(heads, ends, strict=True)}
-
-
-TABLES = sections()
+TABLES = {name: entries(text) for name, text in zip(PARTS[::2], PARTS[1::2], strict=True)}
 
 
 def check_record(found: Mapping[str, Any], keys: dict[str, Entry], where: str) -> None:
@@ -115,13 +109,16 @@ def study_of(tmp_path: Path) -> Callable[[str], Path]:
     return copied
 
 
-def test_every_command_prints_the_keys_of_the_page(study_of):
+def test_every_command_prints_the_keys_of_the_page(study_of, capsys):
     study = study_of("my_lab.toml")
     checked(commands.compare_study(study, commands.no_progress))
     assert checked(commands.discover_study(study, commands.no_progress))["named"] == ["cohesion"]
     adopted = checked(commands.adopt_study(study, ["cohesion"], commands.no_progress))
     assert adopted["vault"]["adopted"] == ["cohesion"]
     assert checked(commands.discover_study(study, commands.no_progress))["vault"] == adopted["vault"]
+    (study.parent / "at.csv").write_text("observable,diameter [mm]\nrepose_angle,0.3\n")
+    assert main(["predict", str(study), "--at", str(study.parent / "at.csv"), "--json"]) == 0
+    check_record(json.loads(capsys.readouterr().out), TABLES[COMMON] | TABLES["predict"], "predict")
 
 
 def test_proposed_experiments_have_the_keys_of_the_page(study_of):
@@ -134,25 +131,15 @@ def test_an_answer_beyond_the_list_prints_the_keys_of_the_page(study_of):
     assert found["mechanisms"]["rolling_friction"]["law"] is not None
 
 
-def test_predict_prints_the_keys_of_the_page(study_of, capsys):
-    study = study_of("my_lab.toml")
-    (study.parent / "at.csv").write_text("observable,diameter [mm]\nrepose_angle,0.3\n")
-    assert main(["predict", str(study), "--at", str(study.parent / "at.csv"), "--json"]) == 0
-    check_record(json.loads(capsys.readouterr().out), TABLES[COMMON] | TABLES["predict"], "predict")
-
-
 def test_verify_prints_the_keys_of_the_page(monkeypatch, capsys):
     monkeypatch.setitem(ladder.CHECKS, "V01", lambda: iter([Outcome("holds", 1.0, 1.0, 0.0, "f64")]))
     assert main(["verify", "V01", "--json"]) == 0
     check_record(json.loads(capsys.readouterr().out), TABLES["verify"], "verify")
 
 
-@pytest.mark.parametrize("name", RECORDS)
-def test_the_page_has_every_key_of_a_record(name):
-    assert TABLES[name].keys() == {each.name for each in fields(RECORDS[name])}
-
-
-def test_every_record_that_the_page_names_is_on_it():
+def test_every_record_that_the_page_names_is_on_it_with_its_keys():
+    for name, record_type in RECORDS.items():
+        assert TABLES[name].keys() == {each.name for each in fields(record_type)}, name
     used = {entry.record for keys in TABLES.values() for entry in keys.values()} - {""}
     assert used <= TABLES.keys()
     assert RECORDS.keys() <= used

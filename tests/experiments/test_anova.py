@@ -2,73 +2,54 @@
 
 import numpy as np
 import pytest
-from textbook import central_composite, chemical_yield, full_factorial, tool_life, unit_factors
+import textbook
 
-from taichi_erosion.experiments.anova import Row, anova, curvature, reduced
-from taichi_erosion.experiments.fit import Fit, fit_model
-from taichi_erosion.experiments.terms import model_terms, parents
-
-FULL = (*model_terms(3, "interactions"), (1, 1, 1))
-
-
-def rows_of(fit: Fit) -> dict[str, Row]:
-    return {row.source: row for row in anova(fit)}
-
-
-def printed(value: float, digits: int) -> object:
-    """What agrees with a number printed with so many decimals."""
-    return pytest.approx(value, abs=0.5000001 * 10.0**-digits)
+from taichi_erosion.experiments.anova import curvature, reduced
+from taichi_erosion.experiments.design import central_composite, grid_points
+from taichi_erosion.experiments.design_table import arranged
+from taichi_erosion.experiments.fit import fit_model
+from taichi_erosion.experiments.terms import parents
 
 
 def test_montgomerys_tool_life_has_the_printed_analysis_of_variance():
     # Montgomery (2012), solution of problem 6.1: sum of squares, F, p
-    rows = rows_of(fit_model(tool_life(), "life", FULL))
+    rows = textbook.rows_of(fit_model(textbook.tool_life(), "life", textbook.FULL))
     wanted = {
         "Model": (1612.67, 7.64, 0.0004), "B": (770.67, 25.55, 0.0001), "C": (280.17, 9.29, 0.0077),
         "A*B": (16.67, 0.55, 0.4681), "A*C": (468.17, 15.52, 0.0012), "B*C": (48.17, 1.60, 0.2245),
         "A*B*C": (28.17, 0.93, 0.3483),
     }  # fmt: skip
     for source, (sum_of_squares, f, p) in wanted.items():
-        assert rows[source].sum_of_squares == printed(sum_of_squares, 2)
-        assert rows[source].f == printed(f, 2)
-        assert rows[source].p == printed(p, 4)
-    assert rows["Pure error"].mean_square == printed(30.17, 2)
-    assert rows["Total"].sum_of_squares == printed(2095.33, 2)
-
-
-def test_montgomerys_tool_life_reduces_to_the_printed_model_with_a_kept_for_hierarchy():
-    found = reduced(fit_model(tool_life(), "life", FULL))
+        assert rows[source].sum_of_squares == textbook.printed(sum_of_squares, 2)
+        assert rows[source].f == textbook.printed(f, 2)
+        assert rows[source].p == textbook.printed(p, 4)
+    assert rows["Pure error"].mean_square == textbook.printed(30.17, 2)
+    assert rows["Total"].sum_of_squares == textbook.printed(2095.33, 2)
+    # the model that is left keeps A for hierarchy
+    found = reduced(fit_model(textbook.tool_life(), "life", textbook.FULL))
     assert found.names == ("A", "B", "C", "A*C")
     assert found.coefficients == pytest.approx([40.83333, 0.16667, 5.66667, 3.41667, -4.41667], abs=5e-6)
-    rows = rows_of(found)
-    assert rows["Model"].f == printed(12.54, 2)
-    assert rows["Residual"].sum_of_squares == printed(575.67, 2)
-    assert rows["A*C"].p == printed(0.0009, 4)
-
-
-def test_myers_and_montgomerys_conversion_has_the_printed_lack_of_fit():
-    # Myers & Montgomery (1995), table 2.8: residual 35.35 (6), pure error 26.75 (3), lack of fit 8.6 (3)
-    rows = rows_of(fit_model(chemical_yield(), "conversion", "quadratic"))
-    assert (rows["Residual"].df, rows["Pure error"].df, rows["Lack of fit"].df) == (6, 3, 3)
-    assert rows["Residual"].sum_of_squares == printed(35.35, 2)
-    assert rows["Pure error"].sum_of_squares == printed(26.75, 2)
-    assert rows["Lack of fit"].sum_of_squares == printed(8.6, 1)
+    rows = textbook.rows_of(found)
+    assert rows["Model"].f == textbook.printed(12.54, 2)
+    assert rows["Residual"].sum_of_squares == textbook.printed(575.67, 2)
+    assert rows["A*C"].p == textbook.printed(0.0009, 4)
 
 
 def test_curvature_is_the_difference_of_the_means_tested_without_itself():
-    made = full_factorial(unit_factors("ab"), centre_points=5)
+    parts = [("factorial", grid_points(2, 2)), ("centre", np.zeros((5, 2)))]
+    made = arranged("full factorial", textbook.unit_factors("ab"), parts)
     y = np.array([39.3, 40.9, 40.0, 41.5, 40.3, 40.5, 40.7, 40.2, 40.6])
     # Montgomery (2017), example 6.7: SS 0.0027, F 0.06, error 0.1720 (4)
     bend = curvature(fit_model(made.with_responses(y=y), "y", "interactions"))
     assert bend is not None
     assert bend.difference == pytest.approx(y[:4].mean() - y[4:].mean(), rel=1e-9)
-    assert bend.sum_of_squares == printed(0.0027, 4)
-    assert bend.f == printed(0.06, 2)
-    assert bend.ms_error * bend.df_error == printed(0.1720, 4)
+    assert bend.sum_of_squares == textbook.printed(0.0027, 4)
+    assert bend.f == textbook.printed(0.06, 2)
+    assert bend.ms_error * bend.df_error == textbook.printed(0.1720, 4)
 
 
 def test_hierarchy_is_honoured_whatever_leaves_the_model():
-    made = central_composite(unit_factors("abcd"))
+    made = central_composite(textbook.unit_factors("abcd"))
     for seed in range(5):
         y = np.random.default_rng(seed).normal(size=len(made)) + 5.0 * made.coded[:, 0] * made.coded[:, 1]
         found = reduced(fit_model(made.with_responses(y=y), "y", "quadratic"))

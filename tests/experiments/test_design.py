@@ -3,7 +3,6 @@
 import numpy as np
 import pyDOE3
 import pytest
-import textbook
 from textbook import unit_factors
 
 from taichi_erosion.experiments import design
@@ -31,13 +30,9 @@ def same_points(ours: np.ndarray, theirs: np.ndarray) -> bool:
     return sorted(map(tuple, np.round(ours, 9) + 0.0)) == sorted(map(tuple, np.round(theirs, 9) + 0.0))
 
 
-def factors(count: int) -> list[Factor]:
-    return unit_factors("ABCDEFGHIJKLMNOPQRSTUVWXYZ"[:count])
-
-
 def test_the_twelve_runs_of_plackett_and_burman_stand_as_printed():
     printed = [[1.0 if sign == "+" else -1.0 for sign in line.split()] for line in TWELVE.split("\n")[1:-1]]
-    assert np.array_equal(design.plackett_burman(factors(11), centre_points=0).coded, printed)
+    assert np.array_equal(design.plackett_burman(unit_factors("ABCDEFGHIJK"), centre_points=0).coded, printed)
 
 
 @pytest.mark.parametrize("runs", CYCLES)
@@ -53,12 +48,12 @@ def test_the_box_behnken_design_of_three_factors_stands_in_design_experts_order(
         (-1, -1, 0), (1, -1, 0), (-1, 1, 0), (1, 1, 0), (-1, 0, -1), (1, 0, -1), (-1, 0, 1), (1, 0, 1),
         (0, -1, -1), (0, 1, -1), (0, -1, 1), (0, 1, 1), *[(0, 0, 0)] * 5,
     ]  # fmt: skip
-    assert np.array_equal(design.box_behnken(factors(3)).coded, wanted)
+    assert np.array_equal(design.box_behnken(unit_factors("ABC")).coded, wanted)
 
 
 @pytest.mark.parametrize("count", [3, 4, 5])
 def test_box_behnken_points_are_those_of_an_independent_generator(count):
-    ours = design.box_behnken(factors(count), centre_points=0).coded
+    ours = design.box_behnken(unit_factors("ABCDE"[:count]), centre_points=0).coded
     assert same_points(ours, pyDOE3.bbdesign(count, center=0))
 
 
@@ -72,15 +67,16 @@ def test_box_behnken_points_are_those_of_an_independent_generator(count):
     ],
 )
 def test_central_composite_points_are_those_of_the_textbook(count, axial, distance):
-    made = design.central_composite(factors(count), axial=axial)
-    wanted = textbook.central_composite(factors(count), distance[count])
-    assert np.allclose(made.coded, wanted.coded, rtol=0.0, atol=1e-12)
-    assert made.kinds == wanted.kinds
+    made = design.central_composite(unit_factors("ABCDE"[:count]), axial=axial)
+    star = distance[count] * np.repeat(np.eye(count), 2, axis=0) * np.tile([[-1.0], [1.0]], (count, 1))
+    wanted = [*design.grid_points(count, 2), *star, *np.zeros((5, count))]
+    assert np.allclose(made.coded, wanted, rtol=0.0, atol=1e-12)
+    assert made.kinds == ("factorial",) * 2**count + ("axial",) * 2 * count + ("centre",) * 5
 
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_latin_hypercube_has_one_run_in_every_slice_of_every_factor(seed):
-    made = design.latin_hypercube(factors(3), 10, seed, centre_points=2)
+    made = design.latin_hypercube(unit_factors("ABC"), 10, seed, centre_points=2)
     slices = np.floor((made.coded[:10] + 1.0) * 5.0).astype(int)
     assert all(sorted(column) == list(range(10)) for column in slices.T)
     assert made.kinds == ("space",) * 10 + ("centre",) * 2

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from textbook import central_composite, unit_factors
+from textbook import unit_factors
 
-from taichi_erosion.experiments.design import Factor, box_behnken
+from taichi_erosion.experiments.design import Factor, box_behnken, central_composite
 from taichi_erosion.experiments.fit import Fit, fit_model
 from taichi_erosion.experiments.optimise import SEPARATE, Goal, desirability, optimise, single_share
 
@@ -13,7 +13,7 @@ RANGES = [Factor("a", 0.0, 2.0), Factor("b", 10.0, 30.0)]
 
 def surface(response: str, law) -> Fit:
     """Exact quadratic of two coded factors, with a little noise so that intervals exist."""
-    made = central_composite(RANGES, distance=1.0)
+    made = central_composite(RANGES, axial="faced")
     noise = 1e-6 * np.random.default_rng(1).normal(size=len(made))
     return fit_model(made.with_responses(**{response: law(*made.coded.T) + noise}), response, "quadratic")
 
@@ -22,12 +22,10 @@ def hill(a, b):
     return 10.0 - 4.0 * (a - 0.5) ** 2 - 2.0 * (b + 0.25) ** 2
 
 
-def test_a_minimum_on_a_corner_is_found_there():
+def test_optima_on_corners_are_found_there_and_equal_ones_both():
     found = optimise([surface("y", hill)], [Goal("y", -50.0)])
     assert found.optima[0].settings == pytest.approx({"a": 0.0, "b": 30.0}, abs=1e-9)
-
-
-def test_a_saddle_has_two_equal_optima_and_both_are_listed():
+    # a saddle has two equal optima
     found = optimise([surface("y", lambda a, b: a * b)], [Goal("y", 12.0)])
     best = [o for o in found.optima if o.desirability > found.optima[0].desirability - 1e-4]
     assert sorted(tuple(np.round(o.coded, 6)) for o in best) == [(-1.0, -1.0), (1.0, 1.0)]
@@ -52,13 +50,10 @@ def test_a_target_above_the_surface_is_said_to_be_out_of_reach_with_the_nearest_
     assert "the target 12 is outside the range of this model" in sentence
     assert "the nearest value is 10 at a = 1.5, b = 17.5" in sentence
     assert found.optima[0].predictions["y"].value == pytest.approx(10.0, abs=1e-4)
-
-
-def test_the_reach_of_a_surface_is_that_of_a_fine_grid():
-    fit = surface("y", hill)
+    # the reach of the surface is that of a fine grid
     ticks = np.linspace(-1.0, 1.0, 201)
-    grid = fit.predict(np.array([(a, b) for a in ticks for b in ticks]))
-    reach = optimise([fit], [Goal("y", 12.0)]).reach["y"]
+    grid = surface("y", hill).predict(np.array([(a, b) for a in ticks for b in ticks]))
+    reach = found.reach["y"]
     # the grid misses a quadratic's top by 4 (0.005)^2
     assert reach.high == pytest.approx(grid.max(), abs=1e-3)
     assert reach.low == pytest.approx(grid.min(), abs=1e-9)
@@ -70,9 +65,7 @@ def test_two_wishes_that_exclude_each_other_are_called_so():
     assert not found.met
     assert "no point reaches all of them" in found.sentences[0]
     assert found.optima[0].coded[0] == pytest.approx(0.0, abs=1e-3)
-
-
-def test_two_wishes_that_agree_are_both_met():
+    # two that agree are both met
     fits = [surface("y", lambda a, b: a + b), surface("z", lambda a, b: a - b)]
     found = optimise(fits, [Goal("y", 0.5), Goal("z", 0.1)])
     assert found.met
@@ -81,9 +74,8 @@ def test_two_wishes_that_agree_are_both_met():
 
 def test_desirability_is_that_of_derringer_and_suich():
     high, aimed = Goal("y", 10.0, 0.0, 10.0), Goal("z", 5.0, 0.0, 5.0)
-    shares = np.column_stack(
-        [single_share(high, np.array([2.5, 10.0, -1.0])), single_share(aimed, np.array([2.5, 5.0, 5.0]))]
-    )
+    values = {high: [2.5, 10.0, -1.0], aimed: [2.5, 5.0, 5.0]}
+    shares = np.column_stack([single_share(goal, np.array(found)) for goal, found in values.items()])
     # geometric mean of 0.25 and 0.5; both met; the first below its limit
     assert desirability(shares) == pytest.approx([np.sqrt(0.25 * 0.5), 1.0, 0.0], rel=1e-12)
 

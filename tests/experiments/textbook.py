@@ -1,51 +1,30 @@
 """Textbook experiments whose analysis is printed elsewhere."""
 
-from collections.abc import Mapping
 from itertools import product
 
 import numpy as np
+import pytest
 
-from taichi_erosion.experiments.design import grid_points
+from taichi_erosion.experiments.anova import Row, anova
 from taichi_erosion.experiments.design_table import Design, Factor, arranged, to_coded
-from taichi_erosion.experiments.terms import Term
+from taichi_erosion.experiments.fit import Fit
+from taichi_erosion.experiments.terms import model_terms
 
-
-def full_factorial(factors: list[Factor], levels: int = 2, centre_points: int = 0) -> Design:
-    """All combinations of levels, the first factor changing fastest, then repeats of the centre."""
-    points = grid_points(len(factors), levels)
-    return arranged(
-        "full factorial",
-        factors,
-        [("factorial", points), ("centre", np.zeros((centre_points, len(factors))))],
-    )
-
-
-def central_composite(factors: list[Factor], distance: float | None = None) -> Design:
-    """Two-level factorial, star points (rotatable if no distance is given) and five centre points."""
-    count = len(factors)
-    star = np.concatenate([[-unit, unit] for unit in np.eye(count)])
-    parts = [
-        ("factorial", grid_points(count, 2)),
-        ("axial", (2 ** (count / 4) if distance is None else distance) * star),
-        ("centre", np.zeros((5, count))),
-    ]
-    return arranged("central composite", factors, parts)
-
-
-def spread_design(factors: list[Factor], runs: int) -> Design:
-    """Runs at random levels, none twice."""
-    points = np.random.default_rng(1).uniform(-1.0, 1.0, (runs, len(factors)))
-    return arranged("spread", factors, [("space", points)])
-
-
-def evaluate(polynomial: Mapping[Term, float], values: tuple[float, ...]) -> float:
-    """Value of a polynomial at one point."""
-    powers = {term: np.prod(np.array(values) ** np.array(term)) for term in polynomial}
-    return float(sum(coefficient * powers[term] for term, coefficient in polynomial.items()))
+FULL = (*model_terms(3, "interactions"), (1, 1, 1))  # of three factors in two levels
 
 
 def unit_factors(names: str) -> list[Factor]:
     return [Factor(name, -1.0, 1.0) for name in names]
+
+
+def rows_of(fit: Fit) -> dict[str, Row]:
+    """Analysis of variance by source."""
+    return {row.source: row for row in anova(fit)}
+
+
+def printed(value: float, digits: int) -> object:
+    """What agrees with a number printed with so many decimals."""
+    return pytest.approx(value, abs=0.5000001 * 10.0**-digits)
 
 
 def tool_life() -> Design:
@@ -60,18 +39,6 @@ def tool_life() -> Design:
     corners = np.array([point[::-1] for point in product((-1.0, 1.0), repeat=3)])
     design = arranged("tool life", unit_factors("ABC"), [("factorial", np.repeat(corners, 3, axis=0))])
     return design.with_responses(life=np.ravel(lives))
-
-
-def chemical_yield() -> Design:
-    """Conversion [%] in a rotatable central composite design of two factors.
-
-    Myers & Montgomery (1995), Response Surface Methodology, table 2.8.
-    """
-    star = np.sqrt(2.0)
-    points = [(-1, -1), (1, -1), (-1, 1), (1, 1), (-star, 0), (star, 0), (0, -star), (0, star)]
-    points += [(0, 0)] * 4
-    design = arranged("yield", unit_factors("AB"), [("factorial", np.array(points, dtype=float))])
-    return design.with_responses(conversion=[43, 78, 69, 73, 48, 76, 65, 74, 76, 79, 83, 81])
 
 
 def smell() -> Design:

@@ -1,6 +1,5 @@
 """Files that the project ships or its users make, and the ways in which they are damaged."""
 
-import io
 from pathlib import Path
 
 import imageio.v3 as imageio
@@ -16,6 +15,16 @@ TOKENS = (
     *(b'"' * 3, b"=", b"#", b",", b";", b"..", b"__import__('os').abort()", b"${HOME}", b"%s%n"),
     *("\u202e\u2028".encode(), b"A" * 5000),
 )
+places = st.floats(0.0, 1.0, exclude_max=True)  # share of a file's length
+pieces = st.sampled_from(TOKENS) | st.binary(max_size=12)
+WORDS = st.text(max_size=8)
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | WORDS | st.dates() | st.times(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(WORDS, inner, max_size=3),
+    max_leaves=8,
+)
+NUMBERS = st.floats().map(str) | st.integers().map(str)
+CELLS = st.text(max_size=6) | NUMBERS | st.sampled_from(["", "<1", "NaN", '"'])
 
 
 def shipped(pattern: str) -> dict[str, bytes]:
@@ -32,14 +41,9 @@ PUBLISHED = shipped("doe/hao2022/table_*.csv")
 def meshes() -> dict[str, bytes]:
     """A box in the formats that a scene may name."""
     box = trimesh.creation.box((0.1, 0.1, 0.1))
-    kinds = ("stl", "stl_ascii", "ply", "obj")
-    exported = {kind: box.export(file_type=kind) for kind in kinds}
-    return {
-        f"wall.{kind.removesuffix('_ascii')}" if kind != "stl_ascii" else "ascii.stl": (
-            content.encode() if isinstance(content, str) else bytes(content)
-        )
-        for kind, content in exported.items()
-    }
+    kinds = {"wall.stl": "stl", "ascii.stl": "stl_ascii", "wall.ply": "ply", "wall.obj": "obj"}
+    found = {name: box.export(file_type=kind) for name, kind in kinds.items()}
+    return {name: each.encode() if isinstance(each, str) else bytes(each) for name, each in found.items()}
 
 
 def pictures() -> dict[str, bytes]:
@@ -54,8 +58,6 @@ def pictures() -> dict[str, bytes]:
 MESHES = meshes()
 PICTURES = pictures()
 
-places = st.floats(0.0, 1.0, exclude_max=True)  # share of a file's length
-pieces = st.sampled_from(TOKENS) | st.binary(max_size=12)
 blows = st.one_of(
     st.tuples(st.just("put"), places, pieces),  # over what is there
     st.tuples(st.just("insert"), places, pieces),
@@ -82,20 +84,15 @@ def struck(content: bytes, kind: str, place: int, what: object) -> bytes:
         return content[:place] + content[stop:] if kind == "cut" else content[:stop] + content[place:]
     assert isinstance(what, bytes)
     if kind == "value":
-        place = next_sign(content, place)
-        stop = (
-            min(end for end in (content.find(sign, place) for sign in (b"\n", b",")) if end >= 0)
-            if (b"\n" in content[place:] or b"," in content[place:])
-            else len(content)
-        )
+        place = next_of(b"=,", content, place, place - 1) + 1  # behind the next sign that a value follows
+        stop = next_of(b"\n,", content, place, len(content))
         return content[:place] + b" " + what + content[stop:]
     return content[:place] + what + content[place + (len(what) if kind == "put" else 0) :]
 
 
-def next_sign(content: bytes, place: int) -> int:
-    """Just behind the next sign that a value follows."""
-    found = [at + 1 for at in (content.find(sign, place) for sign in (b"=", b",")) if at >= 0]
-    return min(found, default=place)
+def next_of(signs: bytes, content: bytes, place: int, missing: int) -> int:
+    """Place of the first of some signs from a place on."""
+    return min((at for at in (content.find(sign, place) for sign in signs) if at >= 0), default=missing)
 
 
 @st.composite
@@ -105,26 +102,10 @@ def damaged_file(draw: st.DrawFn, files: dict[str, bytes]) -> tuple[str, bytes]:
     return name, damaged(files[name], draw(st.lists(blows, min_size=1, max_size=4)))
 
 
-WORDS = st.text(max_size=8)
-VALUES = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | WORDS | st.dates() | st.times(),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(WORDS, inner, max_size=3),
-    max_leaves=8,
-)
-
-
 def as_lines(rows: list[list[str]]) -> bytes:
     """A table as a careless program would write it."""
-    text = io.StringIO()
-    for row in rows:
-        text.write(",".join(row) + "\n")
-    return text.getvalue().encode("utf-8", errors="surrogatepass")
+    text = "".join(",".join(row) + "\n" for row in rows)
+    return text.encode("utf-8", errors="surrogatepass")
 
 
-CELLS = (
-    st.text(max_size=6)
-    | st.floats().map(str)
-    | st.integers().map(str)
-    | st.sampled_from(["", "<1", "NaN", '"'])
-)
 tables = st.lists(st.lists(CELLS, min_size=1, max_size=6), max_size=8).map(as_lines)

@@ -9,22 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import damaged_files as files
 import pytest
 import tomli_w
 from audit_hook import watched
-from damaged_files import (
-    MEASURED,
-    MESHES,
-    PICTURES,
-    PUBLISHED,
-    ROOT,
-    SCENES,
-    STUDIES,
-    VALUES,
-    WORDS,
-    damaged_file,
-    tables,
-)
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -92,50 +80,56 @@ def put(folder: Path, name: str, content: bytes) -> Path:
     return path
 
 
-@tried(damaged_file(SCENES))
+@tried(files.damaged_file(files.SCENES))
 def test_a_damaged_scene(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
     path = put(folder, "scene.toml", example[1])
     command_ends_well(["run", str(path), "--check"], folder, capsys)
 
 
-@tried(st.tuples(st.sampled_from(sorted(SCENES)), st.dictionaries(WORDS, VALUES, max_size=2), VALUES))
+@tried(
+    st.tuples(
+        st.sampled_from(sorted(files.SCENES)),
+        st.dictionaries(files.WORDS, files.VALUES, max_size=2),
+        files.VALUES,
+    )
+)
 def test_an_order_that_changes_a_scene(example: Any, folder: Path, capsys: Any) -> None:
     name, entries, value = example
     orders = [f"{key}={entry}" for key, entry in (entries | {"run": value, "grains.size": value}).items()]
     words = [word for order in orders for word in ("--set", order.replace("\0", ""))]
-    command_ends_well(["run", str(ROOT / name), "--check", *words], folder, capsys)
+    command_ends_well(["run", str(files.ROOT / name), "--check", *words], folder, capsys)
 
 
-@tried(damaged_file(STUDIES))
+@tried(files.damaged_file(files.STUDIES))
 def test_a_damaged_study(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
     path = put(folder, "study.toml", example[1])
     read_or_refused(read_evidence_study, path)
     read_or_refused(read_calibration_study, path)
 
 
-@tried(damaged_file(MEASURED) | st.tuples(st.just("table.csv"), tables))
+@tried(files.damaged_file(files.MEASURED) | st.tuples(st.just("table.csv"), files.tables))
 def test_a_damaged_table_of_measurements(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
     path = put(folder, "measured.csv", example[1])
     read_or_refused(read_table, path)
 
 
-@tried(damaged_file(PUBLISHED) | st.tuples(st.just("table.csv"), tables))
+@tried(files.damaged_file(files.PUBLISHED) | st.tuples(st.just("table.csv"), files.tables))
 def test_a_damaged_table_of_runs(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
     path = put(folder, "published.csv", example[1])
     command_ends_well(["audit", str(path)], folder, capsys)
 
 
 def test_a_level_beyond_all_integers_is_audited(tmp_path: Path) -> None:
-    table = PUBLISHED["doe/hao2022/table_8.csv"].replace(b"\n1,-1,-1,", b"\n1,-11e9,-1,", 1)
-    assert table not in PUBLISHED.values()
+    table = files.PUBLISHED["doe/hao2022/table_8.csv"].replace(b"\n1,-1,-1,", b"\n1,-11e9,-1,", 1)
+    assert table not in files.PUBLISHED.values()
     assert main(["audit", str(put(tmp_path, "published.csv", table))]) == ExitCode.SUCCESS
 
 
-@tried(damaged_file(MESHES))
+@tried(files.damaged_file(files.MESHES))
 def test_a_damaged_mesh(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
     name, content = example
     put(folder, name, content)
-    scene = (ROOT / "scenes" / "incline.toml").read_text(encoding="utf-8")
+    scene = (files.ROOT / "scenes" / "incline.toml").read_text(encoding="utf-8")
     path = put(folder, "scene.toml", scene.encode())
     wall = f'geometry.wall={{ shape = "mesh", material = "steel", file = "{name}" }}'
     command_ends_well(["run", str(path), "--check", "--set", wall], folder, capsys)
@@ -143,19 +137,21 @@ def test_a_damaged_mesh(example: tuple[str, bytes], folder: Path, capsys: Any) -
 
 def test_a_mesh_whose_corners_are_flat_is_refused(tmp_path: Path, capsys: Any) -> None:
     put(tmp_path, "flat.obj", b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n")
-    path = put(tmp_path, "scene.toml", SCENES["scenes/incline.toml"])
+    path = put(tmp_path, "scene.toml", files.SCENES["scenes/incline.toml"])
     wall = 'geometry.wall={ shape = "mesh", material = "steel", file = "flat.obj" }'
     assert main(["run", str(path), "--check", "--set", wall]) == ExitCode.BAD_INPUT
     assert "flat.obj" in capsys.readouterr().err
 
 
-@tried(damaged_file(PICTURES))
+@tried(files.damaged_file(files.PICTURES))
 def test_a_damaged_picture(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
     path = put(folder, *example)
     command_ends_well(["measure", "repose", str(path)], folder, capsys)
 
 
-@tried(st.dictionaries(st.sampled_from(["scene", "run", "grains", "geometry", "fill", "stages"]), VALUES))
+@tried(
+    st.dictionaries(st.sampled_from(["scene", "run", "grains", "geometry", "fill", "stages"]), files.VALUES)
+)
 def test_sections_of_anything(example: dict[str, Any], folder: Path, capsys: Any) -> None:
     table = {name: value for name, value in example.items() if value is not None}
     try:

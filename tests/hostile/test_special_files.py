@@ -1,6 +1,7 @@
 """Places that are no plain files, and logs that cannot grow: one line each, and nothing is waited for."""
 
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,20 +14,18 @@ from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.scene.load import MOST_FAULTS
 
 SCENE = "scenes/incline.toml"
-READERS = {
-    "run FILE.toml --check": "FILE.toml",
-    "audit FILE.csv": "FILE.csv",
-    "measure repose FILE.png": "FILE.png",
-    "export FILE.rrd --vtk out": "FILE.rrd",
-    "report FILE.json": "FILE.json",
-    "report FILE.toml": "FILE.toml",
-    "compare FILE.toml": "FILE.toml",
-    "discover FILE.toml": "FILE.toml",
-    "doe design FILE.toml": "FILE.toml",
-    f"run {ROOT / SCENE} --resume FILE.npz": "FILE.npz",
-    "effects new law --from-discovery FILE.json": "FILE.json",
-}
+READERS = (
+    *("run FILE.toml --check", "audit FILE.csv", "measure repose FILE.png", "export FILE.rrd --vtk out"),
+    *("report FILE.json", "report FILE.toml", "compare FILE.toml", "discover FILE.toml"),
+    *("doe design FILE.toml", f"run {ROOT / SCENE} --resume FILE.npz"),
+    "effects new law --from-discovery FILE.json",
+)
 PATIENCE = 300  # s of wall time: a pipe that nobody fills takes none of the process's own
+BEYOND = (
+    *("--replicas 999999999999", f"--seed {10**30}", "--threads 99999999999", "--effect scene.toml"),
+    *("--every nan --checkpoint kept.npz", "--every -1 --checkpoint kept.npz", "--record="),
+    "--record \udcff.rrd",
+)
 
 
 def make(kind: str, place: Path) -> None:
@@ -50,7 +49,6 @@ def imported() -> None:
 @pytest.fixture
 def impatient() -> Iterator[None]:
     """A test that waits for ever fails."""
-    import signal
 
     def give_up(_number: int, _frame: Any) -> None:
         raise TimeoutError("waited for ever")
@@ -65,11 +63,10 @@ def impatient() -> Iterator[None]:
 @pytest.mark.usefixtures("impatient")
 @pytest.mark.parametrize("kind", ["pipe", "folder", "empty", "loop", "dangling", "device"])
 @pytest.mark.parametrize("command", READERS)
-def test_what_is_no_file_is_refused_in_one_line_for_each_fault(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any, command: str, kind: str
-):
+def test_what_is_no_file_is_refused_in_one_line_for_each_fault(tmp_path, monkeypatch, capsys, command, kind):
     monkeypatch.chdir(tmp_path)
-    make(kind, tmp_path / READERS[command].replace("FILE", kind))
+    (name,) = (word for word in command.split() if word.startswith("FILE"))
+    make(kind, tmp_path / name.replace("FILE", kind))
     with watched(tmp_path) as watch:
         code = main(command.replace("FILE", kind).split())
     said = capsys.readouterr().err
@@ -79,13 +76,17 @@ def test_what_is_no_file_is_refused_in_one_line_for_each_fault(
     assert all(kind in line for line in said.splitlines())
 
 
-def test_a_log_that_the_disk_refuses_ends_in_one_line_and_the_command_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
-):
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where commands work, with a scene in it."""
     monkeypatch.chdir(tmp_path)
-    path = tmp_path / "scene.toml"
-    path.write_bytes(SCENES[SCENE])
-    assert main(["--log", "/dev/full", "run", str(path), "--check"]) == ExitCode.SUCCESS
+    (tmp_path / "scene.toml").write_bytes(SCENES[SCENE])
+    return tmp_path
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_log_that_the_disk_refuses_ends_in_one_line_and_the_command_goes_on(capsys: Any):
+    assert main(["--log", "/dev/full", "run", "scene.toml", "--check"]) == ExitCode.SUCCESS
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert "/dev/full: cannot be written" in said
@@ -93,49 +94,24 @@ def test_a_log_that_the_disk_refuses_ends_in_one_line_and_the_command_goes_on(
 
 @pytest.mark.parametrize("kind", ["pipe", "folder"])
 @pytest.mark.parametrize("option", ["--record FILE", "--no-record --checkpoint FILE"])
-def test_an_output_never_replaces_what_is_no_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any, option: str, kind: str
-):
-    monkeypatch.chdir(tmp_path)
-    place = tmp_path / "kept"
+def test_an_output_never_replaces_what_is_no_file(folder: Path, capsys: Any, option: str, kind: str):
+    place = folder / "kept"
     make(kind, place)
     before = place.stat()
-    words = ["run", str(ROOT / SCENE), *option.replace("FILE", "kept").split()]
-    assert main(words) == ExitCode.BAD_INPUT
+    assert main(["run", "scene.toml", *option.replace("FILE", "kept").split()]) == ExitCode.BAD_INPUT
     assert os.path.samestat(before, place.stat())
     assert capsys.readouterr().err == "kept: is not the name of a file\n"
 
 
 @pytest.mark.parametrize("option", ["--record scene.toml", "--no-record --checkpoint scene.toml"])
-def test_an_output_never_replaces_the_scene(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any, option: str
-):
-    monkeypatch.chdir(tmp_path)
-    path = tmp_path / "scene.toml"
-    path.write_bytes(SCENES[SCENE])
+def test_an_output_never_replaces_the_scene(folder: Path, capsys: Any, option: str):
     assert main(["run", "scene.toml", *option.split()]) == ExitCode.BAD_INPUT
-    assert path.read_bytes() == SCENES[SCENE]
+    assert (folder / "scene.toml").read_bytes() == SCENES[SCENE]
     assert "is the scene itself" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        "--replicas 999999999999",
-        f"--seed {10**30}",
-        "--threads 99999999999",
-        "--every nan --checkpoint kept.npz",
-        "--every -1 --checkpoint kept.npz",
-        "--effect scene.toml",
-        "--record=",
-        "--record \udcff.rrd",
-    ],
-)
-def test_words_beyond_all_measure_are_refused_before_anything_is_made(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any, words: str
-):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.toml").write_bytes(SCENES[SCENE])
+@pytest.mark.parametrize("words", BEYOND)
+def test_words_beyond_all_measure_are_refused_before_anything_is_made(folder: Path, capsys: Any, words: str):
     assert main(["run", "scene.toml", *words.split()]) == ExitCode.BAD_INPUT
     assert capsys.readouterr().err.count("\n") == 1
-    assert os.listdir(tmp_path) == ["scene.toml"]
+    assert os.listdir(folder) == ["scene.toml"]

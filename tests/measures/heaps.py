@@ -18,19 +18,11 @@ def snapshot_of(
 ) -> Snapshot:
     """Grains at rest at the given centres, all touching."""
     count = len(position)
+    place, still = np.asarray(position, dtype=float).reshape(count, 3), np.zeros((count, 3))
     radius = np.broadcast_to(0.5 * np.asarray(diameter), count).astype(float)
-    return Snapshot(
-        time=time,
-        step=0,
-        position=np.asarray(position, dtype=float).reshape(count, 3),
-        velocity=np.zeros((count, 3)),
-        spin=np.zeros((count, 3)),
-        radius=radius,
-        mass=2500.0 * 4.0 / 3.0 * np.pi * radius**3,
-        contacts=np.full(count, 4, dtype=np.int32),
-        ident=np.arange(count, dtype=np.int32),
-        waiting=0,
-    )
+    mass = 2500.0 * 4.0 / 3.0 * np.pi * radius**3
+    contacts, ident = np.full(count, 4, dtype=np.int32), np.arange(count, dtype=np.int32)
+    return Snapshot(time, 0, place, still, still, radius, mass, contacts, ident, 0)
 
 
 def packing(half_width: float, height: float, rng: np.random.Generator) -> NDArray[np.float64]:

@@ -4,29 +4,22 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.snapshot import AirSnapshot
-from taichi_erosion.measures.boundary_layer import (
-    Profile,
-    displacement,
-    log_fit,
-    momentum,
-    profile_at,
-    thickness,
-)
+from taichi_erosion.measures import boundary_layer
 
 Z = np.linspace(5e-4, 0.5, 1000)
 
 
 def test_a_seventh_power_layer_has_an_eighth_and_seven_seventysecondths():
-    layer = Profile(Z, 6.0 * np.minimum(Z / 0.1, 1.0) ** (1.0 / 7.0), 0.2, 1.5e-5)
-    assert thickness(layer) == pytest.approx(0.1 * 0.99**7, rel=0.01)
+    layer = boundary_layer.Profile(Z, 6.0 * np.minimum(Z / 0.1, 1.0) ** (1.0 / 7.0), 0.2, 1.5e-5)
+    assert boundary_layer.thickness(layer) == pytest.approx(0.1 * 0.99**7, rel=0.01)
     # the steep first layers are joined by straight lines: 1 %
-    assert displacement(layer) == pytest.approx(0.1 / 8.0, rel=0.02)
-    assert momentum(layer) == pytest.approx(0.1 * 7.0 / 72.0, rel=0.02)
+    assert boundary_layer.displacement(layer) == pytest.approx(0.1 / 8.0, rel=0.02)
+    assert boundary_layer.momentum(layer) == pytest.approx(0.1 * 7.0 / 72.0, rel=0.02)
 
 
 def test_a_log_layer_gives_its_friction_velocity_and_roughness():
     speed = np.minimum(0.3 / 0.4 * np.log(Z / 1e-5), 0.3 / 0.4 * np.log(0.3 / 1e-5))
-    fit = log_fit(Profile(Z, speed, 0.3, 1.5e-5), 0.4)
+    fit = boundary_layer.log_fit(boundary_layer.Profile(Z, speed, 0.3, 1.5e-5), 0.4)
     assert fit.friction_velocity == pytest.approx(0.3, rel=1e-6)
     assert fit.roughness_length == pytest.approx(1e-5, rel=1e-5)
 
@@ -46,7 +39,7 @@ def snapshot(z: np.ndarray, speed: np.ndarray) -> AirSnapshot:
 
 def test_a_profile_between_cells_is_interpolated_along_the_wind():
     state = snapshot(np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 3.0]))
-    middle = profile_at(state, 1.5)
+    middle = boundary_layer.profile_at(state, 1.5)
     assert middle.speed == pytest.approx([0.75, 1.5, 2.25])
     assert middle.friction_velocity == pytest.approx(0.15)
-    assert profile_at(state, None).speed == pytest.approx([0.75, 1.5, 2.25])
+    assert boundary_layer.profile_at(state, None).speed == pytest.approx([0.75, 1.5, 2.25])

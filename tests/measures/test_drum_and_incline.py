@@ -26,9 +26,7 @@ def drum(angle, seed=1, flying=0):
     slope = radians(angle)
     inside = (np.hypot(box[:, 0], box[:, 2]) < 15.5) & (box[:, 2] * cos(slope) < box[:, 0] * sin(slope))
     bed = box[inside & (np.abs(box[:, 1]) < 6.0)]
-    air = np.column_stack(
-        [rng.uniform(3.0, 7.0, flying), rng.uniform(-6, 6, flying), rng.uniform(8, 10, flying)]
-    )
+    air = rng.uniform((3.0, -6.0, 8.0), (7.0, 6.0, 10.0), (flying, 3))
     state = snapshot_of(np.vstack([bed, air]) * DIAMETER)
     return replace(state, contacts=np.repeat([4, 0], [len(bed), flying]).astype(np.int32))
 

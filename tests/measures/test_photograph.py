@@ -15,25 +15,35 @@ from taichi_erosion.measures.silhouette import draw_silhouette
 from taichi_erosion.report.pictures.photograph import WIDTH, draw_detection
 from tests.measures.heaps import DIAMETER, cone, snapshot_of
 
-ROWS, COLUMNS, BASE, HALF_WIDTH = 420, 640, 360, 240  # px
+ROWS, COLUMNS, BASE, LEVEL, HALF_WIDTH = 420, 640, 360, 330, 240  # px; two rows of a base line
 GREY = (0.85, 0.2)  # background, heap
 
 
-def covered(left, right, plate=True):
-    """Where a heap with these flank angles [deg], and a plate as wide as the picture, hide the background."""
+def standing(left, right=None, plate="strip", tilt=0.0, half=HALF_WIDTH, base=BASE):
+    """Whether a heap with these flank angles [deg] stands at each pixel, and whether its plate does.
+
+    The plate is a strip of 20 px, reaches down to the frame (whole), or is not seen (none).
+    """
     row, column = np.mgrid[0:ROWS, 0:COLUMNS] + 0.5
-    offset = column - COLUMNS / 2
-    fall = np.where(offset < 0, tan(radians(left)), tan(radians(right)))
-    apex = HALF_WIDTH * min(tan(radians(left)), tan(radians(right)))
-    heap = (BASE - row < apex - fall * np.abs(offset)) & (row < BASE)
-    return heap | (plate & (row >= BASE) & (row < BASE + 20))
+    c, s = cos(radians(tilt)), sin(radians(tilt))
+    across = (column - COLUMNS / 2) * c + (row - base) * s
+    up = (column - COLUMNS / 2) * s - (row - base) * c
+    slopes = tan(radians(left)), tan(radians(right or left))
+    fall = np.where(across < 0.0, *slopes)
+    heap = (up > 0.0) & (up < half * min(slopes) - fall * np.abs(across))
+    return heap, (up <= 0.0) & (up > {"strip": -20.0, "whole": -np.inf, "none": 0.0}[plate]), across, up
 
 
-def photograph(path, left, right=None, grey=GREY, noise=0.0, plate=True, **options):
-    """Write an 8-bit picture with Gaussian noise of the given sd [grey range]."""
-    light = np.where(covered(left, right or left, plate), grey[1], grey[0])
-    light = light + np.random.default_rng(8).normal(0.0, noise, light.shape) if noise else light
-    imageio.imwrite(path, (np.clip(light, 0, 1) * 255).astype(np.uint8), **options)
+def covered(*flanks, **options):
+    """Where a heap and its plate hide the background."""
+    heap, plate, *_ = standing(*flanks, **options)
+    return heap | plate
+
+
+def photograph(path, *flanks, grey=GREY, **options):
+    """Write an 8-bit picture of a heap on a strip of plate."""
+    light = np.where(covered(*flanks, **options), grey[1], grey[0])
+    imageio.imwrite(path, (light * 255).astype(np.uint8))
     return path
 
 
@@ -44,7 +54,7 @@ def pixel_error(angle, pixels=1.0):
 
 @pytest.mark.parametrize("angle", [18.0, 25.0, 33.52, 41.0])
 @pytest.mark.parametrize("grey", [(0.85, 0.2), (0.1, 0.7)], ids=["dark on light", "light on dark"])
-@pytest.mark.parametrize("plate", [True, False], ids=["plate", "no plate"])
+@pytest.mark.parametrize("plate", ["strip", "none"])
 def test_a_drawn_heap_shows_its_angle(tmp_path, angle, grey, plate):
     record = measure_photograph(photograph(tmp_path / "heap.png", angle, grey=grey, plate=plate))
     assert record["value"] == pytest.approx(angle, abs=pixel_error(angle))
@@ -53,7 +63,7 @@ def test_a_drawn_heap_shows_its_angle(tmp_path, angle, grey, plate):
 
 
 def test_dust_and_glints_leave_the_angle(tmp_path):
-    picture = np.where(covered(32.0, 32.0), 40, 220)
+    picture = np.where(covered(32.0), 40, 220)
     specks = np.random.default_rng(12).uniform(size=picture.shape)
     picture = np.where(specks < 0.12, 0, np.where(specks > 0.88, 255, picture)).astype(np.uint8)
     imageio.imwrite(tmp_path / "dust.png", picture)
@@ -62,58 +72,47 @@ def test_dust_and_glints_leave_the_angle(tmp_path):
     assert record["details"]["residual_pixels"] < 2.0
 
 
-def test_the_flanks_are_told_apart_and_their_difference_enters_the_sd(tmp_path):
-    record = measure_photograph(photograph(tmp_path / "heap.png", 36.0, 30.0))
-    assert record["details"]["left"] == pytest.approx(36.0, abs=pixel_error(36.0))
-    assert record["details"]["right"] == pytest.approx(30.0, abs=pixel_error(30.0))
-    assert record["sd"] == pytest.approx(3.0, abs=pixel_error(33.0))
+HEAP = covered(30.0)
+CODED = {
+    "colour": np.where(HEAP[..., np.newaxis], [120, 80, 40], [150, 200, 250]).astype(np.uint8),
+    "opacity": np.dstack([np.full((*HEAP.shape, 3), 90), np.where(HEAP, 255, 0)]).astype(np.uint8),
+    "sixteen bits": np.where(HEAP, 9000, 52000).astype(np.uint16),
+}
 
 
-def test_colour_opacity_and_sixteen_bits_are_read(tmp_path):
-    heap = covered(30.0, 30.0)
-    brown, sky = np.array([120, 80, 40]), np.array([150, 200, 250])
-    pictures = {
-        "colour.png": np.where(heap[..., np.newaxis], brown, sky).astype(np.uint8),
-        "opacity.png": np.dstack([np.full((*heap.shape, 3), 90), np.where(heap, 255, 0)]).astype(np.uint8),
-        "sixteen.png": np.where(heap, 9000, 52000).astype(np.uint16),
-    }
-    for name, picture in pictures.items():
-        imageio.imwrite(tmp_path / name, picture)
-        assert measure_photograph(tmp_path / name)["value"] == pytest.approx(30.0, abs=pixel_error(30.0)), (
-            name
-        )
+@pytest.mark.parametrize("kind", CODED)
+def test_colour_opacity_and_sixteen_bits_are_read(tmp_path, kind):
+    imageio.imwrite(tmp_path / "heap.png", CODED[kind])
+    found = measure_photograph(tmp_path / "heap.png")["value"]
+    assert found == pytest.approx(30.0, abs=pixel_error(30.0))
 
 
-def test_a_telephone_held_sideways_is_turned_upright(tmp_path):
+def test_a_telephone_held_sideways_is_turned_upright_and_the_difference_of_its_flanks_is_their_sd(tmp_path):
     upright = (np.where(covered(35.0, 27.0), 0.2, 0.9) * 255).astype(np.uint8)
     exif = Image.Exif()
     exif[0x0112] = 6  # orientation: turn by 90 deg clockwise to see it upright
     Image.fromarray(np.rot90(upright)).save(tmp_path / "sideways.jpg", exif=exif)
-    details = measure_photograph(tmp_path / "sideways.jpg")["details"]
-    assert details["left"] == pytest.approx(35.0, abs=pixel_error(35.0, 2.0))
-    assert details["right"] == pytest.approx(27.0, abs=pixel_error(27.0, 2.0))
+    record = measure_photograph(tmp_path / "sideways.jpg")
+    assert record["details"]["left"] == pytest.approx(35.0, abs=pixel_error(35.0, 2.0))
+    assert record["details"]["right"] == pytest.approx(27.0, abs=pixel_error(27.0, 2.0))
+    assert record["sd"] == pytest.approx(4.0, abs=pixel_error(31.0, 2.0))
 
 
-def taken(path, angle=34.0, tilt=0.0, noise=0.0, light=0.0, shadow=0.0, half=200.0):
+def taken(path, angle=34.0, tilt=0.0, noise=0.0, light=0.0, shadow=0.0):
     """Photograph by a tilted camera, in light that falls off to the right, with a shadow."""
-    row, column = np.mgrid[0:ROWS, 0:COLUMNS] + 0.5
-    c, s = cos(radians(tilt)), sin(radians(tilt))
-    across = (column - COLUMNS / 2) * c + (row - BASE + 30) * s
-    up = (column - COLUMNS / 2) * s - (row - BASE + 30) * c
-    top = half * tan(radians(angle))
-    heap = (up > 0.0) & (up < tan(radians(angle)) * (half - np.abs(across)))
-    grey = np.where(heap | (up <= 0.0), 0.25, 0.8)
-    cast = (across > 0.0) & (up > 0.0) & (up < top - tan(radians(12.0)) * across) & ~heap
-    grey = gaussian_filter(np.where(cast, grey - shadow, grey) + light * (0.5 - column / COLUMNS), 0.8)
+    heap, plate, across, up = standing(angle, plate="whole", tilt=tilt, half=200.0, base=BASE - 30)
+    grey = np.where(heap | plate, 0.25, 0.8)
+    cast = (across > 0.0) & (up > 0.0) & ~heap
+    cast &= up < 200.0 * tan(radians(angle)) - tan(radians(12.0)) * across
+    fading = light * (0.5 - np.arange(0.5, COLUMNS) / COLUMNS)
+    grey = gaussian_filter(np.where(cast, grey - shadow, grey) + fading, 0.8)
     grey = grey + np.random.default_rng(4).normal(0.0, noise, grey.shape) if noise else grey
     imageio.imwrite(path, (np.clip(grey, 0.0, 1.0) * 255).astype(np.uint8))
     return path
 
 
 @pytest.mark.parametrize(("angle", "tilt"), [(34.0, -8.0), (34.0, 1.0), (18.0, 4.0)])
-@pytest.mark.parametrize(
-    ("noise", "light"), [(0.0, 0.0), (0.08, 0.4)], ids=["clean", "noise and uneven light"]
-)
+@pytest.mark.parametrize(("noise", "light"), [(0.0, 0.0), (0.08, 0.4)])
 def test_a_tilted_photograph_is_turned_and_says_so(tmp_path, angle, tilt, noise, light):
     record = measure_photograph(taken(tmp_path / "heap.png", angle, tilt, noise, light))
     # a pixel at one end of the flanks, and of the base line across the picture
@@ -127,7 +126,7 @@ def test_a_tilted_photograph_is_turned_and_says_so(tmp_path, angle, tilt, noise,
     ("condition", "reason"),
     [
         ({"angle": 4.0}, "no heap|flatter than any heap"),
-        ({"shadow": 0.45}, "the flanks differ, 34 and 12 deg"),
+        ({"shadow": 0.45}, "34 and 12 deg"),
         ({"tilt": 28.0}, "not certain"),
     ],
 )
@@ -150,7 +149,7 @@ def test_what_was_detected_is_drawn_over_the_photograph(tmp_path):
 
 
 def test_a_crop_keeps_a_label_beside_the_heap_out(tmp_path):
-    picture = np.where(covered(28.0, 28.0), 0.2, 0.85)
+    picture = np.where(covered(28.0), 0.2, 0.85)
     picture[:, 600:] = 0.1
     picture[:200, 20:60] = 0.1
     imageio.imwrite(tmp_path / "label.png", (picture * 255).astype(np.uint8))
@@ -161,7 +160,7 @@ def test_a_crop_keeps_a_label_beside_the_heap_out(tmp_path):
 
 
 def test_a_truncated_cone_and_a_cut_heap_are_flagged(tmp_path):
-    picture = np.where(covered(35.0, 35.0), 40, 220).astype(np.uint8)
+    picture = np.where(covered(35.0), 40, 220).astype(np.uint8)
     picture[: BASE - 80] = 220
     imageio.imwrite(tmp_path / "flat.png", picture)
     assert measure_photograph(tmp_path / "flat.png")["details"]["flags"] == ["flat_top"]
@@ -198,38 +197,29 @@ NO_HEAPS = {
     "clouds": (blurred_noise(), "nothing stands out"),
     "plate": (half_dark(slice(150, None), slice(None)), "no heap"),
     "wall": (half_dark(slice(None), slice(150)), "no heap"),
+    "text": (None, "not a readable"),
+    "nothing": (None, "no such file"),
 }
 
 
-def test_what_shows_no_heap_is_bad_input_in_one_line(tmp_path):
-    files = {f"{name}.png": reason for name, (_, reason) in NO_HEAPS.items()}
-    for name, (picture, _) in NO_HEAPS.items():
-        imageio.imwrite(tmp_path / f"{name}.png", picture)
-    (tmp_path / "text.png").write_text("a heap")
-    for name, reason in (files | {"text.png": "not a readable", "nothing.png": "no such file"}).items():
-        with pytest.raises(BadInput, match=rf"{name}: .*{reason}") as refusal:
-            measure_photograph(tmp_path / name)
-        assert "\n" not in str(refusal.value)
-
-
-SIZE, LEVEL = (400, 600), 330  # px, of the binary pictures below, and the row of their base line
-
-
-def tilted_scene(tilt: float, plate: str, angle: float = 34.0, half: float = 190.0):
-    """Binary picture of a cone on a plate to the lower frame, on a strip, or on nothing."""
-    row, column = np.mgrid[0 : SIZE[0], 0 : SIZE[1]] + 0.5
-    c, s = cos(radians(tilt)), sin(radians(tilt))
-    across = (column - 0.5 * SIZE[1]) * c + (row - LEVEL) * s
-    up = (column - 0.5 * SIZE[1]) * s - (row - LEVEL) * c
-    heap = (up > 0.0) & (up < tan(radians(angle)) * (half - np.abs(across)))
-    return heap | {"whole": up <= 0.0, "strip": (up <= 0.0) & (up > -15.0), "none": False}[plate]
+@pytest.mark.parametrize("name", NO_HEAPS)
+def test_what_shows_no_heap_is_bad_input_in_one_line(tmp_path, name):
+    picture, reason = NO_HEAPS[name]
+    path = tmp_path / f"{name}.png"
+    if name == "text":
+        path.write_text("a heap")
+    elif name != "nothing":
+        imageio.imwrite(path, picture)
+    with pytest.raises(BadInput, match=rf"{name}\.png: .*{reason}") as refusal:
+        measure_photograph(path)
+    assert "\n" not in str(refusal.value)
 
 
 @pytest.mark.parametrize("plate", ["whole", "strip", "none"])
 @pytest.mark.parametrize("angle", [12.0, 34.0])
 def test_the_tilt_of_the_base_line_is_found(plate, angle):
     for tilt in (-12.0, -3.0, 0.0, 0.7, 6.0):
-        found = find_base_line(tilted_scene(tilt, plate, angle))
+        found = find_base_line(covered(angle, plate=plate, tilt=tilt, half=190.0, base=LEVEL))
         # the ends of a line through 100 columns or more are known to half a pixel: 0.3 deg at worst
         assert found.tilt == pytest.approx(tilt, abs=0.3)
         assert found.row == pytest.approx(LEVEL, abs=3.0)

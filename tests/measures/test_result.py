@@ -10,20 +10,17 @@ def angle(value, sd=nan, **more):
     return Measurement("repose_angle", value, sd, "deg", **more)
 
 
-def test_the_pooled_sd_is_that_of_single_repeats():
-    pooled = pool([angle(30.0, 0.1), angle(32.0, 0.1), angle(34.0, 0.1)])
+def test_repeats_are_pooled_with_the_sd_of_single_ones_and_their_flags_are_counted():
+    flagged = angle(34.0, 0.1, details={"flags": ["curved"]})
+    pooled = pool([angle(30.0, 0.1), angle(32.0, 0.1, details={"flags": []}), flagged])
     assert (pooled.value, pooled.sd, pooled.n, pooled.unit) == (32.0, 2.0, 3, "deg")
+    assert pooled.details["flags"] == {"curved": 1}
 
 
 def test_a_repeat_without_a_heap_is_left_out_and_told():
     pooled = pool([angle(30.0), no_measurement("repose_angle", "deg", "no grains"), angle(32.0)])
     assert (pooled.value, pooled.n) == (31.0, 2)
     assert pooled.notes == ("1 of 3 repeats gave no value", "no grains")
-
-
-def test_flags_of_repeats_are_counted():
-    pooled = pool([angle(30.0, details={"flags": ["curved"]}), angle(31.0, details={"flags": []})])
-    assert pooled.details["flags"] == {"curved": 1}
 
 
 def test_a_record_is_strict_json():

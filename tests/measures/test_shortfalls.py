@@ -1,10 +1,10 @@
 """Bounds of what a set-up needs for a measure: their tables, their closed forms, and when they speak."""
 
-from csv import DictReader
-from math import nan, radians, tan
+from math import nan
 from pathlib import Path
-from typing import Any
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from taichi_erosion.measures import shortfalls
@@ -16,24 +16,14 @@ FUNNEL_GRAIN = 2.795e-3  # m, volume median of the grains of scenes/funnel_repos
 COLUMN_GRAIN = 1.5e-3  # m
 
 
-def heaps(table: str, grain: float) -> list[dict[str, Any]]:
-    """Dry heaps of a table: grains, angle, rows on the flank, height over diameter."""
-    found: dict[tuple[str, str], dict[str, str]] = {}
-    counts: dict[tuple[str, str], int] = {}
-    with (DOE / table).open(encoding="utf-8", newline="") as file:
-        for row in DictReader(file):
-            found.setdefault((row["group"], row["label"]), {})[row["observable"]] = row["value"]
-            counts[row["group"], row["label"]] = int(row["grains"])
-    kept = []
-    for case, values in found.items():
-        if "adhesion" in case[0] or "energy" in case[0] or "grain size" in case[0]:
-            continue
-        height = float(values["pile_height"]) / grain
-        rows = shortfalls.flank_rows(height, 1.0)
-        angle = float(values["repose_angle"])
-        found_of = {"soil": case[0], "grains": counts[case], "angle": angle, "rows": rows, "height": height}
-        kept.append(found_of)
-    return kept
+def heaps(table: str, grain: float) -> pd.DataFrame:
+    """Dry heaps of a table: soil, grains, angle, rows on the flank, height over diameter."""
+    rows = pd.read_csv(DOE / table).rename(columns={"group": "soil"})
+    rows = rows[~rows["soil"].str.contains("adhesion|energy|grain size")]
+    cases = rows.pivot_table("value", ["soil", "label", "grains"], "observable", sort=False).reset_index()
+    height = cases["pile_height"] / grain
+    on_flank = [shortfalls.flank_rows(each, 1.0) for each in height]
+    return cases.rename(columns={"repose_angle": "angle"}).assign(rows=on_flank, height=height)
 
 
 FUNNELS = heaps("repose_sensitivity/results.csv", FUNNEL_GRAIN)
@@ -41,70 +31,64 @@ COLUMNS = heaps("heap_size/results.csv", COLUMN_GRAIN)
 
 
 def test_poured_heaps_of_too_few_rows_read_a_third_of_the_angle_of_the_largest():
-    largest = max(FUNNELS, key=lambda heap: heap["grains"])
-    small = [heap for heap in FUNNELS if heap["rows"] < shortfalls.LEAST_ROWS]
-    assert small
-    assert all(heap["angle"] < largest["angle"] / 3.0 for heap in small)
+    largest = FUNNELS.loc[FUNNELS["grains"].idxmax()]
+    small = FUNNELS[FUNNELS["rows"] < shortfalls.LEAST_ROWS]
+    assert len(small)
+    assert small["angle"].max() < largest["angle"] / 3.0
     assert largest["rows"] == pytest.approx(shortfalls.POURED_ROWS, rel=0.02)
 
 
 def test_columns_of_enough_rows_have_the_angle_of_the_largest_of_their_soil():
-    for soil in {heap["soil"] for heap in COLUMNS}:
-        heaps = [heap for heap in COLUMNS if heap["soil"] == soil]
-        largest = max(heaps, key=lambda heap: heap["grains"])
-        enough = [heap for heap in heaps if heap["rows"] >= shortfalls.COLUMN_ROWS]
-        fewer = [heap for heap in heaps if 3.0 < heap["rows"] < shortfalls.COLUMN_ROWS]
-        assert len(enough) >= 2
-        assert all(abs(heap["angle"] - largest["angle"]) < 1.25 for heap in enough)
-        assert all(1.5 < heap["angle"] - largest["angle"] < 3.5 for heap in fewer)
+    for _, heaps in COLUMNS.groupby("soil"):
+        excess = heaps["angle"] - heaps.loc[heaps["grains"].idxmax(), "angle"]
+        enough = heaps["rows"] >= shortfalls.COLUMN_ROWS
+        assert enough.sum() >= 2
+        assert (excess[enough].abs() < 1.25).all()
+        assert excess[~enough & (heaps["rows"] > 3.0)].between(1.5, 3.5).all()
 
 
-def test_no_heap_of_the_tables_needed_more_grains_than_the_estimate():
-    for heap in (*FUNNELS, *COLUMNS):
-        factor = heap["grains"] * tan(radians(heap["angle"])) ** 2 / heap["height"] ** 3
-        assert factor <= shortfalls.HEAP_FACTOR * 1.01  # the constant has two digits
+@pytest.mark.parametrize("heaps", [FUNNELS, COLUMNS], ids=["funnels", "columns"])
+def test_no_heap_of_the_tables_needed_more_grains_than_the_estimate(heaps):
+    factor = heaps["grains"] * np.tan(np.radians(heaps["angle"])) ** 2 / heaps["height"] ** 3
+    assert factor.max() <= shortfalls.HEAP_FACTOR * 1.01  # the constant has two digits
 
 
 def flags(found) -> list[tuple[str, bool]]:
     return [(each.flag, each.blocks) for each in found]
 
 
-def test_a_heap_is_told_its_size_by_its_rows_and_by_how_it_was_made():
-    assert flags(shortfalls.heap_shortfalls(1.4, 1000, True, 33.5, 11.0)) == [("small_heap", True)]
-    assert flags(shortfalls.heap_shortfalls(5.1, 3000, True, 33.5, 29.7)) == [("growing_angle", False)]
-    assert flags(shortfalls.heap_shortfalls(4.1, 3000, False, 33.5, 29.7)) == [("growing_angle", False)]
-    assert flags(shortfalls.heap_shortfalls(5.1, 3000, False, 33.5, 29.7)) == []
-    assert flags(shortfalls.heap_shortfalls(12.0, 40_000, True, 33.5, 36.0)) == []
+@pytest.mark.parametrize(
+    ("rows", "grains", "poured", "told"),
+    [
+        (1.4, 1000, True, [("small_heap", True)]),
+        (5.1, 3000, True, [("growing_angle", False)]),
+        (4.1, 3000, False, [("growing_angle", False)]),
+        (5.1, 3000, False, []),
+        (12.0, 40_000, True, []),
+    ],
+)
+def test_a_heap_is_told_its_size_by_its_rows_and_by_how_it_was_made(rows, grains, poured, told):
+    assert flags(shortfalls.heap_shortfalls(rows, grains, poured, 33.5, 30.0)) == told
 
 
 def test_heaps_of_the_tables_with_the_advised_grains_have_the_rows_that_were_lacking():
     checked = 0
     for heaps, poured in ((FUNNELS, True), (COLUMNS, False)):
-        for heap in heaps:
-            found = shortfalls.heap_shortfalls(heap["rows"], heap["grains"], poured, nan, heap["angle"])
-            for lacking in found:
-                larger = [h for h in heaps if h["soil"] == heap["soil"] and h["grains"] >= lacking.grains]
+        for heap in heaps.itertuples():
+            for lacking in shortfalls.heap_shortfalls(heap.rows, heap.grains, poured, nan, heap.angle):
+                larger = heaps[(heaps["soil"] == heap.soil) & (heaps["grains"] >= lacking.grains)]
                 checked += len(larger)
-                assert all(each["rows"] >= lacking.needed for each in larger), lacking
+                assert (larger["rows"] >= lacking.needed).all(), lacking
     assert checked >= 3
 
 
-def test_few_hops_are_told_and_no_hop_is_no_transport():
+def test_few_hops_and_few_beds_are_told_and_no_hop_is_no_transport():
     assert flags(shortfalls.hop_shortfalls(12)) == [("few_hops", False)]
     assert flags(shortfalls.hop_shortfalls(0)) == flags(shortfalls.hop_shortfalls(50)) == []
-
-
-def test_a_threshold_of_few_beds_is_told():
-    beds = [
-        Measurement("fluid_threshold", 0.3, 0.01, "m s-1", details={"low": 0.29 + k, "high": 0.31 + k})
-        for k in (0.0, 0.01, 0.02, 0.03, 0.04)
-    ]
-    assert flags(pool_beds(beds).shortfalls) == []
-    assert (
-        flags(pool_beds(beds[:2]).shortfalls)
-        == flags(pool_beds(beds[:1]).shortfalls)
-        == [("few_beds", False)]
-    )
+    ends = [{"low": 0.29 + 0.01 * k, "high": 0.31 + 0.01 * k} for k in range(5)]
+    beds = [Measurement("fluid_threshold", 0.3, 0.01, "m s-1", details=each) for each in ends]
+    for count, told in ((5, []), (2, [("few_beds", False)]), (1, [("few_beds", False)])):
+        assert flags(pool_beds(beds[:count]).shortfalls) == told
     assert flags(pool_beds([Measurement("flux", 1.0, 0.1, "kg m-1 s-1")]).shortfalls) == []
 
 

@@ -6,21 +6,17 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from taichi_erosion.measures.silhouette import (
-    Outline,
-    draw_silhouette,
-    fill_discs,
-    fit_flank,
-    fit_flanks,
-    largest_body,
-)
+from taichi_erosion.measures import silhouette
+
+COLUMNS = 400
+GRAIN = 8.0  # px
 
 
 def test_discs_are_drawn_as_a_pixel_by_pixel_search_finds_them():
     rng = np.random.default_rng(3)
     rows, columns = 40, 60
     discs = np.stack([rng.uniform(-5, 65, 50), rng.uniform(-5, 45, 50), rng.uniform(1, 6, 50)])
-    drawn = fill_discs(discs, (rows, columns))
+    drawn = silhouette.fill_discs(discs, (rows, columns))
     across, up = np.arange(columns) + 0.5, np.arange(rows) + 0.5
     x, y, r = (row[:, np.newaxis, np.newaxis] for row in discs)
     distance = np.abs(up[:, np.newaxis] - y) - np.sqrt(np.clip(r**2 - (across - x) ** 2, 0, None))
@@ -33,7 +29,7 @@ def test_discs_are_drawn_as_a_pixel_by_pixel_search_finds_them():
 def test_a_sphere_casts_a_disc_of_its_radius_wherever_the_camera_stands():
     position, radius, diameter = np.array([[3e-3, -4e-3, 2e-3]]), np.array([1e-3]), 2e-3
     for azimuth in (0.0, 0.7, 2.0):
-        picture = draw_silhouette(position, radius, azimuth, 0.0, diameter)
+        picture = silhouette.draw_silhouette(position, radius, azimuth, 0.0, diameter)
         covered = np.flatnonzero(picture.image.any(axis=0))
         middle = picture.left + (covered.mean() + 0.5) * picture.pixel
         assert middle == pytest.approx(3e-3 * cos(azimuth) - 4e-3 * sin(azimuth), abs=picture.pixel)
@@ -44,7 +40,7 @@ def test_a_sphere_casts_a_disc_of_its_radius_wherever_the_camera_stands():
 def test_one_distant_runaway_does_not_coarsen_the_picture():
     rng = np.random.default_rng(4)
     heap = np.vstack([rng.uniform(-0.01, 0.01, (500, 3)), [[50.0, 0.0, 1e-3]]])
-    picture = draw_silhouette(heap, np.full(501, 1e-3), 0.0, 0.0, 2e-3)
+    picture = silhouette.draw_silhouette(heap, np.full(501, 1e-3), 0.0, 0.0, 2e-3)
     assert picture.pixel == pytest.approx(2e-3 / 8)
     assert picture.image.shape[1] * picture.pixel < 0.06
 
@@ -54,13 +50,9 @@ def test_detached_specks_vanish_and_holes_close():
     image[8:20, 5:20] = True
     image[12:15, 9:12] = False
     image[2:4, 24:26] = True
-    body = largest_body(image)
+    body = silhouette.largest_body(image)
     assert body[12:15, 9:12].all()
     assert not body[2:4, 24:26].any()
-
-
-COLUMNS = 400
-GRAIN = 8.0  # px
 
 
 def grainy(correlation, rng):
@@ -73,7 +65,9 @@ def grainy(correlation, rng):
 def test_the_errors_hold_where_neighbouring_columns_show_the_same_grain(correlation):
     rng = np.random.default_rng(10)
     distance = np.arange(COLUMNS) + 0.5
-    flanks = [fit_flank(distance, 200.0 - 0.4 * distance + grainy(correlation, rng)) for _ in range(300)]
+    flanks = [
+        silhouette.fit_flank(distance, 200.0 - 0.4 * distance + grainy(correlation, rng)) for _ in range(300)
+    ]
     for fitted, claimed in (("angle", "error"), ("bend", "bend_error")):
         seen = np.std([getattr(flank, fitted) for flank in flanks])
         stated = np.mean([getattr(flank, claimed) for flank in flanks])
@@ -88,20 +82,18 @@ def roof(angle=30.0, half_width=200):
 
 
 def right_flank(position, height):
-    return fit_flanks(Outline(position, height, 1.0), GRAIN, 3 * GRAIN)[1]
+    return silhouette.fit_flanks(silhouette.Outline(position, height, 1.0), GRAIN, 3 * GRAIN)[1]
 
 
-def test_the_line_of_an_ideal_roof_is_exact():
-    left, right = fit_flanks(Outline(*roof(), 1.0), GRAIN, 3 * GRAIN)
+def test_the_line_of_an_ideal_roof_is_exact_and_ends_at_a_gap_wider_than_a_grain():
+    left, right = silhouette.fit_flanks(silhouette.Outline(*roof(), 1.0), GRAIN, 3 * GRAIN)
     for flank in (left, right):
         assert flank.angle == pytest.approx(30.0, abs=1e-9)
         assert flank.apex == pytest.approx(200.0 * tan(radians(30.0)))
         assert flank.residual == pytest.approx(0.0, abs=1e-9)
         # 0.75 and 0.15 of the height lie at 0.25 and 0.85 of the half width
         assert (flank.start, flank.end) == pytest.approx((50.0, 170.0), abs=1.0)
-
-
-def test_a_gap_narrower_than_a_grain_does_not_end_the_flank():
+    # a gap narrower than a grain does not end the flank
     position, height = roof()
     narrow, wide = height.copy(), height.copy()
     narrow[(position > 100) & (position < 105)] = 0.0

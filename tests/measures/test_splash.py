@@ -52,18 +52,15 @@ def found(bouncers: int = 12, singles: int = 3) -> splash.Splash:
     return splash.splash(frames([*twice, *once, []]), PATCH, GRAVITY)
 
 
-def test_landings_of_known_hops_are_rebounds_or_catches():
+def test_landings_of_known_hops_are_rebounds_or_catches_with_the_speeds_of_the_throws():
     landed = found()
     # each of 12 grains lands twice and bounces once, each of 3 lands once; all 15 were thrown out of the bed
     assert len(landed.impacts) == 27
     assert splash.rebound_share(landed).value == pytest.approx(12 / 27)
     assert splash.ejecta_share(landed).value == pytest.approx(15 / 27)
-
-
-def test_speeds_at_the_bed_are_those_of_the_throw_whatever_the_moment_of_the_frame():
     (up, ahead), (up_after, ahead_after) = HOPS
-    speed = splash.rebound_speed(found())
-    # without drag a throw is exact
+    speed = splash.rebound_speed(landed)
+    # without drag a throw is exact, whatever the moment of the frame
     assert speed.value == pytest.approx(hypot(up_after, ahead_after) / hypot(up, ahead), rel=1e-9)
     assert speed.details["impact_speed"] == pytest.approx(hypot(up, ahead), rel=1e-9)
     assert speed.details["rebound_angle"] == pytest.approx(degrees(atan2(up_after, ahead_after)), rel=1e-9)

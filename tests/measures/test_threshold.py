@@ -58,13 +58,6 @@ def test_lines_of_several_beds_are_pooled_by_their_mean_for_they_bound_nothing()
     # the middle of a bracket is its geometric mean: half of 0.02^2 / 0.16 below
     assert pooled.value == pytest.approx(0.16, rel=0.01)
     assert pooled.sd == pytest.approx(0.01, rel=0.02), "beds differ, though all brackets overlap"
-    assert extrapolated("impact_threshold_linear", None).n == 0
-
-
-def test_impact_over_fluid_threshold():
-    both = ratio("threshold_ratio", Bracket(0.19, 0.21), Bracket(0.24, 0.26))
-    assert both.value == pytest.approx(0.8, rel=0.01)
-    assert ratio("threshold_ratio", None, Bracket(0.24, 0.26)).n == 0
 
 
 def test_the_line_of_flux_against_stress_ends_at_the_threshold_within_its_own_error():
@@ -79,28 +72,24 @@ def test_the_line_of_flux_against_stress_ends_at_the_threshold_within_its_own_er
     assert 0.52 < inside / 200 < 0.74
 
 
-def test_a_line_needs_four_winds_that_blow_and_a_threshold():
+def test_what_has_no_value_has_none():
+    fluid = Bracket(0.24, 0.26)
+    assert ratio("threshold_ratio", Bracket(0.19, 0.21), fluid).value == pytest.approx(0.8, rel=0.01)
+    assert ratio("threshold_ratio", None, fluid).n == 0
+    assert extrapolated("impact_threshold_linear", None).n == 0
+    # a line needs four winds that blow, and a threshold
     tail = [(0.5, 1.0), (0.4, 0.6), (0.3, 0.3), (0.25, 0.01), (0.2, 0.001)]
-    assert flux_intercept(tail) is None
-    assert flux_intercept([(u, u**2) for u in (0.5, 0.4, 0.3, 0.2)]) is None
-    assert flux_intercept([]) is None
+    for winds in (tail, [(u, u**2) for u in (0.5, 0.4, 0.3, 0.2)], []):
+        assert flux_intercept(winds) is None
 
 
-@pytest.mark.parametrize(
-    ("speed", "diameter", "friction"),
-    [
-        (6.3, 0.1e-3, 0.239),
-        (6.3, 0.25e-3, 0.248),
-        (6.3, 0.5e-3, 0.258),
-        (6.9, 0.25e-3, 0.271),
-        (6.9, 2e-3, 0.321),
-    ],
-)
-def test_the_speed_over_a_flat_plate_is_that_of_the_textbook_seven_metres_from_its_edge(
-    speed: float, diameter: float, friction: float
-):
-    # friction velocities of the table are rounded to a millimetre per second
-    assert wind_speed(friction, Tunnel(7.0, diameter, 1.5e-5), PLATE) == pytest.approx(speed, rel=0.01)
+def test_the_speed_over_a_flat_plate_is_that_of_the_textbook_seven_metres_from_its_edge():
+    friction = {(6.3, 0.1): 0.239, (6.3, 0.25): 0.248, (6.3, 0.5): 0.258}
+    friction |= {(6.9, 0.25): 0.271, (6.9, 2.0): 0.321}
+    for (speed, millimetres), known in friction.items():
+        # friction velocities of the table are rounded to a millimetre per second
+        tunnel = Tunnel(7.0, 1e-3 * millimetres, 1.5e-5)
+        assert wind_speed(known, tunnel, PLATE) == pytest.approx(speed, rel=0.01)
 
 
 def test_the_speed_of_the_tunnel_is_that_of_the_simulated_working_section():
@@ -113,10 +102,8 @@ def test_the_speed_of_the_tunnel_is_that_of_the_simulated_working_section():
 
 def test_beds_share_the_uncertainty_of_the_map():
     tunnel = Tunnel(6.0, 0.25e-3, 1.5e-5)
-    repeats = [
-        tunnel_speed("threshold_wind_speed", Bracket(u - 0.005, u + 0.005), tunnel) for u in (0.28, 0.32)
-    ]
-    pooled = pool_beds(repeats)
+    brackets = Bracket(0.275, 0.285), Bracket(0.315, 0.325)
+    pooled = pool_beds([tunnel_speed("threshold_wind_speed", each, tunnel) for each in brackets])
     assert pooled.value == pytest.approx(wind_speed(0.299, tunnel), rel=0.01)
     # 5.6 % of u*, and a little more of the speed, which grows faster than u*
     assert 0.056 < pooled.details["shared_sd"] / pooled.value < 0.065

@@ -13,10 +13,8 @@ def flying(height: np.ndarray, speed: float) -> Snapshot:
     count = len(height)
     place = np.column_stack([np.zeros((count, 2)), height])
     velocity = np.tile([speed, 0.0, 0.0], (count, 1))
-    rank = np.arange(count, dtype=np.int32)
-    return Snapshot(
-        0.0, 0, place, velocity, 0.0 * place, np.full(count, 1e-4), np.full(count, 2e-8), rank, rank, 0
-    )
+    rank, one = np.arange(count, dtype=np.int32), np.ones(count)
+    return Snapshot(0.0, 0, place, velocity, 0.0 * place, 1e-4 * one, 2e-8 * one, rank, rank, 0)
 
 
 def test_flux_and_its_height_are_those_of_the_transport_that_was_made():

@@ -1,5 +1,8 @@
 """Recordings of a small heap under a falling grain, and readers of what they hold."""
 
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -38,27 +41,16 @@ def pyramid(levels: int = 8, radius: float = 1e-3) -> Floats:
 
 def heap_snapshot(frame: int = 0) -> Snapshot:
     """A pyramid at rest and, last in the table, one grain that falls on it from 40 mm."""
-    resting = pyramid()
-    time = frame * FRAME_TIME
+    resting, time = pyramid(), frame * FRAME_TIME
     position = np.concatenate([resting, [[0.0, 0.0, 0.04 - 0.5 * 9.81 * time**2]]])
-    velocity = np.zeros_like(position)
+    count, nothing = len(position), np.zeros_like(position)
+    velocity = nothing.copy()
     velocity[-1, 2] = -9.81 * time
-    count = len(position)
-    radius = np.linspace(0.9e-3, 1.1e-3, count)
-    return Snapshot(
-        time=time,
-        step=100 * frame,
-        position=position,
-        velocity=velocity,
-        spin=np.zeros_like(position),
-        radius=radius,
-        mass=np.full(count, 1e-5),
-        contacts=np.full(count, 6, dtype=np.int32),
-        ident=np.arange(count, dtype=np.int32),
-        waiting=0,
-        effect_state={"ageing.age": np.linspace(0.0, 1.0, count)},
-        force=np.tile([0.0, 0.0, -1e-5 * 9.81], (count, 1)),
-    )
+    radius, mass = np.linspace(0.9e-3, 1.1e-3, count), np.full(count, 1e-5)
+    contacts, ident = np.full(count, 6, dtype=np.int32), np.arange(count, dtype=np.int32)
+    columns = (position, velocity, nothing, radius, mass, contacts, ident)
+    age, force = np.linspace(0.0, 1.0, count), np.tile([0.0, 0.0, -1e-5 * 9.81], (count, 1))
+    return Snapshot(time, 100 * frame, *columns, 0, {"ageing.age": age}, force)
 
 
 def totals(frame: int) -> Totals:
@@ -94,14 +86,27 @@ def recorded(path: Path, header: RunHeader) -> Iterator[Recording]:
         close(recording)
 
 
-def record_heap(path: Path, frames: int = 5, kind: str = "repose") -> list[Snapshot]:
+def record_heap(path: Path) -> list[Snapshot]:
     """Write a recording of the heap and return what was written."""
-    snapshots = [heap_snapshot(frame) for frame in range(frames)]
-    with recorded(path, header(kind)) as recording:
+    snapshots = [heap_snapshot(frame) for frame in range(5)]
+    with recorded(path, header()) as recording:
         for frame, snapshot in enumerate(snapshots):
             log_frame(recording, snapshot, MOVING)
             log_totals(recording, totals(frame))
     return snapshots
+
+
+def write_elsewhere(program: str, *words: object) -> subprocess.CompletedProcess[str]:
+    """A program that records in a process of its own, and may import from the folder of these tests."""
+    places = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    return subprocess.run(
+        [sys.executable, "-c", program, *map(str, words)],
+        env=os.environ | {"PYTHONPATH": places},
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
 
 
 def moved(snapshot: Snapshot, grain: int, distance: float = 0.0, speed: float = 0.0) -> Snapshot:

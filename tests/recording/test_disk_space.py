@@ -1,16 +1,12 @@
 """A disk that is full, nearly full, or shared with another writer: what is kept, and what is said."""
 
-import os
 import shutil
-import subprocess
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from recorded_heaps import FLOOR, MOVING, heap_snapshot, recorded
+from recorded_heaps import FLOOR, MOVING, heap_snapshot, recorded, write_elsewhere
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import outputs
@@ -19,8 +15,6 @@ from taichi_erosion.recording.readback import read_grains
 from taichi_erosion.recording.stream import RunHeader, log_frame, open_recording
 
 HEADER = RunHeader("full", "a heap", "repose", "", np.full(205, 1e-3), (FLOOR,))
-PATIENCE = 300  # s until a program that does not end counts as hanging; the cores may be busy
-
 WRITER = """
 import resource, sys
 from pathlib import Path
@@ -44,19 +38,9 @@ except stream.BadInput as error:
 """
 
 
-def write_until_refused(path: Path, limit: int) -> subprocess.CompletedProcess[str]:
-    places = os.pathsep.join([str(Path(__file__).parent), *sys.path])
-    return subprocess.run(
-        [sys.executable, "-c", WRITER, str(limit), str(path)],
-        env=os.environ | {"PYTHONPATH": places},
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
-
-
-def assert_beginning_is_kept(ended: subprocess.CompletedProcess[str], path: Path) -> None:
+def write_until_refused(path: Path, limit: int) -> None:
+    """Record under a limit of the file's size [byte]; the refusal is told and the beginning kept."""
+    ended = write_elsewhere(WRITER, limit, path)
     told = [line for line in ended.stderr.splitlines() if line.startswith("told: ")]
     assert told == [f"told: {path}: cannot be written to its end; {path}.part holds the beginning"]
     assert not path.exists()
@@ -64,8 +48,7 @@ def assert_beginning_is_kept(ended: subprocess.CompletedProcess[str], path: Path
 
 
 def test_a_recording_that_may_not_grow_is_told_and_keeps_its_beginning(tmp_path: Path):
-    path = tmp_path / "heap.rrd"
-    assert_beginning_is_kept(write_until_refused(path, limit=120_000), path)
+    write_until_refused(tmp_path / "heap.rrd", limit=120_000)
 
 
 def test_a_nearly_full_disk_is_told_before_anything_is_recorded(tmp_path: Path, monkeypatch):
@@ -86,29 +69,14 @@ def test_two_runs_do_not_write_one_recording(tmp_path: Path):
         pass  # the right to write ends with the recording
 
 
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 120 kB."""
-    folder = tmp_path / "small"
-    folder.mkdir()
-    mounted = shutil.which("mount") and not subprocess.call(
-        ["mount", "-t", "tmpfs", "-o", "size=120k", "tmpfs", str(folder)], stderr=subprocess.DEVNULL
-    )
-    if not mounted:
-        pytest.skip("only an administrator can mount a disk")
-    yield folder
-    subprocess.check_call(["umount", "-l", str(folder)])
+def test_a_recording_on_a_full_disk_is_told_keeps_its_beginning_and_lets_the_program_end(mounted):
+    write_until_refused(mounted("size=120k") / "heap.rrd", limit=0)
 
 
-def test_a_recording_on_a_full_disk_is_told_keeps_its_beginning_and_lets_the_program_end(small_disk: Path):
-    path = small_disk / "heap.rrd"
-    assert_beginning_is_kept(write_until_refused(path, limit=0), path)
-
-
-def test_a_full_disk_leaves_the_checkpoint_before_and_nothing_beside_it(small_disk: Path):
-    path = small_disk / "run.npz"
+def test_a_full_disk_leaves_the_checkpoint_before_and_nothing_beside_it(mounted):
+    path = mounted("size=120k") / "run.npz"
     save_checkpoint(path, {"x": np.arange(10)}, {"scene_hash": "a"})
     with pytest.raises(BadInput, match=r"run\.npz: the checkpoint cannot be written \(No space left"):
         save_checkpoint(path, {"x": np.random.default_rng(1).random(100_000)}, {"scene_hash": "b"})
     assert load_checkpoint(path)[1] == {"scene_hash": "a"}
-    assert [entry.name for entry in small_disk.iterdir()] == ["run.npz"]
+    assert [entry.name for entry in path.parent.iterdir()] == ["run.npz"]

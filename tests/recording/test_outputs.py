@@ -11,18 +11,21 @@ from taichi_erosion.recording.outputs import refuse_foreign_outputs, unused_name
 SCENE = Path("scenes/heap.toml")
 
 
-def earlier_run(folder: Path, scene: Path = SCENE) -> Path:
+def earlier_run(folder: Path) -> Path:
     record = folder / "heap.rrd"
     record.write_bytes(b"RRF2\0taichi_erosion\0")
-    document = {"scene": str(scene), "versions": {"taichi_erosion": "1"}, "film": "elsewhere/heap.gif"}
+    document = {"scene": str(SCENE), "versions": {"taichi_erosion": "1"}, "film": "elsewhere/heap.gif"}
     record.with_suffix(".json").write_text(json.dumps(document))
     record.with_suffix(".gif").write_bytes(b"GIF")
     return record
 
 
-def test_an_earlier_run_of_the_scene_is_replaced(tmp_path):
-    refuse_foreign_outputs(earlier_run(tmp_path), SCENE)
+def test_an_earlier_run_of_the_scene_is_replaced_and_of_another_refused_with_its_name(tmp_path):
+    record = earlier_run(tmp_path)
+    refuse_foreign_outputs(record, SCENE)
     refuse_foreign_outputs(tmp_path / "new.rrd", SCENE)
+    with pytest.raises(BadInput, match=r"belongs to a run of scenes/heap\.toml"):
+        refuse_foreign_outputs(record, Path("scenes/drum.toml"))
 
 
 @pytest.mark.parametrize("suffix", [".rrd", ".json", ".png", ".gif"])
@@ -32,12 +35,6 @@ def test_a_file_that_no_run_wrote_is_refused_before_anything_is_simulated(tmp_pa
     with pytest.raises(BadInput, match=rf"heap\{suffix}: exists, and no run of scenes/heap\.toml wrote it"):
         refuse_foreign_outputs(tmp_path / "heap.rrd", SCENE)
     refuse_foreign_outputs(tmp_path / "heap.rrd", SCENE, force=True)
-
-
-def test_a_run_of_another_scene_is_refused_with_its_name(tmp_path):
-    record = earlier_run(tmp_path, Path("scenes/drum.toml"))
-    with pytest.raises(BadInput, match=r"belongs to a run of scenes/drum\.toml"):
-        refuse_foreign_outputs(record, SCENE)
 
 
 def test_sessions_count_their_recordings(tmp_path):

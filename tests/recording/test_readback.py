@@ -1,14 +1,11 @@
 """Recordings read back: whole ones, those of killed writers, damaged ones."""
 
-import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from recorded_heaps import MOVING, header, heap_snapshot, record_heap, recorded
+from recorded_heaps import MOVING, header, heap_snapshot, record_heap, recorded, write_elsewhere
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import part_path
@@ -28,17 +25,6 @@ for frame in range(30):
 {end}
 """
 DEATHS = {"SIGKILL": "os.kill(os.getpid(), signal.SIGKILL)", "os._exit": "os._exit(3)"}
-
-
-def kill_a_writer(path: Path, death: str) -> Path:
-    """Record 30 frames in a process that dies without a word; return what it left."""
-    paths = os.pathsep.join([str(Path(__file__).parent), str(Path(__file__).parents[2])])
-    environment = {**os.environ, "PYTHONPATH": paths}
-    command = [sys.executable, "-c", WRITER.format(end=DEATHS[death]), path]
-    code = subprocess.run(command, env=environment, check=False, timeout=600).returncode
-    assert code == (-signal.SIGKILL if death == "SIGKILL" else 3)
-    assert not path.exists()
-    return part_path(path)
 
 
 def test_grains_are_read_back_as_they_were_written_to_single_precision(tmp_path: Path):
@@ -61,8 +47,11 @@ def test_grains_are_read_back_as_they_were_written_to_single_precision(tmp_path:
 
 @pytest.mark.parametrize("death", DEATHS)
 def test_a_killed_run_leaves_everything_up_to_its_last_flush(tmp_path: Path, death: str):
-    part = kill_a_writer(tmp_path / "heap.rrd", death)
-    frames = read_grains(part)
+    path = tmp_path / "heap.rrd"
+    code = write_elsewhere(WRITER.format(end=DEATHS[death]), path).returncode
+    assert code == (-signal.SIGKILL if death == "SIGKILL" else 3)
+    assert not path.exists()
+    frames = read_grains(part_path(path))
     assert 25 <= len(frames) <= 30
     np.testing.assert_array_equal(frames[24].position, heap_snapshot(24).position.astype(np.float32))
 
@@ -86,34 +75,18 @@ def test_a_recording_cut_anywhere_is_read_up_to_the_cut(tmp_path: Path):
     assert read_grains(path) == []
 
 
-ERASED = 64  # bytes in the middle of a message: within compressed numbers, not within their description
-
-
-def largest_message(content: bytes) -> tuple[int, int]:
-    """First byte and length of what the longest message holds."""
-    found, place = (0, 0), HEADER_SIZE
-    while place + MESSAGE_HEAD.size <= len(content):
-        _, length = MESSAGE_HEAD.unpack_from(content, place)
-        place += MESSAGE_HEAD.size
-        if place + length <= len(content):
-            found = max(found, (place, length), key=lambda message: message[1])
-        place += length
-    return found
-
-
-@pytest.fixture
-def damaged(tmp_path: Path) -> Path:
-    """A whole recording in which a piece of one message reads zero."""
+def test_a_recording_damaged_within_is_refused_by_its_name(tmp_path: Path):
     path = tmp_path / "heap.rrd"
     record_heap(path)
-    content = bytearray(path.read_bytes())
-    first, length = largest_message(content)
-    middle = first + length // 2
-    content[middle : middle + ERASED] = bytes(ERASED)
+    content, place, messages = bytearray(path.read_bytes()), HEADER_SIZE, []
+    while place + MESSAGE_HEAD.size <= len(content):
+        length = MESSAGE_HEAD.unpack_from(content, place)[1]
+        place += MESSAGE_HEAD.size
+        messages += [(length, place)] if place + length <= len(content) else []
+        place += length
+    length, first = max(messages)
+    middle, erased = first + length // 2, 64  # bytes within compressed numbers, not their description
+    content[middle : middle + erased] = bytes(erased)
     path.write_bytes(content)
-    return path
-
-
-def test_a_recording_damaged_within_is_refused_by_its_name(damaged: Path):
     with pytest.raises(BadInput, match=r"heap\.rrd: the recording is damaged \(.+\)$"):
-        read_grains(damaged)
+        read_grains(path)

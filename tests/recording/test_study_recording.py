@@ -22,12 +22,10 @@ def study(folder: Path, runs: int) -> Path:
     for number in range(runs):
         record_heap(folder / f"{number}.rrd")
         settings = {"friction": 0.1 * number, "angle": 30.0}
-        shown.append(
-            RecordedRun(f"confirm-{number}", f"run {number}: 30 deg", folder / f"{number}.rrd", settings)
-        )
-    page = StudyPage(
-        "A study", "# Found\n\nIt fits.", "| run |\n| :-- |\n| 1 |\n", {"effects": FIGURE}, shown
-    )
+        name, title = f"confirm-{number}", f"run {number}: 30 deg"
+        shown.append(RecordedRun(name, title, folder / f"{number}.rrd", settings))
+    table = "| run |\n| :-- |\n| 1 |\n"
+    page = StudyPage("A study", "# Found\n\nIt fits.", table, {"effects": FIGURE}, shown)
     return record_study(folder / "study.rrd", page)
 
 

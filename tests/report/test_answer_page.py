@@ -6,14 +6,19 @@ from html import unescape
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from ten_records import VOC, adopted, group, mechanism, null, single, typo
 
 from taichi_erosion.evidence.race.record import Interval, NumberPart, RowsPart
-from taichi_erosion.report.answer_page import AnswerPage, answer_page, html_page
+from taichi_erosion.report.answer_figures import marked
+from taichi_erosion.report.answer_page import answer_page, html_page
 from tests.report.browser import assert_readable
 
 HOME = Path("/home/somebody/soils")
+NARROW = {
+    "k": NumberPart(0.1, Interval(0.0981, 0.0974, 0.0988), Interval(0.0972, 0.0966, 0.0977), 0.02, False)
+}
 
 
 def many_rows() -> RowsPart:
@@ -27,9 +32,6 @@ def many_rows() -> RowsPart:
     return RowsPart(("repose_angle",) * 30, conditions, measured, measured, measured, sd, before, after)
 
 
-NARROW = {
-    "k": NumberPart(0.1, Interval(0.0981, 0.0974, 0.0988), Interval(0.0972, 0.0966, 0.0977), 0.02, False)
-}
 PAGES = {
     "adopted": {"compare": adopted, "discover": adopted, "adopt": adopted, "next": group},
     "group": {"discover": replace(group, rows=many_rows(), numbers=NARROW), "next": group},
@@ -43,15 +45,10 @@ PAGES = {
 def pages(tmp_path_factory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
     voc = replace(VOC, study=str(HOME / "lab.toml"), results=str(HOME / VOC.results))
-    return {
-        name: written(folder / f"{name}.html", answer_page("Heaps", records, voc))
-        for name, records in PAGES.items()
-    }
-
-
-def written(file: Path, page: AnswerPage) -> Path:
-    file.write_text(html_page(page), "utf-8")
-    return file
+    files = {name: folder / f"{name}.html" for name in PAGES}
+    for name, records in PAGES.items():
+        files[name].write_text(html_page(answer_page("Heaps", records, voc)), "utf-8")
+    return files
 
 
 def lead(page: Path) -> list[str]:
@@ -59,26 +56,29 @@ def lead(page: Path) -> list[str]:
 
 
 def test_the_first_sentence_is_what_was_found(pages):
-    assert lead(pages["law"])[0].startswith(
-        "Missing: a factor of rolling friction (rolling_friction) with the law"
-    )
-    assert "(moisture / 5 %)^1.2" in lead(pages["law"])[0]
-    assert lead(pages["adopted"])[0].startswith(
-        "Missing: capillary bridges between moist grains (liquid_bridge)"
-    )
-    assert lead(pages["compared"])[0].startswith("The calibrated model fails")
-    check, found = lead(pages["typo"])[:2]
-    assert check.startswith("Check row 17 first")
-    assert found.startswith("No missing effect is seen")
+    for name, *said in (
+        ("law", "Missing:", "(rolling_friction) with the law", "(moisture / 5 %)^1.2"),
+        ("adopted", "Missing:", "(liquid_bridge)"),
+        ("compared", "The calibrated model fails"),
+        ("typo", "Check row 17 first"),
+    ):
+        assert lead(pages[name])[0].startswith(said[0])
+        assert all(words in lead(pages[name])[0] for words in said)
+    assert lead(pages["typo"])[1].startswith("No missing effect is seen")
 
 
-def test_missing_holding_and_next_stand_in_this_order_and_the_method_last(pages):
+def test_a_page_stands_alone_with_missing_holding_and_next_in_this_order_and_the_method_last(pages):
     for page in pages.values():
         titles = re.findall("<h2>(.*?)</h2>", page.read_text("utf-8"))
         assert titles == ["What is missing", "Does it hold", "What next", "Methods"]
         method = page.read_text("utf-8").partition("<h2>Methods</h2>")[2]
         assert method.count("<p>") == 4
         assert "&tau;<sub>b</sub>" in method
+        text = page.read_text("utf-8")
+        assert str(HOME) not in text, "no folder of the machine"
+        assert str(page.parent) not in text
+        assert not re.search(r'(?:src|href)="(?!#|data:)', text), "no other file"
+        assert not re.search(r"\bnan\b", text)
 
 
 def test_every_figure_that_the_record_allows_is_there(pages):
@@ -89,15 +89,6 @@ def test_every_figure_that_the_record_allows_is_there(pages):
     assert drawn("adopted") == {"rows", "posterior", "strengths", "ladder", "numbers"}
     assert drawn("typo") == {"rows", "posterior", "strengths", "numbers"}
     assert drawn("compared") == {"rows", "ladder", "numbers"}
-
-
-def test_a_page_names_no_folder_of_the_machine_and_no_other_file(pages):
-    for page in pages.values():
-        text = page.read_text("utf-8")
-        assert str(HOME) not in text
-        assert str(page.parent) not in text
-        assert not re.search(r'(?:src|href)="(?!#|data:)', text)
-        assert not re.search(r"\bnan\b", text)
 
 
 def test_headline_and_marked_rows_of_the_table_name_the_same(pages):
@@ -120,3 +111,11 @@ def test_every_row_tells_what_was_measured_and_what_both_models_say(pages):
 
 def test_a_browser_shows_every_page_on_a_desk_and_on_a_phone(pages, tmp_path):
     assert_readable(pages, tmp_path)
+
+
+def test_limits_are_marked_by_the_side_on_which_the_value_lies():
+    limit = ["below", "", "above", "between", "", ""]
+    points = pd.DataFrame({"measured": [20.0, 22.0, 25.0, 27.0, 30.0, 33.0], "limit": limit})
+    found = {kind: own["measured"].to_list() for kind, own in marked(points)}
+    assert found == {"": [22.0, 30.0, 33.0], "below": [20.0], "above": [25.0], "between": [27.0]}
+    assert list(found)[-1] == ""  # drawn last, above the others

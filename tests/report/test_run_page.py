@@ -12,8 +12,6 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.report import write_report
 from tests.report.browser import assert_readable
 
-OUTSIDE = re.compile(r"""(?:src|href)=["'](?!data:|#)""")
-
 
 def measure(value: float | None, sd: float | None, count: int) -> dict:
     return {"name": "repose_angle", "value": value, "sd": sd, "unit": "deg", "n": count, "notes": []}
@@ -61,7 +59,7 @@ def test_pictures_of_the_run_are_inside_the_page(tmp_path):
     run = written(tmp_path, silhouettes="recordings/heap.png", film="recordings/gone.gif")
     page = page_of(run)
     assert page.count("data:image/png;base64,") == 1
-    assert not OUTSIDE.search(page)
+    assert not re.search(r"""(?:src|href)=["'](?!data:|#)""", page)
 
 
 def test_words_of_a_run_cannot_become_part_of_the_page(tmp_path):
@@ -71,29 +69,20 @@ def test_words_of_a_run_cannot_become_part_of_the_page(tmp_path):
     assert "flank &lt;not&gt; straight" in page
 
 
-def test_a_recording_leads_to_the_document_beside_it(tmp_path):
-    written(tmp_path)
-    assert "A heap" in page_of(tmp_path / "heap.rrd")
-
-
-def test_a_measure_without_a_value_is_told(tmp_path):
-    page = page_of(written(tmp_path, measures={"repose_angle": measure(None, None, 0)}))
+def test_a_measure_without_a_value_is_told_and_a_recording_leads_to_the_document_beside_it(tmp_path):
+    written(tmp_path, measures={"repose_angle": measure(None, None, 0)})
+    page = page_of(tmp_path / "heap.rrd")
     assert "has no simulated value; 33 was measured" in page
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", "[1", '{"scene": "a"}', "\x00"])
 def test_what_is_no_document_of_a_run_is_told_in_one_line(text: str, tmp_path):
-    path = tmp_path / "run.json"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(BadInput, match="not the document of a run") as refused:
-        write_report(path)
-    assert "\n" not in str(refused.value)
-
-
-@pytest.mark.parametrize("name", ["gone.json", "gone.rrd", "gone.toml"])
-def test_a_file_that_is_not_there_is_told(name: str, tmp_path):
-    with pytest.raises(BadInput, match="no such"):
-        write_report(tmp_path / name)
+    (tmp_path / "run.json").write_text(text, encoding="utf-8")
+    refusals = {"run.json": "not the document of a run"}
+    for name, told in (refusals | dict.fromkeys(("gone.json", "gone.rrd", "gone.toml"), "no such")).items():
+        with pytest.raises(BadInput, match=told) as refused:
+            write_report(tmp_path / name)
+        assert "\n" not in str(refused.value)
 
 
 def test_a_browser_shows_the_page_on_a_desk_and_on_a_phone(tmp_path):

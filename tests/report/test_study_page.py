@@ -48,9 +48,6 @@ def test_the_first_screen_says_what_was_found(stages):
     for name in ("discover", "next", "adopt"):
         assert "Missing: capillary bridges between moist grains (liquid_bridge)" in first_screen(stages[name])
     assert "The error falls with liquid_bridge" in stages["adopt"].read_text("utf-8")
-
-
-def test_a_page_names_no_folder_of_the_machine(stages):
     for page in stages.values():
         assert str(page.parent) not in page.read_text("utf-8")
 
@@ -94,13 +91,8 @@ def test_a_recording_holds_the_lines_the_tables_and_the_figures(study):
     chunks = read_chunks(write_recording(study))
     entities = {str(chunk.entity_path) for chunk in chunks}
     figures = {each.removeprefix("/figures/") for each in entities if each.startswith("/figures/")}
-    assert {re.sub(r"\d+$", "", name) for name in figures} == {
-        "rows",
-        "posterior",
-        "strengths",
-        "ladder",
-        "numbers",
-    }
+    drawn = {"rows", "posterior", "strengths", "ladder", "numbers"}
+    assert {re.sub(r"\d+$", "", name) for name in figures} == drawn
     assert {"/summary", "/table"} <= entities
 
 

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tomllib
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -16,36 +17,27 @@ WET = (
     "effects.liquid_bridge.wet_fraction=0.5",
 )
 TAPPED = ("effects.packing_preparation.strength=1",)
-SCENE: dict[str, Any] = {
-    "scene": {"kind": "repose", "title": "few grains"},
-    "run": {"replicas": 2, "seed": 3},
-    "grains": {"count": 30, "material": "soil", "size": {"law": "monodisperse", "diameter": 2e-3}},
-    "materials": {
-        "soil": {"density": 2130.0, "shear_modulus": 1e6, "poisson_ratio": 0.29},
-        "steel": {"density": 7850.0, "young_modulus": 2e9, "poisson_ratio": 0.3},
-    },
-    "laws": {"rolling": "elastic_plastic"},
-    "contact": {
-        "soil-soil": {"restitution": 0.4, "friction_sliding": 0.6, "friction_rolling": 0.3},
-        "soil-steel": {"restitution": 0.25, "friction_sliding": 0.4, "friction_rolling": 0.3},
-    },
-    "geometry": {
-        "plate": {"shape": "plane", "material": "steel"},
-        "tube": {"shape": "cylinder", "material": "steel", "radius": 6e-3, "length": 0.1},
-    },
-    "fill": {"law": "rain", "pitch_d": 1.2, "jitter_d": 0.05, "radius": 4.5e-3, "first_height": 2e-3},
-    "stages": [
-        {"name": "settle", "until": "time", "duration_max": 0.06},
-        {"name": "collapse", "until": "time", "duration_max": 0.06, "remove": ["tube"]},
-    ],
-    "measure": {
-        "column_height": {"stage": "settle", "plate": "plate"},
-        "pile_height": {"stage": "collapse", "plate": "plate"},
-        "runout_radius": {"stage": "collapse", "plate": "plate"},
-        "repose_angle": {"stage": "collapse", "plate": "plate"},
-    },
-    "record": {"every": 0.01},
-}
+SCENE: dict[str, Any] = tomllib.loads("""
+scene = { kind = "repose", title = "few grains" }
+run = { replicas = 2, seed = 3 }
+grains = { count = 30, material = "soil", size = { law = "monodisperse", diameter = 2e-3 } }
+materials.soil = { density = 2130.0, shear_modulus = 1e6, poisson_ratio = 0.29 }
+materials.steel = { density = 7850.0, young_modulus = 2e9, poisson_ratio = 0.3 }
+laws = { rolling = "elastic_plastic" }
+contact.soil-soil = { restitution = 0.4, friction_sliding = 0.6, friction_rolling = 0.3 }
+contact.soil-steel = { restitution = 0.25, friction_sliding = 0.4, friction_rolling = 0.3 }
+geometry.plate = { shape = "plane", material = "steel" }
+geometry.tube = { shape = "cylinder", material = "steel", radius = 6e-3, length = 0.1 }
+fill = { law = "rain", pitch_d = 1.2, jitter_d = 0.05, radius = 4.5e-3, first_height = 2e-3 }
+stages = [
+  { name = "settle", until = "time", duration_max = 0.06 },
+  { name = "collapse", until = "time", duration_max = 0.06, remove = ["tube"] },
+]
+measure.column_height = { stage = "settle", plate = "plate" }
+record = { every = 0.01 }
+""")
+for at_the_end in ("pile_height", "runout_radius", "repose_angle"):
+    SCENE["measure"][at_the_end] = {"stage": "collapse", "plate": "plate"}
 
 
 def write_scene(folder: Path, **sections: dict[str, Any]) -> Path:

@@ -6,12 +6,10 @@ import pytest
 from small_scene import write_scene
 
 from taichi_erosion.campaign.request import request_of, simulating
-from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.foreign_code import read_effect_files
 from taichi_erosion.run import ensemble
 from taichi_erosion.run.checks import library_of, read_scene
 from taichi_erosion.scene import scene_hash
-from taichi_erosion.simulation import effective_scene, prepare
+from taichi_erosion.simulation import prepare
 
 PULL = (Path(__file__).parents[1] / "effects" / "constant_pull.py").read_text(encoding="utf-8")
 ON = ("effects.constant_pull.strength=1.0",)
@@ -51,14 +49,3 @@ def test_a_worker_without_the_file_runs_the_text_that_was_hashed(scene, monkeypa
     assert scene_hash(part.scene) == hashed
     (acting,) = prepare(part.scene, 3, library_of(part.scene)).effects
     assert acting.effect.name == "constant_pull"
-
-
-def test_an_error_in_an_effect_is_told_in_one_line(tmp_path):
-    scene, file = write_scene(tmp_path), tmp_path / "slip.py"
-    file.write_text(PULL.replace("strength * params", "strength / 0.0 * params"), encoding="utf-8")
-    found = read_scene(scene, ON, read_effect_files([file]))
-    assert effective_scene(found, library_of(found)) is found
-    with pytest.raises(
-        BadInput, match=r"its constants failed \(slip\.py, line \d+\): ZeroDivisionError: float division"
-    ):
-        prepare(found, 1, library_of(found))

@@ -31,6 +31,8 @@ from taichi_erosion.run.threshold_search import ThresholdSearch, Trial
 from taichi_erosion.scene import load_scene, scene_hash
 
 OF_THIS_CALL = ("scene", "wall_s", "recording", "film", "silhouettes", "numerics")  # not of the physics
+WINDY = Path(__file__).parents[2] / "scenes" / "wind_threshold.toml"
+CUTS = {"ramp": 0.055, "hold": 0.1, "fall": 0.17}  # s, by the phase in which the first bed is then
 
 
 def fingerprint(document: dict[str, Any]) -> str:
@@ -85,10 +87,6 @@ def test_an_interrupted_run_names_its_checkpoint_which_goes_on_with_its_own_seed
     assert load_checkpoint(kept)[1]["checks"] == 1
     with pytest.raises(BadInput, match=r"cut\.checkpoint\.npz: holds seeds \[3, 4\], not \[8, 9\]"):
         run_scene(scene, RunOptions(threads=1, seed=8, no_record=True, resume=kept))
-
-
-WINDY = Path(__file__).parents[2] / "scenes" / "wind_threshold.toml"
-CUTS = {"ramp": 0.055, "hold": 0.1, "fall": 0.17}  # s, by the phase in which the first bed is then
 
 
 @pytest.fixture(scope="module")

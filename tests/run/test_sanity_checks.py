@@ -13,6 +13,13 @@ from taichi_erosion.run import sanity_checks
 from taichi_erosion.run.sanity_checks import count_failure, failure_message
 from taichi_erosion.simulation import assemble
 
+DAMAGES = [  # how a snapshot differs, and what is noticed
+    (lambda state: {}, None),
+    (lambda state: {"ident": np.where(state.ident == 7, 6, state.ident)}, Status.COUNT),
+    (lambda state: {"mass": 1.001 * state.mass}, Status.COUNT),
+    (lambda state: {"velocity": np.nan * state.velocity}, Status.NOT_FINITE),
+]
+
 
 @pytest.mark.parametrize(
     ("end", "words"),
@@ -30,27 +37,12 @@ def test_a_failure_is_told_in_one_line_with_place_time_and_cause(end, words):
     assert "\n" not in said
 
 
-def same(state):
-    return state
-
-
-def doubled(state):
-    return replace(state, ident=np.where(state.ident == 7, 6, state.ident))
-
-
-def heavier(state):
-    return replace(state, mass=1.001 * state.mass)
-
-
-def nowhere(state):
-    return replace(state, velocity=np.nan * state.velocity)
-
-
 def test_a_grain_that_is_missing_doubled_or_nowhere_is_noticed(monkeypatch):
     sim = assemble([heap(20, 1)], Laws(), Numerics("cpu", 1))
-    read, found = sanity_checks.snapshot, []
-    for damage in (same, doubled, heavier, nowhere):
-        monkeypatch.setattr(sanity_checks, "snapshot", lambda *place, change=damage: change(read(*place)))
+    state, found = sanity_checks.snapshot(sim, 0), []
+    for damage, _ in DAMAGES:
+        changed = replace(state, **damage(state))
+        monkeypatch.setattr(sanity_checks, "snapshot", lambda *place, changed=changed: changed)
         found.append(count_failure(sim, 0, 0.002))
     stop_device()
-    assert [end and end.status for end in found] == [None, Status.COUNT, Status.COUNT, Status.NOT_FINITE]
+    assert [end and end.status for end in found] == [status for _, status in DAMAGES]

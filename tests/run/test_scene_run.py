@@ -5,6 +5,7 @@ import os
 import random
 import signal
 import time
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from taichi_erosion.scene.shipped import SCENES
 
 DURATION = 0.12  # s, of both stages
 COLOURS = 3  # channels of a film
+ABSURD_STEP = {"time_step": 5e-3, "force_time_step": True}  # s, thirty Rayleigh times
 
 
 def test_a_run_leaves_document_recording_and_film(whole, folder):
@@ -32,7 +34,7 @@ def test_a_run_leaves_document_recording_and_film(whole, folder):
     assert np.ptp(frames) > 0  # something is drawn
 
 
-def test_the_document_holds_every_replica_and_the_pool(whole):
+def test_the_document_holds_every_replica_with_the_measures_of_its_stages_and_the_pool(whole):
     assert [replica["seed"] for replica in whole["replicas"]] == [3, 4]
     assert all(replica["stopped"] is None for replica in whole["replicas"])
     assert all(replica["time"] == pytest.approx(DURATION, rel=1e-3) for replica in whole["replicas"])
@@ -42,24 +44,11 @@ def test_the_document_holds_every_replica_and_the_pool(whole):
     assert pooled["value"] == pytest.approx(np.mean(heights), rel=1e-12)
     assert pooled["sd"] == pytest.approx(np.std(heights, ddof=1), rel=1e-9)
     assert pooled["n"] == 2
-
-
-def test_the_column_is_read_before_the_tube_goes_and_the_pile_after(whole):
+    # the column is read before the tube goes, the pile after
     for replica in whole["replicas"]:
         measures = replica["measures"]
         assert measures["column_height"]["value"] > measures["pile_height"]["value"] > 1e-3
         assert measures["runout_radius"]["value"] > 5e-3  # the tube has a radius of 6 mm, a grain one of 1 mm
-
-
-OVERLAPPING = {"law": "positions", "grains": [{"position": [0, 0, 2e-3]}, {"position": [0, 0, 3e-3]}]}
-ABSURD_STEP = {"time_step": 5e-3, "force_time_step": True}  # s, thirty Rayleigh times
-
-
-def test_grains_that_start_inside_each_other_are_refused_at_the_door(tmp_path, capsys):
-    scene = write_scene(tmp_path, grains={"count": 2}, fill=OVERLAPPING)
-    assert main(["run", str(scene), "--record", str(tmp_path / "kept.rrd")]) == ExitCode.BAD_INPUT
-    assert len(capsys.readouterr().err.strip().splitlines()) == 1
-    assert not (tmp_path / "kept.rrd").exists()
 
 
 def test_a_time_step_beyond_all_limits_is_stopped_with_one_sentence(tmp_path, capsys):
@@ -72,9 +61,7 @@ def test_a_time_step_beyond_all_limits_is_stopped_with_one_sentence(tmp_path, ca
     assert (tmp_path / "kept.rrd").stat().st_size > 0
 
 
-def test_an_output_folder_that_cannot_be_written_is_told_before_the_device_starts(
-    scene, unwritable, capsys, monkeypatch
-):
+def test_an_unwritable_folder_is_told_before_the_device_starts(scene, unwritable, capsys, monkeypatch):
     monkeypatch.setattr("taichi_erosion.run.scene_run.assemble", lambda *_: pytest.fail("too late"))
     for option in ("--record", "--checkpoint"):
         record = ["--no-record"] if option == "--checkpoint" else []
@@ -85,20 +72,24 @@ def test_an_output_folder_that_cannot_be_written_is_told_before_the_device_start
 
 
 @pytest.mark.parametrize(
-    ("number", "end"),
-    [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit), (signal.SIGHUP, SystemExit)],
+    ("number", "before", "end"),
+    [
+        (signal.SIGINT, signal.SIG_DFL, pytest.raises(KeyboardInterrupt)),
+        (signal.SIGTERM, signal.SIG_DFL, pytest.raises(SystemExit)),
+        (signal.SIGHUP, signal.SIG_DFL, pytest.raises(SystemExit)),
+        (signal.SIGHUP, signal.SIG_IGN, nullcontext()),  # a signal that was to be ignored stays ignored
+    ],
 )
-def test_a_signal_is_heard_at_the_next_check(number, end):
-    before = signal.signal(number, signal.SIG_DFL)  # the tests themselves may have been started to ignore it
+def test_a_signal_is_heard_at_the_next_check(number, before, end):
+    kept = signal.signal(number, before)
     try:
         with deferred_signals() as pending:
-            os.kill(os.getpid(), number)
-            done = True  # it has not struck in the middle of something
-            with pytest.raises(end):
+            os.kill(os.getpid(), number)  # it does not strike in the middle of something
+            with end:
                 pending.raise_pending()
-        assert done
+        assert signal.getsignal(number) == before
     finally:
-        signal.signal(number, before)
+        signal.signal(number, kept)
 
 
 @pytest.mark.slow
@@ -134,14 +125,3 @@ def test_auto_runs_on_the_cpu_what_the_device_refuses_and_warns_why(monkeypatch,
     assert ensemble.sim.numerics.arch == "cpu"
     (warning,) = ensemble.states[0].warnings
     assert warning.startswith("--arch auto: on the CPU, since one thread per grain has no grids of air")
-
-
-def test_a_signal_that_was_to_be_ignored_stays_ignored():
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    try:
-        with deferred_signals() as pending:
-            os.kill(os.getpid(), signal.SIGHUP)
-            pending.raise_pending()
-        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
-    finally:
-        signal.signal(signal.SIGHUP, before)

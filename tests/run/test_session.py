@@ -13,20 +13,9 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Motion
 from taichi_erosion.recording.readback import read_rows
 from taichi_erosion.recording.stream import close
+from taichi_erosion.run import session as live
 from taichi_erosion.run.observables import patch_of
 from taichi_erosion.run.recorder import present_walls, transport_values
-from taichi_erosion.run.session import (
-    measure_now,
-    next_stage,
-    open_session,
-    record_session,
-    restore,
-    run_for,
-    run_until_rest,
-    save,
-    set_entry,
-    step,
-)
 from taichi_erosion.simulation import friction_velocity, move_surface, snapshot
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -36,16 +25,16 @@ FEW = ("grains.count=60",)
 @pytest.fixture(scope="module")
 def opened():
     """A session whose kernels are compiled once, with its state at the beginning."""
-    session = open_session(SCENES / "column_collapse.toml", FEW)
-    save(session, "begin")
+    session = live.open_session(SCENES / "column_collapse.toml", FEW)
+    live.save(session, "begin")
     return session
 
 
 @pytest.fixture
 def session(opened):
     """The session at its beginning, as if it had just been opened."""
-    restore(opened, "begin")
-    save(opened, "begin")  # of the present buffers: an effect may have been built in
+    live.restore(opened, "begin")
+    live.save(opened, "begin")  # of the present buffers: an effect may have been built in
     for kept in (opened.history, opened.callbacks, opened.watched):
         kept.clear()
     for name in set(opened.saved) - {"begin"}:
@@ -54,23 +43,23 @@ def session(opened):
 
 
 def test_a_session_plays_the_scene_to_its_measured_end(session) -> None:
-    run_for(session, 0.01)
-    step(session, 3)
+    live.run_for(session, 0.01)
+    live.step(session, 3)
     assert session.time == pytest.approx(0.01 + 3 * session.time_step)
-    assert run_until_rest(session)
-    assert next_stage(session) == "collapse"
-    run_for(session, 0.2)
-    assert measure_now(session)["pile_height"].value > 0.0
+    assert live.run_until_rest(session)
+    assert live.next_stage(session) == "collapse"
+    live.run_for(session, 0.2)
+    assert live.measure_now(session)["pile_height"].value > 0.0
     with pytest.raises(BadInput, match="last one"):
-        next_stage(session)
+        live.next_stage(session)
 
 
 def test_gravity_that_is_turned_off_while_running_lets_grains_drift_and_compiles_nothing(session) -> None:
     world = session.sim.world
-    run_for(session, 2e-3)
-    assert set_entry(session, "gravity.magnitude", "0.0").endswith("at once")
+    live.run_for(session, 2e-3)
+    assert live.set_entry(session, "gravity.magnitude", "0.0").endswith("at once")
     before = snapshot(session.sim, 0)
-    run_for(session, 1e-3)
+    live.run_for(session, 1e-3)
     after = snapshot(session.sim, 0)
     free = (before.contacts == 0) & (after.contacts == 0)
     # a thousandth of a second of gravity would change the fall of a free grain by 1e-2 m/s
@@ -79,50 +68,50 @@ def test_gravity_that_is_turned_off_while_running_lets_grains_drift_and_compiles
 
 
 def test_going_back_restores_the_bits_and_the_parameters(session) -> None:
-    run_for(session, 5e-3)
-    save(session, "there")
-    run_for(session, 5e-3)
+    live.run_for(session, 5e-3)
+    live.save(session, "there")
+    live.run_for(session, 5e-3)
     once = snapshot(session.sim, 0).position
-    set_entry(session, "contact.grain-grain.friction_sliding", "0.0")
-    restore(session, "there")
+    live.set_entry(session, "contact.grain-grain.friction_sliding", "0.0")
+    live.restore(session, "there")
     assert session.scene.contact["grain-grain"].friction_sliding == 0.55
-    run_for(session, 5e-3)
+    live.run_for(session, 5e-3)
     assert np.array_equal(snapshot(session.sim, 0).position, once)
 
 
 def test_entries_that_are_built_in_are_refused_with_what_may_change(session) -> None:
     with pytest.raises(BadInput, match=r"grains is fixed.*live are contact, gravity"):
-        set_entry(session, "grains.count", "61")
+        live.set_entry(session, "grains.count", "61")
     with pytest.raises(BadInput, match="friction_sliding"):
-        set_entry(session, "contact.grain-grain.friction_sliding", "-1.0")
+        live.set_entry(session, "contact.grain-grain.friction_sliding", "-1.0")
     assert session.scene.contact["grain-grain"].friction_sliding == 0.55
 
 
 def test_an_effect_can_be_added_strengthened_and_taken_away(session) -> None:
-    run_for(session, 0.02)
-    assert "after building" in set_entry(session, "effects.dry_adhesion.strength", "1.0")
+    live.run_for(session, 0.02)
+    assert "after building" in live.set_entry(session, "effects.dry_adhesion.strength", "1.0")
     world = session.sim.world
-    assert set_entry(session, "effects.dry_adhesion.strength", "2.0").endswith("at once")
+    assert live.set_entry(session, "effects.dry_adhesion.strength", "2.0").endswith("at once")
     assert session.sim.world is world
-    assert set_entry(session, "effects.dry_adhesion.strength", "0.0").endswith("at once")
-    run_for(session, 1e-3)
+    assert live.set_entry(session, "effects.dry_adhesion.strength", "0.0").endswith("at once")
+    live.run_for(session, 1e-3)
 
 
 def test_the_recording_follows_walls_that_move_vanish_and_come_back(session, tmp_path: Path) -> None:
-    recorder = record_session(session, tmp_path / "walls.rrd")
-    run_for(session, 0.002)
-    save(session, "tube stands")
+    recorder = live.record_session(session, tmp_path / "walls.rrd")
+    live.run_for(session, 0.002)
+    live.save(session, "tube stands")
     move_surface(session.sim, 0, "tube", Motion((0.0, 0.0, 0.5), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
-    run_for(session, 0.006)
+    live.run_for(session, 0.006)
     (tube,) = [wall for wall in present_walls(recorder.walls, session.sim, 0) if wall.name == "tube"]
     before = next(wall for wall in recorder.walls if wall.name == "tube")
     rise = tube.vertices[:, 2] - before.vertices[:, 2]
     np.testing.assert_allclose(rise, 0.5 * 0.006, rtol=1e-6)  # time steps are in single precision
-    next_stage(session)
-    run_for(session, 0.006)
+    live.next_stage(session)
+    live.run_for(session, 0.006)
     assert "tube" not in {wall.name for wall in present_walls(recorder.walls, session.sim, 0)}
-    restore(session, "tube stands")
-    run_for(session, 0.006)
+    live.restore(session, "tube stands")
+    live.run_for(session, 0.006)
     path, entity = close(recorder.recording), "world/walls/tube"
     assert len(read_rows(path, entity, "Clear:is_recursive")) == 1
     assert len(read_rows(path, entity, "Mesh3D:vertex_positions")) > 1  # at the start, and back again
@@ -141,9 +130,7 @@ def read_input(session, monkeypatch, tmp_path: Path, lines: list[str], is_termin
     return tmp_path / "live.rrd"
 
 
-def test_a_piped_session_stops_at_the_first_mistake_and_keeps_the_recording(
-    session, tmp_path, monkeypatch, capsys
-) -> None:
+def test_a_piped_session_stops_at_a_mistake_and_keeps_its_recording(session, tmp_path, monkeypatch, capsys):
     orders = ["# begin", "run 0.002s", "status", "set nonsense 1", "run 0.002s"]
     with pytest.raises(BadInput, match="nonsense"):
         read_input(session, monkeypatch, tmp_path, orders, is_terminal=False)
@@ -154,9 +141,7 @@ def test_a_piped_session_stops_at_the_first_mistake_and_keeps_the_recording(
     assert (tmp_path / "live.rrd").exists()
 
 
-def test_a_session_on_a_terminal_completes_says_mistakes_and_goes_on(
-    session, tmp_path, monkeypatch, capsys
-) -> None:
+def test_a_session_on_a_terminal_completes_words_and_goes_on(session, tmp_path, monkeypatch, capsys):
     readline = pytest.importorskip("readline")
     orders = ["fly", "run 0.001s", "quit"]
     record = read_input(session, monkeypatch, tmp_path, orders, is_terminal=True)
@@ -169,13 +154,11 @@ def test_a_session_on_a_terminal_completes_says_mistakes_and_goes_on(
     assert complete("contact.grain-grain.friction_rol", 0) == "contact.grain-grain.friction_rolling"
 
 
-def test_watched_numbers_are_printed_with_units_and_kept_for_a_plot(
-    session, capsys, tmp_path, monkeypatch
-) -> None:
+def test_watched_numbers_are_printed_and_kept_for_a_plot(session, capsys, tmp_path, monkeypatch):
     assert prompt.execute(session, "watch kinetic_J pile_height") == "watching kinetic_J, pile_height"
     session.callbacks.append(prompt.Sampler())
     monkeypatch.setattr(prompt, "WATCH_INTERVAL", 3600.0)  # s
-    run_for(session, 3.0 * session.scene.run.check_interval)
+    live.run_for(session, 3.0 * session.scene.run.check_interval)
     (line,) = capsys.readouterr().out.splitlines()  # once an interval of wall time
     assert re.fullmatch(r"[\d.e-]+ s  kinetic_J [\d.e-]+ J  pile_height [\d.e-]+ m", line)
     assert len(session.samples) == 3, "what is kept for plots is kept at every check"
@@ -194,10 +177,10 @@ def test_watched_numbers_are_printed_with_units_and_kept_for_a_plot(
 def test_changed_entries_are_listed_against_the_file_and_a_saved_state(session) -> None:
     path = "contact.grain-grain.friction_rolling"
     assert "grains.count: " in prompt.execute(session, "diff"), "what --set changed is a difference too"
-    save(session, "before")
-    set_entry(session, path, "0.3")
+    live.save(session, "before")
+    live.set_entry(session, path, "0.3")
     assert prompt.execute(session, "diff before") == f"{path}: 0.12 -> 0.3"
-    save(session, "after")
+    live.save(session, "after")
     assert prompt.execute(session, "diff before after") == f"{path}: 0.12 -> 0.3"
     assert prompt.execute(session, "diff after before") == f"{path}: 0.3 -> 0.12"
     with pytest.raises(BadInput, match="did you mean before"):
@@ -219,14 +202,14 @@ def flux(session) -> float:
 
 
 def test_wind_that_is_raised_while_it_blows_carries_more_and_compiles_nothing(tmp_path: Path) -> None:
-    session = open_session(SCENES / "saltation.toml", SMALL_PATCH)  # ends the session of the tests above
-    recorder = record_session(session, tmp_path / "wind.rrd")
-    set_entry(session, "wind.friction_velocity", "0.05")  # far below the threshold of such sand
-    run_for(session, 0.004)
+    session = live.open_session(SCENES / "saltation.toml", SMALL_PATCH)  # ends the session of the tests above
+    recorder = live.record_session(session, tmp_path / "wind.rrd")
+    live.set_entry(session, "wind.friction_velocity", "0.05")  # far below the threshold of such sand
+    live.run_for(session, 0.004)
     world, calm = session.sim.world, flux(session)
-    assert set_entry(session, "wind.friction_velocity", "1.0").endswith("at once")
+    assert live.set_entry(session, "wind.friction_velocity", "1.0").endswith("at once")
     assert friction_velocity(session.sim, 0) == pytest.approx(1.0, rel=1e-6)  # kept in single precision
-    run_for(session, 0.004)
+    live.run_for(session, 0.004)
     assert session.sim.world is world
     # what moves in the calm are grains that still settle, which dies away; the wind pulls on
     assert flux(session) > 3.0 * abs(calm)

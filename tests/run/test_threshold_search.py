@@ -70,9 +70,8 @@ def test_where_transport_is_named_only_its_end_is_looked_for(scene: Scene):
     while (next_wind := NEXT_WIND[search.phase](search, search.trial.friction_velocity >= 0.1)) is not None:
         winds.append(next_wind)
         search.trial = trial(next_wind)
-        search.trials.append(
-            {"phase": "fall", "friction_velocity": next_wind, "flux": next_wind**2 - 0.09**2}
-        )
+        told = {"friction_velocity": next_wind, "flux": next_wind**2 - 0.09**2}
+        search.trials.append({"phase": "fall"} | told)
     assert winds == pytest.approx([0.2 * 0.95**k for k in range(1, len(winds) + 1)])
     assert set(search.found) == {"impact_threshold", "impact_threshold_linear"}
     assert search.found["impact_threshold"].low < 0.1 <= search.found["impact_threshold"].high
@@ -102,7 +101,7 @@ def test_a_grain_that_crosses_the_edge_of_the_patch_has_not_rolled(scene: Scene)
     assert search.trial.rolled.tolist() == [False, True]
 
 
-def test_a_bed_is_at_rest_early_only_in_a_steady_wind(scene: Scene):
+def test_a_bed_is_at_rest_early_only_in_a_steady_wind_and_moves_with_the_grains_asked_for(scene: Scene):
     search = ThresholdSearch(scene, {}, trial(0.2))
     search.phase, search.trial.largest_motion = "hold", 0.0
     half = 0.5 * scene.threshold.hold
@@ -111,9 +110,7 @@ def test_a_bed_is_at_rest_early_only_in_a_steady_wind(scene: Scene):
     assert trial_outcome(search, scene.threshold.hold, steady=False) is False
     search.trial.largest_motion = search.diameter
     assert trial_outcome(search, half, steady=True) is None
-
-
-def test_a_bed_moves_when_as_many_grains_left_as_are_asked_for(scene: Scene):
+    # it moves when as many grains left as are asked for
     search = ThresholdSearch(scene, {}, trial(0.2, grains=10))
     search.phase = "hold"
     search.trial.risen = np.arange(10) < search.grains_needed - 1

@@ -40,10 +40,7 @@ def test_a_scene_without_own_conditions_is_what_it_was():
     ("conditions", "line"),
     [
         ({"moistur": 0.1}, "conditions.moistur is unknown; did you mean 'moisture'?"),
-        (
-            {"root_densty": 0.1, "extra": EXTRA},
-            "conditions.root_densty is unknown; did you mean 'root_density'?",
-        ),
+        ({"root_densty": 0.1, "extra": EXTRA}, "root_densty is unknown; did you mean 'root_density'?"),
         ({"xyz": 0.1}, "a condition of your own: [conditions.extra] NAME = { unit = "),
         ({"extra": {"roots": {"unit": "kgs"}}}, "conditions.extra.roots.unit: 'kgs' is not a known unit"),
         ({"extra": {"roots": {"value": 1.0}}}, "conditions.extra.roots.unit is missing"),

@@ -12,10 +12,6 @@ from taichi_erosion.scene.load import MOST_FAULTS
 MISTAKES = list(wrong_places())
 
 
-def test_the_scene_that_the_mistakes_start_from_is_right():
-    parse_scene(good_table())
-
-
 @pytest.mark.parametrize(
     ("path", "value"), MISTAKES, ids=lambda part: "absent" if part is ABSENT else str(part)[:40]
 )
@@ -33,27 +29,18 @@ def test_every_mistake_gives_one_line_that_names_the_file_and_the_section(path: 
 @pytest.mark.parametrize(
     ("path", "value", "line"),
     [
-        ("contact.soil-soil.restitution", 7.0, "contact.soil-soil.restitution = 7.0 lies outside [0, 1]"),
-        (
-            "materials.soil.density",
-            2.13e9,
-            "materials.soil.density = 2130000000.0 lies outside [25, 30000] kg m-3",
-        ),
-        (
-            "contact.soil-soil.restituton",
-            0.5,
-            "contact.soil-soil.restituton is unknown; did you mean 'restitution'?",
-        ),
-        ("materials.soil.density", ABSENT, "materials.soil.density is missing"),
-        ("laws.normal", "hetrz", "laws.normal = 'hetrz' is not one of 'hertz' or 'jkr'"),
-        ("contact.steel-soil", ABSENT, "contact.soil-steel is missing"),
-        ("grains.material", "sand", "grains.material = 'sand' is not among [materials]: soil, steel"),
-        ("fill.law", ABSENT, "fill.law is missing"),
-        ("stages.2.remove", ["lid"], "stages.2.remove: 'lid' is not standing: funnel, plate"),
+        ("contact.soil-soil.restitution", 7.0, " = 7.0 lies outside [0, 1]"),
+        ("materials.soil.density", 2.13e9, " = 2130000000.0 lies outside [25, 30000] kg m-3"),
+        ("contact.soil-soil.restituton", 0.5, " is unknown; did you mean 'restitution'?"),
+        ("materials.soil.density", ABSENT, " is missing"),
+        ("laws.normal", "hetrz", " = 'hetrz' is not one of 'hertz' or 'jkr'"),
+        ("grains.material", "sand", " = 'sand' is not among [materials]: soil, steel"),
+        ("fill.law", ABSENT, " is missing"),
+        ("stages.2.remove", ["lid"], ": 'lid' is not standing: funnel, plate"),
     ],
 )
 def test_the_line_says_what_is_allowed(path: str, value: Any, line: str):
-    assert complaint(changed(path, value)) == f"scenes/bad.toml: {line}"
+    assert complaint(changed(path, value)) == f"scenes/bad.toml: {path}{line}"
 
 
 @pytest.mark.parametrize(
@@ -71,21 +58,15 @@ def test_a_number_in_a_unit_of_print_is_recognised(path: str, value: Any, hint: 
     assert complaint(changed(path, value)).endswith(hint)
 
 
-def test_several_mistakes_give_the_first_and_their_number():
+def test_the_first_of_several_mistakes_are_told_and_the_others_counted():
     table = changed("contact.soil-soil.restitution", 7.0)
     table["contact"]["soil-soil"]["friction_sliding"] = -1.0
     table["grains"]["count"] = 0
     assert complaint(table).endswith("lies outside [1, 5e+06] (and 2 more)")
     with pytest.raises(BadInput) as caught:
         parse_scene(table, "scenes/bad.toml")
-    assert [fault.split(" = ")[0] for fault in caught.value.faults] == [
-        "scenes/bad.toml: grains.count",
-        "scenes/bad.toml: contact.soil-soil.restitution",
-        "scenes/bad.toml: contact.soil-soil.friction_sliding",
-    ]
-
-
-def test_of_many_mistakes_the_first_are_told_and_the_others_counted():
+    faults = [fault.split(" = ")[0].removeprefix("scenes/bad.toml: ") for fault in caught.value.faults]
+    assert faults == ["grains.count", "contact.soil-soil.restitution", "contact.soil-soil.friction_sliding"]
     table = good_table()
     table["stages"] = [{"name": f"stage {k}", "duration_max": -1.0} for k in range(MOST_FAULTS + 2)]
     with pytest.raises(BadInput) as caught:

@@ -6,7 +6,6 @@ import subprocess
 from dataclasses import fields
 from math import isfinite, nan
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -17,18 +16,16 @@ from taichi_erosion.report.markdown import fill_tables, markdown_table
 
 ROOT = Path(__file__).parents[3]
 TABLES = {name: ROOT / "doe" / name / "results.csv" for name in ("lab_c", "repose_sensitivity")}
-LABORATORY = ROOT / "doe" / "lab_c" / "laboratory.csv"
-
-each_table = pytest.mark.parametrize("table", TABLES.values(), ids=TABLES.keys())
 
 
-@each_table
-def test_every_row_carries_value_unit_seeds_hash_command_and_versions(table):
+@pytest.mark.parametrize("table", TABLES.values(), ids=TABLES.keys())
+def test_every_row_carries_value_unit_spread_seeds_hash_command_and_versions(table):
     with table.open(encoding="utf-8", newline="") as file:
         assert csv.DictReader(file).fieldnames == [field.name for field in fields(Row)]
-    rows = [row for row in read_rows(table) if row.observable != STOPPED]
-    assert rows
-    for row in rows:
+    for row in (rows := read_rows(table)):
+        assert isfinite(row.sd) == (row.n > 1)
+        if row.observable == STOPPED:
+            continue
         assert row.unit
         assert row.n >= 1 or row.note, "an observable without a value says why"
         assert len(row.hash) == 12
@@ -36,19 +33,13 @@ def test_every_row_carries_value_unit_seeds_hash_command_and_versions(table):
         assert row.grains > 0
         assert "taichi" in row.versions or "Update" in row.versions
         assert row.command
-
-
-@each_table
-def test_repeats_have_a_spread_and_single_runs_claim_none(table):
-    for row in read_rows(table):
-        assert isfinite(row.sd) == (row.n > 1)
+    assert any(row.observable != STOPPED for row in rows)
 
 
 def test_both_diameters_are_compared_in_every_observable_with_six_seeds():
     rows = [row for row in read_rows(TABLES["lab_c"]) if row.group == lab_c.MAIN]
-    assert {(row.observable, lab_c.DIAMETERS[row.label]) for row in rows} == set(
-        lab_c.read_laboratory(LABORATORY)
-    )
+    wanted = lab_c.read_laboratory(ROOT / "doe" / "lab_c" / "laboratory.csv")
+    assert {(row.observable, lab_c.DIAMETERS[row.label]) for row in rows} == set(wanted)
     assert all(row.n >= 6 for row in rows)
 
 
@@ -71,42 +62,25 @@ def test_a_case_is_the_command_that_repeats_it():
     assert " ".join(command("s.toml", case)) == typed
 
 
-def a_document(stops: list[str | None], **found: float) -> dict[str, Any]:
-    """What `run --json` prints of one observable, as far as a table holds it."""
-    return {
-        "limits": {"time_step": 1e-5, "time_step_over_rayleigh": 0.2},
-        "replicas": [{"stopped": stop} for stop in stops],
-        "measures": {"repose_angle": {"value": 30.0, "sd": 2.0, "unit": "deg", "notes": []} | found},
-        "hash": "0" * 12,
-        "seed": 1,
-        "resolved": {"grains": {"count": 10}},
-        "wall_s": 1.0,
-        "versions": {},
-    }
+# what `run --json` prints of one observable where one of two seeds was stopped, as far as a table holds it
+SOME_STOPPED = {
+    "limits": {"time_step": 1e-5, "time_step_over_rayleigh": 0.2},
+    "replicas": [{"stopped": None}, {"stopped": "overlap"}],
+    "measures": {"repose_angle": {"value": 30.0, "sd": 2.0, "n": 1, "unit": "deg", "notes": []}},
+    "resolved": {"grains": {"count": 10}},
+} | {"hash": "0" * 12, "seed": 1, "wall_s": 1.0, "versions": {}}
 
 
-def ended(monkeypatch: pytest.MonkeyPatch, code: int, out: str) -> None:
-    """Let every command end with a code and what it printed."""
-    done = subprocess.CompletedProcess((), code, out, "stopped: overlap")
-    monkeypatch.setattr(subprocess, "run", lambda *words, **options: done)
-
-
-def test_seeds_that_ended_are_kept_where_a_guard_stopped_others(monkeypatch):
-    ended(monkeypatch, GUARDED, json.dumps(a_document([None, "overlap"], n=1)))
-    (row,) = simulate("s.toml", Case("g", "l", ()))
-    assert (row.value, row.n, row.note) == (30.0, 1, "1 seeds stopped: overlap")
-
-
-def test_a_case_whose_seeds_were_all_stopped_is_a_row_that_says_why(monkeypatch):
-    ended(monkeypatch, GUARDED, "")
-    (row,) = simulate("s.toml", Case("g", "l", ()))
-    assert (row.observable, row.n, row.note) == (STOPPED, 0, "stopped: overlap")
-
-
-def test_a_case_that_is_refused_ends_the_study(monkeypatch):
-    ended(monkeypatch, 2, "")
+def test_seeds_that_a_guard_stopped_are_told_in_their_row_and_a_refusal_ends_the_study(monkeypatch):
+    said = {"some": (GUARDED, json.dumps(SOME_STOPPED)), "all": (GUARDED, ""), "refused": (2, "")}
+    ends = iter(subprocess.CompletedProcess((), *end, "stopped: overlap") for end in said.values())
+    monkeypatch.setattr(subprocess, "run", lambda *words, **options: next(ends))
+    case = Case("g", "l", ())
+    (some,), (none,) = simulate("s.toml", case), simulate("s.toml", case)
+    assert (some.value, some.n, some.note) == (30.0, 1, "1 seeds stopped: overlap")
+    assert (none.observable, none.n, none.note) == (STOPPED, 0, "stopped: overlap")
     with pytest.raises(BadInput, match="stopped: overlap"):
-        simulate("s.toml", Case("g", "l", ()))
+        simulate("s.toml", case)
 
 
 def test_a_mark_without_a_table_is_noticed():

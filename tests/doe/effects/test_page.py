@@ -17,16 +17,8 @@ TABLES = Path(__file__).parents[3] / "doe" / "effects"
 BARE = Pocket()
 SAYING = Saying("dry_adhesion", "lifts", "x", "answers", "u*_t over bare", "", nan, nan, nan, 1)
 ANSWER = Answer("dry_adhesion", "u*_t over bare", "diameter [mm]", 0.1, 0.25, 1.5, 0.001, 1.501, 1, "pocket")
-SHIFT = {
-    "effect": "dry_adhesion",
-    "label": "",
-    "observable": "pile_height",
-    "unit": "m",
-    "bare": "0.5",
-    "shift": "0.1",
-    "standard_error": "0.02",
-    "note": "",
-}
+SHIFT = {"effect": "dry_adhesion", "label": "", "observable": "pile_height", "unit": "m", "bare": "0.5"}
+SHIFT |= {"shift": "0.1", "standard_error": "0.02", "note": ""}
 
 
 def test_drag_at_the_balance_of_a_bare_grain_is_its_weight_over_two_roots_of_two():
@@ -37,9 +29,7 @@ def test_drag_at_the_balance_of_a_bare_grain_is_its_weight_over_two_roots_of_two
     drag = two_limits(Stream(slip, BARE.diameter, 1.225, 1.225 * 1.46e-5))
     weight = np.pi / 6.0 * BARE.diameter**3 * (BARE.density - 1.225) * 9.81
     assert drag == pytest.approx(weight / (2.0 * sqrt(2.0)), rel=1e-4)
-
-
-def test_shelter_raises_the_balance_by_just_its_factor():
+    # shelter raises the balance by just its factor
     between = replace(BARE, effect="drag_partition", conditions=(("roughness_density", 0.02),))
     ratio = expected_threshold(between) / expected_threshold(BARE)
     # the two factors of the page for m = 0.5, s = 1, b = 100

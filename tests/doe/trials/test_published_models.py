@@ -9,23 +9,18 @@ from taichi_erosion.evidence.models import reduced
 SEEDS = np.arange(3)
 
 
-def asked(
-    observable: str, at: dict[str, list[float]], given: dict[str, float], **effects: float
-) -> np.ndarray:
+def asked(observable: str, at: dict[str, list[float]], given: dict[str, float], **effects: float):
     conditions = {name: np.array(column) for name, column in at.items()}
     found = models.predict(observable, conditions, given, effects, SEEDS)
     assert (found == found[0]).all()
     return found[0]
 
 
-def test_thresholds_and_flux_are_those_of_the_reduced_model():
+def test_thresholds_and_flux_are_those_of_the_reduced_model_and_the_impact_threshold_a_share():
     at, given = {"diameter": np.array([1e-4, 1e-3])}, {"threshold_coefficient": 0.09}
     for name, effects in (("threshold_u_star", {"dry_cohesion": 1.0}), ("flux", {"gusts": 0.5})):
         found = models.predict(name, at, given, effects, SEEDS)
         assert found[0] == pytest.approx(reduced.expected(name, at, given, effects))
-
-
-def test_the_impact_threshold_is_the_calibrated_share_of_the_fluid_threshold():
     at, given = {"diameter": [2e-4, 5e-4]}, {"threshold_coefficient": 0.1, "threshold_ratio": 0.8}
     fluid = asked("fluid_threshold_u_star", at, given, dry_cohesion=1.0)
     assert asked("impact_threshold_u_star", at, given, dry_cohesion=1.0) == pytest.approx(0.8 * fluid)

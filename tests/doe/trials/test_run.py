@@ -28,9 +28,7 @@ def test_an_answered_case_is_opened_with_its_method(trial, tmp_path):
     assert row["sha256"] in trial.seals.read_text(encoding="utf-8")
     assert asdict(beyond.draw(int(row["seed"], 16))[1]) == row["truth"]
     assert row["difficulty"]["ratio"] >= 0.0
-
-
-def test_another_truth_than_the_sealed_one_is_refused(trial, tmp_path):
+    # another truth than the sealed one is refused
     secret = tmp_path / "secret" / "beyond_few.json"
     seeds = json.loads(secret.read_text(encoding="utf-8"))
     secret.write_text(json.dumps(seeds[::-1]), encoding="utf-8")

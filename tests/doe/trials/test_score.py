@@ -93,9 +93,8 @@ def test_a_group_of_more_than_three_mechanisms_is_no_answer(told, first, few):
 )
 def test_a_group_or_a_superset_is_not_the_exact_name(effects, outside, verdict, named, group, word):
     truth = {"effects": dict.fromkeys(effects, 1.0), "outside": outside}
-    assert (
-        judged(Case({"truth": truth, "answer": {"verdict": verdict, "named": named, "group": group}})) == word
-    )
+    answer = {"verdict": verdict, "named": named, "group": group}
+    assert judged(Case({"truth": truth, "answer": answer})) == word
 
 
 @pytest.mark.parametrize("table", sorted((HERE / "results").iterdir()), ids=lambda table: table.name)

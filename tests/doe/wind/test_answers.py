@@ -30,9 +30,7 @@ def test_a_simulated_sand_has_the_simulated_threshold(simulated):
     for label in ("0.075", "0.24", "1"):
         assert asked(1e-3 * float(label)) == pytest.approx(simulated["impact", label])
     assert asked(FINE, dry_adhesion=1.0) == pytest.approx(simulated["adhesion", "0.1"])
-
-
-def test_half_of_an_effect_is_half_way_in_the_logarithm(simulated):
+    # half of an effect is half way in the logarithm
     both = simulated["impact", "0.1"] * simulated["adhesion", "0.1"]
     assert asked(FINE, dry_adhesion=0.5) == pytest.approx(np.sqrt(both))
 
@@ -45,13 +43,10 @@ def test_adhesion_fades_beyond_the_coarsest_sand_that_stuck():
     assert moved(1e-3) == pytest.approx(moved(5e-4) / 4.0)
 
 
-def test_the_errors_of_the_laboratory_are_those_of_the_library():
+def test_the_errors_of_the_laboratory_are_those_of_the_library_and_beyond_the_sands_nothing_is_said():
     assert asked(2e-4, sieve_diameter=1.0) == pytest.approx(asked(2.2e-4))
     told = asked(2e-4, friction_velocity_calibration=1.0)
     assert told == pytest.approx(1.07 * asked(2e-4))
-
-
-def test_beyond_the_simulated_sands_nothing_is_said():
     assert np.isnan(asked(5e-5))
     assert np.isnan(asked(2e-3))
 

@@ -30,9 +30,7 @@ def test_the_threshold_is_the_wind_whose_stress_the_air_keeps():
     assert name == ("impact", "0.25")
     assert not others
     assert found[STRESS_LINE].value == pytest.approx(THRESHOLD, rel=1e-6)
-
-
-def test_what_scatters_about_the_line_is_its_error():
+    # what scatters about the line is its error
     exact, rough = (saturated_thresholds(blown(wobble=w))["impact", "0.25"][STRESS_LINE] for w in (0.0, 0.01))
     assert exact.standard_error < 1e-6
     # 0.01 Pa more or less is a tenth of u_t there, of which four winds leave some

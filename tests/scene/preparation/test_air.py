@@ -9,15 +9,16 @@ from taichi_erosion.scene.preparation.air import inlet_speed, surface_height
 from taichi_erosion.scene.preparation.sizes import mean_cube, nominal_diameter
 from taichi_erosion.scene.schema.air import LogProfile, PowerProfile, TableProfile
 
+GRID = ("effects={}", "wind.columns=[8, 8]", "wind.closure='smagorinsky'", "wind.drive='gradient'")
+
 
 def test_inlet_profiles_follow_their_laws():
     height = np.array([0.001, 0.01, 0.2])
     logarithmic = LogProfile(law="log", friction_velocity=0.3, roughness_length=1e-4)
     assert inlet_speed(logarithmic, height, 0.4) == pytest.approx(0.75 * np.log1p(height / 1e-4))
     power = PowerProfile(law="power", speed=6.0, thickness=0.1)
-    assert inlet_speed(power, height, 0.4) == pytest.approx(
-        [6.0 * 0.01 ** (1 / 7), 6.0 * 0.1 ** (1 / 7), 6.0]
-    )
+    shares = np.array([0.01, 0.1, 1.0]) ** (1.0 / 7.0)
+    assert inlet_speed(power, height, 0.4) == pytest.approx(6.0 * shares)
     listed = TableProfile(law="table", heights=(0.0, 0.02), speeds=(0.0, 4.0))
     assert inlet_speed(listed, height, 0.4) == pytest.approx([0.2, 2.0, 4.0])
 
@@ -38,18 +39,11 @@ def test_the_bed_is_as_high_as_its_grains_fill_whatever_their_sizes():
     assert surface_height(scene, wind) == pytest.approx(solid / (0.6 * wind.length * wind.width), rel=0.1)
 
 
-GRID = ("effects={}", "wind.columns=[8, 8]", "wind.closure='smagorinsky'", "wind.drive='gradient'")
-
-
 def test_a_grid_over_a_patch_is_built_with_what_stirs_it():
     scene = load_scene(SCENES / "wind_threshold.toml", [*GRID, "wind.look_steps=5"])
     air = build_setup(scene, 3).air
     assert air is not None
     assert air.initial_turbulence is not None
-    assert air.cells[:2] == (8, 8)
-    assert air.sides["z_high"].kind == "symmetry"
-    assert (air.model.closure, air.model.scheme, air.initial_turbulence.seed) == (
-        "smagorinsky",
-        "runge_kutta",
-        3,
-    )
+    assert air.initial_turbulence.seed == 3
+    assert (air.cells[:2], air.sides["z_high"].kind) == ((8, 8), "symmetry")
+    assert (air.model.closure, air.model.scheme) == ("smagorinsky", "runge_kutta")

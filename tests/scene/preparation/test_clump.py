@@ -10,12 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.scene import build_setup, parse_scene
-from taichi_erosion.scene.preparation.clump import Body, quadrature, template_spheres
+from taichi_erosion.scene.preparation.clump import quadrature, template_spheres
 from taichi_erosion.scene.schema.grains import Clump
 
 DENSITY = 2130.0
-
-
 # the surface cells of a sphere 160 (or 80) cells across miss its volume by a few parts in 1e4
 COUNTING = 2e-3
 
@@ -55,12 +53,12 @@ def test_overlapping_spheres_count_their_common_volume_once():
 
 
 def test_turning_a_body_leaves_its_principal_moments():
-    spheres = (((0.0, 0.0, 0.0), 0.5), ((0.6, 0.0, 0.0), 0.3), ((0.0, 0.4, 0.2), 0.25))
-    turned = Rotation.from_euler("xyz", (0.4, -0.7, 1.1)).apply([offset for offset, _ in spheres])
-    other = quadrature(
-        tuple(((x, y, z), r) for (x, y, z), (_, r) in zip(turned.tolist(), spheres, strict=True))
+    centres, radii = [[0.0, 0.0, 0.0], [0.6, 0.0, 0.0], [0.0, 0.4, 0.2]], (0.5, 0.3, 0.25)
+    turned = Rotation.from_euler("xyz", (0.4, -0.7, 1.1)).apply(centres).tolist()
+    first, other = (
+        quadrature(tuple(zip(map(tuple, each), radii, strict=True))) for each in (centres, turned)
     )
-    assert other.inertia == pytest.approx(quadrature(spheres).inertia, rel=COUNTING)
+    assert other.inertia == pytest.approx(first.inertia, rel=COUNTING)
 
 
 @pytest.mark.parametrize(("template", "count"), [("pair", 2), ("tripod", 3), ("tetrahedron", 4)])
@@ -73,13 +71,11 @@ def test_a_shipped_template_touches_itself_and_has_the_volume_of_its_sphere(temp
     assert quadrature(spheres).volume == pytest.approx(pi / 6.0, rel=COUNTING)
 
 
-def template_frame(body: Body) -> np.ndarray:
-    return body.rotation.apply(body.offset) + body.centre
-
-
 def test_the_principal_frame_turned_back_is_the_template():
     spheres = template_spheres(Clump(template="tetrahedron"))
-    assert template_frame(quadrature(spheres)) == pytest.approx(np.array([c for c, _ in spheres]), abs=1e-4)
+    body = quadrature(spheres)
+    turned_back = body.rotation.apply(body.offset) + body.centre
+    assert turned_back == pytest.approx(np.array([c for c, _ in spheres]), abs=1e-4)
 
 
 def test_spheres_of_a_clump_stand_where_its_body_holds_them():
@@ -117,9 +113,8 @@ def test_random_orientations_favour_no_direction():
 
 
 def test_an_explicitly_placed_clump_lies_as_its_template():
-    table = changed(
-        "fill", {"law": "positions", "grains": [{"position": [0.0, 0.0, 0.01], "spin": [0.0, 0.0, 2.0]}]}
-    )
+    placed = {"position": [0.0, 0.0, 0.01], "spin": [0.0, 0.0, 2.0]}
+    table = changed("fill", {"law": "positions", "grains": [placed]})
     table["grains"] |= {"count": 1, "clump": {"template": "tripod"}}
     grains = build_setup(parse_scene(table), 1).grains
     assert grains.position[:, 2] == pytest.approx(0.01, abs=1e-8)

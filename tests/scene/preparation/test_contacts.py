@@ -8,7 +8,7 @@ from scene_tables import changed, good_table, softened
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import pair_row
 from taichi_erosion.effects import load_library
-from taichi_erosion.scene import build_setup, parse_scene
+from taichi_erosion.scene import build_setup, parse_scene, scene_hash
 from taichi_erosion.scene.change import with_contacts
 from taichi_erosion.scene.preparation.contacts import contact_table, young_effective
 from taichi_erosion.scene.preparation.limits import explain
@@ -20,67 +20,46 @@ def contacts_of(table: dict[str, Any]):
     return build_setup(parse_scene(table), 1).contacts
 
 
-def test_effective_moduli_of_like_materials():
-    contacts, row = contacts_of(good_table()), pair_row(SOIL, SOIL, 2)
-    young = 2.0 * 1e7 * 1.29
-    assert contacts.young_effective[row] == pytest.approx(young / (2.0 * (1.0 - 0.29**2)))
-    assert contacts.shear_effective[row] == pytest.approx(1e7 / (2.0 * (2.0 - 0.29)))
-
-
-def test_effective_moduli_of_soil_and_steel():
-    contacts, row = contacts_of(good_table()), pair_row(STEEL, SOIL, 2)
-    soil, steel, steel_shear = 2.0 * 1e7 * 1.29, 1.8e11, 1.8e11 / 2.6
-    assert 1.0 / contacts.young_effective[row] == pytest.approx(
-        (1.0 - 0.29**2) / soil + (1.0 - 0.3**2) / steel
-    )
-    assert 1.0 / contacts.shear_effective[row] == pytest.approx(
-        (2.0 - 0.29) / 1e7 + (2.0 - 0.3) / steel_shear
-    )
+def test_effective_moduli_are_those_of_two_springs_in_series():
+    contacts, soil, wall = contacts_of(good_table()), pair_row(SOIL, SOIL, 2), pair_row(STEEL, SOIL, 2)
+    young, steel, steel_shear = 2.0 * 1e7 * 1.29, 1.8e11, 1.8e11 / 2.6
+    assert contacts.young_effective[soil] == pytest.approx(young / (2.0 * (1.0 - 0.29**2)))
+    assert contacts.shear_effective[soil] == pytest.approx(1e7 / (2.0 * (2.0 - 0.29)))
+    softness = (1.0 - 0.29**2) / young + (1.0 - 0.3**2) / steel
+    assert 1.0 / contacts.young_effective[wall] == pytest.approx(softness)
+    shear_softness = (2.0 - 0.29) / 1e7 + (2.0 - 0.3) / steel_shear
+    assert 1.0 / contacts.shear_effective[wall] == pytest.approx(shear_softness)
 
 
 def test_a_pair_is_the_same_in_either_order_of_names():
     table = good_table()
     table["contact"]["soil-steel"] = table["contact"].pop("steel-soil")
+    assert scene_hash(parse_scene(table)) == scene_hash(parse_scene(good_table()))
     first, other = contacts_of(good_table()), contacts_of(table)
     assert all((a == b).all() for a, b in zip(vars(first).values(), vars(other).values(), strict=True))
     row = pair_row(SOIL, STEEL, 2)
-    assert (first.restitution[row], first.friction_sliding[row], first.friction_rolling[row]) == (
-        0.25,
-        0.34,
-        0.41,
-    )
-
-
-def test_bond_number_softening_keeps_the_surface_energy():
-    assert contacts_of(softened("bond_number", 0.02)).surface_energy[pair_row(SOIL, SOIL, 2)] == 0.02
+    frictions = (first.friction_sliding[row], first.friction_rolling[row])
+    assert (first.restitution[row], *frictions) == (0.25, 0.34, 0.41)
 
 
 def test_sticking_velocity_softening_scales_the_surface_energy_by_stiffness_to_two_fifths():
-    # 1000 times softer between grains: a factor 0.063
-    contacts = contacts_of(softened("sticking_velocity", 0.02))
-    assert contacts.surface_energy[pair_row(SOIL, SOIL, 2)] == pytest.approx(0.02 * 1000.0**-0.4)
-    assert 1000.0**-0.4 == pytest.approx(0.063, abs=5e-4)
-
-
-def test_at_a_wall_the_effective_modulus_counts():
-    scene = parse_scene(softened("sticking_velocity", 0.02))
-    soil, steel = scene.materials["soil"], scene.materials["steel"]
+    soils, wall = pair_row(SOIL, SOIL, 2), pair_row(SOIL, STEEL, 2)
+    assert contacts_of(softened("bond_number", 0.02)).surface_energy[soils] == 0.02
+    # 1000 times softer between grains: a factor 0.063; at a wall the effective modulus counts
+    table = softened("sticking_velocity", 0.02)
+    found = contacts_of(table).surface_energy
+    assert found[soils] == pytest.approx(0.02 * 1000.0**-0.4)
+    materials = parse_scene(table).materials
     stiff = parse_scene(changed("materials.soil.shear_modulus", 1e10)).materials["soil"]
-    ratio = young_effective(soil, steel) / young_effective(stiff, steel)
-    contacts = build_setup(scene, 1).contacts
-    assert contacts.surface_energy[pair_row(SOIL, STEEL, 2)] == pytest.approx(0.02 * ratio**0.4)
+    soft, hard = (young_effective(soil, materials["steel"]) for soil in (materials["soil"], stiff))
+    assert found[wall] == pytest.approx(0.02 * (soft / hard) ** 0.4)
 
 
-def test_effects_reach_every_contact_but_those_that_say_no():
+def test_effects_reach_and_change_every_contact_but_those_that_say_no():
     table = good_table()
     table["contact"]["steel-soil"]["effects"] = False
     effects = contacts_of(table).effects
     assert (effects[pair_row(SOIL, SOIL, 2)], effects[pair_row(SOIL, STEEL, 2)]) == (1.0, 0.0)
-
-
-def test_a_change_of_contacts_leaves_those_alone_that_effects_may_not_touch():
-    table = good_table()
-    table["contact"]["steel-soil"]["effects"] = False
     bare = parse_scene(table)
     rough = with_contacts(bare, lambda contact: contact.model_copy(update={"friction_sliding": 2.0}))
     assert rough.contact["soil-soil"].friction_sliding == 2.0
@@ -90,13 +69,15 @@ def test_a_change_of_contacts_leaves_those_alone_that_effects_may_not_touch():
 def test_rolling_friction_over_the_radius_of_a_grain_counts_twice_over_the_effective_radius():
     # between equal grains R* = R / 2, so the torque mu R F is 2 mu R* F
     table = changed("contact.soil-soil.rolling_radius", "grain")
-    soil, wall = pair_row(SOIL, SOIL, 2), pair_row(SOIL, STEEL, 2)
-    assert contacts_of(table).friction_rolling[soil] == pytest.approx(2.0 * 0.69)
-    assert contacts_of(table).friction_rolling[wall] == 0.41
+    found = contacts_of(table).friction_rolling
+    assert found[pair_row(SOIL, SOIL, 2)] == pytest.approx(2.0 * 0.69)
+    assert found[pair_row(SOIL, STEEL, 2)] == 0.41
     assert explain(parse_scene(table))["rolling"] == [
         "soil-soil: friction_rolling 1.38, which is 0.69 in EDEM (equal grains)",
         "steel-soil: friction_rolling 0.41, which is 0.41 in EDEM",
     ]
+    with pytest.raises(BadInput, match=r"contact\.steel-soil\.rolling_radius: at a wall"):
+        parse_scene(changed("contact.steel-soil.rolling_radius", "grain"))
 
 
 def test_an_effect_adds_the_same_rolling_friction_in_either_convention():
@@ -108,10 +89,3 @@ def test_an_effect_adds_the_same_rolling_friction_in_either_convention():
     )
     assert after[0] - before[0] == pytest.approx(0.14)
     assert after[1] - before[1] == pytest.approx(0.14)
-
-
-def test_at_a_wall_the_radius_of_rolling_friction_is_not_a_choice():
-    with pytest.raises(
-        BadInput, match=r"contact\.steel-soil\.rolling_radius: at a wall both radii are the same"
-    ):
-        parse_scene(changed("contact.steel-soil.rolling_radius", "grain"))

@@ -12,45 +12,27 @@ from taichi_erosion.scene import build_setup, parse_scene
 
 def test_a_mesh_that_is_none_is_told_with_its_path(tmp_path: Path):
     (tmp_path / "wall.stl").write_bytes(b"solid nothing")
-    for file, word in (
-        ("wall.stl", "triangle"),
-        ("no.stl", "no such file"),
-        ("../x.stl", "beside"),
-        ("a", "no such"),
-    ):
+    told = {"wall.stl": "triangle", "no.stl": "no such file", "../x.stl": "beside", "a": "no such"}
+    for file, word in told.items():
         table = changed("geometry.plate", {"shape": "mesh", "material": "steel", "file": file})
         with pytest.raises(BadInput, match=rf"geometry\.plate.*{word}"):
             parse_scene(table, "bad.toml", tmp_path)
 
 
 def test_walls_become_the_primitives_that_they_describe():
-    table = good_table()
+    table, steel = good_table(), {"material": "steel"}
     table["geometry"] |= {
         "box": {"shape": "box", "material": "steel", "low": [-1.0, -1.0, -1.0], "high": [1.0, 1.0, 1.0]},
         "floor": {"shape": "plane", "material": "soil", "point": [0.0, 0.0, -0.5], "normal": [0.0, 0.0, 2.0]},
-        "tube": {
-            "shape": "cylinder",
-            "material": "steel",
-            "radius": 0.03,
-            "length": 0.2,
-            "axis": [0.0, 3.0, 0.0],
-        },
-        "cone": {
-            "shape": "cone",
-            "material": "steel",
-            "radius_low": 0.01,
-            "radius_high": 0.02,
-            "length": 0.1,
-        },
+        "tube": {"shape": "cylinder", "radius": 0.03, "length": 0.2, "axis": [0.0, 3.0, 0.0]} | steel,
+        "cone": {"shape": "cone", "radius_low": 0.01, "radius_high": 0.02, "length": 0.1} | steel,
     }
     table["geometry"]["funnel"]["stem_length"] = 0.01
     setup = build_setup(parse_scene(table), 1)
     assert [surface.name for surface in setup.surfaces] == ["box", "cone", "floor", "funnel", "plate", "tube"]
-    rows = {
-        surface.name: setup.primitives.shape[setup.primitives.surface == k]
-        for k, surface in enumerate(setup.surfaces)
-    }
-    kinds = dict(zip(setup.primitives.surface.tolist(), setup.primitives.kind.tolist(), strict=True))
+    walls = setup.primitives
+    rows = {each.name: walls.shape[walls.surface == k] for k, each in enumerate(setup.surfaces)}
+    kinds = dict(zip(walls.surface.tolist(), walls.kind.tolist(), strict=True))
     assert [kinds[k] for k in range(6)] == [PrimitiveKind.PLANE, 1, 0, PrimitiveKind.REVOLVED, 1, 1]
     assert len(rows["box"]) == 5
     assert rows["box"][3, :6].tolist() == [1.0, 1.0, 1.0, 0.0, -1.0, 0.0]
