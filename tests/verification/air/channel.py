@@ -34,7 +34,7 @@ from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, InletTurb
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.verification import closed_forms
 from taichi_erosion.verification.claims import Outcome, below, holds
-from tests.verification.small_scenes import LAMINAR, LINEAR, air_of, box, centres, order, sides
+from tests.verification.small_scenes import LINEAR, air_of, box, centres, order, sides
 
 WALL, LID = AirSide("wall"), AirSide("wall", (1.0, 0.0, 0.0))
 PLATE_LAYERS, PLATE_GRIDS = 32, (16, 32)
@@ -88,7 +88,6 @@ def between_side_walls() -> float:
         sides=sides(y_low=WALL, y_high=WALL),
         driving_gradient=(-8.0, 0.0, 0.0),
         time_step=ACROSS_STEP / n**2,
-        model=LAMINAR,
     )
     air = air_of([setup])
     advance_air(air, ACROSS_STEPS)
