@@ -14,22 +14,12 @@ from taichi_erosion.core.setup import Floats, Laws, Setup
 from taichi_erosion.simulation import advance
 from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, holds, relative
 from taichi_erosion.verification.closed_forms import sphere_mass
+from tests.verification import small_scenes as small
 from tests.verification.reference import contact as jkr
-from tests.verification.small_scenes import (
-    FLAT,
-    Touch,
-    final_states,
-    simulation_of,
-    sphere_setup,
-    spheres,
-    states,
-    trace,
-    wall_impact,
-)
 
 RADIUS, DENSITY = 0.5e-3, 2500.0  # m, kg m-3
 MASS = sphere_mass(RADIUS, DENSITY)
-TOUCH = Touch(1e8, 2.5e7, surface_energy=0.5)
+TOUCH = small.Touch(1e8, 2.5e7, surface_energy=0.5)
 PAIR = jkr.AdhesivePair(TOUCH.young_effective, RADIUS / 2.0, MASS / 2.0, TOUCH.surface_energy)
 JKR = Laws(normal="jkr")
 EDEM = Laws(normal="jkr", adhesion_branch="edem", friction_cap="edem")
@@ -50,22 +40,22 @@ class Bounce:
 
 
 def pair_scene(speed: float, steps_per_depth: float, overlap: float = -1e-3) -> Setup:
-    """Two spheres along x that approach with relative speed `speed` from `overlap` [L^2/R*]."""
+    """Two small.spheres along x that approach with relative speed `speed` from `overlap` [L^2/R*]."""
     step = PAIR.depth / speed / steps_per_depth
     half = RADIUS - 0.5 * overlap * PAIR.depth
     place, velocity = [[-half, 0, 0], [half, 0, 0]], [[speed / 2, 0, 0], [-speed / 2, 0, 0]]
-    return sphere_setup(spheres(place, velocity, 0.0, RADIUS, MASS), TOUCH, step)
+    return small.sphere_setup(small.spheres(place, velocity, 0.0, RADIUS, MASS), TOUCH, step)
 
 
 def bounce() -> Bounce:
     """One bounce until after the tear, sampled at every step near landmarks and sparsely between."""
     setup = pair_scene(SPEED, STEPS_PER_DEPTH)
-    sim = simulation_of([setup], "f64", JKR)
+    sim = small.simulation_of([setup], "f64", JKR)
     found: list[tuple[int, float]] = []
     step = 1
     while step < LONGEST_BOUNCE * STEPS_PER_DEPTH:
         advance(sim, [step * setup.time_step])
-        state = states(sim)[0]
+        state = small.states(sim)[0]
         found.append((state.step, state.position[1, 0] - state.position[0, 0]))
         overlap = (2.0 * RADIUS - found[-1][1]) / PAIR.depth
         nearest = min(abs(overlap - landmark) for landmark in (TEAR_AT, PULL_OFF_AT, 0.0, BALANCE_AT))
@@ -118,7 +108,7 @@ def energy_outcomes(precision: Precision) -> Iterator[Outcome]:
     speeds = shares * PAIR.speed_sticking
     # the force jumps at first touch: the energy is right to the first order of the step only
     setups = [pair_scene(speed, 8000.0) for speed in speeds]
-    ends = final_states(setups, 30.0 * PAIR.depth / PAIR.speed_sticking, precision, JKR)
+    ends = small.final_states(setups, 30.0 * PAIR.depth / PAIR.speed_sticking, precision, JKR)
     out = np.array([end.velocity[1, 0] - end.velocity[0, 0] for end in ends])
     brought = 0.5 * PAIR.mass * speeds**2
     lost = brought - 0.5 * PAIR.mass * out**2
@@ -137,7 +127,7 @@ def branch_outcomes(precision: Precision) -> Iterator[Outcome]:
     """Branch `touch` does not pull before contact; branch `edem` does, and gives back what it took."""
     for laws in (JKR, EDEM):
         setup = pair_scene(SPEED, STEPS_PER_DEPTH, 0.5 * TEAR_AT)
-        path = trace([setup], setup.time_step * np.arange(1.0, 4.0), precision, laws)
+        path = small.trace([setup], setup.time_step * np.arange(1.0, 4.0), precision, laws)
         place = path.position[:, 0, :, 0]
         force = -MASS * np.diff(place[:, 1], 2)[0] / np.diff(path.time[:, 0])[0] ** 2 / PAIR.force_scale
         at = (2.0 * RADIUS - place[1, 1] + place[1, 0]) / PAIR.depth
@@ -145,7 +135,7 @@ def branch_outcomes(precision: Precision) -> Iterator[Outcome]:
         name = f"JKR branch {laws.adhesion_branch}: pull before touch [pi gamma R*]"
         yield Outcome(name, float(force), float(wanted), 3e-3, precision)
     approaching = pair_scene(SPEED, 8000.0, 1.01 * TEAR_AT)
-    end = final_states([approaching], 30.0 * PAIR.depth / SPEED, precision, EDEM)[0]
+    end = small.final_states([approaching], 30.0 * PAIR.depth / SPEED, precision, EDEM)[0]
     ratio = (end.velocity[1, 0] - end.velocity[0, 0]) / SPEED
     yield relative("JKR branch edem: restitution of a bounce", ratio, 1.0, 1e-3, precision)
 
@@ -155,7 +145,7 @@ def sticking_speed() -> Iterator[Outcome]:
     shares = np.linspace(0.95, 1.05, 41)
     setups = [pair_scene(share * PAIR.speed_sticking, 500.0) for share in shares]
     for precision in PRECISIONS:
-        ends = final_states(setups, 200.0 * PAIR.depth / PAIR.speed_sticking, precision, JKR)
+        ends = small.final_states(setups, 200.0 * PAIR.depth / PAIR.speed_sticking, precision, JKR)
         gaps = np.array([end.position[1, 0] - end.position[0, 0] for end in ends]) - 2.0 * RADIUS
         parted = gaps > 2.4 * PAIR.depth
         slowest = shares[parted].min() if parted.any() else np.nan
@@ -169,14 +159,16 @@ def vanishing_adhesion() -> Iterator[Outcome]:
     """V19: with gamma -> 0 an oblique, damped impact under the JKR law is the one under Hertz, 1e-6."""
     energies = (0.0, 1e-15, 1e-12)
     bare = replace(TOUCH, restitution=0.7, friction_sliding=0.4, surface_energy=0.0)
-    impact = wall_impact(bare, RADIUS, DENSITY, 1.0)
+    impact = small.wall_impact(bare, RADIUS, DENSITY, 1.0)
     step = impact.duration / 500.0
-    grain = spheres([[0.0, 0.0, RADIUS + 3.5 * step]], [[0.8, 0.0, -1.0]], 0.0, RADIUS, MASS)
-    setups = [sphere_setup(grain, replace(bare, surface_energy=one), step, FLAT) for one in energies]
+    grain = small.spheres([[0.0, 0.0, RADIUS + 3.5 * step]], [[0.8, 0.0, -1.0]], 0.0, RADIUS, MASS)
+    setups = [
+        small.sphere_setup(grain, replace(bare, surface_energy=one), step, small.FLAT) for one in energies
+    ]
     times = np.linspace(0.0, 2.0 * impact.duration, 101)[1:]
     for precision in PRECISIONS:
-        hertz = trace(setups[:1], times, precision).velocity
-        errors = (trace(setups, times, precision, JKR).velocity - hertz) / impact.speed
+        hertz = small.trace(setups[:1], times, precision).velocity
+        errors = (small.trace(setups, times, precision, JKR).velocity - hertz) / impact.speed
         for k, energy in enumerate(energies):
             name = f"JKR with gamma = {energy:g} J/m2 against Hertz: velocity along an impact, over its speed"
             yield below(name, errors[:, k], 1e-6 if precision == "f64" else 1e-4, precision)
@@ -190,12 +182,12 @@ def friction_caps() -> Iterator[Outcome]:
     for laws, factor in ((JKR, 6.0), (EDEM, 12.0)):
         wanted = friction * factor * stuck.force_scale
         speed = 2e-3 * wanted / MASS * 7.0 / 2.0  # rolls after 2 ms
-        step = wall_impact(touch, RADIUS, DENSITY, 0.1).duration / 100.0
+        step = small.wall_impact(touch, RADIUS, DENSITY, 0.1).duration / 100.0
         height = RADIUS - BALANCE_AT * stuck.depth
-        grain = spheres([[0, 0, height]], [[speed, 0, 0]], 0.0, RADIUS, MASS)
+        grain = small.spheres([[0, 0, height]], [[speed, 0, 0]], 0.0, RADIUS, MASS)
         for precision in PRECISIONS:
-            setup = sphere_setup(grain, touch, step, FLAT)
-            path = trace([setup], np.array([0.5e-3, 1.5e-3]), precision, laws)
+            setup = small.sphere_setup(grain, touch, step, small.FLAT)
+            path = small.trace([setup], np.array([0.5e-3, 1.5e-3]), precision, laws)
             force = -MASS * np.diff(path.velocity[:, 0, 0, 0]) / np.diff(path.time[:, 0])
             name = f"friction at F = 0, cap {laws.friction_cap}, over mu pi gamma R*"
             yield relative(name, force[0] / (friction * stuck.force_scale), factor, 1e-3, precision)

@@ -23,23 +23,9 @@ from taichi_erosion.measures.repose import repose_angle
 from taichi_erosion.simulation import move_surface, remove_surface
 from taichi_erosion.verification.claims import Outcome, Precision, holds
 from taichi_erosion.verification.closed_forms import sphere_mass
+from tests.verification import small_scenes as small
 from tests.verification.reference import flow as exact
 from tests.verification.reference.contact import Solid
-from tests.verification.small_scenes import (
-    FLAT,
-    FLOOR,
-    GRAVITY,
-    Touch,
-    advance_all,
-    joined,
-    planes,
-    primitive_table,
-    simulation_of,
-    sphere_setup,
-    spheres,
-    states,
-    touch_of,
-)
 
 DIAMETER = 2e-3  # m
 SOFT_GLASS = Solid(1.25e7, 0.25, 2500.0)
@@ -48,10 +34,10 @@ TIME_STEP = 1.5e-5  # s
 LATTICE = 1.1  # grain diameters between the centres of a loose filling [1]
 
 
-def soft_touch(friction: float, friction_rolling: float, surface_energy: float = 0.0) -> Touch:
+def soft_touch(friction: float, friction_rolling: float, surface_energy: float = 0.0) -> small.Touch:
     """Contact of two soft glass grains; walls are given the same."""
     return replace(
-        touch_of(SOFT_GLASS, SOFT_GLASS, restitution=0.5, friction=friction),
+        small.touch_of(SOFT_GLASS, SOFT_GLASS, restitution=0.5, friction=friction),
         friction_rolling=friction_rolling,
         rolling_damping=0.3,
         surface_energy=surface_energy,
@@ -74,12 +60,12 @@ def loose_grains(
     height = spacing * (np.arange(layers) + 0.55)
     place = np.concatenate([np.column_stack([layer, np.full(len(layer), z)]) for z in height])[:count]
     place += rng.uniform(-0.04, 0.04, place.shape) * DIAMETER
-    return spheres(place, rng.normal(0.0, 0.05, place.shape), 0.0, DIAMETER / 2.0, MASS)
+    return small.spheres(place, rng.normal(0.0, 0.05, place.shape), 0.0, DIAMETER / 2.0, MASS)
 
 
 def revolved_segment(first: tuple[float, float], second: tuple[float, float]) -> PrimitiveTable:
     """Segment between two points (radius, height) [m], turned about the z axis."""
-    return primitive_table(PrimitiveKind.REVOLVED, (*FLOOR, *first, *second))
+    return small.primitive_table(PrimitiveKind.REVOLVED, (*small.FLOOR, *first, *second))
 
 
 def strip(left: float, right: float) -> list[list[float]]:
@@ -96,7 +82,7 @@ def periodic(setup: Setup, width: float) -> Setup:
     return replace(setup, domain=(low, high), period=(0.0, width, 0.0))
 
 
-def plate_scene(touch: Touch, seed: int) -> Setup:
+def plate_scene(touch: small.Touch, seed: int) -> Setup:
     """Grains on a plate between dams, periodic along y; wall0 plate, wall1 and wall2 dams, wall3 floor.
 
     The front and back walls of the apparatus are left out: its formula is for containers so thick that they
@@ -104,10 +90,10 @@ def plate_scene(touch: Touch, seed: int) -> Setup:
     """
     width, x = 5.0 * DIAMETER, PLATE_HALF
     dams = (-x, 0.0, 0.0, 1.0, 0.0, 0.0), (x, 0.0, 0.0, -1.0, 0.0, 0.0)
-    plate = primitive_table(PrimitiveKind.TRIANGLE, strip(-x, x))
-    walls = joined(plate, planes(*dams, (0.0, 0.0, -12.0 * DIAMETER, 0.0, 0.0, 1.0)))
+    plate = small.primitive_table(PrimitiveKind.TRIANGLE, strip(-x, x))
+    walls = small.joined(plate, small.planes(*dams, (0.0, 0.0, -12.0 * DIAMETER, 0.0, 0.0, 1.0)))
     grains = loose_grains(PLATE_COUNT, (x, width / 2.0), False, seed)
-    return periodic(sphere_setup(grains, touch, TIME_STEP, walls, GRAVITY), width)
+    return periodic(small.sphere_setup(grains, touch, TIME_STEP, walls, small.GRAVITY), width)
 
 
 ADHESIVE, ROLLING = Laws(normal="jkr", rolling="elastic_plastic"), Laws(rolling="elastic_plastic")
@@ -140,21 +126,21 @@ def heap_scene(setting: Setting, seed: int) -> Setup:
     energy = setting.bond * MASS * 9.81 / (3.0 * np.pi * DIAMETER / 4.0)
     touch = soft_touch(setting.friction, setting.friction_rolling, energy)
     grains = loose_grains(COUNT, (TUBE_RADIUS, TUBE_RADIUS), True, seed)
-    walls = joined(FLAT, revolved_segment((TUBE_RADIUS, 0.0), (TUBE_RADIUS, 60.0 * DIAMETER)))
-    return sphere_setup(grains, touch, TIME_STEP, walls, GRAVITY)
+    walls = small.joined(small.FLAT, revolved_segment((TUBE_RADIUS, 0.0), (TUBE_RADIUS, 60.0 * DIAMETER)))
+    return small.sphere_setup(grains, touch, TIME_STEP, walls, small.GRAVITY)
 
 
 def heap_angles(runs: Sequence[tuple[Setting, int]], precision: Precision) -> Floats:
     """Angle of repose of each (setting, seed) [deg]."""
-    sim = simulation_of([heap_scene(*run) for run in runs], precision, ADHESIVE)
-    advance_all(sim, HEAP_SETTLE)
+    sim = small.simulation_of([heap_scene(*run) for run in runs], precision, ADHESIVE)
+    small.advance_all(sim, HEAP_SETTLE)
     for replica in range(len(runs)):
         move_surface(sim, replica, "wall1", Motion(velocity=(0.0, 0.0, LIFT_SPEED)))
-    advance_all(sim, HEAP_SETTLE + LIFTED)
+    small.advance_all(sim, HEAP_SETTLE + LIFTED)
     for replica in range(len(runs)):
         remove_surface(sim, replica, "wall1")
-    advance_all(sim, HEAP_SETTLE + LIFTED + REST)
-    return np.array([repose_angle(state).value for state in states(sim)])
+    small.advance_all(sim, HEAP_SETTLE + LIFTED + REST)
+    return np.array([repose_angle(state).value for state in small.states(sim)])
 
 
 def repose_trends() -> Iterator[Outcome]:
@@ -176,13 +162,13 @@ def plate_outcomes() -> Iterator[Outcome]:
     """Plate heap of 2 mm glass against Zhou's formula, 3 deg."""
     touch = soft_touch(PLATE_FRICTION, PLATE_ROLLING)
     setups = [plate_scene(touch, seed) for seed in SEEDS]
-    sim = simulation_of(setups, "f32", ROLLING)
-    advance_all(sim, HEAP_SETTLE)
+    sim = small.simulation_of(setups, "f32", ROLLING)
+    small.advance_all(sim, HEAP_SETTLE)
     for replica in range(len(setups)):
         remove_surface(sim, replica, "wall1")
         remove_surface(sim, replica, "wall2")
-    advance_all(sim, HEAP_SETTLE + 0.9)
-    angles = np.array([plate_angle(state) for state in states(sim)])
+    small.advance_all(sim, HEAP_SETTLE + 0.9)
+    angles = np.array([plate_angle(state) for state in small.states(sim)])
     # the torque mu_r R* F is a length times F: R* is a quarter of the diameter between grains, half of it
     # at the plate
     lengths = PLATE_ROLLING * DIAMETER / 4.0, PLATE_ROLLING * DIAMETER / 2.0

@@ -30,20 +30,10 @@ import numpy as np
 from taichi_erosion.core.setup import Floats, GrainTable, PrimitiveKind, Setup
 from taichi_erosion.simulation import Simulation, advance, remove_surface, snapshot
 from taichi_erosion.verification.claims import Outcome, below, holds
+from tests.verification import small_scenes as small
 from tests.verification.contact import bulk
 from tests.verification.contact.bulk import DIAMETER
 from tests.verification.reference import flow as exact
-from tests.verification.small_scenes import (
-    GRAVITY,
-    Touch,
-    advance_all,
-    joined,
-    planes,
-    primitive_table,
-    simulation_of,
-    sphere_setup,
-    states,
-)
 
 HEAD = 1.2  # of the filling over the width of the silo when the reading ends [1]
 WIDTH = 2.5  # of the silo over the opening [1]
@@ -63,7 +53,7 @@ SENSIBLE = 0.5 * TOLERANCE  # standard error with which a check of the exponent 
 UNLIKELY = 0.01  # chance of a lack of fit below which the law is refuted [1]
 
 
-def touch() -> Touch:
+def touch() -> small.Touch:
     """Contact of two grains; walls are given the same."""
     stiff = bulk.soft_touch(FRICTION, FRICTION_ROLLING)
     return replace(
@@ -87,7 +77,9 @@ def silo_scene(count: int, width: float, hole: float, seed: int) -> Setup:
     grains = filling(count, (radius, radius), True, seed)
     ends = (radius, radius, 80.0 * DIAMETER), (reach, radius, 0.0), (0.0, reach, 0.0)
     walls = [bulk.revolved_segment((first, 0.0), (second, height)) for first, second, height in ends]
-    return sphere_setup(grains, touch(), TIME_STEP, joined(*walls, planes(TRAY)), GRAVITY)
+    return small.sphere_setup(
+        grains, touch(), TIME_STEP, small.joined(*walls, small.planes(TRAY)), small.GRAVITY
+    )
 
 
 def slot_scene(count: int, width: float, slot: float, seed: int) -> Setup:
@@ -97,14 +89,14 @@ def slot_scene(count: int, width: float, slot: float, seed: int) -> Setup:
     """
     half, reach, length = width / 2.0, slot / 2.0, SLOT_LENGTH * DIAMETER
     plug, bottom = bulk.strip(-reach, reach), bulk.strip(-half, -reach) + bulk.strip(reach, half)
-    walls = joined(
-        planes((-half, 0.0, 0.0, 1.0, 0.0, 0.0), (half, 0.0, 0.0, -1.0, 0.0, 0.0)),
-        primitive_table(PrimitiveKind.TRIANGLE, plug),
-        primitive_table(PrimitiveKind.TRIANGLE, bottom),
-        planes(TRAY),
+    walls = small.joined(
+        small.planes((-half, 0.0, 0.0, 1.0, 0.0, 0.0), (half, 0.0, 0.0, -1.0, 0.0, 0.0)),
+        small.primitive_table(PrimitiveKind.TRIANGLE, plug),
+        small.primitive_table(PrimitiveKind.TRIANGLE, bottom),
+        small.planes(TRAY),
     )
     grains = filling(count, (half, length / 2.0), False, seed)
-    return bulk.periodic(sphere_setup(grains, touch(), TIME_STEP, walls, GRAVITY), length)
+    return bulk.periodic(small.sphere_setup(grains, touch(), TIME_STEP, walls, small.GRAVITY), length)
 
 
 @dataclass(frozen=True)
@@ -181,15 +173,15 @@ def settled(silos: Silos) -> Simulation:
     stock = np.ceil(GRAINS_PER_CUBE * HEAD * widths * silos.sections + silos.before + READ)
     rows = zip(stock, widths * DIAMETER, silos.openings * DIAMETER, strict=True)
     setups = [silos.scene(int(n), width, opening, k) for k, (n, width, opening) in enumerate(rows)]
-    sim = simulation_of(setups, "f32", bulk.ROLLING)
-    advance_all(sim, SETTLE)
+    sim = small.simulation_of(setups, "f32", bulk.ROLLING)
+    small.advance_all(sim, SETTLE)
     return sim
 
 
 def bulk_density(sim: Simulation, silos: Silos) -> Floats:
     """Density of every settled filling between two and twelve diameters above the bottom [kg m-3]."""
     masses = []
-    for state in states(sim):
+    for state in small.states(sim):
         height = state.position[:, 2] / DIAMETER
         masses.append(state.mass[(height > 2.0) & (height < 12.0)].sum())
     return np.array(masses) / (silos.sections * 10.0 * DIAMETER**3)
@@ -210,7 +202,7 @@ def discharge_rates(sim: Simulation, silos: Silos) -> Floats:
         flowing = np.array(rows[-1][1]) < silos.before + READ
         ends = ends + SAMPLE * flowing
         advance(sim, [float(end) for end in ends])
-    states(sim)
+    small.states(sim)
     time, count, mass = np.array(rows, dtype=float).transpose(1, 2, 0)
     steady = (count > silos.before[:, None]) & (count < silos.before[:, None] + READ)
     return np.array([np.polyfit(time[k][steady[k]], mass[k][steady[k]], 1)[0] for k in replicas])

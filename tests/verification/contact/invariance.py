@@ -24,24 +24,12 @@ from taichi_erosion.core.setup import Floats, Laws, Setup
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.simulation import Simulation, totals
 from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, relative
+from tests.verification import small_scenes as small
 from tests.verification.contact.oblique_impact import OXIDE, impact_at, simulated
 from tests.verification.reference.contact import Impact, Rebound, rebound
-from tests.verification.small_scenes import (
-    FLAT,
-    GRAVITY,
-    NONE,
-    Touch,
-    advance_all,
-    final_states,
-    pair_impact,
-    planes,
-    simulation_of,
-    sphere_setup,
-    spheres,
-)
 
 RADIUS, DENSITY, SPEED = 1e-3, 2500.0, 1.0  # m, kg m-3, m s-1
-TOUCH = Touch(1e8, 2.5e7, 0.6, 0.4, friction_rolling=0.1, rolling_damping=0.3)
+TOUCH = small.Touch(1e8, 2.5e7, 0.6, 0.4, friction_rolling=0.1, rolling_damping=0.3)
 LAWS = Laws(rolling="elastic_plastic")
 DURATION = 4e-3  # s, a handful of collisions
 SHIFT = np.array([0.7, -0.3, 0.2])  # m s-1, of the moving frame
@@ -67,9 +55,11 @@ def cluster(wall: bool) -> Setup:
     position = [0.0, 0.0, 4.5e-3] + 2.4 * RADIUS * directions + rng.uniform(-0.1, 0.1, (7, 3)) * RADIUS
     velocity = -0.5 * SPEED * directions + rng.normal(0.0, 0.1, (7, 3)) - np.array([0.0, 0.0, 0.6])
     spin = rng.normal(0.0, 0.2 * SPEED / RADIUS, (7, 3))
-    impact = pair_impact(TOUCH, (RADIUS, RADIUS), DENSITY, SPEED)
-    grains = spheres(position, velocity, spin, RADIUS, 2.0 * impact.mass)
-    return sphere_setup(grains, TOUCH, impact.duration / 100.0, FLAT if wall else NONE, GRAVITY)
+    impact = small.pair_impact(TOUCH, (RADIUS, RADIUS), DENSITY, SPEED)
+    grains = small.spheres(position, velocity, spin, RADIUS, 2.0 * impact.mass)
+    return small.sphere_setup(
+        grains, TOUCH, impact.duration / 100.0, small.FLAT if wall else small.NONE, small.GRAVITY
+    )
 
 
 def seen(setup: Setup, view: View) -> Setup:
@@ -112,7 +102,7 @@ def invariance() -> Iterator[Outcome]:
     bare = [without if view.drift.any() else with_wall for view in views]
     setups = [with_wall, without, *(map(seen, bare, views))]
     for precision, limit in LIMIT.items():
-        on_wall, free, *others = final_states(setups, DURATION, precision, LAWS)
+        on_wall, free, *others = small.final_states(setups, DURATION, precision, LAWS)
         for view, state in zip(views, others, strict=True):
             wanted = brought_back(free if view.drift.any() else on_wall, plain)
             name = f"{view.name}: change of the end state [radii, speeds]"
@@ -120,13 +110,13 @@ def invariance() -> Iterator[Outcome]:
 
 
 SIDE = 4  # grains along an edge of the starting lattice
-STIFF = Touch(1e8, 2.5e7)
+STIFF = small.Touch(1e8, 2.5e7)
 ROUGH = replace(STIFF, restitution=0.7, friction_sliding=0.5, friction_rolling=0.1, rolling_damping=0.3)
 STICKING_ANGLES = np.array([60.0, 70.0, 80.0, 85.0])  # deg
 
 
-def gas(touch: Touch, steps_per_contact: float, seed: int) -> Setup:
-    """64 grains on a loose lattice with random velocities and spins, in a box of six planes."""
+def gas(touch: small.Touch, steps_per_contact: float, seed: int) -> Setup:
+    """64 grains on a loose lattice with random velocities and spins, in a box of six small.planes."""
     rng = np.random.default_rng(seed)
     spacing = 3.0 * RADIUS
     axis = spacing * (np.arange(SIDE) + 0.5)
@@ -134,18 +124,18 @@ def gas(touch: Touch, steps_per_contact: float, seed: int) -> Setup:
     position += rng.uniform(-0.3, 0.3, position.shape) * RADIUS
     velocity = rng.normal(0.0, SPEED / 4.0, position.shape)
     spin = rng.normal(0.0, SPEED / 4.0 / RADIUS, position.shape)
-    impact = pair_impact(touch, (RADIUS, RADIUS), DENSITY, SPEED)
+    impact = small.pair_impact(touch, (RADIUS, RADIUS), DENSITY, SPEED)
     corners = np.repeat([[0.0], [spacing * SIDE]], 3, axis=0) * np.ones(3)
-    grains = spheres(position, velocity, spin, RADIUS, 2.0 * impact.mass)
-    walls = planes(*np.hstack([corners, np.vstack([np.eye(3), -np.eye(3)])]))
-    return sphere_setup(grains, touch, impact.duration / steps_per_contact, walls, GRAVITY)
+    grains = small.spheres(position, velocity, spin, RADIUS, 2.0 * impact.mass)
+    walls = small.planes(*np.hstack([corners, np.vstack([np.eye(3), -np.eye(3)])]))
+    return small.sphere_setup(grains, touch, impact.duration / steps_per_contact, walls, small.GRAVITY)
 
 
 def histories(sim: Simulation, times: Floats) -> Floats:
     """Mechanical energy [J] of all replicas at `times` [s], [samples, replicas]."""
     found = []
     for time in times:
-        advance_all(sim, time)
+        small.advance_all(sim, time)
         parts = [totals(sim, replica) for replica in range(len(sim.setups))]
         found.append([p.kinetic_translation + p.kinetic_rotation + p.potential + p.elastic for p in parts])
     return np.array(found)
@@ -156,7 +146,7 @@ def energy_balance() -> Iterator[Outcome]:
     setups = [gas(STIFF, 50.0, seed=1), gas(ROUGH, 50.0, seed=2)]
     times = np.linspace(0.0, 0.05, 201)[1:]
     for precision in PRECISIONS:
-        conserved, lost = histories(simulation_of(setups, precision, LAWS), times).T
+        conserved, lost = histories(small.simulation_of(setups, precision, LAWS), times).T
         error = conserved / conserved[0] - 1.0
         yield below("conservative gas: change of energy, relative", error, 1e-4, precision)
         rise = np.maximum(np.diff(lost), 0.0) / lost[0]

@@ -33,21 +33,9 @@ from taichi_erosion.core.setup import Floats, Laws, Setup
 from taichi_erosion.simulation import advance
 from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, holds, relative
 from taichi_erosion.verification.closed_forms import crossing, hertz_impact, sphere_mass
+from tests.verification import small_scenes as small
 from tests.verification.reference.contact import series
 from tests.verification.reference.motion import GRAVITY, Spring, rebound_speed, stacked_motion
-from tests.verification.small_scenes import (
-    FLAT,
-    FLOOR,
-    Touch,
-    Trace,
-    planes,
-    simulation_of,
-    sphere_setup,
-    spheres,
-    states,
-    trace,
-    wall_impact,
-)
 
 OBLIQUE_GRAVITY = (0.3, -0.4, -9.81)  # m s-2
 FALL_START = np.array([0.01, -0.02, 1.0])  # m
@@ -58,14 +46,14 @@ LIMIT: dict[Precision, float] = {"f64": 1e-12, "f32": 1e-4}
 
 def free_fall() -> Iterator[Outcome]:
     """V01."""
-    grain = spheres(FALL_START, VELOCITY, 0.0, 1e-3, 1e-5)
-    setup = sphere_setup(grain, Touch(1e9, 1e9), STEP, gravity=OBLIQUE_GRAVITY)
+    grain = small.spheres(FALL_START, VELOCITY, 0.0, 1e-3, 1e-5)
+    setup = small.sphere_setup(grain, small.Touch(1e9, 1e9), STEP, gravity=OBLIQUE_GRAVITY)
     for precision, limit in LIMIT.items():
-        sim = simulation_of([setup], precision)
-        (before,) = states(sim)
+        sim = small.simulation_of([setup], precision)
+        (before,) = small.states(sim)
         yield holds("a grain released at t = 0 is seen at t = 0", len(before.radius) == 1, precision)
         advance(sim, [STEP * STEPS])
-        (state,) = states(sim)
+        (state,) = small.states(sim)
         fallen = np.array(OBLIQUE_GRAVITY) * state.time
         path = FALL_START + (VELOCITY + 0.5 * fallen) * state.time
         error = (state.position - path) / np.linalg.norm(path - FALL_START)
@@ -84,10 +72,10 @@ BOUNCES = 3
 
 def bouncing_grain(young: float, restitution: float) -> Setup:
     """DEM02: a grain dropped on a floor."""
-    touch = Touch(young, young / 4.0, restitution)
-    impact = wall_impact(touch, RADIUS, DENSITY, IMPACT_SPEED)
-    grain = spheres([[0.0, 0.0, START]], 0.0, 0.0, RADIUS, impact.mass)
-    return sphere_setup(grain, touch, impact.duration / 500.0, FLAT, (0.0, 0.0, -GRAVITY))
+    touch = small.Touch(young, young / 4.0, restitution)
+    impact = small.wall_impact(touch, RADIUS, DENSITY, IMPACT_SPEED)
+    grain = small.spheres([[0.0, 0.0, START]], 0.0, 0.0, RADIUS, impact.mass)
+    return small.sphere_setup(grain, touch, impact.duration / 500.0, small.FLAT, (0.0, 0.0, -GRAVITY))
 
 
 def flight_middles(restitution: float) -> Floats:
@@ -114,7 +102,7 @@ def bounce_heights() -> Iterator[Outcome]:
     wanted = np.array([exact_heights(*choice) for choice in choices]).T
     limit = np.array([DROP * e ** (2.0 * np.arange(1, BOUNCES + 1)) for _, e in choices]).T
     for precision in PRECISIONS:
-        path = trace(setups, times, precision)
+        path = small.trace(setups, times, precision)
         height = path.position[:, :, 0, 2] + path.velocity[:, :, 0, 2] ** 2 / (2.0 * GRAVITY) - RADIUS
         for young, error in zip(YOUNGS, np.hsplit(height / wanted - 1.0, len(YOUNGS)), strict=True):
             name = f"DEM02 E* = {young:.0e} Pa, e = 0.5 to 1, three bounces: heights off the ODE, relative"
@@ -137,10 +125,10 @@ STACK_RESTITUTIONS = (0.5, 0.9, 1.0)
 
 def stacked_scene(restitution: float) -> Setup:
     """DEM03: two grains squeezed between a floor and a lid."""
-    touch = Touch(STACK_YOUNG, STACK_YOUNG / 4.0, restitution)
-    grains = spheres([[0.0, 0.0, z] for z in STACK_START], 0.0, 0.0, STACK_RADIUS, STACK_MASSES)
-    walls = planes(FLOOR, (0.0, 0.0, STACK_HEIGHT, 0.0, 0.0, -1.0))
-    return sphere_setup(grains, touch, 1e-7, walls, (0.0, 0.0, -GRAVITY))
+    touch = small.Touch(STACK_YOUNG, STACK_YOUNG / 4.0, restitution)
+    grains = small.spheres([[0.0, 0.0, z] for z in STACK_START], 0.0, 0.0, STACK_RADIUS, STACK_MASSES)
+    walls = small.planes(small.FLOOR, (0.0, 0.0, STACK_HEIGHT, 0.0, 0.0, -1.0))
+    return small.sphere_setup(grains, touch, 1e-7, walls, (0.0, 0.0, -GRAVITY))
 
 
 def stacked_reference(restitution: float, times: Floats) -> Floats:
@@ -156,7 +144,7 @@ def stacked_pair() -> Iterator[Outcome]:
     setups = [stacked_scene(e) for e in STACK_RESTITUTIONS]
     wanted = [stacked_reference(e, times)[1:] for e in STACK_RESTITUTIONS]
     for precision in PRECISIONS:
-        path = trace(setups, times[1:], precision).position
+        path = small.trace(setups, times[1:], precision).position
         for k, e in enumerate(STACK_RESTITUTIONS):
             error = (path[:, k, :, 2] - wanted[k]) / STACK_RADIUS
             yield below(f"DEM03 e = {e}: heights off the ODE, over the radius", error, 1e-3, precision)
@@ -168,7 +156,7 @@ YOUNG = 2e9  # E*, Pa
 SLOPE = radians(30.0)
 
 
-def resting(touch: Touch, slope: float, spin: float = 0.0, speed: float = 0.0) -> Setup:
+def resting(touch: small.Touch, slope: float, spin: float = 0.0, speed: float = 0.0) -> Setup:
     """A sphere in balance with its weight on a floor that slopes down along x; spin about y."""
     gravity = (GRAVITY * sin(slope), 0.0, -GRAVITY * cos(slope))
     spring = 4.0 / 3.0 * touch.young_effective * np.sqrt(ROLLING_RADIUS)
@@ -176,18 +164,20 @@ def resting(touch: Touch, slope: float, spin: float = 0.0, speed: float = 0.0) -
     # an impact as slow as the dip is deep: the stiffest motion this contact can make
     step = hertz_impact(touch.young_effective, ROLLING_RADIUS, MASS, 0.05)[2] / 40.0
     start = [[0.0, 0.0, ROLLING_RADIUS - overlap]]
-    grain = spheres(start, [[speed, 0.0, 0.0]], [[0.0, spin, 0.0]], ROLLING_RADIUS, MASS)
-    return sphere_setup(grain, touch, step, FLAT, gravity)
+    grain = small.spheres(start, [[speed, 0.0, 0.0]], [[0.0, spin, 0.0]], ROLLING_RADIUS, MASS)
+    return small.sphere_setup(grain, touch, step, small.FLAT, gravity)
 
 
 def slide_to_roll() -> Iterator[Outcome]:
     """V09: a sphere that slides on a floor rolls after 2 u_0 / (7 mu g) with (5/7) u_0, 0.5 %."""
     speed, frictions = 0.5, np.array([0.1, 0.3, 0.6])
-    setups = [resting(Touch(YOUNG, YOUNG / 4.0, 0.5, friction), 0.0, speed=speed) for friction in frictions]
+    setups = [
+        resting(small.Touch(YOUNG, YOUNG / 4.0, 0.5, friction), 0.0, speed=speed) for friction in frictions
+    ]
     ends = 2.0 * speed / (7.0 * frictions * GRAVITY)
     shares = np.concatenate([[0.5], np.linspace(0.95, 1.05, 41), [1.5]])
     for precision in PRECISIONS:
-        path = trace(setups, np.outer(shares, ends), precision)
+        path = small.trace(setups, np.outer(shares, ends), precision)
         slip = path.velocity[:, :, 0, 0] - ROLLING_RADIUS * path.spin[:, :, 0, 1]
         for k, friction in enumerate(frictions):
             # it falls along a line and is taken as over at 1e-4 of the start, above the ringing of the spring
@@ -205,9 +195,9 @@ def incline() -> Iterator[Outcome]:
     """
     ratios = np.array([0.3, 0.6, 0.9, 0.98, 1.02, 1.5, 3.0])
     frictions, along, across = ratios * 2.0 / 7.0 * tan(SLOPE), GRAVITY * sin(SLOPE), GRAVITY * cos(SLOPE)
-    setups = [resting(Touch(YOUNG, YOUNG / 4.0, 0.3, friction), SLOPE) for friction in frictions]
+    setups = [resting(small.Touch(YOUNG, YOUNG / 4.0, 0.3, friction), SLOPE) for friction in frictions]
     for precision in PRECISIONS:
-        path = trace(setups, np.array([0.02, 0.06]), precision)
+        path = small.trace(setups, np.array([0.02, 0.06]), precision)
         span = np.diff(path.time, axis=0)[0]
         gain = np.diff(path.velocity[:, :, 0, 0], axis=0)[0] / span
         spin_up = np.diff(path.spin[:, :, 0, 1], axis=0)[0] / span
@@ -229,7 +219,7 @@ def incline() -> Iterator[Outcome]:
 TYPES = {"A": Laws(rolling="constant_torque"), "C": Laws(rolling="elastic_plastic")}
 FRICTION_ROLLING = 0.2
 START_SPIN = 20.0  # rad s-1
-SMOOTH = Touch(YOUNG, YOUNG / 4.0, 0.3, friction_rolling=FRICTION_ROLLING, rolling_damping=0.3)
+SMOOTH = small.Touch(YOUNG, YOUNG / 4.0, 0.3, friction_rolling=FRICTION_ROLLING, rolling_damping=0.3)
 ROUGH = replace(SMOOTH, friction_sliding=0.8)
 STEEP, GENTLE = atan(2.0 * FRICTION_ROLLING), atan(0.8 * FRICTION_ROLLING)  # slopes [rad]
 TIMES = np.array([0.002, 0.008, 0.02, 0.04, 0.06, 0.08])  # s; the spin lasts 20 ms
@@ -242,7 +232,7 @@ def rolling_resistance() -> Iterator[Outcome]:
     setups = [resting(SMOOTH, 0.0, spin=START_SPIN), resting(ROUGH, STEEP), resting(ROUGH, GENTLE)]
     for precision in PRECISIONS:
         for kind, laws in TYPES.items():
-            path = trace(setups, TIMES, precision, laws)
+            path = small.trace(setups, TIMES, precision, laws)
             yield from motion_outcomes(kind, path, precision)
             if kind == "C":
                 # six time constants of the rolling spring have passed by the third sample
@@ -253,7 +243,7 @@ def rolling_resistance() -> Iterator[Outcome]:
                 yield from rattle_outcomes(path.spin[2:, 2, 0, 1], setups[2].time_step, precision)
 
 
-def motion_outcomes(kind: str, path: Trace, precision: Precision) -> Iterator[Outcome]:
+def motion_outcomes(kind: str, path: small.Trace, precision: Precision) -> Iterator[Outcome]:
     """Decay of a spin and rolling down a steep incline with (5/7) g (sin - mu_r cos), 0.5 %."""
     decay = -np.diff(path.spin[:2, 0, 0, 1]) / np.diff(path.time[:2, 0])
     yield relative(f"type {kind}: spin decay [rad/s2]", decay[0], DECAY, 5e-3, precision)

@@ -23,17 +23,9 @@ from taichi_erosion.core.setup import Floats, GrainTable, Setup
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, relative
 from taichi_erosion.verification.closed_forms import hertz_impact, sphere_mass
+from tests.verification import small_scenes as small
 from tests.verification.reference import published
 from tests.verification.reference.contact import Impact, Rebound, Solid, rebound, series
-from tests.verification.small_scenes import (
-    FLAT,
-    Touch,
-    final_states,
-    pair_impact,
-    sphere_setup,
-    spheres,
-    touch_of,
-)
 
 OXIDE = Solid(3.8e11, 0.23, 4000.0)
 ALLOY = Solid(7.0e10, 0.33, 2700.0)
@@ -47,7 +39,7 @@ PER_CONTACT = 2000  # steps in one elastic contact time [1]
 FINE = 20_000  # the same where damping is strong: its half-step lag is of first order in the step
 
 
-def impact_on_plane(touch: Touch, solid: Solid, radius: float, *motion: Floats) -> Impact:
+def impact_on_plane(touch: small.Touch, solid: Solid, radius: float, *motion: Floats) -> Impact:
     """Impacts on a rigid plane; `motion` is normal and tangential speed [m s-1] and spin [rad s-1]."""
     law = touch.young_effective, touch.shear_effective, touch.restitution, touch.friction_sliding
     return Impact(*law, radius, sphere_mass(radius, solid.density), *motion)
@@ -55,19 +47,19 @@ def impact_on_plane(touch: Touch, solid: Solid, radius: float, *motion: Floats) 
 
 def impact_at(solid: Solid, angle: Floats) -> Impact:
     """Test 4 at angles of incidence [deg]."""
-    touch, turn = touch_of(solid, None, RESTITUTION, FRICTION), np.radians(angle)
+    touch, turn = small.touch_of(solid, None, RESTITUTION, FRICTION), np.radians(angle)
     return impact_on_plane(touch, solid, RADIUS, SPEED * np.cos(turn), SPEED * np.sin(turn), 0.0 * turn)
 
 
 def scenes(impact: Impact, per_contact: int = PER_CONTACT) -> list[Setup]:
     """The impacts of `impact` as scenes; slip runs along x, spin about y."""
-    touch = Touch(impact.young, impact.shear, impact.restitution, impact.friction)
+    touch = small.Touch(impact.young, impact.shear, impact.restitution, impact.friction)
     setups = []
     for normal, tangential, spin in zip(impact.normal, impact.tangential, impact.spin, strict=True):
         step = hertz_impact(impact.young, impact.radius, impact.mass, normal)[2] / per_contact
         start, velocity = [[0.0, 0.0, impact.radius + 3.5 * normal * step]], [[tangential, 0.0, -normal]]
-        grain = spheres(start, velocity, [[0.0, -spin, 0.0]], impact.radius, impact.mass)
-        setups.append(sphere_setup(grain, touch, step, FLAT))
+        grain = small.spheres(start, velocity, [[0.0, -spin, 0.0]], impact.radius, impact.mass)
+        setups.append(small.sphere_setup(grain, touch, step, small.FLAT))
     return setups
 
 
@@ -75,7 +67,7 @@ def simulated(impacts: list[Impact], precision: Precision, per_contact: int = PE
     """The impacts simulated in one ensemble."""
     setups = [setup for impact in impacts for setup in scenes(impact, per_contact)]
     # with e = 0.5 the damped contact outlasts the elastic one by less than half of it
-    ends = final_states(setups, [1.8 * per_contact * setup.time_step for setup in setups], precision)
+    ends = small.final_states(setups, [1.8 * per_contact * setup.time_step for setup in setups], precision)
     after = np.array([[end.velocity[0, 2], end.velocity[0, 0], -end.spin[0, 1]] for end in ends])
     cuts = np.cumsum([len(impact.normal) for impact in impacts])[:-1]
     return [Rebound(*part.T) for part in np.split(after, cuts)]
@@ -149,7 +141,7 @@ SPHERE_RESTITUTION, SPHERE_FRICTION = 0.5, 0.4
 
 def spinning_impact(solid: Solid, ratios: Floats) -> Impact:
     """Test 6: a spinning sphere meets the plane; `ratios` are values of X."""
-    touch = touch_of(solid, None, SPHERE_RESTITUTION, SPHERE_FRICTION)
+    touch = small.touch_of(solid, None, SPHERE_RESTITUTION, SPHERE_FRICTION)
     normal = np.full(len(ratios), APPROACH)
     spin = 3.5 * SPHERE_FRICTION * 1.5 * normal / ratios / SPHERE_RADIUS
     return impact_on_plane(touch, solid, SPHERE_RADIUS, normal, 0.0 * normal, spin)
@@ -188,14 +180,14 @@ def across(direction: Floats) -> Floats:
 
 
 def equal_pair(solid: Solid, direction: Floats, spin: float) -> Setup:
-    """Test 7: equal spheres, equal and opposite spins about a line at right angles to their centres."""
-    touch = touch_of(solid, solid, SPHERE_RESTITUTION, SPHERE_FRICTION)
-    impact = pair_impact(touch, (SPHERE_RADIUS, SPHERE_RADIUS), solid.density, 2.0 * APPROACH)
+    """Test 7: equal small.spheres, equal and opposite spins about a line at right angles to their centres."""
+    touch = small.touch_of(solid, solid, SPHERE_RESTITUTION, SPHERE_FRICTION)
+    impact = small.pair_impact(touch, (SPHERE_RADIUS, SPHERE_RADIUS), solid.density, 2.0 * APPROACH)
     step = impact.duration / 200.0
     half = (SPHERE_RADIUS + 3.5 * APPROACH * step) * direction
     ahead, turn = APPROACH * direction, spin * across(direction)
-    grains = spheres([-half, half], [ahead, -ahead], [turn, -turn], SPHERE_RADIUS, 2.0 * impact.mass)
-    return sphere_setup(grains, touch, step)
+    grains = small.spheres([-half, half], [ahead, -ahead], [turn, -turn], SPHERE_RADIUS, 2.0 * impact.mass)
+    return small.sphere_setup(grains, touch, step)
 
 
 def equal_spins() -> Iterator[Outcome]:
@@ -203,7 +195,7 @@ def equal_spins() -> Iterator[Outcome]:
     choices = [(s, d, w) for s in (ALLOY, COPPER) for d in DIRECTIONS for w in SPINS]
     setups = [equal_pair(*choice) for choice in choices]
     for precision, limit in LIMIT_SPIN.items():
-        ends = final_states(setups, [400.0 * setup.time_step for setup in setups], precision)
+        ends = small.final_states(setups, [400.0 * setup.time_step for setup in setups], precision)
         spin = [end.spin - setup.grains.spin for setup, end in zip(setups, ends, strict=True)]
         yield below("T7: change of spin [rad/s]", np.ravel(spin), limit, precision)
         drift = [
@@ -215,14 +207,14 @@ def equal_spins() -> Iterator[Outcome]:
 
 def unequal_pair(solid: Solid, partner: Solid, direction: Floats, slip: float) -> Setup:
     """Test 8: a small sphere whose surface turns with `slip` [m s-1] meets a large one at rest."""
-    touch = touch_of(solid, partner, SPHERE_RESTITUTION, SPHERE_FRICTION)
+    touch = small.touch_of(solid, partner, SPHERE_RESTITUTION, SPHERE_FRICTION)
     radii, densities = (SPHERE_RADIUS, PARTNER_RADIUS), (solid.density, partner.density)
     masses = [sphere_mass(*body) for body in zip(radii, densities, strict=True)]
     step = hertz_impact(touch.young_effective, series(*radii), series(*masses), APPROACH)[2] / 4000.0
     start = [-(sum(radii) + 3.5 * APPROACH * step) * direction, 0.0 * direction]
     velocity = [APPROACH * direction, 0.0 * direction]
     spin = [slip / SPHERE_RADIUS * across(direction), 0.0 * direction]
-    return sphere_setup(spheres(start, velocity, spin, radii, masses), touch, step)
+    return small.sphere_setup(small.spheres(start, velocity, spin, radii, masses), touch, step)
 
 
 def linear(grains: GrainTable | Snapshot) -> Floats:
@@ -244,7 +236,7 @@ def momentum() -> Iterator[Outcome]:
     partners = ((ALLOY, NYLON), (NYLON, ALLOY), (ALLOY, ALLOY))
     setups = [unequal_pair(a, b, d, slip) for a, b in partners for d in DIRECTIONS for slip in slips]
     for precision in PRECISIONS:
-        ends = final_states(setups, [8000.0 * setup.time_step for setup in setups], precision)
+        ends = small.final_states(setups, [8000.0 * setup.time_step for setup in setups], precision)
         pairs = [(setup.grains, end) for setup, end in zip(setups, ends, strict=True)]
         for kind, sums, limits in (("linear", linear, LIMIT_LINEAR), ("angular", angular, LIMIT_SPIN)):
             lost = [np.linalg.norm(sums(b) - sums(a)) / np.linalg.norm(sums(a)) for a, b in pairs]
