@@ -77,7 +77,8 @@ def alone():
 
 
 @pytest.mark.slow
-def test_neighbours_and_threads_change_no_bit(alone):
+def test_neighbours_threads_and_an_earlier_state_change_no_bit(alone):
+    assert alone["again"] == alone["end"]
     sim = assemble([gridded(2), gridded(1), gridded(3, layers=2)], LAWS, Numerics("cpu", 2))
     assert blow(sim, 1) == alone["end"]
     stop_device()
@@ -87,11 +88,6 @@ def test_neighbours_and_threads_change_no_bit(alone):
 def test_workers_that_share_a_bed_under_a_grid_change_no_bit(in_teams):
     one, two, uneven = in_teams(gridded(1), LAWS, lambda sim: blow(sim, 0))
     assert one == two == uneven
-
-
-@pytest.mark.slow
-def test_a_grid_put_back_to_an_earlier_state_repeats_itself(alone):
-    assert alone["again"] == alone["end"]
 
 
 @pytest.mark.slow

@@ -3,18 +3,17 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import pi
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from grain_worlds import MASS, NONE, RADIUS, contacts, fingerprint, grains, heap, setup
+from own_effects import LIBRARY
 
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.effect import Effect, ReplicaEffect, quantity, replica_effect
+from taichi_erosion.core.effect import Effect, quantity, replica_effect
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.ti import ti
-from taichi_erosion.effects import load_library
 from taichi_erosion.simulation import (
     Simulation,
     advance,
@@ -28,7 +27,6 @@ from taichi_erosion.simulation import (
     snapshot,
 )
 
-LIBRARY = load_library([Path(__file__).with_name("ageing_pull.py")])
 LAWS = Laws(rolling="elastic_plastic")
 GRAINS, HALF, WHOLE = 120, 0.01, 0.02  # s
 CRUST = LIBRARY["surface_crust"]
@@ -69,8 +67,7 @@ MARK = replace(
 
 
 def on(bare: Setup, effect: Effect, **parameters: float) -> Setup:
-    one: ReplicaEffect = replica_effect(effect, effect.params(**parameters), 1.0, {}, RADIUS)
-    return replace(bare, effects=(one,))
+    return replace(bare, effects=(replica_effect(effect, effect.params(**parameters), 1.0, {}, RADIUS),))
 
 
 def sticky() -> Setup:
@@ -109,8 +106,8 @@ SETUPS = {
 PLACE = {name: replica for replica, name in enumerate(SETUPS)}
 
 
-def start(setups: list[Setup], threads: int = 1) -> Simulation:
-    return assemble(setups, LAWS, Numerics("cpu", threads, "f64"))
+def start(setups: list[Setup]) -> Simulation:
+    return assemble(setups, LAWS, Numerics("cpu", 1, "f64"))
 
 
 @pytest.fixture(scope="module")

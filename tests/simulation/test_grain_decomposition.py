@@ -7,22 +7,21 @@ of a speed. On Vulkan the device may also fuse multiplication and addition, by o
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from few_grains import run_worlds
-from grain_worlds import MASS, RADIUS, contacts, fingerprint, grains, heap, setup
+from few_grains import ARMS, equal_clumps, run_worlds
+from grain_worlds import RADIUS, contacts, fingerprint, grains, heap, setup
+from own_effects import LIBRARY
 from scipy.spatial.transform import Rotation
 from windy_beds import bed, set_in
 
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.effect import replica_effect
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.setup import ClumpTable, Laws, Numerics, Setup
+from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.snapshot import AirProfile, Snapshot, Status
-from taichi_erosion.effects import load_library
 from taichi_erosion.simulation import (
     Simulation,
     advance,
@@ -38,7 +37,6 @@ from taichi_erosion.simulation import (
 from taichi_erosion.simulation.assemble import reallocate
 from taichi_erosion.simulation.grain_decomposition import step
 
-LIBRARY = load_library([Path(__file__).parents[1] / "effects" / "ageing_pull.py"])
 ON_CPU, IN_PARTITIONS = Numerics("cpu", 2, "f64", "grains"), Numerics("cpu", 1, "f64")
 ROLLING = Laws(rolling="elastic_plastic")
 GRAINS = 120
@@ -70,14 +68,13 @@ def started(setups: list[Setup], laws: Laws, numerics: Numerics) -> Simulation:
 
 def run(setups: list[Setup], laws: Laws, numerics: Numerics, until: float) -> list[State]:
     """States of all replicas at a time, and the wind over them that sets in on the way."""
-    sim = started(setups, laws, numerics)
-    blows = setups[0].air is not None
+    sim, replicas, blows = started(setups, laws, numerics), range(len(setups)), setups[0].air is not None
     if blows:
         set_in(sim, WIND, CALM, until)
     else:
-        advance(sim, [until] * len(setups))
-    assert [failure(sim, r) for r in range(len(setups))] == [None] * len(setups)
-    found = [(snapshot(sim, r), air_profile(sim, r) if blows else None) for r in range(len(setups))]
+        advance(sim, [until for _ in replicas])
+    assert not any(failure(sim, r) for r in replicas)
+    found = [(snapshot(sim, r), air_profile(sim, r) if blows else None) for r in replicas]
     stop_device()
     return found
 
@@ -165,10 +162,6 @@ def with_effects(bare: Setup, **parameters: dict[str, float]) -> Setup:
     return replace(bare, effects=tuple(effects))
 
 
-ARMS = np.array([[1.2, 0.0, 0.1], [-0.9, 0.7, 0.0], [-0.3, -0.7, -0.1]]) * RADIUS  # of a clump's spheres
-CLUMP_INERTIA = np.array([0.6, 1.0, 1.5]) * MASS * (2.0 * RADIUS) ** 2  # kg m2
-
-
 def clumps(bodies: int, seed: int) -> Setup:
     """Clumps of three spheres that fall and turn; the last fifth is released later."""
     rng = np.random.default_rng(seed)
@@ -180,17 +173,9 @@ def clumps(bodies: int, seed: int) -> Setup:
     place = centre[:, None] + arms.transpose(0, 2, 1)
     speed = velocity[:, None] + np.cross(spin[:, None], arms.transpose(0, 2, 1))
     late = np.repeat(np.where(is_late, 0.001, 0.0), len(ARMS))
-    table = ClumpTable(
-        body=np.repeat(np.arange(bodies, dtype=np.int32), len(ARMS)),
-        offset=np.tile(ARMS, (bodies, 1)),
-        mass=np.full(bodies, 3.0 * MASS),
-        inertia=np.tile(CLUMP_INERTIA, (bodies, 1)),
-        position=centre,
-        orientation=poses.as_quat(scalar_first=True),
-    )
     loose.primitives.shape[1, [6, 8]] *= 2.5  # the tube, as wide as the places of larger bodies want
     spheres = grains(place.reshape(-1, 3), speed.reshape(-1, 3), np.repeat(spin, len(ARMS), axis=0), late)
-    return replace(loose, grains=spheres, clumps=table)
+    return replace(loose, grains=spheres, clumps=equal_clumps(centre, poses))
 
 
 def acted_on() -> list[Setup]:

@@ -69,10 +69,10 @@ class GrainMomentum(NamedTuple):
     size: float  # sum of |m v|
 
 
-def grain_momentum(sim: Simulation) -> GrainMomentum:
-    """Momentum of the first replica's grains."""
-    first = int(sim.world.replicas.side[0]) * sim.capacities.grains
-    rows = slice(first, first + len(sim.setups[0].grains.mass))
+def grain_momentum(sim: Simulation, replica: int = 0) -> GrainMomentum:
+    """Momentum of a replica's grains."""
+    first = (2 * replica + int(sim.world.replicas.side[replica])) * sim.capacities.grains
+    rows = slice(first, first + len(sim.setups[replica].grains.mass))
     mass = 1.0 / read(sim.world.grains.mass_inverse)[rows].astype(np.float64)[:, None]
     frozen = sim.world.frozen_drag
     momenta, applied, pressure = (
@@ -80,7 +80,7 @@ def grain_momentum(sim: Simulation) -> GrainMomentum:
         for field in (sim.world.grains.velocity, frozen.drag_kick, frozen.steady_acceleration)
     )
     # drag applied since the last exchange is not yet subtracted from the residual
-    residual = read(sim.coupling.exchange.residual_momentum)[0].sum(axis=0) - applied.sum(axis=0)
+    residual = read(sim.coupling.exchange.residual_momentum)[replica].sum(axis=0) - applied.sum(axis=0)
     size = float(np.linalg.norm(momenta, axis=1).sum())
     return GrainMomentum(momenta.sum(axis=0), residual, pressure.sum(axis=0), size)
 
