@@ -96,7 +96,7 @@ def hanging(weight: float, acted_on: bool = True) -> Setup:
 
 LOSS, SPEED = 0.02, 0.1  # of restitution [1], at an impact at this speed [m s-1]
 PULL = LIBRARY["constant_pull"].params().pull_off  # N
-RESTING = ("image_charge", "surface_crust")  # of walls only, and of grains that have lain still
+RESTING = ("image_charge", "surface_crust", "ageing_pull")  # of walls, and of grains that have lain still
 MEETING = [name for name, effect in LIBRARY.items() if effect.place == "pair" and name not in RESTING]
 
 

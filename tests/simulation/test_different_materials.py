@@ -15,25 +15,17 @@ LAWS, NUMERICS = Laws(rolling="elastic_plastic"), Numerics("cpu", 1)
 FALLEN = 0.01  # s, half way down
 
 
-def joined(tables: list[ContactTable], rows: list[int]) -> ContactTable:
-    """A contact table whose rows are the first rows of others."""
-    columns = {name: np.array([getattr(tables[k], name)[0] for k in rows]) for name in vars(tables[0])}
-    return ContactTable(**columns)
-
-
 def three_materials(count: int, seed: int) -> Setup:
     """A heap of grains of the second of three materials: floor of the first, tube of the third."""
     own = heap(count, seed)
-    tables = [contacts(friction, 0.1) for friction in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)]
-    tables = [
-        replace(table, restitution=np.full_like(table.restitution, 0.3 + 0.1 * k))
-        for k, table in enumerate(tables)
-    ]
-    walls = (Surface("floor", 0), Surface("tube", 2))
-    grains = replace(own.grains, material=np.ones_like(own.grains.material))
-    names = ("earth", "soil", "steel")
+    columns = {name: np.full(6, values[0]) for name, values in vars(contacts(rolling=0.1)).items()}
+    columns |= {"friction_sliding": np.linspace(0.0, 1.0, 6), "restitution": np.linspace(0.3, 0.8, 6)}
     return replace(
-        own, grains=grains, materials=names, contacts=joined(tables, list(range(6))), surfaces=walls
+        own,
+        grains=replace(own.grains, material=np.ones_like(own.grains.material)),
+        materials=("earth", "soil", "steel"),
+        contacts=ContactTable(**columns),
+        surfaces=(Surface("floor", 0), Surface("tube", 2)),
     )
 
 

@@ -36,7 +36,7 @@ from taichi_erosion.scene import laws as laws_of
 from taichi_erosion.simulation import Simulation, advance, assemble, failure, prepare, snapshot
 from taichi_erosion.verification.claims import Precision
 from taichi_erosion.verification.closed_forms import HERTZ, sampled, sphere_mass
-from tests.verification.reference.contact import HeadOn, Solid, series, shear_effective, young_effective
+from tests.verification.reference.contact import HeadOn, Solid, effective_moduli, series
 
 WALL = 1  # material
 NO_GRAVITY, GRAVITY = (0.0, 0.0, 0.0), (0.0, 0.0, -9.81)  # m s-2
@@ -61,7 +61,7 @@ class Touch:
 
 def touch_of(first: Solid, second: Solid | None, restitution: float = 1.0, friction: float = 0.0) -> Touch:
     """Contact of two solids; without a second the partner is rigid."""
-    return Touch(young_effective(first, second), shear_effective(first, second), restitution, friction)
+    return Touch(*effective_moduli(first, *([second] if second else [])), restitution, friction)
 
 
 def spheres(

@@ -40,7 +40,7 @@ class Bounce:
 
 
 def pair_scene(speed: float, steps_per_depth: float, overlap: float = -1e-3) -> Setup:
-    """Two small.spheres along x that approach with relative speed `speed` from `overlap` [L^2/R*]."""
+    """Two spheres along x that approach with relative speed `speed` from `overlap` [L^2/R*]."""
     step = PAIR.depth / speed / steps_per_depth
     half = RADIUS - 0.5 * overlap * PAIR.depth
     place, velocity = [[-half, 0, 0], [half, 0, 0]], [[speed / 2, 0, 0], [-speed / 2, 0, 0]]

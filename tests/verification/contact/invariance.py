@@ -116,7 +116,7 @@ STICKING_ANGLES = np.array([60.0, 70.0, 80.0, 85.0])  # deg
 
 
 def gas(touch: small.Touch, steps_per_contact: float, seed: int) -> Setup:
-    """64 grains on a loose lattice with random velocities and spins, in a box of six small.planes."""
+    """64 grains on a loose lattice with random velocities and spins, in a box of six planes."""
     rng = np.random.default_rng(seed)
     spacing = 3.0 * RADIUS
     axis = spacing * (np.arange(SIDE) + 0.5)

@@ -36,7 +36,7 @@ class Case:
 def pair_case(
     touch: small.Touch, radii: tuple[float, float], density: float, speed: float, name: str = ""
 ) -> Case:
-    """Two small.spheres along x; each carries half the relative speed."""
+    """Two spheres along x; each carries half the relative speed."""
     impact = small.pair_impact(touch, radii, density, speed)
     step = impact.duration / PER_CONTACT
     half = 0.5 * (sum(radii) + AHEAD * speed * step)

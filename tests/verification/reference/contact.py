@@ -54,20 +54,13 @@ class Solid:
         return self.young / (2.0 * (1.0 + self.poisson))
 
 
-def young_effective(first: Solid, second: Solid | None) -> float:
-    """1/E* = (1 - nu_1^2)/E_1 + (1 - nu_2^2)/E_2 [Pa]; without a second solid the partner is rigid."""
-    compliance = (1.0 - first.poisson**2) / first.young
-    if second is not None:
-        compliance += (1.0 - second.poisson**2) / second.young
-    return 1.0 / compliance
+def effective_moduli(*solids: Solid) -> tuple[float, float]:
+    """E* and G* of one or two solids [Pa]; of one, the partner is rigid.
 
-
-def shear_effective(first: Solid, second: Solid | None) -> float:
-    """1/G* = (2 - nu_1)/G_1 + (2 - nu_2)/G_2 [Pa]; without a second solid the partner is rigid."""
-    compliance = (2.0 - first.poisson) / first.shear
-    if second is not None:
-        compliance += (2.0 - second.poisson) / second.shear
-    return 1.0 / compliance
+    1/E* = sum (1 - nu^2) / E,    1/G* = sum (2 - nu) / G
+    """
+    normal = sum((1.0 - solid.poisson**2) / solid.young for solid in solids)
+    return 1.0 / normal, 1.0 / sum((2.0 - solid.poisson) / solid.shear for solid in solids)
 
 
 @dataclass(frozen=True)
