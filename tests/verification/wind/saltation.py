@@ -49,6 +49,7 @@ from math import exp, isnan, log, nan, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from doe.wind.flux_law import CUBIC, LINEAR, flux_power, vanishing_wind
 from taichi_erosion.core.setup import Floats
@@ -201,29 +202,21 @@ def steady(size: float, patch: Patch) -> Scene:
     return sand(size, patch, stages, {"measure": {name: {"every": 1e-2} for name in MEASURED}})
 
 
-def measured(scenes: Sequence[Scene]) -> list[dict[str, float]]:
-    """Final measurements by name of every scene, run as one ensemble."""
-    replicas = run_to_end(scenes, [SEED] * len(scenes)).states
-    return [{name: m.value for name, m in replica.measurements.items()} for replica in replicas]
+def measured(scenes: Sequence[Scene]) -> pd.DataFrame:
+    """Final measurements of every scene, run as one ensemble; NaN where there is none.
 
-
-def of_winds(values: Sequence[dict[str, float]], name: str) -> Any:
-    """One measure of all steady winds; NaN where there is none."""
-    return np.array([found.get(name, nan) for found in values])
-
-
-def stresses(values: Sequence[dict[str, float]]) -> Any:
-    """Stress of air and grains together at the bed, wind by wind [Pa].
-
-    In the mean over many seconds that of the lid; in between the air above stores momentum and gives it back.
+    The stress of the wind is that of air and grains together at the bed. In the mean over many seconds it is
+    that of the lid; in between the air above stores momentum and gives it back.
     """
-    return of_winds(values, "bed_stress") + of_winds(values, "grain_stress")
+    replicas = run_to_end(scenes, [SEED] * len(scenes)).states
+    rows = [{name: m.value for name, m in replica.measurements.items()} for replica in replicas]
+    return pd.DataFrame(rows, columns=list(MEASURED))
 
 
-def vanishing(values: Sequence[dict[str, float]], name: str) -> Bracket:
-    """Wind in which a measure of saturated transport, extrapolated along a line, vanishes [m s-1]."""
-    left, borne, measure = (of_winds(values, one) for one in ("bed_stress", "grain_stress", name))
-    return vanishing_wind(left, borne, measure, AIR) or Bracket(nan, nan)
+def vanishing(winds: pd.DataFrame) -> Bracket:
+    """Wind in which the stress of the grains, extrapolated along a line, vanishes [m s-1]."""
+    left, borne = winds["bed_stress"].to_numpy(), winds["grain_stress"].to_numpy()
+    return vanishing_wind(left, borne, borne, AIR) or Bracket(nan, nan)
 
 
 def ends(line: Bracket) -> str:
@@ -239,15 +232,20 @@ def hopping_alone(sizes: Sequence[float]) -> list[float]:
 
 def saltation() -> Iterator[Outcome]:
     """V36."""
-    winds = {1.0: (*STEADY, *MORE), LARGER: STEADY}
-    blown = iter(measured([steady(size, patch) for size, over in winds.items() for patch in over]))
-    found = {size: [next(blown) for _ in over] for size, over in winds.items()}
-    first, second = (vanishing(values, "grain_stress") for values in found.values())
-    alone = hopping_alone(list(winds))
+    patches = [*((1.0, patch) for patch in (*STEADY, *MORE)), *((LARGER, patch) for patch in STEADY)]
+    table = measured([steady(*each) for each in patches])
+    table["size"] = [size for size, _ in patches]
+    table["wind"] = [sqrt(size) * patch.wind for size, patch in patches]
+    sizes, groups = zip(*table.groupby("size"), strict=True)
+    first, second = map(vanishing, groups)
+    alone = hopping_alone(sizes)
     yield from impact_outcomes(first, second, alone)
-    yield from flux_outcomes(winds[1.0], found[1.0], first)
-    for (size, patches), hopping in zip(winds.items(), alone, strict=True):
-        yield from stress_outcomes(size, patches, found[size], hopping)
+    yield from flux_outcomes(groups[0], first)
+    for size, winds, hopping in zip(sizes, groups, alone, strict=True):
+        for wind, left in zip(winds["wind"], winds["bed_stress"], strict=True):
+            claim = f"stress of the air at the bed of {1e3 * size * SMALLEST:g} mm under u* = {wind:.3g} m/s "
+            claim += f"over that of {hopping:.3f} m/s, in which one grain goes on"
+            yield relative(claim, left / (AIR * hopping**2), 1.0, 0.2, "f32")
 
 
 def impact_outcomes(first: Bracket, second: Bracket, alone: Sequence[float]) -> Iterator[Outcome]:
@@ -260,28 +258,15 @@ def impact_outcomes(first: Bracket, second: Bracket, alone: Sequence[float]) -> 
     yield relative(claim, ratio / (alone[1] / alone[0]), 1.0, 0.1, "f32")
 
 
-def flux_outcomes(
-    patches: Sequence[Patch], values: Sequence[dict[str, float]], threshold: Bracket
-) -> Iterator[Outcome]:
+def flux_outcomes(winds: pd.DataFrame, threshold: Bracket) -> Iterator[Outcome]:
     """Whether the flux is linear in the stress, and not with the cube of the wind."""
-    friction = np.sqrt(stresses(values) / AIR)
-    power = flux_power(friction, of_winds(values, "flux"), threshold)
+    friction = np.sqrt((winds["bed_stress"] + winds["grain_stress"]).to_numpy() / AIR)
+    power = flux_power(friction, winds["flux"].to_numpy(), threshold)
     told = "too few winds" if power is None else f"{power.value:.2f} +- {power.error:.2f}"
     line, cube = (nan if power is None else power.chance(law) for law in (LINEAR, CUBIC))
-    claim = f"flux at {len(patches)} winds as (u*^2 - u_t^2) (u* + u_t)^m, m = {told}: "
+    claim = f"flux at {len(winds)} winds as (u*^2 - u_t^2) (u* + u_t)^m, m = {told}: "
     yield holds(f"{claim}m = 0, linear in the stress, is not refuted (p = {line:.2g})", line > REFUTED, "f32")
     yield below(f"{claim}m = 1, the cube of the wind, has a p of", cube, REFUTED, "f32")
-
-
-def stress_outcomes(
-    size: float, patches: Sequence[Patch], values: Sequence[dict[str, float]], hopping: float
-) -> Iterator[Outcome]:
-    """Stress left to the air at the bed over that of u* = `hopping` [m s-1]."""
-    grain = f"{1e3 * size * SMALLEST:g} mm"
-    for patch, left in zip(patches, of_winds(values, "bed_stress"), strict=True):
-        claim = f"stress of the air at the bed of {grain} under u* = {sqrt(size) * patch.wind:.3g} m/s over "
-        claim += f"that of {hopping:.3f} m/s, in which one grain goes on"
-        yield relative(claim, left / (AIR * hopping**2), 1.0, 0.2, "f32")
 
 
 def start_of_motion() -> Iterator[Outcome]:
