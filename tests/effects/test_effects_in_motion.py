@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from grain_worlds import MASS, NONE, RADIUS, TIME_STEP, YOUNG, contacts, fingerprint, grains, heap, setup
-from own_effects import CONSTANT_PULL, LIBRARY
+from own_effects import CONSTANT_PULL, LIBRARY, acted_on
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.device import stop_device
@@ -67,29 +67,26 @@ def met() -> Setup:
 def bounced() -> Setup:
     """Two grains of restitution 1 that lose the fiftieth part of their speed to the contact."""
     table = grains([[0.0, 0.0, 0.0], [2.001 * RADIUS, 0.0, 0.0]], [[0.5 * SPEED, 0, 0], [-0.5 * SPEED, 0, 0]])
-    law, effect = contacts(0.0, restitution=1.0), LIBRARY["restitution_speed"]
-    lossy = replica_effect(effect, effect.params(loss=LOSS, speed=SPEED), 1.0, {}, RADIUS)
-    return replace(
-        setup(table, NONE, gravity=WEIGHTLESS, law=law), effects=(lossy,), time_step=0.1 * TIME_STEP
-    )
+    bare = setup(table, NONE, gravity=WEIGHTLESS, law=contacts(0.0, restitution=1.0))
+    lossy = acted_on(bare, {}, restitution_speed={"loss": LOSS, "speed": SPEED})
+    return replace(lossy, time_step=0.1 * TIME_STEP)
 
 
 def crossing(high: float) -> Setup:
     """Two grains that fly towards each other, pass in mid-air, and a bed's surface at a height [m]."""
     table = grains([[-2.0 * RADIUS, 0.0, 0.0], [2.0 * RADIUS, 0.0, 0.0]], [[0.2, 0.0, 0.0], [-0.2, 0.0, 0.0]])
-    effect, known = LIBRARY["midair_passing"], {"bed_height": high, "grain_diameter": RADIUS}
-    switched = replica_effect(effect, effect.params(), 1.0, known, RADIUS)
-    return setup(table, NONE, gravity=WEIGHTLESS, effects=(switched,))
+    known = {"bed_height": high, "grain_diameter": RADIUS}
+    return acted_on(setup(table, NONE, gravity=WEIGHTLESS), known, midair_passing={})
 
 
-def hanging(weight: float, acted_on: bool = True) -> Setup:
+def hanging(weight: float, acts: bool = True) -> Setup:
     """A grain that sticks to a ceiling, if effects act there: the floor of a world whose gravity points up.
 
     It starts where the repulsion is the excess of the pull over a weight of 0.8 of it.
     """
     overlap = (0.2 * PULL / (4.0 / 3.0 * YOUNG * sqrt(RADIUS))) ** (2.0 / 3.0)
     law = contacts()
-    law.effects[pair_row(0, 1, 2)] = float(acted_on)
+    law.effects[pair_row(0, 1, 2)] = float(acts)
     bare = setup(grains([0.0, 0.0, RADIUS - overlap]), law=law, gravity=(0.0, 0.0, weight * PULL / MASS))
     return with_effects(bare, constant_pull=1.0)
 
@@ -108,7 +105,7 @@ def worlds() -> dict[str, Snapshot]:
         with_effects(met(), liquid_bridge=50.0), contacts=replace(contacts(0.5), effects=np.zeros(3))
     )
     setups = fallen() | {"met": met(), "bounced": bounced(), "held": hanging(0.8), "lost": hanging(1.2)}
-    setups |= {"let go": hanging(0.8, acted_on=False), "met as if dry": dry}
+    setups |= {"let go": hanging(0.8, acts=False), "met as if dry": dry}
     setups |= {"in the air": crossing(-0.1), "in the bed": crossing(0.0)}
     setups |= {f"met with {name}": with_effects(met(), **{name: 50.0}) for name in MEETING}
     sim = assemble(list(setups.values()), LAWS, Numerics("cpu", 1, "f64"))

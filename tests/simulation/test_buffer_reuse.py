@@ -4,23 +4,18 @@ from dataclasses import replace
 
 import pytest
 from grain_worlds import fingerprint, heap
+from own_effects import acted_on
 
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.effect import replica_effect
 from taichi_erosion.core.setup import Laws, Numerics, Setup
-from taichi_erosion.effects import load_library
 from taichi_erosion.simulation import Simulation, advance, assemble, reuse_or_assemble, snapshot
 
 LAWS, NUMERICS = Laws(rolling="elastic_plastic"), Numerics("cpu", 1)
 FALLEN = 0.01  # s, half way down
-LIBRARY = load_library()
 
 
 def with_effect(setup: Setup, name: str) -> Setup:
-    """The same grains with an effect of textbook strength."""
-    effect, known = LIBRARY[name], {"grain_diameter": 1e-3}
-    switched = replica_effect(effect, effect.params(), 1.0, known, setup.grains.radius.max())
-    return replace(setup, effects=(switched,))
+    return acted_on(setup, {"grain_diameter": 1e-3}, **{name: {}})
 
 
 PLAIN, STICKY = heap(60, 1), with_effect(heap(80, 2), "surface_crust")

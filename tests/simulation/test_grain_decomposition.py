@@ -13,12 +13,11 @@ import numpy as np
 import pytest
 from few_grains import ARMS, equal_clumps, run_worlds
 from grain_worlds import RADIUS, contacts, fingerprint, grains, heap, setup
-from own_effects import LIBRARY
+from own_effects import acted_on
 from scipy.spatial.transform import Rotation
 from windy_beds import bed, set_in
 
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.effect import replica_effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.snapshot import AirProfile, Snapshot, Status
@@ -149,17 +148,8 @@ def test_a_number_that_is_none_stops_its_replica_by_name(ways):
 
 WITH_POWERS = {"liquid_bridge": {}, "restitution_speed": {}}
 WITHOUT_POWERS = {"dry_adhesion": {}, "image_charge": {}}  # Vulkan has no powers of 64-bit floats
+KNOWN = {"grain_diameter": 2.0 * RADIUS, "moisture": 0.01}
 AGEING = {"pull_off": 3e-5, "ageing": 5e-4, "still": 0.02}
-
-
-def with_effects(bare: Setup, **parameters: dict[str, float]) -> Setup:
-    """A heap with effects of the library, or of the tests, at full strength."""
-    known = {"grain_diameter": 2.0 * RADIUS, "moisture": 0.01}
-    effects = [
-        replica_effect(LIBRARY[name], LIBRARY[name].params(**given), 1.0, known, RADIUS)
-        for name, given in sorted(parameters.items())
-    ]
-    return replace(bare, effects=tuple(effects))
 
 
 def clumps(bodies: int, seed: int) -> Setup:
@@ -178,14 +168,14 @@ def clumps(bodies: int, seed: int) -> Setup:
     return replace(loose, grains=spheres, clumps=equal_clumps(centre, poses))
 
 
-def acted_on() -> list[Setup]:
+def heaps_with_effects() -> list[Setup]:
     """The same heap bare, and with effects without and with a memory."""
     effects = {}, WITHOUT_POWERS, {"ageing_pull": AGEING}
-    return [with_effects(heap(60, 1), **parameters) for parameters in effects]
+    return [acted_on(heap(60, 1), KNOWN, **parameters) for parameters in effects]
 
 
 CASES = {  # setups, laws, end [s], and what the two ways may differ by over the largest value [1]
-    "effects": (acted_on, ROLLING, WHOLE, FORCES),
+    "effects": (heaps_with_effects, ROLLING, WHOLE, FORCES),
     "clumps": (lambda: [clumps(40, 1), clumps(25, 2)], ROLLING, WHOLE, FORCES),
     "beds under wind": (lambda: [bed(1), bed(2, 2)], replace(ROLLING, drag="two_limits"), WHOLE, SUMS),
 }
@@ -219,7 +209,7 @@ def test_ensembles_move_as_in_partitions_and_repeat_their_bits_alone_and_in_comp
 @pytest.mark.gpu
 @pytest.mark.slow
 def test_on_vulkan_effects_with_powers_act_in_single_precision_and_are_refused_in_double():
-    wet = [heap(GRAINS, 1), *(with_effects(heap(n, 2), **WITH_POWERS) for n in (60, 61))]
+    wet = [heap(GRAINS, 1), *(acted_on(heap(n, 2), KNOWN, **WITH_POWERS) for n in (60, 61))]
     want = run(wet, ROLLING, Numerics("cpu", 1, "f32"), HALF)
     found = run(wet, ROLLING, Numerics("vulkan", 1, "f32"), HALF)
     assert max(distance(a, b) for (a, _), (b, _) in zip(want, found, strict=True)) < SINGLE
