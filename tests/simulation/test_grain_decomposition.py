@@ -17,22 +17,12 @@ from own_effects import acted_on
 from scipy.spatial.transform import Rotation
 from windy_beds import bed, set_in
 
+from taichi_erosion import simulation
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.snapshot import AirProfile, Snapshot, Status
-from taichi_erosion.simulation import (
-    Simulation,
-    advance,
-    air_profile,
-    assemble,
-    energies,
-    export_state,
-    failure,
-    import_state,
-    reuse_or_assemble,
-    snapshot,
-)
+from taichi_erosion.simulation import Simulation
 from taichi_erosion.simulation.assemble import reallocate
 from taichi_erosion.simulation.grain_decomposition import step
 
@@ -60,7 +50,7 @@ def stopped() -> Iterator[None]:
 def started(setups: list[Setup], laws: Laws, numerics: Numerics) -> Simulation:
     """An ensemble at its start; skips where there is no such device."""
     try:
-        return assemble(setups, laws, numerics)
+        return simulation.assemble(setups, laws, numerics)
     except BadInput as missing:
         pytest.skip(str(missing))
 
@@ -71,9 +61,11 @@ def run(setups: list[Setup], laws: Laws, numerics: Numerics, until: float) -> li
     if blows:
         set_in(sim, WIND, CALM, until)
     else:
-        advance(sim, [until for _ in replicas])
-    assert not any(failure(sim, r) for r in replicas)
-    found = [(snapshot(sim, r), air_profile(sim, r) if blows else None) for r in replicas]
+        simulation.advance(sim, [until for _ in replicas])
+    assert not any(simulation.failure(sim, r) for r in replicas)
+    found = [
+        (simulation.snapshot(sim, r), simulation.air_profile(sim, r) if blows else None) for r in replicas
+    ]
     stop_device()
     return found
 
@@ -113,20 +105,20 @@ def four_heaps() -> list[Setup]:
 @pytest.fixture(scope="module", params=[pytest.param(ON_CPU, id="cpu"), VULKAN])
 def ways(request: pytest.FixtureRequest) -> dict[str, Any]:
     """The heaps in partitions, by grain, again, and by grain from half way on; kernels compile once."""
-    sim = assemble(four_heaps(), ROLLING, IN_PARTITIONS)
-    advance(sim, [HALF] * 4)
-    state = export_state(sim)
-    advance(sim, [WHOLE] * 4)
-    found: dict[str, Any] = {"in partitions": [snapshot(sim, r) for r in range(3)]}
+    sim = simulation.assemble(four_heaps(), ROLLING, IN_PARTITIONS)
+    simulation.advance(sim, [HALF] * 4)
+    state = simulation.export_state(sim)
+    simulation.advance(sim, [WHOLE] * 4)
+    found: dict[str, Any] = {"in partitions": [simulation.snapshot(sim, r) for r in range(3)]}
     stop_device()
     sim = started(four_heaps(), ROLLING, request.param)
     for way in ("by grain", "again", "from half way"):
-        assert sim is reuse_or_assemble(sim, four_heaps(), ROLLING, request.param)
+        assert sim is simulation.reuse_or_assemble(sim, four_heaps(), ROLLING, request.param)
         if way == "from half way":
-            import_state(sim, state)
-        advance(sim, [WHOLE] * 4)
-        found[way] = [snapshot(sim, r) for r in range(3)]
-        found[f"{way} ends"] = [failure(sim, r) for r in range(4)]
+            simulation.import_state(sim, state)
+        simulation.advance(sim, [WHOLE] * 4)
+        found[way] = [simulation.snapshot(sim, r) for r in range(3)]
+        found[f"{way} ends"] = [simulation.failure(sim, r) for r in range(4)]
     stop_device()
     return found
 
@@ -215,7 +207,7 @@ def test_on_vulkan_effects_with_powers_act_in_single_precision_and_are_refused_i
     assert max(distance(a, b) for (a, _), (b, _) in zip(want, found, strict=True)) < SINGLE
     sim = started(wet, ROLLING, Numerics("vulkan", 1, "f64"))
     with pytest.raises(BadInput, match="64-bit floats, which Vulkan lacks"):
-        advance(sim, [HALF] * 3)
+        simulation.advance(sim, [HALF] * 3)
 
 
 NOT_NUMBERS = ("not a number", "infinite")  # Mesa takes 0 x for 0, so that these move by one step
@@ -244,15 +236,15 @@ def test_every_small_world_ends_as_in_partitions(numerics):
 
 @pytest.mark.slow
 def test_a_state_of_clumps_goes_on_with_one_thread_per_grain():
-    first = assemble([clumps(40, 1)], ROLLING, IN_PARTITIONS)
-    advance(first, [HALF])
-    state = export_state(first)
-    advance(first, [WHOLE])
-    want = snapshot(first, 0)
-    second = assemble([clumps(40, 1)], ROLLING, ON_CPU)
-    import_state(second, state)
-    advance(second, [WHOLE])
-    assert distance(want, snapshot(second, 0)) < FORCES
+    first = simulation.assemble([clumps(40, 1)], ROLLING, IN_PARTITIONS)
+    simulation.advance(first, [HALF])
+    state = simulation.export_state(first)
+    simulation.advance(first, [WHOLE])
+    want = simulation.snapshot(first, 0)
+    second = simulation.assemble([clumps(40, 1)], ROLLING, ON_CPU)
+    simulation.import_state(second, state)
+    simulation.advance(second, [WHOLE])
+    assert distance(want, simulation.snapshot(second, 0)) < FORCES
 
 
 @pytest.mark.slow
@@ -269,16 +261,16 @@ def test_stages_of_more_threads_than_a_device_starts_at_once_give_the_same_bits_
 @pytest.mark.slow
 def test_vulkan_advances_more_list_entries_than_it_starts_threads_at_once():
     """65,535 groups of 128 threads are what the driver in software starts."""
-    collapsing = assemble([heap(GRAINS, 1)], ROLLING, replace(IN_PARTITIONS, precision="f32"))
-    advance(collapsing, [HALF])
-    state = export_state(collapsing)
+    collapsing = simulation.assemble([heap(GRAINS, 1)], ROLLING, replace(IN_PARTITIONS, precision="f32"))
+    simulation.advance(collapsing, [HALF])
+    state = simulation.export_state(collapsing)
     ends = []
     for pairs in (None, 65_536 * 128):
         sim = started([heap(GRAINS, 1)], ROLLING, Numerics("vulkan", 1, "f32"))
         reallocate(sim, replace(sim.capacities, pairs=pairs or sim.capacities.pairs))
-        import_state(sim, state)
-        advance(sim, [HALF + FEW])
-        ends.append(snapshot(sim, 0))
+        simulation.import_state(sim, state)
+        simulation.advance(sim, [HALF + FEW])
+        ends.append(simulation.snapshot(sim, 0))
         stop_device()
     assert ends[0].contacts.sum() > 0
     assert fingerprint(ends[0]) == fingerprint(ends[1])
@@ -286,22 +278,22 @@ def test_vulkan_advances_more_list_entries_than_it_starts_threads_at_once():
 
 @pytest.mark.slow
 def test_a_resumed_run_and_lists_that_grow_change_no_bit():
-    sim = assemble([heap(GRAINS, 1)], ROLLING, replace(ON_CPU, precision="f32"))
+    sim = simulation.assemble([heap(GRAINS, 1)], ROLLING, replace(ON_CPU, precision="f32"))
     reallocate(sim, replace(sim.capacities, pairs=160, wall_pairs=64))  # the heap wants more
-    advance(sim, [HALF])
+    simulation.advance(sim, [HALF])
     assert sim.capacities.pairs > 160
-    state = export_state(sim)
-    energy = energies(sim)
-    advance(sim, [WHOLE])
-    end = fingerprint(snapshot(sim, 0))
-    import_state(sim, state)
-    assert energies(sim) == pytest.approx(energy, rel=1e-12)
-    advance(sim, [WHOLE])
-    assert fingerprint(snapshot(sim, 0)) == end
+    state = simulation.export_state(sim)
+    energy = simulation.energies(sim)
+    simulation.advance(sim, [WHOLE])
+    end = fingerprint(simulation.snapshot(sim, 0))
+    simulation.import_state(sim, state)
+    assert simulation.energies(sim) == pytest.approx(energy, rel=1e-12)
+    simulation.advance(sim, [WHOLE])
+    assert fingerprint(simulation.snapshot(sim, 0)) == end
 
 
 def test_what_is_not_there_is_refused_by_name():
     patch = bed(1)
     gridded = replace(patch, air=replace(patch.air, cells=(4, 4, patch.air.cells[2])))
     with pytest.raises(BadInput, match="one thread per grain has no grids of air"):
-        assemble([gridded], ROLLING, ON_CPU)
+        simulation.assemble([gridded], ROLLING, ON_CPU)

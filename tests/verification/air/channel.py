@@ -103,9 +103,9 @@ def between_side_walls() -> float:
 def plane_flows() -> Iterator[Outcome]:
     """V27."""
     for words, whole_grid in (("grid", True), ("column", False)):
-        even, stretched, parabola, _ = steady_errors(PLATE_LAYERS, whole_grid)
-        yield below(f"Couette, {words}, equal cells: error over the lid's speed", even, 1e-9, "f64")
-        yield below(f"Couette, {words}, stretched cells: error over the lid's speed", stretched, 1e-9, "f64")
+        *couette, parabola, _ = steady_errors(PLATE_LAYERS, whole_grid)
+        for kind, error in zip(("equal", "stretched"), couette, strict=True):
+            yield below(f"Couette, {words}, {kind} cells: error over the lid's speed", error, 1e-9, "f64")
         name = f"Poiseuille, {words}, {PLATE_LAYERS} cells: error over the largest speed"
         yield below(name, parabola, 1.0 / PLATE_LAYERS**2 * (1.0 + 1e-6), "f64")
     found = order([steady_errors(layers, False)[3] for layers in PLATE_GRIDS])
@@ -144,8 +144,8 @@ def fetch() -> AirSetup:
     )
 
 
-def kept_profile() -> Iterator[Outcome]:
-    """The wind at the end of the fetch is that at its beginning."""
+def wind_profile() -> Iterator[Outcome]:
+    """V28: the wind at the end of the fetch is that at its beginning; the channel of the short list."""
     setup = fetch()
     air = air_of([setup])
     advance_air(air, FETCH_STEPS)
@@ -155,11 +155,6 @@ def kept_profile() -> Iterator[Outcome]:
     yield below("log wind over the fetch: change of the speed, relative", off, 0.02, "f64")
     friction = state.friction_velocity[:, 0] / FRICTION - 1.0
     yield below("log wind over the fetch: change of u* at the floor, relative", friction, 0.02, "f64")
-
-
-def wind_profile() -> Iterator[Outcome]:
-    """V28: the fetch, and the channel of the short list."""
-    yield from kept_profile()
     yield from closed_forms.channel_flow()
 
 

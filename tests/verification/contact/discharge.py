@@ -106,37 +106,21 @@ class Silos:
     kind: str
     exponent: float  # of the law [1]
     openings: Floats  # diameters
-    sections: Floats  # of the silo, squares of a diameter
-    mouths: Floats  # area of the opening, squares of a diameter
+    area: Callable[[Floats], Floats]  # of silos or openings by their widths, squares of a diameter
     length: float  # m, of a slot; 1 for holes
     scene: Callable[[int, float, float, int], Setup]
 
     @property
     def before(self) -> Floats:
         """Grains that leave each silo before the flow is read; `READ` more, and reading ends."""
-        return GRAINS_PER_CUBE * self.mouths * self.openings
+        return GRAINS_PER_CUBE * self.area(self.openings) * self.openings
 
 
 # how many fillings flow through each width in diameters
 HOLE, SLOT = np.repeat([6.0, 7.5, 9.0, 12.0], [3, 3, 2, 1]), np.repeat([6.0, 8.0, 11.0, 16.0], [3, 3, 2, 2])
-HOLES = Silos(
-    "round holes",
-    exact.HOLE_EXPONENT,
-    HOLE,
-    0.25 * np.pi * (WIDTH * HOLE) ** 2,
-    0.25 * np.pi * HOLE**2,
-    1.0,
-    silo_scene,
-)
-SLOTS = Silos(
-    "slots",
-    exact.SLOT_EXPONENT,
-    SLOT,
-    SLOT_LENGTH * WIDTH * SLOT,
-    SLOT_LENGTH * SLOT,
-    SLOT_LENGTH * DIAMETER,
-    slot_scene,
-)
+LENGTH = SLOT_LENGTH * DIAMETER
+HOLES = Silos("round holes", exact.HOLE_EXPONENT, HOLE, lambda w: 0.25 * np.pi * w**2, 1.0, silo_scene)
+SLOTS = Silos("slots", exact.SLOT_EXPONENT, SLOT, lambda w: SLOT_LENGTH * w, LENGTH, slot_scene)
 
 
 def opening_flow() -> Iterator[Outcome]:
@@ -170,7 +154,7 @@ def discharged(silos: Silos) -> Iterator[Outcome]:
 def settled(silos: Silos) -> Simulation:
     """The silos with their fillings at rest."""
     widths = WIDTH * silos.openings
-    stock = np.ceil(GRAINS_PER_CUBE * HEAD * widths * silos.sections + silos.before + READ)
+    stock = np.ceil(GRAINS_PER_CUBE * HEAD * widths * silos.area(widths) + silos.before + READ)
     rows = zip(stock, widths * DIAMETER, silos.openings * DIAMETER, strict=True)
     setups = [silos.scene(int(n), width, opening, k) for k, (n, width, opening) in enumerate(rows)]
     sim = small.simulation_of(setups, "f32", bulk.ROLLING)
@@ -184,7 +168,7 @@ def bulk_density(sim: Simulation, silos: Silos) -> Floats:
     for state in small.states(sim):
         height = state.position[:, 2] / DIAMETER
         masses.append(state.mass[(height > 2.0) & (height < 12.0)].sum())
-    return np.array(masses) / (silos.sections * 10.0 * DIAMETER**3)
+    return np.array(masses) / (silos.area(WIDTH * silos.openings) * 10.0 * DIAMETER**3)
 
 
 def discharge_rates(sim: Simulation, silos: Silos) -> Floats:
