@@ -1,7 +1,6 @@
 """Replicas with different numbers of materials beside each other: each has its own contact parameters."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -44,10 +43,18 @@ MIXED = {
 SLIPPERY = contacts(0.0, 0.0)
 
 
-@pytest.fixture(scope="module")
-def found() -> dict[str, Any]:
-    """Ends of replicas alone and beside each other; kernels compile once for each number of materials."""
+@pytest.mark.parametrize("own", [1, 2, 3, 5])
+def test_rows_of_the_first_materials_are_those_of_their_pairs(own):
+    found = iter(pair_rows(own, 5))
+    for i in range(own):
+        for j in range(i, own):
+            assert next(found) == pair_row(i, j, 5)
+
+
+def test_replicas_with_few_and_with_three_materials_come_out_as_alone():
+    """And so does one whose contacts change; kernels compile once for each number of materials."""
     alone: dict[str, str] = {}
+    slippery: list[str] = []
     for count in (2, 3):
         sim = None
         for name, setup in MIXED.items():
@@ -58,23 +65,7 @@ def found() -> dict[str, Any]:
         beside = ends(sim)
         sim = reuse_or_assemble(sim, sim.setups, LAWS, NUMERICS)
         set_contacts(sim, 0, SLIPPERY)
-        alone[f"slippery beside {count}"] = ends(sim)[0]
+        slippery.append(ends(sim)[0])
         stop_device()
-    return locals()
-
-
-@pytest.mark.parametrize("own", [1, 2, 3, 5])
-def test_rows_of_the_first_materials_are_those_of_their_pairs(own):
-    found = iter(pair_rows(own, 5))
-    for i in range(own):
-        for j in range(i, own):
-            assert next(found) == pair_row(i, j, 5)
-
-
-def test_replicas_with_few_and_with_three_materials_come_out_as_alone(found):
-    assert found["beside"] == [found["alone"][name] for name in MIXED]
-
-
-def test_contacts_of_one_replica_change_beside_others_with_more_materials(found):
-    alone = found["alone"]
-    assert alone["slippery beside 2"] == alone["slippery beside 3"] != alone["few"]
+    assert beside == [alone[name] for name in MIXED]
+    assert slippery[0] == slippery[1] != alone["few"]

@@ -29,16 +29,8 @@ from taichi_erosion.air.grid import Air
 from taichi_erosion.air.readback import air_snapshot, face_velocities
 from taichi_erosion.air.single_column import advance_columns
 from taichi_erosion.air.step import advance_air
-from taichi_erosion.core.air_setup import (
-    AirModel,
-    AirSetup,
-    AirSide,
-    InletTurbulence,
-    both_faces,
-    even_faces,
-    log_profile,
-    stretched_faces,
-)
+from taichi_erosion.core import air_setup
+from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, InletTurbulence
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.verification import closed_forms
 from taichi_erosion.verification.claims import Outcome, below, holds
@@ -56,7 +48,9 @@ def plates(layers: int, lid: AirSide, gradient: float, stretched: bool) -> AirSe
     return box(
         (1, 1, layers),
         (1.0, 1.0, 1.0),
-        faces_z=both_faces(0.0, 1.0, layers, 0.3 / layers) if stretched else even_faces(0.0, 1.0, layers),
+        faces_z=air_setup.both_faces(0.0, 1.0, layers, 0.3 / layers)
+        if stretched
+        else air_setup.even_faces(0.0, 1.0, layers),
         sides=sides(z_low=WALL, z_high=lid),
         driving_gradient=(gradient, 0.0, 0.0),
         implicitness=1.0,
@@ -95,7 +89,7 @@ def between_side_walls() -> float:
     )
     air = air_of([setup])
     advance_air(air, ACROSS_STEPS)
-    y = centres(even_faces(0.0, 1.0, n))
+    y = centres(air_setup.even_faces(0.0, 1.0, n))
     parabola = 4.0 * y * (1.0 - y) + 1.0 / n**2
     return float(np.abs(face_velocities(air, 0)[0][0, :, 0] - parabola).max())
 
@@ -124,8 +118,8 @@ INFLOW = {"x_low": AirSide("inlet", (1.0, 0.0, 0.0)), "x_high": AirSide("outlet"
 
 def fetch() -> AirSetup:
     """Empty tunnel."""
-    faces = stretched_faces(0.0, FETCH_HEIGHT, FETCH_LAYERS, FETCH_LOWEST)
-    profile = log_profile(centres(faces), FRICTION, ROUGHNESS, KARMAN)
+    faces = air_setup.stretched_faces(0.0, FETCH_HEIGHT, FETCH_LAYERS, FETCH_LOWEST)
+    profile = air_setup.log_profile(centres(faces), FRICTION, ROUGHNESS, KARMAN)
     slip = dict.fromkeys(("y_low", "y_high"), AirSide("symmetry"))
     ends = {"z_low": AirSide("rough", roughness=ROUGHNESS), "z_high": AirSide("stress")}
     return box(
@@ -173,7 +167,7 @@ def gusty_box() -> AirSetup:
     return box(
         CELLS,
         SIZE,
-        faces_z=stretched_faces(0.0, SIZE[2], CELLS[2], LOWEST),
+        faces_z=air_setup.stretched_faces(0.0, SIZE[2], CELLS[2], LOWEST),
         sides=sides(**walls, **ends),
         density=1.2,
         viscosity=1.5e-5,
@@ -197,7 +191,7 @@ def random_flow(columns: int) -> AirSetup:
     return box(
         (columns, columns, PRESSURE_LAYERS),
         (1.0, 1.0, 1.0),
-        faces_z=stretched_faces(0.0, 1.0, PRESSURE_LAYERS, 2e-3),
+        faces_z=air_setup.stretched_faces(0.0, 1.0, PRESSURE_LAYERS, 2e-3),
         time_step=0.1 / columns,
         viscosity=1e-3,
         model=LINEAR,
