@@ -7,7 +7,6 @@ of a speed. On Vulkan the device may also fuse multiplication and addition, by o
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -102,40 +101,30 @@ def four_heaps() -> list[Setup]:
     return [heap(GRAINS, 1), trickle(), heap(GRAINS // 2, 2, friction=0.1), lost]
 
 
-@pytest.fixture(scope="module", params=[pytest.param(ON_CPU, id="cpu"), VULKAN])
-def ways(request: pytest.FixtureRequest) -> dict[str, Any]:
-    """The heaps in partitions, by grain, again, and by grain from half way on; kernels compile once."""
+@devices
+def test_heaps_of_an_ensemble_move_as_in_partitions_and_repeat_their_bits(numerics):
+    """In partitions, by grain, again, and by grain from half way on; kernels compile once."""
     sim = simulation.assemble(four_heaps(), ROLLING, IN_PARTITIONS)
     simulation.advance(sim, [HALF] * 4)
     state = simulation.export_state(sim)
     simulation.advance(sim, [WHOLE] * 4)
-    found: dict[str, Any] = {"in partitions": [simulation.snapshot(sim, r) for r in range(3)]}
+    want = [simulation.snapshot(sim, r) for r in range(3)]
     stop_device()
-    sim = started(four_heaps(), ROLLING, request.param)
+    sim = started(four_heaps(), ROLLING, numerics)
+    found = []
     for way in ("by grain", "again", "from half way"):
-        assert sim is simulation.reuse_or_assemble(sim, four_heaps(), ROLLING, request.param)
+        assert sim is simulation.reuse_or_assemble(sim, four_heaps(), ROLLING, numerics)
         if way == "from half way":
             simulation.import_state(sim, state)
         simulation.advance(sim, [WHOLE] * 4)
-        found[way] = [simulation.snapshot(sim, r) for r in range(3)]
-        found[f"{way} ends"] = [simulation.failure(sim, r) for r in range(4)]
-    stop_device()
-    return found
-
-
-@pytest.mark.parametrize("way", ["by grain", "from half way"])
-def test_heaps_of_an_ensemble_move_as_in_partitions(ways, way):
-    assert max(distance(a, b) for a, b in zip(ways["in partitions"], ways[way], strict=True)) < FORCES
-
-
-def test_heaps_of_an_ensemble_repeat_their_bits(ways):
-    assert [fingerprint(a) for a in ways["by grain"]] == [fingerprint(a) for a in ways["again"]]
-
-
-def test_a_number_that_is_none_stops_its_replica_by_name(ways):
-    *others, reason = ways["by grain ends"]
-    assert others == [None] * 3
-    assert (reason.status, reason.grain) == (Status.NOT_FINITE, 3)
+        found.append([simulation.snapshot(sim, r) for r in range(3)])
+        assert max(map(distance, want, found[-1])) < FORCES, way
+        *others, reason = (simulation.failure(sim, r) for r in range(4))
+        # a number that is none stops its replica by name
+        assert others == [None] * 3
+        assert reason is not None
+        assert (reason.status, reason.grain) == (Status.NOT_FINITE, 3)
+    assert list(map(fingerprint, found[0])) == list(map(fingerprint, found[1]))
 
 
 WITH_POWERS = {"liquid_bridge": {}, "restitution_speed": {}}
