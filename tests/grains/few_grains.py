@@ -1,6 +1,7 @@
 """Small worlds, each an experiment of its own, run as replicas of one ensemble: kernels compile once."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from grain_worlds import MASS, NONE, PLATE, RADIUS, RESTING, TIME_STEP, contacts, grains, mesh_floor, setup
@@ -24,7 +25,7 @@ PERIOD = 6e-3  # m
 BOX = ((0.0, -1.0, -1.0), (PERIOD, 1.0, 1.0))
 OBLIQUE = ((0.3, 0.05, 0.02), (-0.1, -0.02, 0.04))  # m s-1
 RESTED = (0.0, 0.0, RADIUS - RESTING)
-FREE = {"gravity": (0.0, 0.0, 0.0)}
+FREE: dict[str, Any] = {"gravity": (0.0, 0.0, 0.0)}
 ARMS = np.array([[1.2, 0.0, 0.1], [-0.9, 0.7, 0.0], [-0.3, -0.7, -0.1]]) * RADIUS  # of a clump's spheres
 INERTIA = np.array([0.6, 1.0, 1.5]) * MASS * (2.0 * RADIUS) ** 2  # kg m2, three different principal moments
 

@@ -53,4 +53,5 @@ GHIA = numbers("""
      0        0        0        0      0        0        0        0
 """).reshape(17, 8)
 Y, X = GHIA[:, 0], GHIA[:, 4]
-U, V = (dict(zip((100, 400, 1000), GHIA[:, k : k + 3].T, strict=True)) for k in (1, 5))
+U: dict[int, Floats] = dict(zip((100, 400, 1000), GHIA[:, 1:4].T, strict=True))
+V: dict[int, Floats] = dict(zip((100, 400, 1000), GHIA[:, 5:8].T, strict=True))
