@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.air.grid import Air
-from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, bed_faces, log_profile
+from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, SideKind, bed_faces, log_profile
+from tests.verification.small_scenes import box, centres, sides
 
 FRICTION = 0.3  # m s-1
 DENSITY = 1.2  # kg m-3
@@ -13,21 +14,20 @@ BED = 2e-3  # m, height of the bed
 LID = 0.05  # m
 
 
-def column(floor: str = "wall", exchange: bool = True, **words: Any) -> AirSetup:
+def column(floor: SideKind = "wall", exchange: bool = True, **words: Any) -> AirSetup:
     faces = bed_faces(0.0, BED, LID, 1e-4, 1.2)
-    ends = {"z_low": AirSide(floor, roughness=1e-5), "z_high": AirSide("stress")}  # type: ignore[arg-type]
-    centre = 0.5 * (faces[1:] + faces[:-1])
     usual: dict[str, Any] = {
-        "sides": {name: ends.get(name, AirSide()) for name in SIDES},
+        "faces_z": faces,
+        "sides": sides(z_low=AirSide(floor, roughness=1e-5), z_high=AirSide("stress")),
         "density": DENSITY,
         "viscosity": 1.5e-5,
         "time_step": 1e-3,
         "model": AirModel("mixing_length", "central", "euler", exchange),
         "friction_velocity": FRICTION,
-        "start": log_profile(centre, FRICTION, 1e-5, 0.4),
+        "start": log_profile(centres(faces), FRICTION, 1e-5, 0.4),
+        "implicitness": 1.0,
     }
-    high = (0.01, 0.01, LID)
-    return AirSetup((1, 1, len(centre)), (0.0, 0.0, 0.0), high, faces, **usual | words)
+    return box((1, 1, len(faces) - 1), (0.01, 0.01, LID), **usual | words)
 
 
 def put_grains(air: Air, setup: AirSetup, coefficient: float, force: float) -> None:
@@ -40,10 +40,7 @@ def put_grains(air: Air, setup: AirSetup, coefficient: float, force: float) -> N
     ):
         values = field.to_numpy()
         layer = np.where(inside, value, elsewhere)
-        if values.ndim == 5:
-            values[:, 1, 1, 1:-1, 0] = layer
-        else:
-            values[:, 1, 1, 1:-1] = layer
+        (values[..., 0] if values.ndim == 5 else values)[:, 1, 1, 1:-1] = layer
         field.from_numpy(values)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from taichi_erosion.core.device import stop_device
+from taichi_erosion.core.device import start_device, stop_device
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling import drag
@@ -36,8 +36,6 @@ def forces(law: str, cases: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def drags():
-    from taichi_erosion.core.device import start_device
-
     start_device(Numerics("cpu", 1, "f64"))
     cases = np.array([(s, d, e) for s in SLIPS for d in DIAMETERS for e in VOIDS])
     found = {law: forces(law, cases) for law in drag.LAWS}
@@ -60,17 +58,3 @@ def test_a_slow_small_sphere_feels_stokes_drag(drags, law: str):
     stokes = 3.0 * np.pi * VISCOSITY * 2e-5 * 1e-4
     # Re = 1.4e-4: the next term of either law is sqrt(Re / 48) or smaller, 0.4 %
     assert found[law][slow] == pytest.approx(stokes, rel=5e-3)
-
-
-def test_neighbours_raise_the_drag_of_the_laws_for_beds(drags):
-    cases, found = drags
-    for law in ("two_limits_hindered", "di_felice", "gidaspow"):
-        dense, alone = (found[law][cases[:, 2] == void] for void in (0.4, 1.0))
-        assert np.all(dense > 2.0 * alone)
-
-
-def test_the_hindered_law_is_that_of_a_grain_alone_where_there_are_no_others(drags):
-    cases, found = drags
-    alone = cases[:, 2] == 1.0
-    # the same formula, in another order of operations
-    assert found["two_limits_hindered"][alone] == pytest.approx(found["two_limits"][alone], rel=1e-12)

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from grain_worlds import GRAVITY, MASS, NONE, PLATE, RADIUS, grains, setup
 
-from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, bed_faces
+from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, SideKind, bed_faces
 from taichi_erosion.core.setup import Coupling, Floats, Setup
 from taichi_erosion.simulation import Simulation, advance, spin_up_wind
+from tests.verification.small_scenes import box, sides
 
 SIDE = 7e-3  # m, period of the patch
 ACROSS = 6  # grains along a period
@@ -17,25 +18,25 @@ SURFACE = 3e-3  # m
 DENSITY, VISCOSITY = 1.225, 1.46e-5  # kg m-3, m2 s-1
 
 
-def air(faces: Floats, floor: str = "wall", side: float = SIDE, **rest: Any) -> AirSetup:
-    ends = {"z_low": AirSide(floor), "z_high": AirSide("stress")}  # pyright: ignore[reportArgumentType]
-    words: dict[str, Any] = {"density": DENSITY, "viscosity": VISCOSITY, "time_step": 1e-4}
-    return AirSetup(
-        cells=(1, 1, len(faces) - 1),
-        low=(0.0, 0.0, float(faces[0])),
-        high=(side, side, float(faces[-1])),
-        faces_z=faces,
-        sides={name: ends.get(name, AirSide("periodic")) for name in SIDES},
-        model=AirModel(closure="mixing_length", advection="none", scheme="euler", exchange=True),
-        **words | rest,
-    )
+def air(faces: Floats, floor: SideKind = "wall", side: float = SIDE, **rest: Any) -> AirSetup:
+    words: dict[str, Any] = {
+        "faces_z": faces,
+        "sides": sides(z_low=AirSide(floor), z_high=AirSide("stress")),
+        "density": DENSITY,
+        "viscosity": VISCOSITY,
+        "time_step": 1e-4,
+        "model": AirModel("mixing_length", "none", "euler", exchange=True),
+        "implicitness": 1.0,
+    }
+    return box((1, 1, len(faces) - 1), (side, side, float(faces[-1])), **words | rest)
 
 
 def under(table: Setup, over: AirSetup, **coupling: Any) -> Setup:
-    low = (0.0, 0.0, over.low[2] - 0.01)
     high = (over.high[0], over.high[1], over.high[2] + 0.1)
     period = (over.high[0], over.high[1], 0.0)
-    return replace(table, air=over, domain=(low, high), period=period, coupling=Coupling(**coupling))
+    return replace(
+        table, air=over, domain=((0.0, 0.0, -0.01), high), period=period, coupling=Coupling(**coupling)
+    )
 
 
 def bed(seed: int, layers: int = 3, speed: float = 0.05) -> Setup:

@@ -1,7 +1,6 @@
 """Files that users begin: from the scaffold, and from a law that a discovery proposed."""
 
 import json
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from shutil import copy
@@ -10,10 +9,7 @@ import pytest
 from ten_records import DISCOVERIES
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.core.device import start_device, stop_device
 from taichi_erosion.core.effect import Effect
-from taichi_erosion.core.effect_probe import Bench, make_bench
-from taichi_erosion.core.setup import Numerics
 from taichi_erosion.effects import load_library
 from taichi_erosion.evidence.answers.files import FORMAT, Reply, write_reply
 from taichi_erosion.evidence.race.record import Interval, LawPart
@@ -34,13 +30,6 @@ LAW = LawPart(
     ),
     0.62,
 )
-
-
-@pytest.fixture(scope="module")
-def bench() -> Iterator[Bench]:
-    start_device(Numerics("cpu", 1))
-    yield make_bench()
-    stop_device()
 
 
 @pytest.fixture(autouse=True)

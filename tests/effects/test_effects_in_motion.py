@@ -9,25 +9,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 from grain_worlds import MASS, NONE, RADIUS, TIME_STEP, YOUNG, contacts, fingerprint, grains, heap, setup
+from own_effects import CONSTANT_PULL, LIBRARY, acted_on
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.effect import ReplicaEffect, replica_effect
+from taichi_erosion.core.effect import replica_effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup, pair_row
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.effects import load_library
 from taichi_erosion.measures.result import Measurement, no_measurement
 from taichi_erosion.run.result import apply_instruments
 from taichi_erosion.scene import parse_scene
 from taichi_erosion.scene.change import SAMPLE
 from taichi_erosion.simulation import advance, assemble, prepare, snapshot
 
-THIRD_PARTY = Path(__file__).with_name("constant_pull.py")
-LIBRARY = load_library([THIRD_PARTY])
 WET = {"moisture": 0.02}
 NO_HEAP = no_measurement("pile_height", "m", "no heap")
-LAWS = Laws(rolling="elastic_plastic")
+LAWS, WEIGHTLESS = Laws(rolling="elastic_plastic"), (0.0, 0.0, 0.0)
 
 
 @pytest.fixture(autouse=True)
@@ -38,7 +36,7 @@ def device() -> Iterator[None]:
 
 def with_effects(bare: Setup, **strengths: float) -> Setup:
     """Pair and grain effects at their default parameters; those of strength 0 are left out."""
-    found: list[ReplicaEffect] = [
+    found = [
         replica_effect(LIBRARY[name], LIBRARY[name].params(), strength, WET, RADIUS)
         for name, strength in strengths.items()
         if strength > 0.0
@@ -63,57 +61,51 @@ def met() -> Setup:
     place = [[0.0, 0.0, 0.0], [2.1 * RADIUS, 0.3 * RADIUS, 0.0]]
     table = grains(place, [[0.05, 0.0, 0.0], [-0.05, 0.0, 0.02]])
     table = replace(table, radius=np.array([RADIUS, 1.1 * RADIUS]), mass=np.array([MASS, 1.3 * MASS]))
-    return setup(table, NONE, gravity=(0.0, 0.0, 0.0), law=contacts(0.5))
+    return setup(table, NONE, gravity=WEIGHTLESS, law=contacts(0.5))
 
 
 def bounced() -> Setup:
     """Two grains of restitution 1 that lose the fiftieth part of their speed to the contact."""
-    params = LIBRARY["restitution_speed"].params(loss=LOSS, speed=SPEED)
     table = grains([[0.0, 0.0, 0.0], [2.001 * RADIUS, 0.0, 0.0]], [[0.5 * SPEED, 0, 0], [-0.5 * SPEED, 0, 0]])
-    bare = setup(table, NONE, gravity=(0.0, 0.0, 0.0), law=contacts(0.0, restitution=1.0))
-    lossy = (replica_effect(LIBRARY["restitution_speed"], params, 1.0, {}, RADIUS),)
-    return replace(bare, effects=lossy, time_step=0.1 * TIME_STEP)
+    bare = setup(table, NONE, gravity=WEIGHTLESS, law=contacts(0.0, restitution=1.0))
+    lossy = acted_on(bare, {}, restitution_speed={"loss": LOSS, "speed": SPEED})
+    return replace(lossy, time_step=0.1 * TIME_STEP)
 
 
 def crossing(high: float) -> Setup:
     """Two grains that fly towards each other, pass in mid-air, and a bed's surface at a height [m]."""
     table = grains([[-2.0 * RADIUS, 0.0, 0.0], [2.0 * RADIUS, 0.0, 0.0]], [[0.2, 0.0, 0.0], [-0.2, 0.0, 0.0]])
-    effect = LIBRARY["midair_passing"]
-    switched = replica_effect(
-        effect, effect.params(), 1.0, {"bed_height": high, "grain_diameter": RADIUS}, RADIUS
-    )
-    return replace(setup(table, NONE, gravity=(0.0, 0.0, 0.0)), effects=(switched,))
+    known = {"bed_height": high, "grain_diameter": RADIUS}
+    return acted_on(setup(table, NONE, gravity=WEIGHTLESS), known, midair_passing={})
 
 
-def hanging(weight: float, acted_on: bool = True) -> Setup:
+def hanging(weight: float, acts: bool = True) -> Setup:
     """A grain that sticks to a ceiling, if effects act there: the floor of a world whose gravity points up.
 
     It starts where the repulsion is the excess of the pull over a weight of 0.8 of it.
     """
     overlap = (0.2 * PULL / (4.0 / 3.0 * YOUNG * sqrt(RADIUS))) ** (2.0 / 3.0)
     law = contacts()
-    law.effects[pair_row(0, 1, 2)] = float(acted_on)
+    law.effects[pair_row(0, 1, 2)] = float(acts)
     bare = setup(grains([0.0, 0.0, RADIUS - overlap]), law=law, gravity=(0.0, 0.0, weight * PULL / MASS))
     return with_effects(bare, constant_pull=1.0)
 
 
-def meeting_unmoved() -> Setup:
-    """The two grains that meet, with a strong pull that does not act between their materials."""
-    wet = with_effects(met(), liquid_bridge=50.0)
-    return replace(wet, contacts=replace(wet.contacts, effects=np.zeros(3)))
-
-
 LOSS, SPEED = 0.02, 0.1  # of restitution [1], at an impact at this speed [m s-1]
 PULL = LIBRARY["constant_pull"].params().pull_off  # N
-RESTING = ("image_charge", "surface_crust")  # of walls only, and of grains that have lain still
+RESTING = ("image_charge", "surface_crust", "ageing_pull")  # of walls, and of grains that have lain still
 MEETING = [name for name, effect in LIBRARY.items() if effect.place == "pair" and name not in RESTING]
 
 
 @pytest.fixture(scope="module")
 def worlds() -> dict[str, Snapshot]:
     """How all these worlds end; one ensemble, because every set of effects is compiled anew."""
+    # a strong pull that does not act between their materials
+    dry = replace(
+        with_effects(met(), liquid_bridge=50.0), contacts=replace(contacts(0.5), effects=np.zeros(3))
+    )
     setups = fallen() | {"met": met(), "bounced": bounced(), "held": hanging(0.8), "lost": hanging(1.2)}
-    setups |= {"let go": hanging(0.8, acted_on=False), "met as if dry": meeting_unmoved()}
+    setups |= {"let go": hanging(0.8, acts=False), "met as if dry": dry}
     setups |= {"in the air": crossing(-0.1), "in the bed": crossing(0.0)}
     setups |= {f"met with {name}": with_effects(met(), **{name: 50.0}) for name in MEETING}
     sim = assemble(list(setups.values()), LAWS, Numerics("cpu", 1, "f64"))
@@ -182,12 +174,12 @@ def test_an_effect_from_a_file_is_known_only_where_the_file_is_named(scene_file,
     words = ["run", str(scene_file), "--check", *SWITCHES]
     assert main(words) == 2
     assert "effects.constant_pull is unknown" in capsys.readouterr().err
-    assert main([*words, "--effect", str(THIRD_PARTY)]) == 0
+    assert main([*words, "--effect", str(CONSTANT_PULL)]) == 0
 
 
 @pytest.mark.slow
 def test_a_file_from_outside_the_package_acts_in_a_run(scene_file, capsys):
-    words = ["run", str(scene_file), "--no-record", "--json", *SWITCHES, "--effect", str(THIRD_PARTY)]
+    words = ["run", str(scene_file), "--no-record", "--json", *SWITCHES, "--effect", str(CONSTANT_PULL)]
     assert main(words) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["resolved"]["effects"]["constant_pull"] == {"strength": 1.0}
@@ -205,17 +197,13 @@ def test_what_an_instrument_shows_replaces_the_value_and_names_the_true_one():
 
 def test_effects_that_contradict_each_other_are_refused_in_one_line():
     both = {name: {"strength": 1.0} for name in ("sheltering", "size_distribution")}
-    with pytest.raises(
-        BadInput, match=r"effects\.size_distribution: grains\.size has a distribution already"
-    ):
+    with pytest.raises(BadInput, match=r"effects\.size_distribution: grains\.size has a distribution"):
         prepare(parse_scene(SAMPLE | {"effects": both}), 1, LIBRARY)
 
 
 def test_a_scene_that_its_effects_make_impossible_is_refused_like_a_file():
-    tiny = parse_scene(SAMPLE | {"effects": {"grain_shape": {"strength": 1.0}, "side_walls": {"width": 3.0}}})
-    lost = parse_scene(
-        SAMPLE | {"run": {"time_step": 9e-6}, "effects": {"size_distribution": {"spread": 3.0, "cut": 3.0}}}
-    )
-    assert prepare(tiny, 1, LIBRARY).clumps is not None
+    shaped = {"grain_shape": {"strength": 1.0}, "side_walls": {"width": 3.0}}
+    assert prepare(parse_scene(SAMPLE | {"effects": shaped}), 1, LIBRARY).clumps is not None
+    wide = {"run": {"time_step": 9e-6}, "effects": {"size_distribution": {"spread": 3.0, "cut": 3.0}}}
     with pytest.raises(BadInput, match="with its effects"):
-        prepare(lost, 1, LIBRARY)
+        prepare(parse_scene(SAMPLE | wide), 1, LIBRARY)

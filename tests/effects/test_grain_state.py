@@ -3,32 +3,20 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import pi
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from grain_worlds import MASS, NONE, RADIUS, contacts, fingerprint, grains, heap, setup
+from own_effects import LIBRARY
 
+from taichi_erosion import simulation
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.effect import Effect, ReplicaEffect, quantity, replica_effect
+from taichi_erosion.core.effect import Effect, quantity, replica_effect
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.ti import ti
-from taichi_erosion.effects import load_library
-from taichi_erosion.simulation import (
-    Simulation,
-    advance,
-    assemble,
-    export_bed,
-    export_state,
-    import_bed,
-    import_state,
-    reuse_or_assemble,
-    set_gravity,
-    snapshot,
-)
+from taichi_erosion.simulation import Simulation
 
-LIBRARY = load_library([Path(__file__).with_name("ageing_pull.py")])
 LAWS = Laws(rolling="elastic_plastic")
 GRAINS, HALF, WHOLE = 120, 0.01, 0.02  # s
 CRUST = LIBRARY["surface_crust"]
@@ -69,8 +57,7 @@ MARK = replace(
 
 
 def on(bare: Setup, effect: Effect, **parameters: float) -> Setup:
-    one: ReplicaEffect = replica_effect(effect, effect.params(**parameters), 1.0, {}, RADIUS)
-    return replace(bare, effects=(one,))
+    return replace(bare, effects=(replica_effect(effect, effect.params(**parameters), 1.0, {}, RADIUS),))
 
 
 def sticky() -> Setup:
@@ -109,8 +96,8 @@ SETUPS = {
 PLACE = {name: replica for replica, name in enumerate(SETUPS)}
 
 
-def start(setups: list[Setup], threads: int = 1) -> Simulation:
-    return assemble(setups, LAWS, Numerics("cpu", threads, "f64"))
+def start(setups: list[Setup]) -> Simulation:
+    return simulation.assemble(setups, LAWS, Numerics("cpu", 1, "f64"))
 
 
 @pytest.fixture(scope="module")
@@ -128,18 +115,18 @@ def sim(compiled: Simulation) -> Simulation:
 
 def begun(sim: Simulation) -> Simulation:
     """The ensemble in empty fields, as a new one would have them."""
-    assert reuse_or_assemble(sim, list(SETUPS.values()), sim.laws, sim.numerics) is sim
+    assert simulation.reuse_or_assemble(sim, list(SETUPS.values()), sim.laws, sim.numerics) is sim
     return sim
 
 
 def go(sim: Simulation, time: float, *names: str) -> None:
     """Advance these replicas to a time [s]."""
-    advance(sim, [time if name in names else 0.0 for name in SETUPS])
+    simulation.advance(sim, [time if name in names else 0.0 for name in SETUPS])
 
 
 def state_of(sim: Simulation, name: str, replica: int = 0) -> Any:
     """A number by row of the GrainTable."""
-    bed = export_bed(sim, replica)
+    bed = simulation.export_bed(sim, replica)
     return bed[f"memory_{name}"][np.argsort(bed["ident"])]
 
 
@@ -149,76 +136,76 @@ def calm(sim: Simulation, name: str) -> Any:
 
 def test_a_memory_goes_where_its_grain_goes(sim):
     go(sim, WHOLE, "unlike")
-    assert int(export_state(sim)["rebuilds"][0]) > 5, "must have been sorted"
+    assert int(simulation.export_state(sim)["rebuilds"][0]) > 5, "must have been sorted"
     assert state_of(sim, "mark.mass") == pytest.approx(unlike().grains.mass, rel=1e-15)
-    assert list(snapshot(sim, 0).effect_state["mark.mass"]) == list(state_of(sim, "mark.mass"))
+    assert list(simulation.snapshot(sim, 0).effect_state["mark.mass"]) == list(state_of(sim, "mark.mass"))
     # one update in ten steps of 1e-5 s; the first exchange is done twice and counts once
     assert list(state_of(sim, "mark.updates")) == [200.0] * GRAINS
 
 
 def test_a_resumed_run_remembers_to_the_last_bit(sim):
     go(sim, HALF, "sticky")
-    kept = export_state(sim)
+    kept = simulation.export_state(sim)
     ends = []
     for _ in range(2):
         go(sim, WHOLE, "sticky")
-        ends.append((fingerprint(snapshot(sim, 1)), list(state_of(sim, "ageing_pull.age", 1))))
-        import_state(begun(sim), kept)
+        ends.append((fingerprint(simulation.snapshot(sim, 1)), list(state_of(sim, "ageing_pull.age", 1))))
+        simulation.import_state(begun(sim), kept)
     assert ends[0] == ends[1]
 
 
 def test_grains_of_a_state_that_knew_no_memory_enter_now(sim):
     go(sim, 0.01, "lying", "beside")
     assert calm(sim, "beside").any()
-    kept = {name: values for name, values in export_state(sim).items() if "_memory_" not in name}
-    import_state(begun(sim), kept)
+    kept = {name: values for name, values in simulation.export_state(sim).items() if "_memory_" not in name}
+    simulation.import_state(begun(sim), kept)
     assert not calm(sim, "beside").any()
 
 
 def drawn(sim: Simulation, pull: float, time: float) -> float:
     """Height of the grain over the plate [m] after gravity has drawn it upwards with a force [N]."""
-    set_gravity(sim, PLACE["lying"], (0.0, 0.0, pull / MASS))
+    simulation.set_gravity(sim, PLACE["lying"], (0.0, 0.0, pull / MASS))
     go(sim, time, "lying")
-    return float(snapshot(sim, PLACE["lying"]).position[0, 2])
+    return float(simulation.snapshot(sim, PLACE["lying"]).position[0, 2])
 
 
 def test_a_cemented_grain_holds_a_force_and_a_grain_that_has_broken_out_none(sim):
     go(sim, 0.01, "lying")
-    bed = export_bed(sim, PLACE["lying"])
+    bed = simulation.export_bed(sim, PLACE["lying"])
     # a force that begins at once stretches a bond without loss to twice its length at rest
     assert drawn(sim, 0.45 * STRENGTH, 0.03) < 1.02 * RADIUS
     assert drawn(sim, 1.1 * STRENGTH, 0.033) > 1.1 * RADIUS
     assert calm(sim, "lying")[0] == -1.0
     assert drawn(sim, -100.0 * MASS, 0.08) < RADIUS, "must lie on the plate again"
     assert drawn(sim, 0.01 * STRENGTH, 0.1) > 1.1 * RADIUS
-    import_bed(sim, PLACE["lying"], bed)
+    simulation.import_bed(sim, PLACE["lying"], bed)
     assert drawn(sim, 0.45 * STRENGTH, 0.12) < 1.02 * RADIUS
 
 
 def pushed(sim: Simulation, name: str, ident: int, velocity: tuple[float, float, float]) -> dict[str, Any]:
     """The present state with another velocity of one grain [m s-1]."""
-    state, prefix = export_state(sim), f"replica{PLACE[name]}"
+    state, prefix = simulation.export_state(sim), f"replica{PLACE[name]}"
     state[f"{prefix}_velocity"][np.flatnonzero(state[f"{prefix}_ident"] == ident)[0]] = velocity
     return state
 
 
 def test_a_broken_crust_frees_the_grain_that_moved_and_no_other(sim):
     go(sim, 0.01, "beside")
-    import_state(sim, pushed(sim, "beside", 1, (0.0, 1.0, 0.0)))
+    simulation.import_state(sim, pushed(sim, "beside", 1, (0.0, 1.0, 0.0)))
     go(sim, 0.02, "beside")
     assert list(calm(sim, "beside") < 0.0) == [False, True]
 
 
 def test_a_cement_pulls_both_partners_alike(sim):
     go(sim, 1e-5, "cemented", "free")
-    import_state(sim, pushed(sim, "free", 0, (-0.01, 0.0, 0.0)))
+    simulation.import_state(sim, pushed(sim, "free", 0, (-0.01, 0.0, 0.0)))
     state, prefix = pushed(sim, "cemented", 0, (-0.01, 0.0, 0.0)), f"replica{PLACE['cemented']}"
     for name, values in zip("xyz", state[f"{prefix}_origin"].T, strict=True):
         state[f"{prefix}_memory_surface_crust.{name}"] = values
     state[f"{prefix}_memory_surface_crust.calm"] = np.ones(3)
-    import_state(sim, state)
+    simulation.import_state(sim, state)
     go(sim, 1e-3, "cemented", "free")
-    cemented, free = (snapshot(sim, PLACE[name]).velocity for name in ("cemented", "free"))
+    cemented, free = (simulation.snapshot(sim, PLACE[name]).velocity for name in ("cemented", "free"))
     # f64 sums of a hundred steps
     assert cemented.sum(axis=0) == pytest.approx(state[f"{prefix}_velocity"].sum(axis=0), abs=1e-12)
     assert np.abs(cemented - free).max() > 1e-3, "must have acted"
@@ -232,8 +219,8 @@ def test_a_replica_without_a_memory_moves_as_the_bare_model_beside_one_with_it()
     found = []
     for setups in ([heap(GRAINS, 1)], [sticky()], [heap(GRAINS, 1), sticky(), heap(GRAINS, 2)]):
         sim = start(setups)
-        advance(sim, [HALF] * len(setups))
-        found.append([fingerprint(snapshot(sim, r)) for r in range(len(setups))])
+        simulation.advance(sim, [HALF] * len(setups))
+        found.append([fingerprint(simulation.snapshot(sim, r)) for r in range(len(setups))])
         if len(setups) != 1:
             assert not state_of(sim, "ageing_pull.age", 2).any()
         stop_device()
@@ -245,8 +232,8 @@ def test_a_replica_without_a_memory_moves_as_the_bare_model_beside_one_with_it()
 @pytest.mark.slow
 def test_workers_that_share_grains_with_a_memory_change_no_bit(in_teams):
     def aged(sim: Simulation) -> tuple[str, list[float]]:
-        advance(sim, [HALF])
-        return fingerprint(snapshot(sim, 0)), list(state_of(sim, "ageing_pull.age"))
+        simulation.advance(sim, [HALF])
+        return fingerprint(simulation.snapshot(sim, 0)), list(state_of(sim, "ageing_pull.age"))
 
     one, two, uneven = in_teams(sticky(), LAWS, aged)
     assert one == two == uneven

@@ -1,14 +1,10 @@
 """Drag and torque on a sphere near a plane in linear shear against the exact solution of creeping flow."""
 
-from collections.abc import Iterator
 from math import pi
-from typing import Any
 
 import pytest
 
-from taichi_erosion.core.device import start_device, stop_device
-from taichi_erosion.core.effect_probe import Bench, make_bench, probe_of
-from taichi_erosion.core.setup import Numerics
+from taichi_erosion.core.effect_probe import Bench, probe_of
 from taichi_erosion.effects import near_wall_drag, rotational_drag
 
 RADIUS, SHEAR, DENSITY, VISCOSITY = 1e-4, 0.1, 1.2, 1.8e-5  # m, s-1, kg m-3, Pa s: Re < 1e-4
@@ -25,16 +21,13 @@ EXACT = {
 }
 
 
-@pytest.fixture(scope="module")
-def bench() -> Iterator[Bench]:
-    start_device(Numerics("cpu", 1, "f64"))
-    yield make_bench()
-    stop_device()
+def answers(bench: Bench, height: float) -> tuple[float, float]:
+    """Force that the wall adds [N] and torque [N m] on a sphere held in linear shear over a bed.
 
-
-def in_shear(height: float) -> dict[str, Any]:
-    """A sphere held over a bed in linear shear, its centre at a height over its radius."""
-    return {
+    `height` is that of its centre over its radius.
+    """
+    drag, turn = (probe_of(module.EFFECT, bench) for module in (near_wall_drag, rotational_drag))
+    members = {
         "radius": RADIUS,
         "height": height * RADIUS,
         "air_density": DENSITY,
@@ -42,12 +35,6 @@ def in_shear(height: float) -> dict[str, Any]:
         "air_velocity": (SHEAR * height * RADIUS, 0.0, 0.0),
         "air_shear": SHEAR,
     }
-
-
-def answers(bench: Bench, height: float) -> tuple[float, float]:
-    """Force that the wall adds along the wind [N], and torque of the shear [N m], at so many radii."""
-    drag, turn = (probe_of(module.EFFECT, bench) for module in (near_wall_drag, rotational_drag))
-    members = in_shear(height)
     added = drag(near_wall_drag.Params(), {}, **members)[0][0]
     return added, turn(rotational_drag.Params(), {}, **members)[1][1]
 

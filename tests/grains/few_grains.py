@@ -1,12 +1,14 @@
 """Small worlds, each an experiment of its own, run as replicas of one ensemble: kernels compile once."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from grain_worlds import NONE, PLATE, RADIUS, RESTING, TIME_STEP, contacts, grains, mesh_floor, setup
+from grain_worlds import MASS, NONE, PLATE, RADIUS, RESTING, TIME_STEP, contacts, grains, mesh_floor, setup
+from scipy.spatial.transform import Rotation
 
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.setup import Laws, Motion, Numerics, PrimitiveKind, Setup
+from taichi_erosion.core.setup import ClumpTable, Floats, Laws, Motion, Numerics, PrimitiveKind, Setup
 from taichi_erosion.core.snapshot import Failure, Snapshot
 from taichi_erosion.simulation import advance, assemble, failure, move_surface, remove_surface, snapshot
 from tests.verification.small_scenes import primitive_table
@@ -23,7 +25,22 @@ PERIOD = 6e-3  # m
 BOX = ((0.0, -1.0, -1.0), (PERIOD, 1.0, 1.0))
 OBLIQUE = ((0.3, 0.05, 0.02), (-0.1, -0.02, 0.04))  # m s-1
 RESTED = (0.0, 0.0, RADIUS - RESTING)
-FREE = {"gravity": (0.0, 0.0, 0.0)}
+FREE: dict[str, Any] = {"gravity": (0.0, 0.0, 0.0)}
+ARMS = np.array([[1.2, 0.0, 0.1], [-0.9, 0.7, 0.0], [-0.3, -0.7, -0.1]]) * RADIUS  # of a clump's spheres
+INERTIA = np.array([0.6, 1.0, 1.5]) * MASS * (2.0 * RADIUS) ** 2  # kg m2, three different principal moments
+
+
+def equal_clumps(centre: Floats, poses: Rotation) -> ClumpTable:
+    """Clumps of three spheres at places [n, 3] in m and in poses."""
+    count = len(centre)
+    return ClumpTable(
+        body=np.repeat(np.arange(count, dtype=np.int32), len(ARMS)),
+        offset=np.tile(ARMS, (count, 1)),
+        mass=np.full(count, 3.0 * MASS),
+        inertia=np.tile(INERTIA, (count, 1)),
+        position=centre,
+        orientation=poses.as_quat(scalar_first=True),
+    )
 
 
 @dataclass(frozen=True)
@@ -40,6 +57,8 @@ def worlds() -> dict[str, Setup]:
     rolling = grains(RESTED, (0.11, 0.037, 0.0))
     across = np.array([[5.8e-3, 0.0, 0.0], [0.9e-3, 0.0, 0.0]])
     towards = np.array([[0.0, 0.0, 0.0], [-0.1, 0.0, 0.0]])
+    periodic = {"domain": BOX, "period": (PERIOD, 0.0, 0.0)} | FREE
+    apart = across - [[3e-3, 0.0, 0.0], [-3e-3, 0.0, 0.0]]
     law = contacts(rolling=0.1)
     return {
         "plane": setup(rolling, PLATE, law),
@@ -50,16 +69,8 @@ def worlds() -> dict[str, Setup]:
         "turntable": setup(grains((ARM, 0.0, RESTED[2]))),
         "drum": setup(grains((0.0, 0.0, -DRUM + RESTED[2])), DRUM_WALL),
         "removed": setup(grains([RESTED, (4.0 * RADIUS, 0.0, RESTED[2])])),
-        "across the edge": setup(
-            grains(across, towards), NONE, domain=BOX, period=(PERIOD, 0.0, 0.0), **FREE
-        ),
-        "in the middle": setup(
-            grains(across - [[3e-3, 0.0, 0.0], [-3e-3, 0.0, 0.0]], towards),
-            NONE,
-            domain=BOX,
-            period=(PERIOD, 0.0, 0.0),
-            **FREE,
-        ),
+        "across the edge": setup(grains(across, towards), NONE, **periodic),
+        "in the middle": setup(grains(apart, towards), NONE, **periodic),
         "runaway": setup(grains((0.0, 0.0, 0.01), (0.5, 0.0, 0.0)), domain=((-1.0,) * 3, (2e-3, 1.0, 1.0))),
         "inside each other": setup(grains([(0.0, 0.0, 0.01), (0.0, 0.0, 0.01 + 1.2 * RADIUS)])),
         "not a number": setup(grains((0.0, 0.0, 0.01), (np.nan, 0.0, 0.0))),

@@ -8,20 +8,11 @@ import pytest
 from grain_worlds import GRAVITY, TIME_STEP, contacts, fingerprint
 from windy_beds import DENSITY, RADIUS, SIDE, bed
 
+from taichi_erosion import simulation
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.grains.sleep import FALLING_ASLEEP
-from taichi_erosion.simulation import (
-    Simulation,
-    advance,
-    air_profile,
-    assemble,
-    export_state,
-    import_state,
-    set_gravity,
-    snapshot,
-    spin_up_wind,
-)
+from taichi_erosion.simulation import Simulation
 
 LAWS = Laws(rolling="elastic_plastic", drag="two_limits")
 LOOKS, LOOK_STEPS = 20, 5  # a millisecond at rest
@@ -45,7 +36,7 @@ def drowsy(seed: int, layers: int = 3) -> Setup:
 
 def asleep(sim: Simulation, replica: int = 0) -> Any:
     """Which grains sleep, by row of the GrainTable."""
-    state = export_state(sim)
+    state = simulation.export_state(sim)
     order = np.argsort(state[f"replica{replica}_ident"])
     return state[f"replica{replica}_sleep_state"][order] >= FALLING_ASLEEP
 
@@ -63,29 +54,26 @@ def lifted(state: dict[str, Any]) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def nights() -> dict[str, Any]:
     """A bed that settles and falls asleep, in a breeze, hit by a grain, put back, and tilted."""
-    sim = assemble([drowsy(1)], LAWS, Numerics("cpu", 1))
-    advance(sim, [SETTLED])
-    state, still, before = export_state(sim), asleep(sim), snapshot(sim, 0)
-    advance(sim, [SETTLED + WATCHED])
-    after, later, end = snapshot(sim, 0), asleep(sim), fingerprint(snapshot(sim, 0))
-    import_state(sim, state)
-    advance(sim, [SETTLED + WATCHED])
-    again = fingerprint(snapshot(sim, 0))
-    spin_up_wind(sim, 0, BREEZE)
-    advance(sim, [SETTLED + 2.0 * WATCHED])
-    residual_momentum, breeze, blown = (
-        sim.coupling.exchange.residual_momentum.to_numpy()[0, :, 0].sum(),
-        air_profile(sim, 0),
-        asleep(sim),
-    )
-    import_state(sim, lifted(state))
+    sim = simulation.assemble([drowsy(1)], LAWS, Numerics("cpu", 1))
+    simulation.advance(sim, [SETTLED])
+    state, still, before = simulation.export_state(sim), asleep(sim), simulation.snapshot(sim, 0)
+    simulation.advance(sim, [SETTLED + WATCHED])
+    after, later, end = simulation.snapshot(sim, 0), asleep(sim), fingerprint(simulation.snapshot(sim, 0))
+    simulation.import_state(sim, state)
+    simulation.advance(sim, [SETTLED + WATCHED])
+    again = fingerprint(simulation.snapshot(sim, 0))
+    simulation.spin_up_wind(sim, 0, BREEZE)
+    simulation.advance(sim, [SETTLED + 2.0 * WATCHED])
+    residual_momentum = sim.coupling.exchange.residual_momentum.to_numpy()[0, :, 0].sum()
+    breeze, blown = simulation.air_profile(sim, 0), asleep(sim)
+    simulation.import_state(sim, lifted(state))
     hit = []
     for time in SETTLED + FALL + np.linspace(-1e-3, 4e-3, 11):
-        advance(sim, [time])
+        simulation.advance(sim, [time])
         hit.append(np.count_nonzero(asleep(sim)))
-    advance(sim, [2.0 * SETTLED])
+    simulation.advance(sim, [2.0 * SETTLED])
     calmed = asleep(sim)
-    set_gravity(sim, 0, (GRAVITY, 0.0, 0.0))
+    simulation.set_gravity(sim, 0, (GRAVITY, 0.0, 0.0))
     tilted = asleep(sim)
     stop_device()
     return locals()
@@ -99,11 +87,11 @@ def test_a_bed_at_rest_falls_asleep_and_lies_where_it_lay(nights):
 
 
 def test_a_bed_lies_as_it_does_awake_and_sleeps_alike_in_company(nights):
-    sim = assemble([rough(1), drowsy(1)], LAWS, Numerics("cpu", 2))
-    advance(sim, [SETTLED] * 2)
-    awake, nobody = snapshot(sim, 0), asleep(sim)
-    advance(sim, [SETTLED + WATCHED] * 2)
-    company = fingerprint(snapshot(sim, 1))
+    sim = simulation.assemble([rough(1), drowsy(1)], LAWS, Numerics("cpu", 2))
+    simulation.advance(sim, [SETTLED] * 2)
+    awake, nobody = simulation.snapshot(sim, 0), asleep(sim)
+    simulation.advance(sim, [SETTLED + WATCHED] * 2)
+    company = fingerprint(simulation.snapshot(sim, 1))
     stop_device()
     assert company == nights["end"]
     assert not nobody.any()
@@ -117,10 +105,10 @@ def test_a_bed_lies_as_it_does_awake_and_sleeps_alike_in_company(nights):
 def test_grains_sleep_and_wake_alike_with_one_thread_per_grain(nights):
     found = []
     for decomposition in ("partitions", "grains"):
-        sim = assemble([drowsy(1)], LAWS, Numerics("cpu", 2, "f64", decomposition))
-        import_state(sim, lifted(nights["state"]))
-        advance(sim, [SETTLED + FALL + 4e-3])
-        found.append((asleep(sim), snapshot(sim, 0).position))
+        sim = simulation.assemble([drowsy(1)], LAWS, Numerics("cpu", 2, "f64", decomposition))
+        simulation.import_state(sim, lifted(nights["state"]))
+        simulation.advance(sim, [SETTLED + FALL + 4e-3])
+        found.append((asleep(sim), simulation.snapshot(sim, 0).position))
         stop_device()
     (want, places), (same, others) = found
     assert 0 < np.count_nonzero(want) < np.count_nonzero(nights["still"]), "some must have woken"
@@ -157,11 +145,11 @@ def test_sleep_goes_on_bit_for_bit_when_resumed(nights):
 @pytest.mark.slow
 def test_workers_that_share_a_sleeping_bed_change_no_bit(in_teams):
     def woken(sim: Simulation) -> str:
-        advance(sim, [SETTLED])
-        import_state(sim, lifted(export_state(sim)))
-        advance(sim, [SETTLED + FALL + SHARED])
+        simulation.advance(sim, [SETTLED])
+        simulation.import_state(sim, lifted(simulation.export_state(sim)))
+        simulation.advance(sim, [SETTLED + FALL + SHARED])
         assert 0.2 < asleep(sim).mean() < 0.8
-        return fingerprint(snapshot(sim, 0))
+        return fingerprint(simulation.snapshot(sim, 0))
 
     one, two, uneven = in_teams(drowsy(1), LAWS, woken)
     assert one == two == uneven

@@ -4,27 +4,18 @@ from dataclasses import replace
 
 import pytest
 from grain_worlds import fingerprint, heap
+from own_effects import acted_on
 
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.effect import replica_effect
 from taichi_erosion.core.setup import Laws, Numerics, Setup
-from taichi_erosion.effects import load_library
 from taichi_erosion.simulation import Simulation, advance, assemble, reuse_or_assemble, snapshot
 
 LAWS, NUMERICS = Laws(rolling="elastic_plastic"), Numerics("cpu", 1)
 FALLEN = 0.01  # s, half way down
-LIBRARY = load_library()
 
 
 def with_effect(setup: Setup, name: str) -> Setup:
-    """The same grains with an effect of textbook strength."""
-    effect = LIBRARY[name]
-    return replace(
-        setup,
-        effects=(
-            replica_effect(effect, effect.params(), 1.0, {"grain_diameter": 1e-3}, setup.grains.radius.max()),
-        ),
-    )
+    return acted_on(setup, {"grain_diameter": 1e-3}, **{name: {}})
 
 
 PLAIN, STICKY = heap(60, 1), with_effect(heap(80, 2), "surface_crust")
@@ -52,23 +43,20 @@ def test_what_runs_after_another_ensemble_comes_out_as_if_it_had_been_alone():
     stop_device()
 
 
+BESIDE, CHARGED = [PLAIN, STICKY], [with_effect(PLAIN, "electric_field")]
+
+
 @pytest.mark.parametrize(
-    ("setups", "laws"),
+    ("first", "setups", "laws"),
     [
-        ([PLAIN], replace(LAWS, rolling="none")),
-        ([with_effect(PLAIN, "liquid_bridge")], LAWS),
-        ([with_effect(PLAIN, "electric_field")], LAWS),
-        ([heap(200, 1)], LAWS),
+        (BESIDE, [PLAIN], replace(LAWS, rolling="none")),
+        (BESIDE, [with_effect(PLAIN, "liquid_bridge")], LAWS),
+        (BESIDE, CHARGED, LAWS),
+        (BESIDE, [heap(200, 1)], LAWS),
+        (CHARGED, [PLAIN], LAWS),  # an effect on single grains stays with ensembles that have it
     ],
 )
-def test_other_laws_other_effects_and_more_grains_get_fields_of_their_own(setups, laws):
-    before = assemble([PLAIN, STICKY], LAWS, NUMERICS)
-    after = reuse_or_assemble(before, setups, laws, NUMERICS)
-    assert after is not before
-    stop_device()
-
-
-def test_an_effect_on_single_grains_stays_with_ensembles_that_have_it():
-    before = assemble([with_effect(PLAIN, "electric_field")], LAWS, NUMERICS)
-    assert reuse_or_assemble(before, [PLAIN], LAWS, NUMERICS) is not before
+def test_other_laws_other_effects_and_more_grains_get_fields_of_their_own(first, setups, laws):
+    before = assemble(first, LAWS, NUMERICS)
+    assert reuse_or_assemble(before, setups, laws, NUMERICS) is not before
     stop_device()

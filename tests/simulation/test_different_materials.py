@@ -1,7 +1,6 @@
 """Replicas with different numbers of materials beside each other: each has its own contact parameters."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,25 +14,17 @@ LAWS, NUMERICS = Laws(rolling="elastic_plastic"), Numerics("cpu", 1)
 FALLEN = 0.01  # s, half way down
 
 
-def joined(tables: list[ContactTable], rows: list[int]) -> ContactTable:
-    """A contact table whose rows are the first rows of others."""
-    columns = {name: np.array([getattr(tables[k], name)[0] for k in rows]) for name in vars(tables[0])}
-    return ContactTable(**columns)
-
-
 def three_materials(count: int, seed: int) -> Setup:
     """A heap of grains of the second of three materials: floor of the first, tube of the third."""
     own = heap(count, seed)
-    tables = [contacts(friction, 0.1) for friction in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)]
-    tables = [
-        replace(table, restitution=np.full_like(table.restitution, 0.3 + 0.1 * k))
-        for k, table in enumerate(tables)
-    ]
-    walls = (Surface("floor", 0), Surface("tube", 2))
-    grains = replace(own.grains, material=np.ones_like(own.grains.material))
-    names = ("earth", "soil", "steel")
+    columns = {name: np.full(6, values[0]) for name, values in vars(contacts(rolling=0.1)).items()}
+    columns |= {"friction_sliding": np.linspace(0.0, 1.0, 6), "restitution": np.linspace(0.3, 0.8, 6)}
     return replace(
-        own, grains=grains, materials=names, contacts=joined(tables, list(range(6))), surfaces=walls
+        own,
+        grains=replace(own.grains, material=np.ones_like(own.grains.material)),
+        materials=("earth", "soil", "steel"),
+        contacts=ContactTable(**columns),
+        surfaces=(Surface("floor", 0), Surface("tube", 2)),
     )
 
 
@@ -52,10 +43,18 @@ MIXED = {
 SLIPPERY = contacts(0.0, 0.0)
 
 
-@pytest.fixture(scope="module")
-def found() -> dict[str, Any]:
-    """Ends of replicas alone and beside each other; kernels compile once for each number of materials."""
+@pytest.mark.parametrize("own", [1, 2, 3, 5])
+def test_rows_of_the_first_materials_are_those_of_their_pairs(own):
+    found = iter(pair_rows(own, 5))
+    for i in range(own):
+        for j in range(i, own):
+            assert next(found) == pair_row(i, j, 5)
+
+
+def test_replicas_with_few_and_with_three_materials_come_out_as_alone():
+    """And so does one whose contacts change; kernels compile once for each number of materials."""
     alone: dict[str, str] = {}
+    slippery: list[str] = []
     for count in (2, 3):
         sim = None
         for name, setup in MIXED.items():
@@ -66,23 +65,7 @@ def found() -> dict[str, Any]:
         beside = ends(sim)
         sim = reuse_or_assemble(sim, sim.setups, LAWS, NUMERICS)
         set_contacts(sim, 0, SLIPPERY)
-        alone[f"slippery beside {count}"] = ends(sim)[0]
+        slippery.append(ends(sim)[0])
         stop_device()
-    return locals()
-
-
-@pytest.mark.parametrize("own", [1, 2, 3, 5])
-def test_rows_of_the_first_materials_are_those_of_their_pairs(own):
-    found = iter(pair_rows(own, 5))
-    for i in range(own):
-        for j in range(i, own):
-            assert next(found) == pair_row(i, j, 5)
-
-
-def test_replicas_with_few_and_with_three_materials_come_out_as_alone(found):
-    assert found["beside"] == [found["alone"][name] for name in MIXED]
-
-
-def test_contacts_of_one_replica_change_beside_others_with_more_materials(found):
-    alone = found["alone"]
-    assert alone["slippery beside 2"] == alone["slippery beside 3"] != alone["few"]
+    assert beside == [alone[name] for name in MIXED]
+    assert slippery[0] == slippery[1] != alone["few"]

@@ -7,38 +7,24 @@ of a speed. On Vulkan the device may also fuse multiplication and addition, by o
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from few_grains import run_worlds
-from grain_worlds import MASS, RADIUS, contacts, fingerprint, grains, heap, setup
+from few_grains import ARMS, equal_clumps, run_worlds
+from grain_worlds import RADIUS, contacts, fingerprint, grains, heap, setup
+from own_effects import acted_on
 from scipy.spatial.transform import Rotation
 from windy_beds import bed, set_in
 
+from taichi_erosion import simulation
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.effect import replica_effect
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.setup import ClumpTable, Laws, Numerics, Setup
+from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.snapshot import AirProfile, Snapshot, Status
-from taichi_erosion.effects import load_library
-from taichi_erosion.simulation import (
-    Simulation,
-    advance,
-    air_profile,
-    assemble,
-    energies,
-    export_state,
-    failure,
-    import_state,
-    reuse_or_assemble,
-    snapshot,
-)
+from taichi_erosion.simulation import Simulation
 from taichi_erosion.simulation.assemble import reallocate
 from taichi_erosion.simulation.grain_decomposition import step
 
-LIBRARY = load_library([Path(__file__).parents[1] / "effects" / "ageing_pull.py"])
 ON_CPU, IN_PARTITIONS = Numerics("cpu", 2, "f64", "grains"), Numerics("cpu", 1, "f64")
 ROLLING = Laws(rolling="elastic_plastic")
 GRAINS = 120
@@ -63,21 +49,22 @@ def stopped() -> Iterator[None]:
 def started(setups: list[Setup], laws: Laws, numerics: Numerics) -> Simulation:
     """An ensemble at its start; skips where there is no such device."""
     try:
-        return assemble(setups, laws, numerics)
+        return simulation.assemble(setups, laws, numerics)
     except BadInput as missing:
         pytest.skip(str(missing))
 
 
 def run(setups: list[Setup], laws: Laws, numerics: Numerics, until: float) -> list[State]:
     """States of all replicas at a time, and the wind over them that sets in on the way."""
-    sim = started(setups, laws, numerics)
-    blows = setups[0].air is not None
+    sim, replicas, blows = started(setups, laws, numerics), range(len(setups)), setups[0].air is not None
     if blows:
         set_in(sim, WIND, CALM, until)
     else:
-        advance(sim, [until] * len(setups))
-    assert [failure(sim, r) for r in range(len(setups))] == [None] * len(setups)
-    found = [(snapshot(sim, r), air_profile(sim, r) if blows else None) for r in range(len(setups))]
+        simulation.advance(sim, [until for _ in replicas])
+    assert not any(simulation.failure(sim, r) for r in replicas)
+    found = [
+        (simulation.snapshot(sim, r), simulation.air_profile(sim, r) if blows else None) for r in replicas
+    ]
     stop_device()
     return found
 
@@ -114,59 +101,36 @@ def four_heaps() -> list[Setup]:
     return [heap(GRAINS, 1), trickle(), heap(GRAINS // 2, 2, friction=0.1), lost]
 
 
-@pytest.fixture(scope="module", params=[pytest.param(ON_CPU, id="cpu"), VULKAN])
-def ways(request: pytest.FixtureRequest) -> dict[str, Any]:
-    """The heaps in partitions, by grain, again, and by grain from half way on; kernels compile once."""
-    sim = assemble(four_heaps(), ROLLING, IN_PARTITIONS)
-    advance(sim, [HALF] * 4)
-    state = export_state(sim)
-    advance(sim, [WHOLE] * 4)
-    found: dict[str, Any] = {"in partitions": [snapshot(sim, r) for r in range(3)]}
+@devices
+def test_heaps_of_an_ensemble_move_as_in_partitions_and_repeat_their_bits(numerics):
+    """In partitions, by grain, again, and by grain from half way on; kernels compile once."""
+    sim = simulation.assemble(four_heaps(), ROLLING, IN_PARTITIONS)
+    simulation.advance(sim, [HALF] * 4)
+    state = simulation.export_state(sim)
+    simulation.advance(sim, [WHOLE] * 4)
+    want = [simulation.snapshot(sim, r) for r in range(3)]
     stop_device()
-    sim = started(four_heaps(), ROLLING, request.param)
+    sim = started(four_heaps(), ROLLING, numerics)
+    found = []
     for way in ("by grain", "again", "from half way"):
-        assert sim is reuse_or_assemble(sim, four_heaps(), ROLLING, request.param)
+        assert sim is simulation.reuse_or_assemble(sim, four_heaps(), ROLLING, numerics)
         if way == "from half way":
-            import_state(sim, state)
-        advance(sim, [WHOLE] * 4)
-        found[way] = [snapshot(sim, r) for r in range(3)]
-        found[f"{way} ends"] = [failure(sim, r) for r in range(4)]
-    stop_device()
-    return found
-
-
-@pytest.mark.parametrize("way", ["by grain", "from half way"])
-def test_heaps_of_an_ensemble_move_as_in_partitions(ways, way):
-    assert max(distance(a, b) for a, b in zip(ways["in partitions"], ways[way], strict=True)) < FORCES
-
-
-def test_heaps_of_an_ensemble_repeat_their_bits(ways):
-    assert [fingerprint(a) for a in ways["by grain"]] == [fingerprint(a) for a in ways["again"]]
-
-
-def test_a_number_that_is_none_stops_its_replica_by_name(ways):
-    *others, reason = ways["by grain ends"]
-    assert others == [None] * 3
-    assert (reason.status, reason.grain) == (Status.NOT_FINITE, 3)
+            simulation.import_state(sim, state)
+        simulation.advance(sim, [WHOLE] * 4)
+        found.append([simulation.snapshot(sim, r) for r in range(3)])
+        assert max(map(distance, want, found[-1])) < FORCES, way
+        *others, reason = (simulation.failure(sim, r) for r in range(4))
+        # a number that is none stops its replica by name
+        assert others == [None] * 3
+        assert reason is not None
+        assert (reason.status, reason.grain) == (Status.NOT_FINITE, 3)
+    assert list(map(fingerprint, found[0])) == list(map(fingerprint, found[1]))
 
 
 WITH_POWERS = {"liquid_bridge": {}, "restitution_speed": {}}
 WITHOUT_POWERS = {"dry_adhesion": {}, "image_charge": {}}  # Vulkan has no powers of 64-bit floats
+KNOWN = {"grain_diameter": 2.0 * RADIUS, "moisture": 0.01}
 AGEING = {"pull_off": 3e-5, "ageing": 5e-4, "still": 0.02}
-
-
-def with_effects(bare: Setup, **parameters: dict[str, float]) -> Setup:
-    """A heap with effects of the library, or of the tests, at full strength."""
-    known = {"grain_diameter": 2.0 * RADIUS, "moisture": 0.01}
-    effects = [
-        replica_effect(LIBRARY[name], LIBRARY[name].params(**given), 1.0, known, RADIUS)
-        for name, given in sorted(parameters.items())
-    ]
-    return replace(bare, effects=tuple(effects))
-
-
-ARMS = np.array([[1.2, 0.0, 0.1], [-0.9, 0.7, 0.0], [-0.3, -0.7, -0.1]]) * RADIUS  # of a clump's spheres
-CLUMP_INERTIA = np.array([0.6, 1.0, 1.5]) * MASS * (2.0 * RADIUS) ** 2  # kg m2
 
 
 def clumps(bodies: int, seed: int) -> Setup:
@@ -180,27 +144,19 @@ def clumps(bodies: int, seed: int) -> Setup:
     place = centre[:, None] + arms.transpose(0, 2, 1)
     speed = velocity[:, None] + np.cross(spin[:, None], arms.transpose(0, 2, 1))
     late = np.repeat(np.where(is_late, 0.001, 0.0), len(ARMS))
-    table = ClumpTable(
-        body=np.repeat(np.arange(bodies, dtype=np.int32), len(ARMS)),
-        offset=np.tile(ARMS, (bodies, 1)),
-        mass=np.full(bodies, 3.0 * MASS),
-        inertia=np.tile(CLUMP_INERTIA, (bodies, 1)),
-        position=centre,
-        orientation=poses.as_quat(scalar_first=True),
-    )
     loose.primitives.shape[1, [6, 8]] *= 2.5  # the tube, as wide as the places of larger bodies want
     spheres = grains(place.reshape(-1, 3), speed.reshape(-1, 3), np.repeat(spin, len(ARMS), axis=0), late)
-    return replace(loose, grains=spheres, clumps=table)
+    return replace(loose, grains=spheres, clumps=equal_clumps(centre, poses))
 
 
-def acted_on() -> list[Setup]:
+def heaps_with_effects() -> list[Setup]:
     """The same heap bare, and with effects without and with a memory."""
     effects = {}, WITHOUT_POWERS, {"ageing_pull": AGEING}
-    return [with_effects(heap(60, 1), **parameters) for parameters in effects]
+    return [acted_on(heap(60, 1), KNOWN, **parameters) for parameters in effects]
 
 
 CASES = {  # setups, laws, end [s], and what the two ways may differ by over the largest value [1]
-    "effects": (acted_on, ROLLING, WHOLE, FORCES),
+    "effects": (heaps_with_effects, ROLLING, WHOLE, FORCES),
     "clumps": (lambda: [clumps(40, 1), clumps(25, 2)], ROLLING, WHOLE, FORCES),
     "beds under wind": (lambda: [bed(1), bed(2, 2)], replace(ROLLING, drag="two_limits"), WHOLE, SUMS),
 }
@@ -234,13 +190,13 @@ def test_ensembles_move_as_in_partitions_and_repeat_their_bits_alone_and_in_comp
 @pytest.mark.gpu
 @pytest.mark.slow
 def test_on_vulkan_effects_with_powers_act_in_single_precision_and_are_refused_in_double():
-    wet = [heap(GRAINS, 1), *(with_effects(heap(n, 2), **WITH_POWERS) for n in (60, 61))]
+    wet = [heap(GRAINS, 1), *(acted_on(heap(n, 2), KNOWN, **WITH_POWERS) for n in (60, 61))]
     want = run(wet, ROLLING, Numerics("cpu", 1, "f32"), HALF)
     found = run(wet, ROLLING, Numerics("vulkan", 1, "f32"), HALF)
     assert max(distance(a, b) for (a, _), (b, _) in zip(want, found, strict=True)) < SINGLE
     sim = started(wet, ROLLING, Numerics("vulkan", 1, "f64"))
     with pytest.raises(BadInput, match="64-bit floats, which Vulkan lacks"):
-        advance(sim, [HALF] * 3)
+        simulation.advance(sim, [HALF] * 3)
 
 
 NOT_NUMBERS = ("not a number", "infinite")  # Mesa takes 0 x for 0, so that these move by one step
@@ -269,15 +225,15 @@ def test_every_small_world_ends_as_in_partitions(numerics):
 
 @pytest.mark.slow
 def test_a_state_of_clumps_goes_on_with_one_thread_per_grain():
-    first = assemble([clumps(40, 1)], ROLLING, IN_PARTITIONS)
-    advance(first, [HALF])
-    state = export_state(first)
-    advance(first, [WHOLE])
-    want = snapshot(first, 0)
-    second = assemble([clumps(40, 1)], ROLLING, ON_CPU)
-    import_state(second, state)
-    advance(second, [WHOLE])
-    assert distance(want, snapshot(second, 0)) < FORCES
+    first = simulation.assemble([clumps(40, 1)], ROLLING, IN_PARTITIONS)
+    simulation.advance(first, [HALF])
+    state = simulation.export_state(first)
+    simulation.advance(first, [WHOLE])
+    want = simulation.snapshot(first, 0)
+    second = simulation.assemble([clumps(40, 1)], ROLLING, ON_CPU)
+    simulation.import_state(second, state)
+    simulation.advance(second, [WHOLE])
+    assert distance(want, simulation.snapshot(second, 0)) < FORCES
 
 
 @pytest.mark.slow
@@ -294,16 +250,16 @@ def test_stages_of_more_threads_than_a_device_starts_at_once_give_the_same_bits_
 @pytest.mark.slow
 def test_vulkan_advances_more_list_entries_than_it_starts_threads_at_once():
     """65,535 groups of 128 threads are what the driver in software starts."""
-    collapsing = assemble([heap(GRAINS, 1)], ROLLING, replace(IN_PARTITIONS, precision="f32"))
-    advance(collapsing, [HALF])
-    state = export_state(collapsing)
+    collapsing = simulation.assemble([heap(GRAINS, 1)], ROLLING, replace(IN_PARTITIONS, precision="f32"))
+    simulation.advance(collapsing, [HALF])
+    state = simulation.export_state(collapsing)
     ends = []
     for pairs in (None, 65_536 * 128):
         sim = started([heap(GRAINS, 1)], ROLLING, Numerics("vulkan", 1, "f32"))
         reallocate(sim, replace(sim.capacities, pairs=pairs or sim.capacities.pairs))
-        import_state(sim, state)
-        advance(sim, [HALF + FEW])
-        ends.append(snapshot(sim, 0))
+        simulation.import_state(sim, state)
+        simulation.advance(sim, [HALF + FEW])
+        ends.append(simulation.snapshot(sim, 0))
         stop_device()
     assert ends[0].contacts.sum() > 0
     assert fingerprint(ends[0]) == fingerprint(ends[1])
@@ -311,22 +267,22 @@ def test_vulkan_advances_more_list_entries_than_it_starts_threads_at_once():
 
 @pytest.mark.slow
 def test_a_resumed_run_and_lists_that_grow_change_no_bit():
-    sim = assemble([heap(GRAINS, 1)], ROLLING, replace(ON_CPU, precision="f32"))
+    sim = simulation.assemble([heap(GRAINS, 1)], ROLLING, replace(ON_CPU, precision="f32"))
     reallocate(sim, replace(sim.capacities, pairs=160, wall_pairs=64))  # the heap wants more
-    advance(sim, [HALF])
+    simulation.advance(sim, [HALF])
     assert sim.capacities.pairs > 160
-    state = export_state(sim)
-    energy = energies(sim)
-    advance(sim, [WHOLE])
-    end = fingerprint(snapshot(sim, 0))
-    import_state(sim, state)
-    assert energies(sim) == pytest.approx(energy, rel=1e-12)
-    advance(sim, [WHOLE])
-    assert fingerprint(snapshot(sim, 0)) == end
+    state = simulation.export_state(sim)
+    energy = simulation.energies(sim)
+    simulation.advance(sim, [WHOLE])
+    end = fingerprint(simulation.snapshot(sim, 0))
+    simulation.import_state(sim, state)
+    assert simulation.energies(sim) == pytest.approx(energy, rel=1e-12)
+    simulation.advance(sim, [WHOLE])
+    assert fingerprint(simulation.snapshot(sim, 0)) == end
 
 
 def test_what_is_not_there_is_refused_by_name():
     patch = bed(1)
     gridded = replace(patch, air=replace(patch.air, cells=(4, 4, patch.air.cells[2])))
     with pytest.raises(BadInput, match="one thread per grain has no grids of air"):
-        assemble([gridded], ROLLING, ON_CPU)
+        simulation.assemble([gridded], ROLLING, ON_CPU)

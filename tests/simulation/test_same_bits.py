@@ -6,20 +6,10 @@ import numpy as np
 import pytest
 from grain_worlds import fingerprint, heap
 
+from taichi_erosion import simulation
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics, Setup
-from taichi_erosion.simulation import (
-    Simulation,
-    advance,
-    assemble,
-    capacities,
-    export_state,
-    failure,
-    import_state,
-    reuse_or_assemble,
-    snapshot,
-    totals,
-)
+from taichi_erosion.simulation import Simulation, capacities
 from taichi_erosion.simulation.assemble import reallocate
 
 LAWS = Laws(rolling="elastic_plastic")
@@ -32,13 +22,13 @@ PAIRS_FAR_TOO_FEW = 80  # fewer than the heap holds half way
 
 def ends(sim: Simulation, until: float) -> list[str]:
     """Bits of all replicas at a time, none of which may fail."""
-    advance(sim, [until] * len(sim.setups))
-    assert all(failure(sim, r) is None for r in range(len(sim.setups)))
-    return [fingerprint(snapshot(sim, r)) for r in range(len(sim.setups))]
+    simulation.advance(sim, [until] * len(sim.setups))
+    assert all(simulation.failure(sim, r) is None for r in range(len(sim.setups)))
+    return [fingerprint(simulation.snapshot(sim, r)) for r in range(len(sim.setups))]
 
 
 def run(setups: list[Setup], threads: int, until: float) -> list[str]:
-    sim = assemble(setups, LAWS, Numerics("cpu", threads))
+    sim = simulation.assemble(setups, LAWS, Numerics("cpu", threads))
     bits = ends(sim, until)
     stop_device()
     return bits
@@ -48,14 +38,14 @@ def run(setups: list[Setup], threads: int, until: float) -> list[str]:
 def alone() -> dict[str, object]:
     """One heap on one worker, half way and at the end, with its state and contacts half way; then others."""
     numerics = Numerics("cpu", 1)
-    sim = assemble([heap(GRAINS, 1)], LAWS, numerics)
+    sim = simulation.assemble([heap(GRAINS, 1)], LAWS, numerics)
     (half,) = ends(sim, HALF)
-    state, contacts_then = export_state(sim), totals(sim, 0).contacts
+    state, contacts_then = simulation.export_state(sim), simulation.totals(sim, 0).contacts
     (end,) = ends(sim, WHOLE)
-    import_state(sim, state)
-    back = fingerprint(snapshot(sim, 0))
+    simulation.import_state(sim, state)
+    back = fingerprint(simulation.snapshot(sim, 0))
     (again,) = ends(sim, WHOLE)
-    others = reuse_or_assemble(sim, [heap(GRAINS, 1), *of_two_materials()], LAWS, numerics)
+    others = simulation.reuse_or_assemble(sim, [heap(GRAINS, 1), *of_two_materials()], LAWS, numerics)
     assert others is sim  # kernels compile once
     one, *mixed = ends(others, WHOLE)
     stop_device()
@@ -93,16 +83,16 @@ def test_grains_of_two_materials_move_as_grains_of_one_where_their_contacts_are_
 
 @pytest.mark.slow
 def test_lists_that_are_too_short_grow_and_change_no_bit(alone):
-    sim = assemble([heap(GRAINS, 1)], LAWS, Numerics("cpu", 1))
+    sim = simulation.assemble([heap(GRAINS, 1)], LAWS, Numerics("cpu", 1))
     tiny = replace(sim.capacities, pairs=PAIRS_TOO_FEW, wall_pairs=WALL_PAIRS_TOO_FEW)
     reallocate(sim, tiny)
-    advance(sim, [HALF])
-    grown, half = sim.capacities, fingerprint(snapshot(sim, 0))
+    simulation.advance(sim, [HALF])
+    grown, half = sim.capacities, fingerprint(simulation.snapshot(sim, 0))
     # a checkpoint of grown lists meets a fresh run; both lists halved grow to what has been compiled above
     reallocate(sim, replace(tiny, pairs=PAIRS_FAR_TOO_FEW, wall_pairs=WALL_PAIRS_TOO_FEW // 2))
-    import_state(sim, alone["state"])
-    advance(sim, [WHOLE])
-    end = fingerprint(snapshot(sim, 0))
+    simulation.import_state(sim, alone["state"])
+    simulation.advance(sim, [WHOLE])
+    end = fingerprint(simulation.snapshot(sim, 0))
     stop_device()
     assert grown.pairs > tiny.pairs
     assert sim.capacities.pairs > PAIRS_FAR_TOO_FEW

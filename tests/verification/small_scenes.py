@@ -25,6 +25,7 @@ from taichi_erosion.core.setup import (
     PrimitiveTable,
     Setup,
     Surface,
+    Triple,
 )
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.effects import load_library
@@ -34,21 +35,13 @@ from taichi_erosion.scene import Scene
 from taichi_erosion.scene import laws as laws_of
 from taichi_erosion.simulation import Simulation, advance, assemble, failure, prepare, snapshot
 from taichi_erosion.verification.claims import Precision
-from tests.verification.reference.contact import (
-    HeadOn,
-    Solid,
-    series,
-    shear_effective,
-    sphere_mass,
-    young_effective,
-)
+from taichi_erosion.verification.closed_forms import HERTZ, sampled, sphere_mass
+from tests.verification.reference.contact import HeadOn, Solid, effective_moduli, series
 
 WALL = 1  # material
-NO_GRAVITY = (0.0, 0.0, 0.0)
+NO_GRAVITY, GRAVITY = (0.0, 0.0, 0.0), (0.0, 0.0, -9.81)  # m s-2
 FLOOR = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)  # plane through the origin, free side up
 OVERLAP_LIMIT = 0.5  # of the radius; the references have no limit, soft test grains dip far [1]
-HERTZ = Laws()  # Hertz, Mindlin, no rolling resistance
-LAMINAR = AirModel()
 LINEAR = AirModel(advection="none", scheme="euler")  # nothing is carried: parallel flow, any step
 
 
@@ -68,7 +61,7 @@ class Touch:
 
 def touch_of(first: Solid, second: Solid | None, restitution: float = 1.0, friction: float = 0.0) -> Touch:
     """Contact of two solids; without a second the partner is rigid."""
-    return Touch(young_effective(first, second), shear_effective(first, second), restitution, friction)
+    return Touch(*effective_moduli(first, *([second] if second else [])), restitution, friction)
 
 
 def spheres(
@@ -111,6 +104,9 @@ def planes(*shapes: Sequence[float]) -> PrimitiveTable:
     return primitive_table(PrimitiveKind.PLANE, numbers, np.arange(len(numbers)))
 
 
+NONE, FLAT = planes(), planes(FLOOR)
+
+
 def joined(*tables: PrimitiveTable) -> PrimitiveTable:
     """Tables one after the other, the surfaces of each counted on from the last."""
     surfaces, first = [], 0
@@ -128,28 +124,20 @@ def sphere_setup(
     grains: GrainTable,
     touch: Touch,
     time_step: float,
-    walls: PrimitiveTable | None = None,
-    gravity: tuple[float, float, float] = NO_GRAVITY,
+    walls: PrimitiveTable = NONE,
+    gravity: Triple = NO_GRAVITY,
 ) -> Setup:
     """One replica in which grains meet each other and walls with the same contact parameters."""
-    table = planes() if walls is None else walls
-    count = int(table.surface.max()) + 1 if len(table.surface) else 0
-    rows = {name: np.full(3, value, dtype=float) for name, value in vars(touch).items()}
     return Setup(
         grains=grains,
         materials=("grain", "wall"),
-        contacts=ContactTable(**rows),
-        primitives=table,
-        surfaces=tuple(Surface(f"wall{k}", WALL) for k in range(count)),
+        contacts=ContactTable(**{name: np.full(3, float(value)) for name, value in vars(touch).items()}),
+        primitives=walls,
+        surfaces=tuple(Surface(f"wall{k}", WALL) for k in range(walls.surface.max(initial=-1) + 1)),
         time_step=time_step,
         gravity=gravity,
         overlap_limit=OVERLAP_LIMIT,
     )
-
-
-def on_plane(touch: Touch, grain: GrainTable, time_step: float, **changes: Any) -> Setup:
-    """Grains above the floor z = 0."""
-    return replace(sphere_setup(grain, touch, time_step, planes(FLOOR)), **changes)
 
 
 def wall_impact(touch: Touch, radius: float, density: float, speed: float) -> HeadOn:
@@ -161,26 +149,6 @@ def pair_impact(touch: Touch, radii: tuple[float, float], density: float, speed:
     """Two spheres that meet head-on with relative speed `speed`."""
     masses = [sphere_mass(radius, density) for radius in radii]
     return HeadOn(touch.young_effective, series(*radii), series(masses[0], masses[1]), speed)
-
-
-def still_air(faces: Floats, patch: tuple[float, float], density: float, viscosity: float) -> AirSetup:
-    """A column of air at rest that only grains can move; `viscosity` is dynamic [Pa s].
-
-    `patch` holds the periods downwind and across [m]. The floor is smooth and the lid without stress: what
-    the air gains, grains have lost.
-    """
-    ends = {"z_low": AirSide("symmetry"), "z_high": AirSide("stress")}
-    return AirSetup(
-        cells=(1, 1, len(faces) - 1),
-        low=(0.0, 0.0, float(faces[0])),
-        high=(*patch, float(faces[-1])),
-        faces_z=faces,
-        sides={name: ends.get(name, AirSide("periodic")) for name in SIDES},
-        density=density,
-        viscosity=viscosity / density,
-        time_step=1.0,
-        model=AirModel(closure="none", advection="none", scheme="euler", exchange=True),
-    )
 
 
 def in_air(setup: Setup, air: AirSetup, coupling: Coupling, headroom: float) -> Setup:
@@ -211,7 +179,7 @@ def sides(**given: AirSide) -> dict[str, AirSide]:
     return {name: AirSide() for name in SIDES} | flat | given
 
 
-def box(cells: tuple[int, int, int], size: tuple[float, float, float], **words: Any) -> AirSetup:
+def box(cells: tuple[int, int, int], size: Triple, **words: Any) -> AirSetup:
     """A box of air from the origin, of density 1 and equal cells unless stated otherwise."""
     usual: dict[str, Any] = {
         "faces_z": even_faces(0.0, size[2], cells[2]),
@@ -219,10 +187,27 @@ def box(cells: tuple[int, int, int], size: tuple[float, float, float], **words: 
         "density": 1.0,
         "viscosity": 1.0,
         "time_step": 1.0,
-        "model": LAMINAR,
         "implicitness": 0.5,
     }
     return AirSetup(cells=cells, low=(0.0, 0.0, 0.0), high=size, **usual | words)
+
+
+def still_air(faces: Floats, patch: tuple[float, float], density: float, viscosity: float) -> AirSetup:
+    """A column of air at rest that only grains can move; `viscosity` is dynamic [Pa s].
+
+    `patch` holds the periods downwind and across [m]. The floor is smooth and the lid without stress: what
+    the air gains, grains have lost.
+    """
+    return box(
+        (1, 1, len(faces) - 1),
+        (*patch, float(faces[-1])),
+        faces_z=faces,
+        sides=sides(z_high=AirSide("stress")),
+        density=density,
+        viscosity=viscosity / density,
+        model=replace(LINEAR, exchange=True),
+        implicitness=1.0,
+    )
 
 
 def air_of(setups: Sequence[AirSetup], threads: int = 0) -> Air:
@@ -236,21 +221,9 @@ def centres(faces: Floats) -> Floats:
     return 0.5 * (faces[1:] + faces[:-1])
 
 
-@dataclass(frozen=True)
-class Trace:
-    """Samples of an ensemble; replicas with fewer grains than others are filled up with NaN."""
-
-    time: Floats  # [samples, replicas] s
-    position: Floats  # [samples, replicas, grains, 3] m
-    velocity: Floats  # [samples, replicas, grains, 3] m s-1
-    spin: Floats  # [samples, replicas, grains, 3] rad s-1
-
-
-def simulation_of(
-    setups: Sequence[Setup], precision: Precision, laws: Laws = HERTZ, threads: int = 0
-) -> Simulation:
+def simulation_of(setups: Sequence[Setup], precision: Precision, laws: Laws = HERTZ) -> Simulation:
     """The scenes on the CPU."""
-    return assemble(setups, laws, Numerics(threads=threads, precision=precision))
+    return assemble(setups, laws, Numerics(precision=precision))
 
 
 def run_to_end(scenes: Sequence[Scene], seeds: Sequence[int]) -> EnsembleRun:
@@ -281,50 +254,26 @@ def final_states(
     setups: Sequence[Setup], durations: ArrayLike, precision: Precision, laws: Laws = HERTZ
 ) -> list[Snapshot]:
     """Snapshots after `durations` [s], one number or one per replica."""
-    sim = simulation_of(setups, precision, laws)
-    ends = np.broadcast_to(np.asarray(durations, dtype=float), len(setups))
-    advance(sim, [float(end) for end in ends])
-    return states(sim)
+    ends = np.broadcast_to(np.asarray(durations, dtype=float), (1, len(setups)))
+    return [end for (end,) in sampled(setups, ends, precision, laws)]
 
 
-def sample(sim: Simulation, times: Floats) -> Trace:
+@dataclass(frozen=True)
+class Trace:
+    """Samples of an ensemble whose replicas have equal numbers of grains."""
+
+    time: Floats  # [samples, replicas] s
+    position: Floats  # [samples, replicas, grains, 3] m
+    velocity: Floats  # [samples, replicas, grains, 3] m s-1
+    spin: Floats  # [samples, replicas, grains, 3] rad s-1
+
+
+def trace(setups: Sequence[Setup], times: Floats, precision: Precision, laws: Laws = HERTZ) -> Trace:
     """Samples at `times` [samples, replicas] in s, or [samples] for all replicas alike."""
-    rows = []
-    for row in np.broadcast_to(times if times.ndim == 2 else times[:, None], (len(times), len(sim.setups))):
-        advance(sim, [float(time) for time in row])
-        rows.append(states(sim))
-    return Trace(
-        time=np.array([[state.time for state in row] for row in rows]),
-        position=stacked(rows, "position"),
-        velocity=stacked(rows, "velocity"),
-        spin=stacked(rows, "spin"),
-    )
-
-
-def stacked(rows: list[list[Snapshot]], name: str) -> Floats:
-    """One vector of the state [samples, replicas, most grains, 3]."""
-    most = max(len(state.radius) for state in rows[0])
-    whole = np.full((len(rows), len(rows[0]), most, 3), np.nan)
-    for moment, row in zip(whole, rows, strict=True):
-        for place, state in zip(moment, row, strict=True):
-            place[: len(state.radius)] = getattr(state, name)
-    return whole
-
-
-def every_step(setups: Sequence[Setup], steps: int) -> Floats:
-    """Times of the first steps [steps, replicas] in s."""
-    counts = np.arange(1.0, steps + 1.0)
-    return counts[:, None] * np.array([setup.time_step for setup in setups])[None, :]
-
-
-def acceleration(trace: Trace) -> Floats:
-    """Central second difference of the positions [samples - 2, replicas, grains, 3] in m s-2.
-
-    With samples one step apart a leapfrog step makes this exactly force over mass at the middle sample.
-    """
-    step = np.diff(trace.time, axis=0)[:-1, :, None, None]
-    second = trace.position[2:] - 2.0 * trace.position[1:-1] + trace.position[:-2]
-    return second / step**2
+    rows = np.broadcast_to(times if times.ndim == 2 else times[:, None], (len(times), len(setups)))
+    paths = sampled(setups, rows, precision, laws)
+    names = ("time", "position", "velocity", "spin")
+    return Trace(*(np.array([[getattr(s, n) for s in path] for path in paths]).swapaxes(0, 1) for n in names))
 
 
 def order(errors: Sequence[float]) -> float:

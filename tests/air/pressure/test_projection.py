@@ -5,20 +5,17 @@ import pytest
 from taichi_erosion.air.grid import allocate_air, parallel_columns, store_void_fraction
 from taichi_erosion.air.readback import face_velocities
 from taichi_erosion.air.step import advance_air
-from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup, AirSide, even_faces
+from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide
 from taichi_erosion.core.setup import Numerics
+from tests.verification.small_scenes import box, sides
 
 SPEED, DENSITY, COEFFICIENT, VOID = 0.1, 1.2, 500.0, 0.4  # m s-1, kg m-3, N s m-4, 1
 
 
 def upward() -> AirSetup:
-    ends = {"z_low": AirSide("inlet", (0.0, 0.0, SPEED)), "z_high": AirSide("outlet")}
-    sides = {name: ends.get(name, AirSide()) for name in SIDES}
-    model = AirModel(exchange=True, advection="central", scheme="runge_kutta")
-    faces = even_faces(0.0, 0.04, 16)
-    return AirSetup(
-        (4, 4, 16), (0.0, 0.0, 0.0), (0.01, 0.01, 0.04), faces, sides, DENSITY, 1.5e-5, 1e-3, model
-    )
+    ends = sides(z_low=AirSide("inlet", (0.0, 0.0, SPEED)), z_high=AirSide("outlet"))
+    words = {"density": DENSITY, "viscosity": 1.5e-5, "time_step": 1e-3, "implicitness": 1.0}
+    return box((4, 4, 16), (0.01, 0.01, 0.04), sides=ends, model=AirModel(exchange=True), **words)
 
 
 @pytest.mark.slow

@@ -13,18 +13,17 @@ import numpy as np
 from taichi_erosion.core.setup import Floats, Laws, Setup
 from taichi_erosion.simulation import advance
 from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, holds, relative
-from tests.verification import small_scenes
+from taichi_erosion.verification.closed_forms import sphere_mass
+from tests.verification import small_scenes as small
 from tests.verification.reference import contact as jkr
-from tests.verification.reference.contact import sphere_mass
-from tests.verification.small_scenes import Touch
 
 RADIUS, DENSITY = 0.5e-3, 2500.0  # m, kg m-3
 MASS = sphere_mass(RADIUS, DENSITY)
-TOUCH = Touch(1e8, 2.5e7, surface_energy=0.5)
+TOUCH = small.Touch(1e8, 2.5e7, surface_energy=0.5)
 PAIR = jkr.AdhesivePair(TOUCH.young_effective, RADIUS / 2.0, MASS / 2.0, TOUCH.surface_energy)
 JKR = Laws(normal="jkr")
 EDEM = Laws(normal="jkr", adhesion_branch="edem", friction_cap="edem")
-SPEED_SHARE = 1.1  # of the sticking speed: slow where the neck tears
+SPEED = 1.1 * PAIR.speed_sticking  # m s-1, slow where the neck tears
 PULL_OFF_AT, TEAR_AT = jkr.overlap_at(jkr.CUBE_PULL_OFF), jkr.overlap_at(jkr.CUBE_TEAR)
 BALANCE_AT = jkr.overlap_at(jkr.CUBE_BALANCE)
 STEPS_PER_DEPTH = 800  # in which the pair moves by L^2/R* at its first speed [1]
@@ -44,70 +43,55 @@ def pair_scene(speed: float, steps_per_depth: float, overlap: float = -1e-3) -> 
     """Two spheres along x that approach with relative speed `speed` from `overlap` [L^2/R*]."""
     step = PAIR.depth / speed / steps_per_depth
     half = RADIUS - 0.5 * overlap * PAIR.depth
-    grains = small_scenes.spheres(
-        [[-half, 0, 0], [half, 0, 0]], [[speed / 2, 0, 0], [-speed / 2, 0, 0]], 0.0, RADIUS, MASS
-    )
-    return small_scenes.sphere_setup(grains, TOUCH, step)
+    place, velocity = [[-half, 0, 0], [half, 0, 0]], [[speed / 2, 0, 0], [-speed / 2, 0, 0]]
+    return small.sphere_setup(small.spheres(place, velocity, 0.0, RADIUS, MASS), TOUCH, step)
 
 
 def bounce() -> Bounce:
     """One bounce until after the tear, sampled at every step near landmarks and sparsely between."""
-    speed = SPEED_SHARE * PAIR.speed_sticking
-    setup = pair_scene(speed, STEPS_PER_DEPTH)
-    sim = small_scenes.simulation_of([setup], "f64", JKR)
+    setup = pair_scene(SPEED, STEPS_PER_DEPTH)
+    sim = small.simulation_of([setup], "f64", JKR)
     found: list[tuple[int, float]] = []
     step = 1
     while step < LONGEST_BOUNCE * STEPS_PER_DEPTH:
         advance(sim, [step * setup.time_step])
-        state = small_scenes.states(sim)[0]
-        gap = state.position[1, 0] - state.position[0, 0]
-        found.append((state.step, gap))
-        dense = is_near_landmark((2.0 * RADIUS - gap) / PAIR.depth)
+        state = small.states(sim)[0]
+        found.append((state.step, state.position[1, 0] - state.position[0, 0]))
+        overlap = (2.0 * RADIUS - found[-1][1]) / PAIR.depth
+        nearest = min(abs(overlap - landmark) for landmark in (TEAR_AT, PULL_OFF_AT, 0.0, BALANCE_AT))
+        dense = nearest < NEAR and overlap > TEAR_AT - 0.02  # past the tear nothing happens any more
         # three samples in a row give one force
         step = state.step + (1 if dense or len(found) % 3 else SPARSE)
-    return bounce_of(np.array(found), setup.time_step)
-
-
-def is_near_landmark(overlap: float) -> bool:
-    """Whether every step counts at this overlap [L^2/R*]; past the tear nothing happens any more."""
-    nearest = min(abs(overlap - landmark) for landmark in (TEAR_AT, PULL_OFF_AT, 0.0, BALANCE_AT))
-    return nearest < NEAR and overlap > TEAR_AT - 0.02
-
-
-def bounce_of(found: Floats, time_step: float) -> Bounce:
-    """Forces where three samples follow each other step by step; `found` has rows of (step, gap)."""
-    step, gap = found[:, 0], found[:, 1]
+    step, gap = np.array(found).T
     middle = np.flatnonzero((np.diff(step)[:-1] == 1) & (np.diff(step)[1:] == 1)) + 1
-    pull = (gap[middle + 1] - 2.0 * gap[middle] + gap[middle - 1]) / time_step**2
-    return Bounce(
-        overlap=(2.0 * RADIUS - gap[middle]) / PAIR.depth, force=PAIR.mass * pull / PAIR.force_scale
-    )
+    pull = (gap[middle + 1] - 2.0 * gap[middle] + gap[middle - 1]) / setup.time_step**2
+    return Bounce((2.0 * RADIUS - gap[middle]) / PAIR.depth, PAIR.mass * pull / PAIR.force_scale)
 
 
 def landmarks() -> Iterator[Outcome]:
     """V17: 0.1 % of each landmark; forces in double precision, which their second differences need."""
-    yield from curve_outcomes(bounce(), "f64")
+    yield from curve_outcomes(bounce())
     for precision in PRECISIONS:
         yield from energy_outcomes(precision)
         yield from branch_outcomes(precision)
 
 
-def curve_outcomes(run: Bounce, precision: Precision) -> Iterator[Outcome]:
+def curve_outcomes(run: Bounce) -> Iterator[Outcome]:
     """Force at first touch and at zero overlap, pull-off, balance, tear, and the whole curve."""
     acts = np.flatnonzero(np.abs(run.force) > 0.5)
     parting = slice(int(np.argmax(np.diff(run.overlap) < 0.0)) + 1, int(acts[-1]) + 1)
     d, f = run.overlap[parting], run.force[parting]
-    at_touch = np.interp(0.0, d[::-1], f[::-1])
-    yield relative("JKR: force at zero overlap [pi gamma R*]", at_touch, -8.0 / 3.0, 1e-3, precision)
-    yield relative("JKR: pull-off force [pi gamma R*]", f.min(), -3.0, 1e-3, precision)
-    yield relative("JKR: overlap at pull-off [L^2/R*]", fitted_minimum(d, f), PULL_OFF_AT, 1e-3, precision)
     before = d > 0.5 * BALANCE_AT
-    balance = np.interp(0.0, f[before][::-1], d[before][::-1])
-    yield relative("JKR: overlap of zero force [L^2/R*]", balance, BALANCE_AT, 1e-3, precision)
-    yield relative("JKR: overlap at the tear [L^2/R*]", d[-1], TEAR_AT, 1e-3, precision)
-    law = np.array([jkr.branch_force(overlap) for overlap in d])
-    error = (f - law) / 3.0
-    yield below("JKR: force while parting off the law, over the pull-off force", error, 1e-3, precision)
+    for name, got, want in (
+        ("force at zero overlap [pi gamma R*]", np.interp(0.0, d[::-1], f[::-1]), -8.0 / 3.0),
+        ("pull-off force [pi gamma R*]", f.min(), -3.0),
+        ("overlap at pull-off [L^2/R*]", fitted_minimum(d, f), PULL_OFF_AT),
+        ("overlap of zero force [L^2/R*]", np.interp(0.0, f[before][::-1], d[before][::-1]), BALANCE_AT),
+        ("overlap at the tear [L^2/R*]", d[-1], TEAR_AT),
+    ):
+        yield relative(f"JKR: {name}", got, want, 1e-3, "f64")
+    error = (f - [jkr.branch_force(overlap) for overlap in d]) / 3.0
+    yield below("JKR: force while parting off the law, over the pull-off force", error, 1e-3, "f64")
 
 
 def fitted_minimum(overlap: Floats, force: Floats) -> float:
@@ -124,14 +108,12 @@ def energy_outcomes(precision: Precision) -> Iterator[Outcome]:
     speeds = shares * PAIR.speed_sticking
     # the force jumps at first touch: the energy is right to the first order of the step only
     setups = [pair_scene(speed, 8000.0) for speed in speeds]
-    ends = small_scenes.final_states(setups, 30.0 * PAIR.depth / PAIR.speed_sticking, precision, JKR)
+    ends = small.final_states(setups, 30.0 * PAIR.depth / PAIR.speed_sticking, precision, JKR)
     out = np.array([end.velocity[1, 0] - end.velocity[0, 0] for end in ends])
     brought = 0.5 * PAIR.mass * speeds**2
     lost = brought - 0.5 * PAIR.mass * out**2
-    scale = np.pi * PAIR.energy * PAIR.length**2
-    yield relative(
-        "JKR: work lost in a bounce [pi gamma L^2]", lost[0] / scale, jkr.WORK_LOST, 1e-3, precision
-    )
+    work = lost[0] / (np.pi * PAIR.energy * PAIR.length**2)
+    yield relative("JKR: work lost in a bounce [pi gamma L^2]", work, jkr.WORK_LOST, 1e-3, precision)
     error = out / speeds - np.sqrt(1.0 - shares**-2.0)
     name = "JKR: restitution minus sqrt(1 - (v_s/v)^2), v/v_s from 1.05 to 10"
     yield below(name, error, 1e-3, precision)
@@ -143,21 +125,18 @@ def energy_outcomes(precision: Precision) -> Iterator[Outcome]:
 
 def branch_outcomes(precision: Precision) -> Iterator[Outcome]:
     """Branch `touch` does not pull before contact; branch `edem` does, and gives back what it took."""
-    apart = 0.5 * TEAR_AT
-    speed = SPEED_SHARE * PAIR.speed_sticking
     for laws in (JKR, EDEM):
-        setup = pair_scene(speed, STEPS_PER_DEPTH, apart)
-        trace = small_scenes.sample(
-            small_scenes.simulation_of([setup], precision, laws), small_scenes.every_step([setup], 3)
-        )
-        force = -MASS * small_scenes.acceleration(trace)[0, 0, 1, 0] / PAIR.force_scale
-        at = (2.0 * RADIUS - trace.position[1, 0, 1, 0] + trace.position[1, 0, 0, 0]) / PAIR.depth
+        setup = pair_scene(SPEED, STEPS_PER_DEPTH, 0.5 * TEAR_AT)
+        path = small.trace([setup], setup.time_step * np.arange(1.0, 4.0), precision, laws)
+        place = path.position[:, 0, :, 0]
+        force = -MASS * np.diff(place[:, 1], 2)[0] / np.diff(path.time[:, 0])[0] ** 2 / PAIR.force_scale
+        at = (2.0 * RADIUS - place[1, 1] + place[1, 0]) / PAIR.depth
         wanted = -jkr.branch_force(at) if laws is EDEM else 0.0
         name = f"JKR branch {laws.adhesion_branch}: pull before touch [pi gamma R*]"
         yield Outcome(name, float(force), float(wanted), 3e-3, precision)
-    approaching = pair_scene(speed, 8000.0, 1.01 * TEAR_AT)
-    end = small_scenes.final_states([approaching], 30.0 * PAIR.depth / speed, precision, EDEM)[0]
-    ratio = (end.velocity[1, 0] - end.velocity[0, 0]) / speed
+    approaching = pair_scene(SPEED, 8000.0, 1.01 * TEAR_AT)
+    end = small.final_states([approaching], 30.0 * PAIR.depth / SPEED, precision, EDEM)[0]
+    ratio = (end.velocity[1, 0] - end.velocity[0, 0]) / SPEED
     yield relative("JKR branch edem: restitution of a bounce", ratio, 1.0, 1e-3, precision)
 
 
@@ -166,7 +145,7 @@ def sticking_speed() -> Iterator[Outcome]:
     shares = np.linspace(0.95, 1.05, 41)
     setups = [pair_scene(share * PAIR.speed_sticking, 500.0) for share in shares]
     for precision in PRECISIONS:
-        ends = small_scenes.final_states(setups, 200.0 * PAIR.depth / PAIR.speed_sticking, precision, JKR)
+        ends = small.final_states(setups, 200.0 * PAIR.depth / PAIR.speed_sticking, precision, JKR)
         gaps = np.array([end.position[1, 0] - end.position[0, 0] for end in ends]) - 2.0 * RADIUS
         parted = gaps > 2.4 * PAIR.depth
         slowest = shares[parted].min() if parted.any() else np.nan
@@ -180,18 +159,19 @@ def vanishing_adhesion() -> Iterator[Outcome]:
     """V19: with gamma -> 0 an oblique, damped impact under the JKR law is the one under Hertz, 1e-6."""
     energies = (0.0, 1e-15, 1e-12)
     bare = replace(TOUCH, restitution=0.7, friction_sliding=0.4, surface_energy=0.0)
-    impact = small_scenes.wall_impact(bare, RADIUS, DENSITY, 1.0)
+    impact = small.wall_impact(bare, RADIUS, DENSITY, 1.0)
     step = impact.duration / 500.0
-    grain = small_scenes.spheres([[0.0, 0.0, RADIUS + 3.5 * step]], [[0.8, 0.0, -1.0]], 0.0, RADIUS, MASS)
-    setups = [small_scenes.on_plane(replace(bare, surface_energy=energy), grain, step) for energy in energies]
-    times = np.linspace(0.0, 2.0 * impact.duration, 101)[1:][:, None] * np.ones(len(setups))
+    grain = small.spheres([[0.0, 0.0, RADIUS + 3.5 * step]], [[0.8, 0.0, -1.0]], 0.0, RADIUS, MASS)
+    setups = [
+        small.sphere_setup(grain, replace(bare, surface_energy=one), step, small.FLAT) for one in energies
+    ]
+    times = np.linspace(0.0, 2.0 * impact.duration, 101)[1:]
     for precision in PRECISIONS:
-        with_law = small_scenes.sample(small_scenes.simulation_of(setups, precision, JKR), times)
-        hertz = small_scenes.sample(small_scenes.simulation_of(setups[:1], precision), times[:, :1])
+        hertz = small.trace(setups[:1], times, precision).velocity
+        errors = (small.trace(setups, times, precision, JKR).velocity - hertz) / impact.speed
         for k, energy in enumerate(energies):
-            error = (with_law.velocity[:, k] - hertz.velocity[:, 0]) / impact.speed
             name = f"JKR with gamma = {energy:g} J/m2 against Hertz: velocity along an impact, over its speed"
-            yield below(name, np.ravel(error), 1e-6 if precision == "f64" else 1e-4, precision)
+            yield below(name, errors[:, k], 1e-6 if precision == "f64" else 1e-4, precision)
 
 
 def friction_caps() -> Iterator[Outcome]:
@@ -202,16 +182,12 @@ def friction_caps() -> Iterator[Outcome]:
     for laws, factor in ((JKR, 6.0), (EDEM, 12.0)):
         wanted = friction * factor * stuck.force_scale
         speed = 2e-3 * wanted / MASS * 7.0 / 2.0  # rolls after 2 ms
-        step = small_scenes.wall_impact(touch, RADIUS, DENSITY, 0.1).duration / 100.0
+        step = small.wall_impact(touch, RADIUS, DENSITY, 0.1).duration / 100.0
         height = RADIUS - BALANCE_AT * stuck.depth
-        setup = small_scenes.on_plane(
-            touch, small_scenes.spheres([[0, 0, height]], [[speed, 0, 0]], 0.0, RADIUS, MASS), step
-        )
+        grain = small.spheres([[0, 0, height]], [[speed, 0, 0]], 0.0, RADIUS, MASS)
         for precision in PRECISIONS:
-            trace = small_scenes.sample(
-                small_scenes.simulation_of([setup], precision, laws), np.array([[0.5e-3], [1.5e-3]])
-            )
-            loss = trace.velocity[0, 0, 0, 0] - trace.velocity[1, 0, 0, 0]
-            force = MASS * loss / (trace.time[1, 0] - trace.time[0, 0])
+            setup = small.sphere_setup(grain, touch, step, small.FLAT)
+            path = small.trace([setup], np.array([0.5e-3, 1.5e-3]), precision, laws)
+            force = -MASS * np.diff(path.velocity[:, 0, 0, 0]) / np.diff(path.time[:, 0])
             name = f"friction at F = 0, cap {laws.friction_cap}, over mu pi gamma R*"
-            yield relative(name, force / (friction * stuck.force_scale), factor, 1e-3, precision)
+            yield relative(name, force[0] / (friction * stuck.force_scale), factor, 1e-3, precision)

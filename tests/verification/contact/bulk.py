@@ -15,29 +15,29 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import binned_statistic
 
 from taichi_erosion.core.setup import Floats, GrainTable, Laws, Motion, PrimitiveKind, PrimitiveTable, Setup
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.repose import repose_angle
 from taichi_erosion.simulation import move_surface, remove_surface
 from taichi_erosion.verification.claims import Outcome, Precision, holds
-from tests.verification import small_scenes
+from taichi_erosion.verification.closed_forms import sphere_mass
+from tests.verification import small_scenes as small
 from tests.verification.reference import flow as exact
-from tests.verification.reference.contact import Solid, sphere_mass
-from tests.verification.small_scenes import Touch
+from tests.verification.reference.contact import Solid
 
 DIAMETER = 2e-3  # m
 SOFT_GLASS = Solid(1.25e7, 0.25, 2500.0)
 MASS = sphere_mass(DIAMETER / 2.0, SOFT_GLASS.density)
 TIME_STEP = 1.5e-5  # s
-GRAVITY = (0.0, 0.0, -9.81)  # m s-2
 LATTICE = 1.1  # grain diameters between the centres of a loose filling [1]
 
 
-def soft_touch(friction: float, friction_rolling: float, surface_energy: float = 0.0) -> Touch:
+def soft_touch(friction: float, friction_rolling: float, surface_energy: float = 0.0) -> small.Touch:
     """Contact of two soft glass grains; walls are given the same."""
     return replace(
-        small_scenes.touch_of(SOFT_GLASS, SOFT_GLASS, restitution=0.5, friction=friction),
+        small.touch_of(SOFT_GLASS, SOFT_GLASS, restitution=0.5, friction=friction),
         friction_rolling=friction_rolling,
         rolling_damping=0.3,
         surface_energy=surface_energy,
@@ -60,30 +60,19 @@ def loose_grains(
     height = spacing * (np.arange(layers) + 0.55)
     place = np.concatenate([np.column_stack([layer, np.full(len(layer), z)]) for z in height])[:count]
     place += rng.uniform(-0.04, 0.04, place.shape) * DIAMETER
-    return small_scenes.spheres(place, rng.normal(0.0, 0.05, place.shape), 0.0, DIAMETER / 2.0, MASS)
+    return small.spheres(place, rng.normal(0.0, 0.05, place.shape), 0.0, DIAMETER / 2.0, MASS)
 
 
 def revolved_segment(first: tuple[float, float], second: tuple[float, float]) -> PrimitiveTable:
     """Segment between two points (radius, height) [m], turned about the z axis."""
-    return small_scenes.primitive_table(
-        PrimitiveKind.REVOLVED, [(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, *first, *second)]
-    )
-
-
-def column_scene(touch: Touch, count: int, radius: float, seed: int) -> Setup:
-    """Grains in a tube on a floor: surface wall0 is the floor, wall1 the tube."""
-    grains = loose_grains(count, (radius, radius), True, seed)
-    tube = revolved_segment((radius, 0.0), (radius, 60.0 * DIAMETER))
-    return small_scenes.sphere_setup(
-        grains, touch, TIME_STEP, small_scenes.joined(small_scenes.planes(small_scenes.FLOOR), tube), GRAVITY
-    )
+    return small.primitive_table(PrimitiveKind.REVOLVED, (*small.FLOOR, *first, *second))
 
 
 def strip(left: float, right: float) -> list[list[float]]:
     """Two triangles at z = 0 between two x [m], along y much longer than any period."""
     y = 100.0 * DIAMETER
-    corners = [[left, -y, 0.0], [right, -y, 0.0], [right, y, 0.0], [left, y, 0.0]]
-    return [corners[0] + corners[1] + corners[2], corners[0] + corners[2] + corners[3]]
+    a, b, c, d = [left, -y, 0.0], [right, -y, 0.0], [right, y, 0.0], [left, y, 0.0]
+    return [a + b + c, a + c + d]
 
 
 def periodic(setup: Setup, width: float) -> Setup:
@@ -93,20 +82,18 @@ def periodic(setup: Setup, width: float) -> Setup:
     return replace(setup, domain=(low, high), period=(0.0, width, 0.0))
 
 
-def plate_scene(touch: Touch, count: int, half_length: float, seed: int) -> Setup:
+def plate_scene(touch: small.Touch, seed: int) -> Setup:
     """Grains on a plate between dams, periodic along y; wall0 plate, wall1 and wall2 dams, wall3 floor.
 
     The front and back walls of the apparatus are left out: its formula is for containers so thick that they
     do not matter.
     """
-    width, x = 5.0 * DIAMETER, half_length
+    width, x = 5.0 * DIAMETER, PLATE_HALF
     dams = (-x, 0.0, 0.0, 1.0, 0.0, 0.0), (x, 0.0, 0.0, -1.0, 0.0, 0.0)
-    floor = (0.0, 0.0, -12.0 * DIAMETER, 0.0, 0.0, 1.0)
-    walls = small_scenes.joined(
-        small_scenes.primitive_table(PrimitiveKind.TRIANGLE, strip(-x, x)), small_scenes.planes(*dams, floor)
-    )
-    grains = loose_grains(count, (x, width / 2.0), False, seed)
-    return periodic(small_scenes.sphere_setup(grains, touch, TIME_STEP, walls, GRAVITY), width)
+    plate = small.primitive_table(PrimitiveKind.TRIANGLE, strip(-x, x))
+    walls = small.joined(plate, small.planes(*dams, (0.0, 0.0, -12.0 * DIAMETER, 0.0, 0.0, 1.0)))
+    grains = loose_grains(PLATE_COUNT, (x, width / 2.0), False, seed)
+    return periodic(small.sphere_setup(grains, touch, TIME_STEP, walls, small.GRAVITY), width)
 
 
 ADHESIVE, ROLLING = Laws(normal="jkr", rolling="elastic_plastic"), Laws(rolling="elastic_plastic")
@@ -135,25 +122,25 @@ TRENDS: dict[str, Sequence[Setting]] = {
 
 
 def heap_scene(setting: Setting, seed: int) -> Setup:
-    """A column in a tube that will be lifted."""
+    """A column in a tube that will be lifted: surface wall0 is the floor, wall1 the tube."""
     energy = setting.bond * MASS * 9.81 / (3.0 * np.pi * DIAMETER / 4.0)
     touch = soft_touch(setting.friction, setting.friction_rolling, energy)
-    return column_scene(touch, COUNT, TUBE_RADIUS, seed)
+    grains = loose_grains(COUNT, (TUBE_RADIUS, TUBE_RADIUS), True, seed)
+    walls = small.joined(small.FLAT, revolved_segment((TUBE_RADIUS, 0.0), (TUBE_RADIUS, 60.0 * DIAMETER)))
+    return small.sphere_setup(grains, touch, TIME_STEP, walls, small.GRAVITY)
 
 
 def heap_angles(runs: Sequence[tuple[Setting, int]], precision: Precision) -> Floats:
     """Angle of repose of each (setting, seed) [deg]."""
-    sim = small_scenes.simulation_of(
-        [heap_scene(setting, seed) for setting, seed in runs], precision, ADHESIVE
-    )
-    small_scenes.advance_all(sim, HEAP_SETTLE)
+    sim = small.simulation_of([heap_scene(*run) for run in runs], precision, ADHESIVE)
+    small.advance_all(sim, HEAP_SETTLE)
     for replica in range(len(runs)):
         move_surface(sim, replica, "wall1", Motion(velocity=(0.0, 0.0, LIFT_SPEED)))
-    small_scenes.advance_all(sim, HEAP_SETTLE + LIFTED)
+    small.advance_all(sim, HEAP_SETTLE + LIFTED)
     for replica in range(len(runs)):
         remove_surface(sim, replica, "wall1")
-    small_scenes.advance_all(sim, HEAP_SETTLE + LIFTED + REST)
-    return np.array([repose_angle(state).value for state in small_scenes.states(sim)])
+    small.advance_all(sim, HEAP_SETTLE + LIFTED + REST)
+    return np.array([repose_angle(state).value for state in small.states(sim)])
 
 
 def repose_trends() -> Iterator[Outcome]:
@@ -174,14 +161,14 @@ def repose_trends() -> Iterator[Outcome]:
 def plate_outcomes() -> Iterator[Outcome]:
     """Plate heap of 2 mm glass against Zhou's formula, 3 deg."""
     touch = soft_touch(PLATE_FRICTION, PLATE_ROLLING)
-    setups = [plate_scene(touch, PLATE_COUNT, PLATE_HALF, seed) for seed in SEEDS]
-    sim = small_scenes.simulation_of(setups, "f32", ROLLING)
-    small_scenes.advance_all(sim, HEAP_SETTLE)
+    setups = [plate_scene(touch, seed) for seed in SEEDS]
+    sim = small.simulation_of(setups, "f32", ROLLING)
+    small.advance_all(sim, HEAP_SETTLE)
     for replica in range(len(setups)):
         remove_surface(sim, replica, "wall1")
         remove_surface(sim, replica, "wall2")
-    small_scenes.advance_all(sim, HEAP_SETTLE + 0.9)
-    angles = np.array([plate_angle(state) for state in small_scenes.states(sim)])
+    small.advance_all(sim, HEAP_SETTLE + 0.9)
+    angles = np.array([plate_angle(state) for state in small.states(sim)])
     # the torque mu_r R* F is a length times F: R* is a quarter of the diameter between grains, half of it
     # at the plate
     lengths = PLATE_ROLLING * DIAMETER / 4.0, PLATE_ROLLING * DIAMETER / 2.0
@@ -198,13 +185,9 @@ def plate_angle(state: Snapshot) -> float:
     """
     on_plate = (np.abs(state.position[:, 0]) < PLATE_HALF) & (state.position[:, 2] > 0.0)
     x, top = state.position[on_plate, 0], state.position[on_plate, 2] + state.radius[on_plate]
-    edges = np.arange(-PLATE_HALF, PLATE_HALF + 0.5 * DIAMETER, DIAMETER)
-    bins = np.digitize(x, edges) - 1
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    height = np.array([top[bins == k].max() if np.any(bins == k) else 0.0 for k in range(len(middle))])
+    bins = binned_statistic(x, top, "max", round(2.0 * PLATE_HALF / DIAMETER), (-PLATE_HALF, PLATE_HALF))
+    middle, height = 0.5 * (bins.bin_edges[1:] + bins.bin_edges[:-1]), np.nan_to_num(bins.statistic)
     inner = (np.abs(middle) > 0.2 * PLATE_HALF) & (np.abs(middle) < 0.8 * PLATE_HALF)
-    slopes = [
-        np.polyfit(np.abs(middle[side]), height[side], 1)[0]
-        for side in (inner & (middle < 0), inner & (middle > 0))
-    ]
+    flanks = inner & (middle < 0), inner & (middle > 0)
+    slopes = [np.polyfit(np.abs(middle[side]), height[side], 1)[0] for side in flanks]
     return float(np.degrees(np.arctan(-np.mean(slopes))))

@@ -28,10 +28,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from taichi_erosion.core.setup import Floats, GrainTable, PrimitiveKind, Setup
-from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.simulation import Simulation, advance, remove_surface, snapshot
 from taichi_erosion.verification.claims import Outcome, below, holds
-from tests.verification import small_scenes
+from tests.verification import small_scenes as small
 from tests.verification.contact import bulk
 from tests.verification.contact.bulk import DIAMETER
 from tests.verification.reference import flow as exact
@@ -54,7 +53,7 @@ SENSIBLE = 0.5 * TOLERANCE  # standard error with which a check of the exponent 
 UNLIKELY = 0.01  # chance of a lack of fit below which the law is refuted [1]
 
 
-def touch() -> small_scenes.Touch:
+def touch() -> small.Touch:
     """Contact of two grains; walls are given the same."""
     stiff = bulk.soft_touch(FRICTION, FRICTION_ROLLING)
     return replace(
@@ -76,13 +75,11 @@ def silo_scene(count: int, width: float, hole: float, seed: int) -> Setup:
     """
     radius, reach = width / 2.0, hole / 2.0
     grains = filling(count, (radius, radius), True, seed)
-    walls = small_scenes.joined(
-        bulk.revolved_segment((radius, 0.0), (radius, 80.0 * DIAMETER)),
-        bulk.revolved_segment((reach, 0.0), (radius, 0.0)),
-        bulk.revolved_segment((0.0, 0.0), (reach, 0.0)),
-        small_scenes.planes(TRAY),
+    ends = (radius, radius, 80.0 * DIAMETER), (reach, radius, 0.0), (0.0, reach, 0.0)
+    walls = [bulk.revolved_segment((first, 0.0), (second, height)) for first, second, height in ends]
+    return small.sphere_setup(
+        grains, touch(), TIME_STEP, small.joined(*walls, small.planes(TRAY)), small.GRAVITY
     )
-    return small_scenes.sphere_setup(grains, touch(), TIME_STEP, walls, bulk.GRAVITY)
 
 
 def slot_scene(count: int, width: float, slot: float, seed: int) -> Setup:
@@ -91,67 +88,39 @@ def slot_scene(count: int, width: float, slot: float, seed: int) -> Setup:
     wall0 and wall1 sides, wall2 plug, wall3 bottom, wall4 tray below.
     """
     half, reach, length = width / 2.0, slot / 2.0, SLOT_LENGTH * DIAMETER
-    walls = small_scenes.joined(
-        small_scenes.planes((-half, 0.0, 0.0, 1.0, 0.0, 0.0), (half, 0.0, 0.0, -1.0, 0.0, 0.0)),
-        small_scenes.primitive_table(PrimitiveKind.TRIANGLE, bulk.strip(-reach, reach)),
-        small_scenes.primitive_table(
-            PrimitiveKind.TRIANGLE, bulk.strip(-half, -reach) + bulk.strip(reach, half)
-        ),
-        small_scenes.planes(TRAY),
+    plug, bottom = bulk.strip(-reach, reach), bulk.strip(-half, -reach) + bulk.strip(reach, half)
+    walls = small.joined(
+        small.planes((-half, 0.0, 0.0, 1.0, 0.0, 0.0), (half, 0.0, 0.0, -1.0, 0.0, 0.0)),
+        small.primitive_table(PrimitiveKind.TRIANGLE, plug),
+        small.primitive_table(PrimitiveKind.TRIANGLE, bottom),
+        small.planes(TRAY),
     )
     grains = filling(count, (half, length / 2.0), False, seed)
-    setup = small_scenes.sphere_setup(grains, touch(), TIME_STEP, walls, bulk.GRAVITY)
-    return bulk.periodic(setup, length)
+    return bulk.periodic(small.sphere_setup(grains, touch(), TIME_STEP, walls, small.GRAVITY), length)
 
 
 @dataclass(frozen=True)
 class Silos:
-    """Silos with openings of one kind, several fillings of each; one number for every silo."""
+    """Silos with openings of one kind, several fillings of each; arrays have one number for every silo."""
 
     kind: str
     exponent: float  # of the law [1]
     openings: Floats  # diameters
-    sections: Floats  # of the silo, squares of a diameter
-    mouths: Floats  # area of the opening, squares of a diameter
+    area: Callable[[Floats], Floats]  # of silos or openings by their widths, squares of a diameter
     length: float  # m, of a slot; 1 for holes
     scene: Callable[[int, float, float, int], Setup]
 
     @property
-    def widths(self) -> Floats:
-        """Of the silos in diameters."""
-        return WIDTH * self.openings
-
-    @property
     def before(self) -> Floats:
-        """Grains that leave each silo before the flow is read."""
-        return GRAINS_PER_CUBE * self.mouths * self.openings
-
-    @property
-    def until(self) -> Floats:
-        """Grains that have left each silo when reading ends."""
-        return self.before + READ
-
-    @property
-    def stock(self) -> Floats:
-        """Grains in each silo."""
-        return np.ceil(GRAINS_PER_CUBE * HEAD * self.widths * self.sections + self.until)
+        """Grains that leave each silo before the flow is read; `READ` more, and reading ends."""
+        return GRAINS_PER_CUBE * self.area(self.openings) * self.openings
 
 
-def with_holes(fillings: dict[float, int]) -> Silos:
-    """Round silos with round holes; how many fillings flow through each width in diameters."""
-    opening = np.repeat(list(fillings), list(fillings.values()))
-    areas = 0.25 * np.pi * (WIDTH * opening) ** 2, 0.25 * np.pi * opening**2
-    return Silos("round holes", exact.HOLE_EXPONENT, opening, *areas, 1.0, silo_scene)
-
-
-def with_slots(fillings: dict[float, int]) -> Silos:
-    """Silos with slots; how many fillings flow through each width in diameters."""
-    opening = np.repeat(list(fillings), list(fillings.values()))
-    areas = SLOT_LENGTH * WIDTH * opening, SLOT_LENGTH * opening
-    return Silos("slots", exact.SLOT_EXPONENT, opening, *areas, SLOT_LENGTH * DIAMETER, slot_scene)
-
-
-HOLES, SLOTS = with_holes({6.0: 3, 7.5: 3, 9.0: 2, 12.0: 1}), with_slots({6.0: 3, 8.0: 3, 11.0: 2, 16.0: 2})
+# how many fillings flow through each width in diameters
+HOLE, SLOT = np.repeat([6.0, 7.5, 9.0, 12.0], [3, 3, 2, 1]), np.repeat([6.0, 8.0, 11.0, 16.0], [3, 3, 2, 2])
+LENGTH = SLOT_LENGTH * DIAMETER
+HOLES = Silos("round holes", exact.HOLE_EXPONENT, HOLE, lambda w: 0.25 * np.pi * w**2, 1.0, silo_scene)
+SLOTS = Silos("slots", exact.SLOT_EXPONENT, SLOT, lambda w: SLOT_LENGTH * w, LENGTH, slot_scene)
 
 
 def opening_flow() -> Iterator[Outcome]:
@@ -184,47 +153,40 @@ def discharged(silos: Silos) -> Iterator[Outcome]:
 
 def settled(silos: Silos) -> Simulation:
     """The silos with their fillings at rest."""
-    rows = zip(silos.stock, silos.widths * DIAMETER, silos.openings * DIAMETER, strict=True)
+    widths = WIDTH * silos.openings
+    stock = np.ceil(GRAINS_PER_CUBE * HEAD * widths * silos.area(widths) + silos.before + READ)
+    rows = zip(stock, widths * DIAMETER, silos.openings * DIAMETER, strict=True)
     setups = [silos.scene(int(n), width, opening, k) for k, (n, width, opening) in enumerate(rows)]
-    sim = small_scenes.simulation_of(setups, "f32", bulk.ROLLING)
-    small_scenes.advance_all(sim, SETTLE)
+    sim = small.simulation_of(setups, "f32", bulk.ROLLING)
+    small.advance_all(sim, SETTLE)
     return sim
 
 
 def bulk_density(sim: Simulation, silos: Silos) -> Floats:
     """Density of every settled filling between two and twelve diameters above the bottom [kg m-3]."""
-    low, high = 2.0, 12.0
     masses = []
-    for state in small_scenes.states(sim):
+    for state in small.states(sim):
         height = state.position[:, 2] / DIAMETER
-        masses.append(state.mass[(height > low) & (height < high)].sum())
-    return np.array(masses) / (silos.sections * (high - low) * DIAMETER**3)
+        masses.append(state.mass[(height > 2.0) & (height < 12.0)].sum())
+    return np.array(masses) / (silos.area(WIDTH * silos.openings) * 10.0 * DIAMETER**3)
 
 
 def discharge_rates(sim: Simulation, silos: Silos) -> Floats:
     """Mass per second through each opening once its plug is taken out [kg s-1]."""
-    replicas = len(sim.setups)
-    for replica in range(replicas):
+    replicas = range(len(sim.setups))
+    for replica in replicas:
         remove_surface(sim, replica, PLUG)
-    times, left, passed = [], [], []
-    ends = np.full(replicas, SETTLE)
-    while ends.max() < SETTLE + LONGEST:
-        masses = [state.mass[state.position[:, 2] < 0.0] for state in looks(sim)]
-        times.append(ends.copy())
-        left.append([len(mass) for mass in masses])
-        passed.append([mass.sum() for mass in masses])
-        flowing = np.array(left[-1]) < silos.until
-        if not flowing.any():
-            break
+    rows = []  # time, grains and mass that have left, of all silos
+    ends = np.full(len(replicas), SETTLE)
+    flowing = ends > 0.0
+    while ends.max() < SETTLE + LONGEST and flowing.any():
+        seen = [snapshot(sim, replica) for replica in replicas]
+        masses = [state.mass[state.position[:, 2] < 0.0] for state in seen]
+        rows.append((ends, [len(mass) for mass in masses], [mass.sum() for mass in masses]))
+        flowing = np.array(rows[-1][1]) < silos.before + READ
         ends = ends + SAMPLE * flowing
         advance(sim, [float(end) for end in ends])
-    small_scenes.states(sim)
-    counts = np.array(left).T
-    steady = (counts > silos.before[:, None]) & (counts < silos.until[:, None])
-    series = zip(np.array(times).T, np.array(passed).T, steady, strict=True)
-    return np.array([np.polyfit(time[read], mass[read], 1)[0] for time, mass, read in series])
-
-
-def looks(sim: Simulation) -> list[Snapshot]:
-    """Snapshots of all replicas, whatever became of them."""
-    return [snapshot(sim, replica) for replica in range(len(sim.setups))]
+    small.states(sim)
+    time, count, mass = np.array(rows, dtype=float).transpose(1, 2, 0)
+    steady = (count > silos.before[:, None]) & (count < silos.before[:, None] + READ)
+    return np.array([np.polyfit(time[k][steady[k]], mass[k][steady[k]], 1)[0] for k in replicas])

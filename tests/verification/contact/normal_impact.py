@@ -11,10 +11,10 @@ import numpy as np
 from taichi_erosion.core.setup import Floats, Setup
 from taichi_erosion.verification import closed_forms
 from taichi_erosion.verification.claims import PRECISIONS, Outcome, below
-from tests.verification import small_scenes
-from tests.verification.reference.contact import HeadOn, Solid, sphere_mass
+from taichi_erosion.verification.closed_forms import AHEAD, PER_CONTACT, sphere_mass
+from tests.verification import small_scenes as small
+from tests.verification.reference.contact import HeadOn, Solid
 from tests.verification.reference.motion import hertz_motion
-from tests.verification.small_scenes import Touch
 
 GLASS = Solid(4.8e10, 0.20, 2800.0)
 LIMESTONE = Solid(2.0e10, 0.25, 2500.0)
@@ -22,9 +22,6 @@ ALUMINIUM_ALLOY = Solid(7.0e10, 0.30, 2699.0)
 MAGNESIUM_ALLOY = Solid(4.0e10, 0.35, 1800.0)
 ALUMINIUM_OXIDE = Solid(3.8e11, 0.23, 4000.0)
 CAST_IRON = Solid(1.0e11, 0.25, 7000.0)
-
-PER_CONTACT = 200  # steps in one elastic contact time [1]
-AHEAD = 3.5  # steps of free flight before the touch [1]
 
 
 @dataclass(frozen=True)
@@ -36,34 +33,35 @@ class Case:
     name: str = ""
 
 
-def pair_case(touch: Touch, radii: tuple[float, float], density: float, speed: float, name: str = "") -> Case:
+def pair_case(
+    touch: small.Touch, radii: tuple[float, float], density: float, speed: float, name: str = ""
+) -> Case:
     """Two spheres along x; each carries half the relative speed."""
-    impact = small_scenes.pair_impact(touch, radii, density, speed)
+    impact = small.pair_impact(touch, radii, density, speed)
     step = impact.duration / PER_CONTACT
-    apart = sum(radii) + AHEAD * speed * step
+    half = 0.5 * (sum(radii) + AHEAD * speed * step)
     masses = [sphere_mass(radius, density) for radius in radii]
     velocity = [[speed / 2, 0, 0], [-speed / 2, 0, 0]]
-    grains = small_scenes.spheres([[-apart / 2, 0, 0], [apart / 2, 0, 0]], velocity, 0.0, radii, masses)
-    return Case(small_scenes.sphere_setup(grains, touch, step), impact, name)
+    grains = small.spheres([[-half, 0, 0], [half, 0, 0]], velocity, 0.0, radii, masses)
+    return Case(small.sphere_setup(grains, touch, step), impact, name)
 
 
-def wall_case(touch: Touch, radius: float, density: float, speed: float, name: str = "") -> Case:
+def wall_case(touch: small.Touch, radius: float, density: float, speed: float, name: str = "") -> Case:
     """A sphere that falls on the rigid floor without gravity."""
-    impact = small_scenes.wall_impact(touch, radius, density, speed)
+    impact = small.wall_impact(touch, radius, density, speed)
     step = impact.duration / PER_CONTACT
-    start = [[0, 0, radius + AHEAD * speed * step]]
-    grains = small_scenes.spheres(start, [[0, 0, -speed]], 0.0, radius, impact.mass)
-    return Case(small_scenes.on_plane(touch, grains, step), impact, name)
+    grain = small.spheres([[0, 0, radius + AHEAD * speed * step]], [[0, 0, -speed]], 0.0, radius, impact.mass)
+    return Case(small.sphere_setup(grain, touch, step, small.FLAT), impact, name)
 
 
 def hertz_cases() -> list[Case]:
     """Tests 1 and 2 of Chung & Ooi (2011)."""
-    glass, limestone = (small_scenes.touch_of(solid, solid) for solid in (GLASS, LIMESTONE))
+    glass, limestone = (small.touch_of(solid, solid) for solid in (GLASS, LIMESTONE))
     return [
         pair_case(glass, (0.01, 0.01), 2800.0, 20.0, "T1 glass"),
         pair_case(limestone, (0.01, 0.01), 2500.0, 20.0, "T1 limestone"),
-        wall_case(small_scenes.touch_of(ALUMINIUM_ALLOY, None), 0.1, 2699.0, 0.2, "T2 aluminium alloy"),
-        wall_case(small_scenes.touch_of(MAGNESIUM_ALLOY, None), 0.1, 1800.0, 0.2, "T2 magnesium alloy"),
+        wall_case(small.touch_of(ALUMINIUM_ALLOY, None), 0.1, 2699.0, 0.2, "T2 aluminium alloy"),
+        wall_case(small.touch_of(MAGNESIUM_ALLOY, None), 0.1, 1800.0, 0.2, "T2 magnesium alloy"),
     ]
 
 
@@ -72,26 +70,26 @@ def hertz_peaks() -> Iterator[Outcome]:
     yield from closed_forms.hertz_peaks()
     cases = hertz_cases()[2:]
     setups = [case.setup for case in cases]
+    times = np.outer(np.arange(1.0, PER_CONTACT + 13.0), [setup.time_step for setup in setups])
     for precision in PRECISIONS:
-        paths = closed_forms.sampled(setups, small_scenes.every_step(setups, PER_CONTACT + 12), precision)
+        paths = closed_forms.sampled(setups, times, precision)
         for case, path in zip(cases, paths, strict=True):
-            closed = (case.impact.stiffness, case.impact.overlap_peak, case.impact.duration)
-            yield from closed_forms.peak_outcomes(case.name, closed, path, precision)
+            yield from closed_forms.peak_outcomes(case.name, case.impact.closed, path, precision)
 
 
 def step_order() -> Iterator[Outcome]:
     """V03: error of the overlap 0.4 contact times after a touch at t = 0, for 20 to 320 steps on the way."""
-    touch = small_scenes.touch_of(GLASS, None)
-    impact = small_scenes.wall_impact(touch, 0.01, 2800.0, 10.0)
+    touch = small.touch_of(GLASS, None)
+    impact = small.wall_impact(touch, 0.01, 2800.0, 10.0)
     duration = 0.4 * impact.duration
-    exact = hertz_motion(impact.stiffness, impact.mass, impact.speed, duration)
+    exact = hertz_motion(impact.closed[0], impact.mass, impact.speed, duration)
     counts = np.array([20, 40, 80, 160, 320])
-    grain = small_scenes.spheres([[0, 0, 0.01]], [[0, 0, -impact.speed]], 0.0, 0.01, impact.mass)
-    setups = [small_scenes.on_plane(touch, grain, duration / count) for count in counts]
+    grain = small.spheres([[0, 0, 0.01]], [[0, 0, -impact.speed]], 0.0, 0.01, impact.mass)
+    setups = [small.sphere_setup(grain, touch, duration / count, small.FLAT) for count in counts]
     for precision in PRECISIONS:
         # single precision drowns the two finest steps in rounding
         finest = 5 if precision == "f64" else 3
-        ends = small_scenes.final_states(setups, duration, precision)
+        ends = small.final_states(setups, duration, precision)
         errors = np.array([abs(0.01 - state.position[0, 2] - exact) / exact for state in ends])
         slope = -np.polyfit(np.log(counts[:finest]), np.log(errors[:finest]), 1)[0]
         yield Outcome("order of the time step in an elastic contact", float(slope), 2.0, 0.2, precision)
@@ -100,8 +98,8 @@ def step_order() -> Iterator[Outcome]:
 def restitution() -> Iterator[Outcome]:
     """V04: e out of an impact is the e that was asked for."""
     wanted = np.round(np.arange(0.1, 1.01, 0.1), 1)
-    oxide = [replace(small_scenes.touch_of(ALUMINIUM_OXIDE, None), restitution=e) for e in (*wanted, 0.5)]
-    iron = [replace(small_scenes.touch_of(CAST_IRON, CAST_IRON), restitution=e) for e in wanted]
+    oxide = [replace(small.touch_of(ALUMINIUM_OXIDE, None), restitution=e) for e in (*wanted, 0.5)]
+    iron = [replace(small.touch_of(CAST_IRON, CAST_IRON), restitution=e) for e in wanted]
     speeds = np.geomspace(0.01, 10.0, 10)
     groups = {
         "T3 aluminium oxide on a wall": [wall_case(e, 0.0025, 4000.0, 3.9) for e in oxide[:-1]],
@@ -110,20 +108,17 @@ def restitution() -> Iterator[Outcome]:
         "e = 0.5 at 0.01 to 10 m/s": [wall_case(oxide[-1], 0.0025, 4000.0, speed) for speed in speeds],
     }
     cases = [case for group in groups.values() for case in group]
+    setups = [case.setup for case in cases]
+    asked = np.array([setup.contacts.restitution[0] for setup in setups])
     for precision in PRECISIONS:
         # a heavily damped contact lasts longer than the elastic one; five contact times outlast e = 0.1
-        ends = small_scenes.final_states(
-            [c.setup for c in cases], [5.0 * c.impact.duration for c in cases], precision
-        )
+        ends = small.final_states(setups, [5.0 * case.impact.duration for case in cases], precision)
         found = np.array([rebound_ratio(c, e.velocity) for c, e in zip(cases, ends, strict=True)])
-        asked = np.array([c.setup.contacts.restitution[0] for c in cases])
-        errors = np.split(found - asked, len(groups))
-        for name, error in zip(groups, errors, strict=True):
+        for name, error in zip(groups, np.split(found - asked, len(groups)), strict=True):
             yield below(f"restitution out minus in, {name}", error, 0.005, precision)
 
 
 def rebound_ratio(case: Case, velocity: Floats) -> float:
     """Relative speed after over before."""
-    if len(velocity) == 2:
-        return float(velocity[1, 0] - velocity[0, 0]) / case.impact.speed
-    return float(velocity[0, 2]) / case.impact.speed
+    after = velocity[1, 0] - velocity[0, 0] if len(velocity) == 2 else velocity[0, 2]
+    return float(after) / case.impact.speed

@@ -14,11 +14,10 @@ import numpy as np
 
 from taichi_erosion.core.setup import Floats, Laws, PrimitiveKind, PrimitiveTable, Setup
 from taichi_erosion.verification.claims import Outcome, Precision, below
-from tests.verification import small_scenes
-from tests.verification.small_scenes import Touch
+from tests.verification import small_scenes as small
 
 RADIUS, DENSITY, SPEED = 1e-3, 2500.0, 0.5  # m, kg m-3, m s-1
-TOUCH = Touch(1e8, 2.5e7, 0.7, 0.4, friction_rolling=0.1, rolling_damping=0.3)
+TOUCH = small.Touch(1e8, 2.5e7, 0.7, 0.4, friction_rolling=0.1, rolling_damping=0.3)
 LAWS = Laws(rolling="elastic_plastic")
 CELL = 2e-3  # m, edge of the squares that are cut into triangles
 LIMIT: dict[Precision, float] = {"f64": 1e-6, "f32": 1e-4}
@@ -32,7 +31,6 @@ LANDINGS = {
 }
 FACETS = (60, 120, 240, 480)  # pairs of triangles around the axis
 TURN = 0.7123  # rad, where the grain starts: on no edge and no middle of a facet
-GRAVITY = (0.0, 0.0, -9.81)  # m s-2
 
 
 @dataclass(frozen=True)
@@ -50,24 +48,20 @@ FRUSTUMS = Frustum("cone", 2e-4, 8.2e-3, 8e-3), Frustum("lying cylinder", 6e-3, 
 
 def tiled_floor() -> PrimitiveTable:
     """Squares in the plane z = 0 around the origin, each cut into two triangles."""
-    corners = CELL * np.arange(-4, 4)
     triangles = []
-    for x in corners:
-        for y in corners:
-            a, b = [x, y, 0.0], [x + CELL, y, 0.0]
-            c, d = [x + CELL, y + CELL, 0.0], [x, y + CELL, 0.0]
-            triangles += [a + b + c, a + c + d]
-    return small_scenes.primitive_table(PrimitiveKind.TRIANGLE, triangles)
+    for x, y in CELL * (np.array(list(np.ndindex(8, 8))) - 4):
+        a, b = [x, y, 0.0], [x + CELL, y, 0.0]
+        c, d = [x + CELL, y + CELL, 0.0], [x, y + CELL, 0.0]
+        triangles += [a + b + c, a + c + d]
+    return small.primitive_table(PrimitiveKind.TRIANGLE, triangles)
 
 
 def thrown(walls: PrimitiveTable, place: tuple[float, float], sideways: float) -> Setup:
     """A grain that comes down at `place`, moving sideways, and bounces, slides and rolls on."""
-    impact = small_scenes.wall_impact(TOUCH, RADIUS, DENSITY, SPEED)
-    velocity = [[sideways, 0.37 * sideways, -SPEED]]
-    grain = small_scenes.spheres(
-        [[*place, RADIUS + 1e-6]], velocity, [[0.0, 0.0, 100.0]], RADIUS, impact.mass
-    )
-    return small_scenes.sphere_setup(grain, TOUCH, impact.duration / 100.0, walls, GRAVITY)
+    impact = small.wall_impact(TOUCH, RADIUS, DENSITY, SPEED)
+    start, velocity = [[*place, RADIUS + 1e-6]], [[sideways, 0.37 * sideways, -SPEED]]
+    grain = small.spheres(start, velocity, [[0.0, 0.0, 100.0]], RADIUS, impact.mass)
+    return small.sphere_setup(grain, TOUCH, impact.duration / 100.0, walls, small.GRAVITY)
 
 
 def mesh_and_plane() -> Iterator[Outcome]:
@@ -75,17 +69,12 @@ def mesh_and_plane() -> Iterator[Outcome]:
     falls = {"falls straight on": 0.0, "falls and runs across, first on": 0.1}
     names = [f"{fall} the {landing}" for fall in falls for landing in LANDINGS]
     places = [(place, sideways) for sideways in falls.values() for place in LANDINGS.values()]
-    meshes = [thrown(tiled_floor(), *place) for place in places]
-    flat = [thrown(small_scenes.planes(small_scenes.FLOOR), *place) for place in places]
-    inside = [
-        rolling_inside(frustum, wall)
-        for frustum in FRUSTUMS
-        for wall in (*(faceted(frustum, facets) for facets in FACETS), revolved(frustum))
-    ]
-    times = np.linspace(0.001, 0.03, 30)
+    setups = [thrown(walls, *place) for walls in (tiled_floor(), small.FLAT) for place in places]
+    for frustum in FRUSTUMS:
+        walls = (*(faceted(frustum, facets) for facets in FACETS), revolved(frustum))
+        setups += [rolling_inside(frustum, wall) for wall in walls]
     for precision, limit in LIMIT.items():
-        sim = small_scenes.simulation_of(meshes + flat + inside, precision, LAWS)
-        path = small_scenes.sample(sim, times).position[:, :, 0, :]
+        path = small.trace(setups, np.linspace(0.001, 0.03, 30), precision, LAWS).position[:, :, 0]
         on_mesh, on_plane, within = np.split(path, [len(places), 2 * len(places)], axis=1)
         error = np.abs(on_mesh - on_plane).max(axis=(0, 2)) / RADIUS
         for name, largest in zip(names, error, strict=True):
@@ -101,27 +90,27 @@ def faceted(frustum: Frustum, facets: int) -> PrimitiveTable:
     low, high = frustum.radius_low * circle, frustum.radius_high * circle + [0.0, 0.0, frustum.height]
     first = np.concatenate([low[:-1], low[1:], high[1:]], axis=1)
     second = np.concatenate([low[:-1], high[1:], high[:-1]], axis=1)
-    return small_scenes.primitive_table(PrimitiveKind.TRIANGLE, np.concatenate([first, second]))
+    return small.primitive_table(PrimitiveKind.TRIANGLE, np.concatenate([first, second]))
 
 
 def revolved(frustum: Frustum) -> PrimitiveTable:
     """The frustum itself."""
     ends = (frustum.radius_low, 0.0, frustum.radius_high, frustum.height)
-    return small_scenes.primitive_table(PrimitiveKind.REVOLVED, [(0.0, 0.0, 0.0, 0.0, 0.0, 1.0, *ends)])
+    return small.primitive_table(PrimitiveKind.REVOLVED, (*small.FLOOR, *ends))
 
 
 def rolling_inside(frustum: Frustum, walls: PrimitiveTable) -> Setup:
     """A grain let go against the wall, which rolls down it; a cylinder lies on its side."""
-    impact = small_scenes.wall_impact(TOUCH, RADIUS, DENSITY, 0.1)
+    impact = small.wall_impact(TOUCH, RADIUS, DENSITY, 0.1)
     slope = (frustum.radius_high - frustum.radius_low) / frustum.height
     lean = np.array([-1.0, slope]) / np.hypot(1.0, slope)  # inward normal in (radial, axial)
     level = 0.8 * frustum.height
     radial, axial = np.array([frustum.radius_low + slope * level, level]) + RADIUS * lean
     start = [[radial * cos(TURN), radial * sin(TURN), axial]]
     aside = 0.05 * np.array([[-sin(TURN), cos(TURN), 0.0]])  # m s-1, around the axis
-    grain = small_scenes.spheres(start, aside, 0.0, RADIUS, impact.mass)
-    gravity = GRAVITY if slope > 0.0 else (9.81, 0.0, 0.0)
-    return small_scenes.sphere_setup(grain, TOUCH, impact.duration / 50.0, walls, gravity)
+    grain = small.spheres(start, aside, 0.0, RADIUS, impact.mass)
+    gravity = small.GRAVITY if slope > 0.0 else (9.81, 0.0, 0.0)
+    return small.sphere_setup(grain, TOUCH, impact.duration / 50.0, walls, gravity)
 
 
 def revolved_outcomes(frustum: Frustum, path: Floats, precision: Precision) -> Iterator[Outcome]:

@@ -1,6 +1,6 @@
 """Contact of spheres written a second time: head-on Hertz impact, JKR adhesion, oblique impact.
 
-Hertz: K = (4/3) E* sqrt(R*) [N m^-1.5] stores (2/5) K d^2.5 = m* v^2 / 2 at the deepest overlap.
+Hertz: `taichi_erosion.verification.closed_forms.hertz_impact`.
 
 Reference: Johnson (1985), Contact Mechanics, eqs (11.20)-(11.24); Chung & Ooi (2011), Granular Matter 13,
 643.
@@ -34,13 +34,10 @@ from dataclasses import dataclass
 from math import log, pi, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import root_scalar
 
 from taichi_erosion.core.setup import Floats
-
-# contact time times speed over peak overlap: 4 sqrt(pi) Gamma(2/5) / (5 Gamma(9/10)) [1]
-DURATION_FACTOR = 2.9432751843
+from taichi_erosion.verification.closed_forms import DURATION_FACTOR, hertz_impact
 
 
 @dataclass(frozen=True)
@@ -57,20 +54,13 @@ class Solid:
         return self.young / (2.0 * (1.0 + self.poisson))
 
 
-def young_effective(first: Solid, second: Solid | None) -> float:
-    """1/E* = (1 - nu_1^2)/E_1 + (1 - nu_2^2)/E_2 [Pa]; without a second solid the partner is rigid."""
-    compliance = (1.0 - first.poisson**2) / first.young
-    if second is not None:
-        compliance += (1.0 - second.poisson**2) / second.young
-    return 1.0 / compliance
+def effective_moduli(*solids: Solid) -> tuple[float, float]:
+    """E* and G* of one or two solids [Pa]; of one, the partner is rigid.
 
-
-def shear_effective(first: Solid, second: Solid | None) -> float:
-    """1/G* = (2 - nu_1)/G_1 + (2 - nu_2)/G_2 [Pa]; without a second solid the partner is rigid."""
-    compliance = (2.0 - first.poisson) / first.shear
-    if second is not None:
-        compliance += (2.0 - second.poisson) / second.shear
-    return 1.0 / compliance
+    1/E* = sum (1 - nu^2) / E,    1/G* = sum (2 - nu) / G
+    """
+    normal = sum((1.0 - solid.poisson**2) / solid.young for solid in solids)
+    return 1.0 / normal, 1.0 / sum((2.0 - solid.poisson) / solid.shear for solid in solids)
 
 
 @dataclass(frozen=True)
@@ -83,29 +73,19 @@ class HeadOn:
     speed: float  # of approach, m s-1
 
     @property
-    def stiffness(self) -> float:
-        """K [N m^-1.5]."""
-        return 4.0 / 3.0 * self.young * sqrt(self.radius)
-
-    @property
-    def overlap_peak(self) -> float:
-        """(5 m* v^2 / (4 K))^(2/5) [m]."""
-        return (5.0 * self.mass * self.speed**2 / (4.0 * self.stiffness)) ** 0.4
+    def closed(self) -> tuple[float, float, float]:
+        """K [N m^-1.5], deepest overlap [m] and contact time [s] of the elastic impact."""
+        return hertz_impact(self.young, self.radius, self.mass, self.speed)
 
     @property
     def duration(self) -> float:
         """Contact time of the elastic impact [s]."""
-        return DURATION_FACTOR * self.overlap_peak / self.speed
+        return self.closed[2]
 
 
 def damping_ratio(restitution: float) -> float:
     """Beta = -ln e / sqrt(ln^2 e + pi^2) [1]."""
     return -log(restitution) / sqrt(log(restitution) ** 2 + pi**2)
-
-
-def sphere_mass(radius: float, density: float) -> float:
-    """Mass of a solid sphere [kg]."""
-    return 4.0 / 3.0 * pi * radius**3 * density
 
 
 def series(first: float, second: float) -> float:
@@ -177,7 +157,6 @@ def branch_force(reduced: float) -> float:
 
 DAMPING_FACTOR = 2.0 * np.sqrt(5.0 / 6.0)  # makes e independent of speed for Hertz stiffness [1]
 LEAST = 1e-300  # keeps the spring of a contact of no depth finite [N m-1]
-LONGEST = 3.0  # contact times after which an impact must be over [1]
 
 
 @dataclass(frozen=True)
@@ -204,64 +183,36 @@ class Rebound:
     spin: Floats  # rad s-1
 
 
-@dataclass
-class Contact:
-    """What evolves during the contact."""
-
-    overlap: Floats
-    closing: Floats
-    tangential: Floats
-    spin: Floats
-    spring: Floats
-    open: NDArray[np.bool_]
-
-
 def rebound(impact: Impact, steps: int = 20_000) -> Rebound:
-    """Velocities and spin after the impact."""
-    stiffness = 4.0 / 3.0 * impact.young * np.sqrt(impact.radius)
-    depth = (5.0 * impact.mass * impact.normal**2 / (4.0 * stiffness)) ** 0.4
-    step = DURATION_FACTOR * depth / impact.normal / steps
-    state = Contact(
-        overlap=np.zeros_like(step),
-        closing=impact.normal + 0.0,
-        tangential=impact.tangential + 0.0,
-        spin=impact.spin + 0.0,
-        spring=np.zeros_like(step),
-        open=np.ones(step.shape, bool),
-    )
-    for _ in range(int(LONGEST * steps)):
-        if state.open.any():
-            advance(impact, state, step)
-    return Rebound(-state.closing, state.tangential, state.spin)
+    """Velocities and spin after the impact.
 
-
-def advance(impact: Impact, state: Contact, step: Floats) -> None:
-    """One leapfrog step of every impact that still touches."""
-    move = np.where(state.open, step, 0.0)
-    slip_speed = state.tangential + impact.radius * state.spin
-    state.overlap += move * state.closing
-    state.spring += move * slip_speed
-    state.open &= state.overlap > 0.0
-    move = np.where(state.open, step, 0.0)
-    depth = np.maximum(state.overlap, 0.0)
-    contact_radius = np.sqrt(impact.radius * depth)
+    Only the spring of friction is limited; its dashpot acts while the contact sticks.
+    """
+    hertz = 4.0 / 3.0 * impact.young * np.sqrt(impact.radius)
+    deepest = (5.0 * impact.mass * impact.normal**2 / (4.0 * hertz)) ** 0.4
+    step = DURATION_FACTOR * deepest / impact.normal / steps
+    closing, tangential, spin = impact.normal + 0.0, impact.tangential + 0.0, impact.spin + 0.0
+    overlap, spring = np.zeros_like(step), np.zeros_like(step)
     viscous = DAMPING_FACTOR * damping_ratio(impact.restitution)
-    elastic = 4.0 / 3.0 * impact.young * contact_radius * depth
-    normal = elastic + viscous * np.sqrt(2.0 * impact.young * contact_radius * impact.mass) * state.closing
-    stiffness = 8.0 * impact.shear * contact_radius
-    dashpot = viscous * np.sqrt(stiffness * impact.mass) * slip_speed
-    friction, spring = limited_friction(stiffness, state.spring, dashpot, impact.friction * elastic)
-    state.spring = np.where(state.open, spring, state.spring)
-    state.closing -= move / impact.mass * normal
-    state.tangential += move / impact.mass * friction
-    state.spin += move * friction * impact.radius / (0.4 * impact.mass * impact.radius**2)
-
-
-def limited_friction(
-    stiffness: Floats, spring: Floats, dashpot: Floats, limit: Floats
-) -> tuple[Floats, Floats]:
-    """Friction [N] and spring [m] after it; the spring alone is limited, the dashpot acts while it sticks."""
-    elastic = -stiffness * spring
-    slides = np.abs(elastic) > limit
-    force = np.where(slides, np.clip(elastic, -limit, limit), elastic - dashpot)
-    return force, np.where(slides, -force / np.maximum(stiffness, LEAST), spring)
+    touches = np.ones(step.shape, bool)
+    while touches.any():
+        slip_speed = tangential + impact.radius * spin
+        overlap += step * touches * closing
+        spring += step * touches * slip_speed
+        touches &= overlap > 0.0
+        move = step * touches
+        depth = np.maximum(overlap, 0.0)
+        radius = np.sqrt(impact.radius * depth)  # of the contact
+        elastic = 4.0 / 3.0 * impact.young * radius * depth
+        normal = elastic + viscous * np.sqrt(2.0 * impact.young * radius * impact.mass) * closing
+        stiffness = 8.0 * impact.shear * radius
+        limit = impact.friction * elastic
+        pull = stiffness * spring
+        slides = np.abs(pull) > limit
+        dashpot = viscous * np.sqrt(stiffness * impact.mass) * slip_speed
+        friction = -np.where(slides, np.clip(pull, -limit, limit), pull + dashpot)
+        spring = np.where(slides, -friction / np.maximum(stiffness, LEAST), spring)
+        closing -= move / impact.mass * normal
+        tangential += move / impact.mass * friction
+        spin += move * friction * impact.radius / (0.4 * impact.mass * impact.radius**2)
+    return Rebound(-closing, tangential, spin)

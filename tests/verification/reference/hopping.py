@@ -21,7 +21,7 @@ Rev. E 75, 061305 (bounces); Pahtz, Liu, Xia, Hu, He & Tholen (2021), J. Geophys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from math import cos, exp, hypot, inf, pi, sin, sqrt
+from math import cos, exp, hypot, pi, sin, sqrt
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -89,8 +89,8 @@ class Touchdown:
         return float(state[0]) - self.bed
 
 
-def hop(sand: Sand, blow: WindProfile, forward: float, upward: float) -> tuple[float, float, float]:
-    """Duration of one hop [s], forward and downward speed at its end [m s-1]."""
+def hop(sand: Sand, blow: WindProfile, forward: float, upward: float) -> tuple[float, float]:
+    """Forward and downward speed [m s-1] at the end of a hop."""
     bed = CENTRE * sand.diameter
     rate = 0.75 * sand.air / (sand.density * sand.diameter)
 
@@ -104,7 +104,7 @@ def hop(sand: Sand, blow: WindProfile, forward: float, upward: float) -> tuple[f
     span = (0.0, LONGEST * upward / GRAVITY)
     flown = solve_ivp(motion, span, (bed, forward, upward), events=Touchdown(bed), rtol=1e-4, atol=1e-9)
     _, ahead, rise = flown.y[:, -1]
-    return float(flown.t[-1]), float(ahead), -float(rise)
+    return float(ahead), -float(rise)
 
 
 def bounce(forward: float, downward: float) -> tuple[float, float]:
@@ -116,53 +116,18 @@ def bounce(forward: float, downward: float) -> tuple[float, float]:
     return (sqrt(max(after**2 - upward**2, 0.0)), min(upward, after))
 
 
-def next_hop(sand: Sand, blow: WindProfile, forward: float, upward: float) -> tuple[float, float, float]:
-    """Duration of one hop [s], forward and upward speed after the bounce at its end [m s-1]."""
-    duration, ahead, down = hop(sand, blow, forward, upward)
-    return (duration, *bounce(ahead, down))
-
-
-def launch(sand: Sand) -> tuple[float, float]:
-    """Forward and upward speed of a grain that is thrown hard [m s-1]."""
-    speed, angle = LAUNCH[0] * sqrt(GRAVITY * sand.diameter), LAUNCH[1] * pi / 180.0
-    return speed * cos(angle), speed * sin(angle)
-
-
-def least_rise(sand: Sand) -> float:
-    """Upward speed of a grain that rises by its diameter [m s-1]."""
-    return sqrt(2.0 * GRAVITY * sand.diameter)
-
-
 def goes_on(sand: Sand, blow: WindProfile) -> bool:
     """Whether a grain that was thrown hard still hops after many landings."""
-    forward, upward = launch(sand)
+    speed, angle = LAUNCH[0] * sqrt(GRAVITY * sand.diameter), LAUNCH[1] * pi / 180.0
+    forward, upward = speed * cos(angle), speed * sin(angle)
     for _ in range(LANDINGS):
         before = upward
-        _, forward, upward = next_hop(sand, blow, forward, upward)
-        if upward < least_rise(sand):
+        forward, upward = bounce(*hop(sand, blow, forward, upward))
+        if upward < sqrt(2.0 * GRAVITY * sand.diameter):  # it rises by less than its diameter
             return False
         if abs(upward / before - 1.0) < STEADY:
             return True
     return True
-
-
-def time_to_rest(sand: Sand, before: float, after: float) -> float:
-    """Time that a grain hops on [s] once the wind falls from u* = `before` to `after` [m s-1]; may be inf.
-
-    Transport that is slowed down step by step ceases where it should only if every step lasts as long.
-    """
-    forward, upward = launch(sand)
-    blow = wind(before, sand.viscosity)
-    for _ in range(LANDINGS):
-        _, forward, upward = next_hop(sand, blow, forward, upward)
-    blow = wind(after, sand.viscosity)
-    elapsed = 0.0
-    for _ in range(LANDINGS):
-        duration, forward, upward = next_hop(sand, blow, forward, upward)
-        elapsed += duration
-        if upward < least_rise(sand):
-            return elapsed
-    return inf
 
 
 def hopping_threshold(sand: Sand, over: Callable[[float], WindProfile] | None = None) -> float:

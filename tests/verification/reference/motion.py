@@ -1,8 +1,8 @@
-"""Motion of spheres: sliding and rolling in closed form; bouncing and a stacked pair integrated by SciPy.
+"""Bouncing grains and a stacked pair, integrated by SciPy.
 
-Sliding and rolling on a plane follow rigid-body mechanics, moment of inertia (2/5) m R^2. MFiX-DEM's cases
-DEM02 (a bouncing grain) and DEM03 (two stacked grains between walls) use a linear spring; here the same
-scenes have the Hertz spring with the damping of this program (restitution independent of speed),
+MFiX-DEM's cases DEM02 (a bouncing grain) and DEM03 (two stacked grains between walls) use a linear spring;
+here the same scenes have the Hertz spring with the damping of this program (restitution independent of
+speed),
 
     F = (4/3) E* sqrt(R*) d^1.5 + 2 sqrt(5/6) beta sqrt(2 E* a m*) dd/dt,    d > 0, a = sqrt(R* d),
 
@@ -16,44 +16,15 @@ rolling torque).
 
 from dataclasses import dataclass
 from functools import partial
-from math import cos, sin, tan
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from taichi_erosion.core.setup import Floats
-from tests.verification.reference.contact import damping_ratio
+from tests.verification.reference.contact import DAMPING_FACTOR, damping_ratio
 
 GRAVITY = 9.81  # m s-2
-
-
-def friction_for_rolling(slope: float) -> float:
-    """Least sliding friction with which a sphere rolls down a slope [rad] without slipping, (2/7) tan."""
-    return 2.0 / 7.0 * tan(slope)
-
-
-def rolling_acceleration(slope: float, friction_rolling: float = 0.0) -> float:
-    """(5/7) g (sin - mu_r cos) [m s-2], a sphere that rolls without slipping against the torque mu_r R N."""
-    return 5.0 / 7.0 * GRAVITY * (sin(slope) - friction_rolling * cos(slope))
-
-
-def sliding_acceleration(slope: float, friction: float) -> float:
-    """G (sin - mu cos) [m s-2]."""
-    return GRAVITY * (sin(slope) - friction * cos(slope))
-
-
-def sliding_spin_up(slope: float, friction: float, radius: float) -> float:
-    """(5/2) mu g cos / R [rad s-2]."""
-    return 2.5 * friction * GRAVITY * cos(slope) / radius
-
-
-def spin_decay(friction_rolling: float, radius: float) -> float:
-    """Spin decay in place on a smooth plane by the torque mu_r R N [rad s-2], 5 mu_r g / (2 R)."""
-    return 2.5 * friction_rolling * GRAVITY / radius
-
-
 integrate = partial(solve_ivp, method="DOP853")
-DAMPING_FACTOR = 2.0 * np.sqrt(5.0 / 6.0)  # makes e independent of speed for Hertz stiffness [1]
 
 
 @dataclass(frozen=True)
@@ -75,34 +46,21 @@ class Spring:
         return 4.0 / 3.0 * self.young * contact_radius * overlap + damping * rate
 
 
-@dataclass(frozen=True)
-class Stack:
-    """Two equal spheres between a floor at 0 and a lid at `height`."""
+def stacked_motion(
+    floor: Spring, middle: Spring, lid: Spring, height: float, start: tuple[float, float], times: Floats
+) -> Floats:
+    """Heights of two equal spheres between a floor at 0 and a lid [m], [times, 2].
 
-    radius: float  # m
-    masses: tuple[float, float]  # kg, lower and upper
-    height: float  # m
-    floor: Spring
-    middle: Spring
-    lid: Spring
-    gravity: float  # m s-2
-
-
-def bounce_heights(drop: float, restitution: float, bounces: int) -> Floats:
-    """Heights of the lowest point after each bounce of an infinitely stiff grain [m], (h_0 - r) e^(2k)."""
-    return np.array([drop * restitution ** (2.0 * bounce) for bounce in range(1, bounces + 1)])
-
-
-def stacked_motion(stack: Stack, start: tuple[float, float], times: Floats) -> Floats:
-    """Heights of both centres [times, 2] in m, released at rest from `start`."""
+    They are released at rest from `start` [m]; masses are those of the contacts with floor and lid.
+    """
 
     def rates(_: float, state: Floats) -> list[float]:
         low, high, low_speed, high_speed = state
-        floor = stack.floor.push(stack.radius - low, -low_speed)
-        middle = stack.middle.push(2.0 * stack.radius - (high - low), low_speed - high_speed)
-        lid = stack.lid.push(high + stack.radius - stack.height, high_speed)
-        lower = (floor - middle) / stack.masses[0] - stack.gravity
-        upper = (middle - lid) / stack.masses[1] - stack.gravity
+        below = floor.push(floor.radius - low, -low_speed)
+        between = middle.push(2.0 * floor.radius - (high - low), low_speed - high_speed)
+        above = lid.push(high + floor.radius - height, high_speed)
+        lower = (below - between) / floor.mass - GRAVITY
+        upper = (between - above) / lid.mass - GRAVITY
         return [low_speed, high_speed, lower, upper]
 
     # contacts open and close: a short longest step keeps the step control from stepping over them
@@ -118,11 +76,11 @@ def stacked_motion(stack: Stack, start: tuple[float, float], times: Floats) -> F
     return solution.y[:2].T
 
 
-def rebound_speed(spring: Spring, speed: float, gravity: float) -> float:
+def rebound_speed(spring: Spring, speed: float) -> float:
     """Speed [m s-1] at which a grain that touches the floor at `speed` leaves it, pressed by its weight."""
 
     def rates(_: float, state: Floats) -> list[float]:
-        return [state[1], gravity - spring.push(state[0], state[1]) / spring.mass]
+        return [state[1], GRAVITY - spring.push(state[0], state[1]) / spring.mass]
 
     # the elastic contact lasts 2.87 of this unit, the damped one (e >= 0.5) less than twice as long
     unit = (spring.mass**2 / (spring.radius * spring.young**2 * speed)) ** 0.2

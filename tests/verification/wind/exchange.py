@@ -24,20 +24,21 @@ regular bed whose grains hardly move, all columns are alike: the wind is that of
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from taichi_erosion.air.readback import face_velocities
-from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, InitialTurbulence, bed_faces
-from taichi_erosion.core.setup import Coupling, Floats, GrainTable, Laws, Setup
+from taichi_erosion.core.air_setup import AirModel, AirSide, InitialTurbulence, bed_faces
+from taichi_erosion.core.setup import Coupling, Floats, Laws, Setup
 from taichi_erosion.core.transfer import read
 from taichi_erosion.simulation import Simulation, advance, air_profile, spin_up_wind
 from taichi_erosion.verification import closed_forms
 from taichi_erosion.verification.claims import Outcome, Precision, below
-from tests.verification import small_scenes
+from taichi_erosion.verification.closed_forms import sphere_mass
+from tests.verification import small_scenes as small
 from tests.verification.reference.flow import Stream, terminal_velocity
-from tests.verification.small_scenes import Touch
 
 DENSITY, VISCOSITY = 1.225, 1.789e-5  # kg m-3, Pa s
 QUARTZ = 2650.0  # kg m-3
@@ -59,8 +60,7 @@ LAYERS = 37  # thinner than the grains, and no face where a grain begins
 STEP, STEPS, INTERVAL = 2e-6, 2000, 7  # s, 1, steps from exchange to exchange
 
 
-@dataclass(frozen=True)
-class GrainMomentum:
+class GrainMomentum(NamedTuple):
     """Momentum of all grains of a simulation [3] in kg m s-1."""
 
     moving: Floats  # sum of m v
@@ -69,20 +69,20 @@ class GrainMomentum:
     size: float  # sum of |m v|
 
 
-def grain_momentum(sim: Simulation) -> GrainMomentum:
-    """Momentum of the first replica's grains."""
-    side, count = int(sim.world.replicas.side[0]), len(sim.setups[0].grains.mass)
-    rows = slice(side * sim.capacities.grains, side * sim.capacities.grains + count)
+def grain_momentum(sim: Simulation, replica: int = 0) -> GrainMomentum:
+    """Momentum of a replica's grains."""
+    first = (2 * replica + int(sim.world.replicas.side[replica])) * sim.capacities.grains
+    rows = slice(first, first + len(sim.setups[replica].grains.mass))
     mass = 1.0 / read(sim.world.grains.mass_inverse)[rows].astype(np.float64)[:, None]
-    momenta = mass * read(sim.world.grains.velocity)[rows]
     frozen = sim.world.frozen_drag
-    # drag applied since the last exchange is not yet subtracted from the residual
-    applied, pressure = (
-        (mass * read(f)[rows]).sum(axis=0) for f in (frozen.drag_kick, frozen.steady_acceleration)
+    momenta, applied, pressure = (
+        mass * read(field)[rows]
+        for field in (sim.world.grains.velocity, frozen.drag_kick, frozen.steady_acceleration)
     )
-    residual = read(sim.coupling.exchange.residual_momentum)[0].sum(axis=0) - applied
+    # drag applied since the last exchange is not yet subtracted from the residual
+    residual = read(sim.coupling.exchange.residual_momentum)[replica].sum(axis=0) - applied.sum(axis=0)
     size = float(np.linalg.norm(momenta, axis=1).sum())
-    return GrainMomentum(momenta.sum(axis=0), residual, pressure, size)
+    return GrainMomentum(momenta.sum(axis=0), residual, pressure.sum(axis=0), size)
 
 
 def crossing_grains() -> Setup:
@@ -94,20 +94,12 @@ def crossing_grains() -> Setup:
     place = np.concatenate([np.column_stack([SIDE * x, SIDE * y, np.full(36, z)]) for z in levels])
     radius = np.where(np.arange(len(place)) % 72 < 36, 1.5e-4, 2.2e-4)
     velocity = np.repeat(np.column_stack([rng.normal(0.0, 1.0, (6, 2)), np.zeros(6)]), 36, axis=0)
-    grains = small_scenes.spheres(place, velocity, 0.0, radius, QUARTZ * 4.0 / 3.0 * np.pi * radius**3)
+    grains = small.spheres(place, velocity, 0.0, radius, sphere_mass(1.0, QUARTZ) * radius**3)
     faces = np.linspace(0.0, HEIGHT, LAYERS + 1)
-    air = small_scenes.still_air(faces, (SIDE, SIDE), DENSITY, VISCOSITY)
-    sheared = replace(air, start=3.0 * small_scenes.centres(faces) / HEIGHT)
-    setup = small_scenes.sphere_setup(grains, Touch(1e7, 1e7, restitution=0.7), STEP)
-    return small_scenes.in_air(setup, sheared, Coupling(look_steps=INTERVAL), HEIGHT)
-
-
-def horizontal_momenta(sim: Simulation) -> tuple[Floats, Floats]:
-    """Horizontal momentum of the grains, and of air, grains and residual together, [2] each in kg m s-1."""
-    profile, grains = air_profile(sim, 0), grain_momentum(sim)
-    volume = profile.void_fraction * np.diff(profile.face) * SIDE * SIDE
-    air = DENSITY * (volume[:, None] * profile.velocity).sum(axis=0)
-    return grains.moving[:2], air + grains.moving[:2] + grains.residual[:2]
+    air = small.still_air(faces, (SIDE, SIDE), DENSITY, VISCOSITY)
+    sheared = replace(air, start=3.0 * small.centres(faces) / HEIGHT)
+    setup = small.sphere_setup(grains, small.Touch(1e7, 1e7, restitution=0.7), STEP)
+    return small.in_air(setup, sheared, Coupling(look_steps=INTERVAL), HEIGHT)
 
 
 def column_momentum() -> Iterator[Outcome]:
@@ -115,21 +107,24 @@ def column_momentum() -> Iterator[Outcome]:
     setup = crossing_grains()
     solid = float((4.0 / 3.0 * np.pi * setup.grains.radius**3).sum())
     for precision, limit in LIMIT.items():
-        sim = small_scenes.simulation_of([setup], precision, LAWS)
+        sim = small.simulation_of([setup], precision, LAWS)
+        grains, together = [], []  # horizontal momenta of grains, and of air, grains and residual [kg m s-1]
         # the first exchange counts the grains; air that they displace before it has no momentum
-        advance(sim, [STEP])
-        grains, before = horizontal_momenta(sim)
-        advance(sim, [STEP * STEPS])
-        after = horizontal_momenta(sim)
-        change = (after[1] - before) / np.abs(after[0] - grains).max()
+        for steps in (1, STEPS):
+            advance(sim, [STEP * steps])
+            profile, now = air_profile(sim, 0), grain_momentum(sim)
+            layers = np.diff(profile.face) * SIDE * SIDE
+            air = DENSITY * ((profile.void_fraction * layers)[:, None] * profile.velocity).sum(axis=0)
+            grains.append(now.moving[:2])
+            together.append(air + now.moving[:2] + now.residual[:2])
+        change = (together[1] - together[0]) / np.abs(grains[1] - grains[0]).max()
         yield below("momentum of air and grains: change over what was exchanged", change, limit, precision)
-        profile = air_profile(sim, 0)
-        filled = (1.0 - profile.void_fraction) * np.diff(profile.face) * SIDE * SIDE
-        share = filled.sum() / solid - 1.0
+        share = ((1.0 - profile.void_fraction) * layers).sum() / solid - 1.0
         yield below("volume of grains found in the layers: error", share, limit, precision)
 
 
 PATCH_SIDE, PATCH_HEIGHT, CELLS = 4e-3, 3e-3, (6, 4, 16)  # m, m, 1
+CELL = PATCH_SIDE * PATCH_SIDE * PATCH_HEIGHT / (CELLS[0] * CELLS[1] * CELLS[2])  # m3
 GRAINS, RADIUS = 60, 1.2e-4  # 1, m
 PATCH_INTERVAL, EXCHANGES = 5, 60  # steps from exchange to exchange, 1
 HEAVY = 1e9  # kg m-3: grains that no wind moves
@@ -137,11 +132,10 @@ DIAMETER, OPEN, BED_CELLS = 2.5e-4, 0.5, (8, 8, 2)  # m, void fraction of the be
 BED_COLUMNS = (4, 4)  # two lattice cells wide: all alike
 LID, FRICTION, TURNOVERS = 5e-3, 0.3, 30.0  # m, m s-1, 1
 WIND_STEP = 1e-4  # s, of grains and air: Courant number 0.7 at the lid
-SOFT = Touch(1e3, 1e3)
+SOFT = small.Touch(1e3, 1e3)
 
 
-@dataclass(frozen=True)
-class PatchMomentum:
+class PatchMomentum(NamedTuple):
     """Momentum of the grains of a patch one step after an exchange, and the last step of its air."""
 
     grains: Floats  # with residual and the rest of the frozen pressure force [3], kg m s-1
@@ -155,27 +149,26 @@ def stirred_setup() -> Setup:
     """Grains at random places and velocities, some of them beside floor and lid, in air stirred at random."""
     rng = np.random.default_rng(5)
     place = rng.uniform(0.0, 1.0, (GRAINS, 3)) * [PATCH_SIDE, PATCH_SIDE, PATCH_HEIGHT]
-    mass = QUARTZ * 4.0 / 3.0 * np.pi * RADIUS**3
-    grains = small_scenes.spheres(place, rng.normal(0.0, 1.0, (GRAINS, 3)), 0.0, RADIUS, mass)
-    setup = replace(small_scenes.sphere_setup(grains, SOFT, STEP), overlap_limit=2.0)
+    velocity = rng.normal(0.0, 1.0, (GRAINS, 3))
+    grains = small.spheres(place, velocity, 0.0, RADIUS, sphere_mass(RADIUS, QUARTZ))
+    setup = replace(small.sphere_setup(grains, SOFT, STEP), overlap_limit=2.0)
     faces = np.linspace(0.0, PATCH_HEIGHT, CELLS[2] + 1)
     stirred = replace(
-        small_scenes.still_air(faces, (PATCH_SIDE, PATCH_SIDE), DENSITY, VISCOSITY),
+        small.still_air(faces, (PATCH_SIDE, PATCH_SIDE), DENSITY, VISCOSITY),
         cells=CELLS,
         time_step=STEP * PATCH_INTERVAL,
         model=AirModel(advection="none", exchange=True),
         initial_turbulence=InitialTurbulence(0.0, 0.0, DIAMETER / 30.0, 1),
         start=rng.normal(0.0, 2.0, (3, *CELLS)),
     )
-    return small_scenes.in_air(setup, stirred, Coupling(look_steps=PATCH_INTERVAL), PATCH_HEIGHT)
+    return small.in_air(setup, stirred, Coupling(look_steps=PATCH_INTERVAL), PATCH_HEIGHT)
 
 
 def patch_momentum(sim: Simulation) -> PatchMomentum:
     """Momenta one step of the grains after an exchange."""
     grains, air = grain_momentum(sim), sim.coupling.air
     assert air is not None
-    cell = (PATCH_SIDE / CELLS[0]) * (PATCH_SIDE / CELLS[1]) * PATCH_HEIGHT / CELLS[2]
-    recorded = cell * read(air.impulse)[0, 1:-1, 1:-1, 1:-1].sum(axis=(0, 1, 2))
+    recorded = CELL * read(air.impulse)[0, 1:-1, 1:-1, 1:-1].sum(axis=(0, 1, 2))
     u, v, w = face_velocities(air, 0)
     wind = np.stack([u[:-1], v[:, :-1], w[:, :, :-1]])
     drag = grains.moving + grains.residual
@@ -192,16 +185,15 @@ def face_void_fractions(sim: Simulation) -> Floats:
 
 def patch_balance(precision: Precision) -> Iterator[Outcome]:
     """Momentum of air and grains, along all axes."""
-    sim = small_scenes.simulation_of([stirred_setup()], precision, LAWS)
+    sim = small.simulation_of([stirred_setup()], precision, LAWS)
     advance(sim, [STEP])
     first = last = patch_momentum(sim)
     gained, recorded, pressed = np.zeros(2), np.zeros(3), np.zeros(3)
-    volume = DENSITY * PATCH_SIDE * PATCH_SIDE * PATCH_HEIGHT / (CELLS[0] * CELLS[1] * CELLS[2])
     for exchange in range(1, EXCHANGES + 1):
         pressed += last.grains - last.drag  # the rest of the frozen pressure force
         advance(sim, [STEP * (PATCH_INTERVAL * exchange + 1)])
         now = patch_momentum(sim)
-        gained += volume * (face_void_fractions(sim) * (now.air - last.air)[:2]).sum(axis=(1, 2, 3))
+        gained += DENSITY * CELL * (face_void_fractions(sim) * (now.air - last.air)[:2]).sum(axis=(1, 2, 3))
         recorded += now.recorded
         pressed += (now.grains - now.drag) / (PATCH_INTERVAL - 1)  # one step of the force that is frozen now
         last = now
@@ -217,39 +209,34 @@ def patch_balance(precision: Precision) -> Iterator[Outcome]:
 
 
 def bed_setup(columns: tuple[int, int]) -> Setup:
-    """A regular bed of grains that no wind moves, under one column or a grid."""
-    grains: GrainTable = small_scenes.regular_bed(DIAMETER, HEAVY, OPEN, BED_CELLS)
-    edge = small_scenes.lattice_edge(DIAMETER, OPEN)
+    """A regular bed of grains that no wind moves, under one column or a grid that carries momentum along."""
+    edge = small.lattice_edge(DIAMETER, OPEN)
     surface, patch = BED_CELLS[2] * edge, (BED_CELLS[0] * edge, BED_CELLS[1] * edge)
-    setup = replace(small_scenes.sphere_setup(grains, SOFT, WIND_STEP), overlap_limit=2.0)
+    setup = small.sphere_setup(small.regular_bed(DIAMETER, HEAVY, OPEN, BED_CELLS), SOFT, WIND_STEP)
     faces = bed_faces(0.0, surface + DIAMETER, LID, 0.25 * DIAMETER, 1.2)
-    still = small_scenes.still_air(faces, patch, DENSITY, VISCOSITY)
-    single = replace(
+    still = small.still_air(faces, patch, DENSITY, VISCOSITY)
+    air = replace(
         still,
         model=AirModel("mixing_length", "none", "euler", exchange=True),
         time_step=WIND_STEP,
         ground=surface,
         sides=still.sides | {"z_low": AirSide("wall")},
     )
-    air = single if columns == (1, 1) else on_columns(single, columns)
-    return small_scenes.in_air(setup, air, Coupling(look_steps=1, surface=surface), LID)
-
-
-def on_columns(single: AirSetup, columns: tuple[int, int]) -> AirSetup:
-    """The same air on a grid that carries momentum along."""
-    return replace(
-        single,
-        cells=(*columns, single.cells[2]),
-        model=AirModel("mixing_length", exchange=True),
-        initial_turbulence=InitialTurbulence(0.0, TURNOVERS, DIAMETER / 30.0, 1),
-    )
+    if columns != (1, 1):
+        air = replace(
+            air,
+            cells=(*columns, air.cells[2]),
+            model=AirModel("mixing_length", exchange=True),
+            initial_turbulence=InitialTurbulence(0.0, TURNOVERS, DIAMETER / 30.0, 1),
+        )
+    return small.in_air(replace(setup, overlap_limit=2.0), air, Coupling(look_steps=1, surface=surface), LID)
 
 
 def same_wind() -> Iterator[Outcome]:
     """The wind over a regular bed, on one column and on a grid."""
     winds = []
     for columns in ((1, 1), BED_COLUMNS):
-        sim = small_scenes.simulation_of([bed_setup(columns)], "f64", LAWS)
+        sim = small.simulation_of([bed_setup(columns)], "f64", LAWS)
         spin_up_wind(sim, 0, FRICTION)
         winds.append(air_profile(sim, 0).velocity[:, 0])
     off = (winds[1] - winds[0]) / winds[0].max()

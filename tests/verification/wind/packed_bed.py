@@ -18,9 +18,8 @@ from scipy.optimize import root_scalar
 from taichi_erosion.core.setup import Coupling, Floats, Laws, Setup
 from taichi_erosion.simulation import Simulation, advance, air_profile, set_through_flow, snapshot
 from taichi_erosion.verification.claims import Outcome, relative
-from tests.verification import small_scenes
+from tests.verification import small_scenes as small
 from tests.verification.reference.flow import Stream, pressure_gradient
-from tests.verification.small_scenes import Touch
 
 DIAMETER, SOLID = 1e-3, 2000.0  # m, kg m-3
 GAS = Stream(0.0, DIAMETER, density=10.0, viscosity=1.5e-3)  # kg m-3, Pa s
@@ -32,8 +31,7 @@ LATTICE_CELLS = (3, 3, 10)
 INSTANT = 1e-9  # s, in which no grain of the lattice moves
 LAST = len(PUBLISHED) - 1  # replica with the fastest air
 STEP = 1.2e-5  # s
-GRAVITY = (0.0, 0.0, -9.81)  # m s-2
-TOUCH = Touch(1.5e6, 1e6, restitution=0.5, friction_sliding=0.3)
+TOUCH = small.Touch(1.5e6, 1e6, restitution=0.5, friction_sliding=0.3)
 
 POURED = (8, 8, 20)  # grains along each side of the loose filling
 SPACING = 1.08  # of the loose filling [d]
@@ -45,13 +43,13 @@ FLUID = np.array([1.2, 1.35])
 
 def lattice_setup(superficial: float) -> Setup:
     """The regular bed between floor and lid, without weight."""
-    bed = small_scenes.regular_bed(DIAMETER, SOLID, VOID, LATTICE_CELLS)
-    edge = small_scenes.lattice_edge(DIAMETER, VOID)
+    bed = small.regular_bed(DIAMETER, SOLID, VOID, LATTICE_CELLS)
+    edge = small.lattice_edge(DIAMETER, VOID)
     high = edge * np.array(LATTICE_CELLS)
     faces = np.linspace(0.0, high[2], LATTICE_CELLS[2] + 1)
-    air = small_scenes.still_air(faces, (float(high[0]), float(high[1])), GAS.density, GAS.viscosity)
-    setup = small_scenes.sphere_setup(bed, TOUCH, INSTANT)
-    return small_scenes.in_air(setup, air, Coupling(look_steps=1, through_flow=superficial), DIAMETER)
+    air = small.still_air(faces, (float(high[0]), float(high[1])), GAS.density, GAS.viscosity)
+    setup = small.sphere_setup(bed, TOUCH, INSTANT)
+    return small.in_air(setup, air, Coupling(look_steps=1, through_flow=superficial), DIAMETER)
 
 
 def poured_setup() -> Setup:
@@ -61,12 +59,12 @@ def poured_setup() -> Setup:
     place = np.stack(np.meshgrid(*map(np.arange, POURED), indexing="ij"), axis=-1).reshape(-1, 3) + 0.55
     place = SPACING * DIAMETER * (place + rng.uniform(-0.03, 0.03, place.shape))
     speed = rng.normal(0.0, 0.05, place.shape)
-    grains = small_scenes.spheres(place, speed, 0.0, DIAMETER / 2.0, SOLID * np.pi / 6.0 * DIAMETER**3)
-    setup = small_scenes.sphere_setup(grains, TOUCH, STEP, small_scenes.planes(small_scenes.FLOOR), GRAVITY)
+    grains = small.spheres(place, speed, 0.0, DIAMETER / 2.0, SOLID * np.pi / 6.0 * DIAMETER**3)
+    setup = small.sphere_setup(grains, TOUCH, STEP, small.FLAT, small.GRAVITY)
     # layers of two diameters: thinner ones see the layers in which grains lie on a floor
     faces = np.arange(0.0, 1.5 * POURED[2] + 1.0, 2.0) * DIAMETER
-    air = small_scenes.still_air(faces, (side, side), GAS.density, GAS.viscosity)
-    return small_scenes.in_air(setup, air, Coupling(look_steps=5, rising=True), 10.0 * DIAMETER)
+    air = small.still_air(faces, (side, side), GAS.density, GAS.viscosity)
+    return small.in_air(setup, air, Coupling(look_steps=5, rising=True), 10.0 * DIAMETER)
 
 
 def pressure_drop(sim: Simulation, replica: int = 0) -> float:
@@ -77,11 +75,11 @@ def pressure_drop(sim: Simulation, replica: int = 0) -> float:
 
 def fixed_bed() -> Iterator[Outcome]:
     """Pressure of the regular bed, and the force on its grains."""
-    sim = small_scenes.simulation_of([lattice_setup(velocity) for velocity in PUBLISHED], "f64", LAWS)
+    sim = small.simulation_of([lattice_setup(velocity) for velocity in PUBLISHED], "f64", LAWS)
     advance(sim, [2.0 * INSTANT] * len(PUBLISHED))
     before = snapshot(sim, LAST)
     advance(sim, [3.0 * INSTANT] * len(PUBLISHED))
-    edge = small_scenes.lattice_edge(DIAMETER, VOID)
+    edge = small.lattice_edge(DIAMETER, VOID)
     for replica, (velocity, wanted) in enumerate(PUBLISHED.items()):
         found = pressure_drop(sim, replica) * LENGTH / (edge * LATTICE_CELLS[2])
         yield relative(f"fixed bed: pressure drop at {velocity} m/s [Pa]", found, wanted, 0.02, "f64")
@@ -113,23 +111,22 @@ class Bed:
 
 def poured_bed(sim: Simulation) -> Bed:
     """Void fraction and weight of the settled bed."""
-    state, profile = small_scenes.states(sim)[0], air_profile(sim, 0)
+    state, profile = small.states(sim)[0], air_profile(sim, 0)
     area = (SPACING * DIAMETER * POURED[0]) ** 2
-    weight = float(state.mass.sum()) * (1.0 - GAS.density / SOLID) * -GRAVITY[2]
+    weight = float(state.mass.sum()) * (1.0 - GAS.density / SOLID) * -small.GRAVITY[2]
     filled = profile.void_fraction < 1.0
     return Bed(profile.void_fraction[filled], np.diff(profile.face)[filled], weight / area)
 
 
 def pressures(sim: Simulation, velocities: Floats, start: float) -> Floats:
     """Mean pressure drop over the second half of a hold at each velocity, one after the other [Pa]."""
-    found, time = [], start
-    for velocity in velocities:
+    found = []
+    for number, velocity in enumerate(velocities):
         set_through_flow(sim, 0, float(velocity))
         seen = []
-        for k in range(8):
-            advance(sim, [time + HOLD * (k + 1) / 8.0])
+        for k in range(1, 9):
+            advance(sim, [start + HOLD * (number + k / 8.0)])
             seen.append(pressure_drop(sim))
-        time += HOLD
         found.append(np.mean(seen[4:]))
     return np.array(found)
 
@@ -137,7 +134,7 @@ def pressures(sim: Simulation, velocities: Floats, start: float) -> Floats:
 def packed_bed() -> Iterator[Outcome]:
     """V31."""
     yield from fixed_bed()
-    sim = small_scenes.simulation_of([poured_setup()], "f32", LAWS)
+    sim = small.simulation_of([poured_setup()], "f32", LAWS)
     set_through_flow(sim, 0, -PRESS)
     advance(sim, [0.5 * SETTLE])
     set_through_flow(sim, 0, 0.0)

@@ -11,11 +11,11 @@ the stress that grains carry at the bed,
 
 with tau [Pa] that of the wind: its line meets zero within a few percent, where that of the flux, whose means
 over seconds scatter by a tenth, leaves tau_t open. A wind that falls until the last grain rests needs more
-patience than a check has: where it is 5 to 15 percent too weak one grain hops on for a second or two
-(`reference.hopping.time_to_rest`), and a wind that falls faster reads too low a threshold. It goes with the
-root of the diameter where the bed stays as rough, faster where, as here, coarser grains stick out of the
-viscous sublayer; so it is judged too by that of one grain that hops by a measured law of bounces
-(`reference.hopping`) in the wind over the bed at rest (`bed_wind`), of which nothing is ejected or caught.
+patience than a check has: where it is 5 to 15 percent too weak one grain hops on for a second or two, and a
+wind that falls faster reads too low a threshold. It goes with the root of the diameter where the bed stays
+as rough, faster where, as here, coarser grains stick out of the viscous sublayer; so it is judged too by that
+of one grain that hops by a measured law of bounces (`reference.hopping`) in the wind over the bed at rest
+(`bed_wind`), of which nothing is ejected or caught.
 
 Flux. Q = a (u*^2 - u_t^2) (u* + u_t)^m, with m = 0 in a law linear in the stress and 1 in Kawamura's with
 the cube of the wind (`doe.wind.flux_law`). Six winds tell them apart: the line must not be refuted, the cube
@@ -45,19 +45,17 @@ Geophys. Res. Lett. 45, 1 (ratio).
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from math import exp, isnan, log, nan, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from doe.wind.flux_law import CUBIC, LINEAR, flux_power, vanishing_wind
-from taichi_erosion.core.setup import DragLaw, Floats
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket, pool_beds
 from taichi_erosion.scene import Scene, parse_scene
-from taichi_erosion.scene.change import with_section
 from taichi_erosion.simulation import Simulation, snapshot
 from taichi_erosion.simulation.wind_driver import air_profile, spin_up_wind
 from taichi_erosion.verification.claims import Outcome, below, holds, relative
@@ -119,7 +117,7 @@ def bed_wind(sim: Simulation, replica: int, diameter: float) -> Callable[[float]
 SMALLEST = 0.25e-3  # m
 LARGER = 2.0  # the other diameter over the smallest [1]
 DENSITY, AIR = 2650.0, 1.225  # kg m-3
-LAW: DragLaw = "two_limits"  # of drag, which the claims are about
+LAW = "two_limits"  # of drag, which the claims are about
 REST_WIND = 0.2  # u* over the smallest grains from which on a bed at rest is tried [m s-1]
 GRAINS = 4.0  # on the square of a diameter: a bed three and a half diameters deep
 MODULUS = 1e5  # Pa, of the smallest; with the diameter: as soft for all. About k = 1e4 m g / d
@@ -132,8 +130,7 @@ BLOW = 2.0  # s over which the steady flux is averaged
 MEASURED = ("flux", "bed_stress", "grain_stress")
 
 
-@dataclass(frozen=True)
-class Patch:
+class Patch(NamedTuple):
     """A steady wind over the smallest grains, and the patch of which it lifts some ten grains."""
 
     wind: float  # u* [m s-1]
@@ -152,19 +149,17 @@ REFUTED = 0.05  # chance below which a law of the flux is refuted [1]
 
 
 def sand(size: float, patch: Patch, stages: list[dict[str, Any]], more: dict[str, Any]) -> Scene:
-    """A periodic patch of sand under wind; times and winds of its stages are for the smallest grains."""
+    """A periodic patch of sand under wind; times and winds of its stages are for the smallest grains.
+
+    Winds and the times of hops go with the root of the size.
+    """
     diameter = size * SMALLEST
     sizes = {"median": diameter, "low": 0.8 * diameter, "high": 1.25 * diameter}
     solid = {"density": DENSITY, "shear_modulus": MODULUS * size, "poisson_ratio": 0.25}
     softening = {"softening": {"rule": "bond_number", "true_modulus": 3e10}}
-    column = {
-        "height_d": 200.0,
-        "growth": 1.2,
-        "cell_d": 0.25,
-        "look_steps": 20,
-        "sleep_after": SLEEP * sqrt(size),
-    }
+    column = {"height_d": 200.0, "growth": 1.2, "cell_d": 0.25, "look_steps": 20}
     extent = {"length_d": patch.length, "width_d": patch.width, "density": AIR, "drag": LAW}
+    scales = ("duration_max", "duration_min", "friction_velocity")
     table = {
         "scene": {"kind": "saltation"},
         "run": {"time_step_fraction": 0.25, "check_interval": 5e-3, "overlap_limit": 0.9},
@@ -176,17 +171,13 @@ def sand(size: float, patch: Patch, stages: list[dict[str, Any]], more: dict[str
         "materials": {"sand": solid | softening},
         "contact": {"sand-sand": {"restitution": 0.7, "friction_sliding": 0.5}},
         "geometry": {"ground": {"shape": "plane", "material": "sand"}},
-        "wind": column | extent,
+        "wind": column | extent | {"sleep_after": SLEEP * sqrt(size)},
         "fill": {"law": "layers", "pitch_d": 1.32, "jitter_d": 0.03, "first_height_d": 1.0},
-        "stages": [scaled(stage, size) for stage in stages],
+        "stages": [
+            stage | {name: sqrt(size) * stage[name] for name in scales if name in stage} for stage in stages
+        ],
     }
     return parse_scene(table | more)
-
-
-def scaled(stage: dict[str, Any], size: float) -> dict[str, Any]:
-    """The stage for grains that are `size` times as large: winds and the times of hops go with the root."""
-    scales = ("duration_max", "duration_min", "friction_velocity")
-    return stage | {name: sqrt(size) * stage[name] for name in scales if name in stage}
 
 
 def from_rest() -> Scene:
@@ -211,40 +202,21 @@ def steady(size: float, patch: Patch) -> Scene:
     return sand(size, patch, stages, {"measure": {name: {"every": 1e-2} for name in MEASURED}})
 
 
-def under(law: DragLaw, scenes: Sequence[Scene]) -> list[Scene]:
-    """The scenes under a law of drag."""
-    return [with_section(scene, "wind", drag=law) for scene in scenes]
+def measured(scenes: Sequence[Scene]) -> pd.DataFrame:
+    """Final measurements of every scene, run as one ensemble; NaN where there is none.
 
-
-def measured(scenes: Sequence[Scene]) -> list[dict[str, float]]:
-    """Final measurements by name of every scene, run as one ensemble."""
-    replicas = run_to_end(scenes, [SEED] * len(scenes)).states
-    return [{name: m.value for name, m in replica.measurements.items()} for replica in replicas]
-
-
-def fluid_threshold(law: DragLaw = LAW) -> Measurement:
-    """Friction velocity at which beds with the forces of a grain at rest start [m s-1]."""
-    replicas = run_to_end(under(law, [from_rest()] * len(BEDS)), BEDS).states
-    return pool_beds([replica.measurements["fluid_threshold"] for replica in replicas])
-
-
-def of_winds(values: Sequence[dict[str, float]], name: str) -> Any:
-    """One measure of all steady winds; NaN where there is none."""
-    return np.array([found.get(name, nan) for found in values])
-
-
-def stresses(values: Sequence[dict[str, float]]) -> Any:
-    """Stress of air and grains together at the bed, wind by wind [Pa].
-
-    In the mean over many seconds that of the lid; in between the air above stores momentum and gives it back.
+    The stress of the wind is that of air and grains together at the bed. In the mean over many seconds it is
+    that of the lid; in between the air above stores momentum and gives it back.
     """
-    return of_winds(values, "bed_stress") + of_winds(values, "grain_stress")
+    replicas = run_to_end(scenes, [SEED] * len(scenes)).states
+    rows = [{name: m.value for name, m in replica.measurements.items()} for replica in replicas]
+    return pd.DataFrame(rows, columns=list(MEASURED))
 
 
-def vanishing(values: Sequence[dict[str, float]], name: str) -> Bracket:
-    """Wind in which a measure of saturated transport, extrapolated along a line, vanishes [m s-1]."""
-    left, borne, measure = (of_winds(values, one) for one in ("bed_stress", "grain_stress", name))
-    return vanishing_wind(left, borne, measure, AIR) or Bracket(nan, nan)
+def vanishing(winds: pd.DataFrame) -> Bracket:
+    """Wind in which the stress of the grains, extrapolated along a line, vanishes [m s-1]."""
+    left, borne = winds["bed_stress"].to_numpy(), winds["grain_stress"].to_numpy()
+    return vanishing_wind(left, borne, borne, AIR) or Bracket(nan, nan)
 
 
 def ends(line: Bracket) -> str:
@@ -252,20 +224,28 @@ def ends(line: Bracket) -> str:
     return "no wind" if isnan(line.middle) else f"{line.middle:.3f} ({line.low:.3f} to {line.high:.3f}) m/s"
 
 
-def saltation(law: DragLaw = LAW) -> Iterator[Outcome]:
+def hopping_alone(sizes: Sequence[float]) -> list[float]:
+    """Lowest winds in which one grain goes on over beds of such grains [m s-1]."""
+    sands = [Sand(size * SMALLEST, DENSITY, AIR) for size in sizes]
+    return list(map(hopping_threshold, sands, winds_over_beds([at_rest(size) for size in sizes], sands)))
+
+
+def saltation() -> Iterator[Outcome]:
     """V36."""
-    winds = {1.0: (*STEADY, *MORE), LARGER: STEADY}
-    patches = [(size, patch) for size, over in winds.items() for patch in over]
-    blown = measured(under(law, [steady(size, patch) for size, patch in patches]))
-    found = {size: [v for (own, _), v in zip(patches, blown, strict=True) if own == size] for size in winds}
-    first, second = (vanishing(values, "grain_stress") for values in found.values())
-    sands = [Sand(size * SMALLEST, DENSITY, AIR) for size in winds]
-    over = winds_over_beds(under(law, [at_rest(size) for size in winds]), sands)
-    alone = [hopping_threshold(sand, wind) for sand, wind in zip(sands, over, strict=True)]
+    patches = [*((1.0, patch) for patch in (*STEADY, *MORE)), *((LARGER, patch) for patch in STEADY)]
+    table = measured([steady(*each) for each in patches])
+    table["size"] = [size for size, _ in patches]
+    table["wind"] = [sqrt(size) * patch.wind for size, patch in patches]
+    sizes, groups = zip(*table.groupby("size"), strict=True)
+    first, second = map(vanishing, groups)
+    alone = hopping_alone(sizes)
     yield from impact_outcomes(first, second, alone)
-    yield from flux_outcomes(winds[1.0], found[1.0], first)
-    for (size, patches_over), hopping in zip(winds.items(), alone, strict=True):
-        yield from stress_outcomes(size, patches_over, found[size], hopping)
+    yield from flux_outcomes(groups[0], first)
+    for size, winds, hopping in zip(sizes, groups, alone, strict=True):
+        for wind, left in zip(winds["wind"], winds["bed_stress"], strict=True):
+            claim = f"stress of the air at the bed of {1e3 * size * SMALLEST:g} mm under u* = {wind:.3g} m/s "
+            claim += f"over that of {hopping:.3f} m/s, in which one grain goes on"
+            yield relative(claim, left / (AIR * hopping**2), 1.0, 0.2, "f32")
 
 
 def impact_outcomes(first: Bracket, second: Bracket, alone: Sequence[float]) -> Iterator[Outcome]:
@@ -278,40 +258,25 @@ def impact_outcomes(first: Bracket, second: Bracket, alone: Sequence[float]) -> 
     yield relative(claim, ratio / (alone[1] / alone[0]), 1.0, 0.1, "f32")
 
 
-def flux_outcomes(
-    patches: Sequence[Patch], values: Sequence[dict[str, float]], threshold: Bracket
-) -> Iterator[Outcome]:
+def flux_outcomes(winds: pd.DataFrame, threshold: Bracket) -> Iterator[Outcome]:
     """Whether the flux is linear in the stress, and not with the cube of the wind."""
-    friction = np.sqrt(stresses(values) / AIR)
-    power = flux_power(friction, of_winds(values, "flux"), threshold)
+    friction = np.sqrt((winds["bed_stress"] + winds["grain_stress"]).to_numpy() / AIR)
+    power = flux_power(friction, winds["flux"].to_numpy(), threshold)
     told = "too few winds" if power is None else f"{power.value:.2f} +- {power.error:.2f}"
     line, cube = (nan if power is None else power.chance(law) for law in (LINEAR, CUBIC))
-    claim = f"flux at {len(patches)} winds as (u*^2 - u_t^2) (u* + u_t)^m, m = {told}: "
+    claim = f"flux at {len(winds)} winds as (u*^2 - u_t^2) (u* + u_t)^m, m = {told}: "
     yield holds(f"{claim}m = 0, linear in the stress, is not refuted (p = {line:.2g})", line > REFUTED, "f32")
     yield below(f"{claim}m = 1, the cube of the wind, has a p of", cube, REFUTED, "f32")
 
 
-def stress_outcomes(
-    size: float, patches: Sequence[Patch], values: Sequence[dict[str, float]], hopping: float
-) -> Iterator[Outcome]:
-    """Stress left to the air at the bed over that of u* = `hopping` [m s-1]."""
-    grain = f"{1e3 * size * SMALLEST:g} mm"
-    for patch, left in zip(patches, of_winds(values, "bed_stress"), strict=True):
-        claim = (
-            f"stress of the air at the bed of {grain} under u* = {sqrt(size) * patch.wind:.3g} m/s over that "
-        )
-        claim += f"of {hopping:.3f} m/s, in which one grain goes on"
-        yield relative(claim, left / (AIR * hopping**2), 1.0, 0.2, "f32")
-
-
-def start_of_motion(law: DragLaw = LAW) -> Iterator[Outcome]:
+def start_of_motion() -> Iterator[Outcome]:
     """V39."""
-    fluid = fluid_threshold(law)
+    replicas = run_to_end([from_rest()] * len(BEDS), BEDS).states
+    fluid = pool_beds([replica.measurements["fluid_threshold"] for replica in replicas])
     reach = fluid.details.get("interval", {"low": nan, "high": nan})
     known = f"{fluid.value:.3f} ({reach['low']:.3f} to {reach['high']:.3f}) m/s"
     claim = f"{fluid.n} beds of {1e3 * SMALLEST:g} mm with the forces on a grain at rest start at {known}"
     yield Outcome(claim, fluid.value, FLUID, FLUID_REACH, "f32")
-    sand = Sand(SMALLEST, DENSITY, AIR)
-    alone = hopping_threshold(sand, winds_over_beds(under(law, [at_rest(1.0)]), [sand])[0])
+    (alone,) = hopping_alone([1.0])
     claim = f"impact over fluid threshold: the wind in which one grain goes on, {alone:.3f} m/s, over that"
     yield Outcome(claim, alone / fluid.value, RATIO, RATIO_REACH, "f32")
