@@ -36,9 +36,6 @@ def study_text(model: str = SOUND) -> str:
     return small_study.study_text(("liquid_bridge", "gusts"), model)
 
 
-BEFORE, AFTER = study_text().split("[parameters", 1)[0], study_text()[study_text().index("[candidates]") :]
-
-
 def rows(count: int, sd: bool = True, below: str = "") -> str:
     """Angles and thresholds that grow with moisture."""
     found = [
@@ -170,15 +167,6 @@ def test_a_mistyped_repeat_is_told_first_with_its_row_in_the_users_table(tmp_pat
     assert told[0].endswith("check row 14")
     assert {f"warning: {each}" for each in told} == {compared.about["set_up"][0]}
     assert not [error for error in compared.record.errors if error.kind == "scatter"]
-
-
-def test_without_calibrated_numbers_the_effect_is_named_beside_the_levels_that_they_would_take(study):
-    path = study(text=BEFORE + AFTER)
-    found = ask("discover", path)
-    assert found.record.decided.named == tuple(ACTING)
-    assert found.record.numbers == {}
-    assert found.record.fit.p_after > 0.01, "levels that are told are no misfit"
-    assert "The error falls" in ask("adopt", path, "liquid_bridge").answer().lines[0]
 
 
 def test_without_candidates_only_what_no_list_holds_is_left(study):

@@ -8,7 +8,6 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from doe.trials.reduced.families import FAMILIES, Drawn
@@ -17,12 +16,11 @@ from taichi_erosion.evidence.data.problem import Candidate, Problem
 from taichi_erosion.evidence.race.posterior import raced
 from taichi_erosion.evidence.race.record import Record
 from taichi_erosion.evidence.race.summary import summary
-from tests.evidence.asking import SILENT
 
 WATCHED = 5000  # seed of the clean cases watched here
 NULLS = (0, 2, 3, 4, 6, 7, 8, 10, 11, 15)
 ACTING = (26, 29, 33, 34, 42, 46, 12, 16, 25, 40)  # the last four: no list holds it
-STRONG, NULL = (7, 15), (7, 4)  # seed and number of a case with one strong effect, and of one without
+STRONG = (7, 15)  # seed and number of a case with one strong effect
 
 
 def case(seed: int, number: int) -> Drawn:
@@ -92,27 +90,3 @@ def test_order_units_and_names_do_not_matter(change: Callable[[Problem], Problem
     (name,), (told,) = one.decided.named, other.decided.named
     assert told == (f"effect {10 + exact().candidate_names.index(name)}" if change is renamed else name)
     assert one.effects[name].strength.value == pytest.approx(other.effects[told].strength.value, rel=0.03)
-
-
-def test_shuffled_values_name_nothing():
-    problem = case(*STRONG).problem
-    table = problem.measurements
-    order = pd.Series(range(table.size)).groupby(list(table.observable))
-    order = order.transform(np.random.default_rng(5).permutation).to_numpy()
-    shuffled = replace(table, value=table.value[order], sd=table.sd[order])
-    assert not names(answer(replace(problem, measurements=shuffled)))
-
-
-def test_doubled_sd_does_not_raise_confidence():
-    problem = exact()
-    doubled = replace(problem.measurements, sd=2.0 * problem.measurements.sd)
-    one, other = plain(), answer(replace(problem, measurements=doubled))
-    (name,) = one.decided.named
-    assert other.effects[name].probability <= one.effects[name].probability + 1e-3
-    assert other.fit.p_before >= one.fit.p_before
-    widths = [each.effects[name].strength.high - each.effects[name].strength.low for each in (one, other)]
-    assert widths[1] > widths[0]
-
-
-def test_a_null_stays_a_null_whatever_the_seed():
-    assert {answer(case(*NULL).problem, seed).decided.verdict for seed in range(3)} <= set(SILENT)

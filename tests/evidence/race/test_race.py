@@ -4,7 +4,6 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import pytest
 
 from doe.trials.reduced.families import FAMILIES, Drawn
 from taichi_erosion.evidence.data.problem import Candidate, Numbers
@@ -86,16 +85,6 @@ def test_a_noisy_model_is_scored_with_many_seeds():
     posterior, found = answered(NOISY)
     assert posterior.race.model.noisy
     assert found.verdict == "none_detected"
-
-
-def test_the_record_says_what_was_decided():
-    posterior, found = answered(SINGLE)
-    record = summary(posterior, found)
-    assert record.decided.named == found.named
-    assert sum(record.decided.probabilities.values()) == pytest.approx(1.0, abs=1e-6)
-    assert {name for name, part in record.effects.items() if part.status == "present"} == set(found.named)
-    assert record.fit.p_before < 0.01 < record.fit.p_after
-    assert all(np.isfinite(part.now.value) for part in record.numbers.values())
 
 
 def test_a_strength_beyond_the_limit_of_the_list_lies_in_its_interval():
