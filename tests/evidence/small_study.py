@@ -1,17 +1,13 @@
 """A small study on the closed-form model, written into a folder: tables of TOML and CSV to change at will."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from taichi_erosion.evidence.models.reduced import predict
 
-Grid = tuple[tuple[float, ...], tuple[float, ...]]  # moistures and diameters
-
 MODEL = "taichi_erosion.evidence.models.reduced:predict"
-MOIST = ((0.0, 0.003, 0.006, 0.01, 0.015, 0.02, 0.03, 0.04), (2e-4, 5e-4))  # kg kg-1, m
-DRY = ((0.0, 0.004), (6e-5, 1e-4, 1.5e-4, 2e-4, 3e-4, 4e-4, 6e-4, 8e-4))  # kg kg-1, m
+MOISTURES, DIAMETERS = (0.0, 0.003, 0.006, 0.01, 0.015, 0.02, 0.03, 0.04), (2e-4, 5e-4)  # kg kg-1, m
 SCATTER = {"threshold_u_star": 0.02, "repose_angle": 0.5}  # of one laboratory repeat: relative, deg
 UNITS = {"threshold_u_star": "m/s", "repose_angle": "deg"}
 TRUTH = {"threshold_coefficient": 0.108, "friction_sliding": 0.53, "friction_rolling": 0.12}
@@ -49,17 +45,16 @@ fraction = 0.3
 """
 
 
-def study_text(library: Sequence[str] = LIBRARY, model: str = MODEL) -> str:
+def study_text(library: tuple[str, ...] = LIBRARY, model: str = MODEL) -> str:
     """A valid study file."""
     return STUDY.format(model=model, candidates="\n".join(f"[candidates.{name}]" for name in library))
 
 
-def table_text(effects: dict[str, float], seed: int, grid: Grid = MOIST, repeats: int = 3) -> str:
+def table_text(effects: dict[str, float], seed: int, repeats: int = 3) -> str:
     """Single repeats of a laboratory in whose world some effects act, over a grid of conditions."""
     random = np.random.default_rng(seed)
-    moistures, diameters = grid
-    moisture = np.repeat(moistures, len(diameters))
-    diameter = np.tile(diameters, len(moistures))
+    moisture = np.repeat(MOISTURES, len(DIAMETERS))
+    diameter = np.tile(DIAMETERS, len(MOISTURES))
     lines = ["observable,value,n,unit,group,moisture,diameter [mm],source"]
     for name, scatter in SCATTER.items():
         exact = np.mean(

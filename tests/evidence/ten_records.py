@@ -6,22 +6,14 @@ from math import nan
 import numpy as np
 
 from taichi_erosion.evidence.data.table_units import TableUnits
+from taichi_erosion.evidence.race import record
 from taichi_erosion.evidence.race.record import (
-    CostPart,
     Decided,
     EffectPart,
-    ErrorPart,
-    ExperimentPart,
-    FitPart,
-    HeldOutPart,
     Interval,
-    LawPart,
     LevelPart,
     NumberPart,
     PlacePart,
-    Record,
-    RepeatPart,
-    RowsPart,
 )
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.scene.schema.units import Scale
@@ -37,13 +29,12 @@ TITLES = {
     "contact_pull": "a pull between touching grains",
     "side_walls": "side walls of a narrow apparatus",
 }
-DOSES = {"rolling_friction": "factor minus one", "contact_pull": "pull over the weight of a grain"}
 VOC = Vocabulary(
     "lab.toml",
     lambda *words: f"`./erosion {' '.join(words)}`",
     UNITS,
     TITLES,
-    DOSES,
+    {"rolling_friction": "factor minus one", "contact_pull": "pull over the weight of a grain"},
     "lab-results/lab.discover.json",
     "lab_adopted.toml",
 )
@@ -67,21 +58,20 @@ MOVED = NUMBERS | {
     SLIDING: NumberPart(0.5, Interval(0.684, 0.651, 0.712), Interval(0.52, 0.48, 0.56), 0.1, False)
 }
 MEASURED = np.array([33.1, 38.0, 0.0512])
-ROWS = RowsPart(
+ROWS = record.RowsPart(
     ("repose_angle", "repose_angle", "radius_90"),
     {"moisture": np.array([0.0, 0.05, 0.05])},
-    MEASURED,
-    MEASURED,
-    MEASURED,
+    *(MEASURED, MEASURED, MEASURED),
     np.array([0.5, 0.5, 5e-4]),
     np.array([33.0, 37.6, 0.0509]),
     np.array([33.0, 37.9, 0.0511]),
 )
-GOOD, BAD = FitPart(33, 34.2, 33.9, 0.41, 0.42, 0.35), FitPart(33, 171.6, 35.0, 1e-17, 0.37, 3e-9)
-COST = CostPart(412, 6592, 1.2, "", 7)
+GOOD = record.FitPart(33, 34.2, 33.9, 0.41, 0.42, 0.35)
+BAD = record.FitPart(33, 171.6, 35.0, 1e-17, 0.37, 3e-9)
+COST = record.CostPart(412, 6592, 1.2, "", 7)
 WET = PlacePart("repose_angle", "moisture", 1, 2e-12)
 
-null = Record(NONE, EFFECTS, NUMBERS, (), (), (), GOOD, (), ROWS, COST)
+null = record.Record(NONE, EFFECTS, NUMBERS, (), (), (), GOOD, (), ROWS, COST)
 
 
 def present(strength: Interval, chance: float = 0.99, varies: str = "") -> EffectPart:
@@ -106,11 +96,7 @@ single = replace(
 pair = replace(
     single,
     decided=decided(
-        "present",
-        ("liquid_bridge", "rolling_resistance"),
-        liquid_bridge__rolling_resistance=0.95,
-        none=0.0,
-        liquid_bridge=0.05,
+        "present", ("liquid_bridge", "rolling_resistance"), liquid_bridge__rolling_resistance=0.95
     ),
     effects=EFFECTS
     | {
@@ -132,21 +118,18 @@ group = replace(
         "dry_cohesion": replace(present(Interval(0.8, 0.5, 1.1), 0.55), status="open", alike=("side_walls",)),
         "side_walls": replace(present(Interval(1.3, 0.7, 1.9), 0.4), status="open", alike=("dry_cohesion",)),
     },
-    experiments=(
-        ExperimentPart(
-            "repose_angle",
-            {"moisture": 0.0, "diameter": 1e-4},
-            {"dry_cohesion": Interval(41.2, 39.8, 42.5), "side_walls": Interval(36.1, 35.0, 37.3)},
-            0.86,
-            1.0,
-        ),
-        ExperimentPart(
-            "threshold_u_star",
-            {"moisture": 0.0, "diameter": 2e-4},
-            {"dry_cohesion": Interval(0.31, 0.29, 0.33), "side_walls": Interval(0.25, 0.24, 0.26)},
-            0.97,
-            3.0,
-        ),
+    experiments=tuple(
+        record.ExperimentPart(
+            observable,
+            {"moisture": 0.0, "diameter": d},
+            {"dry_cohesion": dry, "side_walls": walls},
+            chance,
+            cost,
+        )
+        for observable, d, dry, walls, chance, cost in (
+            ("repose_angle", 1e-4, Interval(41.2, 39.8, 42.5), Interval(36.1, 35.0, 37.3), 0.86, 1.0),
+            ("threshold_u_star", 2e-4, Interval(0.31, 0.29, 0.33), Interval(0.25, 0.24, 0.26), 0.97, 3.0),
+        )
     ),
 )
 outside = replace(
@@ -157,7 +140,7 @@ outside = replace(
     fit=replace(BAD, chi2_after=140.0, p_after=1e-9),
     numbers=MOVED | {ROLLING: replace(MOVED[ROLLING], at_end=True)},
 )
-LAW = LawPart(
+LAW = record.LawPart(
     "rolling_friction",
     ("moisture",),
     "power",
@@ -173,13 +156,7 @@ LAW = LawPart(
 mechanism = replace(
     single,
     decided=decided(
-        "outside_library",
-        (),
-        (),
-        ("rolling_friction",),
-        rolling_friction=0.96,
-        none=0.0,
-        outside_library=0.04,
+        "outside_library", (), (), ("rolling_friction",), rolling_friction=0.96, outside_library=0.04
     ),
     effects=EFFECTS,
     law=LAW,
@@ -193,7 +170,6 @@ mechanisms = replace(
         ("rolling_friction", "contact_pull"),
         rolling_friction=0.6,
         contact_pull=0.38,
-        none=0.02,
     ),
 )
 varying = replace(
@@ -207,12 +183,12 @@ level = replace(
         LevelPart("radius_90", "offset", Interval(0.6e-3, 0.4e-3, 0.8e-3), 0.99),
         LevelPart("repose_angle", "offset", Interval(-0.1, -0.4, 0.2), 0.1),
     ),
-    errors=(ErrorPart("source", "repose_angle", "laboratory B", Interval(-3.0, -4.1, -2.0)),),
+    errors=(record.ErrorPart("source", "repose_angle", "laboratory B", Interval(-3.0, -4.1, -2.0)),),
 )
 typo = replace(
     null,
-    repeats=(RepeatPart("repose_angle", (17, 18), 30.2, 17),),
-    errors=(ErrorPart("row", "repose_angle", "17", Interval(30.0, 29.0, 31.0)),),
+    repeats=(record.RepeatPart("repose_angle", (17, 18), 30.2, 17),),
+    errors=(record.ErrorPart("row", "repose_angle", "17", Interval(30.0, 29.0, 31.0)),),
     fit=replace(GOOD, p_lack_of_fit=0.4),
 )
 stopped = replace(
@@ -221,7 +197,7 @@ stopped = replace(
     effects=EFFECTS | {"liquid_bridge": replace(present(Interval(0.9, 0.4, 1.5), 0.7), status="open")},
     cost=replace(COST, settings=600, stopped="budget"),
 )
-HELD = HeldOutPart(12, 5.6, 1.1, 0.35, 5.1, 1, ("liquid_bridge",), "side_walls")
+HELD = record.HeldOutPart(12, 5.6, 1.1, 0.35, 5.1, 1, ("liquid_bridge",), "side_walls")
 adopted = replace(single, held_out=HELD)
 still_fails = replace(single, held_out=replace(HELD, after=2.9, p_after=5e-14, opened=3))
 fitted_fails = replace(adopted, fit=replace(BAD, chi2_after=80.0, p_after=1e-6))

@@ -4,7 +4,7 @@ import json
 import sqlite3
 import subprocess
 import sys
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from time import monotonic, sleep
 
@@ -30,14 +30,9 @@ def wet(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def replies(wet) -> dict[str, Reply]:
     """The reply of each command; `again`: the discovery after the vault was opened."""
-    asked: dict[str, tuple[Command, tuple[str, ...]]] = {
-        "compare": ("compare", ()),
-        "discover": ("discover", ()),
-        "adopt": ("adopt", (NAME,)),
-        "next": ("next", ()),
-        "again": ("discover", ()),
-    }
-    return {key: ask(command, wet, *effects) for key, (command, effects) in asked.items()}
+    found = {"compare": ask("compare", wet), "discover": ask("discover", wet)}
+    found["adopt"] = ask("adopt", wet, NAME)
+    return found | {"next": ask("next", wet), "again": ask("discover", wet)}
 
 
 @pytest.mark.parametrize("command", ["compare", "adopt", "next", "discover"])
@@ -72,9 +67,26 @@ def test_the_vault_is_opened_by_adopt_alone_and_counted(replies):
     assert replies["discover"].record.held_out is None
     adopted, again = replies["adopt"].record.held_out, replies["again"].record.held_out
     assert adopted.opened == 1
-    assert adopted.after < adopted.before
+    assert adopted.after < 0.5 * adopted.before
+    assert adopted.wrong > 5.0 * adopted.after
     assert again == adopted, "a later discovery of the same name tells the test"
     assert replies["discover"].about["rows_hidden"] == 30
+
+
+def test_misfit_and_strength_are_told_where_and_how_large_they_are(replies):
+    compared, discovered = (replies[command].record for command in ("compare", "discover"))
+    assert (compared.fit.chi2_before, compared.fit.p_before) == (
+        discovered.fit.chi2_before,
+        discovered.fit.p_before,
+    )
+    assert compared.fit.p_before < 0.01
+    assert "moisture" in {place.axis for place in compared.where if place.p < 0.05}
+    fitted = replies["adopt"].record.effects[NAME].strength
+    half = 0.5 * (fitted.high - fitted.low)
+    # the 90 % interval misses one time in ten; three times its half-width misses once in a million
+    assert abs(fitted.value - 1.0) < 3.0 * half
+    # three repeats at sixteen settings fix a strength to 0.09; an interval that holds anything is none
+    assert half < 0.15
 
 
 def test_adoption_leaves_a_study_in_which_the_misfit_is_gone(wet, replies):
@@ -86,32 +98,29 @@ def test_adoption_leaves_a_study_in_which_the_misfit_is_gone(wet, replies):
     assert NAME not in found.about["candidates"]
     assert list(wet.parent.glob("*-results")) == [wet.parent / "heap-results"], "a chain shares its vault"
     assert ask("discover", after).record.decided.verdict == "none_detected"
-
-
-def test_the_ladder_has_the_errors_before_and_after(replies):
     first, second = replies["adopt"].about["ladder"]
     assert (first["effects"], second["effects"]) == ([], [NAME])
     assert second["chi2_per_row_held_out"] < first["chi2_per_row_held_out"]
 
 
-def test_an_effect_that_does_not_act_is_not_adopted(tmp_path):
-    found = ask("adopt", write_study(tmp_path, {}), "side_walls")
-    assert "does not make the model better" in found.answer().lines[0]
-    assert "Do not adopt" in found.answer().lines[0]
+def test_in_a_null_nothing_is_named_or_adopted(tmp_path):
+    study = write_study(tmp_path, {})
+    assert ask("compare", study).record.fit.p_before > 0.01
+    assert ask("discover", study).record.decided.verdict == "none_detected"
+    first = ask("adopt", study, "side_walls").answer().lines[0]
+    assert "does not make the model better" in first
+    assert "Do not adopt" in first
 
 
-def test_adoption_does_not_write_over_a_file_of_the_user(tmp_path):
+def test_a_file_of_the_user_and_no_candidate_are_refused_before_the_vault_is_opened(tmp_path):
     path = write_study(tmp_path, {})
     (tmp_path / "heap_with_gusts.toml").write_text("mine", encoding="utf-8")
     with pytest.raises(BadInput, match="this program did not write it"):
         ask("adopt", path, "gusts")
-    assert (tmp_path / "heap_with_gusts.toml").read_text("utf-8") == "mine"
-    assert not (tmp_path / "heap-results" / "vault.json").exists(), "refused before the vault is opened"
-
-
-def test_an_effect_that_is_no_candidate_is_refused_with_those_that_are(tmp_path):
     with pytest.raises(BadInput, match=f"moonlight is no candidate; there are: {', '.join(LIBRARY)}"):
-        ask("adopt", write_study(tmp_path, {}), "moonlight")
+        ask("adopt", path, "moonlight")
+    assert (tmp_path / "heap_with_gusts.toml").read_text("utf-8") == "mine"
+    assert not (tmp_path / "heap-results" / "vault.json").exists()
 
 
 def test_the_cost_of_an_answer_is_told_before_it_only_where_it_takes_long(tmp_path, monkeypatch):
@@ -124,11 +133,6 @@ def test_the_cost_of_an_answer_is_told_before_it_only_where_it_takes_long(tmp_pa
     ask("discover", study, options=options)
     assert len(told) == 1
     assert "runs" in told[0]
-
-
-def test_compare_and_discover_tell_the_same_misfit_of_the_bare_model(replies):
-    first, second = (replies[command].record.fit for command in ("compare", "discover"))
-    assert (first.chi2_before, first.p_before) == (second.chi2_before, second.p_before)
 
 
 SLOW_LAB = """
@@ -146,11 +150,12 @@ def predict(observable, conditions, parameters, effects, seeds):
 
 def kept_runs(folder: Path) -> int:
     store = folder / "heap-results" / "runs.sqlite"
-    if not store.exists():
-        return 0
-    with closing(sqlite3.connect(store)) as connection:
-        tables = connection.execute("SELECT count(*) FROM sqlite_master WHERE name = 'run'").fetchone()[0]
-        return connection.execute("SELECT count(*) FROM run").fetchone()[0] if tables else 0
+    with (
+        suppress(sqlite3.OperationalError),
+        closing(sqlite3.connect(f"file:{store}?mode=ro", uri=True)) as file,
+    ):
+        return file.execute("SELECT count(*) FROM run").fetchone()[0]
+    return 0
 
 
 def test_a_killed_command_goes_on_from_its_runs(tmp_path):

@@ -1,11 +1,15 @@
 """Tables and models at the edge of what can be answered: a clear sentence, and no name without evidence."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.answers.commands import open_study
 from taichi_erosion.evidence.answers.files import Command
 from tests.evidence import small_study
 from tests.evidence.asking import SILENT, ask
@@ -30,9 +34,6 @@ ASKED: list[Command] = ["compare", "discover", "adopt", "next"]
 
 def study_text(model: str = SOUND) -> str:
     return small_study.study_text(("liquid_bridge", "gusts"), model)
-
-
-BEFORE, AFTER = study_text().split("[parameters", 1)[0], study_text()[study_text().index("[candidates]") :]
 
 
 def rows(count: int, sd: bool = True, below: str = "") -> str:
@@ -66,9 +67,11 @@ def asked(command: Command, path: Path):
 
 
 @pytest.mark.parametrize("command", ASKED)
-def test_without_any_scatter_nothing_can_be_judged(study, command: Command):
+def test_without_any_scatter_or_value_of_the_model_nothing_can_be_judged(study, command: Command):
     with pytest.raises(BadInput, match=r"heap.csv: no row has an sd, .* the scatter is unknown"):
         asked(command, study(rows(12, sd=False)))
+    with pytest.raises(BadInput, match="no value at any measured condition with the start values"):
+        asked(command, study(text=study_text(model="lab:nowhere")))
 
 
 def test_an_observable_without_scatter_is_left_out_with_a_word(study):
@@ -80,12 +83,6 @@ def test_an_observable_without_scatter_is_left_out_with_a_word(study):
         found = asked(command, path)
         assert set(found.record.rows.observable) == {"threshold_u_star"}
         assert any("repose_angle: the scatter of" in words for words in found.about["warnings"])
-
-
-@pytest.mark.parametrize("command", ASKED)
-def test_a_model_without_a_value_at_its_start_is_told(study, command: Command):
-    with pytest.raises(BadInput, match="no value at any measured condition with the start values"):
-        asked(command, study(text=study_text(model="lab:nowhere")))
 
 
 def test_conditions_where_the_model_has_no_value_are_left_out(study):
@@ -103,9 +100,15 @@ def test_a_table_of_limits_alone_names_nothing(study):
     assert ask("compare", path).answer().lines[0].startswith("The calibrated model agrees")
 
 
-@pytest.mark.parametrize("count", [1, 2])
-def test_too_few_rows_name_nothing_and_say_why(study, count: int):
-    path = study(rows(count))
+@pytest.mark.parametrize(("count", "enough"), [(5, False), (6, True)])
+def test_rows_are_enough_where_one_is_left_to_contradict_an_effect(study, count: int, enough: bool):
+    table = "".join(rows(3).splitlines(keepends=True)[: 1 + count])  # three numbers, an effect, a level
+    with open_study(study(table, study_text().replace("fraction = 0.3", "fraction = 0"))) as found:
+        assert ("too_few_rows" in [fault.kind for fault in found.faults]) is not enough
+
+
+def test_too_few_rows_name_nothing_and_say_why(study):
+    path = study(rows(1))
     found = ask("discover", path)
     assert found.record.decided.verdict == "not_testable"
     assert found.record.effects == {}
@@ -117,13 +120,53 @@ def test_too_few_rows_name_nothing_and_say_why(study, count: int):
     assert ask("adopt", path, "liquid_bridge").answer().lines[0].startswith("No held-out row tests")
 
 
-def test_without_calibrated_numbers_the_effect_is_named_beside_the_levels_that_they_would_take(study):
-    path = study(text=BEFORE + AFTER)
-    found = ask("discover", path)
+@pytest.mark.parametrize("factor", [1.0, 3.0, 12.0])
+def test_repeats_that_differ_more_than_stated_are_told(study, factor):
+    values = 0.3 + 0.004 * factor * np.random.default_rng(3).standard_normal(24)
+    lines = [
+        f"threshold_u_star,{value:.5f},0.004,1,m/s,g{k},{0.002 * (k // 4)},0.25,x"
+        for k, value in enumerate(values)
+    ]
+    text = study_text().replace("[observables.repose_angle]\n", "")
+    with open_study(study(HEAD + "\n".join(lines), text)) as found:
+        told = [fault.blocks for fault in found.faults if fault.kind == "scatter"]
+    assert told == [False] * (factor > 1.0)
+
+
+def test_a_typo_in_a_repeat_is_told_and_the_same_effect_is_named(study):
+    head, *lines = table_text(ACTING, 1).splitlines()
+    row = next(k for k, line in enumerate(lines) if line.startswith("repose_angle"))
+    name, value, *rest = lines[row].split(",")
+    lines[row] = ",".join([name, f"{float(value) + 30.0:.6g}", *rest])
+    found = ask("discover", study("\n".join([head, *lines]) + "\n"))
+    assert found.answer().lines[0].startswith(f"Check row {row + 2} first")
     assert found.record.decided.named == tuple(ACTING)
-    assert found.record.numbers == {}
-    assert found.record.fit.p_after > 0.01, "levels that are told are no misfit"
-    assert "The error falls" in ask("adopt", path, "liquid_bridge").answer().lines[0]
+    assert [each.suspect for each in found.record.repeats] == [row + 2]
+
+
+def test_a_mistyped_repeat_is_told_first_with_its_row_in_the_users_table(tmp_path, capsys):
+    """Angles of a laboratory that measured every heap twice; one cell says 60 for 30."""
+    random = np.random.default_rng(2)
+    places = [(d, w) for d in (0.2, 0.4, 0.8) for w in (0.0, 0.5, 1.0, 2.0) for _ in range(2)]
+    angles = [f"{28.0 + 3.0 * w + 2.0 * d + 0.4 * random.standard_normal():.1f}" for d, w in places]
+    angles[12] = "60.0"
+    rows = [f"{d};{w};{angle}" for (d, w), angle in zip(places, angles, strict=True)]
+    table, study = tmp_path / "lab.csv", tmp_path / "s" / "lab.toml"
+    table.write_text(
+        "\n".join(["diameter [mm];moisture [%];repose angle [deg]", *rows, ""]), encoding="utf-8"
+    )
+    told = []
+    for words in (
+        ["new", str(table), "--closed-form", "--yes", "--out", str(study.parent)],
+        ["check", str(study)],
+    ):
+        assert main(["study", *words, "--json"]) == 0
+        told.append(json.loads(capsys.readouterr().out)["notes"][0])
+    compared = ask("compare", study)
+    assert "rows 14 and 15 differ by" in told[0]
+    assert told[0].endswith("check row 14")
+    assert {f"warning: {each}" for each in told} == {compared.about["set_up"][0]}
+    assert not [error for error in compared.record.errors if error.kind == "scatter"]
 
 
 def test_without_candidates_only_what_no_list_holds_is_left(study):

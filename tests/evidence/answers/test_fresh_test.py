@@ -78,12 +78,16 @@ def test_runs_that_scatter_say_less_but_nothing_wrong(share, never):
     assert never not in [asked(share, noise=6.0, seed=seed).outcome for seed in range(3)]
 
 
-def test_an_effect_that_acts_half_as_strongly_is_still_the_right_name():
-    assert asked(share=0.5).outcome == "confirmed"
-
-
-def test_most_of_the_runs_fail():
-    assert asked(fails=0.6).outcome == "undecided"
+@pytest.mark.parametrize(
+    ("world", "outcome"),
+    [
+        ({"share": 0.5}, "confirmed"),  # it is still the right name
+        ({"fails": 0.6}, "undecided"),
+        ({"tests": {"o": replace(SIMILAR["o"], p=0.004)}}, "confirmed"),
+    ],
+)
+def test_an_effect_half_as_strong_runs_that_fail_and_a_gap_by_chance(world, outcome):
+    assert asked(**world).outcome == outcome
 
 
 def test_only_a_confirmed_name_of_the_small_plan_is_settled():
@@ -96,16 +100,12 @@ def test_an_emulator_that_is_off_by_more_than_its_errors_is_believed_nowhere():
     part = asked(tests=off)
     assert part.outcome == "contradicted"
     assert part.gap.p == pytest.approx(3 * 1e-4), "one test in each of three explanations"
-    assert asked(tests={"o": replace(SIMILAR["o"], p=0.004)}).outcome == "confirmed"
 
 
 def test_without_room_for_runs_nothing_is_said():
-    posterior, decision = answered()
-
-    def none(*_):
-        return FreshCampaign((), frozenset("abc"), 0)
-
-    part, keys = fresh_test(posterior, decision, none, lambda words, share: None)
+    part, keys = fresh_test(
+        *answered(), lambda *_: FreshCampaign((), frozenset("abc"), 0), lambda words, share: None
+    )
     assert (part.outcome, part.needed, keys) == ("not_made", 3, frozenset())
 
 

@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
@@ -38,22 +39,14 @@ class Told:
     decided: Decided  # as it is said
 
 
-def overstated(exact):
-    """A mean that overstates what the first effect does, and does not know it."""
-
-    def mean(self, at):
-        return exact(self, at) + OFF * self.width * at.psi[:, 0]
-
-    return mean
-
-
 def told(path: Path, wrong: bool = False, plans: Sequence[BudgetName] = ("quick",)) -> Told:
     runs: list[list[str]] = []
     process = gaussian_process.GaussianProcess
     with pytest.MonkeyPatch.context() as patch, open_study(path) as study:
         patch.setattr(training_runs, "execute", executing(runs))
         if wrong:
-            patch.setattr(process, "mean", overstated(process.mean))
+            exact = process.mean  # overstated in what the first effect does, without knowing it
+            patch.setattr(process, "mean", lambda self, at: exact(self, at) + OFF * self.width * at.psi[:, 0])
         question = discovery_question(study, whole)
         found, ready = answered(study, plans, question, lambda words, share: None)
         decided = discover_record(found).decided
@@ -154,12 +147,9 @@ def with_a_dose(payload: dict) -> tuple[float, float]:
 def test_what_no_list_holds_is_simulated_as_mechanisms_and_found_among_them(tmp_path, monkeypatch):
     monkeypatch.setattr(made_up, "simulated", with_a_dose)
     path = write(tmp_path, STRONG, text=STUDY.replace('"rolling_resistance", ', ""))
-    head, *lines = (tmp_path / "heap.csv").read_text("utf-8").splitlines()
-    cells = [
-        line.split(",") for line in lines
-    ]  # a group for each heap: that of an angularity would be a batch
-    lines = [",".join([*each[:4], f"h{each[5]}{each[6]}", *each[5:]]) for each in cells]
-    (tmp_path / "heap.csv").write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
+    table = pd.read_csv(tmp_path / "heap.csv", dtype=str)
+    table["group"] = "h" + table["angularity"] + table["diameter [mm]"]  # an angularity would be a batch
+    table.to_csv(tmp_path / "heap.csv", index=False)
     answer = told(path)
     first, closest, mechanisms = map(set, answer.runs)
     assert first < closest < mechanisms, "the closest single effect before, then doses"

@@ -24,32 +24,28 @@ def table(folder: Path, text: str):
 
 
 def test_the_sd_of_a_condition_is_no_condition(tmp_path):
-    found = table(tmp_path, TIDY + ROWS)
-    assert found.conditions == ("moisture", "diameter")
-    assert [dict(row.condition_sd) for row in found.rows] == [{"moisture": 0.1, "diameter": 1e-5}, {}]
-    assert found.set_conditions == ("diameter",)
+    for heading in ("sd of moisture [%]", "sd of moisture"):
+        found = table(tmp_path, (TIDY + ROWS).replace("sd of moisture [%]", heading))
+        assert found.conditions == ("moisture", "diameter")
+        assert [dict(row.condition_sd) for row in found.rows] == [{"moisture": 0.1, "diameter": 1e-5}, {}]
+        assert found.set_conditions == ("diameter",)
 
 
 @pytest.mark.parametrize(
-    ("heading", "told"),
+    ("old", "new", "told"),
     [
-        ("sd of moistur [%]", "no column 'moistur'; conditions there: moisture, diameter"),
-        ("sd of moisture", ""),
-        ("sd of moisture [mm]", "is in [mm]; moisture is in [%]: give it so"),
+        (
+            "sd of moisture [%]",
+            "sd of moistur [%]",
+            "no column 'moistur'; conditions there: moisture, diameter",
+        ),
+        ("sd of moisture [%]", "sd of moisture [mm]", "is in [mm]; moisture is in [%]: give it so"),
+        (",0.1,", ",-0.1,", "row 2, sd of moisture [%] = '-0.1' must not be below 0"),
     ],
 )
-def test_an_sd_belongs_to_a_condition_in_its_unit(tmp_path, heading, told):
-    text = (TIDY + ROWS).replace("sd of moisture [%]", heading)
-    if not told:
-        assert table(tmp_path, text).rows[0].condition_sd["moisture"] == 0.1
-        return
+def test_an_sd_of_no_condition_of_another_unit_or_below_0_is_refused(tmp_path, old, new, told):
     with pytest.raises(BadInput, match=re.escape(told)):
-        table(tmp_path, text)
-
-
-def test_an_sd_below_0_is_refused(tmp_path):
-    with pytest.raises(BadInput, match=re.escape("row 2, sd of moisture [%] = '-0.1' must not be below 0")):
-        table(tmp_path, (TIDY + ROWS).replace(",0.1,", ",-0.1,"))
+        table(tmp_path, (TIDY + ROWS).replace(old, new))
 
 
 def test_a_study_has_it_in_the_unit_of_the_model_and_tells_it(tmp_path):

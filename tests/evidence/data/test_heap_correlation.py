@@ -8,7 +8,7 @@ import pytest
 from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.data.heap_correlation import HeapCorrelation, correlated, heap_correlation
-from taichi_erosion.evidence.data.problem import Measurements, Observable, Problem, Replicates
+from taichi_erosion.evidence.data.problem import Floats, Measurements, Observable, Problem, Replicates
 
 TRUE = 0.8
 
@@ -55,28 +55,20 @@ def test_independent_observables_are_seldom_called_correlated():
     assert 4 <= seen <= 27
 
 
-def test_means_over_the_same_heaps_are_correlated_as_single_heaps():
-    measured = table(6, 4, 1)
+def shared(measured: Measurements) -> Floats:
+    """Correlation of rows of angle and height, of which single heaps have TRUE in common."""
     rows = comparison_rows(problem_of(measured), measured)
-    correlation = HeapCorrelation(("angle", "height"), np.array([[1.0, TRUE], [TRUE, 1.0]]))
-    both = correlated(rows, correlation).covariance
-    assert both is not None
-    assert rows.size == 12
+    heaps = HeapCorrelation(("angle", "height"), np.array([[1.0, TRUE], [TRUE, 1.0]]))
+    return correlated(rows, heaps).covariance / np.sqrt(np.outer(rows.variance, rows.variance))
+
+
+def test_means_over_common_heaps_are_correlated_by_their_share_of_them():
     # six rows of angle, then six of height; each pair of means of the same four heaps
-    sd = np.sqrt(rows.variance)
     wanted = TRUE * np.kron(np.array([[0.0, 1.0], [1.0, 0.0]]), np.eye(6))
-    np.testing.assert_allclose(both / np.outer(sd, sd), wanted, atol=1e-12)
-
-
-def test_means_over_some_common_heaps_are_correlated_less():
-    measured = table(1, 4, 1, sd=1.0)
-    fewer = measured.rows(np.array([0, 1, 2, 3, 4]))  # four angles and the height of the first heap
-    rows = comparison_rows(problem_of(fewer), fewer)
-    both = correlated(
-        rows, HeapCorrelation(("angle", "height"), np.array([[1.0, TRUE], [TRUE, 1.0]]))
-    ).covariance
+    np.testing.assert_allclose(shared(table(6, 4, 1)), wanted, atol=1e-12)
+    fewer = table(1, 4, 1, sd=1.0).rows(np.arange(5))  # four angles and the height of the first heap
     # angle: mean of four, height: one of them; cov / (s_a s_b) = rho 1 / sqrt(4 * 1)
-    assert both[0, 1] / np.sqrt(rows.variance[0] * rows.variance[1]) == pytest.approx(TRUE / 2.0)
+    assert shared(fewer)[0, 1] == pytest.approx(TRUE / 2.0)
 
 
 def test_replicates_of_a_model_count_as_far_as_its_scatter_goes():

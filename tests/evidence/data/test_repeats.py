@@ -3,12 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.data.measurement_noise import measurement_scatter
-from taichi_erosion.evidence.data.problem import Problem
+from taichi_erosion.evidence.data.problem import Bools, Floats, Problem
 from taichi_erosion.evidence.data.repeats import gross, lack_of_fit, pure_error, repeated
 
 GROUPS, REPEATS = 8, 3
@@ -22,30 +23,26 @@ def with_value(problem: Problem, row: int, value: float) -> Problem:
     return replace(problem, measurements=replace(problem.measurements, value=values))
 
 
-def repeats_of(problem: Problem, observable: str) -> list[int]:
-    """Visible rows of an observable that repeat an earlier one."""
-    table, seen, found = problem.measurements, set(), []
-    for row, name in enumerate(table.observable):
-        key = (name, *(float(column[row]) for column in table.conditions.values()))
-        if name == observable and key in seen and row not in problem.vault.rows:
-            found.append(row)
-        seen.add(key)
-    return found
+def disagreeing(z: Floats, cell: Floats, stated: bool) -> Bools:
+    """By cell, whether its repeats differ by more than chance."""
+    return gross(*repeated(z, np.ones(z.size), cell), stated)
 
 
 @pytest.fixture(scope="module")
 def laboratory() -> tuple[Problem, int]:
-    """A study with repeats of the angle of repose, and the row of one of them."""
-    drawn = FAMILIES["clean"](4242, 1)
-    return drawn.problem, repeats_of(drawn.problem, "repose_angle")[-1]
+    """A study with repeats of the angle of repose, and a visible row that repeats an earlier one."""
+    problem = FAMILIES["clean"](4242, 1).problem
+    table = problem.measurements
+    settings = pd.DataFrame({"observable": table.observable, **table.conditions})
+    again = settings.duplicated() & (settings["observable"] == "repose_angle")
+    return problem, int(np.setdiff1d(np.flatnonzero(again), problem.vault.rows)[-1])
 
 
 @pytest.mark.parametrize("stated", [True, False])
 def test_sound_repeats_do_not_disagree(stated):
     random, off = np.random.default_rng(5), 0
     for _ in range(200):
-        z = random.standard_normal(CELL.size)
-        off += int(gross(*repeated(z, np.ones(z.size), CELL), stated).any())
+        off += int(disagreeing(random.standard_normal(CELL.size), CELL, stated).any())
     assert off <= 1  # at a family-wise chance of 1e-4 each
 
 
@@ -53,7 +50,7 @@ def test_sound_repeats_do_not_disagree(stated):
 def test_two_wrong_values_do_not_hide_one_another(stated):
     z = np.random.default_rng(6).standard_normal(CELL.size)
     z[[0, 7]] += [60.0, -50.0]
-    assert np.flatnonzero(gross(*repeated(z, np.ones(z.size), CELL), stated)).tolist() == [0, 2]
+    assert np.flatnonzero(disagreeing(z, CELL, stated)).tolist() == [0, 2]
 
 
 def test_empty_traps_that_agree_exactly_are_no_standard_for_the_others():
@@ -67,7 +64,7 @@ def test_empty_traps_that_agree_exactly_are_no_standard_for_the_others():
 
 def test_scatter_that_is_larger_everywhere_is_no_disagreement():
     z = 4.0 * np.random.default_rng(7).standard_normal(CELL.size)
-    assert not gross(*repeated(z, np.ones(z.size), CELL), True).any()
+    assert not disagreeing(z, CELL, True).any()
 
 
 def test_a_mistyped_cell_is_found_and_leaves_the_scatter_of_the_others(laboratory):
@@ -78,13 +75,15 @@ def test_a_mistyped_cell_is_found_and_leaves_the_scatter_of_the_others(laborator
     assert not before.apart
     assert found.suspects == (row + 2,)
     assert found.gap == pytest.approx(30.0, abs=3.0)
-    own = ((row + 2,),)  # a row of its own; its sound repeats stay merged
-    assert [after.lines[k] for k in np.flatnonzero(after.suspect)] == list(own)
-    same = {lines: k for k, lines in enumerate(before.lines)}
-    pairs = [(same[lines], k) for k, lines in enumerate(after.lines) if lines in same]
-    ratio = [after.variance[k] / before.variance[j] for j, k in pairs]
-    assert len(pairs) == before.size - 1
-    assert ratio == pytest.approx(np.ones(len(ratio)), abs=0.1)
+    # a row of its own; its sound repeats stay merged
+    assert [after.lines[k] for k in np.flatnonzero(after.suspect)] == [(row + 2,)]
+    same = {lines: variance for lines, variance in zip(before.lines, before.variance, strict=True)}
+    ratio = [
+        variance / same[lines]
+        for lines, variance in zip(after.lines, after.variance, strict=True)
+        if lines in same
+    ]
+    assert ratio == pytest.approx(np.ones(before.size - 1), abs=0.1)
 
 
 @pytest.mark.parametrize("off", [30.0, -15.0])
@@ -116,5 +115,4 @@ def test_lack_of_fit_has_the_size_of_its_level_and_sees_a_misfit():
 
 def test_one_of_five_pairs_without_a_stated_sd_is_told():
     z = np.array([31.2, 31.9, 33.0, 32.6, 35.1, 65.2, 37.0, 36.6, 38.1, 38.9])
-    groups, squares = repeated(z, np.ones(10), np.repeat(np.arange(5.0), 2))
-    np.testing.assert_array_equal(gross(groups, squares, False), np.arange(5) == 2)
+    assert np.flatnonzero(disagreeing(z, np.repeat(np.arange(5.0), 2), False)).tolist() == [2]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.campaign.request import RunResult
-from taichi_erosion.evidence.answers.files import Command, Reply
+from taichi_erosion.evidence.answers.files import Reply
 from taichi_erosion.evidence.emulator import training_runs
 from taichi_erosion.evidence.models.load_study import StudyOptions
 from taichi_erosion.measures import shortfalls
@@ -32,36 +32,22 @@ effects = ["rolling_resistance", "dry_adhesion"]
 fraction = 0.0
 """
 MEASURED = (31.0, 33.0, 35.0, 38.0, 41.0, 43.0)
-LACKING = {
-    "flag": "small_heap",
-    "sentence": "small",
-    "found": 1.2,
-    "needed": 3.0,
-    "blocks": True,
-    "grains": 900,
-}
-
-
-def record(place: int, kind: str) -> tuple[dict, str | None]:
-    """Record of a run and its failure: of a small heap, of one without an angle, of a run that stops."""
-    measure: dict = {"value": 3.6 + 0.01 * (place % 7), "unit": "deg", "shortfalls": [LACKING]}
-    if kind == "fine":
-        measure = {"value": 22.0 + 0.1 * (place % 7), "unit": "deg", "shortfalls": []}
-    if kind == "bare of angle" and place % 4:
-        measure = {"value": None, "unit": "deg", "notes": ["no flank of 3 diameters"], "shortfalls": []}
-    if kind == "stops" and place % 4 == 0:
-        return {}, "grains overlap"
-    return {"measures": {"angle_of_repose": measure}}, None
+LACKING = dict(flag="small_heap", sentence="small", found=1.2, needed=3.0, blocks=True, grains=900)
 
 
 @pytest.fixture
 def ask(tmp_path, monkeypatch):
-    """The answer of a command where all runs are of one kind."""
+    """The reply of `discover` where every heap is too small, and every fourth run stops or none."""
 
-    def answer(kind: str, command: Command = "compare", more: str = "") -> Reply:
+    def answer(stops: bool, more: str = "") -> Reply:
         def execute(wanted, store, **options):
-            found = [(request.key, *record(place, kind)) for place, request in enumerate(wanted)]
-            return [RunResult(key, told, failure) for key, told, failure in found]
+            found = []
+            for place, request in enumerate(wanted):
+                angle = {"value": 3.6 + 0.01 * (place % 7), "unit": "deg", "shortfalls": [LACKING]}
+                failure = "grains overlap" if stops and place % 4 == 0 else None
+                record = {} if failure else {"measures": {"angle_of_repose": angle}}
+                found.append(RunResult(request.key, record, failure))
+            return found
 
         monkeypatch.setattr(training_runs, "execute", execute)
         lines = ["observable,value,sd,n,unit,group,angularity,source"]
@@ -70,13 +56,13 @@ def ask(tmp_path, monkeypatch):
         (tmp_path / "heap.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
         (tmp_path / SCENE.name).write_text(SCENE.read_text("utf-8"), encoding="utf-8")
         (tmp_path / "heap.toml").write_text(STUDY.format(more=more), encoding="utf-8")
-        return asked(command, tmp_path / "heap.toml", options=StudyOptions(budget="quick"))
+        return asked("discover", tmp_path / "heap.toml", options=StudyOptions(budget="quick"))
 
     return answer
 
 
 def test_a_heap_that_is_too_small_is_told_before_any_effect(ask):
-    found = ask("small", "discover")
+    found = ask(stops=False)
     advice = shortfalls.small_heap_advice(LACKING["found"], 1800, min(MEASURED))
     told = re.sub(r"3\.6\d", "3.6", found.about["set_up"][0])
     assert told == (
@@ -89,7 +75,7 @@ def test_a_heap_that_is_too_small_is_told_before_any_effect(ask):
 
 
 def test_runs_that_stop_are_told(ask):
-    found = ask("stops", more="same_size = true")
+    found = ask(stops=True, more="same_size = true")
     told = next(fault for fault in found.about["faults"] if fault["kind"] == "failed_runs")
     assert "runs stopped and are left out; the first: grains overlap" in told["sentence"]
     assert not told["blocks"]

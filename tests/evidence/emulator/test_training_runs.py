@@ -2,16 +2,16 @@
 
 import re
 import tomllib
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import tanh
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from taichi_erosion.campaign.request import RunResult
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.files import Reply
 from taichi_erosion.evidence.emulator import training_runs
 from taichi_erosion.evidence.models.load_study import NO_OPTIONS, StudyOptions
 from taichi_erosion.evidence.race.priors import SURE
@@ -77,9 +77,8 @@ def executing(batches: list[list[str]]):
         batches.append([request.key for request in wanted])
         results = []
         for request in wanted:
-            pile, centroid = simulated(request.payload)
-            values = {"pile_height": pile, "centroid_height": centroid}
-            measures = {name: {"value": value, "unit": "m"} for name, value in values.items()}
+            values = zip(("pile_height", "centroid_height"), simulated(request.payload), strict=True)
+            measures = {name: {"value": value, "unit": "m"} for name, value in values}
             results.append(RunResult(request.key, {"measures": measures}))
         return results
 
@@ -94,59 +93,46 @@ def asked(monkeypatch):
     return batches
 
 
-def write(folder: Path, strength: float, name: str = "heap.toml", text: str = STUDY, seed: int = 1) -> Path:
-    """Study and table of a laboratory in whose world angular grains roll badly."""
+def table_of(axis: str, world: dict[float, tuple[float, float]], repeats: int, seed: int) -> str:
+    """Heaps of a laboratory in whose world grains roll badly and stick, by the level of an axis."""
     generator = np.random.default_rng(seed)
-    lines = ["observable,value,n,unit,group,angularity,diameter [mm],source"]
-    for a in ANGULARITIES:
+    lines = [f"observable,value,n,unit,group,{axis},diameter [mm],source"]
+    for level, acting in world.items():
         for d in DIAMETERS:
-            pair = heights(1e-3 * d, 0.2, 0.28 * strength * a, 0.0)
+            pair = heights(1e-3 * d, 0.2, *acting)
             for observable, exact in zip(("pile_height", "centroid_height"), pair, strict=True):
                 lines += [
-                    f"{observable},{exact * generator.normal(1.0, SCATTER):.6g},1,m,a{a:g},{a:g},{d:g},made"
-                    for _ in range(3)
+                    f"{observable},{value:.6g},1,m,a{level:g},{level:g},{d:g},made"
+                    for value in exact * generator.normal(1.0, SCATTER, repeats)
                 ]
-    (folder / "heap.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return "\n".join(lines) + "\n"
+
+
+def write(folder: Path, strength: float, text: str = STUDY, seed: int = 1) -> Path:
+    """Study and table of a laboratory in whose world angular grains roll badly."""
+    world = {a: (0.28 * strength * a, 0.0) for a in ANGULARITIES}
+    (folder / "heap.csv").write_text(table_of("angularity", world, 3, seed), encoding="utf-8")
     (folder / SCENE.name).write_text(SCENE.read_text("utf-8"), encoding="utf-8")
-    path = folder / name
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-@dataclass(frozen=True)
-class Loop:
-    """The whole loop on one study, with the runs that every command asked for."""
-
-    study: Path
-    compared: Reply
-    found: Reply
-    adopted: Reply
-    after: Reply
-    runs: dict[str, list[list[str]]]
-    cost: str  # as `discover` tells it before its first run
+    (folder / "heap.toml").write_text(text, encoding="utf-8")
+    return folder / "heap.toml"
 
 
 @pytest.fixture(scope="module")
-def loop(tmp_path_factory) -> Loop:
+def loop(tmp_path_factory) -> SimpleNamespace:
+    """Replies of the whole loop on one study, the runs of each command, the cost as told before the first."""
     path = write(tmp_path_factory.mktemp("loop"), strength=1.5)
-    runs: dict[str, list[list[str]]] = {}
-    cost: list[str] = []
-
-    def told(name: str, *words, options: StudyOptions = NO_OPTIONS) -> Reply:
+    replies, runs, cost = {}, {}, []
+    for name, words, options in (
+        ("compare", ("compare", path), NO_OPTIONS),
+        ("discover", ("discover", path), replace(QUICK, announce=cost.append)),
+        ("adopt", ("adopt", path, NAME), NO_OPTIONS),
+        ("after", ("compare", path.with_name(f"heap_with_{NAME}.toml")), NO_OPTIONS),
+    ):
         runs[name] = []
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(training_runs, "execute", executing(runs[name]))
-            return ask(*words, options=options)
-
-    return Loop(
-        path,
-        told("compare", "compare", path),
-        told("discover", "discover", path, options=replace(QUICK, announce=cost.append)),
-        told("adopt", "adopt", path, NAME),
-        told("after", "compare", path.with_name(f"heap_with_{NAME}.toml")),
-        runs,
-        cost[0],
-    )
+            replies[name] = ask(*words, options=options).record
+    return SimpleNamespace(**replies, runs=runs, cost=cost[0])
 
 
 def keys(batches: list[list[str]]) -> set[str]:
@@ -154,13 +140,14 @@ def keys(batches: list[list[str]]) -> set[str]:
 
 
 def test_the_loop_names_what_acts_and_the_held_out_error_falls(loop):
-    assert loop.compared.record.fit.p_before < 1e-3
-    assert loop.found.record.decided.named == (NAME,)
-    held = loop.adopted.record.held_out
+    assert loop.compare.fit.p_before < 1e-3
+    assert loop.discover.decided.named == (NAME,)
+    held = loop.adopt.held_out
     assert held.after < 0.5 * held.before
-    fitted = loop.adopted.record.effects[NAME].strength
+    fitted = loop.adopt.effects[NAME].strength
     # the 90 % interval misses one time in ten, three times its half-width once in a million
     assert abs(fitted.value - 1.5) < 1.5 * (fitted.high - fitted.low)
+    assert loop.after.fit.p_before > 0.01
 
 
 def test_a_quick_discovery_over_two_effects_takes_about_a_hundred_runs(loop):
@@ -168,30 +155,21 @@ def test_a_quick_discovery_over_two_effects_takes_about_a_hundred_runs(loop):
     # 8 about each of three explanations, a pair among them; 2 at each of 8 conditions that are not held out
     # for the name and for a runner-up, of which angularity does not change the bare model
     count = len(keys(loop.runs["discover"]))
-    assert loop.found.record.cost.runs == count <= 16 + 24 + 8 + 3 * 8 + 2 * (8 + 8 + 2)
+    assert loop.discover.cost.runs == count <= 16 + 24 + 8 + 3 * 8 + 2 * (8 + 8 + 2)
 
 
-def test_new_simulations_bear_a_right_name_out(loop):
-    fresh = loop.found.record.fresh
-    assert (fresh.outcome, fresh.effects, fresh.agreement) == ("confirmed", (NAME,), 1.0)
-    assert fresh.simulated > SURE
+def test_new_simulations_with_seeds_of_their_own_bear_a_right_name_out_and_train_nothing(loop):
+    found, (*training, test) = loop.discover.fresh, loop.runs["discover"]
+    assert (found.outcome, found.effects, found.agreement) == ("confirmed", (NAME,), 1.0)
+    assert found.simulated > SURE
+    assert len(set(test)) == found.runs
+    assert not set(test) & (keys(training) | keys(loop.runs["adopt"]))
 
 
-def test_the_test_of_a_name_has_seeds_of_its_own_and_trains_nothing(loop):
-    *training, fresh = loop.runs["discover"]
-    assert not set(fresh) & keys(training)
-    assert len(set(fresh)) == loop.found.record.fresh.runs
-    assert not set(fresh) & keys(loop.runs["adopt"])
-
-
-def test_what_compare_has_run_is_not_run_again_for_discover(loop):
-    assert keys(loop.runs["compare"]) <= keys(loop.runs["discover"])
-
-
-def test_the_study_that_adopt_writes_goes_on_from_the_same_runs(loop):
-    first = set(loop.runs["after"][0])
-    assert first <= keys(loop.runs["discover"]), "bare runs and those of the adopted effect are there"
-    assert loop.after.record.fit.p_before > 0.01
+def test_no_run_is_made_twice(loop):
+    made = keys(loop.runs["discover"])
+    assert keys(loop.runs["compare"]) <= made
+    assert set(loop.runs["after"][0]) <= made, "bare runs and those of the adopted effect are there"
 
 
 def test_a_null_stays_a_null_and_starts_from_the_same_runs(tmp_path, loop, asked):
@@ -240,18 +218,9 @@ MOIST = (
 @pytest.mark.slow
 def test_how_an_effect_grows_with_its_condition_is_calibrated_with_it(tmp_path, asked):
     power = 1.2  # the library's own is 0.68
-    generator = np.random.default_rng(1)
-    lines = ["observable,value,n,unit,group,moisture,diameter [mm],source"]
-    for water in (0.0, 0.005, 0.01, 0.02, 0.04):
-        for d in DIAMETERS:
-            pull = 0.8 * (water / 0.01) ** power if water else 0.0
-            pair = heights(1e-3 * d, 0.2, 0.0, pull)
-            at = f"w{water:g},{water:g},{d:g}"
-            for observable, exact in zip(("pile_height", "centroid_height"), pair, strict=True):
-                heaps = exact * generator.normal(1.0, SCATTER, 4)
-                lines += [f"{observable},{value:.6g},1,m,{at},made" for value in heaps]
+    world = {w: (0.0, 0.8 * (w / 0.01) ** power) for w in (0.0, 0.005, 0.01, 0.02, 0.04)}
     path = write(tmp_path, 0.0, text=MOIST)
-    (tmp_path / "moist.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (tmp_path / "moist.csv").write_text(table_of("moisture", world, 4, 1), encoding="utf-8")
     found = ask("discover", path, options=QUICK).record
     assert found.decided.named == ("liquid_bridge",)
     fitted = found.numbers["effects.liquid_bridge.exponent"].now

@@ -3,6 +3,7 @@
 import tomllib
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -22,14 +23,10 @@ scene = "heap.toml"
 """
 
 
-def study_in(folder: Path, name: str) -> SimpleNamespace:
-    path = folder / f"{name}.toml"
+def study_in(folder: Path) -> Any:
+    path = folder / "moist.toml"
     path.write_text(STUDY, encoding="utf-8")
-    if not (folder / "heap.toml").exists():
-        text = SCENE.read_text("utf-8").replace(
-            "friction_rolling = 0.12", "friction_rolling = 0.12  # by hand"
-        )
-        (folder / "heap.toml").write_text(text, "utf-8")
+    (folder / "heap.toml").write_text(SCENE.read_text("utf-8"), "utf-8")
     problem = SimpleNamespace(candidates=(Candidate("liquid_bridge"), Candidate("dry_adhesion")))
     file = SimpleNamespace(observables={"repose_angle": SimpleNamespace(scene="heap.toml")})
     return SimpleNamespace(path=path, problem=problem, file=file, effect_files=())
@@ -41,7 +38,7 @@ def adoption(*effects: str, friction: float = 0.2) -> Adopted:
 
 
 def test_study_and_scenes_are_named_by_the_study_and_all_effects(tmp_path):
-    written = write_adopted_files(study_in(tmp_path, "moist"), adoption("liquid_bridge", "dry_adhesion"))
+    written = write_adopted_files(study_in(tmp_path), adoption("liquid_bridge", "dry_adhesion"))
     assert [path.name for path in written] == [
         "moist_with_liquid_bridge_and_dry_adhesion.toml",
         "heap_moist_with_liquid_bridge_and_dry_adhesion.toml",
@@ -55,7 +52,7 @@ def test_study_and_scenes_are_named_by_the_study_and_all_effects(tmp_path):
 
 
 def test_a_calibrated_scene_that_the_user_edited_is_not_replaced(tmp_path):
-    study = study_in(tmp_path, "moist")
+    study = study_in(tmp_path)
     _, scene = write_adopted_files(study, adoption("liquid_bridge"))
     edited = scene.read_text("utf-8") + "# my remark\n"
     scene.write_text(edited, "utf-8")
@@ -67,7 +64,7 @@ def test_a_calibrated_scene_that_the_user_edited_is_not_replaced(tmp_path):
 
 
 def test_a_chain_names_every_step(tmp_path):
-    study = study_in(tmp_path, "moist")
+    study = study_in(tmp_path)
     first, _ = write_adopted_files(study, adoption("liquid_bridge"))
     then = SimpleNamespace(**{**vars(study), "path": first})
     second, _ = write_adopted_files(then, adoption("dry_adhesion"))

@@ -11,7 +11,7 @@ import pytest
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.effects import load_library
-from taichi_erosion.evidence.data.measured import Table, read_table, study_measurements
+from taichi_erosion.evidence.data.measured import read_table, study_measurements
 from taichi_erosion.evidence.models.column_units import place_units
 from taichi_erosion.scene.paths import options, scene_schema, unit_of_path
 
@@ -43,20 +43,18 @@ NO_NUMBER = ("unit of the observable", "m, m, any mass", "m per file unit", "uni
 KEYS = {"contact": "soil-steel", "effects": "liquid_bridge"}  # names that stand for any key of a table
 
 
-def leaves(node: dict[str, Any], path: str, depth: int = 0) -> Iterator[str]:
+def leaves(node: dict[str, Any], path: str = "") -> Iterator[str]:
     """Dotted paths of all numbers below a node; one name for any key, one place for any component."""
     for option in options(scene_schema(), node):
         if "unit" in option:
             vector = any("items" in part or "prefixItems" in part for part in options(scene_schema(), option))
             yield f"{path}.0" if vector else path
             continue
-        for key, below in option.get("properties", {}).items():
-            yield from leaves(below, f"{path}.{key}".lstrip("."), depth + 1)
-        for below in (option.get("additionalProperties"), *option.get("patternProperties", {}).values()):
-            if isinstance(below, dict):
-                yield from leaves(below, f"{path}.{KEYS.get(path, 'anything')}", depth + 1)
-        if isinstance(option.get("items"), dict):
-            yield from leaves(option["items"], f"{path}.0", depth + 1)
+        anything = (option.get("additionalProperties"), *option.get("patternProperties", {}).values())
+        below = [*option.get("properties", {}).items(), ("0", option.get("items"))]
+        for key, each in below + [(KEYS.get(path, "anything"), each) for each in anything]:
+            if isinstance(each, dict):
+                yield from leaves(each, f"{path}.{key}".lstrip("."))
 
 
 def effect_numbers() -> Iterator[tuple[str, str]]:
@@ -66,7 +64,7 @@ def effect_numbers() -> Iterator[tuple[str, str]]:
         yield from ((f"effects.{name}.{f.name}", str(f.metadata["unit"])) for f in fields(effect.params))
 
 
-SCENE = [(path, unit_of_path(path)) for path in dict.fromkeys(leaves(scene_schema(), ""))]
+SCENE = [(path, unit_of_path(path)) for path in dict.fromkeys(leaves(scene_schema()))]
 PLACES = [(path, unit) for path, unit in (*SCENE, *effect_numbers()) if unit not in NO_NUMBER]
 
 
@@ -80,22 +78,12 @@ def study(**conditions: str) -> StudyFile:
     )
 
 
-def table_of(folder: Path, heading: str, number: float) -> Table:
-    """A table of one row with a condition x."""
-    (folder / "t.csv").write_text(f"observable,value,unit,{heading}\npile_height,1,m,{number!r}\n", "utf-8")
-    return read_table(folder / "t.csv", "t.csv")
-
-
-def used(table: Table, file: StudyFile, places: dict[str, str]) -> float:
-    """The condition x as the model gets it."""
-    rows, _ = study_measurements(table, file, "study.toml", places)
-    return float(rows.conditions["x"][0])
-
-
 def converted(folder: Path, heading: str, number: float, place: str) -> float:
-    """A number of a table as the model gets it."""
-    file = study(x=place)
-    return used(table_of(folder, heading, number), file, place_units(file, Path("study.toml")))
+    """A number of a table of one row, as the model gets it."""
+    (folder / "t.csv").write_text(f"observable,value,unit,{heading}\npile_height,1,m,{number!r}\n", "utf-8")
+    file, table = study(x=place), read_table(folder / "t.csv", "t.csv")
+    rows, _ = study_measurements(table, file, "study.toml", place_units(file, folder / "study.toml"))
+    return float(rows.conditions["x"][0])
 
 
 def test_the_schema_has_paths_of_every_kind_of_unit():
@@ -105,12 +93,10 @@ def test_the_schema_has_paths_of_every_kind_of_unit():
 
 @pytest.mark.parametrize("unit", COLUMNS)
 def test_every_path_is_set_in_its_own_unit_from_a_column_in_any_of_three(tmp_path, unit):
-    columns = [(table_of(tmp_path, f"x [{heading}]", n), wanted) for heading, n, wanted in COLUMNS[unit]]
     for path in (path for path, own in PLACES if own == unit):
-        file = study(x=path)
-        places = place_units(file, Path("study.toml"))
-        for table, wanted in columns:
-            assert used(table, file, places) == pytest.approx(wanted, rel=1e-9), path
+        for heading, number, wanted in COLUMNS[unit]:
+            found = converted(tmp_path, f"x [{heading}]", number, path)
+            assert found == pytest.approx(wanted, rel=1e-9), path
 
 
 @pytest.mark.parametrize(
@@ -132,11 +118,9 @@ def test_a_column_of_another_kind_than_its_place_is_refused(tmp_path, heading, p
 
 def test_a_condition_that_a_scene_declares_has_the_unit_it_is_declared_in(tmp_path):
     (tmp_path / "s.toml").write_text('[conditions.extra]\nroots = { unit = "kg/m3" }\n', "utf-8")
-    file = study(x="conditions.roots")
-    table = table_of(tmp_path, "x [g/L]", 2.5)
-    assert used(table, file, place_units(file, tmp_path / "study.toml")) == pytest.approx(2.5)
+    assert converted(tmp_path, "x [g/L]", 2.5, "conditions.roots") == pytest.approx(2.5)
     with pytest.raises(BadInput, match="it sets a number in kg/m3"):
-        used(table_of(tmp_path, "x [mm]", 2.5), file, place_units(file, tmp_path / "study.toml"))
+        converted(tmp_path, "x [mm]", 2.5, "conditions.roots")
 
 
 def test_a_model_function_gets_si_units(tmp_path):

@@ -1,23 +1,15 @@
 """A study file becomes a problem; whatever is wrong with it or its model is told in one line."""
 
-import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.models.load_study import load_study
 from tests.evidence.small_study import LIBRARY, MODEL, study_text, write_study
 
-ROOT = Path(__file__).parents[3]
 GOOD = study_text()
-SHIPPED = [
-    path
-    for path in sorted((ROOT / "doe").glob("*.toml"))
-    if "measurements" in tomllib.loads(path.read_text("utf-8"))["study"]
-]
 OWN_MODEL = """
 import numpy as np
 import constants_beside
@@ -62,19 +54,15 @@ def test_a_study_becomes_a_problem(tmp_path):
     assert not study.results.exists(), "reading a study writes nothing"
 
 
-def test_a_model_beside_the_study_is_found_with_its_neighbours_and_may_talk(own_study, capsys):
-    assert np.all(ask(own_study("predict")) == 30.0)
+def test_a_model_beside_the_study_is_found_with_its_neighbours_and_may_talk(own_study, tmp_path, capsys):
+    path = own_study("predict")
+    assert np.all(ask(path) == 30.0)
     printed = capsys.readouterr()
     assert printed.out == ""
     assert "a model that talks" in printed.err
-
-
-def test_an_edited_model_is_another_model(own_study, tmp_path):
-    path = own_study("predict")
-    ask(path)
     before = load_study(path).model
     (tmp_path / "constants_beside.py").write_text("LEVEL = 31.0\n", encoding="utf-8")
-    assert load_study(path).model != before
+    assert load_study(path).model != before, "an edited neighbour makes another model"
 
 
 @pytest.mark.parametrize(
@@ -123,11 +111,12 @@ def test_what_is_wrong_with_a_study_is_told_in_one_line(tmp_path, old, new, told
 
 
 def test_values_are_converted_to_the_unit_in_which_the_model_speaks(tmp_path):
-    said = "[observables.repose_angle]\nunit = 'rad'"
-    in_radians = write_study(tmp_path, {}, study=GOOD.replace("[observables.repose_angle]", said))
-    angles = load_study(in_radians).problem.measurements.value[-1]
-    in_degrees = write_study(tmp_path, {})
-    assert angles == pytest.approx(np.radians(load_study(in_degrees).problem.measurements.value[-1]))
+    said = GOOD.replace("[observables.repose_angle]", "[observables.repose_angle]\nunit = 'rad'")
+    angles, degrees = (
+        load_study(write_study(tmp_path, {}, study=text)).problem.measurements.value[-1]
+        for text in (said, GOOD)
+    )
+    assert angles == pytest.approx(np.radians(degrees))
 
 
 def test_a_censored_value_without_a_limit_needs_the_floor_of_its_instrument(tmp_path):
@@ -142,9 +131,3 @@ def test_a_censored_value_without_a_limit_needs_the_floor_of_its_instrument(tmp_
     measurements = load_study(path).problem.measurements
     assert measurements.censored[-1]
     assert measurements.limit[-1] == 0.05
-
-
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
-def test_every_shipped_study_can_be_read(path):
-    file = read_evidence_study(path)
-    assert (path.parent / file.study.measurements).is_file()

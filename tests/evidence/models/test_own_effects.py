@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from small_study import write_study
 
+from taichi_erosion.campaign.request import request_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.models.load_study import StudyOptions, load_study
 from taichi_erosion.evidence.models.simulator import Simulator
@@ -66,13 +67,10 @@ def test_an_effect_whose_file_is_named_is_a_candidate(heap):
 
 
 def test_an_edited_file_makes_new_runs_of_its_effect_alone(heap):
-    scene, strength = heap.parent / "heap.toml", ("effects.constant_pull.strength=1.0",)
-
     def keys() -> list[str]:
-        from taichi_erosion.campaign.request import request_of
-
         simulator = simulator_of(heap)
-        return [request_of(simulator.scene(scene, words), 1).key for words in ((), strength)]
+        orders = ((), ("effects.constant_pull.strength=1.0",))
+        return [request_of(simulator.scene(heap.parent / "heap.toml", each), 1).key for each in orders]
 
     bare, pulled = keys()
     (heap.parent / "glue.py").write_text(ROOTED + "\n", encoding="utf-8")
@@ -100,21 +98,16 @@ def test_a_column_that_the_scene_does_not_declare_is_refused_with_a_remedy(heap)
         load_study(heap)
 
 
-def with_reading(folder: Path, text: str) -> tuple[Path, StudyOptions]:
-    """The closed-form study, and an effect file named on the command line."""
-    (folder / "mine.py").write_text(text, encoding="utf-8")
-    return write_study(folder, {}), StudyOptions(effect_files=(folder / "mine.py",))
-
-
 def test_a_model_function_is_read_through_an_instrument_of_ones_own(tmp_path):
-    problem = load_study(*with_reading(tmp_path, READING)).problem
+    (tmp_path / "mine.py").write_text(READING, encoding="utf-8")
+    options = StudyOptions(effect_files=(tmp_path / "mine.py",))
+    problem = load_study(write_study(tmp_path, {}), options).problem
     assert "mine" in [each.name for each in problem.candidates]
     conditions = {"moisture": np.zeros(2), "diameter": np.full(2, 3e-4)}
     numbers = {each.path: each.start for each in problem.parameters}
-
-    def angles(strength: float):
-        return problem.model("repose_angle", conditions, numbers, {"mine": strength}, np.arange(3))
-
-    bare = angles(0.0)
-    assert np.all(angles(1.0) != bare)
-    assert angles(0.5) - bare == pytest.approx(0.5 * (angles(1.0) - bare))
+    bare, half, full = (
+        problem.model("repose_angle", conditions, numbers, {"mine": strength}, np.arange(3))
+        for strength in (0.0, 0.5, 1.0)
+    )
+    assert np.all(full != bare)
+    assert half - bare == pytest.approx(0.5 * (full - bare))

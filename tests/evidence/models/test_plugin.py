@@ -24,12 +24,6 @@ def predict_covariance(observable, conditions, parameters, effects):
 
 def sure(observable, conditions, parameters, effects, seeds):
     return predict(observable, conditions, parameters, effects, seeds)
-
-def short(observable, conditions, parameters, effects, seeds):
-    return predict(observable, conditions, parameters, effects, seeds)
-
-def short_covariance(observable, conditions, parameters, effects):
-    return np.zeros(3)
 """
 STUDY = """
 [study]

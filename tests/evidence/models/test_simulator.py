@@ -47,19 +47,21 @@ def heap_in(payload: dict) -> float:
     return scene["grains"]["size"]["diameter"] * (6.0 + friction + strengths) + 1e-9 * payload["seed"]
 
 
+def made(wanted) -> list[RunResult]:
+    """Results of runs, by `heap_in`."""
+    return [
+        RunResult(r.key, {"measures": {"pile_height": {"value": heap_in(r.payload), "unit": "m"}}})
+        for r in wanted
+    ]
+
+
 @pytest.fixture
-def asked(tmp_path, monkeypatch):
-    """Requests that reach the campaign, answered by `heap_in`."""
+def asked(monkeypatch):
+    """Requests that reach the campaign."""
     requests = []
-
-    def execute(wanted, store, progress=None):
-        requests.append([(request.key, request.payload) for request in wanted])
-        return [
-            RunResult(r.key, {"measures": {"pile_height": {"value": heap_in(r.payload), "unit": "m"}}})
-            for r in wanted
-        ]
-
-    monkeypatch.setattr(simulator, "execute", execute)
+    monkeypatch.setattr(
+        simulator, "execute", lambda wanted, *_, **__: requests.append(wanted) or made(wanted)
+    )
     return requests
 
 
@@ -79,15 +81,15 @@ def test_conditions_parameters_and_effects_become_entries_of_the_scene(tmp_path,
     found = ask(tmp_path, friction=0.2, rolling_resistance=1.5)
     # the table counts in mm; only the second row is angular, and round grains feel no such effect
     assert found[0] == pytest.approx([1.5 * 6.2, 1.5 * 7.7, 3.0 * 6.2], rel=1e-5)
-    _, payload = asked[0][2]
-    assert payload["scene"]["effects"]["rolling_resistance"]["strength"] == 1.5
-    assert payload["scene"]["conditions"]["angularity"] == 0.5
-    assert payload["scene"]["contact"]["grain-grain"]["friction_rolling"] == 0.2
+    scene = asked[0][2].payload["scene"]
+    assert scene["effects"]["rolling_resistance"]["strength"] == 1.5
+    assert scene["conditions"]["angularity"] == 0.5
+    assert scene["contact"]["grain-grain"]["friction_rolling"] == 0.2
 
 
 def test_the_bare_model_is_run_once_for_all_conditions_that_nothing_reads(tmp_path, asked):
     ask(tmp_path)
-    keys = [key for key, _ in asked[0]]
+    keys = [request.key for request in asked[0]]
     assert len(keys) == 6
     assert len(set(keys)) == 4, "two diameters, two seeds: moisture and angularity change nothing"
 
@@ -95,24 +97,20 @@ def test_the_bare_model_is_run_once_for_all_conditions_that_nothing_reads(tmp_pa
 def test_the_mask_of_a_candidate_says_where_it_can_act(tmp_path):
     problem = study(tmp_path).problem
     masks = {c.name: c.mask(problem.measurements.conditions).tolist() for c in problem.candidates if c.mask}
-    assert masks["liquid_bridge"] == [False, True, False]
-    assert masks["rolling_resistance"] == [False, True, False]
-    assert masks["dry_adhesion"] == [True, True, True]
+    wet = [False, True, False]
+    assert masks == {"liquid_bridge": wet, "rolling_resistance": wet, "dry_adhesion": [True] * 3}
 
 
-def test_a_failed_run_is_no_value_and_nothing_but_failures_ends_the_study(tmp_path, asked, monkeypatch):
-    def execute(wanted, store, progress=None):
-        failed = [RunResult(r.key, failure="grains 3 and 7 overlap") for r in wanted[:failing]]
-        kept = [
-            RunResult(r.key, {"measures": {"pile_height": {"value": 0.01, "unit": "m"}}})
-            for r in wanted[failing:]
-        ]
-        return failed + kept
+def test_a_failed_run_is_no_value_and_nothing_but_failures_ends_the_study(tmp_path, monkeypatch):
+    def failing(first: int):
+        words = "grains 3 and 7 overlap"
+        return lambda wanted, *_, **__: (
+            [RunResult(r.key, failure=words) for r in wanted[:first]] + made(wanted[first:])
+        )
 
-    monkeypatch.setattr(simulator, "execute", execute)
-    failing = 1
+    monkeypatch.setattr(simulator, "execute", failing(1))
     assert np.isnan(ask(tmp_path)).sum() == 1
-    failing = 6
+    monkeypatch.setattr(simulator, "execute", failing(6))
     with pytest.raises(SimulationStopped, match="all 6 runs stopped; the first: grains 3 and 7 overlap"):
         ask(tmp_path)
 

@@ -90,6 +90,15 @@ def test_a_source_that_states_no_sd_has_a_scatter_of_its_own(acting: dict[str, f
     assert record.decided.verdict in ("present", "none_detected")
 
 
+def test_scatter_that_repeats_contradict_is_not_told():
+    x = np.repeat(np.linspace(-1.0, 1.0, COUNT // 3), 3)
+    problem, table = made()
+    value = 2.0 * np.sin(4.0 * x) * (1.0 + x) + table.value
+    record = told(problem, value=value, sd=np.full(COUNT, np.nan), conditions={"x": x})
+    assert record.decided.verdict == "outside_library"
+    assert "scatter" not in kinds(record)
+
+
 CELLS, REPEATS, SLOPE_SD = 10, 3, 0.5
 
 
@@ -120,11 +129,9 @@ def heaps(seed: int, named: bool = True, strength: float = 0.0) -> Problem:
 
 def test_rows_of_one_heap_are_whitened_together():
     prepared = prepare(problem := heaps(0), problem.measurements, 1)
-    rows = prepared.rows
-    assert rows.covariance is not None
-    white = prepared.white(np.eye(rows.size))
-    whole = white @ (np.diag(prepared.variance) + rows.covariance) @ white.T
-    np.testing.assert_allclose(whole, np.eye(rows.size), atol=1e-8)
+    white = prepared.white(np.eye(prepared.rows.size))
+    whole = white @ (np.diag(prepared.variance) + prepared.rows.covariance) @ white.T
+    np.testing.assert_allclose(whole, np.eye(len(white)), atol=1e-8)
 
 
 def test_heaps_of_one_row_each_change_no_bit():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
+from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.data.problem import Laboratory, Problem
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.fit import Hypothesis
@@ -92,22 +93,12 @@ def undecided(problem: Problem) -> Posterior:
 def measured(problem: Problem, told: tuple[ExperimentPart, ...], strength: float) -> Problem:
     """The table with what a world of `slope` gives where it was asked."""
     x = np.array([each.conditions["x"] for each in told])
-    table, random = problem.measurements, np.random.default_rng(3)
-    more = replace(
-        table.rows(np.zeros(x.size, dtype=np.int64)),
-        conditions={"x": x},
-        value=strength * x + 0.1 * random.standard_normal(x.size) / np.sqrt(WIDE.repeats),
-        sd=np.full(x.size, 0.1 / np.sqrt(WIDE.repeats)),
-        group=tuple(f"new{k}" for k in range(x.size)),
-    )
-    fields = ("observable", "unit", "source", "group")
-    joined = {name: getattr(table, name) + getattr(more, name) for name in fields}
-    arrays = {
-        name: np.append(getattr(table, name), getattr(more, name)) for name in ("value", "sd", "n", "limit")
-    }
-    columns = {"conditions": {"x": np.append(table.conditions["x"], x)}}
-    censored = np.zeros(table.size + x.size, dtype=np.bool_)
-    return replace(problem, measurements=replace(table, **joined, **arrays, **columns, censored=censored))
+    table, sd = problem.measurements, 0.1 / np.sqrt(WIDE.repeats)
+    value = strength * x + sd * np.random.default_rng(3).standard_normal(x.size)
+    rows = (table.conditions["x"], table.value, table.sd)
+    joined = [np.append(old, new) for old, new in zip(rows, (x, value, np.full(x.size, sd)), strict=True)]
+    groups = (*table.group, *(f"new{k}" for k in range(x.size)))
+    return replace(problem, measurements=table_of([Readings("y", {"x": joined[0]}, *joined[1:], groups)]))
 
 
 def test_two_effects_are_told_apart_where_they_differ_and_the_truth_is_named_then():
@@ -120,7 +111,8 @@ def test_two_effects_are_told_apart_where_they_differ_and_the_truth_is_named_the
     assert decide(raced(measured(problem, told, 0.3), 1)).named == ("slope",)
 
 
-def test_a_decided_study_asks_for_nothing():
-    found = raced(linear_problem({"slope": lambda x: x, "square": lambda x: x**2}, {"slope": 1.0}), 1)
-    assert decide(found).named == ("slope",)
-    assert proposals(found, WIDE) == ()
+def test_a_decided_study_and_one_of_copies_ask_for_nothing():
+    decided = raced(linear_problem({"slope": lambda x: x, "square": lambda x: x**2}, {"slope": 1.0}), 1)
+    assert decide(decided).named == ("slope",)
+    copies = undecided(linear_problem({"slope": lambda x: x, "copy": lambda x: x}, {"slope": 0.6}))
+    assert proposals(decided, WIDE) == proposals(copies, WIDE) == ()

@@ -4,13 +4,13 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-import pytest
 
 from doe.trials.reduced.families import FAMILIES, Drawn
 from taichi_erosion.evidence.data.problem import Candidate, Numbers
 from taichi_erosion.evidence.race.decision import Decision, decide
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles, raced
 from taichi_erosion.evidence.race.summary import summary
+from tests.evidence.linear_study import linear_problem
 
 NULL, SINGLE, UNLISTED, NOISY = 1, 33, 113, 2  # cases of one seed of clean ones
 
@@ -87,11 +87,8 @@ def test_a_noisy_model_is_scored_with_many_seeds():
     assert found.verdict == "none_detected"
 
 
-def test_the_record_says_what_was_decided():
-    posterior, found = answered(SINGLE)
-    record = summary(posterior, found)
-    assert record.decided.named == found.named
-    assert sum(record.decided.probabilities.values()) == pytest.approx(1.0, abs=1e-6)
-    assert {name for name, part in record.effects.items() if part.status == "present"} == set(found.named)
-    assert record.fit.p_before < 0.01 < record.fit.p_after
-    assert all(np.isfinite(part.now.value) for part in record.numbers.values())
+def test_a_strength_beyond_the_limit_of_the_list_lies_in_its_interval():
+    problem = linear_problem({"wave": lambda x: np.sin(3.0 * x)}, {"wave": 5.0})
+    strength = summary(raced(problem, 0)).effects["wave"].strength
+    assert 3.0 < strength.low < strength.value < strength.high
+    assert strength.low < 5.0 < strength.high

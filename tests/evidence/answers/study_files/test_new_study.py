@@ -1,6 +1,7 @@
 """A stranger's table becomes a study; whatever is wrong with it is told in one line with place and remedy."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +39,7 @@ def guess(_question: str, answer: str) -> str:
     return answer
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def uncounted(monkeypatch) -> None:
     """No cost of the runs of a study on scenes: their plans take seconds."""
     monkeypatch.setattr(check_study, "study_cost", lambda *_: {})
@@ -56,98 +57,87 @@ def made(folder: Path, text: str, wishes: Wishes, answer=guess) -> tuple[dict, S
     return document, load_study(Path(document["written"][0]))
 
 
-def faults_of(
-    folder: Path, content: bytes, name: str = "heap.csv", wishes: Wishes | None = None
-) -> tuple[str, ...]:
-    (folder / name).write_bytes(content)
+def faults_of(folder: Path, content: bytes, wishes: Wishes | None = None) -> tuple[str, ...]:
+    (folder / "heap.csv").write_bytes(content)
     with pytest.raises(BadInput) as caught:
-        new_study(folder / name, wishes or Wishes(closed_form=True), guess)
+        new_study(folder / "heap.csv", wishes or Wishes(closed_form=True), guess)
     return caught.value.faults
 
 
 # content of the file -> place of the fault, its remedy
-WRONG_FILES = {
-    "nothing in it": (b"", "heap.csv", "the first row names the columns"),
-    "a heading alone": (HEAD.encode("cp1252"), "heap.csv", "no measured value"),
-    "an old workbook": (b"\xd0\xcf\x11\xe0" + bytes(600), "heap.csv", "save it as .xlsx or .csv"),
-    "a broken workbook": (b"PK\x03\x04" + bytes(600), "heap.csv", "save it again"),
-    "a cell too few": (changed("33,5;0,7;5", "33,5;0,7"), "row 2 has 5 cells", "the heading 6"),
-    "a lone quote": (changed("A;250", '"A;250'), "row 2", "look for a lone quote"),
-    "numbers under no heading": (changed(";Korngröße [µm];", ";;"), "column 2 has no heading", "name it"),
-    "a heading twice": (changed("Feuchte in %", "Korngröße [µm]"), "'Korngröße [µm]'", "each its own name"),
-    "no unit in brackets": (changed("[µm]", "[fein]"), "'Korngröße [fein]'", "such as [%], [mm]"),
-    "a unit in capitals": (changed("[µm]", "[MM]"), "'Korngröße [MM]'", "did you mean 'mm'?"),
-    "a slope in percent": (changed("Feuchte in %", "Neigung in %"), "'Neigung in %'", "write its angle"),
-    "water by volume": (changed("in %", "[vol%]"), "'Feuchte [vol%]'", "divide by the dry bulk density"),
-    "too much water": (changed("1,6", "1600"), "row 2, moisture = 1600 %", "check number and unit"),
-    "a date": (changed("33,5", "12. Mrz"), "row 2, Böschungswinkel", "set the column to text"),
-    "not detected": (changed("33,5", "n.n."), "row 2, Böschungswinkel", "write '<' and the least value"),
-    "a range": (
-        changed("33,5", "32-35"),
-        "= '32-35' is a range",
-        "write 32..35 where the value lies between",
-    ),
-    "an interval that falls": (
-        changed("33,5", "35..32"),
-        "row 2, Böschungswinkel",
-        "first number must be below",
-    ),
-    "a scatter in brackets": (changed("33,5", "33,5 (0,7)"), "row 2, Böschungswinkel", "behind '±'"),
-    "a cell in another unit": (changed("250", "250 mg"), "row 2, Korngröße [µm]", "a column in µm"),
-    "a negative scatter": (changed("0,7", "-0,7"), "row 2, SD [°] = '-0,7'", "leave it empty"),
-    "no repeat": (changed("0,7;5", "0,7;0"), "row 2, n = '0'", "a whole number from 1"),
-    "a row of means": (GOOD.encode("cp1252") + b"Mittelwert;;;33,0;;\n", "row 5, 'Mittelwert'", "remove it"),
-    "nothing measured": (changed("Böschungswinkel", "Dings"), "heap.csv", "--observable 'COLUMN=NAME'"),
-    "a scatter in percent": (changed("SD [°]", "SD [%]"), "row 2, SD [%]", "give it in °"),
-    "a letter for a digit": (changed("33,5", "3O,5"), "row 2, Böschungswinkel (°) = '3O,5'", "not known"),
-    "micrometres called millimetres": (changed("[µm]", "[mm]"), "row 2, diameter = 250 mm", "mean [um]?"),
-    "Celsius called kelvin": (
+WRONG_FILES = [
+    (b"", "heap.csv", "the first row names the columns"),
+    (HEAD.encode("cp1252"), "heap.csv", "no measured value"),
+    (b"\xd0\xcf\x11\xe0" + bytes(600), "heap.csv", "save it as .xlsx or .csv"),
+    (b"PK\x03\x04" + bytes(600), "heap.csv", "save it again"),
+    (changed("33,5;0,7;5", "33,5;0,7"), "row 2 has 5 cells", "the heading 6"),
+    (changed("A;250", '"A;250'), "row 2", "look for a lone quote"),
+    (changed(";Korngröße [µm];", ";;"), "column 2 has no heading", "name it"),
+    (changed("Feuchte in %", "Korngröße [µm]"), "'Korngröße [µm]'", "each its own name"),
+    (changed("[µm]", "[fein]"), "'Korngröße [fein]'", "such as [%], [mm]"),
+    (changed("[µm]", "[MM]"), "'Korngröße [MM]'", "did you mean 'mm'?"),
+    (changed("Feuchte in %", "Neigung in %"), "'Neigung in %'", "write its angle"),
+    (changed("in %", "[vol%]"), "'Feuchte [vol%]'", "divide by the dry bulk density"),
+    (changed("1,6", "1600"), "row 2, moisture = 1600 %", "check number and unit"),
+    (changed("33,5", "12. Mrz"), "row 2, Böschungswinkel", "set the column to text"),
+    (changed("33,5", "n.n."), "row 2, Böschungswinkel", "write '<' and the least value"),
+    (changed("33,5", "32-35"), "= '32-35' is a range", "write 32..35 where the value lies between"),
+    (changed("33,5", "35..32"), "row 2, Böschungswinkel", "first number must be below"),
+    (changed("33,5", "33,5 (0,7)"), "row 2, Böschungswinkel", "behind '±'"),
+    (changed("250", "250 mg"), "row 2, Korngröße [µm]", "a column in µm"),
+    (changed("0,7", "-0,7"), "row 2, SD [°] = '-0,7'", "leave it empty"),
+    (changed("0,7;5", "0,7;0"), "row 2, n = '0'", "a whole number from 1"),
+    (GOOD.encode("cp1252") + b"Mittelwert;;;33,0;;\n", "row 5, 'Mittelwert'", "remove it"),
+    (changed("Böschungswinkel", "Dings"), "heap.csv", "--observable 'COLUMN=NAME'"),
+    (changed("SD [°]", "SD [%]"), "row 2, SD [%]", "give it in °"),
+    (changed("33,5", "3O,5"), "row 2, Böschungswinkel (°) = '3O,5'", "not known"),
+    (changed("[µm]", "[mm]"), "row 2, diameter = 250 mm", "mean [um]?"),
+    (
         changed("Feuchte in %", "Temperatur [K]").replace(b"1,6", b"20").replace(b";0;", b";15;"),
         "row 2, temperature = 20 K",
         "did you mean [degC]?",
     ),
-    "an angle that cannot be": (changed("33,5", "-33,5"), "row 2, repose_angle = -33.5 °", "outside [0, 90]"),
-    "a wind at a height": (
+    (changed("33,5", "-33,5"), "row 2, repose_angle = -33.5 °", "outside [0, 90]"),
+    (
         changed("Böschungswinkel (°)", "u at 1 m [m/s]").replace(b"[\xb0]", b"[m/s]"),
         "'u at 1 m [m/s]': a wind at 1 m is no friction velocity",
         "--roughness",
     ),
-    "a second table below": (GOOD.encode("cp1252") + b"Probe;Ort\nA;Nord\n", "row 5", "one table in a file"),
-    "a row twice": ((GOOD + ROWS[0]).replace("A;", "B;").encode("cp1252"), "row 5 repeats row 2", "remove"),
-}
+    (GOOD.encode("cp1252") + b"Probe;Ort\nA;Nord\n", "row 5", "one table in a file"),
+    ((GOOD + ROWS[0]).replace("A;", "B;").encode("cp1252"), "row 5 repeats row 2", "remove"),
+]
 
 
-@pytest.mark.parametrize("name", WRONG_FILES)
-def test_what_is_wrong_with_a_strangers_table_is_told_with_its_place_and_remedy(tmp_path, name):
-    content, place, remedy = WRONG_FILES[name]
+@pytest.mark.parametrize(("content", "place", "remedy"), WRONG_FILES)
+def test_what_is_wrong_with_a_strangers_table_is_told_with_its_place_and_remedy(
+    tmp_path, content, place, remedy
+):
     faults = faults_of(tmp_path, content)
     assert all(fault.startswith("heap.csv") and "\n" not in fault for fault in faults)
     assert any(place in fault and remedy in fault for fault in faults), faults
     assert [path.name for path in tmp_path.iterdir()] == ["heap.csv"], "nothing is written"
 
 
-WRONG_WORDS = {
-    "a column that is not there": (("--observable", "W=repose_angle"), "--observable W", "there are: Probe"),
-    "no equals sign": (("--observable", "Winkel"), "--observable Winkel", "write it as COLUMN=NAME"),
-    "an apparatus that is none": (
-        ("--apparatus", "bucket"),
-        "--apparatus bucket",
-        "one of cylinder, collapse",
-    ),
-    "no such file": (("other.csv",), "other.csv", "no such file"),
-}
-
-
-@pytest.mark.parametrize("name", WRONG_WORDS)
-def test_a_wrong_word_on_the_command_line_is_told_with_what_is_allowed(tmp_path, monkeypatch, capsys, name):
-    words, place, remedy = WRONG_WORDS[name]
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("heap.csv --observable W=repose_angle", "--observable W.*there are: Probe"),
+        ("heap.csv --observable Winkel", "--observable Winkel.*write it as COLUMN=NAME"),
+        ("heap.csv --apparatus bucket", "--apparatus bucket.*one of cylinder, collapse"),
+        ("other.csv", r"other\.csv.*no such file"),
+        ("heap.csv --out taken", "taken: is a file, and no folder"),
+        ("heap.csv --out taken/below", "taken: is a file, and no folder"),
+    ],
+)
+def test_a_wrong_word_on_the_command_line_is_told_with_what_is_allowed(
+    tmp_path, monkeypatch, capsys, words, told
+):
     (tmp_path / "heap.csv").write_bytes(GOOD.encode("cp1252"))
+    (tmp_path / "taken").touch()
     monkeypatch.chdir(tmp_path)
-    table = [] if words[0].endswith(".csv") else ["heap.csv"]
-    assert main(["study", "new", *table, "--yes", *words]) == 2
+    assert main(["study", "new", "--yes", *words.split()]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert place in line
-    assert remedy in line
+    assert re.search(told, line)
 
 
 def test_faults_of_every_layer_are_told_at_once(tmp_path):
@@ -158,11 +148,9 @@ def test_faults_of_every_layer_are_told_at_once(tmp_path):
 
 
 def test_a_unit_that_the_user_states_counts(tmp_path):
-    (tmp_path / "heap.csv").write_bytes(
-        GOOD.replace(" [µm]", "").replace("800;", "40;").replace("50", "2").encode("cp1252")
-    )
-    new_study(tmp_path / "heap.csv", Wishes(Told(units={"Korngröße": "mm"}), closed_form=True), guess)
-    assert "diameter [mm]" in (tmp_path / "heap" / "heap_tidy.csv").read_text("utf-8")
+    text = GOOD.replace(" [µm]", "").replace("800;", "40;").replace("50", "2")
+    made(tmp_path, text, Wishes(Told(units={"Korngröße": "mm"}), closed_form=True))
+    assert "diameter [mm]" in (tmp_path / "t" / "t_tidy.csv").read_text("utf-8")
 
 
 @pytest.mark.parametrize(
@@ -173,9 +161,8 @@ def test_a_unit_that_the_user_states_counts(tmp_path):
     ],
 )
 def test_a_condition_that_nobody_can_use_is_refused(tmp_path, heading, told, fault):
-    (tmp_path / "heap.csv").write_bytes(GOOD.replace("Feuchte in %", heading).encode("cp1252"))
-    with pytest.raises(BadInput, match=fault):
-        new_study(tmp_path / "heap.csv", Wishes(told, closed_form=True), guess)
+    content = changed("Feuchte in %", heading)
+    assert fault in " ".join(faults_of(tmp_path, content, wishes=Wishes(told, closed_form=True)))
 
 
 def test_a_wind_at_a_height_becomes_a_friction_velocity_by_the_law_of_the_wall(tmp_path):
@@ -194,21 +181,18 @@ def test_a_study_that_is_there_is_not_written_over(tmp_path):
     assert (tmp_path / "heap" / "heap.toml").read_text("utf-8") == "mine"
 
 
-@pytest.mark.parametrize("out", ["taken", "taken/below"])
-def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path, out, capsys):
-    (tmp_path / "heap.csv").write_bytes(GOOD.encode("cp1252"))
-    (tmp_path / "taken").touch()
-    assert main(["study", "new", str(tmp_path / "heap.csv"), "--yes", "--out", str(tmp_path / out)]) == 2
-    assert capsys.readouterr().err.count("taken: is a file, and no folder") == 1
+def scene_of(folder: Path, name: str, diameter: float, grains: int):
+    """The scene of an apparatus for grains of a diameter [m], as the program reads it."""
+    text = scene_text(TEMPLATES[name], {"title": "t"}, Diameters(diameter, diameter), grains)
+    (folder / "scene.toml").write_text(text, encoding="utf-8")
+    return read_scene(folder / "scene.toml", ())
 
 
 @pytest.mark.parametrize("name", TEMPLATES)
 def test_a_scene_made_for_a_table_is_valid_and_large_enough_for_its_angle(tmp_path, name):
     template = TEMPLATES[name]
     grains = safe_grains(template, [26.0])
-    text = scene_text(template, {"title": "t"}, Diameters(template.diameter, template.diameter), grains)
-    (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
-    scene = read_scene(tmp_path / "scene.toml", ())
+    scene = scene_of(tmp_path, name, template.diameter, grains)
     assert set(template.observables) <= set(scene.measure) | {"repose_angle"}
     assert grains >= template.grains
 
@@ -217,20 +201,16 @@ def test_a_scene_made_for_a_table_is_valid_and_large_enough_for_its_angle(tmp_pa
 def test_wind_over_large_grains_has_a_lid_above_them_and_a_rest_that_tells_them_from_falling(
     tmp_path, name, largest
 ):
-    template = TEMPLATES[name]
-    text = scene_text(template, {"title": "t"}, Diameters(largest, largest), template.grains)
-    (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
-    assert read_scene(tmp_path / "scene.toml", ()).wind is not None, "else a check of the scene refuses it"
+    scene = scene_of(tmp_path, name, largest, TEMPLATES[name].grains)
+    assert scene.wind is not None, "else a check of the scene refuses it"
 
 
 def test_an_apparatus_that_does_not_measure_the_table_is_refused_with_those_that_do(tmp_path):
-    wishes = Wishes(apparatus="drum")
-    faults = faults_of(tmp_path, GOOD.encode("cp1252"), wishes=wishes)
-    assert "measures dynamic_angle, not repose_angle" in faults[0]
-    assert "one of cylinder, funnel" in faults[0]
+    (fault,) = faults_of(tmp_path, GOOD.encode("cp1252"), Wishes(apparatus="drum"))
+    assert "measures dynamic_angle, not repose_angle" in fault
+    assert "one of cylinder, funnel" in fault
 
 
-@pytest.mark.usefixtures("uncounted")
 def test_a_new_study_on_a_scene_is_complete_and_its_conditions_arrive(tmp_path):
     told = Told(conditions={"Feuchte in %": "conditions.moisture"})
     document, study = made(tmp_path, GOOD, Wishes(told))
@@ -273,7 +253,6 @@ FRICTION = "run;mu_s;mu_r;d (mm);grain density (g/cm3);runout (mm)\n"
 FRICTION += "1;0,3;0,1;2;2,5;40\n2;0,6;0,1;2;2,7;35\n3;0,9;0,1;3;2,6;33\n"
 
 
-@pytest.mark.usefixtures("uncounted")
 def test_columns_of_friction_and_density_set_the_contacts_and_the_material_of_the_apparatus(tmp_path):
     wishes = Wishes(Told({"runout": "runout_radius"}), apparatus="collapse", grains=700)
     document, study = made(tmp_path, FRICTION, wishes)
@@ -284,12 +263,11 @@ def test_columns_of_friction_and_density_set_the_contacts_and_the_material_of_th
     assert read_scene(tmp_path / "t" / "collapse.toml", ()).grains.count == 700
 
 
-@pytest.mark.usefixtures("uncounted")
 def test_a_number_that_is_calibrated_and_set_by_a_column_is_refused(tmp_path):
     path = made(tmp_path, FRICTION, Wishes(Told({"runout": "runout_radius"}), apparatus="collapse"))[1].path
     number = "contact.grain-grain.friction_sliding"
-    text = f'{path.read_text("utf-8")}\n[parameters."{number}"]\nstart = 0.5\nlow = 0.1\nhigh = 1.0\n'
-    path.write_text(text, encoding="utf-8")
+    with path.open("a", encoding="utf-8") as file:
+        file.write(f'\n[parameters."{number}"]\nstart = 0.5\nlow = 0.1\nhigh = 1.0\n')
     with pytest.raises(BadInput, match=f"parameters.{number}: column 'friction_sliding' sets it too"):
         load_study(path)
 
@@ -297,7 +275,6 @@ def test_a_number_that_is_calibrated_and_set_by_a_column_is_refused(tmp_path):
 HEIGHTS = "run;moisture (%);pile height (mm)\n1;0;20\n2;1;22\n3;2;25\n"
 
 
-@pytest.mark.usefixtures("uncounted")
 def test_grains_that_no_column_states_are_asked_or_taken_from_the_command(tmp_path):
     def answer(question: str, guessed: str) -> str:
         return "0,8 mm" if question.startswith("Grain diameter") else guessed
@@ -317,15 +294,13 @@ def test_grains_that_no_column_states_are_asked_or_taken_from_the_command(tmp_pa
     ],
 )
 def test_grains_that_cannot_be_are_refused_in_one_line(tmp_path, wishes, said):
-    faults = faults_of(tmp_path, HEIGHTS.encode(), wishes=Wishes(**({"apparatus": "cylinder"} | wishes)))
-    assert len(faults) == 1
-    assert said in faults[0]
+    (fault,) = faults_of(tmp_path, HEIGHTS.encode(), Wishes(**({"apparatus": "cylinder"} | wishes)))
+    assert said in fault
 
 
 ROOTS = "Wurzelmasse;d [mm];repose angle [deg]\n0;1;31\n2;1;32\n4;2;33\n"
 
 
-@pytest.mark.usefixtures("uncounted")
 def test_a_condition_that_no_scene_has_enters_by_its_unit(tmp_path):
     _, study = made(tmp_path, ROOTS, Wishes(Told(conditions={"Wurzelmasse": "g/kg"})))
     assert study.file.conditions["wurzelmasse"] == "conditions.wurzelmasse"
@@ -333,7 +308,6 @@ def test_a_condition_that_no_scene_has_enters_by_its_unit(tmp_path):
     assert study.problem.measurements.conditions["wurzelmasse"] == pytest.approx([0.0, 2.0, 4.0])
 
 
-@pytest.mark.usefixtures("uncounted")
 def test_a_scene_a_condition_and_an_effect_of_ones_own_make_a_study(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "fall.toml").write_bytes((ROOT / "doe" / "own_effect" / "fall.toml").read_bytes())
@@ -349,7 +323,6 @@ def test_a_scene_a_condition_and_an_effect_of_ones_own_make_a_study(tmp_path, mo
 
 
 def test_a_condition_that_an_own_scene_does_not_declare_is_told(tmp_path):
-    (tmp_path / "t.csv").write_text("roots [g/kg];settling velocity [m/s]\n0;1.9\n2;1.8\n", encoding="utf-8")
     wishes = Wishes(Told(conditions={"roots": "g/kg"}), scene=ROOT / "doe" / "own_effect" / "fall.toml")
-    with pytest.raises(BadInput, match=r"does not declare the condition 'roots'; write \[conditions.extra\]"):
-        new_study(tmp_path / "t.csv", wishes, guess)
+    (fault,) = faults_of(tmp_path, b"roots [g/kg];settling velocity [m/s]\n0;1.9\n2;1.8\n", wishes)
+    assert "does not declare the condition 'roots'; write [conditions.extra]" in fault
