@@ -113,6 +113,7 @@ class Effect:
     reach: Callable[[Constants, float], float] = lambda constants, radius: 0.0
     drag: Callable[..., Any] | None = None  # factor of the run's drag, grain only; the air loses what it adds
     gust: Callable[..., Any] | None = None  # velocity that every effect on the grain then feels, grain only
+    after_touch: bool = False  # a pair effect between grains that have touched alone (`pair.touched`)
     vector: bool = False  # a pair effect that gives a force vector, not an attraction
     grain_state: type | None = None  # frozen dataclass of `quantity` fields: state variables of a grain
     initial_state: Callable[[Any, float, Conditions], Any] | None = None  # (params, strength, conditions)
@@ -158,6 +159,11 @@ class ReplicaEffect:
     constants: Constants
     reach: float  # gap beyond which it vanishes [m]
     initial_state: Constants = field(default_factory=dict)  # of a grain that enters
+
+    @property
+    def free_reach(self) -> float:
+        """Gap beyond which it vanishes between grains that have not touched [m]."""
+        return 0.0 if self.effect.after_touch else self.reach
 
 
 def read_params(effect: Effect, entries: Mapping[str, float]) -> tuple[Any, float]:

@@ -80,8 +80,8 @@ def constants(params: Params, strength: float, conditions: Conditions) -> Consta
     volume = 2.0 * free * params.grain_density / WATER_DENSITY * (4.0 / 3.0) * pi / params.bridges
     return {
         "pull": strength * share * smooth,  # force over R [N m-1]
-        "volume": volume,  # V / R_h^3 [1]
-        "rupture": 1.0 + 0.5 * params.contact_angle,  # s_max / V^(1/3) [1]
+        "volume": volume,  # V / R_m^3 [1]
+        "rupture": (1.0 + 0.5 * params.contact_angle) * volume ** (1.0 / 3.0),  # s_max / R_m [1]
     }
 
 
@@ -90,20 +90,18 @@ def pull(constants, pair):
     """Attraction [N]."""
     other = ti.select(pair.radius_j > 0.0, pair.radius_j, pair.radius_i)
     mean = 0.5 * (pair.radius_i + other)
-    volume = constants.volume * mean * mean * mean
+    stretch = ti.max(pair.gap, 0.0)
     attraction = 0.0
-    if pair.touched > 0.0 and volume > 0.0:
-        stretch = ti.max(pair.gap, 0.0)
-        if stretch < constants.rupture * volume ** (1.0 / 3.0):
-            radius = 2.0 * pair.radius_effective
-            reduced = stretch * ti.sqrt(radius / volume)
-            attraction = constants.pull * radius / (1.0 + reduced * (FALL_LINEAR + FALL_SQUARE * reduced))
+    if pair.touched > 0.0 and stretch < constants.rupture * mean:
+        radius = 2.0 * pair.radius_effective
+        reduced = stretch * ti.sqrt(radius / (constants.volume * mean * mean * mean))
+        attraction = constants.pull * radius / (1.0 + reduced * (FALL_LINEAR + FALL_SQUARE * reduced))
     return attraction
 
 
 def reach(constants: Constants, radius: float) -> float:
     """Longest rupture gap [m]."""
-    return constants["rupture"] * constants["volume"] ** (1.0 / 3.0) * radius
+    return constants["rupture"] * radius
 
 
 def can_act(conditions: Mapping[str, Any]) -> Any:
@@ -145,6 +143,7 @@ EFFECT = effect_of(
     title="capillary bridges between moist grains",
     place="pair",
     act=pull,
+    after_touch=True,
     reads=("moisture", "clay_fraction"),
     uncertain={"exponent": 0.5},  # measured rises of thresholds and heaps lie between a third and linear
     expected={"repose_angle": 1, "threshold_u_star": 1, "flux": -1},

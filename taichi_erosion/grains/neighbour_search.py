@@ -4,7 +4,9 @@ A grain may move by its skin h before the list is rebuilt (`grains.neighbour_lis
 
     |x_i - x_j| < R_i + R_j + h_i + h_j + reach,
 
-and a rebuild is due as soon as any grain has moved by more than its h: no contact can be missed.
+with the reach of grains that have touched where these two have and attract each other since, else with that
+of grains that have not. A rebuild is due as soon as any grain has moved by more than its h: no contact can be
+missed.
 """
 
 from taichi_erosion.core.effect_device import move_states, set_initial_states
@@ -23,6 +25,7 @@ from taichi_erosion.grains.frozen_drag import clear_frozen_drag, copy_frozen_dra
 from taichi_erosion.grains.materials import pair_row
 from taichi_erosion.grains.neighbour_list import (
     HISTORY,
+    MET,
     ROW_SHIFT,
     entry_block,
     is_wide,
@@ -37,16 +40,53 @@ ROWS = 5  # rows of cells that follow a cell: the rest of its own row, one besid
 
 
 @ti.func
+def find_entry(pairs: ti.template(), place_i, place_j, rank_j):
+    """Entry of the pair in the list of place_i, or -1."""
+    found = -1
+    for e in range(pairs.start[place_i], pairs.stop[place_i]):
+        if pairs.neighbour[e] == rank_j:
+            found = e
+    return found
+
+
+@ti.func
+def old_entry(world: ti.template(), r, rank_i, rank_j):
+    """Entry of a pair in the old lists, or -1, and the sign of its history for the first grain."""
+    row, old = r * world.grains.capacity, side_block(world.grains, r, world.replicas.side[r])
+    old_i, old_j = world.cells.order[row + rank_i], world.cells.order[row + rank_j]
+    sign, source = 1.0, find_entry(world.pairs, old + old_i, old + old_j, old_j)
+    if source < 0:
+        sign, source = -1.0, find_entry(world.pairs, old + old_j, old + old_i, old_i)
+    return source, sign
+
+
+@ti.func
+def have_met(world: ti.template(), r, i, j):
+    """1 where the grains at places i and j have touched and attract each other since, else 0."""
+    base = side_block(world.grains, r, 1 - world.replicas.side[r])
+    source, _ = old_entry(world, r, i - base, j - base)
+    met = 0
+    if source >= 0:
+        met = (world.pairs.label[source] & MET) // MET
+    return met
+
+
+@ti.func
 def proximity(world: ti.template(), r, i, j, period):
     """Relation of places i and j: 0 far apart, 1 may touch before the next rebuild, 2 touching."""
     (grains,) = ti.static((world.grains,))
-    within = grains.extent[i] + grains.extent[j] + world.replicas.reach[r]
+    extent = grains.extent[i] + grains.extent[j]
+    within = extent + world.replicas.reach[r]
     away = shortest_way(ti.abs(grains.origin[i] - grains.origin[j]), period)
     distance_squared = ti.cast(away.norm_sqr(), float)
     state = 0
     if distance_squared < within * within:
         contact_distance = grains.radius[i] + grains.radius[j]
         state = 1 + ti.cast(distance_squared < contact_distance * contact_distance, ti.i32)
+        if ti.static(world.pair_effects.any):
+            free = extent + world.replicas.free_reach[r]
+            if distance_squared >= free * free:
+                state = have_met(world, r, i, j)
     if ti.static(world.clumped):
         row = r * grains.capacity
         if world.source.body[row + grains.ident[i]] == world.source.body[row + grains.ident[j]]:
@@ -234,28 +274,10 @@ def move_grains(world_out: ti.template(), r, p):
 
 
 @ti.func
-def find_entry(pairs: ti.template(), place_i, place_j, rank_j):
-    """Entry of the pair in the list of place_i, or -1."""
-    found = -1
-    for e in range(pairs.start[place_i], pairs.stop[place_i]):
-        if pairs.neighbour[e] == rank_j:
-            found = e
-    return found
-
-
-@ti.func
 def copy_history(world_out: ti.template(), r, entry, rank_i, rank_j):
     """Copy the history of a pair from the old list to `entry`; its sign is that of the first grain."""
-    pairs_out, grains = ti.static((world_out.pairs, world_out.grains))
-    row = r * grains.capacity
-    old_i = world_out.cells.order[row + rank_i]
-    old_j = world_out.cells.order[row + rank_j]
-    old = side_block(grains, r, world_out.replicas.side[r])
-    sign = 1.0
-    source = find_entry(pairs_out, old + old_i, old + old_j, old_j)
-    if source < 0:
-        sign = -1.0
-        source = find_entry(pairs_out, old + old_j, old + old_i, old_i)
+    (pairs_out,) = ti.static((world_out.pairs,))
+    source, sign = old_entry(world_out, r, rank_i, rank_j)
     tangential_displacement = 0.0 * pairs_out.separation[entry]
     rolling_displacement = tangential_displacement
     history = 0

@@ -102,17 +102,21 @@ def build_world(setups: list[Setup], laws: Laws, capacities: Capacities, lanes: 
 
 def upload_setups(world: World, setups: list[Setup]) -> None:
     """Write the Setups to the fields, one a replica. Raises BadInput where a period is too narrow."""
-    reaches = [gap_reach(s, world.laws) for s in setups]
+    reaches = np.array([gap_reach(s, world.laws) for s in setups])
     most = world.replicas.need.shape[1]
     upload_world(world, setups, reaches, [min(partition_count(s), most) for s in setups])
     check_periods(world, setups)
 
 
-def gap_reach(setup: Setup, laws: ContactLaws) -> float:
-    """Longest gap across which a contact of this replica may act [m]; walls double the effective radius."""
+def gap_reach(setup: Setup, laws: ContactLaws) -> tuple[float, float]:
+    """Longest gaps across which contacts of this replica, and those that have not touched, may act [m].
+
+    Walls double the effective radius.
+    """
     table, largest = setup.contacts, float(setup.grains.radius.max())
     reach = laws.gap_reach(np.pi * table.surface_energy, table.young_effective, largest)
-    return max([reach if np.isfinite(reach) else 0.0, *(acting.reach for acting in setup.effects)])
+    own = reach if np.isfinite(reach) else 0.0
+    return max([own, *(e.reach for e in setup.effects)]), max([own, *(e.free_reach for e in setup.effects)])
 
 
 def is_driven(setups: list[Setup]) -> bool:

@@ -84,8 +84,9 @@ def set_effects(sim: Simulation, replica: int, effects: Sequence[ReplicaEffect])
     the cells.
     """
     before = sim.setups[replica].effects
-    if max((e.reach for e in effects), default=0.0) > max((e.reach for e in before), default=0.0):
-        return False
+    for reach in (lambda e: e.reach, lambda e: e.free_reach):
+        if max(map(reach, effects), default=0.0) > max(map(reach, before), default=0.0):
+            return False
     bounds = {
         "pair": sim.world.pair_effects,
         "first_contact": sim.world.first_contact_effects,

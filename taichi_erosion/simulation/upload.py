@@ -26,8 +26,8 @@ def padded(columns: list[Any], rows: int, filling: float = 0.0) -> Any:
     return stacked.reshape(-1, *inner)
 
 
-def upload_world(world: World, setups: list[Setup], reaches: list[float], partitions: list[int]) -> None:
-    """Everything that the setups state."""
+def upload_world(world: World, setups: list[Setup], reaches: Floats, partitions: list[int]) -> None:
+    """Everything that the setups state; `reaches` [n, 2]: of contacts, of those that have not touched [m]."""
     upload_source(world, setups)
     upload_replicas(world, setups, reaches, partitions)
     upload_cells(world, setups, reaches)
@@ -64,7 +64,7 @@ def upload_source(world: World, setups: list[Setup]) -> None:
     upload(columns)
 
 
-def upload_replicas(world: World, setups: list[Setup], reaches: list[float], partitions: list[int]) -> None:
+def upload_replicas(world: World, setups: list[Setup], reaches: Floats, partitions: list[int]) -> None:
     """Clocks, boxes and skins; nothing is released yet, the first step rebuilds."""
     replicas = world.replicas
     allowed = [verlet_skin(s) for s in setups]
@@ -81,7 +81,8 @@ def upload_replicas(world: World, setups: list[Setup], reaches: list[float], par
             (replicas.low, [s.domain[0] for s in setups]),
             (replicas.high, [s.domain[1] for s in setups]),
             (replicas.period, [s.period for s in setups]),
-            (replicas.reach, reaches),
+            (replicas.reach, reaches[:, 0]),
+            (replicas.free_reach, reaches[:, 1]),
             (replicas.overlap_limit, [s.overlap_limit for s in setups]),
             (replicas.skin_least, [m.least for m in allowed]),
             (replicas.skin_most, [m.most for m in allowed]),
@@ -91,9 +92,9 @@ def upload_replicas(world: World, setups: list[Setup], reaches: list[float], par
     )
 
 
-def upload_cells(world: World, setups: list[Setup], reaches: list[float]) -> None:
+def upload_cells(world: World, setups: list[Setup], reaches: Floats) -> None:
     """Cell grids."""
-    least = [2.0 * verlet_skin(s).cell_reach + reach for s, reach in zip(setups, reaches, strict=True)]
+    least = [2.0 * verlet_skin(s).cell_reach + reach for s, reach in zip(setups, reaches[:, 0], strict=True)]
     most = [min(world.cells.capacity, cell_count(len(s.grains.radius))) for s in setups]
     grids = [cell_grid(*one) for one in zip(setups, least, most, strict=True)]
     upload([(getattr(world.cells, name), [grid[name] for grid in grids]) for name in grids[0]])

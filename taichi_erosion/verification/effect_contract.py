@@ -243,6 +243,9 @@ def has_a_sane_reach(effect: Effect, probe: Probe) -> Iterator[str]:
     for partner in ({}, {"radius_j": 0.0, "radius_effective": 1e-4, "mass_j": 0.0}):
         if np.any(probe(effect.params(), conditions_for(effect), **(beyond | partner)) != 0.0):
             yield f"it still pulls beyond its reach of {reach:.4g} m"
+    apart = TYPICAL["pair"] | {"gap": 0.1 * reach + 1e-9, "stiffness": 0.0, "touched": 0.0}
+    if effect.after_touch and np.any(probe(effect.params(), conditions_for(effect), **apart) != 0.0):
+        yield "it acts between grains that have not touched, though after_touch says that it does not"
 
 
 def leaves_open_its_own(effect: Effect, probe: Probe) -> Iterator[str]:

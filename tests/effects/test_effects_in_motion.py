@@ -21,7 +21,7 @@ from taichi_erosion.measures.result import Measurement, no_measurement
 from taichi_erosion.run.result import apply_instruments
 from taichi_erosion.scene import parse_scene
 from taichi_erosion.scene.change import SAMPLE
-from taichi_erosion.simulation import advance, assemble, prepare, snapshot
+from taichi_erosion.simulation import advance, assemble, export_state, prepare, snapshot
 
 WET = {"moisture": 0.02}
 NO_HEAP = no_measurement("pile_height", "m", "no heap")
@@ -113,6 +113,19 @@ def worlds() -> dict[str, Snapshot]:
     ends = {name: snapshot(sim, r) for r, name in enumerate(setups)}
     stop_device()
     return ends
+
+
+def test_grains_that_have_not_touched_need_no_list_for_an_effect_after_touch():
+    wet = with_effects(heap(60, 1), liquid_bridge=30.0)
+    (bridge,) = wet.effects
+    assert bridge.reach > 0.2 * RADIUS
+    anywhere = replace(bridge, effect=replace(bridge.effect, after_touch=False))
+    sim = assemble([wet, replace(wet, effects=(anywhere,))], LAWS, Numerics("cpu", 1, "f64"))
+    advance(sim, [0.02, 0.02])
+    short, long = (export_state(sim)[f"replica{r}_pair_number"].sum() for r in range(2))
+    assert short < 0.8 * long
+    ends = [snapshot(sim, r).position for r in range(2)]
+    assert np.allclose(*ends, rtol=0.0, atol=1e-6 * RADIUS)
 
 
 def test_a_replica_without_effects_moves_as_the_bare_model_beside_replicas_with_them(worlds):
