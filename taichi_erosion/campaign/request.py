@@ -30,9 +30,8 @@ Payloads = Sequence[dict[str, Any]]
 SendRecord = Callable[[int, dict[str, Any]], None]  # (place in the batch, record)
 RunFunction = Callable[[Payloads, SendRecord], None]
 
-WORTH_A_START = 6e7  # grain-steps that take as long as to start an ensemble: 15 M/s
+WORTH_A_START = 4e7  # grain-steps that take as long as to start an ensemble: 10 M/s
 START = 4.0  # s of one core that the start of an ensemble takes
-WINDY = 1.7  # time of a grain-step under wind over one without [1]: `bench`
 THREADS = 1  # of a batch: it is one of several that run beside each other
 RUNS_MOST = 64  # of a batch: more make an ensemble no cheaper to start, but its fields larger
 DEVICE_GRAINS = 1_000_000  # of a batch on a graphics processor: some GB of its memory
@@ -140,9 +139,9 @@ def way_mark(numerics: Numerics) -> str:
 
 
 def work_of(scene: Scene) -> float:
-    """Most grain-steps that a run of this scene can take; one under wind counts as WINDY."""
+    """Most grain-steps that a run of this scene can take."""
     duration = sum(stage.duration_max for stage in scene.stages)
-    return (1.0 if scene.wind is None else WINDY) * scene.grains.count * duration / time_step(scene)
+    return scene.grains.count * duration / time_step(scene)
 
 
 @contextmanager

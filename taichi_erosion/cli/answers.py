@@ -16,7 +16,6 @@ from taichi_erosion.evidence.words.shell import shell_command
 if TYPE_CHECKING:
     from taichi_erosion.evidence.answers.files import Reply
     from taichi_erosion.evidence.answers.predictions import PredictionReply
-    from taichi_erosion.evidence.race import record
     from taichi_erosion.evidence.words.answer_lines import Answer
 
 MOST_LINES = 8  # of an answer, the set-up included: a screen with its table
@@ -67,14 +66,9 @@ def print_details(reply: "Reply") -> None:
         print_table("calibrated numbers (90 %)", NUMBERS, numbers)
     print_lines([*about["notes"], *about["warnings"]], "note: ")
     print_lines(about.get("files", ()), "written: ")
-    typer.echo(cost_of(found.cost))
+    settings, runs = counted(found.cost.settings, "setting"), counted(found.cost.runs, "run")
+    typer.echo(f"{settings} of the model, {runs}, {found.cost.seconds:.1f} s, seed {found.cost.seed}")
     typer.echo(f"results in {about['results']}; {', '.join(map(' '.join, about['versions'].items()))}")
-
-
-def cost_of(found: "record.CostPart") -> str:
-    """Settings and runs that the answer took, wall time and seed."""
-    settings, runs = counted(found.settings, "setting"), counted(found.runs, "run")
-    return f"{settings} of the model, {runs}, {found.seconds:.1f} s, seed {found.seed}"
 
 
 def print_prediction(reply: "PredictionReply") -> None:

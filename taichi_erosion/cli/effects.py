@@ -168,7 +168,8 @@ def print_effect(
     rows = ((c.claim, f"{c.got:.7g}", f"{c.want:.7g}", f"{c.rtol:g}") for c in checks)
     output.print_table("verification", ("claim", "got", "want", "tolerance"), rows)
     for row in measured.get(effect.name, ()):
-        typer.echo(f"measured: {shift_text(row)} ({case_text(row)})")
+        case = f"{row['scene']}, {row['label'] and row['label'] + ', '}strength {row['strength']}"
+        typer.echo(f"measured: {shift_text(row)} ({case}, n = {row['n']})")
     for answer in known_answers().get(effect.name, ()):
         typer.echo(f"measured: {answer}")
     for breach in breaches:
@@ -259,12 +260,6 @@ def value_range(rows: list[Row]) -> str:
     suffix = "" if is_ratio else f"; bare {bare:.3g}"
     axis = f"{rows[0]['axis']} {float(rows[0]['place']):g} to {float(rows[-1]['place']):g}"
     return f"{first:.3g} to {last:.3g} ({axis}{suffix})"
-
-
-def case_text(row: Row) -> str:
-    """`column_collapse.toml, moisture 0.1, strength 1, n = 6`."""
-    label = f"{row['label']}, " if row["label"] else ""
-    return f"{row['scene']}, {label}strength {row['strength']}, n = {row['n']}"
 
 
 def shift_text(row: Row) -> str:

@@ -19,7 +19,8 @@ from taichi_erosion.recording.pictures import terminal_colours, terminal_shades
 from taichi_erosion.run import session as live
 from taichi_erosion.run import session_queries as queries
 from taichi_erosion.run.session import Session
-from taichi_erosion.scene.paths import scene_paths
+from taichi_erosion.scene import resolved
+from taichi_erosion.scene.paths import leaves
 
 PROMPT = "erosion> "
 PICTURE_COLUMNS = 72
@@ -280,7 +281,8 @@ def enable_completion(session: Session) -> None:
         return
 
     def complete(text: str, state: int) -> str | None:
-        found = [word for word in (*COMMANDS, *scene_paths(session.scene)) if word.startswith(text)]
+        paths = sorted(path for path, _ in leaves(resolved(session.scene)))
+        found = [word for word in (*COMMANDS, *paths) if word.startswith(text)]
         return found[state] if state < len(found) else None
 
     readline.set_completer_delims(" ")

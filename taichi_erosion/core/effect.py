@@ -22,9 +22,9 @@ restored beds. Pair effects read the state of both grains, grain effects that of
 """
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import MISSING, Field, asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any, Literal
@@ -61,11 +61,6 @@ def check_range(params: Any, effect: str) -> None:
             unit = "" if f.metadata["unit"] == "1" else f" {f.metadata['unit']}"
             allowed = f"[{low:g}, {high:g}]{unit}"
             raise ValueError(f"effects.{effect}.{f.name} = {value:g}{unit} lies outside {allowed}")
-
-
-def documented(f: "Field[Any]") -> bool:
-    """Whether a field was declared through `quantity`."""
-    return "unit" in f.metadata and f.default is not MISSING
 
 
 @dataclass(frozen=True)
@@ -160,11 +155,6 @@ class ReplicaEffect:
     reach: float  # gap beyond which it vanishes [m]
     initial_state: Constants = field(default_factory=dict)  # of a grain that enters
 
-    @property
-    def free_reach(self) -> float:
-        """Gap beyond which it vanishes between grains that have not touched [m]."""
-        return 0.0 if self.effect.after_touch else self.reach
-
 
 def read_params(effect: Effect, entries: Mapping[str, float]) -> tuple[Any, float]:
     """Parameters and strength from a scene's entries. Raises ValueError naming what is out of range."""
@@ -204,6 +194,12 @@ def replica_effect(
     refuse_no_numbers(effect, constants)
     start = initial_state(effect, params, strength, conditions)
     return ReplicaEffect(effect, constants, effect.reach(constants, radius), start)
+
+
+def longest_reaches(effects: Sequence[ReplicaEffect]) -> tuple[float, float]:
+    """Longest gaps across which effects act, between any grains and some that have not touched [m]."""
+    free = (one.reach for one in effects if not one.effect.after_touch)
+    return max((one.reach for one in effects), default=0.0), max(free, default=0.0)
 
 
 def refuse_no_numbers(effect: Effect, constants: Any) -> None:

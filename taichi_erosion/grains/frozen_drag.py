@@ -12,7 +12,7 @@ air loses just that.
 from typing import Any
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import device_record
+from taichi_erosion.core.transfer import device_fields, device_record
 from taichi_erosion.grains.state import block
 
 
@@ -36,10 +36,6 @@ def allocate_frozen_drag(replicas: int, capacity: int) -> FrozenDrag:
     return FrozenDrag(**block(2 * replicas * capacity, realx3=vectors, real="drag_rate"))
 
 
-def fields_of(frozen: FrozenDrag) -> tuple[Any, ...]:
-    return tuple(getattr(frozen, name) for name in FROZEN_FIELDS)
-
-
 @ti.func
 def apply_drag(frozen_out: ti.template(), i, velocity, kick):
     """Velocity of the grain at place i after drag has acted for `kick` [s]."""
@@ -52,12 +48,12 @@ def apply_drag(frozen_out: ti.template(), i, velocity, kick):
 @ti.func
 def copy_frozen_drag(frozen_out: ti.template(), k, i):
     """Copy the frozen terms of place i to place k."""
-    for field_out in ti.static(fields_of(frozen_out)):
+    for field_out in ti.static(tuple(device_fields(frozen_out))):
         field_out[k] = field_out[i]
 
 
 @ti.func
 def clear_frozen_drag(frozen_out: ti.template(), i):
     """No frozen force on the grain at place i until the next exchange."""
-    for field_out in ti.static(fields_of(frozen_out)):
+    for field_out in ti.static(tuple(device_fields(frozen_out))):
         field_out[i] = 0.0 * field_out[i]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_erosion.core.setup import ContactTable, Floats, Integers, pair_rows
+from taichi_erosion.core.setup import ContactTable, Floats, pair_rows
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import aligned, device_record, members, upload
 
@@ -67,19 +67,10 @@ def device_columns(table: ContactTable) -> dict[str, Floats]:
     }
 
 
-def material_count(table: ContactTable) -> int:
-    """Number of materials of a contact table, from that of its pairs."""
-    return (isqrt(8 * len(table.restitution) + 1) - 1) // 2
-
-
-def device_rows(materials: Materials, table: ContactTable) -> Integers:
-    """Rows of the device, within those of one replica, in which the rows of a contact table stand."""
-    return pair_rows(material_count(table), materials.count)
-
-
 def placed(materials: Materials, table: ContactTable) -> dict[str, Floats]:
     """Columns of Materials with all rows of one replica."""
-    rows, columns = device_rows(materials, table), device_columns(table)
+    count = (isqrt(8 * len(table.restitution) + 1) - 1) // 2  # materials of the table, from its pairs
+    rows, columns = pair_rows(count, materials.count), device_columns(table)
     whole = {name: np.zeros(materials.rows) for name in columns}
     for name, values in columns.items():
         whole[name][rows] = values

@@ -61,22 +61,10 @@ def old_entry(world: ti.template(), r, rank_i, rank_j):
 
 
 @ti.func
-def have_met(world: ti.template(), r, i, j):
-    """1 where the grains at places i and j have touched and attract each other since, else 0."""
-    base = side_block(world.grains, r, 1 - world.replicas.side[r])
-    source, _ = old_entry(world, r, i - base, j - base)
-    met = 0
-    if source >= 0:
-        met = (world.pairs.label[source] & MET) // MET
-    return met
-
-
-@ti.func
 def proximity(world: ti.template(), r, i, j, period):
     """Relation of places i and j: 0 far apart, 1 may touch before the next rebuild, 2 touching."""
     (grains,) = ti.static((world.grains,))
-    extent = grains.extent[i] + grains.extent[j]
-    within = extent + world.replicas.reach[r]
+    within = grains.extent[i] + grains.extent[j] + world.replicas.reach[r]
     away = shortest_way(ti.abs(grains.origin[i] - grains.origin[j]), period)
     distance_squared = ti.cast(away.norm_sqr(), float)
     state = 0
@@ -84,9 +72,11 @@ def proximity(world: ti.template(), r, i, j, period):
         contact_distance = grains.radius[i] + grains.radius[j]
         state = 1 + ti.cast(distance_squared < contact_distance * contact_distance, ti.i32)
         if ti.static(world.pair_effects.any):
-            free = extent + world.replicas.free_reach[r]
+            free = within - world.replicas.met_reach[r]
             if distance_squared >= free * free:
-                state = have_met(world, r, i, j)
+                base = side_block(grains, r, 1 - world.replicas.side[r])
+                source, _ = old_entry(world, r, i - base, j - base)
+                state = ti.select(source < 0, 0, world.pairs.label[ti.max(source, 0)] & MET) // MET
     if ti.static(world.clumped):
         row = r * grains.capacity
         if world.source.body[row + grains.ident[i]] == world.source.body[row + grains.ident[j]]:

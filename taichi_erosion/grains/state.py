@@ -81,7 +81,7 @@ class Replicas:
     crowded: Any  # i32, 1 where too many grains reach further
     skin_time: Any  # time that a moving grain should stay within its skin [s]
     reach: Any  # gap up to which a contact may act [m]
-    free_reach: Any  # the same of grains that have not touched [m]
+    met_reach: Any  # how much of it only grains have that have touched [m]
     wall_travel: Any  # bound on how far any wall has moved since the rebuild [m]
     overlap_limit: Any  # overlap over the smaller radius [1]
     need: Any  # i32 [replica, partition]: REBUILD or STOP, written while integrating only
@@ -146,7 +146,7 @@ def allocate_source(replicas: int, capacity: int) -> Source:
 def allocate_replicas(count: int, partitions: int) -> Replicas:
     """Fields of clocks and counters."""
     signals = "status spins_most late pause"  # the last three of a team
-    skins = "skin_least skin_most skin_time cell_reach reach free_reach wall_travel"
+    skins = "skin_least skin_most skin_time cell_reach reach met_reach wall_travel"
     table = arrays(
         count,
         i32=f"side partitions stale crowded released total step steps_left rebuilds pair_row {signals}",

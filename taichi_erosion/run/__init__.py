@@ -13,9 +13,7 @@ from taichi_erosion.core.setup import ArchChoice, Decomposition
 from taichi_erosion.run.checks import check_scene
 from taichi_erosion.scene.load import is_air_scene
 
-__all__ = ["CHECKPOINT_INTERVAL", "Report", "RunOptions", "check_scene", "run_scene"]
-
-CHECKPOINT_INTERVAL = inf  # simulated s; infinite: one checkpoint, at the end or at an interruption
+__all__ = ["Report", "RunOptions", "check_scene", "run_scene"]
 
 Report = Callable[[float, str], None]  # (share done [1], words)
 
@@ -34,7 +32,7 @@ class RunOptions:
     record: Path | None = None
     no_record: bool = False
     checkpoint: Path | None = None
-    checkpoint_interval: float = CHECKPOINT_INTERVAL  # simulated s, --every
+    checkpoint_interval: float = inf  # simulated s, --every; infinite: one at the end or at an interruption
     resume: Path | None = None
     effect_files: tuple[Path, ...] = ()  # effects from outside the package
     force: bool = False  # replace files of the same name that no run of this scene wrote

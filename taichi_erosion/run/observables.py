@@ -55,10 +55,6 @@ class MeasureInput:
         plate = self.scene.geometry.get(self.request.plate or "")
         return plate.radius if isinstance(plate, Disc) else None
 
-    @property
-    def azimuths(self) -> int:
-        return self.request.azimuths or AZIMUTHS
-
     @cached_property
     def landings(self) -> splash.Splash:
         """Landings of grains in the frames."""
@@ -87,7 +83,9 @@ def threshold_of(name: str, kind: str) -> Callable[[MeasureInput], Measurement]:
 
 
 OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
-    "repose_angle": lambda e: repose.repose_angle(e.end, e.plate_radius, e.base_height, e.azimuths),
+    "repose_angle": lambda e: repose.repose_angle(
+        e.end, e.plate_radius, e.base_height, e.request.azimuths or AZIMUTHS
+    ),
     "cone_angle": lambda e: repose.cone_angle(e.end, e.base_height),
     "angle_of_repose": lambda e: heap.angle_of_repose_outline(e.end, e.base_height),
     "pile_height": lambda e: heap.pile_height(e.end, e.base_height),
@@ -156,32 +154,21 @@ def touching_shortfalls(given: MeasureInput, _: Measurement) -> Iterable[Shortfa
 
 
 LACKING: dict[str, Callable[[MeasureInput, Measurement], Iterable[Shortfall]]] = {
-    "repose_angle": heap_shortfalls,
-    "cone_angle": heap_shortfalls,
-    "angle_of_repose": heap_shortfalls,
+    **dict.fromkeys(("repose_angle", "cone_angle", "angle_of_repose"), heap_shortfalls),
     "dynamic_angle": surface_shortfalls,
     "settling_velocity": touching_shortfalls,
-    "flux": hop_shortfalls,
-    "flux_height": hop_shortfalls,
-    "rebound_share": hop_shortfalls,
-    "rebound_speed": hop_shortfalls,
-    "ejecta_share": hop_shortfalls,
+    **dict.fromkeys(
+        ("flux", "flux_height", "rebound_share", "rebound_speed", "ejecta_share"), hop_shortfalls
+    ),
 }
-
-
-def left_in_funnel(given: MeasureInput) -> float:
-    """Share of the grains above the outlet of a funnel [1]; 0 without one."""
-    outlets = [wall.outlet[2] for wall in given.scene.geometry.values() if isinstance(wall, Funnel)]
-    if not outlets or heap.defect(given.end):
-        return 0.0
-    return float((given.end.position[:, 2] > min(outlets)).mean())
 
 
 def measure(name: str, given: MeasureInput) -> Measurement:
     """The measurement, with what the set-up lacks for it; no value where a funnel has not emptied."""
     found = OBSERVABLES[name](given)
-    if (share := left_in_funnel(given)) > EMPTY:
-        reason = f"the funnel has not emptied: {100.0 * share:.0f} % of the grains are still in it"
-        return no_measurement(name, found.unit, reason)
+    height, walls = given.end.position[:, 2], given.scene.geometry.values()
+    outlet = min((wall.outlet[2] for wall in walls if isinstance(wall, Funnel)), default=inf)
+    if (left := (height > outlet).sum()) > EMPTY * height.size:
+        return no_measurement(name, found.unit, f"{left:,} of {height.size:,} grains are still in the funnel")
     lacking = LACKING[name](given, found) if name in LACKING else ()
     return replace(found, shortfalls=(*found.shortfalls, *lacking))

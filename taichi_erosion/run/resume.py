@@ -43,7 +43,7 @@ class Checkpointer:
     """Writer of the checkpoints of a run; as a callback it saves whenever an interval is over."""
 
     path: Path
-    interval: float  # simulated s; see run.CHECKPOINT_INTERVAL
+    interval: float  # simulated s; infinite: one checkpoint, at the end or at an interruption
     meta: dict[str, Any]
     saved: int = 0  # intervals that have a checkpoint
 

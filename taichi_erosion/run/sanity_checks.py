@@ -36,7 +36,6 @@ LIKELY_CAUSES = {
     Status.OVERFLOW: "lists could not grow: out of memory",
     Status.COUNT: "an error of this program: please report it",
     Status.AIR: "the wind crosses more than a cell between two exchanges: lower wind.look_steps",
-    Status.RUNNING: "",
 }
 
 
@@ -51,5 +50,5 @@ def failure_message(failure: Failure, seed: int) -> str:
         Status.ENERGY: f"mechanical energy grew by {failure.value:.3g} of itself between two checks",
         Status.COUNT: f"grain {failure.grain} is missing, or not all mass is there ({failure.value:.3g})",
     }.get(failure.status, failure.status.name.lower())
-    likely = LIKELY_CAUSES[failure.status]
-    return f"seed {seed} stopped at {failure.time:.6g} s: {finding}; likely cause: {likely}"
+    finding += f"; likely cause: {LIKELY_CAUSES.get(failure.status, '')}"
+    return f"seed {seed} stopped at {failure.time:.6g} s: {finding}"

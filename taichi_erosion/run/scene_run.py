@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from math import isinf
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -20,7 +21,7 @@ from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.checkpoint import is_checkpoint, load_checkpoint
 from taichi_erosion.recording.outputs import refuse_foreign_outputs, refuse_unwritable
-from taichi_erosion.run import CHECKPOINT_INTERVAL, RunOptions
+from taichi_erosion.run import RunOptions
 from taichi_erosion.run.checks import explained, idle_effects, library_of, named_effects, read_scene
 from taichi_erosion.run.ensemble_loop import Callback, EnsembleRun, ProgressReporter, run_ensemble
 from taichi_erosion.run.recorder import (
@@ -210,7 +211,7 @@ def run_with_outputs(
         if recorder:
             stream.close(recorder.recording)
         raise
-    if options.checkpoint and options.checkpoint_interval == CHECKPOINT_INTERVAL:
+    if options.checkpoint and isinf(options.checkpoint_interval):
         checkpointer.save(ensemble)
 
 

@@ -15,7 +15,7 @@ from pydantic import TypeAdapter
 from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.core.files import one_line_name
 from taichi_erosion.scene.schema.air import AirScene
-from taichi_erosion.scene.schema.fields import DIAMETERS, resolved
+from taichi_erosion.scene.schema.fields import DIAMETERS
 from taichi_erosion.scene.schema.scene import Scene
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -40,11 +40,6 @@ def schema_text() -> str:
 def write_schema(path: str | Path) -> None:
     """Write the schema file that scene files name on their first line."""
     Path(path).write_text(schema_text(), encoding="utf-8")
-
-
-def scene_paths(scene: Scene) -> list[str]:
-    """Dotted paths of all entries of a scene, defaults included."""
-    return sorted(path for path, _ in leaves(resolved(scene)))
 
 
 def leaves(table: Any, above: str = "") -> Iterator[tuple[str, Any]]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from taichi_erosion.core.device import start_device
-from taichi_erosion.core.effect import first_contact_type, pair_type
+from taichi_erosion.core.effect import first_contact_type, longest_reaches, pair_type
 from taichi_erosion.core.effect_device import bind
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
@@ -109,14 +109,15 @@ def upload_setups(world: World, setups: list[Setup]) -> None:
 
 
 def gap_reach(setup: Setup, laws: ContactLaws) -> tuple[float, float]:
-    """Longest gaps across which contacts of this replica, and those that have not touched, may act [m].
+    """Longest gap across which a contact of this replica may act, and how much less if it never touched [m].
 
     Walls double the effective radius.
     """
     table, largest = setup.contacts, float(setup.grains.radius.max())
     reach = laws.gap_reach(np.pi * table.surface_energy, table.young_effective, largest)
     own = reach if np.isfinite(reach) else 0.0
-    return max([own, *(e.reach for e in setup.effects)]), max([own, *(e.free_reach for e in setup.effects)])
+    longest, free = longest_reaches(setup.effects)
+    return max(own, longest), max(own, longest) - max(own, free)
 
 
 def is_driven(setups: list[Setup]) -> bool:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from taichi_erosion.core.effect import ReplicaEffect
+from taichi_erosion.core.effect import ReplicaEffect, longest_reaches
 from taichi_erosion.core.effect_device import write_constants
 from taichi_erosion.core.setup import ContactTable, Floats, Motion, PrimitiveKind, Setup
 from taichi_erosion.core.transfer import download, upload
@@ -84,9 +84,8 @@ def set_effects(sim: Simulation, replica: int, effects: Sequence[ReplicaEffect])
     the cells.
     """
     before = sim.setups[replica].effects
-    for reach in (lambda e: e.reach, lambda e: e.free_reach):
-        if max(map(reach, effects), default=0.0) > max(map(reach, before), default=0.0):
-            return False
+    if np.any(np.greater(longest_reaches(effects), longest_reaches(before))):
+        return False
     bounds = {
         "pair": sim.world.pair_effects,
         "first_contact": sim.world.first_contact_effects,

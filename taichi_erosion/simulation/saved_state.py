@@ -176,7 +176,9 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
         upload(columns("held_", world.frozen_drag, FROZEN_FIELDS, part), 2 * r * rows)
     if world.sleeps:
         upload(columns("sleep_", world.sleep, SAVED_FIELDS, part), 2 * r * rows)
-    import_memory(sim, r, part)
+    for name, (numbers, start) in effect_memory(sim).items():
+        begun = np.full(len(part["ident"]), download([start], r, 1)[0][0])  # of an effect that was not there
+        upload([(numbers, part.get(f"memory_{name}", begun))], 2 * r * sim.capacities.grains)
     bounds = read(world.replicas.bounds)
     bounds[r, : len(part["bounds"])] = part["bounds"]
     write(world.replicas.bounds, bounds)
@@ -208,14 +210,6 @@ def air_state(sim: Simulation) -> dict[str, Any]:
 def effect_memory(sim: Simulation) -> dict[str, tuple[Any, Any]]:
     """State variables of all effects, as `state_fields` of each place."""
     return state_fields(sim.world.pair_effects) | state_fields(sim.world.grain_effects)
-
-
-def import_memory(sim: Simulation, r: int, part: Arrays) -> None:
-    """State variables of effects; those of an effect that the state lacks start anew."""
-    count = len(part["ident"])
-    for name, (numbers, start) in effect_memory(sim).items():
-        begun = np.full(count, download([start], r, 1)[0][0])
-        upload([(numbers, part.get(f"memory_{name}", begun))], 2 * r * sim.capacities.grains)
 
 
 def upload_entries(

@@ -27,7 +27,7 @@ def padded(columns: list[Any], rows: int, filling: float = 0.0) -> Any:
 
 
 def upload_world(world: World, setups: list[Setup], reaches: Floats, partitions: list[int]) -> None:
-    """Everything that the setups state; `reaches` [n, 2]: of contacts, of those that have not touched [m]."""
+    """Everything that the setups state; `reaches` [n, 2] as `gap_reach` gives them."""
     upload_source(world, setups)
     upload_replicas(world, setups, reaches, partitions)
     upload_cells(world, setups, reaches)
@@ -82,7 +82,7 @@ def upload_replicas(world: World, setups: list[Setup], reaches: Floats, partitio
             (replicas.high, [s.domain[1] for s in setups]),
             (replicas.period, [s.period for s in setups]),
             (replicas.reach, reaches[:, 0]),
-            (replicas.free_reach, reaches[:, 1]),
+            (replicas.met_reach, reaches[:, 1]),
             (replicas.overlap_limit, [s.overlap_limit for s in setups]),
             (replicas.skin_least, [m.least for m in allowed]),
             (replicas.skin_most, [m.most for m in allowed]),

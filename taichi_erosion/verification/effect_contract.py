@@ -6,7 +6,7 @@ must have been started for clauses; `examine` starts it.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from difflib import get_close_matches
 from math import inf, isclose, isfinite
 from pathlib import Path
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.core.device import start_device, stop_device
-from taichi_erosion.core.effect import Check, Effect, Probe, check_range, documented
+from taichi_erosion.core.effect import Check, Effect, Probe, check_range
 from taichi_erosion.core.effect_loading import (
     checked_number,
     compile_failure,
@@ -140,7 +140,7 @@ def parameters_are_documented(effect: Effect, probe: Probe) -> Iterator[str]:
 
 def is_declared(f: Any) -> bool:
     """Whether a number is declared with unit and meaning."""
-    return documented(f) and bool(f.metadata["meaning"]) and bool(f.metadata["unit"])
+    return f.default is not MISSING and bool(f.metadata.get("meaning")) and bool(f.metadata.get("unit"))
 
 
 def unit_problems(f: Any) -> Iterator[str]:
@@ -243,9 +243,6 @@ def has_a_sane_reach(effect: Effect, probe: Probe) -> Iterator[str]:
     for partner in ({}, {"radius_j": 0.0, "radius_effective": 1e-4, "mass_j": 0.0}):
         if np.any(probe(effect.params(), conditions_for(effect), **(beyond | partner)) != 0.0):
             yield f"it still pulls beyond its reach of {reach:.4g} m"
-    apart = TYPICAL["pair"] | {"gap": 0.1 * reach + 1e-9, "stiffness": 0.0, "touched": 0.0}
-    if effect.after_touch and np.any(probe(effect.params(), conditions_for(effect), **apart) != 0.0):
-        yield "it acts between grains that have not touched, though after_touch says that it does not"
 
 
 def leaves_open_its_own(effect: Effect, probe: Probe) -> Iterator[str]:

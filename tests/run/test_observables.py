@@ -21,4 +21,4 @@ def test_a_heap_below_a_funnel_that_has_not_emptied_has_no_value(in_funnel: floa
     for name, request in SCENE.measure.items():
         found = measure(name, MeasureInput(SCENE, request, end, (), ()))
         assert np.isfinite(found.value) == valued
-        assert valued or "has not emptied" in found.notes[0]
+        assert valued or "still in the funnel" in found.notes[0]

@@ -19,7 +19,6 @@ from taichi_erosion.evidence.answers.rounds import Question, answered, last_plan
 from taichi_erosion.evidence.answers.scene_rounds import RacedStudy, after_test, discovery_question
 from taichi_erosion.evidence.answers.set_up import (
     blocked,
-    only_rows_lack,
     refuse_unknown_scatter,
     sentences,
     source_faults,
@@ -139,9 +138,11 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
         found, ready = answer_of(study, last_plan(study), question, progress)
         stated = study.file.laboratory
         laboratory = Laboratory(ranges=dict(stated.ranges), costs=dict(stated.costs), repeats=stated.repeats)
-        record = next_record(found.posterior, laboratory)
+        experiments = proposals(found.posterior, laboratory)
+        record = replace(summary(found.posterior), experiments=experiments)
         if blocked(ready.faults):
-            more = record.experiments if only_rows_lack(ready.faults) else ()
+            rows_lack = {fault.kind for fault in ready.faults if fault.blocks} == {"too_few_rows"}
+            more = record.experiments if rows_lack else ()
             record = replace(record, decided=waiting(record.decided), experiments=more)
         return stored(ready, "next", found, record, start)
 
@@ -199,11 +200,6 @@ def adopted_of(record: Record) -> Adopted:
     earlier = {path[len(EFFECTS) : -len(STRENGTH)]: path for path in found if is_strength(path)}
     strengths = {name: found.pop(path) for name, path in earlier.items()}
     return Adopted(names, strengths | {name: record.effects[name].strength for name in names}, found)
-
-
-def next_record(posterior: Posterior, laboratory: Laboratory) -> Record:
-    """The measurements that would move the posterior."""
-    return replace(summary(posterior), experiments=proposals(posterior, laboratory))
 
 
 def known_effects(effects: Sequence[str], names: Sequence[str], path: Path) -> tuple[str, ...]:

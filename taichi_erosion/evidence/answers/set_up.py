@@ -37,11 +37,6 @@ def blocked(faults: Sequence[SetUpFault]) -> bool:
     return any(fault.blocks for fault in faults)
 
 
-def only_rows_lack(faults: Sequence[SetUpFault]) -> bool:
-    """Whether the verdict waits for nothing but more rows."""
-    return {fault.kind for fault in faults if fault.blocks} == {"too_few_rows"}
-
-
 def source_faults(study: Study) -> Iterator[SetUpFault]:
     """The laboratory's table, where it has changed since the study was made of it.
 

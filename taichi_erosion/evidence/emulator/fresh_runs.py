@@ -108,7 +108,13 @@ class FreshSimulator:
     ) -> FreshCampaign:
         """Runs of all settings at the conditions whose rows weigh most."""
         known = [(observable, rows, self.mapping.known(at)) for observable, rows, at in asked]
-        settings = [rounded_setting(each) for each in settings]
+        settings = [  # without meaningless digits, which would make it another run elsewhere
+            Setting(
+                {path: rounded(value) for path, value in each.parameters.items()},
+                {name: rounded(value) for name, value in each.effects.items() if value > 0.0},
+            )
+            for each in settings
+        ]
         chosen = weighty_rows(self, known, weight)
         places = [placed(self, each, known, chosen) for each in settings]
         points = list(dict.fromkeys(point for place in places for point in place.values()))
@@ -148,14 +154,6 @@ def fresh_count(training: TrainingRuns, seeds: int) -> int:
         bare = min(len(distinct_conditions(scene, ())), MOST_CONDITIONS)
         count += bare + (SETTINGS - 1) * min(len(scene.rows), MOST_CONDITIONS)
     return count * seeds
-
-
-def rounded_setting(setting: Setting) -> Setting:
-    """The same without meaningless digits, which would make it another run elsewhere."""
-    return Setting(
-        {path: rounded(value) for path, value in setting.parameters.items()},
-        {name: rounded(value) for name, value in setting.effects.items() if value > 0.0},
-    )
 
 
 def conditions_at(conditions: Conditions, place: int) -> Numbers:

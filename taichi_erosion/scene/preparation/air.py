@@ -14,7 +14,7 @@ from taichi_erosion.core.air_setup import (
     InitialTurbulence,
     InletTurbulence,
 )
-from taichi_erosion.core.setup import Coupling, Floats, GrainTable, Triple
+from taichi_erosion.core.setup import Coupling, Floats, Triple
 from taichi_erosion.scene.preparation.limits import time_step
 from taichi_erosion.scene.preparation.sizes import mean_cube, nominal_diameter
 from taichi_erosion.scene.schema.air import (
@@ -104,12 +104,6 @@ def patch_coupling(scene: Scene, wind: Wind, seed: int) -> Coupling:
         sleep_exchanges=1 + ceil(wind.sleep_after / interval) if wind.sleep_after else 0,
         sleep_share=wind.sleep_share,
     )
-
-
-def patch_box(wind: Wind, grains: GrainTable) -> tuple[Triple, Triple]:
-    """Domain of a periodic patch [m]."""
-    below = -10.0 * float(grains.radius.max())
-    return (0.0, 0.0, below), (wind.length, wind.width, HEADROOM * wind.height)
 
 
 def box_faces(air: AirBox) -> Floats:

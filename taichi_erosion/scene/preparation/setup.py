@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 
 from taichi_erosion.core.setup import ClumpTable, GrainTable, Laws, Setup, Surface
-from taichi_erosion.scene.preparation.air import patch_air, patch_box, patch_coupling
+from taichi_erosion.scene.preparation.air import HEADROOM, patch_air, patch_coupling
 from taichi_erosion.scene.preparation.clump import Body, body_of, reach_over_diameter
 from taichi_erosion.scene.preparation.contacts import contact_table, materials_used
 from taichi_erosion.scene.preparation.fill import InitialBodies, initial_bodies, stream
@@ -58,9 +58,10 @@ def build_setup(scene: Scene, seed: int) -> Setup:
 
 def under_wind(setup: Setup, scene: Scene, wind: Wind, seed: int) -> Setup:
     """The same grains in a periodic patch with air."""
+    below = -10.0 * float(setup.grains.radius.max())
     return replace(
         setup,
-        domain=patch_box(wind, setup.grains),
+        domain=((0.0, 0.0, below), (wind.length, wind.width, HEADROOM * wind.height)),
         period=(wind.length, wind.width, 0.0),
         air=patch_air(scene, wind, setup.time_step, seed),
         coupling=patch_coupling(scene, wind, seed),

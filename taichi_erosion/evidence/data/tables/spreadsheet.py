@@ -74,7 +74,8 @@ def read_cells(path: Path, name: str, faults: list[str]) -> Cells:
         comma = has_decimal_comma((cell for _, cells in rows for cell in cells), separator)
         mark = "decimal commas" if comma else "decimal points"
         form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
-    rows, again = one_table(below_titles(rows))
+    start = next((k for k, (_, cells) in enumerate(rows) if sum(map(bool, cells)) > 1), 0)  # below titles
+    rows, again = one_table(rows[start:])
     lines = rectangular(with_one_heading(rows), name, separator, faults)
     return Cells(name, tuple(lines), comma, form + again)
 
@@ -211,12 +212,6 @@ def cell_text(value: Any, mark: str) -> str:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return f"{value:.12g}".replace(".", mark)
     return str(value)
-
-
-def below_titles(rows: Lines) -> Lines:
-    """The rows from the heading on: the first row with two cells that have content."""
-    start = next((k for k, (_, cells) in enumerate(rows) if sum(map(bool, cells)) > 1), 0)
-    return rows[start:]
 
 
 def one_table(rows: Lines) -> tuple[Lines, str]:
