@@ -88,8 +88,7 @@ def constants(params: Params, strength: float, conditions: Conditions) -> Consta
 @ti.func
 def pull(constants, pair):
     """Attraction [N]."""
-    other = ti.select(pair.radius_j > 0.0, pair.radius_j, pair.radius_i)
-    mean = 0.5 * (pair.radius_i + other)
+    mean = 0.5 * (pair.radius_i + ti.select(pair.radius_j > 0.0, pair.radius_j, pair.radius_i))
     stretch = ti.max(pair.gap, 0.0)
     attraction = 0.0
     if pair.touched > 0.0 and stretch < constants.rupture * mean:

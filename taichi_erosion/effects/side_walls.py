@@ -6,8 +6,7 @@ with w the width in nominal diameters [1] and mu the friction of grains on the w
 each other [1]. The walls stop grains from spreading sidewards and rub on those that pass; a heap or a flow
 between them stands steeper the narrower they are, and a wind erodes less beside them. Strength multiplies
 the friction: near 0 the walls are smooth, and only without the effect are there none. They consist of the
-material of the grains and everything that starts beyond them would be lost: w must hold the whole fill.
-Holds for scenes without wind: a patch is periodic across.
+material of the grains. Holds for fills narrower than w, without wind: a patch is periodic across.
 
 Reference: Courrech du Pont, Gondret, Perrin & Rabaud (2003), Europhys. Lett. 61, 492 (angle against width);
 Nowak, Samadani & Kudrolli (2005), Nature Physics 1, 50 (walls of a drum).
@@ -43,16 +42,18 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     if contact is None or PANE in scene.materials:
         raise BadInput(f"effects.side_walls: needs contact.{grain}-{grain} and no material named '{PANE}'")
     friction = strength * params.friction * contact.friction_sliding
-    half = 0.5 * params.width * nominal_diameter(scene.grains.size)
+    half, fill = 0.5 * params.width * nominal_diameter(scene.grains.size), getattr(scene.fill, "radius", 0.0)
+    if fill > half:
+        raise BadInput(f"effects.side_walls: {2 * half:.3g} m apart, the fill is {2 * fill:.3g} m wide")
     walls = {
         name: Plane(shape="plane", material=PANE, point=(0.0, -face * half, 0.0), normal=(0.0, face, 0.0))
         for name, face in SIDES.items()
     }
-    rubbing = contact.model_copy(update={"friction_sliding": friction})
     return scene.model_copy(
         update={
             "materials": scene.materials | {PANE: scene.materials[grain]},
-            "contact": scene.contact | {f"{grain}-{PANE}": rubbing},
+            "contact": scene.contact
+            | {f"{grain}-{PANE}": contact.model_copy(update={"friction_sliding": friction})},
             "geometry": scene.geometry | walls,
         }
     )

@@ -78,9 +78,8 @@ def turned(q, spin, time):
 
 
 @ti.func
-def body_spin(clumps: ti.template(), b, q):
-    """Spin of body b at orientation q [rad s-1]."""
-    frame = rotation_matrix(q)
+def body_spin(clumps: ti.template(), b, frame):
+    """Spin of body b [rad s-1]; `frame` is its rotation."""
     return frame @ (clumps.inertia_inverse[b] * (frame.transpose() @ clumps.momentum[b]))
 
 
@@ -126,7 +125,7 @@ def advance_body(world_out: ti.template(), r, b, kick):
     clumps_out.momentum[b] = clumps_out.momentum[b] + torque * kick
     clumps_out.position[b] = clumps_out.position[b] + clumps_out.velocity[b] * dt
     q = clumps_out.orientation[b]
-    middle = turned(q, body_spin(clumps_out, b, q), 0.5 * dt)
+    middle = rotation_matrix(turned(q, body_spin(clumps_out, b, frame), 0.5 * dt))
     clumps_out.orientation[b] = turned(q, body_spin(clumps_out, b, middle), dt)
 
 
@@ -136,7 +135,7 @@ def place_spheres(world_out: ti.template(), r, b):
     clumps, grains_out = ti.static((world_out.clumps, world_out.grains))
     base = side_block(grains_out, r, world_out.replicas.side[r])
     frame = rotation_matrix(clumps.orientation[b])
-    spin = body_spin(clumps, b, clumps.orientation[b])
+    spin = body_spin(clumps, b, frame)
     period = world_out.replicas.period[r]
     need = 0
     for k in range(clumps.number[b]):

@@ -181,18 +181,19 @@ def test_a_study_that_is_there_is_not_written_over(tmp_path):
     assert (tmp_path / "heap" / "heap.toml").read_text("utf-8") == "mine"
 
 
-def scene_of(folder: Path, name: str, diameter: float, grains: int):
-    """The scene of an apparatus for grains of a diameter [m], as the program reads it."""
-    text = scene_text(TEMPLATES[name], {"title": "t"}, Diameters(diameter, diameter), grains)
+def scene_of(folder: Path, name: str, diameter: float, grains: int, density: float | None = None):
+    """The scene of an apparatus for grains of a diameter [m] and density, as the program reads it."""
+    text = scene_text(TEMPLATES[name], {"title": "t"}, Diameters(diameter, diameter), grains, density)
     (folder / "scene.toml").write_text(text, encoding="utf-8")
     return read_scene(folder / "scene.toml", ())
 
 
+@pytest.mark.parametrize("density", [None, 7800.0])  # kg m-3; steel falls hard
 @pytest.mark.parametrize("name", TEMPLATES)
-def test_a_scene_made_for_a_table_is_valid_and_large_enough_for_its_angle(tmp_path, name):
+def test_a_scene_made_for_a_table_is_valid_and_large_enough_for_its_angle(tmp_path, name, density):
     template = TEMPLATES[name]
     grains = safe_grains(template, [26.0])
-    scene = scene_of(tmp_path, name, template.diameter, grains)
+    scene = scene_of(tmp_path, name, template.diameter, grains, density)
     assert set(template.observables) <= set(scene.measure) | {"repose_angle"}
     assert grains >= template.grains
 
@@ -217,7 +218,11 @@ def test_a_new_study_on_a_scene_is_complete_and_its_conditions_arrive(tmp_path):
     assert study.problem.measurements.conditions["diameter"] == pytest.approx([250e-6, 500e-6, 800e-6])
     assert study.problem.measurements.conditions["moisture"] == pytest.approx([0.016, 0.0, 0.031])
     assert "liquid_bridge" in document["candidates"]
+    assert "side_walls" in document["candidates"]
     assert "turbulent_gusts" not in document["candidates"], "no wind blows over a heap"
+    angles = GOOD.replace("Korngröße [µm]", "note")
+    poured, _ = made(tmp_path, angles, Wishes(told, folder=tmp_path / "poured", apparatus="funnel"))
+    assert "apart, the fill is" in poured["inactive"]["side_walls"]
 
 
 HEAPS = (
