@@ -47,7 +47,7 @@ Seed = Annotated[
     int | None, typer.Option(min=0, help="Seed of the runs in place of the study's; another one: fresh runs.")
 ]
 PageFile = Annotated[
-    Path | None, typer.Option("-o", "--output", metavar="FILE", help="Page to write (HTML).")
+    Path | None, typer.Option("-o", "--output", "--out", metavar="FILE", help="Page to write.")
 ]
 AtTable = Annotated[
     Path,

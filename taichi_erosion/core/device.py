@@ -10,7 +10,6 @@ from pathlib import Path
 from taichi_erosion.core.compiler_target import compiler_target
 from taichi_erosion.core.engine.choice import engine_mark, engine_version
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import cache_root
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import LOCK, OPTIONS, core, impl, ti
 from taichi_erosion.core.transfer import is_host
@@ -26,7 +25,8 @@ def cache_folder() -> Path:
     The key of a kernel knows no processor, and its loops are laid out for one before it is kept.
     """
     engine = f"{engine_mark()}-{engine_version()}" if engine_mark() else ""
-    return cache_root() / "kernels" / f"{compiler_target()}{engine}"
+    root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(root) / "taichi_erosion" / "kernels" / f"{compiler_target()}{engine}"
 
 
 def is_writable(folder: Path) -> bool:

@@ -57,12 +57,6 @@ def read_text_file(path: Path, encoding: str = "utf-8") -> str:
     return path.read_text(encoding=encoding)
 
 
-def cache_root() -> Path:
-    """Folder of what this user's runs keep to start faster; nothing in it changes a result."""
-    root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(root) / "taichi_erosion"
-
-
 def part_path(path: Path) -> Path:
     """Path of the unfinished file, in the same folder, so that renaming it is one step."""
     return path.with_name(path.name + PART_SUFFIX)

@@ -215,7 +215,7 @@ def test_effects_that_contradict_each_other_are_refused_in_one_line():
 
 
 def test_a_scene_that_its_effects_make_impossible_is_refused_like_a_file():
-    shaped = {"grain_shape": {"strength": 1.0}, "side_walls": {"width": 3.0}}
+    shaped = {"grain_shape": {"strength": 1.0}, "side_walls": {"width": 9.0}}
     assert prepare(parse_scene(SAMPLE | {"effects": shaped}), 1, LIBRARY).clumps is not None
     wide = {"run": {"time_step": 9e-6}, "effects": {"size_distribution": {"spread": 3.0, "cut": 3.0}}}
     with pytest.raises(BadInput, match="with its effects"):

@@ -9,6 +9,7 @@ inspection of the stack, the first building and the search are skipped.
 All of it replaces internals of two versions.
 """
 
+import ast
 import textwrap
 from collections.abc import Callable
 from importlib import import_module
@@ -90,5 +91,8 @@ def build_once() -> None:
         look_up(owner, args, key)
         return owner.used_py_dataclass_parameters_by_key_enforcing.setdefault(key, set())
 
+    def flattened(tree: ast.Module, struct_locals: set[str]) -> ast.Module:
+        return flatten(tree, struct_locals) if struct_locals else tree
+
     setattr(kernel, "_try_load_fastcache", used_members)  # noqa: B010
-    setattr(dataclasses, "unpack_ast_struct_expressions", lambda t, own: flatten(t, own) if own else t)  # noqa: B010
+    setattr(dataclasses, "unpack_ast_struct_expressions", flattened)  # noqa: B010

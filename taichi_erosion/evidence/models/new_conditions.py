@@ -101,8 +101,8 @@ def conditions_of(cells: Cells, columns: Mapping[str, Column], faults: Faults) -
     rows = []
     for line, row in cells.lines:
         numbers = tuple(reader.number(line, row, column).value for column in columns.values())
-        empty = [column for column in columns.values() if is_missing(row[column.place])]
-        faults += [f"{cells.file}: row {line}, {column.heading.text} is empty" for column in empty]
+        for column in (each for each in columns.values() if is_missing(row[each.place])):
+            reader.fault(line, column, row, "is empty")
         rows.append(Row(line, "", np.nan, False, np.nan, None, "1", "", "", numbers))
     faults += reader.cell_faults()
     units = tuple(column.heading.unit or None for column in columns.values())

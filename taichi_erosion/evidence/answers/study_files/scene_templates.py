@@ -138,6 +138,7 @@ def funnel(diameter: float, grains: int) -> Changes:
         "fill.speed": 0.5,
         "stages.0.duration_max": round(0.4 + 0.8 * grains / 3000, 2),
         "materials.soil.shear_modulus": SOFT,
+        "materials.soil.softening": None,
         "conditions": None,
     }
 
@@ -264,11 +265,10 @@ def scene_text(
 
     document: Any = tomlkit.parse((SCENES / f"{template.scene}.toml").read_text(encoding="utf-8"))
     document.pop("measured", None)  # another laboratory's values
-    size = {"law": "monodisperse", "diameter": diameters.middle}
     own, heavier = template.changes(diameters.middle, grains), (density or 0.0) / template.usual_density
     changes = {
         "grains.count": grains,
-        **({"grains.size": size} if template.varies else {}),
+        **({"grains.size": {"law": "monodisperse", "diameter": diameters.middle}} if template.varies else {}),
         **own,
         **{path: value * max(heavier, 1.0) for path, value in own.items() if path.endswith(".shear_modulus")},
         **{f"scene.{key}": text for key, text in head.items()},
