@@ -90,11 +90,6 @@ class Case:
         return inf if separation is None else separation
 
     @property
-    def honest(self) -> bool:
-        """The sd is as stated."""
-        return self.truth.get("understated", 1.0) == 1.0
-
-    @property
     def top(self) -> str:
         """The likeliest explanation that names effects."""
         named = {k: v for k, v in self.answer["probabilities"].items() if k not in (NONE, OUTSIDE)}

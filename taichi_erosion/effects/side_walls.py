@@ -44,7 +44,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     friction = strength * params.friction * contact.friction_sliding
     half, fill = 0.5 * params.width * nominal_diameter(scene.grains.size), getattr(scene.fill, "radius", 0.0)
     if fill > half:
-        raise BadInput(f"effects.side_walls: {2 * half:.3g} m apart, the fill is {2 * fill:.3g} m wide")
+        raise BadInput(f"effects.side_walls: walls {2 * half:.3g} m apart cut a fill {2 * fill:.3g} m wide")
     walls = {
         name: Plane(shape="plane", material=PANE, point=(0.0, -face * half, 0.0), normal=(0.0, face, 0.0))
         for name, face in SIDES.items()

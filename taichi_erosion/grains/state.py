@@ -81,7 +81,7 @@ class Replicas:
     crowded: Any  # i32, 1 where too many grains reach further
     skin_time: Any  # time that a moving grain should stay within its skin [s]
     reach: Any  # gap up to which a contact may act [m]
-    met_reach: Any  # how much of it only grains have that have touched [m]
+    met_reach: Any  # by how much it is less between grains that have not touched [m]
     wall_travel: Any  # bound on how far any wall has moved since the rebuild [m]
     overlap_limit: Any  # overlap over the smaller radius [1]
     need: Any  # i32 [replica, partition]: REBUILD or STOP, written while integrating only

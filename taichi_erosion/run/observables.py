@@ -15,7 +15,7 @@ from taichi_erosion.scene.schema.geometry import Cylinder, Disc, Funnel, Plane
 from taichi_erosion.scene.schema.scene import Measure
 
 AZIMUTHS = 12  # silhouettes of a heap where the scene names no number
-EMPTY = 0.05  # of the grains, up to which may rest in a funnel that has emptied [1]
+LEFT_MOST = 0.05  # of the grains: more above its outlet, and a funnel has not emptied [1]
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ def measure(name: str, given: MeasureInput) -> Measurement:
     found = OBSERVABLES[name](given)
     height, walls = given.end.position[:, 2], given.scene.geometry.values()
     outlet = min((wall.outlet[2] for wall in walls if isinstance(wall, Funnel)), default=inf)
-    if (left := (height > outlet).sum()) > EMPTY * height.size:
+    if (left := (height > outlet).sum()) > LEFT_MOST * height.size:
         return no_measurement(name, found.unit, f"{left:,} of {height.size:,} grains are still in the funnel")
     lacking = LACKING[name](given, found) if name in LACKING else ()
     return replace(found, shortfalls=(*found.shortfalls, *lacking))

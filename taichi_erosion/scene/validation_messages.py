@@ -1,16 +1,15 @@
 """Messages of validation errors: dotted path, value, what is allowed; one line each."""
 
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 from typing import Any
 
 from pydantic import ValidationError
 
+from taichi_erosion.core.errors import did_you_mean
 from taichi_erosion.scene.schema.fields import DIAMETERS
 
 DISCRIMINATORS = ("law", "shape")
 KEY_MARK = "[key]"
-LIKE = 0.85  # similarity of names of sections from which one may be the other misspelt [1]
 LONGEST_VALUE = 60  # characters of a value that a message repeats
 
 SENTENCES = {
@@ -81,8 +80,7 @@ def missing_line(words: Sequence[str], table: Any) -> str:
     for word in above[1:]:
         table = step_into(table, word)
     others = [name for name in table if name != section] if isinstance(table, dict) else []
-    near = get_close_matches(section, others, n=1, cutoff=LIKE)
-    return f"{dotted([*words])} is missing" + (f"; did you mean '{near[0]}'?" if near else "")
+    return f"{dotted([*words])} is missing{did_you_mean(section, others)}"
 
 
 def as_written(location: tuple[str | int, ...], table: Any) -> tuple[list[str], Any]:

@@ -109,7 +109,7 @@ def upload_setups(world: World, setups: list[Setup]) -> None:
 
 
 def gap_reach(setup: Setup, laws: ContactLaws) -> tuple[float, float]:
-    """Longest gap across which a contact of this replica may act, and how much less if it never touched [m].
+    """Longest gap across which contacts may act, and how much less it is where grains have not touched [m].
 
     Walls double the effective radius.
     """

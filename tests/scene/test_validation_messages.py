@@ -33,9 +33,9 @@ def test_every_mistake_gives_one_line_that_names_the_file_and_the_section(path: 
         ("materials.soil.density", 2.13e9, " = 2130000000.0 lies outside [25, 30000] kg m-3"),
         ("contact.soil-soil.restituton", 0.5, " is unknown; did you mean 'restitution'?"),
         ("materials.soil.density", ABSENT, " is missing"),
+        ("geometry.funel", {"rim_radius": 0.05}, ".shape is missing; did you mean funnel?"),
         ("laws.normal", "hetrz", " = 'hetrz' is not one of 'hertz' or 'jkr'"),
         ("grains.material", "sand", " = 'sand' is not among [materials]: soil, steel"),
-        ("fill.law", ABSENT, " is missing"),
         ("stages.2.remove", ["lid"], ": 'lid' is not standing: funnel, plate"),
     ],
 )

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from doe.beyond import reduced_places
 from doe.trials.reduced.laboratory import Readings, table_of
 from doe.trials.reduced.oracle import least_misfit, root
 from taichi_erosion.evidence.data.problem import (
@@ -24,7 +25,7 @@ from taichi_erosion.evidence.data.problem import (
     Vault,
 )
 from taichi_erosion.evidence.data.transforms import position_of
-from taichi_erosion.evidence.models import reduced, reduced_places
+from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.prepared_problem import prepare
 
 Shares = tuple[float, float, float]

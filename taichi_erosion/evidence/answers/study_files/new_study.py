@@ -299,7 +299,7 @@ def grain_diameters(
     if not template.varies:
         if wishes.diameter is not None:
             raise BadInput(f"--diameter: grains of {template.words} have sizes of their own, in its scene")
-        interview.assume(f"grain sizes and apparatus are those of the scene of {template.words}: check them")
+        interview.assume(f"grain sizes and apparatus are those of the program's scene of {template.words}")
         return Diameters(template.diameter, template.diameter)
     usual = f"{1e3 * template.diameter:g} mm"
     told = f"no column states the grain diameter: {usual} is assumed (--diameter)"

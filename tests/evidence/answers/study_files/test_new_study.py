@@ -83,6 +83,7 @@ WRONG_FILES = [
     (changed("33,5", "n.n."), "row 2, Böschungswinkel", "write '<' and the least value"),
     (changed("33,5", "32-35"), "= '32-35' is a range", "write 32..35 where the value lies between"),
     (changed("33,5", "35..32"), "row 2, Böschungswinkel", "first number must be below"),
+    ((GOOD + "D;1;1;33;1;5\n").replace(";5\n", ";2,5\n").encode("cp1252"), "row 2, n =", "; 3 rows more"),
     (changed("33,5", "33,5 (0,7)"), "row 2, Böschungswinkel", "behind '±'"),
     (changed("250", "250 mg"), "row 2, Korngröße [µm]", "a column in µm"),
     (changed("0,7", "-0,7"), "row 2, SD [°] = '-0,7'", "leave it empty"),
@@ -220,9 +221,8 @@ def test_a_new_study_on_a_scene_is_complete_and_its_conditions_arrive(tmp_path):
     assert "liquid_bridge" in document["candidates"]
     assert "side_walls" in document["candidates"]
     assert "turbulent_gusts" not in document["candidates"], "no wind blows over a heap"
-    angles = GOOD.replace("Korngröße [µm]", "note")
-    poured, _ = made(tmp_path, angles, Wishes(told, folder=tmp_path / "poured", apparatus="funnel"))
-    assert "apart, the fill is" in poured["inactive"]["side_walls"]
+    poured, _ = made(tmp_path, GOOD.replace("Korngröße", "note"), Wishes(told, tmp_path / "p", "funnel"))
+    assert "m apart cut a fill" in poured["inactive"]["side_walls"]
 
 
 HEAPS = (

@@ -15,7 +15,7 @@ threshold, flux and angle follows the scaling of `reduced.py`, its size is plaus
     gustiness             u*t / (1 + 2 D), flux x (1 + 3 D^2)
     wall_sliding_friction angle + 4 D deg
 
-Use it as `model = "taichi_erosion.evidence.models.reduced_places:predict"`.
+Use it as `model = "reduced_places:predict"` in a study beside this file.
 """
 
 from collections.abc import Callable
