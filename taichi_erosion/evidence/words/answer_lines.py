@@ -232,7 +232,8 @@ def experiment_row(found: ExperimentPart, keys: list[str], voc: say.Vocabulary) 
 def prediction_answer(found: PredictionPart, about: Mapping[str, Any], units: TableUnits) -> Answer:
     """Which model answers, what its intervals rest on, and how they have held."""
     hidden = about["rows_hidden"]
-    missing = model_line(about["study"], about["adopted"]), unlisted_line(found), *left_out_lines(found)
+    corrected = "`value` is the model corrected by what its residuals show."
+    missing = model_line(about["study"], about["adopted"]), corrected, *left_out_lines(found)
     fitted = check_line("fitted rows, each predicted from the others,", found.fitted)
     closed = f"{counted(hidden, 'held-out row')} stay unseen for `adopt`." if hidden else ""
     held = closed if found.held_out is None else check_line("held-out rows", found.held_out)
@@ -247,12 +248,6 @@ def model_line(study: str, adopted: Sequence[str]) -> str:
     if not adopted:
         return f"Predicted by the calibrated model of {Path(study).name}."
     return f"Predicted by the adopted model, with {say.joined(adopted)} ({Path(study).name})."
-
-
-def unlisted_line(found: PredictionPart) -> str:
-    """What a value is beside the model, and how likely the residuals show more than chance."""
-    words = "`value` is the model corrected by what its residuals show"
-    return f"{words} (something is missing: probability {say.probability(found.unlisted)})."
 
 
 def left_out_lines(found: PredictionPart) -> Iterator[str]:

@@ -11,6 +11,7 @@ from taichi_erosion.evidence.race.record import ErrorPart, Interval, LevelPart, 
 from taichi_erosion.evidence.words import vocabulary as say
 
 UNITS = {57.3: "degrees for radians", 100.0: "percent for a share", 10.0: "another unit", 1e3: "another unit"}
+TESTED = {"confirmed": "confirm the answer", "undecided": "leave it open"}
 NEAR_UNIT = 0.1  # of ln of a factor, within which it is told as that of a unit
 
 
@@ -112,8 +113,12 @@ def fit_line(record: Record, added: str) -> str:
         return ""
     before, after = plain(fit.chi2_before / fit.n, 2), plain(fit.chi2_after / fit.n, 2)
     words = f"Misfit per fitted row: {before} before ({say.chance(fit.p_before)}), {after} with {added}"
-    rest = " The model still fails: something else acts too, or by another law."
-    return f"{words} ({say.chance(fit.p_after)}); 1 is chance.{rest * (fit.p_after < say.ADEQUATE)}"
+    rest = " The model still fails: something else acts too, or by another law." * (
+        fit.p_after < say.ADEQUATE
+    )
+    if record.fresh is not None and record.fresh.outcome in TESTED:
+        rest += f" {counted(record.fresh.runs, 'new simulation')} {TESTED[record.fresh.outcome]}."
+    return f"{words} ({say.chance(fit.p_after)}); 1 is chance.{rest}"
 
 
 def numbers_line(record: Record, before: bool, without: str = "") -> str:

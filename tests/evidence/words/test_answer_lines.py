@@ -18,7 +18,7 @@ from ten_records import (
     typo,
 )
 
-from taichi_erosion.evidence.race.record import EffectPart, Interval, LevelPart
+from taichi_erosion.evidence.race.record import EffectPart, FreshPart, Interval, LevelPart
 from taichi_erosion.evidence.words.answer_lines import (
     Answer,
     adopt_answer,
@@ -53,6 +53,11 @@ def named_in(text: str) -> set[str]:
 def acting_rows(answer: Answer) -> set[str]:
     rows = answer.table.rows if answer.table else ()
     return {row[0] for row in rows if row[1] == "present" or "one of them acts" in row[1]}
+
+
+def test_new_simulations_that_tested_an_answer_are_told():
+    told = discover_answer(replace(single, fresh=FreshPart("confirmed", runs=12)), VOC).lines
+    assert any(line.endswith("12 new simulations confirm the answer.") for line in told)
 
 
 @pytest.mark.parametrize("answer", ANSWERS)
