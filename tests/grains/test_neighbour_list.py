@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from windy_beds import RADIUS, bed
+from grain_worlds import RADIUS
+from windy_beds import bed
 
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics, Setup

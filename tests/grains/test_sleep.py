@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from grain_worlds import GRAVITY, TIME_STEP, contacts, fingerprint
-from windy_beds import DENSITY, RADIUS, SIDE, bed
+from grain_worlds import GRAVITY, RADIUS, TIME_STEP, contacts, fingerprint
+from windy_beds import DENSITY, SIDE, bed
 
 from taichi_erosion import simulation
 from taichi_erosion.core.device import stop_device
