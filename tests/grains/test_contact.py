@@ -57,7 +57,7 @@ def evaluate(
 
 @pytest.fixture
 def contact(start_device):
-    """Function that gives normal force, contact radius, cap, friction, spring after, and the total along x, z."""
+    """Function that gives normal force, contact radius, cap, friction, spring after it, force along x and z."""
     start_device(Numerics("cpu", 1, "f64"))
 
     def found(laws: Laws, table: ContactTable, overlaps: Floats, displacements: Floats) -> Floats:

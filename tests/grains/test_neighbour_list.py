@@ -1,4 +1,4 @@
-"""Neighbour lists of a cloud that spreads, and of beds whose fast grains are searched beyond adjacent cells."""
+"""Neighbour lists of a cloud, and of beds whose fast grains are searched beyond adjacent cells."""
 
 from dataclasses import replace
 

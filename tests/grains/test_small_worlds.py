@@ -1,4 +1,4 @@
-"""Few grains on walls that move or vanish, in the void and in periodic boxes; worlds that come to a bad end."""
+"""Few grains on moving walls, in the void and in periodic boxes; worlds that come to a bad end."""
 
 import numpy as np
 import pytest
