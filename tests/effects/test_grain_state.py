@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from grain_worlds import MASS, NONE, RADIUS, contacts, fingerprint, grains, heap, setup
+from grain_worlds import MASS, NONE, RADIUS, contacts, ends, fingerprint, grains, heap, setup
 from own_effects import LIBRARY
 
 from taichi_erosion import simulation
@@ -107,9 +107,8 @@ def compiled() -> Iterator[Simulation]:
     stop_device()
 
 
-@pytest.fixture
-def sim(compiled: Simulation) -> Simulation:
-    """The ensemble at its start."""
+@pytest.fixture(name="sim")
+def at_its_start(compiled: Simulation) -> Simulation:
     return begun(compiled)
 
 
@@ -215,18 +214,17 @@ def test_a_cement_pulls_both_partners_alike(sim):
 
 
 @pytest.mark.slow
-def test_a_replica_without_a_memory_moves_as_the_bare_model_beside_one_with_it():
-    found = []
-    for setups in ([heap(GRAINS, 1)], [sticky()], [heap(GRAINS, 1), sticky(), heap(GRAINS, 2)]):
-        sim = start(setups)
-        simulation.advance(sim, [HALF] * len(setups))
-        found.append([fingerprint(simulation.snapshot(sim, r)) for r in range(len(setups))])
-        if len(setups) != 1:
-            assert not state_of(sim, "ageing_pull.age", 2).any()
+def test_a_replica_without_a_memory_moves_as_the_bare_model_beside_one_with_it(sim):
+    go(sim, HALF, "sticky", "bare")
+    assert not state_of(sim, "ageing_pull.age", PLACE["bare"]).any()
+    together, alone = [], []
+    for name in ("sticky", "bare"):
+        together.append(fingerprint(simulation.snapshot(sim, PLACE[name])))
+    for name in ("sticky", "bare"):
         stop_device()
-    (bare,), (alone,), together = found
-    assert together[:2] == [bare, alone]
-    assert bare != alone, "must have acted"
+        alone += ends(start([SETUPS[name]]), HALF)
+    assert together == alone
+    assert alone[0] != alone[1], "must have acted"
 
 
 @pytest.mark.slow

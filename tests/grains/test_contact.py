@@ -57,7 +57,7 @@ def evaluate(
 
 @pytest.fixture
 def contact(start_device):
-    """Function that gives normal force, contact radius, cap, friction, spring after it, force along x and z."""
+    """Function that gives normal force, contact radius, cap, friction, spring after, force along x and z."""
     start_device(Numerics("cpu", 1, "f64"))
 
     def found(laws: Laws, table: ContactTable, overlaps: Floats, displacements: Floats) -> Floats:
@@ -94,7 +94,8 @@ def test_friction_is_mindlins_spring_up_to_coulombs_limit(contact):
     stiffness = 8.0 * SHEAR * np.sqrt(RADIUS * OVERLAP)
     limit = TABLE.friction_sliding[0] * 4.0 / 3.0 * YOUNG * np.sqrt(RADIUS) * OVERLAP**1.5
     displacements = np.array([0.0, 0.1, 0.99, 1.01, 50.0]) * limit / stiffness
-    normal, _, _, friction, after, along, across = contact(Laws(), TABLE, np.full(5, OVERLAP), displacements)
+    found = contact(Laws(), TABLE, np.full(5, OVERLAP), displacements)
+    normal, _, _, friction, after, along, across = found
     force = -np.minimum(stiffness * displacements, limit)
     assert friction == pytest.approx(force, rel=1e-12)
     assert after == pytest.approx(-force / stiffness, rel=1e-12)  # a sliding spring is shortened
