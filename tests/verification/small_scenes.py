@@ -5,7 +5,7 @@ Materials are grain (0) and wall (1); surfaces are named wall0, wall1, ... in th
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,8 +35,8 @@ from taichi_erosion.scene import Scene
 from taichi_erosion.scene import laws as laws_of
 from taichi_erosion.simulation import Simulation, advance, assemble, failure, prepare, snapshot
 from taichi_erosion.verification.claims import Precision
-from taichi_erosion.verification.closed_forms import HERTZ, sampled, sphere_mass
-from tests.verification.reference.contact import HeadOn, Solid, effective_moduli, series
+from taichi_erosion.verification.closed_forms import HERTZ, hertz_impact, sampled, sphere_mass
+from tests.verification.reference.contact import Solid, effective_moduli, series
 
 WALL = 1  # material
 NO_GRAVITY, GRAVITY = (0.0, 0.0, 0.0), (0.0, 0.0, -9.81)  # m s-2
@@ -140,15 +140,24 @@ def sphere_setup(
     )
 
 
-def wall_impact(touch: Touch, radius: float, density: float, speed: float) -> HeadOn:
-    """A sphere that meets a rigid plane head-on."""
-    return HeadOn(touch.young_effective, radius, sphere_mass(radius, density), speed)
+class HeadOn(NamedTuple):
+    """An elastic head-on impact with the closed form of Hertz."""
+
+    mass: float  # m*, kg
+    speed: float  # of approach, m s-1
+    closed: tuple[float, float, float]  # K [N m^-1.5], deepest overlap [m], contact time [s]
+
+    @property
+    def duration(self) -> float:
+        """Contact time [s]."""
+        return self.closed[2]
 
 
-def pair_impact(touch: Touch, radii: tuple[float, float], density: float, speed: float) -> HeadOn:
-    """Two spheres that meet head-on with relative speed `speed`."""
+def head_on(touch: Touch, density: float, speed: float, *radii: float) -> HeadOn:
+    """A sphere that meets a rigid plane, or two spheres that meet, with relative speed `speed` [m s-1]."""
     masses = [sphere_mass(radius, density) for radius in radii]
-    return HeadOn(touch.young_effective, series(*radii), series(masses[0], masses[1]), speed)
+    radius, mass = (each[0] if len(radii) == 1 else series(*each) for each in (radii, masses))
+    return HeadOn(mass, speed, hertz_impact(touch.young_effective, radius, mass, speed))
 
 
 def in_air(setup: Setup, air: AirSetup, coupling: Coupling, headroom: float) -> Setup:

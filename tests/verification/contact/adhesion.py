@@ -159,7 +159,7 @@ def vanishing_adhesion() -> Iterator[Outcome]:
     """V19: with gamma -> 0 an oblique, damped impact under the JKR law is the one under Hertz, 1e-6."""
     energies = (0.0, 1e-15, 1e-12)
     bare = replace(TOUCH, restitution=0.7, friction_sliding=0.4, surface_energy=0.0)
-    impact = small.wall_impact(bare, RADIUS, DENSITY, 1.0)
+    impact = small.head_on(bare, DENSITY, 1.0, RADIUS)
     step = impact.duration / 500.0
     grain = small.spheres([[0.0, 0.0, RADIUS + 3.5 * step]], [[0.8, 0.0, -1.0]], 0.0, RADIUS, MASS)
     setups = [
@@ -182,7 +182,7 @@ def friction_caps() -> Iterator[Outcome]:
     for laws, factor in ((JKR, 6.0), (EDEM, 12.0)):
         wanted = friction * factor * stuck.force_scale
         speed = 2e-3 * wanted / MASS * 7.0 / 2.0  # rolls after 2 ms
-        step = small.wall_impact(touch, RADIUS, DENSITY, 0.1).duration / 100.0
+        step = small.head_on(touch, DENSITY, 0.1, RADIUS).duration / 100.0
         height = RADIUS - BALANCE_AT * stuck.depth
         grain = small.spheres([[0, 0, height]], [[speed, 0, 0]], 0.0, RADIUS, MASS)
         for precision in PRECISIONS:

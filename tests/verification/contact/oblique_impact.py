@@ -180,7 +180,7 @@ def across(direction: Floats) -> Floats:
 def equal_pair(solid: Solid, direction: Floats, spin: float) -> Setup:
     """Test 7: equal spheres, equal and opposite spins about a line at right angles to their centres."""
     touch = small.touch_of(solid, solid, SPHERE_RESTITUTION, SPHERE_FRICTION)
-    impact = small.pair_impact(touch, (SPHERE_RADIUS, SPHERE_RADIUS), solid.density, 2.0 * APPROACH)
+    impact = small.head_on(touch, solid.density, 2.0 * APPROACH, SPHERE_RADIUS, SPHERE_RADIUS)
     step = impact.duration / 200.0
     half = (SPHERE_RADIUS + 3.5 * APPROACH * step) * direction
     ahead, turn = APPROACH * direction, spin * across(direction)
