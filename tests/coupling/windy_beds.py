@@ -17,7 +17,7 @@ SURFACE = 3e-3  # m
 DENSITY, VISCOSITY = 1.225, 1.46e-5  # kg m-3, m2 s-1
 
 
-def air(faces: Floats, floor: SideKind = "wall", side: float = SIDE, **rest: Any) -> AirSetup:
+def air(faces: Floats, floor: SideKind = "wall", **rest: Any) -> AirSetup:
     words: dict[str, Any] = {
         "faces_z": faces,
         "sides": sides(z_low=AirSide(floor), z_high=AirSide("stress")),
@@ -27,7 +27,7 @@ def air(faces: Floats, floor: SideKind = "wall", side: float = SIDE, **rest: Any
         "model": AirModel("mixing_length", "none", "euler", exchange=True),
         "implicitness": 1.0,
     }
-    return box((1, 1, len(faces) - 1), (side, side, float(faces[-1])), **words | rest)
+    return box((1, 1, len(faces) - 1), (SIDE, SIDE, float(faces[-1])), **words | rest)
 
 
 def bed(seed: int, layers: int = 3, speed: float = 0.05) -> Setup:
