@@ -31,10 +31,10 @@ def write_lines(
     lines: Sequence[Mapping[str, Any]],
     digits: int = 7,
     none: str = "",
-    heading: Sequence[str] | None = None,
+    heading: list[str] | None = None,
 ) -> None:
     """Write lines whose keys are the heading, as CSV."""
-    table = pd.DataFrame(list(lines), columns=heading and list(heading))
+    table = pd.DataFrame(list(lines), columns=heading)
     text = table.to_csv(index=False, float_format=f"%.{digits}g", na_rep=none, lineterminator="\n")
     write_atomic(path, text.encode())
 

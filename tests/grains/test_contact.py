@@ -1,4 +1,4 @@
-"""Contact laws on the device: Hertz and JKR against closed forms, Mindlin's spring and its limit."""
+"""Contact laws on the device: Hertz and JKR against closed forms, Mindlin's spring; rows of materials."""
 
 from dataclasses import replace
 
@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from grain_worlds import contacts
 
-from taichi_erosion.core.setup import ContactTable, Floats, Laws, Numerics
+from taichi_erosion.core.setup import ContactTable, Floats, Laws, Numerics, pair_row
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.contact import compile_contact_laws, contact_force
 from taichi_erosion.grains.laws.mindlin import tangential_force
 from taichi_erosion.grains.materials import allocate_materials, upload_materials
+from taichi_erosion.grains.materials import pair_row as device_row
 from tests.verification.reference.contact import AdhesivePair, branch_force
 
 pytestmark = pytest.mark.engine
@@ -101,3 +102,29 @@ def test_friction_is_mindlins_spring_up_to_coulombs_limit(contact):
     assert after == pytest.approx(-force / stiffness, rel=1e-12)  # a sliding spring is shortened
     assert along == pytest.approx(force, rel=1e-12)
     assert across == pytest.approx(normal, rel=1e-12)
+
+
+REPLICA = 2
+MATERIALS = 4
+
+
+@ti.kernel
+def write_rows(
+    # in
+    materials: ti.template(),
+    # out
+    rows_out: ti.types.ndarray(dtype=ti.i32, ndim=2),
+):
+    for i, j in ti.ndrange(materials.count, materials.count):
+        rows_out[i, j] = device_row(materials, REPLICA, i, j)
+
+
+def test_every_pair_of_materials_has_a_row_of_its_own_which_the_device_finds(start_device):
+    start_device(Numerics("cpu", 1))
+    materials = allocate_materials(REPLICA + 1, MATERIALS)
+    rows = np.zeros((MATERIALS, MATERIALS), np.int32)
+    write_rows(materials, rows)
+    rows -= REPLICA * materials.rows
+    assert rows.tolist() == [[pair_row(i, j, MATERIALS) for j in range(MATERIALS)] for i in range(MATERIALS)]
+    assert np.array_equal(rows, rows.T)
+    assert set(rows.ravel()) == set(range(MATERIALS * (MATERIALS + 1) // 2))
