@@ -1,43 +1,22 @@
-"""Timed cases: the same packing at every size, the scenes of `scenes/`, and every byte counted."""
+"""Timed cases: beds, funnels and the scenes of `scenes/`, and every byte counted."""
 
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from grain_worlds import heap
-from scipy.spatial import KDTree
 
 from benchmarks import grain_cases
-from benchmarks.grain_cases import FUNNELS, QUICK_ENSEMBLE, device_bytes, device_grain_cases, tiled_bed
+from benchmarks.grain_cases import FUNNELS, QUICK_ENSEMBLE, device_bytes, device_grain_cases
 from benchmarks.roofline import step_bytes
 from benchmarks.wind_cases import SCENES, STEP_FRACTION, WINDS, threshold_scene
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.setup import Floats, Laws, Numerics
+from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import device_record, write
 from taichi_erosion.scene import load_scene
 from taichi_erosion.scene.shipped import INSTALLED
 from taichi_erosion.simulation import assemble
-
-PERIOD = 5e-3  # m
-
-
-def gaps(position: Floats, period: tuple[float, float]) -> Floats:
-    """Distance of every grain to its nearest neighbour in the periodic box, sorted [m]."""
-    depth = 1.0  # m, far beyond any grain: z is open
-    boxed = np.column_stack([position[:, :2] % period, position[:, 2]])
-    return np.sort(KDTree(boxed, boxsize=(*period, depth)).query(boxed, k=2)[0][:, 1])
-
-
-def test_copies_side_by_side_are_the_same_packing():
-    rng = np.random.Generator(np.random.Philox(1))
-    position = rng.uniform(0.0, PERIOD, (40, 3))
-    wide = tiled_bed(position, PERIOD, (3, 2))
-    assert wide.period[:2] == pytest.approx((3 * PERIOD, 2 * PERIOD))
-    # positions are sums of a few numbers of 1 cm: rounding of 1e-18 m against gaps of 1e-4 m
-    one, all_of_them = gaps(position, (PERIOD, PERIOD)), gaps(wide.grains.position, wide.period[:2])
-    assert all_of_them == pytest.approx(np.repeat(one, 6), rel=1e-9)
 
 
 @device_record

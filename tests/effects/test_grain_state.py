@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from grain_worlds import MASS, NONE, RADIUS, contacts, ends, fingerprint, grains, heap, setup
+from grain_worlds import MASS, NONE, RADIUS, contacts, fingerprint, grains, heap, setup
 from own_effects import LIBRARY
 
 from taichi_erosion import simulation
@@ -86,8 +86,6 @@ def triangle() -> Setup:
 SETUPS = {
     "unlike": unlike(),
     "sticky": sticky(),
-    "bare": heap(GRAINS, 1),
-    "other": heap(GRAINS, 2),
     "lying": lying(),
     "beside": lying(2),
     "cemented": on(triangle(), CRUST, **STRONG),
@@ -210,25 +208,10 @@ def test_a_cement_pulls_both_partners_alike(sim):
     assert np.abs(cemented - free).max() > 1e-3, "must have acted"
 
 
-# these two stop the device
-
-
-@pytest.mark.slow
-def test_a_replica_without_a_memory_moves_as_the_bare_model_beside_one_with_it(sim):
-    go(sim, HALF, "sticky", "bare")
-    assert not state_of(sim, "ageing_pull.age", PLACE["bare"]).any()
-    together, alone = [], []
-    for name in ("sticky", "bare"):
-        together.append(fingerprint(simulation.snapshot(sim, PLACE[name])))
-    for name in ("sticky", "bare"):
-        stop_device()
-        alone += ends(start([SETUPS[name]]), HALF)
-    assert together == alone
-    assert alone[0] != alone[1], "must have acted"
-
-
 @pytest.mark.slow
 def test_workers_that_share_grains_with_a_memory_change_no_bit(in_teams):
+    """The last test: it stops the device."""
+
     def aged(sim: Simulation) -> tuple[str, list[float]]:
         simulation.advance(sim, [HALF])
         return fingerprint(simulation.snapshot(sim, 0)), list(state_of(sim, "ageing_pull.age"))
