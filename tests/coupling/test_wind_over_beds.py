@@ -16,6 +16,7 @@ from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.simulation import Simulation
+from tests.verification.small_scenes import final_states
 
 LAWS = Laws(rolling="elastic_plastic", drag="two_limits")
 WIND = 0.4  # m s-1, friction velocity
@@ -157,10 +158,7 @@ def test_a_gradient_puts_the_stress_of_the_wind_on_the_bed():
 def test_a_grain_of_the_density_of_the_air_floats():
     density = 1e-6 / (4.0 / 3.0 * np.pi * RADIUS**3)
     still = weightless([(4e-3, 4e-3, 0.01)], air(np.linspace(0.0, 0.02, 14), density=density), look_steps=1)
-    sim = simulation.assemble([replace(still, gravity=(0.3, 0.0, -9.81))], Laws(), Numerics("cpu", 1, "f64"))
-    simulation.advance(sim, [0.01])
-    state = simulation.snapshot(sim, 0)
-    stop_device()
+    (state,) = final_states([replace(still, gravity=(0.3, 0.0, -9.81))], 0.01, "f64")
     assert np.abs(state.velocity).max() < 1e-12
 
 

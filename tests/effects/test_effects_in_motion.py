@@ -19,6 +19,7 @@ from taichi_erosion.run.result import apply_instruments
 from taichi_erosion.scene import parse_scene
 from taichi_erosion.scene.change import SAMPLE
 from taichi_erosion.simulation import advance, assemble, export_state, prepare, snapshot
+from tests.verification.small_scenes import final_states
 
 WET = {"moisture": 0.02}
 NO_HEAP = no_measurement("pile_height", "m", "no heap")
@@ -94,9 +95,8 @@ MEETING = [name for name, effect in LIBRARY.items() if effect.place == "pair" an
 def worlds() -> dict[str, Snapshot]:
     """How all these worlds end; one ensemble, because every set of effects is compiled anew."""
     # a strong pull that does not act between their materials
-    dry = replace(
-        with_effects(met(), liquid_bridge=50.0), contacts=replace(contacts(0.5), effects=np.zeros(3))
-    )
+    untouched = replace(contacts(0.5), effects=np.zeros(3))
+    dry = replace(with_effects(met(), liquid_bridge=50.0), contacts=untouched)
     setups = fallen() | {"met": met(), "bounced": bounced(), "held": hanging(0.8), "lost": hanging(1.2)}
     setups |= {"let go": hanging(0.8, acts=False), "met as if dry": dry}
     setups |= {"in the air": crossing(-0.1), "in the bed": crossing(0.0)}
@@ -122,9 +122,7 @@ def test_grains_that_have_not_touched_need_no_list_for_an_effect_after_touch():
 
 
 def test_a_replica_without_effects_moves_as_the_bare_model_beside_replicas_with_them(worlds):
-    sim = assemble([heap(60, 1)], LAWS, Numerics("cpu", 1, "f64"))
-    advance(sim, [0.02])
-    alone = fingerprint(snapshot(sim, 0))
+    alone = fingerprint(final_states([heap(60, 1)], 0.02, "f64", LAWS)[0])
     wet, dry, again, damp = (fingerprint(worlds[name]) for name in fallen())
     assert dry == alone
     assert wet == again

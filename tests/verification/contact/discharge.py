@@ -134,7 +134,8 @@ def discharged(silos: Silos) -> Iterator[Outcome]:
     flow = discharge_rates(sim, silos)
     opening = silos.openings * DIAMETER
     exponent, error = exact.discharge_exponent(opening, DIAMETER, flow, exact.BEVERLOO_EDGE)
-    factors = exact.discharge_coefficient(flow / silos.length, density, opening, DIAMETER, silos.exponent)
+    open_width = opening - exact.BEVERLOO_EDGE * DIAMETER
+    factors = flow / silos.length / (density * np.sqrt(9.81) * open_width**silos.exponent)
     sizes = np.unique(silos.openings)
     means = ", ".join(f"{1e3 * flow[silos.openings == size].mean():.4g}" for size in sizes)
     listed = ", ".join(f"{size:g}" for size in sizes)
