@@ -70,16 +70,12 @@ def spheres(
     """Grains present from the start; vectors [n, 3], radius and mass one number or [n]."""
     place = np.atleast_2d(np.asarray(position, dtype=float))
     count = len(place)
-
-    def filled(values: ArrayLike, *shape: int) -> Floats:
-        return np.array(np.broadcast_to(np.asarray(values, dtype=float), shape))
-
     return GrainTable(
         position=place,
-        velocity=filled(velocity, count, 3),
-        spin=filled(spin, count, 3),
-        radius=filled(radius, count),
-        mass=filled(mass, count),
+        velocity=np.broadcast_to(velocity, (count, 3)).astype(float),
+        spin=np.broadcast_to(spin, (count, 3)).astype(float),
+        radius=np.broadcast_to(radius, count).astype(float),
+        mass=np.broadcast_to(mass, count).astype(float),
         material=np.zeros(count, dtype=np.int32),
         release_time=np.zeros(count),
     )
@@ -88,13 +84,10 @@ def spheres(
 def primitive_table(kind: PrimitiveKind, shapes: ArrayLike, surface: ArrayLike = 0) -> PrimitiveTable:
     """Primitives of one kind, their numbers in the order of PrimitiveKind, without padding."""
     numbers = np.atleast_2d(np.asarray(shapes, dtype=float))
-    padded = np.zeros((len(numbers), SHAPE_NUMBERS))
-    if numbers.size:
-        padded[:, : numbers.shape[1]] = numbers
     return PrimitiveTable(
         kind=np.full(len(numbers), int(kind), dtype=np.int32),
-        surface=np.array(np.broadcast_to(np.asarray(surface, dtype=np.int32), len(numbers))),
-        shape=padded,
+        surface=np.broadcast_to(surface, len(numbers)).astype(np.int32),
+        shape=np.pad(numbers, ((0, 0), (0, SHAPE_NUMBERS - numbers.shape[1]))),
     )
 
 
