@@ -42,15 +42,16 @@ def distances(place: Floats, table: Setup) -> Floats:
 
 
 @pytest.mark.parametrize(
-    ("table", "until", "crowded", "furthest"),
+    ("table", "until", "crowded", "wide"),
     [
         (mixed(0), TIME_STEP, 0, False),
         (mixed(12), TIME_STEP, 0, True),
         (mixed(200), TIME_STEP, 1, False),
         (cloud(), 2e-3, 0, False),  # it has spread from where the scene put it
     ],
+    ids=("all slow", "few fast", "many fast", "cloud"),
 )
-def test_every_pair_that_may_touch_before_the_next_rebuild_is_listed_once(table, until, crowded, furthest):
+def test_every_pair_that_may_touch_before_the_next_rebuild_is_listed_once(table, until, crowded, wide):
     sim = assemble([table], LAWS, Numerics("cpu", 1, "f64"))
     advance(sim, [until])
     assert int(sim.world.replicas.crowded[0]) == crowded
@@ -67,4 +68,4 @@ def test_every_pair_that_may_touch_before_the_next_rebuild_is_listed_once(table,
     touching = np.triu(now < state["radius"][:, None] + state["radius"][None, :], 1)
     assert np.all(listed[touching] == 1)
     # the case is what it says: with wide grains some pairs lie further apart than two cells allow
-    assert (apart[near].max() > 4.0 * RADIUS) == furthest
+    assert (apart[near].max() > 4.0 * RADIUS) == wide
