@@ -11,11 +11,10 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
 from taichi_erosion.evidence.data.measured import condition_scales, no_questions, told_by
 from taichi_erosion.evidence.data.problem import Conditions, Measurements
-from taichi_erosion.evidence.data.tables.cell_numbers import is_missing
 from taichi_erosion.evidence.data.tables.column_roles import Column
 from taichi_erosion.evidence.data.tables.interview import understood
 from taichi_erosion.evidence.data.tables.rows import Faults, Row, RowReader, Table
-from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells
+from taichi_erosion.evidence.data.tables.spreadsheet import Cells, is_missing, read_cells
 from taichi_erosion.evidence.models.column_units import study_value_faults
 from taichi_erosion.scene.schema.units import Scale, conversion, parse_scale
 

@@ -35,18 +35,19 @@ from taichi_erosion.evidence.answers.study_files.written_files import (
 from taichi_erosion.evidence.data.measured import read_rows
 from taichi_erosion.evidence.data.physical_ranges import condition_faults, observable_faults, place_range
 from taichi_erosion.evidence.data.tables.column_roles import Column, Told
-from taichi_erosion.evidence.data.tables.headings import read_heading, stated_number, unit_in
-from taichi_erosion.evidence.data.tables.interview import Ask, Interview
-from taichi_erosion.evidence.data.tables.rows import NAME, Faults, Table
-from taichi_erosion.evidence.data.tables.spreadsheet import source_digest
-from taichi_erosion.evidence.data.tables.vocabulary import (
+from taichi_erosion.evidence.data.tables.headings import (
     DIAMETER,
     FRICTION_VELOCITY,
     GRAIN_DENSITY,
     meaning_of,
     near_meaning,
     plain_words,
+    read_heading,
+    unit_in,
 )
+from taichi_erosion.evidence.data.tables.interview import Ask, Interview
+from taichi_erosion.evidence.data.tables.rows import NAME, Faults, Table
+from taichi_erosion.evidence.data.tables.spreadsheet import source_digest, stated_number
 from taichi_erosion.evidence.models.column_units import declared_units
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene.load import toml_table

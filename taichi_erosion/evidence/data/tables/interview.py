@@ -5,20 +5,13 @@ is none: without an answer the question is a fault, with what would settle it.
 """
 
 import re
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isnan, nan
 from statistics import median
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.physical_ranges import OBSERVED, likely_units, place_range
-from taichi_erosion.evidence.data.tables.cell_numbers import (
-    CellFault,
-    CellNumber,
-    is_missing,
-    is_quantity,
-    read_cell,
-)
 from taichi_erosion.evidence.data.tables.column_roles import (
     HALF,
     UNUSED,
@@ -28,26 +21,26 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     column_roles,
     friction_factor,
     roughness_length,
-    stated_names,
     tidy_name,
-    with_partners,
 )
-from taichi_erosion.evidence.data.tables.headings import VOLUMETRIC, read_heading, stated_unit, unit_in
-from taichi_erosion.evidence.data.tables.spreadsheet import Cells
-from taichi_erosion.evidence.data.tables.vocabulary import (
+from taichi_erosion.evidence.data.tables.headings import (
     FRICTION_VELOCITY,
     GRAIN_CONTACT,
     SCATTER,
     meaning_of,
     plain_words,
+    read_heading,
+    stated_unit,
+    unit_in,
     vocabulary,
 )
+from taichi_erosion.evidence.data.tables.spreadsheet import CellFault, CellNumber, Cells, read_cell
 from taichi_erosion.scene.paths import unit_of_path
-from taichi_erosion.scene.schema.units import parse_scale, parse_unit, scale_between
+from taichi_erosion.scene.schema.units import parse_unit, scale_between
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 NOT_USED = "-"
-AGREED, REFUSED = ("yes", "y", "ja", "j", "oui", "o", "si", "sí"), ("no", "n", "nein", "non")
+AGREED = ("y", "j", "o", "s")  # first letters of yes, ja, oui, si
 MOST_APART = 2.0  # ratio of the medians of two columns up to which they may hold repeats [1]
 MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
 SPREADS = {
@@ -57,14 +50,9 @@ SPREADS = {
 }
 TELLING = ("observable", "condition", *SCATTER)
 LEAST_KNOWN = 2  # headings that are known in the first column of a table that lies on its side
-
 BRACKETED_UNIT = re.compile(r"\[[^\]]*\]|\([^()\d]*\)")  # of what the column measures
-VALUE = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?)\s*([%‰°µμ]\w*|[^\W\d_]\w*)?")
-SHOWN = 3  # headings that are told
-REMEDY = (
-    "write one row for every measured value, with a column for each condition and one for the measured "
-    "quantity"
-)
+VALUE = re.compile(r"(?<![\w.,])\d+(?:[.,]\d+)?\s*([%‰°µμ]\w*|[^\W\d_]\w*)")  # a number and its unit
+CROSS_TABLE = "of a cross table write one row for every measured value, with a column for each condition"
 
 
 @dataclass
@@ -82,11 +70,8 @@ class Interview:
         return answer
 
     def agreed(self, question: str, meaning: str) -> bool:
-        """Whether the user says yes; the guess is yes. Raises BadInput for another word."""
-        answer = self.choice(f"{question} (yes or no)", "yes", meaning).lower()
-        if answer not in AGREED + REFUSED:
-            raise BadInput(f"{question}: '{answer}' is not yes or no")
-        return answer in AGREED
+        """Whether the user says yes; the guess is yes."""
+        return self.choice(f"{question} (yes or no)", "yes", meaning).lower().startswith(AGREED)
 
     def assume(self, meaning: str) -> None:
         """Record what was assumed without a question."""
@@ -124,24 +109,21 @@ def understood(
 ) -> list[Column]:
     """The columns of a table, all settled, with units; what is wrong with them is added to `faults`.
 
-    `measured`: whether the table must hold a measured quantity. Raises BadInput for a cross table, of which
-    no column means what its heading says.
+    `measured`: whether the table must hold a measured quantity.
     """
     columns = column_roles(cells, told, faults)
-    if crossed := list(cross_table_faults(cells, columns, stated_names(cells, told, []))):
-        raise BadInput(*crossed)
     if faults:  # nobody is asked about a table that has to be corrected
         interview = Interview(lambda _, guess: guess)
     reading = Reading(cells, told, interview, faults)
     measures = any(column.role == "observable" for column in columns)
     columns = repeats_side_by_side([settled(column, reading, measures) for column in columns], reading)
-    columns = with_partners(list(without_unknown(columns, reading)))
-    columns = list(without_foreign_scatter(columns, interview))
+    columns = list(with_partners(list(without_unknown(columns, reading)), interview))
     if measured and not any(column.role == "observable" for column in columns):
         known = ", ".join(told.measures or told.observables)
         faults.append(
             f"{cells.file}: no column is known as a measured quantity; say which one is: --observable "
-            f"'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME one of {known or 'its own'}"
+            f"'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME one of {known or 'its own'}; "
+            f"{CROSS_TABLE}"
         )
     return [with_asked_unit(column, reading) for column in columns]
 
@@ -278,7 +260,8 @@ def column_fault(column: Column, seen: Mapping[str, str], told: Told) -> str:
 def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Column]:
     """The columns; those whose headings differ in a number alone are repeats of one measurement, if agreed.
 
-    Columns of different size are none, such as value, scatter and number under one merged heading.
+    Columns of different size are none, such as value, scatter and number under one merged heading, nor are
+    those of a cross table, whose headings hold values of a condition.
     """
     families: dict[tuple[str, str], list[Column]] = {}
     for column in columns:
@@ -289,7 +272,9 @@ def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Co
     for family in (each for each in families.values() if len(each) > 1):
         told = ", ".join(f"'{column.heading.text}'" for column in family)
         middles = [abs(median([n.value for n in reading.numbers(c)] or [nan])) for c in family]
-        if not max(middles) <= MOST_APART * min(middles):
+        if any(map(holds_value, family)):
+            reading.faults.append(f"{reading.cells.file}: columns {told}: {CROSS_TABLE}")
+        elif not max(middles) <= MOST_APART * min(middles):
             reading.faults.append(
                 f"{reading.cells.file}: columns {told} are of different size, so no repeats of one "
                 "measurement; give each its own heading, such as 'angle', 'SD' and 'n'"
@@ -302,27 +287,39 @@ def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Co
     return [replace(column, is_repeat=column.place in repeats) for column in columns]
 
 
-def without_foreign_scatter(columns: Sequence[Column], interview: Interview) -> Iterator[Column]:
-    """The columns; scatter beside the repeats themselves, or of a quantity that is not used, is not used."""
-    names = {column.name for column in columns if column.is_repeat}
-    places = {column.place for column in columns if column.role == "observable" and column.name in names}
+def holds_value(column: Column) -> bool:
+    """Whether a heading holds a number with another unit than its own: `repose angle (0.5 mm)`."""
+    text = BRACKETED_UNIT.sub(" ", column.heading.text)
+    return any(unit_in(unit) not in (None, column.heading.unit) for unit in VALUE.findall(text))
+
+
+def with_partners(columns: Sequence[Column], interview: Interview) -> Iterator[Column]:
+    """Scatter and repeats with their observable: the one named, else the last before them.
+
+    Scatter beside the repeats themselves, or of a quantity that is not used, is not used.
+    """
+    measured = [column for column in columns if column.role == "observable"]
+    repeated = {column.name for column in measured if column.is_repeat}
     before: Column | None = None
     for column in columns:
-        if column.role not in SCATTER:
+        if column.role not in SCATTER or not measured:
             before = column
             yield column
             continue
-        measured = next((each for each in columns if each.place == column.of), None)
-        own = measured and plain_words(measured.heading.name) in plain_words(column.heading.name)
-        foreign = before and before.role == "remark" and before.numeric and before.heading.unit
+        words = plain_words(column.heading.name)
+        called = [each for each in measured if plain_words(each.heading.name) in words]
+        left = [each for each in measured if each.place < column.place]
+        partner = (called or left[-1:] or measured)[0]
+        shared = column.role == "n" and len(measured) > 1 and not called
         why = ""
-        if places and column.of in (*places, -1):
+        if repeated and (shared or partner.name in repeated):
             why = "the repeats stand beside it"
-        elif before and foreign and column.role != "n" and not own:
-            why = f"it stands behind '{before.heading.text}', which is not used"
+        elif before and before.role == "remark" and before.numeric and before.heading.unit:
+            of_another = column.role != "n" and not called
+            why = f"it stands behind '{before.heading.text}', which is not used" if of_another else ""
         if why:
             interview.assume(f"column '{column.heading.text}' is not used: {why}")
-        yield replace(column, role="remark") if why else column
+        yield replace(column, role="remark" if why else column.role, of=-1 if shared else partner.place)
 
 
 def with_asked_unit(column: Column, reading: Reading) -> Column:
@@ -392,55 +389,3 @@ def lies_on_its_side(cells: Cells) -> bool:
     )
     known = [role for role in down if role in TELLING]
     return len(known) >= LEAST_KNOWN and "observable" in known and not any(role in TELLING for role in across)
-
-
-def cross_table_faults(cells: Cells, columns: list[Column], stated: Container[int] = ()) -> Iterator[str]:
-    """Why a table seems to be a cross table; nothing for any other.
-
-    `stated`: columns of which the user says what they are.
-    """
-    families: dict[tuple[str, str], dict[str, Column]] = {}
-    for column in columns:
-        found = list(VALUE.finditer(text := BRACKETED_UNIT.sub(" ", column.heading.text)))
-        if len(found) == 1 and column.numeric and isnan(column.height) and column.place not in stated:
-            number, unit = found[0].groups()
-            rest = " ".join(f"{text[: found[0].start()]} {text[found[0].end() :]}".split())
-            families.setdefault((rest, (unit and unit_in(unit)) or ""), {})[number] = column
-    measured = any(column.role == "observable" for column in columns)
-    for (rest, unit), family in families.items():
-        if len(family) > 1 and holds_condition(next(iter(family.values())), rest, unit, measured):
-            texts = [f"'{column.heading.text}'" for column in family.values()]
-            told = ", ".join(texts[:SHOWN]) + (", ..." if len(texts) > SHOWN else "")
-            hint = "" if measured else "; repeats side by side are headed 'angle 1', 'angle 2'"
-            words = f"headings {told} seem to hold values of a condition (a cross table): {REMEDY}{hint}"
-            yield f"{cells.file}: {words}"
-            return
-    yield from second_row_faults(cells, columns)
-
-
-def holds_condition(column: Column, rest: str, unit: str, measured: bool) -> bool:
-    """Whether columns whose headings differ in a number alone hold one measured quantity at its values.
-
-    Where a table names its measured quantity elsewhere, such columns are remarks (sieve fractions).
-    """
-    if column.role == "observable":
-        allowed = OBSERVED.get(column.name)
-        own = allowed and unit not in ("", VOLUMETRIC) and parse_scale(unit).kind
-        return bool(unit) and not (allowed and own == parse_unit(allowed.unit).kind)  # `Winkel 1 °` is none
-    alone = len(rest.strip(" =:()")) <= 1  # `2`, `w = 2`
-    return not measured and column.role == "remark" and (alone or bool(unit))
-
-
-def second_row_faults(cells: Cells, columns: list[Column]) -> Iterator[str]:
-    """A row right below the headings with numbers in columns of one measured quantity and nowhere else."""
-    names = [column.name for column in columns if column.role == "observable"]
-    repeated = {column.place for column in columns if names.count(column.name) > 1}
-    if not repeated or not any(column.role == "condition" for column in columns) or not cells.lines:
-        return
-    line, row = cells.lines[0]
-    filled = {place for place, cell in enumerate(row) if not is_missing(cell)}
-    if len(filled) > 1 and filled <= repeated and all(is_quantity(row[place]) for place in filled):
-        yield (
-            f"{cells.file}: row {line} has numbers without any condition below headings of one measured "
-            f"quantity, as if they were values of a condition (a cross table): {REMEDY}"
-        )

@@ -24,18 +24,18 @@ from typing import Any, TypeVar, get_args
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Drawn
-from taichi_erosion.evidence.data.tables.cell_numbers import (
+from taichi_erosion.evidence.data.tables.column_roles import SHARES, Column
+from taichi_erosion.evidence.data.tables.headings import Heading, Role, is_summary
+from taichi_erosion.evidence.data.tables.spreadsheet import (
     NO_TRANSPORT,
     CellFault,
     CellNumber,
+    Cells,
     is_missing,
     plain_cell,
     read_cell,
+    reason,
 )
-from taichi_erosion.evidence.data.tables.column_roles import SHARES, Column
-from taichi_erosion.evidence.data.tables.headings import Heading
-from taichi_erosion.evidence.data.tables.spreadsheet import Cells
-from taichi_erosion.evidence.data.tables.vocabulary import Role, is_summary
 from taichi_erosion.scene.schema.units import (
     EXAMPLES,
     Scale,
@@ -173,10 +173,8 @@ def error_column_faults(errors: Sequence[Column], units: dict[str, str], file: s
         if column.title not in units:
             there = ", ".join(units) or "none"
             yield f"{where}: no column '{column.title}'; conditions there: {there}"
-        elif unit and unit != units[column.title]:
-            stated = units[column.title]
-            told = f"in [{stated}]: give it so" if stated else "without a unit: leave it out"
-            yield f"{where} is in [{unit}]; {column.title} is {told}"
+        elif unit not in ("", stated := units[column.title]):
+            yield f"{where} is in [{unit}]; {column.title} is in [{stated}]: give it so"
 
 
 def table_of(cells: Cells, columns: Sequence[Column], faults: list[str], se: bool = False) -> Table:
@@ -271,7 +269,7 @@ class RowReader:
         found = CellNumber(nan, -inf) if unseen else self.number(line, row, column, single=False)
         if is_missing(text) and not unseen:
             if self.tidy:
-                self.fault(line, column, row, "must be a number, '<' or '>' and a number, '20..25', or empty")
+                self.fault(line, column, row, reason(text))
             return None
         n = next((self.count(line, row, each) for each in self.partners("n", column)), None)
         sd = self.from_error(found.sd, n, line, column, row) if self.se else found.sd
@@ -340,14 +338,9 @@ class RowReader:
         """Standard deviation of single repeats from a column of its own; NaN where none is given."""
         wrong = "must be above 0; leave it empty where it is not known"
         for other in (each for role in ("sd", "se", "cv") for each in self.partners(role, column)):
-            unit = column.heading.unit
             if other.role != "cv" and not self.tidy:
-                if other.heading.unit == "%" != unit:
-                    told = f"is a scatter in percent; give it in {unit or 'its unit'}, or head it 'CV [%]'"
-                    self.fault(line, other, row, told)
-                    return nan
-                factor = column.factor * self.spread_factor(line, row, other, unit)
-                heading = replace(other.heading, unit=other.heading.unit or unit)
+                factor = column.factor * self.spread_factor(line, row, other, column.heading.unit)
+                heading = replace(other.heading, unit=other.heading.unit or column.heading.unit)
                 other = replace(other, heading=heading, factor=factor)
             found = self.positive(line, row, other, wrong, zero=other.role == "cv")
             if isnan(found):
