@@ -14,9 +14,8 @@ from scipy import optimize
 
 from doe.trials.reduced.clean import Case
 from doe.trials.reduced.laboratory import CaseModel
-from taichi_erosion.evidence.data.linear_algebra import censored_terms
 from taichi_erosion.evidence.data.problem import Candidate, Floats
-from taichi_erosion.evidence.data.transforms import position_of
+from taichi_erosion.evidence.data.transforms import censored_terms, position_of
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.models.reduced import EFFECTS
 

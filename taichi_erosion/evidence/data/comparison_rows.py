@@ -2,15 +2,19 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from taichi_erosion.evidence.data.measurement_noise import (
+    LEAST_FREEDOM,
+    Disagreement,
     ObservableNoise,
     Scatter,
+    lack_of_fit,
     measurement_scatter,
-    unchecked_noise_sentence,
+    pure_error,
+    suspects,
 )
 from taichi_erosion.evidence.data.problem import (
     Bools,
@@ -22,7 +26,6 @@ from taichi_erosion.evidence.data.problem import (
     Problem,
     rows_picked,
 )
-from taichi_erosion.evidence.data.repeats import Disagreement, lack_of_fit, pure_error, suspects
 from taichi_erosion.evidence.data.tables.rows import source_names
 from taichi_erosion.evidence.data.transforms import slope, to_scale
 
@@ -46,7 +49,6 @@ class ComparisonRows:
     source: tuple[str, ...]  # the place of a row where it names none
     slope: Floats  # dz/dy at the measured value
     stated: Bools  # an sd is stated, for the row or a repeat of it, or the value is censored
-    freedom: float  # degrees of freedom behind the noise level
     noise: Mapping[str, ObservableNoise]
     warnings: tuple[str, ...]
     condition_sd: Conditions = field(default_factory=dict)  # of stated conditions; NaN: exact
@@ -64,14 +66,6 @@ class ComparisonRows:
     def source_names(self) -> tuple[str, ...]:
         """Source of every row; the file of those that name none."""
         return source_names(self.source)
-
-    @property
-    def limits(self) -> tuple[Literal["", "below", "above", "between"], ...]:
-        """On which side of `z` the value of each row lies; empty for an ordinary row."""
-        return tuple(
-            "" if reach == 0.0 else "below" if reach == -np.inf else "above" if reach == np.inf else "between"
-            for reach in self.reach
-        )
 
     @property
     def suspect(self) -> Bools:
@@ -124,7 +118,11 @@ class ComparisonRows:
 
 
 def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
-    """The rows of a table on their comparison scales, with repeated rows merged."""
+    """The rows of a table on their comparison scales, with repeated rows merged.
+
+    Repeated rows check the same thing everywhere, the worth of a stated sd. Sample variances measure the
+    level of their own observable and of no other.
+    """
     names, table = sorted(set(table.observable)), replace(table, line=table.lines)
     observables = tuple(problem.observables.get(name, Observable(name)) for name in names)
     named = np.array(table.observable)
@@ -133,19 +131,15 @@ def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
         for index, name in enumerate(names)
     ]
     rows = joined([part for part, _ in found])
-    freedom = joint_freedom([scatter for _, scatter in found])
-    note = unchecked_noise_sentence(freedom)
-    return replace(rows, freedom=freedom, warnings=(*rows.warnings, *([note] if note else [])))
-
-
-def joint_freedom(scatters: Sequence[Scatter]) -> float:
-    """Degrees of freedom behind the noise level as a whole.
-
-    Repeated rows check the same thing everywhere, the worth of a stated sd. Sample variances measure the
-    level of their own observable and of no other, so that the level is known as well as on average in one.
-    """
+    scatters = [scatter for _, scatter in found]
     own = [scatter.own_freedom for scatter in scatters if scatter.own_freedom > 0.0]
-    return sum(scatter.freedom for scatter in scatters) + (sum(own) / len(own) if own else 0.0)
+    if sum(scatter.freedom for scatter in scatters) + sum(own) / max(len(own), 1) >= LEAST_FREEDOM:
+        return rows
+    note = (
+        "The stated sd cannot be checked: no condition was repeated. At least 3 repeats at 4 or more "
+        "conditions would separate noise from a missing effect."
+    )
+    return replace(rows, warnings=(*rows.warnings, note))
 
 
 def merged_rows(
@@ -183,8 +177,7 @@ def merged_rows(
         source=own.source,
         slope=steep,
         stated=np.isin(keys[first], keys[(table.sd > 0.0) | table.censored]),
-        freedom=np.nan,
-        noise={observable.name: noise_budget(variance, shared, numerical, scatter)},
+        noise={observable.name: noise_budget(variance, numerical, scatter)},
         warnings=tuple(notes),
         lines=tuple(tuple(np.array(table.line)[keys == key].tolist()) for key in keys[first]),
         pure={observable.name: scatter.pure},
@@ -325,14 +318,12 @@ def row_notes(observable: Observable, table: Measurements, usable: Bools) -> lis
     return notes
 
 
-def noise_budget(variance: Floats, shared: Floats, numerical: Floats, scatter: Scatter) -> ObservableNoise:
-    """Budget of one observable before the model has been run."""
+def noise_budget(variance: Floats, numerical: Floats, scatter: Scatter) -> ObservableNoise:
+    """Budget of one observable."""
     known = variance[np.isfinite(variance)]
     tolerance = float(np.sqrt(np.median(numerical))) if variance.size else 0.0
     return ObservableNoise(
         lab=float(np.sqrt(max(np.median(known) - tolerance**2, 0.0))) if known.size else np.nan,
-        simulator=0.0,
-        shared=float(np.median(np.abs(shared).sum(axis=1))) if variance.size else 0.0,
         numerical=tolerance,
         repeats=int(scatter.freedom + scatter.own_freedom),
         stated_factor=scatter.factor,

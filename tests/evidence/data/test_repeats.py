@@ -8,9 +8,14 @@ import pytest
 
 from doe.trials.reduced.families import FAMILIES
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows
-from taichi_erosion.evidence.data.measurement_noise import measurement_scatter
+from taichi_erosion.evidence.data.measurement_noise import (
+    gross,
+    lack_of_fit,
+    measurement_scatter,
+    pure_error,
+    repeated,
+)
 from taichi_erosion.evidence.data.problem import Bools, Floats, Problem
-from taichi_erosion.evidence.data.repeats import gross, lack_of_fit, pure_error, repeated
 
 GROUPS, REPEATS = 8, 3
 CELL = np.repeat(np.arange(float(GROUPS)), REPEATS)
