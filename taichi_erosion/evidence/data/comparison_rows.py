@@ -29,7 +29,7 @@ from taichi_erosion.evidence.data.problem import (
 from taichi_erosion.evidence.data.tables.rows import source_names
 from taichi_erosion.evidence.data.transforms import slope, to_scale
 
-ROW_WISE = ("which", "z", "variance", "censored", "reach", "conditions", "group", "source", "slope", "stated")
+ROW_WISE = ("which", "z", "variance", "censored", "reach", "conditions", "group", "source", "slope")
 ROW_WISE += ("condition_sd", "heaps", "lines")  # fields with one entry for each row, beside shared errors
 
 
@@ -48,11 +48,10 @@ class ComparisonRows:
     group: tuple[str, ...]
     source: tuple[str, ...]  # the place of a row where it names none
     slope: Floats  # dz/dy at the measured value
-    stated: Bools  # an sd is stated, for the row or a repeat of it, or the value is censored
+    heaps: tuple[Mapping[str, float], ...]  # of each row: heap -> repeats on it; '' where it is unknown
     noise: Mapping[str, ObservableNoise]
     warnings: tuple[str, ...]
     condition_sd: Conditions = field(default_factory=dict)  # of stated conditions; NaN: exact
-    heaps: tuple[Mapping[str, float], ...] = ()  # of each row: heap -> repeats on it; '' where it is unknown
     covariance: Floats | None = None  # (n, n), covariance of z of rows of one heap, diagonal 0; None: none
     lines: tuple[tuple[int, ...], ...] = ()  # rows of the table that each row merges
     pure: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # `Scatter.pure` by observable
@@ -89,10 +88,6 @@ class ComparisonRows:
     def names(self) -> tuple[str, ...]:
         """Observable of every row by its name."""
         return tuple(self.observables[index].name for index in self.which)
-
-    def observable(self, name: str) -> Observable:
-        """An observable by its name."""
-        return next(each for each in self.observables if each.name == name)
 
     def index_of(self, names: Sequence[str]) -> Integers:
         """Index of the observable of every name."""
@@ -156,7 +151,7 @@ def merged_rows(
     scatter = measurement_scatter(exact, np.abs(table.sd * steepness), repeats, cell, shapes)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
     first, mean, total = weighted_means(z, weight, keys := repeat_keys(table, cell, reach, scatter.off))
-    steep, own = steepness[first], table.rows(first)
+    steep, own, heaps = steepness[first], table.rows(first), np.array(heap_keys(table))
     numerical = (observable.sd_numerical * steep) ** 2
     if (unknown := ~np.isfinite(scatter.variance[first])).any():
         count = f"{int(unknown.sum())} of {unknown.size}"
@@ -176,7 +171,7 @@ def merged_rows(
         group=own.group,
         source=own.source,
         slope=steep,
-        stated=np.isin(keys[first], keys[(table.sd > 0.0) | table.censored]),
+        heaps=tuple(heap_repeats(heaps[keys == key], repeats[keys == key]) for key in keys[first]),
         noise={observable.name: noise_budget(variance, numerical, scatter)},
         warnings=tuple(notes),
         lines=tuple(tuple(np.array(table.line)[keys == key].tolist()) for key in keys[first]),
@@ -184,7 +179,7 @@ def merged_rows(
         apart=tuple(disagreements(observable, table, exact, cell, scatter.off)),
         condition_sd={name: column[first] for name, column in table.condition_sd.items()},
     )
-    return with_heaps(rows, table, keys, keys[first]), scatter
+    return rows, scatter
 
 
 def scaled(observable: Observable, table: Measurements) -> tuple[Floats, Floats, Floats, Floats]:
@@ -194,13 +189,6 @@ def scaled(observable: Observable, table: Measurements) -> tuple[Floats, Floats,
     return z, reach, slope(observable, value), value
 
 
-def heaps_of(parts: Sequence[ComparisonRows]) -> tuple[Mapping[str, float], ...]:
-    """Heaps of the rows of all observables; none where they are unknown throughout."""
-    if not any(part.heaps for part in parts):
-        return ()
-    return tuple(each for part in parts for each in part.heaps or [{"": 1.0}] * part.size)
-
-
 def heap_keys(table: Measurements) -> list[str]:
     """Key of the heap of each row: its name, group, source and conditions; empty where it is unknown."""
     cells = zip(*table.conditions.values(), strict=True) if table.conditions else [()] * table.size
@@ -208,17 +196,9 @@ def heap_keys(table: Measurements) -> list[str]:
     return ["|".join(map(str, each)) if each[0] else "" for each in labels]
 
 
-def with_heaps(
-    rows: ComparisonRows, table: Measurements, keys: np.ndarray, merged: np.ndarray
-) -> ComparisonRows:
-    """Merged rows with the repeats on every heap behind them; `keys` are equal for rows that are merged."""
-    if not any(table.heap):
-        return rows
-    counts: dict[str, dict[str, float]] = {str(key): {} for key in merged}
-    for key, heap, n in zip(keys, heap_keys(table), table.n, strict=True):
-        own = counts[str(key)]
-        own[heap] = own.get(heap, 0.0) + (float(n) if n >= 1.0 else 1.0)
-    return replace(rows, heaps=tuple(counts.values()))
+def heap_repeats(heaps: np.ndarray, repeats: Floats) -> dict[str, float]:
+    """Number of repeats on every heap of some rows."""
+    return {str(heap): float(repeats[heaps == heap].sum()) for heap in dict.fromkeys(heaps)}
 
 
 def disagreements(
@@ -307,10 +287,6 @@ def row_notes(observable: Observable, table: Measurements, usable: Bools) -> lis
         )
     missing = int(np.sum(~np.isfinite(table.sd) & ~table.censored))
     uncounted = int(np.sum(~(table.n >= 1.0)))
-    settings = np.unique(condition_numbers(table)).size
-    if missing == uncounted == table.size and table.size >= 2 * settings:
-        told = f"{table.size} single measurements under {settings} sets of conditions; sd from these repeats"
-        return [*notes, f"{observable.name}: {told}"]
     if missing:
         notes.append(f"{observable.name}: {missing} of {table.size} rows have no sd")
     if uncounted:
@@ -346,7 +322,7 @@ def joined(parts: Sequence[ComparisonRows]) -> ComparisonRows:
     return replace(
         parts[0],
         **{name: all_of(name) for name in (*ROW_WISE, "warnings", "apart")}
-        | {"heaps": heaps_of(parts), "shared": shared[:, np.any(shared != 0.0, axis=0)]},
+        | {"shared": shared[:, np.any(shared != 0.0, axis=0)]},
         noise={name: noise for part in parts for name, noise in part.noise.items()},
         pure={name: pure for part in parts for name, pure in part.pure.items()},
     )

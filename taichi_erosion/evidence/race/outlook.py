@@ -76,7 +76,7 @@ def new_rows(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows
         condition_sd={name: np.full(m, np.nan) for name in rows.condition_sd},
         group=("",) * m,
         source=("",) * m,
-        heaps=(),
+        heaps=({},) * m,
         covariance=None,
     )
 
