@@ -1,6 +1,5 @@
 """Measurements of a study: rows of its table in the units of the model, and sentences about the others."""
 
-import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -11,7 +10,7 @@ import numpy as np
 
 from taichi_erosion.campaign.study_file import ObservableEntry, StudyFile
 from taichi_erosion.core.errors import BadInput, did_you_mean
-from taichi_erosion.core.files import one_line_name, read_text_file
+from taichi_erosion.core.files import one_line_name
 from taichi_erosion.evidence.data.number_words import TableUnits, plain, set_up_name, with_unit
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.tables.column_roles import Told
@@ -28,7 +27,6 @@ from taichi_erosion.evidence.data.tables.rows import (
 from taichi_erosion.evidence.data.tables.spreadsheet import read_cells
 from taichi_erosion.scene.schema.units import (
     EXAMPLES,
-    PURE,
     Scale,
     Unit,
     UnknownUnit,
@@ -91,20 +89,6 @@ def told_by(study: StudyFile | None) -> Told:
     )
 
 
-def table_faults_of(path: Path) -> list[str]:
-    """Faults of the tidy table that a study file names, where the study itself cannot be used."""
-    try:
-        named = tomllib.loads(read_text_file(path))["study"]["measurements"]
-        cells = read_cells(path.parent / named, named, [])
-        if cells.rows and is_tidy(cells.heading):
-            read_table(path.parent / named, named)
-    except BadInput as error:
-        return list(error.faults)
-    except (OSError, ValueError, KeyError, TypeError):
-        pass
-    return []
-
-
 def study_measurements(
     table: Table, file: StudyFile, name: str, places: Mapping[str, str] | None = None
 ) -> tuple[Measurements, list[str]]:
@@ -148,22 +132,15 @@ def study_measurements(
 
 def refuse_absent(table: Table, file: StudyFile, name: str) -> None:
     """Refuse a study that names conditions or observables which the table has not."""
-    faults = []
-    for column in file.conditions:
-        if column not in table.conditions:
-            there = ", ".join(table.conditions) or "none"
-            faults.append(
-                f"{name}: conditions.{column} is no column of {table.file}; conditions there: {there}"
-                f"{did_you_mean(column, table.conditions)}"
-            )
     measured = list(dict.fromkeys(row.observable for row in table.rows))
-    for observable in file.observables:
-        if observable not in measured:
-            there = ", ".join(measured)
-            faults.append(
-                f"{name}: observables.{observable} has no row in {table.file}; there: {there}"
-                f"{did_you_mean(observable, measured)}"
-            )
+    named = (("conditions", file.conditions, table.conditions), ("observables", file.observables, measured))
+    faults = [
+        f"{name}: {section}.{each} is not in {table.file}; {section} there: {', '.join(there) or 'none'}"
+        f"{did_you_mean(each, there)}"
+        for section, names, there in named
+        for each in names
+        if each not in there
+    ]
     if faults:
         raise BadInput(*faults)
 
@@ -178,20 +155,16 @@ def column_scale(table: Table, column: str, place: str | None) -> Scale:
     written = table.units[table.conditions.index(column)]
     if written is None:
         return Scale(place or "")
-    target = Unit(1.0, parse_scale(written).kind) if place is None else place_unit(place, column, table.file)
+    try:
+        target = parse_unit(place) if place is not None else Unit(1.0, parse_scale(written).kind)
+    except UnknownUnit:
+        told = f"sets what is counted in {place}, not a number"
+        raise BadInput(f"{table.file}: column '{column}' {told}") from None
     scale = scale_between(written, target)
     if scale is None:
         told = f"it sets a number in {place}" if place != "1" else "it sets a pure number"
         raise BadInput(f"{table.file}: heading '{column} [{written}]': {told}; give it in that unit")
     return scale
-
-
-def place_unit(place: str, column: str, file: str) -> Unit:
-    """Unit of a place; raises BadInput for one that a column of numbers cannot set."""
-    try:
-        return PURE if place == "1" else parse_unit(place)
-    except UnknownUnit:
-        raise BadInput(f"{file}: column '{column}' sets what is counted in {place}, not a number") from None
 
 
 def errors_of_conditions(rows: Sequence[Row], scales: Mapping[str, Scale]) -> dict[str, np.ndarray]:
@@ -283,13 +256,10 @@ def error_notes(measurements: Measurements) -> list[str]:
     notes = []
     for name, sd in measurements.condition_sd.items():
         scale = measurements.table_units.conditions.get(name, Scale())
-        ends = dict.fromkeys(plain(end / scale.factor) for end in (np.nanmin(sd), np.nanmax(sd)))
-        size = with_unit(" to ".join(ends), measurements.table_units.condition_unit(name))
-        count = int(np.sum(sd > 0.0))
-        notes.append(
-            f"{name}: {count} of {sd.size} rows state its sd, {size}; it enters their errors through "
-            "the slope of the model."
-        )
+        most = with_unit(plain(np.nanmax(sd) / scale.factor), measurements.table_units.condition_unit(name))
+        count = f"{int(np.sum(sd > 0.0))} of {sd.size} rows"
+        told = f"{count} state its sd, at most {most}; it enters their errors through the slope of the model."
+        notes.append(f"{name}: {told}")
     return notes
 
 

@@ -109,31 +109,21 @@ def column_faults(
     if allowed is None:
         return
     scaled = [(row, value, unit, scale_of(unit, allowed)) for row, value, unit in cells if isfinite(value)]
-    known = [(row, value, unit, scale) for row, value, unit, scale in scaled if scale is not None]
-    wrong = [each for each in known if not allowed.possible(each[3].used(each[1]))]
-    odd = [each for each in known if not allowed.is_usual(each[3].used(each[1]))]
-    if allowed.usual and not parse_unit(allowed.unit).kind:
-        # a large share whose unit is stated is meant as it stands: peat holds 300 % of water
-        odd = [each for each in odd if each[2] is None or each[3].used(each[1]) < allowed.usual[1]]
+    known = [(row, value, unit, scale.used(value)) for row, value, unit, scale in scaled if scale is not None]
+    wrong = [each for each in known if not allowed.possible(each[3])]
+    odd = [each for each in known if not allowed.is_usual(each[3])]
     meant = likely_units([value for _, value, _, _ in known], known[0][2] if known else None, allowed)
-    if not wrong and usual and meant and 2 * len(odd) > len(known) and not near_own(odd, own):
+    near_own = own > 0.0 and all(own / NEAR_SCENE <= used <= own * NEAR_SCENE for *_, used in odd)
+    if not wrong and usual and meant and 2 * len(odd) > len(known) and not near_own:
         wrong = odd
     hint = f": did you mean [{'] or ['.join(meant)}]?" if meant else ""
-    for row, value, unit, scale in wrong if len(wrong) <= SOLO_ROWS else wrong[:1]:
+    for row, value, unit, used in wrong if len(wrong) <= SOLO_ROWS else wrong[:1]:
         stated = f"{value:g} {unit}" if unit else f"{value:g} (no unit: {allowed.unit})"
-        used = scale.used(value)
         outside = f"outside {allowed.told()}" if not allowed.possible(used) else "which is unusual"
         more = f"; {len(wrong) - 1} rows more" if len(wrong) > SOLO_ROWS else ""
         also = f" is {used:g} {allowed.unit}" if unit not in (None, "", allowed.unit) else ""
         told = f"{name} = {stated}{also}, {outside}{more}; check number and unit{hint}"
         yield f"{file}: row {row.line}, {told}"
-
-
-def near_own(cells: Sequence[tuple[Row, float, str | None, Scale]], own: float) -> bool:
-    """Whether all numbers lie near the one of the scene."""
-    if not (isfinite(own) and own > 0.0):
-        return False
-    return all(own / NEAR_SCENE <= scale.used(value) <= own * NEAR_SCENE for _, value, _, scale in cells)
 
 
 def scale_of(unit: str | None, allowed: PhysicalRange) -> Scale | None:
@@ -146,13 +136,10 @@ def scale_of(unit: str | None, allowed: PhysicalRange) -> Scale | None:
 
 def likely_units(values: Sequence[float], unit: str | None, allowed: PhysicalRange) -> list[str]:
     """Other units that put all numbers of a column within the usual range."""
-    kind = parse_unit(allowed.unit).kind
-    written = parse_scale(unit or allowed.unit)
-    found = []
-    for other in UNITS:
-        target = parse_scale(other)
-        same = target.kind == kind and (target.factor, target.origin) != (written.factor, written.origin)
-        scale = scale_of(other, allowed) if same else None
-        if scale is not None and any(values) and all(allowed.is_usual(scale.used(v)) for v in values):
+    written, found = parse_scale(unit or allowed.unit), list[str]()
+    for other in UNITS if any(values) else ():
+        scale, target = scale_of(other, allowed), parse_scale(other)
+        another = (target.factor, target.origin) != (written.factor, written.origin)
+        if scale is not None and another and all(allowed.is_usual(scale.used(value)) for value in values):
             found.append(other)
     return found

@@ -57,6 +57,6 @@ def test_a_study_has_it_in_the_unit_of_the_model_and_tells_it(tmp_path):
     study = load_study(tmp_path / "heap.toml")
     assert study.problem.measurements.condition_sd["diameter"] == pytest.approx(np.full(len(lines), 2e-5))
     assert study.problem.measurements.condition_set == {"diameter"}
-    assert any("rows state its sd, 0.02 mm; it enters their errors" in note for note in study.notes)
+    assert any("rows state its sd, at most 0.02 mm; it enters their errors" in note for note in study.notes)
     errors = condition_errors(comparison_rows(study.problem, study.problem.visible()))
     assert errors.sd["diameter"] == pytest.approx(2e-5)
