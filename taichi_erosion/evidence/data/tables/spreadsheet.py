@@ -52,6 +52,7 @@ QUANTITY = re.compile(
 TO = r"\s*(?:\.\.\.?|…|\bto\b|\bbis\b)\s*"
 INTERVAL = re.compile(rf"(?P<low>{NUMBER}){TO}(?P<high>{NUMBER})\s*(?P<unit>{UNIT})?")
 MONTH = r"(?:jan|feb|m[aä]r|mrz|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[cz])[a-zé]*\.?"
+ONE_COLUMN = re.compile(rf"[^,;\t\n]+(?:\n{NUMBER})+", re.ASCII)  # of numbers with decimal commas
 DATE = re.compile(
     r"\d{1,2}[./-]\d{1,2}[./-]\d{2,4}.*|\d{4}-\d{2}-\d{2}.*"
     rf"|\d{{1,2}}\.?[ -]?{MONTH}.*|{MONTH}[ -]\d{{2,4}}",
@@ -137,6 +138,8 @@ def separator_of(text: str) -> str:
     declared = lines[0].strip() if lines else ""
     if declared.lower().startswith("sep=") and declared[4:5] in SEPARATORS:
         return declared[4]
+    if ONE_COLUMN.fullmatch("\n".join(lines)):
+        return ";"
 
     def even_rows(separator: str) -> tuple[int, int]:
         widths = [len(row) for row in csv.reader(lines, delimiter=separator)]
