@@ -2,14 +2,13 @@
 whitening, and limits among them as ordinary rows.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import exp, inf, log
 
 import numpy as np
 from scipy import special
 
-from taichi_erosion.evidence.data.problem import Bools, Candidate, Floats, Observable, Parameter
+from taichi_erosion.evidence.data.problem import Candidate, Floats, Observable, Parameter
 
 EFFECTS = "effects."  # prefix of the strength of an effect that is calibrated with the parameters
 STRENGTH = ".strength"
@@ -94,14 +93,6 @@ def axis_position(axis: Axis, value: float) -> float:
     return (value - axis.start) / axis.scale
 
 
-def position_of(
-    axes: tuple[Axis, ...], parameters: Mapping[str, float], effects: Mapping[str, float]
-) -> Floats:
-    """Joint position of named parameters and adopted effects."""
-    values = {**parameters, **{f"{EFFECTS}{name}{STRENGTH}": value for name, value in effects.items()}}
-    return np.array([axis_position(axis, values[axis.name]) for axis in axes])
-
-
 def split_setting(axes: tuple[Axis, ...], x: Floats) -> tuple[dict[str, float], dict[str, float]]:
     """Parameters by path and adopted effects by name."""
     parameters, effects = {}, {}
@@ -122,11 +113,6 @@ def is_strength(path: str) -> bool:
 def effect_of(path: str) -> str | None:
     """Effect to which a parameter belongs, None for any other path."""
     return path.split(".")[1] if path.startswith(EFFECTS) else None
-
-
-def strengths(candidates: tuple[Candidate, ...], acting: Mapping[str, float]) -> dict[str, float]:
-    """Every candidate's strength, 0 unless it acts."""
-    return {candidate.name: float(acting.get(candidate.name, 0.0)) for candidate in candidates}
 
 
 @dataclass(frozen=True)
@@ -162,22 +148,21 @@ class Working:
         return float(self.deviances)
 
 
-def working(residual: Floats, reach: Floats | Bools) -> Working:
+def working(residual: Floats, reach: Floats) -> Working:
     """Working residuals of one whitened residual, or of columns of them.
 
-    `reach` is 0 for an ordinary row, and says where a censored value lies: -inf below its limit z (as True
-    does), +inf above it, h between z - h and z + h, in sd. With the ends a < b of (that range - m) / s its
-    deviance is -2 ln P, P = Phi(b) - Phi(a); l = (phi(b) - phi(a)) / P is its score and
-    w = l^2 + (b phi(b) - a phi(a)) / P its curvature.
+    `reach` is 0 for an ordinary row, and says where a censored value lies: -inf below its limit z, +inf above
+    it, h between z - h and z + h, in sd. With the ends a < b of (that range - m) / s its deviance is -2 ln P,
+    P = Phi(b) - Phi(a); l = (phi(b) - phi(a)) / P is its score and w = l^2 + (b phi(b) - a phi(a)) / P its
+    curvature.
 
     Reference: Tobin (1958), Econometrica 26, 24.
     """
-    spans = np.where(reach, -np.inf, 0.0) if reach.dtype == np.bool_ else np.asarray(reach, dtype=np.float64)
-    censored = spans != 0.0
+    censored = reach != 0.0
     if not censored.any():
         return Working(residual, np.ones_like(residual), np.sum(residual**2, axis=0))
     u = residual[censored]
-    log_share, score, curvature = censored_terms(u, spans[censored].reshape(-1, *([1] * (u.ndim - 1))))
+    log_share, score, curvature = censored_terms(u, reach[censored].reshape(-1, *([1] * (u.ndim - 1))))
     weight, adjusted = np.ones_like(residual), residual.copy()
     weight[censored] = np.sqrt(curvature)
     adjusted[censored] = -score / np.sqrt(curvature)
@@ -187,8 +172,6 @@ def working(residual: Floats, reach: Floats | Bools) -> Working:
 
 def censored_terms(u: Floats, reach: Floats) -> tuple[Floats, Floats, Floats]:
     """Ln probability, score and curvature of censored values; both ends in the lower tail by symmetry."""
-    if np.all(np.isinf(reach)):
-        return one_sided_terms(u, np.where(reach > 0.0, -1.0, 1.0))
     low = np.where(reach == np.inf, u, np.where(reach == -np.inf, -np.inf, u - np.abs(reach)))
     high = np.where(reach == np.inf, np.inf, np.where(reach == -np.inf, u, u + np.abs(reach)))
     flip = low + high > 0.0
@@ -201,12 +184,3 @@ def censored_terms(u: Floats, reach: Floats) -> tuple[Floats, Floats, Floats]:
     score = density_b - density_a
     curvature = np.clip(score**2 + ends[1] - ends[0], 1e-12, 1.0)
     return log_share, np.where(flip, -score, score), curvature
-
-
-def one_sided_terms(u: Floats, sign: Floats) -> tuple[Floats, Floats, Floats]:
-    """The same where every value is only below its limit (sign 1) or above it (-1): P = Phi(sign u)."""
-    b = sign * u
-    log_share = special.log_ndtr(b)
-    score = np.exp(-0.5 * b**2 - 0.5 * np.log(2.0 * np.pi) - log_share)
-    ends = np.where(np.isfinite(b), b, 0.0) * score
-    return log_share, sign * score, np.clip(score**2 + ends, 1e-12, 1.0)

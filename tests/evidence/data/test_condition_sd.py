@@ -40,7 +40,7 @@ def test_the_sd_of_a_condition_is_no_condition(tmp_path):
             "no column 'moistur'; conditions there: moisture, diameter",
         ),
         ("sd of moisture [%]", "sd of moisture [mm]", "is in [mm]; moisture is in [%]: give it so"),
-        (",0.1,", ",-0.1,", "row 2, sd of moisture [%] = '-0.1' must not be below 0"),
+        (",0.1,", ",-0.1,", "row 2, sd of moisture [%] = '-0.1' must be above 0"),
     ],
 )
 def test_an_sd_of_no_condition_of_another_unit_or_below_0_is_refused(tmp_path, old, new, told):

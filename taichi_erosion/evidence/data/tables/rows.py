@@ -241,14 +241,12 @@ class RowReader:
 
     def rows(self, line: int, row: Sequence[str]) -> Iterator[Row]:
         """What one row of the file says: in a laboratory's own table a row for each measured quantity."""
-        if not self.tidy and (summary := next((cell for cell in row if is_summary(cell)), None)):
-            told = f"'{summary}': the row sums up others; remove it"
-            self.faults.append(f"{self.cells.file}: row {line}, {told}")
+        if not self.tidy and (summary := next(filter(is_summary, row), None)):
+            told = f"row {line}, '{summary}': the row sums up others; remove it"
+            self.faults.append(f"{self.cells.file}: {told}")
             return
         conditions = [self.number(line, row, column).value for column in self.of("condition")]
-        errors = {
-            c.title: self.positive(line, row, c, "must not be below 0") for c in self.of("condition_sd")
-        }
+        errors = {each.title: self.positive(line, row, each) for each in self.of("condition_sd")}
         shared = Row(
             *(line, "", nan, False, nan, None, "", self.group(row), self.source(line, row)),
             conditions=tuple(conditions),
@@ -294,11 +292,14 @@ class RowReader:
             self.fault(line, unit, row, f"is not known; {error.hint or f'allowed: {EXAMPLES}'}")
             return row[name.place], "1"
 
-    def number(self, line: int, row: Sequence[str], column: Column, single: bool = True) -> CellNumber:
-        """Number of a cell in the unit of its column; nothing, and a fault, where there is none."""
+    def number(
+        self, line: int, row: Sequence[str], column: Column, single: bool = True, unit: str | None = None
+    ) -> CellNumber:
+        """Number of a cell in a unit, else that of its column; nothing, and a fault, where there is none."""
+        own = column.heading.unit
         try:
             found = read_cell(row[column.place], self.cells.decimal_comma, single)
-            scale = self.scale(found.unit, column.heading.unit)
+            scale = self.scale(found.unit or own, own if unit is None else unit)
         except CellFault as fault:
             self.fault(line, column, row, fault)
             return CellNumber()
@@ -322,11 +323,11 @@ class RowReader:
             raise CellFault(f"is a number in {written} in {told}")
         return found
 
-    def positive(self, line: int, row: Sequence[str], column: Column, wrong: str, zero: bool = True) -> float:
-        """A number that is not negative, `zero`: nor 0; NaN, and a fault, for another one."""
-        found = self.number(line, row, column).value
-        if found < 0.0 or (found == 0.0 and not zero):
-            self.fault(line, column, row, wrong)
+    def positive(self, line: int, row: Sequence[str], column: Column, unit: str | None = None) -> float:
+        """A number that is not negative; NaN, and a fault, for another one."""
+        found = self.number(line, row, column, unit=unit).value
+        if found < 0.0 or (found == 0.0 and column.role in ("sd", "se")):
+            self.fault(line, column, row, "must be above 0; leave it empty where it is not known")
             return nan
         return found
 
@@ -336,27 +337,15 @@ class RowReader:
 
     def scatter(self, line: int, row: Sequence[str], column: Column, value: float, n: int | None) -> float:
         """Standard deviation of single repeats from a column of its own; NaN where none is given."""
-        wrong = "must be above 0; leave it empty where it is not known"
-        for other in (each for role in ("sd", "se", "cv") for each in self.partners(role, column)):
-            if other.role != "cv" and not self.tidy:
-                factor = column.factor * self.spread_factor(line, row, other, column.heading.unit)
-                heading = replace(other.heading, unit=other.heading.unit or column.heading.unit)
-                other = replace(other, heading=heading, factor=factor)
-            found = self.positive(line, row, other, wrong, zero=other.role == "cv")
-            if isnan(found):
-                continue
-            if other.role == "cv":
-                return SHARES.get(other.heading.unit, 0.01) * found * abs(value)
-            return self.from_error(found, n, line, column, row) if other.role == "se" else found
+        for other in (*self.partners("sd", column), *self.partners("se", column)):
+            found = self.positive(line, row, replace(other, factor=column.factor), column.heading.unit)
+            if not isnan(found):
+                return self.from_error(found, n, line, column, row) if other.role == "se" else found
+        for other in self.partners("cv", column):
+            found = SHARES.get(other.heading.unit, 0.01) * self.positive(line, row, other)
+            if not isnan(found):
+                return found * abs(value)
         return nan
-
-    def spread_factor(self, line: int, row: Sequence[str], column: Column, unit: str) -> float:
-        """Factor from the unit of a column of scatter to that of its observable."""
-        try:
-            return self.scale(column.heading.unit, unit).factor
-        except CellFault as fault:
-            self.fault(line, column, row, fault)
-            return nan
 
     def from_error(self, error: float, n: int | None, line: int, column: Column, row: Sequence[str]) -> float:
         """Standard deviation of single repeats from the standard error of their mean."""
