@@ -14,7 +14,7 @@ from taichi_erosion.core.files import one_line_name
 from taichi_erosion.evidence.data.number_words import TableUnits, plain, set_up_name, with_unit
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.tables.column_roles import Told
-from taichi_erosion.evidence.data.tables.interview import Interview, scatter_is_error, understood, upright
+from taichi_erosion.evidence.data.tables.interview import Interview, understood, upright
 from taichi_erosion.evidence.data.tables.rows import (
     PLACE,
     Faults,
@@ -64,7 +64,9 @@ def read_rows(path: Path, name: str, told: Told, interview: Interview, faults: F
         raise BadInput(*faults or [f"{name}: has a heading but no measurement, no measured value"])
     cells, assumed = upright(cells, interview), len(interview.assumed)
     columns = understood(cells, told, interview, faults)
-    table = table_of(cells, columns, faults, scatter_is_error(cells, interview))
+    table = table_of(cells, columns, faults)
+    if any("±" in cell or "+-" in cell or "+/-" in cell for _, row in cells.lines for cell in row):
+        interview.assume("numbers behind ± are standard deviations of single repeats")
     if not any(column.role == "n" for column in columns):
         interview.assume("no column counts repeats: n is left empty, and a value counts as one measurement")
     return replace(table, notes=tuple(interview.assumed[assumed:]))

@@ -25,7 +25,6 @@ from taichi_erosion.evidence.data.tables.column_roles import (
 )
 from taichi_erosion.evidence.data.tables.headings import (
     FRICTION_VELOCITY,
-    GRAIN_CONTACT,
     SCATTER,
     meaning_of,
     plain_words,
@@ -128,17 +127,6 @@ def understood(
     return [with_asked_unit(column, reading) for column in columns]
 
 
-def scatter_is_error(cells: Cells, interview: Interview) -> bool:
-    """Whether standard errors stand behind ± in cells, and no standard deviations."""
-    if not any("±" in cell or "+-" in cell or "+/-" in cell for _, row in cells.lines for cell in row):
-        return False
-    question = f"Numbers behind ±: sd = {SPREADS['sd']}, se = {SPREADS['se']}"
-    answer = interview.choice(question, "sd", "numbers behind ± are standard deviations of single repeats")
-    if answer not in ("sd", "se"):
-        raise BadInput(f"{cells.file}: '{answer}' is not one of sd, se")
-    return answer == "se"
-
-
 def settled(column: Column, reading: Reading, measured: bool) -> Column:
     """A column of which only a guess was known, as the user calls it."""
     interview, text = reading.interview, column.heading.text
@@ -146,10 +134,8 @@ def settled(column: Column, reading: Reading, measured: bool) -> Column:
         if column.factor == HALF:
             interview.assume(f"diameters of heaps are halved: {column.name} is a radius")
         if column.name in WINDS:
-            interview.assume(
-                f"column '{text}' is the free stream of the wind; where it was measured at a height, let the "
-                "heading say so: 'wind speed at 1 m'"
-            )
+            remedy = "let the heading say the height of a measured wind: 'wind speed at 1 m'"
+            interview.assume(f"column '{text}' is the free stream of the wind; {remedy}")
         return column
     if not isnan(column.height):
         return settled_wind(column, reading, measured)
@@ -227,11 +213,10 @@ def without_unknown(columns: Sequence[Column], reading: Reading) -> Iterator[Col
     """The columns without what no scene measures or has, and without a second one for one condition."""
     seen: dict[str, str] = {}
     for column in columns:
-        if column.role not in ("observable", "condition"):
-            yield column
-            continue
-        wrong = column_fault(column, seen, reading.told)
-        seen.setdefault(column.name, column.heading.text)
+        used = column.role in ("observable", "condition")
+        wrong = column_fault(column, seen, reading.told) if used else ""
+        if used:
+            seen.setdefault(column.name, column.heading.text)
         yield reading.fault(column, wrong) if wrong else column
 
 
@@ -347,8 +332,7 @@ def with_unit_of_place(column: Column, values: Sequence[float], reading: Reading
     if allowed is None or not values:
         return column
     if all(map(allowed.is_usual, values)):
-        pure = "a pure number" if column.name.startswith(GRAIN_CONTACT) else "a share: 1 is all"
-        told = pure if allowed.unit in ("1", "kg kg-1") else allowed.unit
+        told = "a pure number or share, 1 is all" if allowed.unit in ("1", "kg kg-1") else allowed.unit
         reading.interview.assume(
             f"'{text}' has no unit in its heading: taken as {told} (--unit '{text}=UNIT')"
         )

@@ -177,12 +177,9 @@ def error_column_faults(errors: Sequence[Column], units: dict[str, str], file: s
             yield f"{where} is in [{unit}]; {column.title} is in [{stated}]: give it so"
 
 
-def table_of(cells: Cells, columns: Sequence[Column], faults: list[str], se: bool = False) -> Table:
-    """Rows of a table with known columns; all faults of its cells are added to `faults`.
-
-    `se`: numbers behind ± are standard errors of the mean.
-    """
-    reader = RowReader(cells, columns, faults, se)
+def table_of(cells: Cells, columns: Sequence[Column], faults: list[str]) -> Table:
+    """Rows of a table with known columns; all faults of its cells are added to `faults`."""
+    reader = RowReader(cells, columns, faults)
     rows = [row for line, row in cells.lines for row in reader.rows(line, row)]
     faults += reader.cell_faults()
     if not rows and not faults:
@@ -216,7 +213,6 @@ class RowReader:
     cells: Cells
     columns: Sequence[Column]
     faults: list[str]
-    se: bool = False
     wrong: dict[tuple[int, str], list[str]] = field(default_factory=dict)  # cells by column and reason
 
     @property
@@ -270,9 +266,7 @@ class RowReader:
                 self.fault(line, column, row, reason(text))
             return None
         n = next((self.count(line, row, each) for each in self.partners("n", column)), None)
-        sd = self.from_error(found.sd, n, line, column, row) if self.se else found.sd
-        if isnan(sd):
-            sd = self.scatter(line, row, column, found.value, n)
+        sd = self.scatter(line, row, column, found.value, n) if isnan(found.sd) else found.sd
         reach, unit = found.reach, unit or "1"
         return replace(
             shared,
@@ -339,19 +333,19 @@ class RowReader:
         """Standard deviation of single repeats from a column of its own; NaN where none is given."""
         for other in (*self.partners("sd", column), *self.partners("se", column)):
             found = self.positive(line, row, replace(other, factor=column.factor), column.heading.unit)
+            if other.role == "se" and isfinite(found):
+                if n is None:
+                    self.fault(
+                        line, column, row, "has a standard error: give n, the number of repeats"
+                    )
+                return found * sqrt(n or nan)
             if not isnan(found):
-                return self.from_error(found, n, line, column, row) if other.role == "se" else found
+                return found
         for other in self.partners("cv", column):
             found = SHARES.get(other.heading.unit, 0.01) * self.positive(line, row, other)
             if not isnan(found):
                 return found * abs(value)
         return nan
-
-    def from_error(self, error: float, n: int | None, line: int, column: Column, row: Sequence[str]) -> float:
-        """Standard deviation of single repeats from the standard error of their mean."""
-        if isfinite(error) and n is None:
-            self.fault(line, column, row, "has a standard error, which needs the number of repeats, n")
-        return error * sqrt(n or nan)
 
     def count(self, line: int, row: Sequence[str], column: Column) -> int | None:
         """Number of repeats; None where none is given."""
