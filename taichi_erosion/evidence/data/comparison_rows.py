@@ -54,7 +54,6 @@ class ComparisonRows:
     condition_sd: Conditions = field(default_factory=dict)  # of stated conditions; NaN: exact
     covariance: Floats | None = None  # (n, n), covariance of z of rows of one heap, diagonal 0; None: none
     lines: tuple[tuple[int, ...], ...] = ()  # rows of the table that each row merges
-    pure: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # `Scatter.pure` by observable
     apart: tuple[Disagreement, ...] = ()  # repeats that are not merged and tell nothing of the scatter
 
     @property
@@ -175,7 +174,6 @@ def merged_rows(
         noise={observable.name: noise_budget(variance, numerical, scatter)},
         warnings=tuple(notes),
         lines=tuple(tuple(np.array(table.line)[keys == key].tolist()) for key in keys[first]),
-        pure={observable.name: scatter.pure},
         apart=tuple(disagreements(observable, table, exact, cell, scatter.off)),
         condition_sd={name: column[first] for name, column in table.condition_sd.items()},
     )
@@ -218,11 +216,11 @@ def tested_by_repeats(rows: ComparisonRows, variance: Floats, residual: Floats, 
     `residual` (n,) is over its sd, `variance` its square, `leverage` the shares that calibration removes.
     """
     cell, parts = repeat_numbers(rows), []
-    for name in rows.pure:
+    for name, noise in rows.noise.items():
         own = (np.array(rows.names) == name) & ~rows.censored & ~rows.suspect
         squares, within = pure_error(rows.z[own], 1.0 / variance[own], cell[own])
         left = float(np.sum(1.0 - leverage[own])) - within
-        parts.append((float(residual[own] @ residual[own]) - squares, left, *rows.pure[name]))
+        parts.append((float(residual[own] @ residual[own]) - squares, left, *noise.pure))
     return lack_of_fit(parts)
 
 
@@ -304,6 +302,7 @@ def noise_budget(variance: Floats, numerical: Floats, scatter: Scatter) -> Obser
         repeats=int(scatter.freedom + scatter.own_freedom),
         stated_factor=scatter.factor,
         p=scatter.p,
+        pure=scatter.pure,
     )
 
 
@@ -324,5 +323,4 @@ def joined(parts: Sequence[ComparisonRows]) -> ComparisonRows:
         **{name: all_of(name) for name in (*ROW_WISE, "warnings", "apart")}
         | {"shared": shared[:, np.any(shared != 0.0, axis=0)]},
         noise={name: noise for part in parts for name, noise in part.noise.items()},
-        pure={name: pure for part in parts for name, pure in part.pure.items()},
     )

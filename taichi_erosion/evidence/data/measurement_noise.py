@@ -50,6 +50,7 @@ class ObservableNoise:
     repeats: int  # degrees of freedom behind the laboratory's own scatter
     stated_factor: float  # scatter found between repeated rows over stated scatter; NaN without such rows
     p: float  # of a factor as far from 1 by chance; NaN without repeated rows
+    pure: tuple[float, float]  # squares between repeats over their variances, degrees of freedom
 
 
 @dataclass(frozen=True)

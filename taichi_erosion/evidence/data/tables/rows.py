@@ -335,9 +335,7 @@ class RowReader:
             found = self.positive(line, row, replace(other, factor=column.factor), column.heading.unit)
             if other.role == "se" and isfinite(found):
                 if n is None:
-                    self.fault(
-                        line, column, row, "has a standard error: give n, the number of repeats"
-                    )
+                    self.fault(line, column, row, "has a standard error: give n, the number of repeats")
                 return found * sqrt(n or nan)
             if not isnan(found):
                 return found
