@@ -141,10 +141,10 @@ def merged_rows(
 ) -> tuple[ComparisonRows, Scatter]:
     """Rows of one observable, repeats merged by inverse variance."""
     observable = observables[index]
-    z, steepness = scaled(observable, table)[::2]
+    z, reach, steepness, value = scaled(observable, table)
     usable = np.isfinite(z) & np.isfinite(steepness)
     notes, table = row_notes(observable, table, usable), table.rows(usable)
-    z, reach, steepness, value = scaled(observable, table)
+    z, reach, steepness, value = (column[usable] for column in (z, reach, steepness, value))
     cell, exact = repeat_numbers(table), np.where(table.censored, np.nan, z)  # a limit is no repeat
     repeats, shapes = np.where(table.n >= 1.0, table.n, 1.0), scatter_shapes(observable, value, steepness)
     scatter = measurement_scatter(exact, np.abs(table.sd * steepness), repeats, cell, shapes)

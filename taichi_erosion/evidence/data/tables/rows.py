@@ -27,12 +27,11 @@ from taichi_erosion.evidence.data.problem import Drawn
 from taichi_erosion.evidence.data.tables.column_roles import SHARES, Column
 from taichi_erosion.evidence.data.tables.headings import Heading, Role, is_summary
 from taichi_erosion.evidence.data.tables.spreadsheet import (
-    NO_TRANSPORT,
     CellFault,
     CellNumber,
     Cells,
+    cell_word,
     is_missing,
-    plain_cell,
     read_cell,
     reason,
 )
@@ -258,8 +257,8 @@ class RowReader:
     def measured(self, line: int, row: Sequence[str], column: Column, shared: Row) -> Row | None:
         """A row with its value, scatter and repeats; None where nothing was measured."""
         name, unit = (column.name, column.heading.unit) if not self.tidy else self.stated(line, row)
-        text = plain_cell(row[column.place]).lower()
-        unseen = text in NO_TRANSPORT or (self.tidy and not text)
+        text = row[column.place]
+        unseen = cell_word(text) == "no_transport" or (self.tidy and not text)
         found = CellNumber(nan, -inf) if unseen else self.number(line, row, column, single=False)
         if is_missing(text) and not unseen:
             if self.tidy:

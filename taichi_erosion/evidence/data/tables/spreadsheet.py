@@ -22,7 +22,7 @@ from typing import Any
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import digest_of, regular_file
-from taichi_erosion.evidence.data.tables.headings import read_heading, unit_in
+from taichi_erosion.evidence.data.tables.headings import plain_words, read_heading, unit_in, vocabulary
 from taichi_erosion.scene.file_kind import refuse_other_kind
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_unit, scale_between
 
@@ -32,16 +32,6 @@ WESTERN = frozenset("°µ±²³·–—…„“”‘’«»×½¼€§ÄÖÜä
 CODE_PAGES = ["cp1252", "cp1250", "cp1251", "cp1253", "cp1254", "mac_roman", "gb18030", "big5", "shift_jis"]
 WORKBOOK, OLD_WORKBOOK = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # first bytes
 MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}  # of an encoding
-
-MISSING = set(
-    "|-|--|–|—|/|.|?|*|na|n/a|nan|null|none|k.a.|k. a.|n.r.|s/d|n.a.|n. a.|n.b.|n. b.|n.g.".split("|")
-)
-MISSING |= {"not measured", "nicht gemessen", "missing", "fehlt", "nicht bestimmt", "not determined"}
-MISSING |= {"non mesuré"}
-UNSEEN = set("n.d.|n. d.|nd|n.n.|n. n.|bdl|b.d.l.|lod|<lod|< lod|<lq|u.n.g.|trace|spuren".split("|"))
-UNSEEN |= {"not detected", "nicht nachweisbar", "below detection limit"}
-NO_TRANSPORT = {"no transport", "no motion", "kein transport"}
-WORDS = MISSING | UNSEEN | NO_TRANSPORT
 GROUPED = r"\d{1,3}(?:[ '\u2019]\d{3})+(?:[.,]\d+)?"  # thousands set apart
 NUMBER = rf"[+-]?(?:{GROUPED}|\d+(?:[.,]\d+)*|[.,]\d+)(?:[eE][+-]?\d{{1,3}})?"
 UNIT = r"[^\W\d_%‰°][^\s±<>=;]*(?:[ /·*][^\s±<>=;]+)*|[%‰°][^\s±<>=;]*"
@@ -313,9 +303,15 @@ def plain_cell(text: str) -> str:
     return text.strip().translate(SIGNS)
 
 
+def cell_word(cell: str) -> str:
+    """What the words of a cell say, `missing`, `unseen` or `no_transport`; empty for other words."""
+    plain = plain_words(cell)
+    return next((meaning for meaning, words in vocabulary()["cells"].items() if plain in words), "")
+
+
 def is_missing(cell: str) -> bool:
     """Whether a cell says that nothing was measured."""
-    return plain_cell(cell).lower() in MISSING
+    return cell_word(cell) == "missing"
 
 
 def has_decimal_comma(cells: Iterable[str], separator: str) -> bool:
@@ -332,13 +328,13 @@ def has_decimal_comma(cells: Iterable[str], separator: str) -> bool:
 def is_quantity(cell: str) -> bool:
     """Whether a cell holds a number, or says that it has none."""
     plain = plain_cell(cell)
-    return bool(plain.lower() in WORDS or QUANTITY.fullmatch(plain) or INTERVAL.fullmatch(plain))
+    return bool(cell_word(cell) or QUANTITY.fullmatch(plain) or INTERVAL.fullmatch(plain))
 
 
 def read_cell(text: str, comma: bool, single: bool = False) -> CellNumber:
     """Number of a cell; raises CellFault. `single`: a limit or an interval is none."""
     plain = plain_cell(text)
-    if plain.lower() in MISSING:
+    if is_missing(plain):
         return CellNumber()
     match, between = QUANTITY.fullmatch(plain), INTERVAL.fullmatch(plain)
     if DATE.fullmatch(plain) or not (match or between):
@@ -360,7 +356,7 @@ def read_cell(text: str, comma: bool, single: bool = False) -> CellNumber:
 
 def reason(plain: str) -> str:
     """Why a text is no number, and what to do."""
-    if plain.lower() in UNSEEN:
+    if cell_word(plain) == "unseen":
         return "is not seen: leave the cell empty, or write '<' and the least value that the instrument sees"
     if DATE.fullmatch(plain):
         return "is a date; if the spreadsheet made it of a number, set the column to text and type it again"
