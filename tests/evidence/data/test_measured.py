@@ -67,10 +67,6 @@ def test_repeated_rows_stay_single_repeats(tmp_path):
         (GOOD.replace("value", "valeu"), "heap.csv: column 'valeu' is unknown; did you mean 'value'?"),
         (GOOD.replace("unit,", "kind,"), "heap.csv: column 'unit' is missing"),
         (GOOD.replace("group", "value"), "heap.csv: column 'value' stands in the heading twice"),
-        (
-            GOOD + GOOD.splitlines()[1] + "\n",
-            "heap.csv: row 4 repeats row 2 cell by cell; remove one of them",
-        ),
         (GOOD.replace("Hao", '"Hao'), "heap.csv: row 2: not a table of cells: "),
         (GOOD.replace("repose_angle,33", "repose angle,33"), "observable = 'repose angle' must be a name"),
     ],

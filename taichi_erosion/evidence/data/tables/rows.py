@@ -13,8 +13,6 @@ conditions are repeats of one another; `replicate` says which rows of several ob
 `vault` says whether a row was held out when rows were drawn (`held_out_rows.py`).
 """
 
-import csv
-import io
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -25,7 +23,7 @@ from typing import Any, TypeVar, get_args
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Drawn
 from taichi_erosion.evidence.data.tables.column_roles import SHARES, Column
-from taichi_erosion.evidence.data.tables.headings import Heading, Role, is_summary
+from taichi_erosion.evidence.data.tables.headings import VOLUMETRIC, Role, is_summary, read_heading
 from taichi_erosion.evidence.data.tables.spreadsheet import (
     CellFault,
     CellNumber,
@@ -51,7 +49,6 @@ ROLES: dict[str, Role] = {  # of the columns of a tidy table
     **{"source": "source", "vault": "vault", "replicate": "repeat", "repeat": "repeat", "date": "remark"},
     **dict.fromkeys(("note", "notes", "comment", "remark", "remarks"), "remark"),
 }
-HEADING = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
 SD_OF = re.compile(r"sd[ _]of[ _](?P<set>set )?(?P<name>[A-Za-z][A-Za-z0-9_]*)")
 PLACE = re.compile(r"(?P<file>.*), row (?P<line>\d+)")  # source of a row that names no other
@@ -121,36 +118,25 @@ def tidy_columns(cells: Cells) -> list[Column]:
     """Columns of a tidy table; raises BadInput with all faults of its heading."""
     columns, faults, file = list[Column](), Faults(), cells.file
     for place, text in enumerate(cells.heading):
-        match = HEADING.fullmatch(text)
-        error = SD_OF.fullmatch(match["name"]) if match else None
-        if match is None or not (error or NAME.fullmatch(match["name"])):
-            faults.append(f"{file}: heading {quoted(text)} is not a name of letters, digits and _")
+        heading, where = read_heading(text), f"{file}: heading {quoted(text)}"
+        error = SD_OF.fullmatch(heading.name)
+        if not (error or NAME.fullmatch(heading.name)):
+            faults.append(f"{where} is not a name of letters, digits and _")
             continue
-        name, unit = error["name"] if error else match["name"], match["unit"]
+        name = error["name"] if error else heading.name
         role: Role = "condition_sd" if error else ROLES.get(name, "condition")
-        if unit is not None and not error and name in ROLES and ROLES[name] != "remark":
-            faults.append(f"{file}: heading {quoted(text)}: the unit of values stands in column 'unit'")
-        elif unit is not None:
-            faults.of(known_unit, unit, f"{file}: heading {quoted(text)}: unknown unit")
+        if heading.unreadable or heading.unit == VOLUMETRIC:
+            faults.append(f"{where}: unknown unit; allowed: {EXAMPLES}")
+        elif heading.unit and role not in ("condition", "condition_sd", "remark"):
+            faults.append(f"{where}: the unit of values stands in column 'unit'")
         if any((name, role) == (each.title, each.role) for each in columns):
-            faults.append(f"{file}: column '{match['name']}' stands in the heading twice")
-        heading = Heading(text, match["name"], (unit or "").strip())
-        is_set = bool(error and error["set"])
-        columns.append(Column(place, heading, role, name, name, is_set=is_set))
+            faults.append(f"{file}: column '{heading.name}' stands in the heading twice")
+        columns.append(Column(place, heading, role, name, name, is_set=bool(error and error["set"])))
     faults += missing_columns([each.heading.name for each in columns], file)
     units = {each.title: each.heading.unit for each in columns if each.role == "condition"}
     faults += error_column_faults([each for each in columns if each.role == "condition_sd"], units, file)
     faults.tell()
     return columns
-
-
-def known_unit(text: str, where: str) -> str:
-    """A unit as it stands; raises BadInput for one that is not known."""
-    try:
-        parse_scale(text)
-    except UnknownUnit as error:
-        raise BadInput(f"{where}; {error.hint or f'allowed: {EXAMPLES}'}") from None
-    return text
 
 
 def missing_columns(names: Sequence[str], file: str) -> Iterator[str]:
@@ -183,7 +169,6 @@ def table_of(cells: Cells, columns: Sequence[Column], faults: list[str]) -> Tabl
     faults += reader.cell_faults()
     if not rows and not faults:
         faults.append(f"{cells.file}: has a heading but no measurement, no measured value")
-    faults += copy_faults(cells, columns)
     return Table(
         cells.file,
         tuple(column.title for column in reader.of("condition")),
@@ -193,16 +178,6 @@ def table_of(cells: Cells, columns: Sequence[Column], faults: list[str]) -> Tabl
         form=cells.form,
         columns=tuple(columns),
     )
-
-
-def copy_faults(cells: Cells, columns: Sequence[Column]) -> Iterator[str]:
-    """Rows that stand twice; equal single values may be two repeats, equal means with their scatter not."""
-    telling = [column.place for column in columns if column.role in ("sd", "se", "cv", "repeat")]
-    seen: dict[tuple[str, ...], int] = {}
-    for line, row in cells.lines:
-        first = seen.setdefault(row, line)
-        if first != line and any(row[place] for place in telling):
-            yield f"{cells.file}: row {line} repeats row {first} cell by cell; remove one of them"
 
 
 @dataclass(frozen=True)
@@ -416,8 +391,6 @@ def shown(number: float) -> str:
 
 def tidy_text(table: Table) -> str:
     """The tidy form of a table as a CSV file."""
-    text, rows = io.StringIO(newline=""), tidy_fields(table)
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    import pandas as pd
+
+    return pd.DataFrame(tidy_fields(table)).to_csv(index=False, lineterminator="\n")

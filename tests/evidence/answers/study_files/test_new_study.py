@@ -105,7 +105,6 @@ WRONG_FILES = [
         "--roughness",
     ),
     (GOOD.encode("cp1252") + b"Probe;Ort\nA;Nord\n", "row 5", "one table in a file"),
-    ((GOOD + ROWS[0]).replace("A;", "B;").encode("cp1252"), "row 5 repeats row 2", "remove"),
 ]
 
 
