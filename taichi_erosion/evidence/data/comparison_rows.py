@@ -112,11 +112,7 @@ class ComparisonRows:
 
 
 def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
-    """The rows of a table on their comparison scales, with repeated rows merged.
-
-    Repeated rows check the same thing everywhere, the worth of a stated sd. Sample variances measure the
-    level of their own observable and of no other.
-    """
+    """The rows of a table on their comparison scales, with repeated rows merged."""
     names, table = sorted(set(table.observable)), replace(table, line=table.lines)
     observables = tuple(problem.observables.get(name, Observable(name)) for name in names)
     named = np.array(table.observable)
@@ -126,6 +122,7 @@ def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
     ]
     rows = joined([part for part, _ in found])
     scatters = [scatter for _, scatter in found]
+    # repeats check the worth of stated sd everywhere, sample variances the level of their own observable
     own = [scatter.own_freedom for scatter in scatters if scatter.own_freedom > 0.0]
     if sum(scatter.freedom for scatter in scatters) + sum(own) / max(len(own), 1) >= LEAST_FREEDOM:
         return rows

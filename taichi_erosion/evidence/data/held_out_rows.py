@@ -114,10 +114,9 @@ def hold_out_units(measurements: Measurements, by_group: bool) -> list[Unit]:
 def drawn_units(measurements: Measurements, draw: Draw, fraction: float) -> set[Unit]:
     """New units for the vault: of every observable its fraction, as nearly as whole units allow.
 
-    A unit stays visible without which a condition would no longer vary among the visible rows of an
-    observable, or all of them would have some of it, or none: only dry heaps separate the effect of water
-    from effects that always act. So does one without which three levels of a condition would be one under
-    either of two others: the effect of water on grains of two sizes separates it from similar effects.
+    A unit stays visible without which a condition would no longer vary among the visible rows, or from 0:
+    only dry heaps separate the effect of water from effects that always act. So does one without which three
+    levels of a condition would be one under either of two others, such as water on grains of two sizes.
     """
     seen: dict[Unit, set[str]] = {}
     for i in np.flatnonzero(draw.open).tolist():

@@ -43,7 +43,7 @@ def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Ta
     In a laboratory's own table the columns are what the study calls them, else what their headings mean.
     """
     faults = Faults()
-    found = faults.of(read_rows, path, one_line_name(file or path), told_by(study), no_questions(), faults)
+    found = faults.of(read_rows, path, one_line_name(file or path), told_by(study), Interview(), faults)
     faults.tell()
     assert found is not None
     return found
@@ -70,11 +70,6 @@ def read_rows(path: Path, name: str, told: Told, interview: Interview, faults: F
     if not any(column.role == "n" for column in columns):
         interview.assume("no column counts repeats: n is left empty, and a value counts as one measurement")
     return replace(table, notes=tuple(interview.assumed[assumed:]))
-
-
-def no_questions() -> Interview:
-    """An interview in which every guess is taken."""
-    return Interview(lambda _, guess: guess)
 
 
 def told_by(study: StudyFile | None) -> Told:
@@ -179,11 +174,7 @@ def errors_of_conditions(rows: Sequence[Row], scales: Mapping[str, Scale]) -> di
 
 
 def heaps_of(rows: Sequence[Row]) -> tuple[str, ...]:
-    """Heap on which each row was measured; rows of several observables with one name share a heap.
-
-    It is the repeat that a table names, else the line of a laboratory's table, which may stand in the source,
-    else the set-up; '' where nothing says so.
-    """
+    """Heap of each row: the repeat that is named, else the line of a laboratory's table, else the set-up."""
     lines = Counter(row.line for row in rows)
 
     def heap(row: Row) -> str:

@@ -90,10 +90,7 @@ class Told:
 
 
 def column_roles(cells: Cells, told: Told, faults: list[str]) -> list[Column]:
-    """Columns in their order; all that is wrong with their headings is added to `faults`.
-
-    A column with a fault is a remark.
-    """
+    """Columns in their order; what is wrong with headings is added to `faults`, and makes them remarks."""
     faults += heading_faults(cells)
     named = stated_names(cells, told, faults)
     columns = [with_unit(column_of(cells, place, named), told) for place in range(len(cells.heading))]

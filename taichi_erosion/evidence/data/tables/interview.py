@@ -58,7 +58,7 @@ CROSS_TABLE = "of a cross table write one row for every measured value, with a c
 class Interview:
     """Questions that were asked, and what was assumed where a guess was taken."""
 
-    ask: Ask
+    ask: Ask = lambda _, guess: guess
     assumed: list[str] = field(default_factory=list)
 
     def choice(self, question: str, guess: str, meaning: str) -> str:
@@ -106,13 +106,10 @@ class Reading:
 def understood(
     cells: Cells, told: Told, interview: Interview, faults: list[str], measured: bool = True
 ) -> list[Column]:
-    """The columns of a table, all settled, with units; what is wrong with them is added to `faults`.
-
-    `measured`: whether the table must hold a measured quantity.
-    """
+    """The columns of a table, settled, with units; `measured`: one of them must hold a measured quantity."""
     columns = column_roles(cells, told, faults)
     if faults:  # nobody is asked about a table that has to be corrected
-        interview = Interview(lambda _, guess: guess)
+        interview = Interview()
     reading = Reading(cells, told, interview, faults)
     measures = any(column.role == "observable" for column in columns)
     columns = repeats_side_by_side([settled(column, reading, measures) for column in columns], reading)
@@ -347,10 +344,7 @@ def with_unit_of_place(column: Column, values: Sequence[float], reading: Reading
 
 
 def upright(cells: Cells, interview: Interview) -> Cells:
-    """A table with its headings in the first row; one that lies on its side is set upright, if agreed.
-
-    Rows of the table that is set upright count from the first column of the file. Raises BadInput.
-    """
+    """A table with its headings in the first row; one that lies on its side is set upright, if agreed."""
     if not lies_on_its_side(cells):
         return cells
     question = (
