@@ -82,9 +82,9 @@ def disagreements(problem: Problem) -> Iterator[SetUpFault]:
     table = problem.measurements
     rows = comparison_rows(problem, table)
     for name, noise in rows.noise.items():
-        if noise.stated_factor > UNLIKE and noise.p < FAMILYWISE:
+        if noise.scatter.factor > UNLIKE and noise.scatter.p < FAMILYWISE:
             words = (
-                f"{name}: repeats scatter {plain(noise.stated_factor, 2)} times as much as is stated: "
+                f"{name}: repeats scatter {plain(noise.scatter.factor, 2)} times as much as is stated: "
                 "a condition that the table lacks, or an sd stated too small"
             )
             yield SetUpFault("scatter", name, words, False)

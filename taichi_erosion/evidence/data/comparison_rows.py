@@ -120,8 +120,8 @@ def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
         merged_rows(observables, index, table.rows(np.flatnonzero(named == name)))
         for index, name in enumerate(names)
     ]
-    rows = joined([part for part, _ in found])
-    scatters = [scatter for _, scatter in found]
+    rows = joined(found)
+    scatters = [noise.scatter for noise in rows.noise.values()]
     # repeats check the worth of stated sd everywhere, sample variances the level of their own observable
     own = [scatter.own_freedom for scatter in scatters if scatter.own_freedom > 0.0]
     if sum(scatter.freedom for scatter in scatters) + sum(own) / max(len(own), 1) >= LEAST_FREEDOM:
@@ -133,9 +133,7 @@ def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
     return replace(rows, warnings=(*rows.warnings, note))
 
 
-def merged_rows(
-    observables: tuple[Observable, ...], index: int, table: Measurements
-) -> tuple[ComparisonRows, Scatter]:
+def merged_rows(observables: tuple[Observable, ...], index: int, table: Measurements) -> ComparisonRows:
     """Rows of one observable, repeats merged by inverse variance."""
     observable = observables[index]
     z, reach, steepness, value = scaled(observable, table)
@@ -155,7 +153,7 @@ def merged_rows(
     shared = np.hypot(observable.sd_shared, observable.sd_shared_relative * value[first]) * steep
     shared = shared[:, np.newaxis] * (np.arange(len(observables)) == index)
     variance = np.where(unknown, np.nan, 1.0 / np.where(total > 0, total, 1.0) + numerical)
-    rows = ComparisonRows(
+    return ComparisonRows(
         observables,
         which=np.full(first.size, index),
         z=mean,
@@ -174,7 +172,6 @@ def merged_rows(
         apart=tuple(disagreements(observable, table, exact, cell, scatter.off)),
         condition_sd={name: column[first] for name, column in table.condition_sd.items()},
     )
-    return rows, scatter
 
 
 def scaled(observable: Observable, table: Measurements) -> tuple[Floats, Floats, Floats, Floats]:
@@ -217,7 +214,7 @@ def tested_by_repeats(rows: ComparisonRows, variance: Floats, residual: Floats, 
         own = (np.array(rows.names) == name) & ~rows.censored & ~rows.suspect
         squares, within = pure_error(rows.z[own], 1.0 / variance[own], cell[own])
         left = float(np.sum(1.0 - leverage[own])) - within
-        parts.append((float(residual[own] @ residual[own]) - squares, left, *noise.pure))
+        parts.append((float(residual[own] @ residual[own]) - squares, left, *noise.scatter.pure))
     return lack_of_fit(parts)
 
 
@@ -296,10 +293,7 @@ def noise_budget(variance: Floats, numerical: Floats, scatter: Scatter) -> Obser
     return ObservableNoise(
         lab=float(np.sqrt(max(np.median(known) - tolerance**2, 0.0))) if known.size else np.nan,
         numerical=tolerance,
-        repeats=int(scatter.freedom + scatter.own_freedom),
-        stated_factor=scatter.factor,
-        p=scatter.p,
-        pure=scatter.pure,
+        scatter=scatter,
     )
 
 

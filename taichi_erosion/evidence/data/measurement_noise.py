@@ -42,18 +42,6 @@ WRONG_MEAN, WRONG_SD = 0.2, 0.4  # of ln(true / stated sd) where it is not
 
 
 @dataclass(frozen=True)
-class ObservableNoise:
-    """Noise budget of one observable on its comparison scale: medians over its rows."""
-
-    lab: float  # standard error of a row
-    numerical: float  # tolerance of the model
-    repeats: int  # degrees of freedom behind the laboratory's own scatter
-    stated_factor: float  # scatter found between repeated rows over stated scatter; NaN without such rows
-    p: float  # of a factor as far from 1 by chance; NaN without repeated rows
-    pure: tuple[float, float]  # squares between repeats over their variances, degrees of freedom
-
-
-@dataclass(frozen=True)
 class Scatter:
     """Variance of single repeats, row by row, on the comparison scale; NaN where it is unknown."""
 
@@ -61,9 +49,23 @@ class Scatter:
     freedom: float  # degrees of freedom by which repeated rows check it
     own_freedom: float  # degrees of freedom of the sample variances that it is made of
     factor: float  # scatter between repeated rows over stated scatter; NaN without repeated rows
-    p: float
+    p: float  # of a factor as far from 1 by chance; NaN without repeated rows
     pure: tuple[float, float]  # squares between repeats over these variances, degrees of freedom
     off: Bools  # rows that disagree grossly with their repeats
+
+    @property
+    def repeats(self) -> int:
+        """Degrees of freedom behind the laboratory's own scatter."""
+        return int(self.freedom + self.own_freedom)
+
+
+@dataclass(frozen=True)
+class ObservableNoise:
+    """Noise of one observable on its comparison scale: medians over its rows, and its scatter."""
+
+    lab: float  # standard error of a row
+    numerical: float  # tolerance of the model
+    scatter: Scatter
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,7 @@ is none: without an answer the question is a fault, with what would settle it.
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import isnan, nan
-from statistics import median
+from math import isnan
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.physical_ranges import OBSERVED, likely_units, place_range
@@ -40,7 +39,6 @@ from taichi_erosion.scene.schema.units import parse_unit, scale_between
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 NOT_USED = "-"
 AGREED = ("y", "j", "o", "s")  # first letters of yes, ja, oui, si
-MOST_APART = 2.0  # ratio of the medians of two columns up to which they may hold repeats [1]
 MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
 SPREADS = {
     "sd": "the standard deviation of single repeats",
@@ -242,8 +240,7 @@ def column_fault(column: Column, seen: Mapping[str, str], told: Told) -> str:
 def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Column]:
     """The columns; those whose headings differ in a number alone are repeats of one measurement, if agreed.
 
-    Columns of different size are none, such as value, scatter and number under one merged heading, nor are
-    those of a cross table, whose headings hold values of a condition.
+    Columns of a cross table are none: their headings hold values of a condition.
     """
     families: dict[tuple[str, str], list[Column]] = {}
     for column in columns:
@@ -253,14 +250,8 @@ def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Co
     repeats: set[int] = set()
     for family in (each for each in families.values() if len(each) > 1):
         told = ", ".join(f"'{column.heading.text}'" for column in family)
-        middles = [abs(median([n.value for n in reading.numbers(c)] or [nan])) for c in family]
         if any(map(holds_value, family)):
             reading.faults.append(f"{reading.cells.file}: columns {told}: {CROSS_TABLE}")
-        elif not max(middles) <= MOST_APART * min(middles):
-            reading.faults.append(
-                f"{reading.cells.file}: columns {told} are of different size, so no repeats of one "
-                "measurement; give each its own heading, such as 'angle', 'SD' and 'n'"
-            )
         elif not reading.interview.agreed(
             f"Columns {told}: repeats of one measurement", f"columns {told} are repeats of one measurement"
         ):
