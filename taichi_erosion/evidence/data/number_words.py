@@ -58,10 +58,7 @@ class TableUnits:
 
     def record(self) -> dict[str, Any]:
         """The same as plain tables."""
-        return {
-            "values": {name: asdict(scale) for name, scale in self.values.items()},
-            "conditions": {name: asdict(scale) for name, scale in self.conditions.items()},
-        }
+        return asdict(self)
 
     def value_unit(self, observable: str) -> str:
         """Unit of an observable; empty for a pure number."""
