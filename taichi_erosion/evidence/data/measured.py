@@ -97,17 +97,17 @@ def study_measurements(
     rows = [row for row in table.rows if row.observable in file.observables]
     scales = condition_scales(table, file, places or {})
     units = {name: model_unit(name, entry, rows, table.file) for name, entry in file.observables.items()}
-    factors = [unit_factor(row, units[row.observable], table.file) for row in rows]
+    factors = np.array([unit_factor(row, units[row.observable], table.file) for row in rows])
     limits = [
-        censoring_limit(row, s, file.observables[row.observable], table.file)
-        for row, s in zip(rows, factors, strict=True)
+        censoring_limit(row, float(factor), file.observables[row.observable], table.file)
+        for row, factor in zip(rows, factors, strict=True)
     ]
     stated = [dict(zip(table.conditions, row.conditions, strict=True)) for row in rows]
     used = [{name: scale.used(at[name]) for name, scale in scales.items()} for at in stated]
     measurements = Measurements(
         observable=tuple(row.observable for row in rows),
-        value=np.array([nan if r.censored else s * r.value for r, s in zip(rows, factors, strict=True)]),
-        sd=np.array([s * row.sd for row, s in zip(rows, factors, strict=True)]),
+        value=factors * np.array([nan if row.censored else row.value for row in rows]),
+        sd=factors * np.array([row.sd for row in rows]),
         n=np.array([nan if row.n is None else float(row.n) for row in rows]),
         group=tuple(r.group or set_up_name(at.values()) or "all" for r, at in zip(rows, used, strict=True)),
         unit=tuple(units[row.observable] for row in rows),
@@ -116,7 +116,7 @@ def study_measurements(
         limit=np.array(limits),
         source=tuple(row.source for row in rows),
         table_units=TableUnits(value_scales(rows, units), scales),
-        reach=np.array([s * row.reach for row, s in zip(rows, factors, strict=True)]),
+        reach=factors * np.array([row.reach for row in rows]),
         condition_sd=errors_of_conditions(rows, scales),
         condition_set=frozenset(table.set_conditions),
         drawn=tuple(row.drawn for row in rows),
