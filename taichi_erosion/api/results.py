@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from taichi_erosion.api.notebook import frame, html
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.number_words import heading
+from taichi_erosion.evidence.data.number_words import TableUnits, heading
 from taichi_erosion.evidence.words.shell import shell_command
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from taichi_erosion.evidence.answers.files import Reply
     from taichi_erosion.evidence.answers.predictions import PredictionReply
-    from taichi_erosion.evidence.data.table_units import TableUnits
     from taichi_erosion.evidence.race.record import ExperimentPart, LawPart, Record
     from taichi_erosion.report.figure_style import Figure
 

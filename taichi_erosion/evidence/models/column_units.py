@@ -10,7 +10,7 @@ from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile
-from taichi_erosion.evidence.data.physical_ranges import condition_faults, observable_faults, place_range
+from taichi_erosion.evidence.data.physical_ranges import OBSERVED, column_faults, place_range
 from taichi_erosion.evidence.data.tables.rows import Table
 from taichi_erosion.evidence.data.transforms import effect_of
 from taichi_erosion.evidence.models.simulator import condition_name, dotted_paths
@@ -107,9 +107,9 @@ def study_value_faults(table: Table, file: StudyFile, folder: Path) -> Iterator[
         else:
             stated = table.units[table.conditions.index(name)]
             allowed, own = place_range(f"conditions.{path}") if stated else None, nan
-        yield from condition_faults(table, name, allowed, own, usual=bool(scenes))
+        yield from column_faults(table, name, allowed, own, usual=bool(scenes))
     for name, entry in file.observables.items():
-        yield from observable_faults(table, name, entry.measure or name, usual=False)
+        yield from column_faults(table, name, OBSERVED.get(entry.measure or name), usual=False)
 
 
 def own_number(path: str, scenes: Sequence[dict[str, Any]]) -> float:

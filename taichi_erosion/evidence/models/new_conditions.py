@@ -9,13 +9,12 @@ import numpy as np
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
-from taichi_erosion.evidence.data.measured import condition_scales, no_questions, told_by
+from taichi_erosion.evidence.data.measured import condition_scales, told_by
 from taichi_erosion.evidence.data.problem import Conditions, Measurements
-from taichi_erosion.evidence.data.tables.cell_numbers import is_missing
 from taichi_erosion.evidence.data.tables.column_roles import Column
-from taichi_erosion.evidence.data.tables.interview import understood
+from taichi_erosion.evidence.data.tables.interview import Interview, understood
 from taichi_erosion.evidence.data.tables.rows import Faults, Row, RowReader, Table
-from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells
+from taichi_erosion.evidence.data.tables.spreadsheet import Cells, is_missing, read_cells
 from taichi_erosion.evidence.models.column_units import study_value_faults
 from taichi_erosion.scene.schema.units import Scale, conversion, parse_scale
 
@@ -78,7 +77,7 @@ def condition_columns(
 
     One without a unit has that of the study's table.
     """
-    found = understood(cells, told_by(file), no_questions(), faults, measured=False)
+    found = understood(cells, told_by(file), Interview(), faults, measured=False)
     columns = {c.title: c for c in found if c.role == "condition" and c.title in file.conditions}
     there = ", ".join(file.conditions)
     faults += [

@@ -149,7 +149,7 @@ def test_a_spreadsheet_that_changed_after_the_study_is_told_until_it_is_read_aga
             HEAD,
             ["another table: 24 of its 24 rows", "--out"],
         ),
-        (LINES, HEAD.replace(";moisture [%]", ";note"), ["conditions.moisture is no column", "--anew"]),
+        (LINES, HEAD.replace(";moisture [%]", ";note"), ["conditions.moisture is not in", "--anew"]),
     ],
 )
 def test_another_table_and_one_that_the_study_does_not_fit_are_told_and_nothing_is_written(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from taichi_erosion.evidence.data.linear_algebra import working
+from taichi_erosion.evidence.data.transforms import working
 
 
 def log_probability(u: float, reach: float) -> float:
