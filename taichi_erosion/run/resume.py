@@ -1,7 +1,7 @@
 """Checkpoints of a run (`--checkpoint FILE --every T`), and what `--resume FILE` restores beside the device.
 
-A resumed run ends bit for bit as one that was never interrupted, wherever in a stage that was. Arrays of
-replica r begin with `run{r}_`; among them are frames and air profiles of the stage so far, the bed at rest of
+A resumed run ends bit for bit as one that was never interrupted, wherever in a stage that was. Of every
+replica the checkpoint holds its whole state: frames and air profiles of the stage so far, the bed at rest of
 a search for thresholds, and its trial under way.
 """
 
@@ -27,14 +27,7 @@ from taichi_erosion.simulation import export_state
 
 Arrays = dict[str, NDArray[Any]]
 
-# the names below are part of the layout of a checkpoint
-PLAIN_FIELDS = ("seed", "stage", "began", "finished", "energy", "released", "tilts", "warnings")
-GRAIN_COLUMNS = ("position", "velocity", "spin", "radius", "mass", "contacts", "ident")  # of a Snapshot
-TIME_COLUMNS = ("time", "step", "waiting")  # of a Snapshot
-AIR_COLUMNS = ("face", "velocity", "void_fraction", "eddy_viscosity", "drag", "lift")  # of an AirProfile
-SEARCH_FIELDS = ("phase", "low", "high", "flux_at_start", "trials")
-TRIAL_FIELDS = ("friction_velocity", "began", "largest_motion", "flux")
-TRIAL_COLUMNS = ("start", "last", "rolled", "risen")
+ARRAY = "array"  # key under which a record names an array of the checkpoint
 MEASUREMENTS = TypeAdapter(dict[str, Measurement])
 
 
@@ -63,104 +56,62 @@ class Checkpointer:
 
 
 def run_state(ensemble: EnsembleRun) -> tuple[Arrays, dict[str, Any]]:
-    """What is as long as the grains or the air as arrays, everything else as plain JSON values."""
+    """Arrays of all replicas, and everything else as plain JSON values."""
     arrays: Arrays = {}
-    for replica, state in enumerate(ensemble.states):
-        arrays |= prefixed(f"run{replica}_", state_arrays(state))
-    records = [json.loads(json.dumps(state_record(state), default=json_value)) for state in ensemble.states]
-    return arrays, {"checks": ensemble.checks, "grain_steps": ensemble.grain_steps, "replicas": records}
+    records = [asdict(state) for state in ensemble.states]
+    for record in records:
+        if record["search"]:
+            del record["search"]["scene"]
+    replicas = json.loads(json.dumps(without_arrays(records, "run", arrays), default=json_value))
+    return arrays, {"checks": ensemble.checks, "grain_steps": ensemble.grain_steps, "replicas": replicas}
+
+
+def without_arrays(value: Any, name: str, arrays_out: Arrays) -> Any:
+    """A nested value whose arrays are replaced by their names; they are collected in `arrays_out`."""
+    if isinstance(value, np.ndarray):
+        arrays_out[name] = value
+        return {ARRAY: name}
+    if isinstance(value, dict):
+        return {key: without_arrays(entry, f"{name}.{key}", arrays_out) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [without_arrays(entry, f"{name}.{place}", arrays_out) for place, entry in enumerate(value)]
+    return value
+
+
+def with_arrays(value: Any, arrays: Arrays) -> Any:
+    """Inverse of `without_arrays`."""
+    if isinstance(value, list):
+        return [with_arrays(entry, arrays) for entry in value]
+    if not isinstance(value, dict):
+        return value
+    if value.keys() == {ARRAY}:
+        return arrays[value[ARRAY]]
+    return {key: with_arrays(entry, arrays) for key, entry in value.items()}
 
 
 def restore_run(ensemble: EnsembleRun, arrays: Arrays, meta: dict[str, Any]) -> None:
     """Inverse of `run_state`, into an ensemble of the same scenes."""
     ensemble.checks, ensemble.grain_steps = meta["checks"], meta["grain_steps"]
-    for replica, (state, record) in enumerate(zip(ensemble.states, meta["replicas"], strict=True)):
-        restore_replica(state, record, without_prefix(f"run{replica}_", arrays), ensemble.scenes[replica])
+    records = with_arrays(meta["replicas"], arrays)
+    ensemble.states = [
+        restored(record, scene) for record, scene in zip(records, ensemble.scenes, strict=True)
+    ]
+
+
+def restored(record: dict[str, Any], scene: Scene) -> ReplicaState:
+    """State of a replica from its record."""
+    state = ReplicaState(**record)
+    if failed := record["failure"]:
+        state.failure = Failure(**failed | {"status": Status(failed["status"])})
+    state.measurements = MEASUREMENTS.validate_python(record["measurements"])
+    state.frames = [Snapshot(**frame) for frame in record["frames"]]
+    state.airs = [AirProfile(**air) for air in record["airs"]]
+    if search := record["search"]:
+        trial, found = Trial(**search["trial"]), search["found"].items()
+        brackets = {name: Bracket(**bracket) for name, bracket in found}
+        state.search = ThresholdSearch(scene, **search | {"trial": trial, "found": brackets})
+    return state
 
 
 def seeds_of(meta: dict[str, Any]) -> list[int]:
     return [record["seed"] for record in meta["replicas"]]
-
-
-def prefixed(prefix: str, arrays: Arrays) -> Arrays:
-    return {prefix + name: values for name, values in arrays.items()}
-
-
-def without_prefix(prefix: str, arrays: Arrays) -> Arrays:
-    """Those arrays whose names begin with the prefix, by the rest of their names."""
-    return {name.removeprefix(prefix): values for name, values in arrays.items() if name.startswith(prefix)}
-
-
-def state_arrays(state: ReplicaState) -> Arrays:
-    """Frames, profiles of air and the arrays of the search of one replica."""
-    arrays = prefixed("frame_", pack_frames(state.frames))
-    if state.airs:
-        arrays |= {f"air_{name}": np.stack([getattr(a, name) for a in state.airs]) for name in AIR_COLUMNS}
-    if state.search is not None:
-        arrays |= {f"trial_{name}": getattr(state.search.trial, name) for name in TRIAL_COLUMNS}
-        arrays |= prefixed("bed_", state.search.bed)
-    return arrays
-
-
-def state_record(state: ReplicaState) -> dict[str, Any]:
-    """One replica without its arrays."""
-    failed = None if state.failure is None else asdict(state.failure)
-    measured = {name: asdict(measurement) for name, measurement in state.measurements.items()}
-    searched = None if state.search is None else search_record(state.search)
-    plain_fields = {name: getattr(state, name) for name in PLAIN_FIELDS}
-    return plain_fields | {"failure": failed, "measurements": measured, "search": searched}
-
-
-def search_record(search: ThresholdSearch) -> dict[str, Any]:
-    """The search without its arrays."""
-    trial = {name: getattr(search.trial, name) for name in TRIAL_FIELDS}
-    found = {name: asdict(bracket) for name, bracket in search.found.items()}
-    return {name: getattr(search, name) for name in SEARCH_FIELDS} | {"found": found, "trial": trial}
-
-
-def restore_replica(state_out: ReplicaState, record: dict[str, Any], arrays: Arrays, scene: Scene) -> None:
-    """Inverse of `state_record` and `state_arrays`."""
-    for name in PLAIN_FIELDS:
-        setattr(state_out, name, record[name])
-    failed = record["failure"]
-    state_out.failure = failed and Failure(**failed | {"status": Status(failed["status"])})
-    state_out.measurements = MEASUREMENTS.validate_python(record["measurements"])
-    state_out.frames = unpack_frames(without_prefix("frame_", arrays))
-    airs = without_prefix("air_", arrays)
-    rows = zip(*(airs[name] for name in AIR_COLUMNS), strict=True) if airs else ()
-    state_out.airs = [AirProfile(**dict(zip(AIR_COLUMNS, row, strict=True))) for row in rows]
-    if search := record["search"]:  # inverse of `search_record`
-        trial = Trial(**search["trial"] | without_prefix("trial_", arrays))
-        found = {name: Bracket(**bracket) for name, bracket in search["found"].items()}
-        again = {"bed": without_prefix("bed_", arrays), "trial": trial, "found": found}
-        state_out.search = ThresholdSearch(scene, **search | again)
-
-
-def pack_frames(frames: list[Snapshot]) -> Arrays:
-    """All frames end to end, one array a column, with the grain count of each."""
-    if not frames:
-        return {}
-    rows = {name: np.concatenate([getattr(frame, name) for frame in frames]) for name in GRAIN_COLUMNS}
-    rows |= {
-        f"effect_{name}": np.concatenate([frame.effect_state[name] for frame in frames])
-        for name in frames[0].effect_state
-    }
-    times = {name: np.array([getattr(frame, name) for frame in frames]) for name in TIME_COLUMNS}
-    return rows | times | {"grains": np.array([len(frame.radius) for frame in frames])}
-
-
-def unpack_frames(columns: Arrays) -> list[Snapshot]:
-    """Inverse of `pack_frames`."""
-    if not columns:
-        return []
-    cuts = np.cumsum(columns["grains"])[:-1]
-    values: dict[str, Any] = {name: np.split(columns[name], cuts) for name in GRAIN_COLUMNS}
-    values |= {name: columns[name].tolist() for name in TIME_COLUMNS}
-    effects = {name: np.split(v, cuts) for name, v in without_prefix("effect_", columns).items()}
-    return [
-        Snapshot(
-            **{name: column[frame] for name, column in values.items()},
-            effect_state={name: column[frame] for name, column in effects.items()},
-        )
-        for frame in range(len(columns["grains"]))
-    ]

@@ -81,7 +81,7 @@ def test_foreign_files_headers_and_pickled_objects_are_refused_in_one_line(tmp_p
         (tmp_path / name).write_bytes(content)
     np.savez(tmp_path / "other.npz", position=np.zeros(3))
     np.save(tmp_path / "plain.npy", np.zeros(3))
-    head = json.dumps({"schema": checkpoint.SCHEMA, "package_version": checkpoint.__version__, "meta": {}})
+    head = json.dumps({"schema": checkpoint.SCHEMA, "meta": {}})
     members = {"head": np.frombuffer(head.encode(), dtype=np.uint8), "state/x": np.array([object()])}
     np.savez(tmp_path / "pickled.npz", **members)
     for name in (*contents, "other.npz", "plain.npy", "pickled.npz"):
@@ -91,17 +91,15 @@ def test_foreign_files_headers_and_pickled_objects_are_refused_in_one_line(tmp_p
         np.savez(tmp_path / "odd.npz", head=np.frombuffer(head, dtype=np.uint8))
         with pytest.raises(BadInput, match=r"odd\.npz"):
             load_checkpoint(tmp_path / "odd.npz")
-    with pytest.raises(BadInput, match=r"missing\.npz: no such checkpoint"):
+    with pytest.raises(BadInput, match=r"missing\.npz: the checkpoint cannot be read"):
         load_checkpoint(tmp_path / "missing.npz")
     with pytest.raises(BadInput, match="cannot be read"):
         load_checkpoint(tmp_path)
 
 
-def test_a_checkpoint_of_another_scene_version_or_layout_is_refused(saved: Path, monkeypatch):
+def test_a_checkpoint_of_another_scene_or_program_is_refused(saved: Path, monkeypatch):
     with pytest.raises(BadInput, match="belongs to scene 5eed, not to beef"):
         load_checkpoint(saved, "beef")
-    for name, value in (("__version__", "99.0"), ("SCHEMA", "taichi_erosion checkpoint 99")):
-        with monkeypatch.context() as patch:
-            patch.setattr(checkpoint, name, value)
-            with pytest.raises(BadInput, match="cannot"):
-                load_checkpoint(saved)
+    monkeypatch.setattr(checkpoint, "SCHEMA", "checkpoint 6 of taichi_erosion 99.0")
+    with pytest.raises(BadInput, match="cannot be resumed as 'checkpoint 6"):
+        load_checkpoint(saved)
