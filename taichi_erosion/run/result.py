@@ -41,8 +41,7 @@ from taichi_erosion.core.engine.choice import engine_name
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.measures.result import Measurement, as_record, json_value, without_nan
-from taichi_erosion.run.ensemble_loop import EnsembleRun
-from taichi_erosion.run.sanity_checks import failure_message
+from taichi_erosion.run.ensemble_loop import EnsembleRun, failure_message
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.simulation.scene_setup import Library, checked_params, circumstances_of, effective_scene

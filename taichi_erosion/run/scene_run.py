@@ -23,7 +23,13 @@ from taichi_erosion.recording.checkpoint import is_checkpoint, load_checkpoint
 from taichi_erosion.recording.outputs import refuse_foreign_outputs, refuse_unwritable
 from taichi_erosion.run import RunOptions
 from taichi_erosion.run.checks import explained, idle_effects, library_of, named_effects, read_scene
-from taichi_erosion.run.ensemble_loop import Callback, EnsembleRun, ProgressReporter, run_ensemble
+from taichi_erosion.run.ensemble_loop import (
+    Callback,
+    EnsembleRun,
+    ProgressReporter,
+    failure_message,
+    run_ensemble,
+)
 from taichi_erosion.run.recorder import (
     Recorder,
     finish_recording_or_warn,
@@ -38,7 +44,6 @@ from taichi_erosion.run.result import (
     write_document_or_warn,
 )
 from taichi_erosion.run.resume import Checkpointer, restore_run, seeds_of
-from taichi_erosion.run.sanity_checks import failure_message
 from taichi_erosion.run.stages import ReplicaState, whole_intervals
 from taichi_erosion.scene import Scene, laws, resolved, scene_hash
 from taichi_erosion.scene.schema.air import AirScene

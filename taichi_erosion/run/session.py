@@ -34,6 +34,7 @@ from taichi_erosion.run.checks import (
     named_effects,
     read_scene,
 )
+from taichi_erosion.run.ensemble_loop import failure_message
 from taichi_erosion.run.observables import MeasureInput, measure
 from taichi_erosion.run.recorder import (
     Recorder,
@@ -44,7 +45,6 @@ from taichi_erosion.run.recorder import (
     resting_speed,
     side_view,
 )
-from taichi_erosion.run.sanity_checks import failure_message
 from taichi_erosion.run.scene_run import scene_text
 from taichi_erosion.run.stages import ROUNDING, at_rest, change_boundaries, lifting_energy, whole_intervals
 from taichi_erosion.scene import Scene, laws
