@@ -4,11 +4,21 @@ The file grows as PATH.part and takes its name when it is closed. A run killed a
 file that `readback` and the viewer can read; it lacks at most what was logged in the last FLUSH_INTERVAL.
 
 Grains at rest (static grains) are the bulk of a recording; they are written only now and then.
+
+rerun writes from a thread of its own. At the first byte that the disk refuses the thread ends, what is logged
+afterwards goes nowhere, and the program would wait for that thread for ever when it leaves. A recording is
+therefore closed, whole, while there still is room for the results; where the disk refuses even so, the wait
+is called off.
 """
 
+import atexit
+import ctypes
+import fcntl
 import os
+import shutil
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from io import BufferedWriter
 from math import log10
 from pathlib import Path
 from typing import Any, Literal
@@ -18,7 +28,7 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import make_parent, part_path
-from taichi_erosion.core.setup import Floats, Triple
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot, Totals
 from taichi_erosion.recording import pictures, rr, rrb
 from taichi_erosion.recording.blueprint import (
@@ -29,12 +39,12 @@ from taichi_erosion.recording.blueprint import (
     blueprint,
     choose_focus,
 )
-from taichi_erosion.recording.outputs import abandon_writer, lock_part_file
 from taichi_erosion.recording.wall_mesh import WallMesh
 
 APPLICATION = "taichi_erosion"
 FLUSH_INTERVAL = 1.0  # s of wall time between writes; more often costs 1 kB per entity and write
 FLUSH_LIMIT = 30.0  # s until a disk that takes nothing is an error
+FREE_SPACE_LEAST = 50e6  # bytes left free for documents, pictures and a checkpoint
 JPEG_QUALITY = 95  # of 100
 CURVE_WIDTH = 1.5  # points
 WALL_OPACITY = 48  # of 255
@@ -95,7 +105,36 @@ class Recording:
     path: Path
     stream: "rr.RecordingStream"
     static_grains: StaticGrains = field(default_factory=StaticGrains.empty)
-    lock: Any = None  # lock of the part file, held until the recording is closed
+    lock: BufferedWriter | None = None  # of the part file, held until the recording is closed
+
+
+def is_disk_nearly_full(path: Path) -> bool:
+    """Whether the disk of a file is so full that a recording should not grow on it."""
+    return shutil.disk_usage(path.parent).free < FREE_SPACE_LEAST
+
+
+def lock_part_file(part: Path) -> BufferedWriter:
+    """The right to write a part file, held while what is returned stays open. Raises BadInput.
+
+    A process that is killed holds nothing any more.
+    """
+    if is_disk_nearly_full(part):
+        raise BadInput(f"{part}: the disk is nearly full; make room, or give --no-record")
+    file = part.open("ab")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        raise BadInput(f"{part}: another process is writing it; give --record another FILE") from None
+    except OSError:
+        pass  # a file system without locks
+    return file
+
+
+def abandon_writer(stream: Any) -> None:
+    """Let the program leave without waiting for a writer that has ended: at exit, and with its stream."""
+    atexit.unregister(rr.rerun_shutdown)
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
 
 
 def open_stream(
@@ -293,13 +332,9 @@ def log_wall(recording: Recording, wall: WallMesh) -> None:
     recording.stream.log(wall_entity(wall.name), mesh, static=not wall.moving)
 
 
-def log_wall_pose(
-    recording: Recording, name: str, translation: Triple, quaternion: tuple[float, float, float, float]
-) -> None:
-    """Write the pose of a wall: rotated by `quaternion` (w, x, y, z), then shifted by `translation` [m]."""
-    w, x, y, z = quaternion
-    pose = rr.Transform3D(translation=translation, quaternion=rr.Quaternion(xyzw=(x, y, z, w)))
-    recording.stream.log(wall_entity(name), pose)
+def log_wall_pose(recording: Recording, name: str, rotation: Floats, translation: Floats) -> None:
+    """Write the pose of a wall: rotated by a matrix [3, 3], then shifted [m]."""
+    recording.stream.log(wall_entity(name), rr.Transform3D(translation=translation, mat3x3=rotation))
 
 
 def log_wall_removed(recording: Recording, name: str) -> None:

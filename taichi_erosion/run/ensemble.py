@@ -16,16 +16,9 @@ from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics, Setup
-from taichi_erosion.run import Report
 from taichi_erosion.run.checks import library_of
-from taichi_erosion.run.ensemble_loop import EnsembleRun, ProgressReporter, run_ensemble
-from taichi_erosion.run.recorder import (
-    Properties,
-    Recorder,
-    finish_recording_or_warn,
-    open_ensemble_recorder,
-    record_while_disk_has_room,
-)
+from taichi_erosion.run.ensemble_loop import EnsembleRun, run_ensemble
+from taichi_erosion.run.recorder import Properties, Recorder, finish_recording, open_recorder, record_replica
 from taichi_erosion.run.result import apply_instruments, replica_record, versions
 from taichi_erosion.run.stages import ReplicaState
 from taichi_erosion.scene import Scene, laws, resolved, scene_hash
@@ -43,10 +36,6 @@ class ReplicaRequest:
     record: Path | None = None  # recording file
     properties: Properties | None = None  # further columns of rerun's table of runs
 
-    @property
-    def title(self) -> str:
-        return f"{self.scene.scene.title or self.scene.scene.kind}, seed {self.seed}"
-
 
 @dataclass(frozen=True)
 class PreparedReplica:
@@ -58,28 +47,19 @@ class PreparedReplica:
     scene: Scene  # after the effects that change it
 
 
-def run_replicas(
-    requests: Sequence[ReplicaRequest],
-    numerics: Numerics,
-    on_result: OnResult,
-    progress: Report | None = None,
-) -> None:
+def run_replicas(requests: Sequence[ReplicaRequest], numerics: Numerics, on_result: OnResult) -> None:
     """Run all replicas in one ensemble; `on_result` receives the record of each as soon as it has ended.
 
     A record holds seed, measures, warnings, `stopped`, hash, versions, `wall_s` and `cpu_s` (equal shares of
     the ensemble's) and `failure`: None, or the reason of a missing result. A replica that cannot start fails
     alone.
     """
-    run_replicas_after(None, requests, numerics, on_result, progress)
+    run_replicas_after(None, requests, numerics, on_result)
     stop_device()
 
 
 def run_replicas_after(
-    previous: Simulation | None,
-    requests: Sequence[ReplicaRequest],
-    numerics: Numerics,
-    on_result: OnResult,
-    progress: Report | None = None,
+    previous: Simulation | None, requests: Sequence[ReplicaRequest], numerics: Numerics, on_result: OnResult
 ) -> Simulation | None:
     """The same in the buffers of an ensemble that has ended; returns the simulation for the next one.
 
@@ -97,15 +77,13 @@ def run_replicas_after(
             on_result(prepared[0].index, refusal_record(prepared[0].request, str(error)))
             return None
         for replica in prepared:
-            run_replicas(
-                [replica.request], numerics, lambda _, record, i=replica.index: on_result(i, record), progress
-            )
+            run_replicas([replica.request], numerics, lambda _, record, i=replica.index: on_result(i, record))
         return None
     states = [ReplicaState(replica.request.seed) for replica in prepared]
     ensemble = EnsembleRun([replica.scene for replica in prepared], sim, states)
     reporter = ResultReporter(prepared, library, on_result, recorders_of(prepared, ensemble))
-    recording = [partial(record_while_disk_has_room, recorder) for recorder in reporter.recorders.values()]
-    run_ensemble(ensemble, [*recording, *([ProgressReporter(progress)] if progress else []), reporter])
+    recording = [partial(record_replica, recorder) for recorder in reporter.recorders.values()]
+    run_ensemble(ensemble, [*recording, reporter])
     return sim
 
 
@@ -138,13 +116,13 @@ def recorders_of(prepared: list[PreparedReplica], ensemble: EnsembleRun) -> dict
     for replica, request in enumerate(ready.request for ready in prepared):
         if request.record is None:
             continue
+        scene = ensemble.scenes[replica]
         text = json.dumps(resolved(request.scene), indent=1)  # a run of a campaign has no scene file
+        title = f"{scene.scene.title or scene.scene.kind}, seed {request.seed}"
         try:
-            recorder = open_ensemble_recorder(request.record, request.title, text, ensemble, replica)
+            recorders[replica] = open_recorder(request.record, title, text, ensemble.sim, scene, replica)
         except BadInput as error:
             ensemble.states[replica].warn(str(error))
-        else:
-            recorders[replica] = recorder
     return recorders
 
 
@@ -174,7 +152,7 @@ class ResultReporter:
         recorder, hashed = self.recorders.get(replica), scene_hash(request.scene)
         if recorder is not None:
             properties = {"scene": {"hash": hashed}} | dict(request.properties or {})
-            record |= finish_recording_or_warn(recorder, ensemble, record, properties)
+            record |= finish_recording(recorder, ensemble, record, properties)
         failure = record["warnings"][-1] if record["stopped"] is not None else None
         count = len(self.prepared)
         wall, cpu = time.perf_counter() - self.wall_start, time.process_time() - self.cpu_start

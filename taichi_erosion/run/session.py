@@ -14,6 +14,7 @@ nothing compiled anew; an effect that was not there is compiled in, which takes 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -144,8 +145,8 @@ def run_for(session: Session, seconds: float) -> None:
     run_to(session, session.time + seconds)
 
 
-def step(session: Session, count: int = 1) -> None:
-    run_to(session, session.time + count * session.time_step)
+def step(session: Session, steps: int = 1) -> None:
+    run_to(session, session.time + steps * session.time_step)
 
 
 def run_until_rest(session: Session) -> bool:
@@ -309,6 +310,12 @@ def record_session(session: Session, path: Path, viewer: str | None = None) -> R
     recorder = open_recorder(path, title, text, session.sim, session.scene, 0, viewer)
     session.callbacks.append(lambda now: log_session_frame(recorder, now))
     return recorder
+
+
+def unused_name(path: Path) -> Path:
+    """The path, or the first of PATH-2, PATH-3 and so on that does not exist."""
+    names = (path.with_name(f"{path.stem}-{number}{path.suffix}") for number in count(2))
+    return next(free for free in chain([path], names) if not free.exists())
 
 
 def log_session_frame(recorder: Recorder, session: Session) -> None:
