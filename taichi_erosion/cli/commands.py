@@ -294,7 +294,7 @@ def export(
     force: Force = False,
 ) -> None:
     """Write the grains of a recording for ParaView."""
-    from taichi_erosion.recording.export import export_vtk
+    from taichi_erosion.recording.readback import export_vtk
 
     typer.echo(str(export_vtk(file, vtk, force)))
 

@@ -27,7 +27,7 @@ from taichi_erosion.recording.pictures import (
 from taichi_erosion.recording.wall_mesh import WallMesh, triangulate, wall_meshes
 from taichi_erosion.run.ensemble_loop import EnsembleRun
 from taichi_erosion.run.observables import patch_of
-from taichi_erosion.run.stages import ROUNDING, whole_intervals
+from taichi_erosion.run.stages import whole_intervals
 from taichi_erosion.scene import Scene
 from taichi_erosion.simulation import Simulation
 
@@ -125,7 +125,7 @@ def record_replica(recorder: Recorder, ensemble: EnsembleRun) -> None:
     while recorder.stage < min(state.stage, len(stages) - 1):
         recorder.stage += 1
         stream.log_text(recording, "INFO", f"stage {stages[recorder.stage].name} begins")
-    if ensemble.time >= recorder.frames * recorder.interval * (1.0 - ROUNDING) or not state.active:
+    if whole_intervals(ensemble.time, recorder.interval) >= recorder.frames or not state.active:
         record_frame(recorder, ensemble)
         if not state.active:
             recorder.interval = inf

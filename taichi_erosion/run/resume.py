@@ -20,7 +20,7 @@ from taichi_erosion.measures.result import Measurement, json_value
 from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.recording.checkpoint import save_checkpoint
 from taichi_erosion.run.ensemble_loop import EnsembleRun
-from taichi_erosion.run.stages import ROUNDING, ReplicaState, whole_intervals
+from taichi_erosion.run.stages import ReplicaState, whole_intervals
 from taichi_erosion.run.threshold_search import ThresholdSearch, Trial
 from taichi_erosion.scene import Scene
 from taichi_erosion.simulation import export_state
@@ -42,8 +42,8 @@ class Checkpointer:
 
     def __call__(self, ensemble: EnsembleRun) -> None:
         """Save when due; where that fails the checkpoint before stays, and the run goes on with a warning."""
-        if ensemble.time >= (self.saved + 1) * self.interval * (1.0 - ROUNDING):
-            self.saved = whole_intervals(ensemble.time, self.interval)
+        if (now := whole_intervals(ensemble.time, self.interval)) > self.saved:
+            self.saved = now
             try:
                 self.save(ensemble)
             except BadInput as error:

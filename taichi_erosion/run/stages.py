@@ -11,13 +11,12 @@ from taichi_erosion.core.setup import Motion, Setup
 from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.run.observables import MeasureInput, measure
-from taichi_erosion.run.threshold_search import ThresholdSearch, advance_search, begin_search
+from taichi_erosion.run.threshold_search import ROUNDING, ThresholdSearch, advance_search, begin_search
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.schema.scene import Stage
 from taichi_erosion.simulation import Simulation
 
 GOALS = {"rest": "rest", "threshold": "all thresholds were found"}  # end of a stage by `until`
-ROUNDING = 1e-9  # of an interval: a time this close to its end counts as reached [1]
 
 
 @dataclass
