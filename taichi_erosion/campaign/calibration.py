@@ -22,7 +22,6 @@ from taichi_erosion.campaign.calibration_steps import (
 )
 from taichi_erosion.campaign.execute import SIMULATE
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
-from taichi_erosion.campaign.request import Report
 from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study
 from taichi_erosion.core.files import ListedFolder
 from taichi_erosion.experiments.anova import anova, curvature
@@ -37,6 +36,7 @@ from taichi_erosion.experiments.fit import (
 )
 from taichi_erosion.experiments.optimise import Optimisation
 from taichi_erosion.experiments.terms import term_label
+from taichi_erosion.run import Report
 
 Document = dict[str, Any]
 Step = Literal["design", "run", "analyse", "climb", "surface", "optimise", "confirm"]

@@ -28,7 +28,7 @@ import numpy as np
 
 from taichi_erosion.campaign.execute import SIMULATE, execute
 from taichi_erosion.campaign.ledger import Ledger
-from taichi_erosion.campaign.request import Report, RunRequest, RunResult, scene_request
+from taichi_erosion.campaign.request import RunRequest, RunResult, scene_request
 from taichi_erosion.campaign.study_file import CalibrationStudy, WorkersEntry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
@@ -45,6 +45,7 @@ from taichi_erosion.experiments.design_table import SAME_POINT, Design, Factor, 
 from taichi_erosion.experiments.fit import Fit, fit_model, overfitted
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
 from taichi_erosion.experiments.terms import linear_terms, model_matrix
+from taichi_erosion.run import Report
 
 SEEDS_APART = 1000  # seeds reserved for one stage: no two runs of a study share their noise
 STAGES = ("screen", "climb", "surface", "confirm")
