@@ -98,7 +98,9 @@ def request_of(
         "arch": numerics.arch,
         "decomposition": numerics.decomposition,
     }
-    mark, group = way_mark(numerics), compatibility_key(scene)
+    way = f"-{numerics.arch}-{'grains' if numerics.by_grain else 'partitions'}"
+    mark = "" if way == "-cpu-partitions" else way  # of runs with bits of their own
+    group = compatibility_key(scene)
     key = f"{scene_hash(scene)}-{seed}-{__version__}{engine_mark()}{mark}"
     if numerics.arch == "cpu":
         return RunRequest(key, payload, group + mark, work_of(scene))
@@ -120,13 +122,6 @@ def numerics_of(scene: Scene, device: WorkersEntry) -> Numerics:
     numerics = Numerics(arch, THREADS, scene.run.precision, device.decomposition)
     refuse_grids(on_grid and numerics.by_grain)
     return numerics
-
-
-def way_mark(numerics: Numerics) -> str:
-    """Mark in the key of a run whose bits are not those of partitions on a CPU."""
-    if numerics.arch == "cpu" and not numerics.by_grain:
-        return ""
-    return f"-{numerics.arch}-{'grains' if numerics.by_grain else 'partitions'}"
 
 
 def work_of(scene: Scene) -> float:

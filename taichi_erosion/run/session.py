@@ -13,7 +13,7 @@ nothing compiled anew; an effect that was not there is compiled in, which takes 
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields, replace
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
@@ -64,18 +64,6 @@ MARGIN = 0.01  # m, half the width of a window without grains
 WINDOW = (480, 240)  # px: a line of a terminal is twice as high as a character is wide
 
 
-@dataclass(frozen=True)
-class SavedState:
-    """What a session returns to: the grains, and all that was set and kept until then."""
-
-    sim: Simulation  # whose state it is
-    state: dict[str, Any]
-    time: float  # s
-    stage: int
-    overrides: tuple[str, ...]
-    samples: tuple[dict[str, float], ...]
-
-
 @dataclass
 class Session:
     """One replica, the overrides that were set, and the states that were saved."""
@@ -89,7 +77,7 @@ class Session:
     time: float = 0.0  # s
     stage: int = 0
     history: list[str] = field(default_factory=list)
-    saved: dict[str, SavedState] = field(default_factory=dict)
+    saved: dict[str, tuple["Session", dict[str, Any]]] = field(default_factory=dict)  # and its grains
     callbacks: list[Callable[["Session"], object]] = field(default_factory=list)  # after each check interval
     samples: list[dict[str, float]] = field(default_factory=list)  # numbers by name, at each check so far
     watched: dict[str, str] = field(default_factory=dict)  # units of the numbers that are printed, by name
@@ -234,28 +222,25 @@ def measure_now(session: Session) -> dict[str, Measurement]:
 
 
 def save(session: Session, name: str) -> None:
-    sim, kept = session.sim, tuple(session.samples)
-    state = simulation.export_state(sim)
-    session.saved[name] = SavedState(sim, state, session.time, session.stage, session.overrides, kept)
+    now = replace(session, samples=list(session.samples))
+    session.saved[name] = now, simulation.export_state(session.sim)
 
 
 def restore(session: Session, name: str) -> None:
     """Restore a saved state, its parameters and samples included. Raises BadInput for an unknown name."""
-    saved = saved_state(session, name)
-    scene = read_scene(session.path, saved.overrides, session.effect_files)
-    library = library_of(scene)
-    if session.sim is saved.sim:
-        apply_change(session, scene, library, {"wind", "effects"})
+    then, state = saved_state(session, name)
+    if session.sim is then.sim:
+        apply_change(session, then.scene, then.library, {"wind", "effects"})
     else:  # an effect has been built in since
-        session.sim = build(scene, session.seed, library)
-    simulation.import_state(session.sim, saved.state)
-    session.scene, session.library, session.overrides = scene, library, saved.overrides
-    session.time, session.stage = saved.time, saved.stage
-    session.samples[:] = saved.samples
+        session.sim = build(then.scene, session.seed, then.library)
+    simulation.import_state(session.sim, state)
+    session.scene, session.library, session.overrides = then.scene, then.library, then.overrides
+    session.time, session.stage = then.time, then.stage
+    session.samples[:] = then.samples
 
 
-def saved_state(session: Session, name: str) -> SavedState:
-    """The state saved under a name. Raises BadInput for an unknown one."""
+def saved_state(session: Session, name: str) -> tuple[Session, dict[str, Any]]:
+    """The session and its grains when they were saved. Raises BadInput for an unknown name."""
     if name not in session.saved:
         there = ", ".join(session.saved) or "nothing"
         raise BadInput(f"nothing is saved as '{name}'{did_you_mean(name, session.saved)}; there is {there}")
@@ -348,12 +333,10 @@ def differences(session: Session, before: str | None = None, after: str | None =
 
     Raises BadInput for an unknown state.
     """
-    old = () if before is None else saved_state(session, before).overrides
-    new = session.overrides if after is None else saved_state(session, after).overrides
-    first, second = (
-        dict(leaves(resolved(read_scene(session.path, overrides, session.effect_files))))
-        for overrides in (old, new)
-    )
+    file = read_scene(session.path, (), session.effect_files)
+    old = file if before is None else saved_state(session, before)[0].scene
+    new = session.scene if after is None else saved_state(session, after)[0].scene
+    first, second = (dict(leaves(resolved(scene))) for scene in (old, new))
     pairs = {
         path: (first.get(path, NOT_SET), second.get(path, NOT_SET)) for path in sorted({*first, *second})
     }
