@@ -158,9 +158,6 @@ def open_stream(
         stream.set_sinks(*sinks, default_blueprint=layout)
     except OSError as error:
         raise BadInput(f"{path}: the recording cannot be written ({error.strerror})") from error
-    except RuntimeError as error:  # the disk takes not even the first bytes
-        abandon_writer(stream)
-        raise BadInput(f"{path}: the recording cannot be begun ({error})") from error
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     stream.send_recording_name(name)

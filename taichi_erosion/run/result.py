@@ -65,29 +65,23 @@ def record_of(path: Path, scene: Scene | AirScene, seed: int, options: RunOption
 
 
 def refuse_unwritable_outputs(path: Path, options: RunOptions, record: Path) -> None:
-    """Raise BadInput where an output cannot be written, or would replace the scene or a file of others."""
+    """Raise BadInput where an output cannot be written, or would replace a file of others."""
     if not options.no_record:
         refuse_foreign_outputs(record, path, options.force)
     if saved := options.checkpoint:
-        refuse_unwritable(saved, path)
+        check_writable(saved)
         if saved.exists() and not options.force and not is_checkpoint(saved):
             raise BadInput(f"{saved}: exists, and is no checkpoint; {REMEDY}")
 
 
-def refuse_unwritable(output: Path, scene: Path) -> None:
-    """Raise BadInput where an output cannot be written, is no file, or is the scene itself."""
-    check_writable(output)
-    if output.resolve() == scene.resolve():
-        raise BadInput(f"{output}: is the scene itself; give another name to what is written")
-
-
 def refuse_foreign_outputs(record: Path, scene: Path, force: bool = False) -> None:
     """Raise BadInput where a run cannot write its files, or would replace what none of its scene wrote."""
+    check_writable(record)
     if record.suffix != RECORDING:
         raise BadInput(f"{record}: is no name of a recording, which ends in {RECORDING}")
     present = [path for suffix in SUFFIXES if (path := record.with_suffix(suffix)).exists()]
-    for path in [record, *present]:
-        refuse_unwritable(path, scene)
+    for path in present:
+        check_writable(path)
     own = written_before(record, scene)
     for path in [] if force else present:
         if path.name not in own and not is_recording(path):
