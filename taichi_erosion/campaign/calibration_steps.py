@@ -75,21 +75,11 @@ class DesignRunner:
     runs: list[DesignRun] = field(default_factory=list)
 
     def stage_progress(self, stage: str) -> Report | None:
-        """Progress of one stage as a share of all planned runs, which never falls from stage to stage."""
-        report, planned = self.progress, planned_runs(self.file)
+        """Progress of one stage, as a share of all: each counts alike."""
+        report, place = self.progress, self.stages.index(stage)
         if report is None:
             return None
-        total = sum(planned[name] for name in self.stages)
-        before = sum(planned[name] for name in self.stages[: self.stages.index(stage)])
-        return lambda share, words: report((before + share * planned[stage]) / total, f"{stage}: {words}")
-
-
-def planned_runs(file: CalibrationStudy) -> dict[str, int]:
-    """Runs of every stage before any is made; a climb may end earlier, at a limit."""
-    screening, sizes = screening_design(file), file.study.design
-    surface = surface_design(file, screening.factors[: sizes.surface_factors])
-    runs = (len(screening), sizes.climb_steps + 1, len(surface), sizes.confirm)
-    return dict(zip(STAGES, runs, strict=True))
+        return lambda share, words: report((place + share) / len(self.stages), f"{stage}: {words}")
 
 
 def run_design(runner: DesignRunner, stage: str, design: Design) -> Design:

@@ -465,11 +465,7 @@ def study_schema() -> dict[str, Any]:
     return schema
 
 
-def study_schema_text() -> str:
-    """The schema as `write_study_schema` writes it."""
-    return json.dumps(study_schema(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
 def write_study_schema(path: Path) -> None:
     """Write the schema file that study files name on their first line."""
-    path.write_text(study_schema_text(), encoding="utf-8")
+    text = json.dumps(study_schema(), indent=1, ensure_ascii=False, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")

@@ -18,8 +18,8 @@ from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Arch, ArchChoice, Decomposition, Numerics
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
-from taichi_erosion.recording.checkpoint import load_checkpoint
 from taichi_erosion.run import RunOptions
+from taichi_erosion.run.checkpoint import Checkpointer, load_checkpoint, restore_run, seeds_of
 from taichi_erosion.run.checks import explained, idle_effects, library_of, named_effects, read_scene
 from taichi_erosion.run.ensemble_loop import (
     Callback,
@@ -37,7 +37,6 @@ from taichi_erosion.run.result import (
     run_document,
     write_document_or_warn,
 )
-from taichi_erosion.run.resume import Checkpointer, restore_run, seeds_of
 from taichi_erosion.run.stages import ReplicaState, whole_intervals
 from taichi_erosion.scene import Scene, laws, resolved, scene_hash
 from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare

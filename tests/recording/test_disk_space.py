@@ -10,9 +10,9 @@ from recorded_heaps import FLOOR, MOVING, heap_snapshot, recorded, write_elsewhe
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import stream
-from taichi_erosion.recording.checkpoint import load_checkpoint, save_checkpoint
 from taichi_erosion.recording.readback import read_grains
 from taichi_erosion.recording.stream import RunHeader, log_frame, open_recording
+from taichi_erosion.run.checkpoint import load_checkpoint, save_checkpoint
 
 HEADER = RunHeader("full", "a heap", "repose", "", np.full(205, 1e-3), (FLOOR,))
 WRITER = """
