@@ -28,7 +28,7 @@ def open_wind_recording(path: Path, name: str, scene_text: str, curves: Mapping[
 
     Raises BadInput where it cannot be written.
     """
-    recording = stream.open_stream(path, name, wind_blueprint(curves), path.stem)
+    recording = stream.open_stream(path, name, wind_blueprint(curves))
     stream.log_scene(recording, name, scene_text)
     for curve, legend in curves.items():
         stream.log_legend(recording, f"air/{curve}", legend, pictures.SAND)

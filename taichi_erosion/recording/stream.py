@@ -50,21 +50,21 @@ CURVE_WIDTH = 1.5  # points
 WALL_OPACITY = 48  # of 255
 FASTEST_COLOUR = 2.0  # m s-1, drawn in the last colour: the pouring speed of the published funnel test
 SUMS = "ledger"  # folder of the totals in a recording; older recordings have it too
-CURVES = {  # entries of the totals that are drawn: legend and colour
-    "kinetic_translation": ("translation", pictures.EMBER),
-    "kinetic_rotation": ("rotation", (240, 190, 80)),
-    "elastic": ("elastic", (110, 200, 190)),
-    "contacts": ("contacts", pictures.SAND),
-    "released": ("grains released", pictures.STEEL),
-    "overlap_largest": ("largest overlap / radius", pictures.EMBER),
-    "speed_largest": ("largest speed, m/s", (120, 220, 255)),
+CURVES = {  # of the totals: legend and colour
+    "decades/kinetic_translation": ("translation", pictures.EMBER),
+    "decades/kinetic_rotation": ("rotation", (240, 190, 80)),
+    "decades/elastic": ("elastic", (110, 200, 190)),
+    f"{SUMS}/contacts": ("contacts", pictures.SAND),
+    f"{SUMS}/released": ("grains released", pictures.STEEL),
+    f"{SUMS}/overlap_largest": ("largest overlap / radius", pictures.EMBER),
+    f"{SUMS}/speed_largest": ("largest speed, m/s", (120, 220, 255)),
 }
 # J, drawn as log10: coming to rest is a fall over decades
 DECADES = ("kinetic_translation", "kinetic_rotation", "elastic")
 TRANSPORT = {  # curves of grains under wind
-    "flux": ("flux, kg/(m s)", pictures.SAND),
-    "flying": ("share of the grains above the bed", pictures.EMBER),
-    "friction_velocity": ("friction velocity, m/s", (120, 220, 255)),
+    "transport/flux": ("flux, kg/(m s)", pictures.SAND),
+    "transport/flying": ("share of the grains above the bed", pictures.EMBER),
+    "transport/friction_velocity": ("friction velocity, m/s", (120, 220, 255)),
 }
 SCALE_SHARE = 0.8  # longest scale bar over the radius of what the camera frames [1]
 SCALE_WIDTH = 0.008  # half width of the scale bar over that radius [1]
@@ -76,7 +76,6 @@ CREEP = 0.02  # displacement of a resting grain that is not worth writing, over 
 class RunHeader:
     """Static content of the recording of a run."""
 
-    recording_id: str
     name: str
     kind: str
     scene_text: str  # the scene file, TOML
@@ -138,12 +137,7 @@ def abandon_writer(stream: Any) -> None:
 
 
 def open_stream(
-    path: Path,
-    name: str,
-    layout: "rrb.Blueprint",
-    recording_id: str,
-    application: str = APPLICATION,
-    viewer: str | None = None,
+    path: Path, name: str, layout: "rrb.Blueprint", application: str = APPLICATION, viewer: str | None = None
 ) -> Recording:
     """Begin PATH.part with its name and blueprint; `viewer` is the address of one that follows.
 
@@ -151,7 +145,7 @@ def open_stream(
     """
     make_parent(path)
     batches = rr.ChunkBatcherConfig(flush_tick=FLUSH_INTERVAL)
-    stream = rr.RecordingStream(application, recording_id=recording_id, batcher_config=batches)
+    stream = rr.RecordingStream(application, recording_id=path.stem, batcher_config=batches)
     try:
         lock = lock_part_file(part_path(path))
         sinks = [rr.FileSink(part_path(path)), *([rr.GrpcSink(viewer)] if viewer else [])]
@@ -168,13 +162,12 @@ def open_recording(path: Path, header: RunHeader, viewer: str | None = None) -> 
     """Begin the recording of a run with its scene, walls and names of curves. Raises BadInput."""
     focus = choose_focus(header.kind, header.radii, header.walls)
     layout = blueprint(header.kind, focus)
-    recording = open_stream(path, header.name, layout, header.recording_id, viewer=viewer)
+    recording = open_stream(path, header.name, layout, viewer=viewer)
     recording.stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     recording.stream.log("world", rr.Transform3D(scale=MAGNIFICATION), static=True)
     log_scene(recording, header.name, header.scene_text)
-    for entry, (legend, colour) in (CURVES | (TRANSPORT if header.kind in WIND_KINDS else {})).items():
-        folder = "decades" if entry in DECADES else "transport" if entry in TRANSPORT else SUMS
-        log_legend(recording, f"{folder}/{entry}", legend, colour)
+    for entity, (legend, colour) in (CURVES | (TRANSPORT if header.kind in WIND_KINDS else {})).items():
+        log_legend(recording, entity, legend, colour)
     set_time(recording, 0.0, 0)
     for wall in header.walls:
         log_wall(recording, wall)

@@ -50,7 +50,7 @@ def record_study(path: Path, page: StudyPage) -> Path:
         frames = read_grains(run.recording)
         kept = np.linspace(0, len(frames) - 1, min(MOST_FRAMES, len(frames))).round().astype(int)
         films[run.name] = [frames[k] for k in kept]
-    recording = open_stream(path, page.title, study_blueprint(page, films), path.stem, APPLICATION)
+    recording = open_stream(path, page.title, study_blueprint(page, films), APPLICATION)
     stream = recording.stream
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     stream.log("runs", rr.Transform3D(scale=blueprint.MAGNIFICATION), static=True)

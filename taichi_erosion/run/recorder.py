@@ -65,7 +65,7 @@ def open_recorder(
     """
     setup = sim.setups[replica]
     walls = meshes_of(scene, setup)
-    header = stream.RunHeader(path.stem, title, scene.scene.kind, text, setup.grains.radius, walls)
+    header = stream.RunHeader(title, scene.scene.kind, text, setup.grains.radius, walls)
     recording = stream.open_recording(path, header, viewer)
     stream.log_colours(recording, resting_speed(setup))
     return Recorder(replica, recording, walls, side_view(setup), resting_speed(setup), scene.record.every)

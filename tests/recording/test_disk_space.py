@@ -14,7 +14,7 @@ from taichi_erosion.recording.readback import read_grains
 from taichi_erosion.recording.stream import RunHeader, log_frame, open_recording
 from taichi_erosion.run.checkpoint import load_checkpoint, save_checkpoint
 
-HEADER = RunHeader("full", "a heap", "repose", "", np.full(205, 1e-3), (FLOOR,))
+HEADER = RunHeader("a heap", "repose", "", np.full(205, 1e-3), (FLOOR,))
 WRITER = """
 import resource, sys
 from pathlib import Path

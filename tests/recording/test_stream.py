@@ -66,7 +66,7 @@ def test_the_recording_carries_its_blueprint_names_properties_and_simulated_time
     assert heaps.read_properties(heap) == {"doe": factors, "result": found}
     reader = RrdReader(heap)
     (recording,) = reader.recordings()
-    assert (recording.application_id, recording.recording_id) == ("taichi_erosion", "test-run")
+    assert (recording.application_id, recording.recording_id) == ("taichi_erosion", "heap")
     assert len(reader.blueprints()) == 1
     timelines = {name for chunk in read_chunks(heap) for name in chunk.timeline_names}
     assert timelines == {"sim_time", "step"}
