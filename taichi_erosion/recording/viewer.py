@@ -135,15 +135,13 @@ def render_picture(
     `view` names the one view to draw alone, such as Grains; `source` is what the recording was made from, by
     which the picture is marked.
     """
-    start = time.monotonic()
     with headless_viewer(path, size) as client:
         end = last_moment(client)
         wanted = end if moment is None else moment
         if not 0.0 <= wanted <= end * (1.0 + ROUNDING):
             raise BadInput(f"--time {wanted:g}: {path} runs from 0 to {end:.6g} s")
         client.set_time(TIMELINE, duration=wanted, play_state="paused")
-        notice = NOTICE_TIME - (time.monotonic() - start) if view is None else 0.0
-        time.sleep(max(DRAW_TIME, notice))
+        time.sleep(DRAW_TIME if view else NOTICE_TIME)
         views = {shown.name: shown.view_id for shown in client.get_state().views}
         if view is not None and view not in views:
             raise BadInput(f"{path}: no view '{view}', only {', '.join(sorted(views))}")

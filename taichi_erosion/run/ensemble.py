@@ -37,16 +37,6 @@ class ReplicaRequest:
     properties: Properties | None = None  # further columns of rerun's table of runs
 
 
-@dataclass(frozen=True)
-class PreparedReplica:
-    """A replica that can start."""
-
-    index: int  # of its request
-    request: ReplicaRequest
-    setup: Setup
-    scene: Scene  # after the effects that change it
-
-
 def run_replicas(requests: Sequence[ReplicaRequest], numerics: Numerics, on_result: OnResult) -> None:
     """Run all replicas in one ensemble; `on_result` receives the record of each as soon as it has ended.
 
@@ -66,41 +56,30 @@ def run_replicas_after(
     The device keeps running: after the last ensemble the caller stops it.
     """
     library = library_of(*(request.scene for request in requests))
-    prepared = prepare_replicas(requests, library, on_result)
-    if not prepared:
+    setups: dict[int, Setup] = {}
+    for index, request in enumerate(requests):
+        try:
+            setups[index] = prepare(request.scene, request.seed, library)
+        except BadInput as error:
+            on_result(index, refusal_record(request, str(error)))
+    if not setups:
         return previous
+    scenes = [effective_scene(requests[index].scene, library) for index in setups]
     try:
-        setups = [replica.setup for replica in prepared]
-        sim = reuse_or_assemble(previous, setups, laws(prepared[0].scene), numerics)
+        sim = reuse_or_assemble(previous, list(setups.values()), laws(scenes[0]), numerics)
     except BadInput as error:
-        if len(prepared) == 1:
-            on_result(prepared[0].index, refusal_record(prepared[0].request, str(error)))
-            return None
-        for replica in prepared:
-            run_replicas([replica.request], numerics, lambda _, record, i=replica.index: on_result(i, record))
+        for index in setups:
+            if len(setups) == 1:
+                on_result(index, refusal_record(requests[index], str(error)))
+            else:
+                run_replicas([requests[index]], numerics, lambda _, record, i=index: on_result(i, record))
         return None
-    states = [ReplicaState(replica.request.seed) for replica in prepared]
-    ensemble = EnsembleRun([replica.scene for replica in prepared], sim, states)
-    reporter = ResultReporter(prepared, library, on_result, recorders_of(prepared, ensemble))
+    ready = {index: requests[index] for index in setups}
+    ensemble = EnsembleRun(scenes, sim, [ReplicaState(request.seed) for request in ready.values()])
+    reporter = ResultReporter(ready, library, on_result, recorders_of(list(ready.values()), ensemble))
     recording = [partial(record_replica, recorder) for recorder in reporter.recorders.values()]
     run_ensemble(ensemble, [*recording, reporter])
     return sim
-
-
-def prepare_replicas(
-    requests: Sequence[ReplicaRequest], library: dict[str, Effect], on_result: OnResult
-) -> list[PreparedReplica]:
-    """Build the set-up of every replica; one that cannot be built is reported as failed."""
-    prepared = []
-    for index, request in enumerate(requests):
-        try:
-            setup = prepare(request.scene, request.seed, library)
-        except BadInput as error:
-            on_result(index, refusal_record(request, str(error)))
-            continue
-        scene = effective_scene(request.scene, library)
-        prepared.append(PreparedReplica(index, request, setup, scene))
-    return prepared
 
 
 def refusal_record(request: ReplicaRequest, reason: str) -> dict[str, Any]:
@@ -110,10 +89,10 @@ def refusal_record(request: ReplicaRequest, reason: str) -> dict[str, Any]:
     return empty | cost | {"hash": scene_hash(request.scene), "failure": reason}
 
 
-def recorders_of(prepared: list[PreparedReplica], ensemble: EnsembleRun) -> dict[int, Recorder]:
+def recorders_of(requests: list[ReplicaRequest], ensemble: EnsembleRun) -> dict[int, Recorder]:
     """Recorders by replica; a recording that cannot be opened becomes a warning."""
     recorders = {}
-    for replica, request in enumerate(ready.request for ready in prepared):
+    for replica, request in enumerate(requests):
         if request.record is None:
             continue
         scene = ensemble.scenes[replica]
@@ -130,7 +109,7 @@ def recorders_of(prepared: list[PreparedReplica], ensemble: EnsembleRun) -> dict
 class ResultReporter:
     """Callback that reports the record of every replica once, at the check at which it ends."""
 
-    prepared: list[PreparedReplica]
+    ready: dict[int, ReplicaRequest]  # by index, in the order of the replicas
     library: dict[str, Effect]  # empty where no scene names an effect
     on_result: OnResult
     recorders: dict[int, Recorder]
@@ -139,14 +118,14 @@ class ResultReporter:
     reported: set[int] = field(default_factory=set)
 
     def __call__(self, ensemble: EnsembleRun) -> None:
-        for replica, state in enumerate(ensemble.states):
-            if not state.active and replica not in self.reported:
+        for replica, (index, request) in enumerate(self.ready.items()):
+            if not ensemble.states[replica].active and replica not in self.reported:
                 self.reported.add(replica)
-                self.on_result(self.prepared[replica].index, self.record(ensemble, replica))
+                self.on_result(index, self.record(ensemble, replica, request))
 
-    def record(self, ensemble: EnsembleRun, replica: int) -> dict[str, Any]:
+    def record(self, ensemble: EnsembleRun, replica: int, request: ReplicaRequest) -> dict[str, Any]:
         """Record of one replica, its recording finished."""
-        request, state = self.prepared[replica].request, ensemble.states[replica]
+        state = ensemble.states[replica]
         state.measurements = apply_instruments(state.measurements, request.scene, self.library)
         record = replica_record(ensemble, replica)
         recorder, hashed = self.recorders.get(replica), scene_hash(request.scene)
@@ -154,7 +133,7 @@ class ResultReporter:
             properties = {"scene": {"hash": hashed}} | dict(request.properties or {})
             record |= finish_recording(recorder, ensemble, record, properties)
         failure = record["warnings"][-1] if record["stopped"] is not None else None
-        count = len(self.prepared)
+        count = len(self.ready)
         wall, cpu = time.perf_counter() - self.wall_start, time.process_time() - self.cpu_start
         cost = {"wall_s": wall / count, "cpu_s": cpu / count, "versions": versions()}
         return record | cost | {"hash": hashed, "failure": failure}
