@@ -1,6 +1,5 @@
 """A calibration up to a step: tables, written as each step has ended, JSON document, calibrated scenes."""
 
-import io
 import time
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -85,9 +84,8 @@ def calibrate(
     found = Calibration(file)
     planned = calculate.screening_design(file)
     found.document = {"study": str(path), "until": until, "design": path_document(planned)}
-    if until != "design" or not is_written(file.folder / "screen.csv", planned):
-        refuse_foreign_files(file, until, force)
-        write_design(found, "screen", planned)
+    refuse_foreign_files(file, until, force)
+    write_design(found, "screen", planned)
     if until != "design":
         steps = STEPS[: STEPS.index(until) + 1]
         ledger, where = open_ledger(file.folder), file.study.campaign.model_copy(update=stated)
@@ -154,15 +152,6 @@ def run_steps(found: Calibration, runner: DesignRunner, steps: tuple[Step, ...])
     overrides = calculate.changes_of(found.file, rounded)
     written = [write_calibrated_scene(found.file, scene, overrides) for scene in found.file.scenes]
     document["calibrated_scenes"] = [str(path) for path in written]
-
-
-def is_written(table: Path, planned: Design) -> bool:
-    """Whether a table holds this very design: then its responses are kept."""
-    wanted = pd.read_csv(io.StringIO(design_text(planned)), dtype=str)
-    try:
-        return wanted.equals(pd.read_csv(table, dtype=str)[list(wanted)])
-    except (OSError, ValueError, KeyError):
-        return False
 
 
 def write_design(found: Calibration, name: str, design: Design) -> Path:

@@ -3,7 +3,6 @@
 The checks: grains are all there, once, with their masses, at finite places; mechanical energy does not grow.
 """
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -27,7 +26,6 @@ from taichi_erosion.simulation import Simulation, advance, energies, failure, sn
 
 ENERGY_RISE = 0.05  # of the mechanical energy above rest, in one check interval, that stops a replica [1]
 MASS_ERROR = 1e-5  # of the sum of all masses; they are stored in single precision [1]
-PROGRESS_INTERVAL = 0.2  # s of wall time
 
 FINDINGS = {  # of a check that stopped a replica, and the likely cause
     Status.OVERLAP: (
@@ -173,30 +171,14 @@ def failure_message(failure: Failure, seed: int) -> str:
     return f"seed {seed} stopped at {failure.time:.6g} s: {told}; likely cause: {cause}"
 
 
-def share_done(ensemble: EnsembleRun) -> float:
-    """Rough share of the whole run that is done [1]; stages until rest usually end before their limit."""
-    shares = []
+def report_progress(report: Report, ensemble: EnsembleRun) -> None:
+    """Report the stage, its time and the rough share done; stages until rest usually end early."""
+    shares, names = [], []
     for scene, state in zip(ensemble.scenes, ensemble.states, strict=True):
-        limits = [stage.duration_max for stage in scene.stages]
-        stage = min(max(state.stage, 0), len(limits) - 1)
-        within = min((ensemble.time - state.began) / limits[stage], 1.0)
-        shares.append((sum(limits[:stage]) + within * limits[stage]) / sum(limits) if state.active else 1.0)
-    return min(shares) * (1.0 - ROUNDING)
-
-
-@dataclass
-class ProgressReporter:
-    """Callback that reports the stage, its time and the share done, at most every PROGRESS_INTERVAL."""
-
-    report: Report
-    last: float = 0.0  # s of the monotonic clock
-
-    def __call__(self, ensemble: EnsembleRun) -> None:
-        now = time.monotonic()
-        if now - self.last < PROGRESS_INTERVAL:
-            return
-        self.last = now
-        both = zip(ensemble.scenes, ensemble.states, strict=True)
-        active = [scene.stages[state.stage].name for scene, state in both if state.active]
-        name = active[0] if active else "measuring"
-        self.report(share_done(ensemble), f"{name}, {ensemble.time:.3f} s simulated")
+        if state.active:
+            limits = [stage.duration_max for stage in scene.stages]
+            within = min(ensemble.time - state.began, limits[state.stage])
+            shares.append((sum(limits[: state.stage]) + within) / sum(limits))
+            names.append(scene.stages[state.stage].name)
+    name, share = (names[0], min(shares)) if names else ("measuring", 1.0)
+    report(share * (1.0 - ROUNDING), f"{name}, {ensemble.time:.3f} s simulated")

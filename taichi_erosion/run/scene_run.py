@@ -24,8 +24,8 @@ from taichi_erosion.run.checks import explained, idle_effects, library_of, named
 from taichi_erosion.run.ensemble_loop import (
     Callback,
     EnsembleRun,
-    ProgressReporter,
     failure_message,
+    report_progress,
     run_ensemble,
 )
 from taichi_erosion.run.recorder import Recorder, finish_recording, open_recorder, record_replica
@@ -173,7 +173,7 @@ def run_with_outputs(
     if options.checkpoint:
         callbacks.append(checkpointer)
     if options.progress:
-        callbacks.append(ProgressReporter(options.progress))
+        callbacks.append(partial(report_progress, options.progress))
     try:
         with deferred_signals() as pending:
             run_ensemble(ensemble, [*callbacks, lambda _: pending.raise_pending()])
