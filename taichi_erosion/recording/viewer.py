@@ -30,7 +30,6 @@ NOTICE_TIME = 6.0  # s after its start, in which the whole viewer shows a notice
 SHOTS = 5  # calls for a picture before it is given up
 ROUNDING = 1e-6  # of a time that the viewer counts in nanoseconds [1]
 END_LIMIT = 5.0  # s in which a viewer that has lost its connection ends
-STOP_LIMIT = 10.0  # s until a viewer that was asked to end is killed
 NO_RENDERER = (
     "no software renderer, the viewer did not start: on Debian install mesa-vulkan-drivers and libvulkan1"
 )
@@ -61,12 +60,8 @@ def viewer_process(port: int, *options: str | Path) -> Iterator[subprocess.Popen
     try:
         yield process
     finally:
-        process.terminate()
-        try:
-            process.wait(STOP_LIMIT)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        process.kill()  # it has nothing to put away
+        process.wait()
 
 
 def open_viewer(path: Path) -> int:

@@ -27,10 +27,8 @@ from taichi_erosion.run.result import (
     write_document_or_warn,
 )
 from taichi_erosion.run.scene_run import deferred_signals
-from taichi_erosion.scene.load import scene_hash
 from taichi_erosion.scene.preparation.air import build_air
 from taichi_erosion.scene.schema.air import AirScene
-from taichi_erosion.scene.schema.fields import resolved
 
 CURVES = {
     "speed_largest": "largest speed, m/s",
@@ -142,14 +140,11 @@ def air_document(path: Path, run: AirRun, threads: int, seconds: float) -> dict[
         scene,
         replicas,
         {name: pool([measurements[name] for measurements in measured]) for name in scene.measure},
-        hash=scene_hash(scene),
         grain_steps=0,
         cell_steps=len(run.seeds) * cells * run.steps,
         pressure_iterations_per_step=run.iterations / max(run.steps, 1),
         wall_s=seconds,
-        recording=None,
         numerics={"threads": threads, "precision": "f64", "time_step": run.step_length},
-        resolved=resolved(scene),
     )
 
 

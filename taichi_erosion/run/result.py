@@ -48,7 +48,7 @@ from taichi_erosion.measures.result import Measurement, as_record, json_value, w
 from taichi_erosion.run import RunOptions
 from taichi_erosion.run.checkpoint import is_checkpoint
 from taichi_erosion.run.ensemble_loop import EnsembleRun, failure_message
-from taichi_erosion.scene import Scene, scene_hash
+from taichi_erosion.scene import Scene, resolved, scene_hash
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.simulation.scene_setup import Library, checked_params, circumstances_of, effective_scene
 
@@ -153,12 +153,14 @@ def run_document(
     return {
         "scene": str(path),
         "title": scene.scene.title,
-        "hash": entries.pop("hash"),
+        "hash": scene_hash(scene),
         "seed": replicas[0]["seed"],
         "replicas": replicas,
         "measures": {name: as_record(measurement) for name, measurement in pooled.items()},
         "measured": {name: m.model_dump() for name, m in scene.measured.items()},
+        "recording": None,
         **entries,
+        "resolved": resolved(scene),
         "engine": engine_name(),
         "versions": versions(),
     }

@@ -38,7 +38,7 @@ from taichi_erosion.run.result import (
     write_document_or_warn,
 )
 from taichi_erosion.run.stages import ReplicaState, whole_intervals
-from taichi_erosion.scene import Scene, laws, resolved, scene_hash
+from taichi_erosion.scene import Scene, laws, scene_hash
 from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare
 from taichi_erosion.simulation.capacities import has_grids
 from taichi_erosion.simulation.team import mean_threads
@@ -204,13 +204,10 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
         scene,
         [replica_record(ensemble, replica) for replica in range(len(ensemble.states))],
         pooled,
-        hash=scene_hash(scene),
         grain_steps=round(ensemble.grain_steps),
         wall_s=seconds,
-        recording=None,
         numerics=numerics | mean_threads(sim.team),
         limits=explained(scene),
         convention=SURFACE_ENERGY_CONVENTION,
-        resolved=resolved(scene),
         effect_digests=scene.effect_digests,
     )
