@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 from taichi_erosion.api.notebook import frame, html
 from taichi_erosion.api.runs import PathLike, override, stated_changes
 from taichi_erosion.run import session as sessions
-from taichi_erosion.run import session_queries as queries
 from taichi_erosion.verification.effect_contract import refuse_unusable
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ class LiveSession:
         refuse_unusable(files)
         overrides = tuple(override(*one) for one in changes.items())
         self.session = sessions.open_session(Path(scene), overrides, seed, files)
-        self.session.callbacks.append(queries.keep_sample)
+        self.session.callbacks.append(sessions.keep_sample)
 
     @property
     def time(self) -> float:
@@ -74,24 +73,24 @@ class LiveSession:
 
     def get(self, path: str) -> Any:
         """Value of an entry of the scene by its dotted path, or a mapping of those below. Raises BadInput."""
-        return queries.entry(self.session, path)
+        return sessions.entry(self.session, path)
 
     def help(self, path: str) -> str:
         """Meaning, unit, default and range of an entry, of effects too. Raises BadInput."""
-        return queries.meaning(self.session, path)
+        return sessions.meaning(self.session, path)
 
     def diff(self, before: str | None = None, after: str | None = None) -> "pd.DataFrame":
         """Entries that differ: from the scene file, or a saved state, to the present, or another saved state.
 
         Raises BadInput for an unknown state.
         """
-        pairs = queries.differences(self.session, before, after).items()
+        pairs = sessions.differences(self.session, before, after).items()
         rows = [{"entry": path, "before": old, "after": new} for path, (old, new) in pairs]
         return frame(rows, columns=("entry", "before", "after")).set_index("entry")
 
     def watch(self, *names: str) -> "LiveSession":
         """Keep measures for `samples` and `plot` from now on, beside the numbers of the status."""
-        queries.watch(self.session, *names)
+        sessions.watch(self.session, *names)
         return self
 
     @property
@@ -103,7 +102,7 @@ class LiveSession:
         """Figure of a number over the simulated time. Raises BadInput before the first sample."""
         from taichi_erosion.report.figure_style import curve_figure
 
-        return curve_figure(*queries.curve(self.session, name), name)
+        return curve_figure(*sessions.curve(self.session, name), name)
 
     @property
     def warnings(self) -> list[str]:

@@ -210,9 +210,8 @@ def live(
 ) -> None:
     """Run a scene interactively: type `help` at the prompt, or pipe commands in."""
     from taichi_erosion.cli.live import run_prompt
-    from taichi_erosion.recording.outputs import unused_name
     from taichi_erosion.recording.viewer import web_viewer
-    from taichi_erosion.run.session import open_session
+    from taichi_erosion.run.session import open_session, unused_name
 
     if web and viewer:
         raise BadInput("--web and --viewer exclude each other")
@@ -295,7 +294,7 @@ def export(
     force: Force = False,
 ) -> None:
     """Write the grains of a recording for ParaView."""
-    from taichi_erosion.recording.export import export_vtk
+    from taichi_erosion.recording.readback import export_vtk
 
     typer.echo(str(export_vtk(file, vtk, force)))
 

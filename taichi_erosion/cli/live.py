@@ -17,7 +17,6 @@ from taichi_erosion.measures.result import Measurement
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.pictures import terminal_colours, terminal_shades
 from taichi_erosion.run import session as live
-from taichi_erosion.run import session_queries as queries
 from taichi_erosion.run.session import Session
 from taichi_erosion.scene import resolved
 from taichi_erosion.scene.paths import leaves
@@ -81,7 +80,7 @@ def set_entry(session: Session, words: list[str]) -> str:
 
 def get_entry(session: Session, words: list[str]) -> str:
     path = only(words, "get")
-    return f"{path} = {queries.entry(session, path)}"
+    return f"{path} = {live.entry(session, path)}"
 
 
 def measure(session: Session, words: list[str]) -> str:
@@ -104,9 +103,9 @@ def plot(session: Session, words: list[str]) -> str:
     """Curve of a number over the session so far, in the terminal or as PNG."""
     if not 1 <= len(words) <= 2:
         usage = f"usage: {COMMANDS['plot'].usage}"
-        raise BadInput(f"{usage}; NAME is one of {', '.join(queries.number_names(session))}")
+        raise BadInput(f"{usage}; NAME is one of {', '.join(live.number_names(session))}")
     name, *files = words
-    time, value = queries.curve(session, name)
+    time, value = live.curve(session, name)
     if not files:
         return text_plot(time, value, name)
     from taichi_erosion.report.figure_style import curve_figure, raster
@@ -140,7 +139,7 @@ def diff(session: Session, words: list[str]) -> str:
     """Entries that differ: from the scene file, or from a saved state to another or to the present."""
     if len(words) > 2:
         raise BadInput(f"usage: {COMMANDS['diff'].usage}")
-    found = queries.differences(session, *words).items()
+    found = live.differences(session, *words).items()
     return "\n".join(f"{path}: {old} -> {new}" for path, (old, new) in found) or "no entry differs"
 
 
@@ -149,7 +148,7 @@ def watch(session: Session, words: list[str]) -> str:
     if words == ["off"]:
         session.watched.clear()
         return "watching nothing"
-    queries.watch(session, *words)
+    live.watch(session, *words)
     return f"watching {', '.join(session.watched) or 'nothing'}"
 
 
@@ -160,7 +159,7 @@ class Sampler:
     printed: float = -inf  # s of the monotonic clock, at the latest print
 
     def __call__(self, session: Session) -> None:
-        now = queries.keep_sample(session)
+        now = live.keep_sample(session)
         if session.watched and monotonic() - self.printed >= WATCH_INTERVAL:
             self.printed = monotonic()
             told = (f"{name} {now[name]:.5g} {unit}".rstrip() for name, unit in session.watched.items())
@@ -207,7 +206,7 @@ def script(session: Session, words: list[str]) -> str:
 
 def help_text(session: Session, words: list[str]) -> str:
     if words:
-        return COMMANDS[words[0]].meaning if words[0] in COMMANDS else queries.meaning(session, words[0])
+        return COMMANDS[words[0]].meaning if words[0] in COMMANDS else live.meaning(session, words[0])
     width = max(len(command.usage) for command in COMMANDS.values())
     return "\n".join(f"{command.usage:<{width}}  {command.meaning}" for command in COMMANDS.values())
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.recording.outputs import refuse_foreign_outputs, unused_name
+from taichi_erosion.run.result import refuse_foreign_outputs
+from taichi_erosion.run.session import unused_name
 
 SCENE = Path("scenes/heap.toml")
 
@@ -20,11 +21,11 @@ def earlier_run(folder: Path) -> Path:
     return record
 
 
-def test_an_earlier_run_of_the_scene_is_replaced_and_of_another_refused_with_its_name(tmp_path):
+def test_an_earlier_run_of_the_scene_is_replaced_and_of_another_refused(tmp_path):
     record = earlier_run(tmp_path)
     refuse_foreign_outputs(record, SCENE)
     refuse_foreign_outputs(tmp_path / "new.rrd", SCENE)
-    with pytest.raises(BadInput, match=r"belongs to a run of scenes/heap\.toml"):
+    with pytest.raises(BadInput, match=r"heap\.json: exists, and no run of scenes/drum\.toml wrote it"):
         refuse_foreign_outputs(record, Path("scenes/drum.toml"))
 
 
