@@ -70,6 +70,8 @@ def refuse_unwritable_outputs(path: Path, options: RunOptions, record: Path) -> 
         refuse_foreign_outputs(record, path, options.force)
     if saved := options.checkpoint:
         check_writable(saved)
+        if saved.resolve() == path.resolve():
+            raise BadInput(f"{saved}: is the scene itself; give the checkpoint another name")
         if saved.exists() and not options.force and not is_checkpoint(saved):
             raise BadInput(f"{saved}: exists, and is no checkpoint; {REMEDY}")
 
