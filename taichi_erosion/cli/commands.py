@@ -7,10 +7,13 @@ not given is not passed on: its default is defined where it is used.
 import os
 import platform
 import shlex
+import sys
 import threading
 from contextlib import nullcontext
 from dataclasses import asdict
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
@@ -19,10 +22,19 @@ from taichi_erosion import __version__
 from taichi_erosion.cli import output
 from taichi_erosion.cli.doe import audit, doe
 from taichi_erosion.cli.evidence import study_commands
-from taichi_erosion.cli.help import EXPLAIN, SIMULATE, help_of
-from taichi_erosion.cli.output import Arch, AsJson, Decomposition, EffectFiles, Force, Verbose
+from taichi_erosion.cli.options import (
+    CHECK,
+    EXPLAIN,
+    SIMULATE,
+    Arch,
+    AsJson,
+    Decomposition,
+    EffectFiles,
+    Force,
+    Verbose,
+    help_of,
+)
 from taichi_erosion.cli.progress import LOG, interruptible, open_log, reporting
-from taichi_erosion.cli.source_tree import source_module
 from taichi_erosion.core.engine.choice import SWITCH, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput, ExitCode
 from taichi_erosion.core.files import check_writable, refuse_foreign
@@ -30,6 +42,8 @@ from taichi_erosion.core.files import check_writable, refuse_foreign
 if TYPE_CHECKING:
     from taichi_erosion.core.foreign_code import EffectFile
     from taichi_erosion.verification.claims import Claim
+
+ROOT = Path(__file__).parents[2]  # of the source tree, with all claims and the timed cases
 
 app = typer.Typer(
     help="Wind erosion of soil, grain by grain: simulate a scene, measure it, compare it with experiments.",
@@ -118,7 +132,7 @@ def program(
         LOG.info("taichi-erosion %s: %s", __version__, shlex.join(context.obj))
 
 
-@app.command(**help_of("run"))
+@app.command(**help_of("run", SIMULATE))
 def run(
     scene: SceneFile,
     override: Override = None,
@@ -143,15 +157,19 @@ def run(
     overrides, effects = tuple(override or ()), tuple(effect or ())
     if check:
         return print_check(scene, overrides, effects, as_json)
-    check_options(record, no_record, checkpoint, every)
+    if record and no_record:
+        raise BadInput("--record and --no-record exclude each other")
+    if every is not None and not (checkpoint and every > 0.0):
+        raise BadInput(f"--every {every}: needs --checkpoint FILE, and a time greater than 0 s")
     from taichi_erosion.run import RunOptions, run_scene
 
     options = given(seed=seed, replicas=replicas, arch=arch, threads=threads, precision=precision)
-    options |= given(decomposition=decomposition)
-    options |= given(record=record, checkpoint=checkpoint, checkpoint_interval=every, resume=resume)
-    options |= {"overrides": overrides, "effect_files": effects} | ({"force": True} if force else {})
+    options |= given(decomposition=decomposition, checkpoint_interval=every, record=record)
+    options |= given(checkpoint=checkpoint, resume=resume, overrides=overrides, effect_files=effects)
     with interruptible("simulating") as progress:
-        document = run_scene(scene, RunOptions(no_record=no_record, progress=progress, **options))
+        document = run_scene(
+            scene, RunOptions(no_record=no_record, force=force, progress=progress, **options)
+        )
     output.log_run(document)
     output.print_result(document, as_json, lambda found: output.print_run(found, verbose))
     if any(replica.get("stopped") for replica in document["replicas"]):
@@ -167,11 +185,9 @@ def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ..
 
     def print_text(found: output.Record) -> None:
         typer.echo(f"{scene}: valid, hash {found['hash']}")
-        for sentence in output.examined_effects(found["effects"]):
-            typer.echo(sentence)
-        warnings = (f"{output.WARNING}{line}" for line in found.get("limits", {}).get("warnings", ()))
-        for sentence in (*warnings, *consequences(found)):
-            typer.echo(sentence)
+        output.print_lines(output.examined_effects(found["effects"]))
+        output.print_lines(found.get("limits", {}).get("warnings", ()), output.WARNING)
+        output.print_lines(consequences(found))
 
     output.print_result(document, as_json, print_text)
 
@@ -183,17 +199,7 @@ def examine_effect(file: "EffectFile") -> dict[str, Any]:
     return examined_file(file)
 
 
-def check_options(record: Path | None, no_record: bool, checkpoint: Path | None, every: float | None) -> None:
-    """Raise BadInput for options that exclude or need each other."""
-    if record and no_record:
-        raise BadInput("--record and --no-record exclude each other")
-    if every is not None and checkpoint is None:
-        raise BadInput("--every needs --checkpoint FILE")
-    if every is not None and not every > 0.0:
-        raise BadInput(f"--every {every}: must be greater than 0 s")
-
-
-@app.command(**help_of("live"))
+@app.command(**help_of("live", SIMULATE))
 def live(
     scene: SceneFile,
     override: Override = None,
@@ -243,7 +249,7 @@ def recording_of(file: Path) -> Path:
     return write_recording(file)
 
 
-@app.command(**help_of("view"))
+@app.command(**help_of("view", SIMULATE))
 def view(
     file: RecordingOrStudy,
     web: Annotated[bool, typer.Option("--web", help="Serve a page for a browser on this machine.")] = False,
@@ -263,7 +269,7 @@ def view(
             return
 
 
-@app.command(**help_of("snapshot"))
+@app.command(**help_of("snapshot", SIMULATE))
 def snapshot(
     file: RecordingOrStudy,
     time: Annotated[
@@ -286,7 +292,7 @@ def snapshot(
     typer.echo(str(render_picture(recording_of(file), time, picture_file, view=only, source=file)))
 
 
-@app.command(**help_of("export"))
+@app.command(**help_of("export", SIMULATE))
 def export(
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="Recording (.rrd).", exists=True, dir_okay=False)
@@ -300,7 +306,7 @@ def export(
     typer.echo(str(export_vtk(file, vtk, force)))
 
 
-app.command(**help_of("audit"))(audit)
+app.command(**help_of("audit", CHECK))(audit)
 
 
 @measure.command(**help_of("measure repose"))
@@ -332,24 +338,30 @@ def repose(
     picture = to or image.with_suffix(".detected.png")
     refuse_foreign(picture, image, force)
     check_writable(picture)
-    options = given(crop=None if crop is None else rectangle(crop), background=background)
+    options = given(background=background)
+    if crop is not None:
+        try:
+            left, top, right, bottom = map(int, crop.split(","))
+        except ValueError:
+            raise BadInput(f"--crop {crop}: give four whole numbers X0,Y0,X1,Y1 in pixels") from None
+        options["crop"] = left, top, right, bottom
     record = measure_photograph(image, **options)
-    from taichi_erosion.report.pictures.photograph import draw_detection
+    from taichi_erosion.report.photograph import draw_detection
 
     record |= {"picture": str(draw_detection(image, record, picture))}
     output.print_result(record, as_json, output.print_measurement)
 
 
-def rectangle(text: str) -> tuple[int, int, int, int]:
-    """Corners of a rectangle [pixels], from "x0,y0,x1,y1"."""
-    try:
-        left, top, right, bottom = (int(word) for word in text.split(","))
-    except ValueError:
-        raise BadInput(f"--crop {text}: give four whole numbers X0,Y0,X1,Y1 in pixels") from None
-    return left, top, right, bottom
+def source_module(name: str) -> ModuleType | None:
+    """Module beside the package by its dotted name; None where the program is installed without its tree."""
+    if not (ROOT / name.replace(".", "/")).with_suffix(".py").is_file():
+        return None
+    if sys.path[:1] != [str(ROOT)]:
+        sys.path.insert(0, str(ROOT))
+    return import_module(name)
 
 
-@app.command(**help_of("verify"))
+@app.command(**help_of("verify", CHECK))
 def verify(
     ids: Annotated[
         list[str] | None, typer.Argument(metavar="ID", help="Claims such as V02; default: all.")
@@ -360,6 +372,9 @@ def verify(
     """Check the verification table: claim, got, want, tolerance; exit code 1 for an unknown failure."""
     from taichi_erosion.verification import closed_forms
     from taichi_erosion.verification.claims import verify as verify_claims
+
+    def print_claim(claim: "Claim") -> None:
+        typer.echo(f"{claim.id} {output.verdict(claim.passed)}: {claim.claim}", err=True)
 
     full = source_module("tests.verification.ladder")
     ladder = full.LADDER if full else closed_forms.LADDER
@@ -372,12 +387,7 @@ def verify(
         raise typer.Exit(ExitCode.FAILURE)
 
 
-def print_claim(claim: "Claim") -> None:
-    """Print the outcome of one claim on stderr; the whole table takes minutes."""
-    typer.echo(f"{claim.id} {output.verdict(claim.passed)}: {claim.claim}", err=True)
-
-
-@app.command(**help_of("bench"))
+@app.command(**help_of("bench", CHECK))
 def bench(
     arch: Annotated[
         Literal["cpu", "cuda", "vulkan"] | None, typer.Option(help="Device; default: cpu.")
@@ -391,10 +401,8 @@ def bench(
     as_json: AsJson = False,
 ) -> None:
     """Measure the speed: grain-steps per second and per core, and the time of each stage."""
-    if large and quick:
-        raise BadInput("--quick or --large, not both")
-    if (large or quick) and arch in (None, "cpu"):
-        raise BadInput(f"--{'large' if large else 'quick'}: for --arch cuda or vulkan")
+    if (large and quick) or ((large or quick) and arch in (None, "cpu")):
+        raise BadInput("--large or --quick, not both, is for --arch cuda or vulkan")
     size = "large" if large else "quick" if quick else "usual"
     cases = source_module("benchmarks.cases")
     if cases is None:
@@ -404,7 +412,7 @@ def bench(
     output.print_result(document, as_json, output.print_cases)
 
 
-@app.command(**help_of("schema"))
+@app.command(**help_of("schema", CHECK))
 def schema(
     to: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="Default: scenes/scene.schema.json.")

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from taichi_erosion.cli import output
-from taichi_erosion.cli.help import help_of
-from taichi_erosion.cli.output import Arch, AsJson, Decomposition, Force
+from taichi_erosion.cli.options import Arch, AsJson, Decomposition, Force, help_of
 from taichi_erosion.cli.progress import KEPT, interruptible
 from taichi_erosion.evidence.words.shell import shell_command
 

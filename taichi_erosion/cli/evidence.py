@@ -2,17 +2,27 @@
 
 from collections.abc import Callable, Mapping
 from functools import wraps
+from importlib import import_module
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taichi_erosion.cli import answers, output
-from taichi_erosion.cli.help import help_of
-from taichi_erosion.cli.output import Arch, AsJson, Decomposition, EffectFiles, Force, Verbose
+from taichi_erosion.cli import output
+from taichi_erosion.cli.options import (
+    EXPLAIN,
+    Arch,
+    AsJson,
+    Decomposition,
+    EffectFiles,
+    Force,
+    Verbose,
+    help_of,
+)
 from taichi_erosion.cli.progress import KEPT, announce, interruptible
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import one_line_name, write_atomic
 
 if TYPE_CHECKING:
     from taichi_erosion.evidence.answers.files import Reply
@@ -149,32 +159,26 @@ def answer(
     if as_json:
         return output.print_json(printed(reply.document))
     needed = [word for file in options.effect_files for word in ("--effect", str(file))]
-    answers.print_answer(reply, needed, verbose)
+    output.print_answer(reply, needed, verbose)
 
 
-@app.command(**help_of("compare"))
-@with_study_options
-def compare(
-    study: StudyFile, options: "StudyOptions", verbose: Verbose = False, as_json: AsJson = False
-) -> None:
-    """Calibrate the model, and show where it still disagrees with the measurements."""
-    from taichi_erosion.evidence.answers.commands import compare_study
+def ask(name: str, title: str, summary: str) -> None:
+    """Register a command that asks a study one question."""
 
-    answer("comparing", lambda report: compare_study(study, report, options), options, as_json, verbose)
+    def command(
+        study: StudyFile, options: "StudyOptions", verbose: Verbose = False, as_json: AsJson = False
+    ) -> None:
+        compute = getattr(import_module("taichi_erosion.evidence.answers.commands"), f"{name}_study")
+        answer(title, lambda report: compute(study, report, options), options, as_json, verbose)
 
-
-@app.command(**help_of("discover"))
-@with_study_options
-def discover(
-    study: StudyFile, options: "StudyOptions", verbose: Verbose = False, as_json: AsJson = False
-) -> None:
-    """Find the missing effect: present, excluded, not testable, or not in the list."""
-    from taichi_erosion.evidence.answers.commands import discover_study
-
-    answer("discovering", lambda report: discover_study(study, report, options), options, as_json, verbose)
+    app.command(name, help=summary, **help_of(name, EXPLAIN))(with_study_options(command))
 
 
-@app.command(**help_of("adopt"))
+ask("compare", "comparing", "Calibrate the model, and show where it still disagrees with the measurements.")
+ask("discover", "discovering", "Find the missing effect: present, excluded, not testable, or not listed.")
+
+
+@app.command(**help_of("adopt", EXPLAIN))
 @with_study_options
 def adopt(
     study: StudyFile,
@@ -193,18 +197,10 @@ def adopt(
     answer("adopting", compute, options, as_json, verbose)
 
 
-@app.command("next", **help_of("next"))
-@with_study_options
-def next_(
-    study: StudyFile, options: "StudyOptions", verbose: Verbose = False, as_json: AsJson = False
-) -> None:
-    """Find the cheapest experiments that tell the named explanation from its rivals."""
-    from taichi_erosion.evidence.answers.commands import next_study
-
-    answer("planning", lambda report: next_study(study, report, options), options, as_json, verbose)
+ask("next", "planning", "Find the cheapest experiments that tell the named explanation from its rivals.")
 
 
-@app.command(**help_of("predict"))
+@app.command(**help_of("predict", EXPLAIN))
 @with_study_options
 def predict(
     study: StudyFile,
@@ -215,21 +211,24 @@ def predict(
     as_json: AsJson = False,
 ) -> None:
     """Predict values at new conditions by the calibrated or adopted model, with 90 % intervals."""
-    from taichi_erosion.core.files import write_atomic
+    from taichi_erosion.api.results import PREDICTED, prediction_table
     from taichi_erosion.evidence.answers.predictions import predict_study
 
-    if out is not None:
-        answers.refuse_other_table(out)
+    columns = ",".join(PREDICTED).encode()
+    if out and out.exists() and not (out.is_file() and columns in out.read_bytes().partition(b"\n")[0]):
+        raise BadInput(f"--out {one_line_name(out)}: exists, and holds no predictions; name another file")
     with interruptible("predicting", KEPT) as progress:
         reply = predict_study(study, at, lambda text, share: progress(share, text), options, bare)
-    output.print_json(reply.document) if as_json else answers.print_prediction(reply)
-    if out is not None:
-        write_atomic(out, answers.prediction_csv(reply).encode())
-        if not as_json:
-            typer.echo(f"written: {out}")
+    output.print_result(
+        reply.document, as_json, lambda _: output.print_parts(reply.about["set_up"], reply.answer())
+    )
+    if out:
+        table = prediction_table(reply).to_csv(index=False, float_format="%.6g", lineterminator="\n")
+        write_atomic(out, table.encode())
+        typer.echo(f"written: {out}", err=as_json)
 
 
-@app.command(**help_of("report"))
+@app.command(**help_of("report", EXPLAIN))
 def report(source: ReportSource, to: PageFile = None, force: Force = False, as_json: AsJson = False) -> None:
     """Write one self-contained HTML page: on a run, a calibration, or all results of a study."""
     from taichi_erosion.report import write_report
@@ -267,7 +266,7 @@ def new(
     own = (diameter, density, grains, scene, tuple(effect or ()))
     wishes = Wishes(told, out, apparatus, closed_form, roughness, anew, *own)
     document = new_study(table, wishes, (lambda _, guess: guess) if yes or as_json else asked)
-    output.print_result(document, as_json, answers.print_new_study)
+    output.print_result(document, as_json, output.print_new_study)
 
 
 @study_commands.command("check", **help_of("study check"))
@@ -275,7 +274,7 @@ def check(study: StudyFile, effect: EffectFiles = None, as_json: AsJson = False)
     """Validate a study, its table, scenes, model and effect files; run nothing."""
     from taichi_erosion.evidence.answers.study_files.check_study import check_study
 
-    output.print_result(check_study(study, options_of(effect=effect)), as_json, answers.print_check)
+    output.print_result(check_study(study, options_of(effect=effect)), as_json, output.print_check)
 
 
 def pairs(stated: Pairs, option: str) -> Mapping[str, str]:

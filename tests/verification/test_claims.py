@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from taichi_erosion.cli import source_tree
+from taichi_erosion.cli import commands
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.verification import closed_forms
@@ -41,7 +41,7 @@ def test_an_unknown_check_is_refused_by_name() -> None:
 
 
 def test_an_installed_program_names_its_short_list_and_where_the_rest_is(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(source_tree, "ROOT", tmp_path)
+    monkeypatch.setattr(commands, "ROOT", tmp_path)
     assert main(["verify", "V01"]) == 2
     assert f"choose from {', '.join(closed_forms.LADDER.checks)}" in capsys.readouterr().err
     assert main(["bench"]) == 2

@@ -1,15 +1,29 @@
-"""Panels and examples of `--help`."""
+"""Options of several commands, and panels and examples of `--help`."""
 
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
+EffectFiles = Annotated[
+    list[Path] | None,
+    typer.Option("--effect", metavar="FILE", help="Python file with an effect of your own; may be repeated."),
+]
+Force = Annotated[
+    bool, typer.Option("--force", help="Replace files of this name that this command did not write.")
+]
+Verbose = Annotated[bool, typer.Option("--verbose", help="Print notes, numbers and cost too.")]
+Arch = Annotated[
+    Literal["auto", "cpu", "cuda", "vulkan"] | None,
+    typer.Option(help="Device; default: cpu. auto: a graphics processor for large runs, if there is one."),
+]
+Decomposition = Annotated[
+    Literal["partitions", "grains"] | None,
+    typer.Option(help="What one thread advances; default: partitions on cpu, grains elsewhere."),
+]
 
 SIMULATE, EXPLAIN, CHECK = "Simulate and view", "Calibrate and explain", "Check"
-DOE_STEPS = ("design", "run", "analyse", "climb", "surface", "optimise", "confirm", "calibrate")
-PANELS = {
-    SIMULATE: ("run", "live", "view", "snapshot", "export"),
-    EXPLAIN: ("compare", "discover", "adopt", "next", "predict", "report", "effects"),
-    CHECK: ("audit", "verify", "bench", "schema"),
-    "": ("measure repose", "study new", "study check", *(f"doe {step}" for step in DOE_STEPS)),
-}
 EXAMPLES = """
 run scenes/funnel_repose.toml
 run scenes/funnel_repose.toml --set contact.soil-soil.friction_rolling=0.3 --replicas 5
@@ -74,16 +88,12 @@ schema --study
 """
 
 
-COMMANDS = {command: panel for panel, commands in PANELS.items() for command in commands}  # "": a subcommand
-
-
 def examples_of(command: str) -> tuple[str, ...]:
     """Lines of EXAMPLES that call a command."""
     return tuple(line for line in EXAMPLES.split("\n") if f"{line} ".startswith(f"{command} "))
 
 
-def help_of(command: str) -> dict[str, Any]:
+def help_of(command: str, panel: str | None = None) -> dict[str, Any]:
     """Keyword arguments of a command's registration: its examples, and its panel in the list of commands."""
     lines = "\n".join(f"  ./erosion {example}" for example in examples_of(command))
-    panel = COMMANDS[command]
-    return {"epilog": f"Examples\n\n{lines}"} | ({"rich_help_panel": panel} if panel else {})
+    return {"epilog": f"Examples\n\n{lines}", "rich_help_panel": panel}
