@@ -11,9 +11,16 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from taichi_erosion.core.files import marked_html, refuse_foreign, write_atomic
 from taichi_erosion.evidence.data.number_words import plain
 
 MEDIA_TYPES = {".png": "image/png", ".gif": "image/gif", ".jpg": "image/jpeg", ".svg": "image/svg+xml"}
+
+
+def write_page(to: Path, source: Path, force: bool, template: str, fields: Mapping[str, Any]) -> Path:
+    """Write the page of a source; a file that is not its page stays unless forced. Raises BadInput."""
+    refuse_foreign(to, source, force)
+    return write_atomic(to, marked_html(to, source, render(template, fields)))
 
 
 def render(template: str, fields: Mapping[str, Any]) -> str:

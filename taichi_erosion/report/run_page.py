@@ -10,12 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import marked_html, read_text_file, refuse_foreign, write_atomic
+from taichi_erosion.core.files import read_text_file
 from taichi_erosion.evidence.data.number_words import counted, heading
 from taichi_erosion.evidence.words import run_words
 from taichi_erosion.evidence.words.vocabulary import quantity
 from taichi_erosion.report.figure_style import AFTER, BEFORE, WIDE, Picture, panels, responsive
-from taichi_erosion.report.html import address_of, made, render
+from taichi_erosion.report.html import address_of, made, write_page
 
 Document = Mapping[str, Any]
 
@@ -30,10 +30,8 @@ LARGEST_FILM = 8_000_000  # bytes; a larger film is not embedded
 def write_report(run: Path, to: Path | None = None, force: bool = False) -> Path:
     """Write the page of a run from its document or recording. Raises BadInput without a document."""
     source = run.with_suffix(".json")
-    to = to or run.with_suffix(".report.html")
-    refuse_foreign(to, source, force)
-    document = read_document(source)
-    return write_atomic(to, marked_html(to, source, render(TEMPLATE, page_fields(document, source))))
+    fields = page_fields(read_document(source), source)
+    return write_page(to or run.with_suffix(".report.html"), source, force, TEMPLATE, fields)
 
 
 def read_document(path: Path) -> Document:
