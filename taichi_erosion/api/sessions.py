@@ -4,6 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
+
 from taichi_erosion.api.notebook import frame, html
 from taichi_erosion.api.runs import PathLike, override, stated_changes
 from taichi_erosion.run import session as sessions
@@ -11,20 +13,19 @@ from taichi_erosion.run import session_queries as queries
 from taichi_erosion.verification.effect_contract import refuse_unusable
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from taichi_erosion.report.figure_style import Figure
+
+OPTIONS = ("seed", "effect_files")  # of a session beside its scene
 
 
 class LiveSession:
     """One replica of a scene under the caller's control; times in s of the simulation."""
 
     def __init__(
-        self, scene: PathLike, seed: int | None, effect_files: Sequence[PathLike], changes: Mapping[str, Any]
+        self, scene: PathLike, seed: int | None, effect_files: Sequence[PathLike], overrides: tuple[str, ...]
     ) -> None:
         files = [Path(file) for file in effect_files]
         refuse_unusable(files)
-        overrides = tuple(override(*one) for one in changes.items())
         self.session = sessions.open_session(Path(scene), overrides, seed, files)
         self.session.callbacks.append(queries.keep_sample)
 
@@ -39,7 +40,7 @@ class LiveSession:
         return sessions.session_status(self.session)
 
     @property
-    def table(self) -> "pd.DataFrame":
+    def table(self) -> pd.DataFrame:
         """All measures in the present state."""
         rows = (
             {"measure": name, "value": found.value, "unit": found.unit, "notes": "; ".join(found.notes)}
@@ -80,7 +81,7 @@ class LiveSession:
         """Meaning, unit, default and range of an entry, of effects too. Raises BadInput."""
         return queries.meaning(self.session, path)
 
-    def diff(self, before: str | None = None, after: str | None = None) -> "pd.DataFrame":
+    def diff(self, before: str | None = None, after: str | None = None) -> pd.DataFrame:
         """Entries that differ: from the scene file, or a saved state, to the present, or another saved state.
 
         Raises BadInput for an unknown state.
@@ -95,7 +96,7 @@ class LiveSession:
         return self
 
     @property
-    def samples(self) -> "pd.DataFrame":
+    def samples(self) -> pd.DataFrame:
         """Numbers of the status, and watched measures, at every check so far, by time [s]."""
         return frame(self.session.samples, columns=("time_s",)).set_index("time_s")
 
@@ -141,4 +142,4 @@ def live(
     **entries: Any,
 ) -> LiveSession:
     """A session at the beginning of the first stage of a scene, with changes as in `run`. Raises BadInput."""
-    return LiveSession(scene, seed, effect_files, stated_changes(changes, entries))
+    return LiveSession(scene, seed, effect_files, stated_changes(changes, entries, OPTIONS))

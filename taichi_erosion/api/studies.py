@@ -4,7 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, Union, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, Unpack
+
+import pandas as pd
 
 from taichi_erosion.api.notebook import progress
 from taichi_erosion.api.results import (
@@ -19,15 +21,11 @@ from taichi_erosion.api.runs import PathLike
 from taichi_erosion.core.errors import BadInput
 
 if TYPE_CHECKING:
-    import pandas as pd
-
-    from taichi_erosion.evidence.answers.files import Reply
     from taichi_erosion.evidence.models.load_study import StudyOptions
 
 Document = Mapping[str, Any]
-Report = Callable[[str, float], None]  # (words, share done [1])
 Kind = TypeVar("Kind", bound=Result)
-TableLike = Union[PathLike, Mapping[str, Sequence[Any]], "pd.DataFrame"]
+TableLike = PathLike | Mapping[str, Sequence[Any]] | pd.DataFrame
 
 
 class StatedGrains(TypedDict, total=False):
@@ -77,10 +75,7 @@ class Study:
         if not names:
             raise BadInput("adopt: name the effects to add")
 
-        def adopt(path: Path, report: Report, options: "StudyOptions") -> "Reply":
-            return adopt_study(path, names, report, options, force)
-
-        return self.answered(AdoptionResult, "adopting", adopt)
+        return self.answered(AdoptionResult, "adopting", adopt_study, names, force=force)
 
     def next(self) -> ExperimentsResult:
         """Find the cheapest experiments that tell the named explanation from its rivals."""
@@ -99,11 +94,7 @@ class Study:
 
         with TemporaryDirectory() as folder:
             file = table_file(table, Path(folder) / "conditions")
-
-            def predict(path: Path, report: Report, options: "StudyOptions") -> Any:
-                return predict_study(path, file, report, options, bare)
-
-            return self.answered(PredictionResult, "predicting", predict)
+            return self.answered(PredictionResult, "predicting", predict_study, file, bare=bare)
 
     def report(self, to: PathLike | None = None) -> Path:
         """Write the page of all answers (HTML). Raises BadInput before the first answer."""
@@ -112,11 +103,11 @@ class Study:
         return write_report(self.path, None if to is None else Path(to), True)
 
     def answered(
-        self, kind: type[Kind], title: str, command: Callable[[Path, Report, "StudyOptions"], Any]
+        self, kind: type[Kind], title: str, command: Callable[..., Any], *words: Any, **choices: Any
     ) -> Kind:
         """Result of a command, with a progress bar."""
-        with progress(title) as report:
-            reply = command(self.path, lambda words, share: report(share, words), self.options)
+        with progress(title) as bar:
+            reply = command(self.path, *words, lambda text, share: bar(share, text), self.options, **choices)
         return kind(self.path, reply)
 
 
@@ -140,14 +131,8 @@ def study(
     refuse_other_kind(Path(path), "study")
     if not Path(path).is_file():
         raise BadInput(f"{path}: there is no such file")
-    stated = StudyOptions(
-        *stated_budget(budget),
-        workers,
-        seed,
-        tuple(map(Path, effect_files)),
-        arch=arch,
-        decomposition=decomposition,
-    )
+    size, files = stated_budget(budget), tuple(map(Path, effect_files))
+    stated = StudyOptions(*size, workers, seed, files, arch=arch, decomposition=decomposition)
     return Study(Path(path), stated)
 
 
@@ -176,20 +161,12 @@ def new_study(
     from taichi_erosion.evidence.answers.study_files.new_study import new_study as write_study
     from taichi_erosion.evidence.data.tables.column_roles import Told
 
-    if unknown := grains.keys() - StatedGrains.__annotations__:
-        raise TypeError(f"new_study() got an unexpected keyword argument '{min(unknown)}'")
-    wishes = Wishes(
-        Told(dict(observables or {}), dict(conditions or {}), dict(units or {})),
-        None if out is None else Path(out),
-        apparatus,
-        closed_form,
-        anew=grains.get("anew", False),
-        diameter=grains.get("diameter"),
-        density=grains.get("density"),
-        grains=grains.get("grains"),
-        scene=Path(grains["scene"]) if "scene" in grains else None,
-        effects=tuple(map(Path, grains.get("effects", ()))),
-    )
+    stated: dict[str, Any] = dict(grains)
+    if "scene" in stated:
+        stated["scene"] = Path(stated["scene"])
+    stated["effects"] = tuple(map(Path, stated.get("effects", ())))
+    told = Told(dict(observables or {}), dict(conditions or {}), dict(units or {}))
+    wishes = Wishes(told, None if out is None else Path(out), apparatus, closed_form, **stated)
     document = write_study(table_file(table, out), wishes, lambda question, guess: guess)
     return study(document["study"])
 
@@ -198,8 +175,6 @@ def table_file(table: TableLike, out: PathLike | None) -> Path:
     """File of a table; columns in memory are written beside the folder of the study. Raises BadInput."""
     if isinstance(table, (str, Path)):
         return Path(table)
-    import pandas as pd
-
     try:
         columns = pd.DataFrame(table) if isinstance(table, Mapping) else table
     except ValueError as error:
