@@ -11,6 +11,7 @@ import pandas as pd
 
 from taichi_erosion.api.notebook import frame, html, progress
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.words.run_words import run_warnings, spread
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -97,17 +98,11 @@ class Run:
     @property
     def warnings(self) -> list[str]:
         """What to know about the set-up and its replicas, each sentence once."""
-        told = [*self.document.get("limits", {}).get("warnings", ())]
-        told += [each for replica in self.document["replicas"] for each in replica.get("warnings", ())]
-        return list(dict.fromkeys(told))
+        return run_warnings(self.document)
 
     def __repr__(self) -> str:
-        found = (
-            f"{name} {each['value']:.4g} {each['unit']}" if each["value"] is not None else f"{name} no value"
-            for name, each in self.document["measures"].items()
-        )
-        seeds = f"{len(self.document['replicas'])} seeds"
-        return f"Run({self.document['scene']}, {seeds}: {', '.join(found) or 'no measures'})"
+        found = (f"{name} {spread(each)} {each['unit']}" for name, each in self.document["measures"].items())
+        return f"Run({self.document['scene']}: {', '.join(found) or 'no measures'})"
 
     def _repr_html_(self) -> str:
         return html(self.document["title"] or self.document["scene"], self.warnings, [self.table])

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import pandas as pd
 
@@ -28,17 +28,6 @@ Kind = TypeVar("Kind", bound=Result)
 TableLike = PathLike | Mapping[str, Sequence[Any]] | pd.DataFrame
 
 
-class StatedGrains(TypedDict, total=False):
-    """What a new study is told of the grains beside its table, and files of the user's own."""
-
-    diameter: str  # with its unit
-    density: str  # with its unit
-    grains: int  # of a run
-    scene: PathLike  # of one's own, in place of a ready one
-    effects: Sequence[PathLike]  # files with effects of one's own
-    anew: bool  # write a study that is there again
-
-
 @dataclass(frozen=True)
 class Study:
     """An evidence study: its file, and what its runs may cost."""
@@ -56,13 +45,13 @@ class Study:
         """Calibrate the model, and find where it still fails."""
         from taichi_erosion.evidence.answers.commands import compare_study
 
-        return self.answered(ComparisonResult, "comparing", compare_study)
+        return answered(self, ComparisonResult, "comparing", compare_study)
 
     def discover(self) -> DiscoveryResult:
         """Find the missing effect."""
         from taichi_erosion.evidence.answers.commands import discover_study
 
-        return self.answered(DiscoveryResult, "discovering", discover_study)
+        return answered(self, DiscoveryResult, "discovering", discover_study)
 
     def adopt(self, *effects: str | Sequence[str], force: bool = False) -> AdoptionResult:
         """Add effects, by names or lists of names; calibrate again, open the vault.
@@ -75,13 +64,13 @@ class Study:
         if not names:
             raise BadInput("adopt: name the effects to add")
 
-        return self.answered(AdoptionResult, "adopting", adopt_study, names, force=force)
+        return answered(self, AdoptionResult, "adopting", adopt_study, names, force=force)
 
     def next(self) -> ExperimentsResult:
         """Find the cheapest experiments that tell the named explanation from its rivals."""
         from taichi_erosion.evidence.answers.commands import next_study
 
-        return self.answered(ExperimentsResult, "planning", next_study)
+        return answered(self, ExperimentsResult, "planning", next_study)
 
     def predict(self, table: TableLike, *, bare: bool = False) -> PredictionResult:
         """What the calibrated model says at the conditions of a table, with 90 % intervals.
@@ -94,7 +83,7 @@ class Study:
 
         with TemporaryDirectory() as folder:
             file = table_file(table, Path(folder) / "conditions")
-            return self.answered(PredictionResult, "predicting", predict_study, file, bare=bare)
+            return answered(self, PredictionResult, "predicting", predict_study, file, bare=bare)
 
     def report(self, to: PathLike | None = None) -> Path:
         """Write the page of all answers (HTML). Raises BadInput before the first answer."""
@@ -102,13 +91,14 @@ class Study:
 
         return write_report(self.path, None if to is None else Path(to), True)
 
-    def answered(
-        self, kind: type[Kind], title: str, command: Callable[..., Any], *words: Any, **choices: Any
-    ) -> Kind:
-        """Result of a command, with a progress bar."""
-        with progress(title) as bar:
-            reply = command(self.path, *words, lambda text, share: bar(share, text), self.options, **choices)
-        return kind(self.path, reply)
+
+def answered(
+    study: Study, kind: type[Kind], title: str, command: Callable[..., Any], *words: Any, **choices: Any
+) -> Kind:
+    """Result of a command, with a progress bar."""
+    with progress(title) as bar:
+        reply = command(study.path, *words, lambda text, share: bar(share, text), study.options, **choices)
+    return kind(study.path, reply)
 
 
 def study(
@@ -145,7 +135,7 @@ def new_study(
     units: Mapping[str, str] | None = None,
     apparatus: str | None = None,
     closed_form: bool = False,
-    **grains: Unpack[StatedGrains],
+    **grains: Any,
 ) -> Study:
     """A study, its tidy table and its scene from a laboratory's table; every guess is taken.
 
@@ -161,12 +151,11 @@ def new_study(
     from taichi_erosion.evidence.answers.study_files.new_study import new_study as write_study
     from taichi_erosion.evidence.data.tables.column_roles import Told
 
-    stated: dict[str, Any] = dict(grains)
-    if "scene" in stated:
-        stated["scene"] = Path(stated["scene"])
-    stated["effects"] = tuple(map(Path, stated.get("effects", ())))
+    if "scene" in grains:
+        grains["scene"] = Path(grains["scene"])
+    grains["effects"] = tuple(map(Path, grains.get("effects", ())))
     told = Told(dict(observables or {}), dict(conditions or {}), dict(units or {}))
-    wishes = Wishes(told, None if out is None else Path(out), apparatus, closed_form, **stated)
+    wishes = Wishes(told, None if out is None else Path(out), apparatus, closed_form, **grains)
     document = write_study(table_file(table, out), wishes, lambda question, guess: guess)
     return study(document["study"])
 

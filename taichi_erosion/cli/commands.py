@@ -34,7 +34,7 @@ from taichi_erosion.cli.options import (
     Verbose,
     help_of,
 )
-from taichi_erosion.cli.progress import LOG, interruptible, open_log, reporting
+from taichi_erosion.cli.progress import LOG, open_log, reporting
 from taichi_erosion.core.engine.choice import SWITCH, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput, ExitCode
 from taichi_erosion.core.files import check_writable, refuse_foreign
@@ -166,7 +166,7 @@ def run(
     options = given(seed=seed, replicas=replicas, arch=arch, threads=threads, precision=precision)
     options |= given(decomposition=decomposition, checkpoint_interval=every, record=record)
     options |= given(checkpoint=checkpoint, resume=resume, overrides=overrides, effect_files=effects)
-    with interruptible("simulating") as progress:
+    with reporting("simulating") as progress:
         document = run_scene(
             scene, RunOptions(no_record=no_record, force=force, progress=progress, **options)
         )

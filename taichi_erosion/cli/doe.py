@@ -12,21 +12,13 @@ import typer
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.options import Arch, AsJson, Decomposition, Force, help_of
-from taichi_erosion.cli.progress import KEPT, interruptible
+from taichi_erosion.cli.progress import KEPT, reporting
 from taichi_erosion.evidence.words.shell import shell_command
 
 if TYPE_CHECKING:
     from taichi_erosion.campaign.calibration import Calibration, Step
 
-STEPS: 'dict[Step | Literal["calibrate"], str]' = {
-    "run": "Make the runs of the screening design.",
-    "analyse": "Show which parameters matter in the screening.",
-    "climb": "Follow the path of steepest ascent towards the target.",
-    "surface": "Fit a response surface around the best point of the path.",
-    "optimise": "Find the settings that reach the target, or report that none does.",
-    "confirm": "Test the optimum with new seeds against the measurement.",
-    "calibrate": "Make all steps, and write a page with their tables and figures.",
-}
+Show = Callable[["Calibration", ModuleType], None]  # prints a step; the page has the tables
 
 doe = typer.Typer(help="Calibrate a scene by designed experiments.", no_args_is_help=True)
 
@@ -80,46 +72,8 @@ def print_audit(document: output.Record) -> None:
     output.print_table("findings", ("kind", "row", "column", "finding"), rows)
 
 
-@doe.command(**help_of("doe design"))
-def design(study: StudyPath, force: Force = False, as_json: AsJson = False) -> None:
-    """Write the table of the screening design, without running it."""
-    run_steps("design", study, {}, as_json, force)
-
-
-def add_step(step: 'Step | Literal["calibrate"]', summary: str) -> None:
-    """Register the command `doe STEP`."""
-
-    def command(
-        study: StudyPath,
-        workers: Workers = None,
-        scheduler: Scheduler = None,
-        arch: Arch = None,
-        decomposition: Decomposition = None,
-        force: Force = False,
-        as_json: AsJson = False,
-    ) -> None:
-        stated = {"workers": workers, "scheduler": scheduler, "arch": arch, "decomposition": decomposition}
-        where = {name: value for name, value in stated.items() if value is not None}
-        found = run_steps("confirm" if step == "calibrate" else step, study, where, as_json, force)
-        if step != "calibrate":
-            return
-        from taichi_erosion.report.calibration_page import publish
-
-        page = publish(found)
-        if not as_json:
-            typer.echo(f"page: {page}")
-            for scene in found.document.get("calibrated_scenes", ()):
-                typer.echo(f"{shell_command('run', scene)} runs the calibrated scene.")
-
-    doe.command(step, help=summary, **help_of(f"doe {step}"))(command)
-
-
-for _step, _summary in STEPS.items():
-    add_step(_step, _summary)
-
-
 def run_steps(
-    until: "Step", study: Path, where: Mapping[str, Any], as_json: bool, force: bool
+    until: "Step", study: Path, where: Mapping[str, Any], as_json: bool, force: bool, show: Show
 ) -> "Calibration":
     """Run a calibration up to a step and print the result of that step.
 
@@ -127,14 +81,14 @@ def run_steps(
     """
     from taichi_erosion.campaign.calibration import calibrate
 
-    with interruptible("calibrating", KEPT) as progress:
+    with reporting("calibrating", KEPT) as progress:
         found = calibrate(study, until, where, progress, force=force)
     if as_json:
         output.print_json(found.document)
     else:
         from taichi_erosion.report import calibration_page
 
-        PRINT[until](found, calibration_page)
+        show(found, calibration_page)
         typer.echo(f"tables: {found.file.folder}")
     return found
 
@@ -179,12 +133,48 @@ def print_confirmation(found: "Calibration", page: ModuleType) -> None:
         typer.echo(page.verdict(test, name, found.file.study.targets[name].unit).replace("**", ""))
 
 
-PRINT: "dict[Step, Callable[[Calibration, ModuleType], None]]" = {  # the page has the tables
-    "design": lambda found, page: print_design(found, "design"),
-    "run": lambda found, page: print_design(found, "screen"),
-    "analyse": print_analysis,
-    "climb": lambda found, page: output.print_table("climb", *page.climb_table(found)),
-    "surface": print_surface,
-    "optimise": print_optimum,
-    "confirm": print_confirmation,
-}
+@doe.command(**help_of("doe design"))
+def design(study: StudyPath, force: Force = False, as_json: AsJson = False) -> None:
+    """Write the table of the screening design, without running it."""
+    run_steps("design", study, {}, as_json, force, lambda found, page: print_design(found, "design"))
+
+
+def add_step(step: 'Step | Literal["calibrate"]', summary: str, show: Show) -> None:
+    """Register the command `doe STEP`."""
+
+    def command(
+        study: StudyPath,
+        workers: Workers = None,
+        scheduler: Scheduler = None,
+        arch: Arch = None,
+        decomposition: Decomposition = None,
+        force: Force = False,
+        as_json: AsJson = False,
+    ) -> None:
+        stated = {"workers": workers, "scheduler": scheduler, "arch": arch, "decomposition": decomposition}
+        where = {name: value for name, value in stated.items() if value is not None}
+        found = run_steps("confirm" if step == "calibrate" else step, study, where, as_json, force, show)
+        if step != "calibrate":
+            return
+        from taichi_erosion.report.calibration_page import publish
+
+        page = publish(found)
+        if not as_json:
+            typer.echo(f"page: {page}")
+            for scene in found.document.get("calibrated_scenes", ()):
+                typer.echo(f"{shell_command('run', scene)} runs the calibrated scene.")
+
+    doe.command(step, help=summary, **help_of(f"doe {step}"))(command)
+
+
+add_step("run", "Make the runs of the screening design.", lambda found, page: print_design(found, "screen"))
+add_step("analyse", "Show which parameters matter in the screening.", print_analysis)
+add_step(
+    "climb",
+    "Follow the path of steepest ascent towards the target.",
+    lambda found, page: output.print_table("climb", *page.climb_table(found)),
+)
+add_step("surface", "Fit a response surface around the best point of the path.", print_surface)
+add_step("optimise", "Find the settings that reach the target, or report that none does.", print_optimum)
+add_step("confirm", "Test the optimum with new seeds against the measurement.", print_confirmation)
+add_step("calibrate", "Make all steps, and write a page with their tables and figures.", print_confirmation)

@@ -20,7 +20,7 @@ from taichi_erosion.cli.options import (
     Verbose,
     help_of,
 )
-from taichi_erosion.cli.progress import KEPT, announce, interruptible
+from taichi_erosion.cli.progress import KEPT, announce, reporting
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name, write_atomic
 
@@ -37,13 +37,6 @@ study_commands = typer.Typer(help="Make a study of a table, or validate one.", n
 
 TableFile = Annotated[Path, typer.Argument(metavar="TABLE", help="Table of measurements (.csv or .xlsx).")]
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="Evidence study (TOML).")]
-ReportSource = Annotated[
-    Path, typer.Argument(metavar="STUDY|RUN", help="Study (TOML), or the .json or .rrd file of a run.")
-]
-EffectNames = Annotated[
-    list[str],
-    typer.Argument(metavar="EFFECT...", help="Candidates of the study; a named pair is adopted as one."),
-]
 Budget = Annotated[
     str | None,
     typer.Option(
@@ -56,20 +49,6 @@ Workers = Annotated[int | None, typer.Option(min=1, help="Local processes; defau
 Seed = Annotated[
     int | None, typer.Option(min=0, help="Seed of the runs in place of the study's; another one: fresh runs.")
 ]
-PageFile = Annotated[
-    Path | None, typer.Option("-o", "--output", "--out", metavar="FILE", help="Page to write.")
-]
-AtTable = Annotated[
-    Path,
-    typer.Option(
-        "--at",
-        metavar="TABLE",
-        help="New conditions (.csv, .xlsx): one column for each condition, in any unit; a column without "
-        "a unit is in that of the study's table. A column 'observable' says what is wanted.",
-    ),
-]
-OutFile = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Table to write (CSV).")]
-Bare = Annotated[bool, typer.Option("--bare", help="The model of STUDY itself, adopted effects left out.")]
 Observables = Annotated[
     Pairs,
     typer.Option("--observable", metavar="COLUMN=NAME", help="What a column measures; may be repeated."),
@@ -154,7 +133,7 @@ def answer(
     """Run a command with progress on stderr and print its reply; finished runs survive Ctrl-C."""
     from taichi_erosion.evidence.answers.files import printed
 
-    with interruptible(title, KEPT) as progress:
+    with reporting(title, KEPT) as progress:
         reply = compute(lambda text, share: progress(share, text))
     if as_json:
         return output.print_json(printed(reply.document))
@@ -182,7 +161,10 @@ ask("discover", "discovering", "Find the missing effect: present, excluded, not 
 @with_study_options
 def adopt(
     study: StudyFile,
-    effects: EffectNames,
+    effects: Annotated[
+        list[str],
+        typer.Argument(metavar="EFFECT...", help="Candidates of the study; a named pair is adopted as one."),
+    ],
     options: "StudyOptions",
     force: Force = False,
     verbose: Verbose = False,
@@ -204,10 +186,20 @@ ask("next", "planning", "Find the cheapest experiments that tell the named expla
 @with_study_options
 def predict(
     study: StudyFile,
-    at: AtTable,
+    at: Annotated[
+        Path,
+        typer.Option(
+            "--at",
+            metavar="TABLE",
+            help="New conditions (.csv, .xlsx): one column for each condition, in any unit; a column without "
+            "a unit is in that of the study's table. A column 'observable' says what is wanted.",
+        ),
+    ],
     options: "StudyOptions",
-    out: OutFile = None,
-    bare: Bare = False,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Table to write (CSV).")] = None,
+    bare: Annotated[
+        bool, typer.Option("--bare", help="The model of STUDY itself, adopted effects left out.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Predict values at new conditions by the calibrated or adopted model, with 90 % intervals."""
@@ -217,7 +209,7 @@ def predict(
     columns = ",".join(PREDICTED).encode()
     if out and out.exists() and not (out.is_file() and columns in out.read_bytes().partition(b"\n")[0]):
         raise BadInput(f"--out {one_line_name(out)}: exists, and holds no predictions; name another file")
-    with interruptible("predicting", KEPT) as progress:
+    with reporting("predicting", KEPT) as progress:
         reply = predict_study(study, at, lambda text, share: progress(share, text), options, bare)
     output.print_result(
         reply.document, as_json, lambda _: output.print_parts(reply.about["set_up"], reply.answer())
@@ -229,7 +221,16 @@ def predict(
 
 
 @app.command(**help_of("report", EXPLAIN))
-def report(source: ReportSource, to: PageFile = None, force: Force = False, as_json: AsJson = False) -> None:
+def report(
+    source: Annotated[
+        Path, typer.Argument(metavar="STUDY|RUN", help="Study (TOML), or the .json or .rrd file of a run.")
+    ],
+    to: Annotated[
+        Path | None, typer.Option("-o", "--output", "--out", metavar="FILE", help="Page to write.")
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
     """Write one self-contained HTML page: on a run, a calibration, or all results of a study."""
     from taichi_erosion.report import write_report
     from taichi_erosion.scene.file_kind import refuse_neither

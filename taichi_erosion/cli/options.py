@@ -32,7 +32,6 @@ run scenes/rotating_drum.toml --checkpoint drum.npz --every 0.5
 live scenes/column_collapse.toml
 live scenes/column_collapse.toml --set grains.count=300 --web
 live scenes/column_collapse.toml < SCRIPT
-live SCENE --effect my_pull.py
 view recordings/sample.rrd
 view recordings/sample.rrd --web
 view STUDY
@@ -51,14 +50,11 @@ doe confirm doe/first_calibration.toml
 doe calibrate doe/first_calibration.toml
 doe calibrate STUDY --scheduler tcp://127.0.0.1:8786
 audit doe/hao2022/table_4.csv
-audit TABLE --response angle --json
 study new TABLE
 study new TABLE --yes --closed-form --out my_study
-study new TABLE --out my_study --anew
 study new TABLE --observable "Winkel=repose_angle" --condition "w=conditions.moisture"
 study new TABLE --scene my_scene.toml --condition "pore volume=cm3/g" --effect pores.py
 study check doe/impact_threshold_reduced.toml
-study check STUDY --effect my_pull.py
 compare doe/impact_threshold_reduced.toml
 discover doe/impact_threshold_reduced.toml
 discover STUDY --budget quick
@@ -70,7 +66,6 @@ predict doe/impact_threshold_reduced.toml --at doe/prediction/grains_to_come.csv
 predict STUDY --at TABLE --out predicted.csv
 report doe/impact_threshold_reduced.toml
 report doe/funnel_soil.toml -o funnel.html
-report recordings/FILE.rrd
 effects
 effects liquid_bridge
 effects new my_pull
@@ -78,12 +73,9 @@ effects new my_push --place grain
 effects new my_law --from-discovery STUDY
 effects my_pull --effect my_pull.py
 verify V02 V05
-verify --json
 bench
-bench --json
 schema
 schema --entry grains.clump
-schema -o my_scenes/scene.schema.json
 schema --study
 """
 

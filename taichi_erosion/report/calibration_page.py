@@ -11,7 +11,6 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markdown_it import MarkdownIt
 from matplotlib.figure import Figure
 
-from taichi_erosion import __version__
 from taichi_erosion.campaign.calibration import PAGE, PICTURES, Calibration
 from taichi_erosion.campaign.calibration_steps import STAGES
 from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study
@@ -231,7 +230,7 @@ def write_report(study: Path, to: Path | None = None, force: bool = False) -> Pa
     fields = {
         "title": title.removeprefix("# "),
         "about": f"{study}, calibrated by designed experiments",
-        "made": made({"taichi_erosion": __version__}, f"first seed {file.study.study.seed}"),
+        "made": made(f"first seed {file.study.study.seed}"),
         "body": body,
         "sections": sections,
     }

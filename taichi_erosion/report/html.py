@@ -11,6 +11,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from taichi_erosion import __version__
 from taichi_erosion.core.files import marked_html, refuse_foreign, write_atomic
 from taichi_erosion.evidence.data.number_words import plain
 
@@ -35,9 +36,9 @@ def render(template: str, fields: Mapping[str, Any]) -> str:
     return environment.get_template(template).render(**fields)
 
 
-def made(versions: Mapping[str, str], seeds: str) -> str:
+def made(seeds: str, version: str = __version__) -> str:
     """When and with what a page was made."""
-    return f"Made on {date.today().isoformat()} with taichi_erosion {versions['taichi_erosion']}, {seeds}."
+    return f"Made on {date.today().isoformat()} with taichi_erosion {version}, {seeds}."
 
 
 def number(value: float | None) -> str:

@@ -54,7 +54,9 @@ def page_fields(document: Document, source: Path) -> dict[str, Any]:
     return {
         "title": document.get("title") or Path(document["scene"]).stem,
         "about": f"{document['scene']}, {counted(len(seeds), 'repeat')}",
-        "made": made(document["versions"], f"seed{'' if len(seeds) == 1 else 's'} {', '.join(seeds)}"),
+        "made": made(
+            f"seed{'s' * (len(seeds) > 1)} {', '.join(seeds)}", document["versions"]["taichi_erosion"]
+        ),
         "summary": list(run_words.comparisons(document)),
         "warnings": run_words.run_warnings(document),
         "table": run_words.run_table(document),

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from taichi_erosion import __version__
 from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.files import Command, Reply, document_file, read_reply
@@ -139,7 +138,7 @@ def answer_page(
     return {
         "title": title,
         "about": voc.study,
-        "made": made({"taichi_erosion": __version__}, f"seed {leading.cost.seed}"),
+        "made": made(f"seed {leading.cost.seed}"),
         "warnings": [],  # before everything else
         "lead": parts[0][:lead],
         "first": first,
