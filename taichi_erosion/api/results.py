@@ -13,6 +13,7 @@ import pandas as pd
 from taichi_erosion.api.notebook import WholeTable, frame, html
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.number_words import heading
+from taichi_erosion.evidence.words.answer_lines import outside_text
 from taichi_erosion.evidence.words.shell import shell_command
 
 if TYPE_CHECKING:
@@ -224,8 +225,6 @@ class PredictionResult(Result):
 
 def prediction_table(reply: "PredictionReply") -> pd.DataFrame:
     """Predictions with their conditions, as `PredictionResult.table` and a CSV have them."""
-    from taichi_erosion.evidence.words.answer_lines import outside_text
-
     units = reply.units
     rows = (
         {"observable": row.observable}

@@ -1,6 +1,5 @@
 """Runs of scenes, and the effects that they can have, from Python."""
 
-import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
+import tomlkit
 
 from taichi_erosion.api.notebook import frame, html, progress
 from taichi_erosion.core.errors import BadInput
@@ -152,18 +152,15 @@ def stated_changes(
 
 def open_run(file: PathLike) -> Run:
     """A run from its document (.json) or recording (.rrd). Raises BadInput where there is none."""
-    document = Path(file).with_suffix(".json")
-    if not document.is_file():
-        raise BadInput(f"{document}: no such file")
-    return Run(json.loads(document.read_text(encoding="utf-8")))
+    from taichi_erosion.report.run_page import read_document
+
+    return Run(read_document(Path(file).with_suffix(".json")))
 
 
 def scene_file(scene: SceneLike, folder: Path) -> Path:
     """Scene file; a mapping becomes one in a folder."""
     if not isinstance(scene, Mapping):
         return Path(scene)
-    import tomlkit
-
     path = folder / "scene.toml"
     path.write_text(tomlkit.dumps(scene), encoding="utf-8")
     return path
@@ -171,8 +168,6 @@ def scene_file(scene: SceneLike, folder: Path) -> Path:
 
 def override(path: str, value: Any) -> str:
     """`PATH=VALUE` as `--set` takes it."""
-    import tomlkit
-
     return f"{path}={tomlkit.item(value).as_string()}"
 
 

@@ -162,19 +162,15 @@ def new_study(
 
 def table_file(table: TableLike, out: PathLike | None) -> Path:
     """File of a table; columns in memory are written beside the folder of the study. Raises BadInput."""
-    if isinstance(table, (str, Path)):
+    if isinstance(table, str | Path):
         return Path(table)
-    try:
-        columns = pd.DataFrame(table) if isinstance(table, Mapping) else table
-    except ValueError as error:
-        raise BadInput(
-            f"the columns of the table: {error}; give a list for each, all of one length"
-        ) from None
-    if not isinstance(columns, pd.DataFrame):
-        given = type(table).__name__
-        raise BadInput(f"a table is a file (.csv, .xlsx), a DataFrame or a dict of columns, not a {given}")
     if out is None:
         raise BadInput("new_study: name the folder to write for a DataFrame, out=FOLDER")
+    try:
+        columns = pd.DataFrame(table)
+    except ValueError as error:
+        known = "a file (.csv, .xlsx), a DataFrame, or a dict of columns of one length"
+        raise BadInput(f"the table is not {known}: {error}") from None
     folder = Path(out)
     folder.parent.mkdir(parents=True, exist_ok=True)
     file = folder.with_name(f"{folder.name}.csv")

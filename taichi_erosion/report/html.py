@@ -5,6 +5,7 @@ import re
 from collections.abc import Mapping
 from datetime import date
 from math import isfinite
+from mimetypes import guess_type
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,6 @@ from markupsafe import Markup, escape
 from taichi_erosion import __version__
 from taichi_erosion.core.files import marked_html, refuse_foreign, write_atomic
 from taichi_erosion.evidence.data.number_words import plain
-
-MEDIA_TYPES = {".png": "image/png", ".gif": "image/gif", ".jpg": "image/jpeg", ".svg": "image/svg+xml"}
 
 
 def write_page(to: Path, source: Path, force: bool, template: str, fields: Mapping[str, Any]) -> Path:
@@ -53,4 +52,4 @@ def commands(line: str) -> Markup:
 
 def address_of(file: Path) -> str:
     """Picture file as data address."""
-    return f"data:{MEDIA_TYPES[file.suffix.lower()]};base64," + base64.b64encode(file.read_bytes()).decode()
+    return f"data:{guess_type(file)[0]};base64,{base64.b64encode(file.read_bytes()).decode()}"
