@@ -161,6 +161,7 @@ def run(
         raise BadInput("--record and --no-record exclude each other")
     if every is not None and not (checkpoint and every > 0.0):
         raise BadInput(f"--every {every}: needs --checkpoint FILE, and a time greater than 0 s")
+    from taichi_erosion.evidence.words.run_words import run_warnings
     from taichi_erosion.run import RunOptions, run_scene
 
     options = given(seed=seed, replicas=replicas, arch=arch, threads=threads, precision=precision)
@@ -170,7 +171,8 @@ def run(
         document = run_scene(
             scene, RunOptions(no_record=no_record, force=force, progress=progress, **options)
         )
-    output.log_run(document)
+    for line in run_warnings(document):
+        LOG.warning(line)
     output.print_result(document, as_json, lambda found: output.print_run(found, verbose))
     if any(replica.get("stopped") for replica in document["replicas"]):
         raise typer.Exit(ExitCode.STOPPED)

@@ -11,7 +11,6 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from taichi_erosion.cli.progress import LOG
 from taichi_erosion.evidence.data.number_words import counted, plain
 from taichi_erosion.evidence.words.shell import shell_command
 
@@ -85,17 +84,6 @@ def print_run(document: Record, verbose: bool = False) -> None:
         print_lines(words.run_notes(document), "note: ")
         typer.echo(words.run_cost(document))
     print_lines(words.after_run(document))
-
-
-def log_run(document: Record) -> None:
-    """Write measures, warnings and recording of a run to the log."""
-    from taichi_erosion.evidence.words import run_words as words
-
-    for name, found in document["measures"].items():
-        LOG.info("%s = %s %s", name, words.spread(found), found["unit"])
-    for line in words.run_warnings(document):
-        LOG.warning(line)
-    LOG.info("recording: %s", document.get("recording"))
 
 
 def examined_effects(found: Sequence[Record]) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from taichi_erosion.report.markdown import MARKED
+from doe.common.pages import MARKED
 from taichi_erosion.verification.claims import Outcome, as_claim
 from tests.verification.page import PAGE, claim_rows, renewed
 
