@@ -1,4 +1,4 @@
-"""Pages with generated tables between `<!-- table: NAME -->` and `<!-- end -->`: in docs/, in full in READMEs."""
+"""Pages with tables between `<!-- table: NAME -->` and `<!-- end -->`: in docs/, in full in READMEs."""
 
 import re
 from collections.abc import Mapping, Sequence

@@ -11,12 +11,14 @@ import sys
 import threading
 from contextlib import nullcontext
 from dataclasses import asdict
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+from typer import Argument, Option
 
 from taichi_erosion import __version__
 from taichi_erosion.cli import output
@@ -56,34 +58,31 @@ app.add_typer(measure, name="measure", rich_help_panel=SIMULATE)
 app.add_typer(doe, name="doe", rich_help_panel=EXPLAIN)
 app.add_typer(study_commands, name="study", rich_help_panel=EXPLAIN)
 
-SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
+existing = partial(Argument, exists=True, dir_okay=False)  # a file that must be there
+
+SceneFile = Annotated[Path, Argument(metavar="SCENE", help="Scene file (TOML).")]
 Override = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="PATH=VALUE", help="Change one entry of the scene; may be repeated."),
+    Option("--set", metavar="PATH=VALUE", help="Change one entry of the scene; may be repeated."),
 ]
-Seed = Annotated[int | None, typer.Option(min=0, help="Seed of the first replica.")]
-Replicas = Annotated[int | None, typer.Option(min=1, help="Number of repeats; default: that of the scene.")]
-Threads = Annotated[
-    int | None, typer.Option(min=1, max=1024, help="CPU threads at most; default: all cores.")
-]
-Precision = Annotated[Literal["f32", "f64"] | None, typer.Option(help="Floating-point type.")]
-RecordTo = Annotated[Path | None, typer.Option("--record", metavar="FILE", help="Recording to write (.rrd).")]
-NoRecord = Annotated[bool, typer.Option("--no-record", help="Write no recording.")]
+Seed = Annotated[int | None, Option(min=0, help="Seed of the first replica.")]
+Replicas = Annotated[int | None, Option(min=1, help="Number of repeats; default: that of the scene.")]
+Threads = Annotated[int | None, Option(min=1, max=1024, help="CPU threads at most; default: all cores.")]
+Precision = Annotated[Literal["f32", "f64"] | None, Option(help="Floating-point type.")]
+RecordTo = Annotated[Path | None, Option("--record", metavar="FILE", help="Recording to write (.rrd).")]
+NoRecord = Annotated[bool, Option("--no-record", help="Write no recording.")]
 CheckpointTo = Annotated[
-    Path | None, typer.Option("--checkpoint", metavar="FILE", help="File for the saved state.")
+    Path | None, Option("--checkpoint", metavar="FILE", help="File for the saved state.")
 ]
-Every = Annotated[float | None, typer.Option("--every", metavar="T", help="Simulated seconds between saves.")]
+Every = Annotated[float | None, Option("--every", metavar="T", help="Simulated seconds between saves.")]
 ResumeFrom = Annotated[
     Path | None,
-    typer.Option("--resume", metavar="FILE", help="Continue from a checkpoint.", exists=True, dir_okay=False),
+    Option("--resume", metavar="FILE", help="Continue from a checkpoint.", exists=True, dir_okay=False),
 ]
 RecordingOrStudy = Annotated[
-    Path,
-    typer.Argument(
-        metavar="FILE|STUDY", help="Recording (.rrd), or study with results.", exists=True, dir_okay=False
-    ),
+    Path, existing(metavar="FILE|STUDY", help="Recording (.rrd), or study with results.")
 ]
-CheckOnly = Annotated[bool, typer.Option("--check", help="Validate the scene; simulate nothing.")]
+CheckOnly = Annotated[bool, Option("--check", help="Validate the scene; simulate nothing.")]
 
 
 def given(**options: Any) -> dict[str, Any]:
@@ -111,17 +110,17 @@ def take_engine(name: str | None) -> str | None:
 def program(
     context: typer.Context,
     version: Annotated[
-        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the versions.")
+        bool, Option("--version", callback=print_version, is_eager=True, help="Print the versions.")
     ] = False,
     engine: Annotated[
         Literal["taichi", "quadrants"] | None,
-        typer.Option(
+        Option(
             callback=take_engine, is_eager=True, help="Compiler of the kernels, if installed; before COMMAND."
         ),
     ] = None,
     log: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             metavar="FILE", help="Append command, progress, warnings and exit code to a log; before COMMAND."
         ),
     ] = None,
@@ -205,15 +204,15 @@ def examine_effect(file: "EffectFile") -> dict[str, Any]:
 def live(
     scene: SceneFile,
     override: Override = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the grains.")] = None,
+    seed: Annotated[int | None, Option(min=0, help="Seed of the grains.")] = None,
     record: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Recording to write during the session.")
+        Path | None, Option(metavar="FILE", help="Recording to write during the session.")
     ] = None,
     viewer: Annotated[
         str | None,
-        typer.Option(metavar="URL", help="Viewer to stream to, such as rerun+http://127.0.0.1:9876/proxy."),
+        Option(metavar="URL", help="Viewer to stream to, such as rerun+http://127.0.0.1:9876/proxy."),
     ] = None,
-    web: Annotated[bool, typer.Option("--web", help="Serve a live viewer for a browser.")] = False,
+    web: Annotated[bool, Option("--web", help="Serve a live viewer for a browser.")] = False,
     effect: EffectFiles = None,
 ) -> None:
     """Run a scene interactively: type `help` at the prompt, or pipe commands in."""
@@ -254,7 +253,7 @@ def recording_of(file: Path) -> Path:
 @app.command(**help_of("view", SIMULATE))
 def view(
     file: RecordingOrStudy,
-    web: Annotated[bool, typer.Option("--web", help="Serve a page for a browser on this machine.")] = False,
+    web: Annotated[bool, Option("--web", help="Serve a page for a browser on this machine.")] = False,
 ) -> None:
     """Open a run or a study in the rerun viewer: a window, or a page in a browser."""
     if not web:
@@ -275,14 +274,13 @@ def view(
 def snapshot(
     file: RecordingOrStudy,
     time: Annotated[
-        float | None, typer.Option(metavar="T", help="Simulated time in seconds; default: the end.")
+        float | None, Option(metavar="T", help="Simulated time in seconds; default: the end.")
     ] = None,
     to: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="PNG", help="Picture file; default: FILE.snapshot.png."),
+        Path | None, Option("-o", "--output", metavar="PNG", help="Picture file; default: FILE.snapshot.png.")
     ] = None,
     only: Annotated[
-        str | None, typer.Option("--view", metavar="NAME", help="One view alone, such as Grains.")
+        str | None, Option("--view", metavar="NAME", help="One view alone, such as Grains.")
     ] = None,
     force: Force = False,
 ) -> None:
@@ -296,10 +294,8 @@ def snapshot(
 
 @app.command(**help_of("export", SIMULATE))
 def export(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Recording (.rrd).", exists=True, dir_okay=False)
-    ],
-    vtk: Annotated[Path, typer.Option("--vtk", metavar="DIR", help="Folder for the VTK files.")],
+    file: Annotated[Path, existing(metavar="FILE", help="Recording (.rrd).")],
+    vtk: Annotated[Path, Option("--vtk", metavar="DIR", help="Folder for the VTK files.")],
     force: Force = False,
 ) -> None:
     """Write the grains of a recording for ParaView."""
@@ -313,21 +309,14 @@ app.command(**help_of("audit", CHECK))(audit)
 
 @measure.command(**help_of("measure repose"))
 def repose(
-    image: Annotated[
-        Path,
-        typer.Argument(
-            metavar="IMAGE", help="Side view of a heap, PNG or JPEG.", exists=True, dir_okay=False
-        ),
-    ],
-    crop: Annotated[
-        str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Part of the picture, in pixels.")
-    ] = None,
+    image: Annotated[Path, existing(metavar="IMAGE", help="Side view of a heap, PNG or JPEG.")],
+    crop: Annotated[str | None, Option(metavar="X0,Y0,X1,Y1", help="Part of the picture, in pixels.")] = None,
     background: Annotated[
-        Literal["auto", "dark", "light"] | None, typer.Option(help="Brightness behind the heap.")
+        Literal["auto", "dark", "light"] | None, Option(help="Brightness behind the heap.")
     ] = None,
     to: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "-o", "--output", metavar="PNG", help="Picture of the detection; default: IMAGE.detected.png."
         ),
     ] = None,
@@ -365,10 +354,8 @@ def source_module(name: str) -> ModuleType | None:
 
 @app.command(**help_of("verify", CHECK))
 def verify(
-    ids: Annotated[
-        list[str] | None, typer.Argument(metavar="ID", help="Claims such as V02; default: all.")
-    ] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit code 1 for known failures too.")] = False,
+    ids: Annotated[list[str] | None, Argument(metavar="ID", help="Claims such as V02; default: all.")] = None,
+    strict: Annotated[bool, Option("--strict", help="Exit code 1 for known failures too.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Check the verification table: claim, got, want, tolerance; exit code 1 for an unknown failure."""
@@ -391,14 +378,12 @@ def verify(
 
 @app.command(**help_of("bench", CHECK))
 def bench(
-    arch: Annotated[
-        Literal["cpu", "cuda", "vulkan"] | None, typer.Option(help="Device; default: cpu.")
-    ] = None,
+    arch: Annotated[Literal["cpu", "cuda", "vulkan"] | None, Option(help="Device; default: cpu.")] = None,
     large: Annotated[
-        bool, typer.Option("--large", help="Also what fills a graphics processor; not for a CPU.")
+        bool, Option("--large", help="Also what fills a graphics processor; not for a CPU.")
     ] = False,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Small cases, for a driver in software; not for a CPU.")
+        bool, Option("--quick", help="Small cases, for a driver in software; not for a CPU.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -417,14 +402,12 @@ def bench(
 @app.command(**help_of("schema", CHECK))
 def schema(
     to: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Default: scenes/scene.schema.json.")
+        Path | None, Option("-o", "--output", metavar="FILE", help="Default: scenes/scene.schema.json.")
     ] = None,
-    study: Annotated[
-        bool, typer.Option("--study", help="Of study files; default: doe/study.schema.json.")
-    ] = False,
+    study: Annotated[bool, Option("--study", help="Of study files; default: doe/study.schema.json.")] = False,
     entry: Annotated[
         str | None,
-        typer.Option("--entry", metavar="PATH", help="Print an entry or a section of scene files instead."),
+        Option("--entry", metavar="PATH", help="Print an entry or a section of scene files instead."),
     ] = None,
 ) -> None:
     """Write the JSON schema of scene or study files, for completion and checks in editors."""

@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+from typer import Argument, Option
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.options import Arch, AsJson, Decomposition, Force, help_of
@@ -22,22 +23,22 @@ Show = Callable[["Calibration", ModuleType], None]  # prints a step; the page ha
 
 doe = typer.Typer(help="Calibrate a scene by designed experiments.", no_args_is_help=True)
 
-TablePath = Annotated[Path, typer.Argument(metavar="TABLE", help="Table of runs (CSV).")]
+TablePath = Annotated[Path, Argument(metavar="TABLE", help="Table of runs (CSV).")]
 Response = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Column of the response; default: the last one.")
+    str | None, Option(metavar="NAME", help="Column of the response; default: the last one.")
 ]
 ClaimsFile = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--claims",
         metavar="FILE",
         help="Published statements about the table (TOML); default: TABLE.claims.toml beside it.",
     ),
 ]
-StudyPath = Annotated[Path, typer.Argument(metavar="STUDY", help="Calibration study (TOML).")]
-Workers = Annotated[int | None, typer.Option(min=1, help="Local processes; default: one per core.")]
+StudyPath = Annotated[Path, Argument(metavar="STUDY", help="Calibration study (TOML).")]
+Workers = Annotated[int | None, Option(min=1, help="Local processes; default: one per core.")]
 Scheduler = Annotated[
-    str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers make the runs.")
+    str | None, Option(metavar="ADDRESS", help="Dask scheduler whose workers make the runs.")
 ]
 
 

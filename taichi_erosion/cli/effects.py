@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.new_effect import NEW, ScaffoldPlace, write_effect_file
@@ -37,11 +38,11 @@ app = typer.Typer()
 
 Words = Annotated[
     list[str] | None,
-    typer.Argument(metavar="NAME | new NAME", help="Effect to describe, or new file; default: all effects."),
+    Argument(metavar="NAME | new NAME", help="Effect to describe, or new file; default: all effects."),
 ]
 Discovery = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--from-discovery",
         metavar="STUDY",
         help="Start the new file from the law that `discover STUDY` proposed; or its STUDY.discover.json.",
@@ -49,14 +50,14 @@ Discovery = Annotated[
 ]
 PlaceOf = Annotated[
     ScaffoldPlace | None,
-    typer.Option("--place", help="Where the new effect acts; default: pair, a force between two grains."),
+    Option("--place", help="Where the new effect acts; default: pair, a force between two grains."),
 ]
 WithMemory = Annotated[
-    bool, typer.Option("--with-memory", help="Start the new file from an effect with state per grain.")
+    bool, Option("--with-memory", help="Start the new file from an effect with state per grain.")
 ]
 
 Mechanisms = Annotated[
-    bool, typer.Option("--mechanisms", help="Mechanisms in place of effects: where something can be missing.")
+    bool, Option("--mechanisms", help="Mechanisms in place of effects: where something can be missing.")
 ]
 
 

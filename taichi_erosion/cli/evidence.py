@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.options import (
@@ -35,64 +36,56 @@ Pairs = list[str] | None
 app = typer.Typer()
 study_commands = typer.Typer(help="Make a study of a table, or validate one.", no_args_is_help=True)
 
-TableFile = Annotated[Path, typer.Argument(metavar="TABLE", help="Table of measurements (.csv or .xlsx).")]
-StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="Evidence study (TOML).")]
+TableFile = Annotated[Path, Argument(metavar="TABLE", help="Table of measurements (.csv or .xlsx).")]
+StudyFile = Annotated[Path, Argument(metavar="STUDY", help="Evidence study (TOML).")]
 Budget = Annotated[
     str | None,
-    typer.Option(
+    Option(
         metavar="quick|full|RUNS",
         help="quick: fewer runs and fewer rounds about the answer. full: all of them. A number: at most so "
         "many runs. One run is one set-up, simulated with one seed.",
     ),
 ]
-Workers = Annotated[int | None, typer.Option(min=1, help="Local processes; default: one a core.")]
+Workers = Annotated[int | None, Option(min=1, help="Local processes; default: one a core.")]
 Seed = Annotated[
-    int | None, typer.Option(min=0, help="Seed of the runs in place of the study's; another one: fresh runs.")
+    int | None, Option(min=0, help="Seed of the runs in place of the study's; another one: fresh runs.")
 ]
 Observables = Annotated[
-    Pairs,
-    typer.Option("--observable", metavar="COLUMN=NAME", help="What a column measures; may be repeated."),
+    Pairs, Option("--observable", metavar="COLUMN=NAME", help="What a column measures; may be repeated.")
 ]
 Conditions = Annotated[
     Pairs,
-    typer.Option(
+    Option(
         "--condition",
         metavar="COLUMN=PATH|UNIT",
         help="Place that a column sets; or the unit of a condition of your own. May be repeated.",
     ),
 ]
-Units = Annotated[
-    Pairs, typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column; may be repeated.")
-]
+Units = Annotated[Pairs, Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column; may be repeated.")]
 Folder = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="FOLDER", help="Folder to write; default: beside TABLE, its name."),
+    Path | None, Option("--out", metavar="FOLDER", help="Folder to write; default: beside TABLE, its name.")
 ]
 Apparatus = Annotated[
     str | None,
-    typer.Option(metavar="NAME", help="cylinder, collapse, funnel, drum, threshold, impact or saltation."),
+    Option(metavar="NAME", help="cylinder, collapse, funnel, drum, threshold, impact or saltation."),
 ]
 Roughness = Annotated[
-    str | None,
-    typer.Option(metavar="LENGTH", help="Roughness length of the bed under winds measured at a height."),
+    str | None, Option(metavar="LENGTH", help="Roughness length of the bed under winds measured at a height.")
 ]
 Diameter = Annotated[
-    str | None, typer.Option(metavar="LENGTH", help="Grain diameter where no column states it: '0.4 mm'.")
+    str | None, Option(metavar="LENGTH", help="Grain diameter where no column states it: '0.4 mm'.")
 ]
-Density = Annotated[str | None, typer.Option(metavar="DENSITY", help="Density of the grains: '2650 kg/m3'.")]
+Density = Annotated[str | None, Option(metavar="DENSITY", help="Density of the grains: '2650 kg/m3'.")]
 OwnScene = Annotated[
-    Path | None, typer.Option("--scene", metavar="FILE", help="Scene of your own, in place of a ready one.")
+    Path | None, Option("--scene", metavar="FILE", help="Scene of your own, in place of a ready one.")
 ]
-Grains = Annotated[
-    int | None, typer.Option(min=1, help="Grains of a run; default: as many as its measure needs.")
-]
+Grains = Annotated[int | None, Option(min=1, help="Grains of a run; default: as many as its measure needs.")]
 ClosedForm = Annotated[
-    bool, typer.Option("--closed-form", help="A formula answers in place of simulations: seconds, not hours.")
+    bool, Option("--closed-form", help="A formula answers in place of simulations: seconds, not hours.")
 ]
-Yes = Annotated[bool, typer.Option("--yes", help="Take every guess; ask nothing.")]
+Yes = Annotated[bool, Option("--yes", help="Take every guess; ask nothing.")]
 Anew = Annotated[
-    bool,
-    typer.Option("--anew", help="Write a study that is there anew; changes in it are lost, its vault stays."),
+    bool, Option("--anew", help="Write a study that is there anew; changes in it are lost, its vault stays.")
 ]
 
 
@@ -163,7 +156,7 @@ def adopt(
     study: StudyFile,
     effects: Annotated[
         list[str],
-        typer.Argument(metavar="EFFECT...", help="Candidates of the study; a named pair is adopted as one."),
+        Argument(metavar="EFFECT...", help="Candidates of the study; a named pair is adopted as one."),
     ],
     options: "StudyOptions",
     force: Force = False,
@@ -188,7 +181,7 @@ def predict(
     study: StudyFile,
     at: Annotated[
         Path,
-        typer.Option(
+        Option(
             "--at",
             metavar="TABLE",
             help="New conditions (.csv, .xlsx): one column for each condition, in any unit; a column without "
@@ -196,9 +189,9 @@ def predict(
         ),
     ],
     options: "StudyOptions",
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Table to write (CSV).")] = None,
+    out: Annotated[Path | None, Option("--out", metavar="FILE", help="Table to write (CSV).")] = None,
     bare: Annotated[
-        bool, typer.Option("--bare", help="The model of STUDY itself, adopted effects left out.")
+        bool, Option("--bare", help="The model of STUDY itself, adopted effects left out.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -223,10 +216,10 @@ def predict(
 @app.command(**help_of("report", EXPLAIN))
 def report(
     source: Annotated[
-        Path, typer.Argument(metavar="STUDY|RUN", help="Study (TOML), or the .json or .rrd file of a run.")
+        Path, Argument(metavar="STUDY|RUN", help="Study (TOML), or the .json or .rrd file of a run.")
     ],
     to: Annotated[
-        Path | None, typer.Option("-o", "--output", "--out", metavar="FILE", help="Page to write.")
+        Path | None, Option("-o", "--output", "--out", metavar="FILE", help="Page to write.")
     ] = None,
     force: Force = False,
     as_json: AsJson = False,

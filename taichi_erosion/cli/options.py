@@ -3,24 +3,22 @@
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import typer
+from typer import Option
 
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
+AsJson = Annotated[bool, Option("--json", help="Print one JSON document and nothing else.")]
 EffectFiles = Annotated[
     list[Path] | None,
-    typer.Option("--effect", metavar="FILE", help="Python file with an effect of your own; may be repeated."),
+    Option("--effect", metavar="FILE", help="Python file with an effect of your own; may be repeated."),
 ]
-Force = Annotated[
-    bool, typer.Option("--force", help="Replace files of this name that this command did not write.")
-]
-Verbose = Annotated[bool, typer.Option("--verbose", help="Print notes, numbers and cost too.")]
+Force = Annotated[bool, Option("--force", help="Replace files of this name that this command did not write.")]
+Verbose = Annotated[bool, Option("--verbose", help="Print notes, numbers and cost too.")]
 Arch = Annotated[
     Literal["auto", "cpu", "cuda", "vulkan"] | None,
-    typer.Option(help="Device; default: cpu. auto: a graphics processor for large runs, if there is one."),
+    Option(help="Device; default: cpu. auto: a graphics processor for large runs, if there is one."),
 ]
 Decomposition = Annotated[
     Literal["partitions", "grains"] | None,
-    typer.Option(help="What one thread advances; default: partitions on cpu, grains elsewhere."),
+    Option(help="What one thread advances; default: partitions on cpu, grains elsewhere."),
 ]
 
 SIMULATE, EXPLAIN, CHECK = "Simulate and view", "Calibrate and explain", "Check"
