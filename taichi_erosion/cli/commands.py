@@ -347,8 +347,7 @@ def source_module(name: str) -> ModuleType | None:
     """Module beside the package by its dotted name; None where the program is installed without its tree."""
     if not (ROOT / name.replace(".", "/")).with_suffix(".py").is_file():
         return None
-    if sys.path[:1] != [str(ROOT)]:
-        sys.path.insert(0, str(ROOT))
+    sys.path.insert(0, str(ROOT))
     return import_module(name)
 
 

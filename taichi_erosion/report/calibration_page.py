@@ -31,9 +31,21 @@ RECORDING = "study.rrd"
 LEAST_POWER = 0.5  # of a yes: below it a test more often misses a difference that matters than sees it [1]
 OPTIMA = 5  # listed on the page
 VARIANCE = ("sum_of_squares", "df", "mean_square", "f", "p")
+POWER = (
+    "The test sees a difference of {seen} {unit} with a power of 0.8, and one of {resolved} {unit} with a "
+    "power of {power:.2f}."
+)
+VERDICTS = {
+    "Yes.": "In the calibrated scene {name} agrees with the measurement (difference {far}). {power}",
+    "No.": "In the calibrated scene {name} differs from the measurement (by {far}). {power} Another range of "
+    "the surface (surface_half in [design]), then the same command, may come nearer.",
+    "Not refuted.": "In the calibrated scene no difference of {name} from the measurement is told ({far}), "
+    "but the test would more often miss one than see it. {power} More confirmation runs would tell.",
+    "Not known.": "The confirmation runs of {name} do not scatter, so no test is possible.",
+}
 PICTURE = re.compile(r'<img src="([^":]+)"')
 HEADING = re.compile("<h2>(.+?)</h2>")
-VERDICT = re.compile(r"<p><strong>(Yes\.|No\.|Not known\.)</strong>")
+VERDICT = re.compile(r"<p><strong>(Yes|No|Not \w+)\.</strong>")
 RESOLUTION = 130  # of pictures [dots per inch]
 MOST_RUNS = 9  # recorded runs side by side
 
@@ -117,28 +129,18 @@ def effect_table(found: Calibration, name: str) -> Cells:
 
 def verdict(test: Mapping[str, Any], name: str, unit: str) -> str:
     """Yes or no to the question whether the calibrated scene reproduces the measurement, with the power."""
-    scatter = test["runs"]["sd"]
-    difference, seen = (with_scatter_of(test[key], scatter) for key in ("difference", "detectable"))
+    answer = "Yes."
     if test["p"] != test["p"]:
-        return f"**Not known.** The confirmation runs of {name} do not scatter, so no test is possible."
+        answer = "Not known."
+    elif test["p"] < SIGNIFICANCE:
+        answer = "No."
+    elif test["power"] < LEAST_POWER:
+        answer = "Not refuted."
+    keys = ("difference", "detectable", "resolve")
+    difference, seen, resolved = (with_scatter_of(test[key], test["runs"]["sd"]) for key in keys)
+    power = POWER.format(seen=seen, resolved=resolved, unit=unit, power=test["power"])
     far = f"{difference} {unit}, p = {test['p']:.2g}"
-    resolve = with_scatter_of(test["resolve"], scatter)
-    power = f"The test sees a difference of {seen} {unit} with a power of 0.8, and one of {resolve} {unit} "
-    power += f"with a power of {test['power']:.2f}."
-    if test["p"] < SIGNIFICANCE:
-        words = (
-            f"**No.** In the calibrated scene {name} differs from the measurement ({far}). {power} Another "
-        )
-        return (
-            words + "range of the surface (surface_half in [design]), then the same command, may come nearer."
-        )
-    if test["power"] < LEAST_POWER:
-        words = (
-            f"**Not refuted.** In the calibrated scene no difference of {name} from the measurement is told "
-        )
-        words += f"({far}), but the test would more often miss one than see it. {power} "
-        return words + "More confirmation runs would tell."
-    return f"**Yes.** In the calibrated scene {name} agrees with the measurement (difference {far}). {power}"
+    return f"**{answer}** {VERDICTS[answer].format(name=name, far=far, power=power)}"
 
 
 def climb_table(found: Calibration) -> Cells:
@@ -223,7 +225,7 @@ def write_report(study: Path, to: Path | None = None, force: bool = False) -> Pa
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
     body = PICTURE.sub(lambda found: f'<img src="{address_of(file.folder / found[1])}"', body)
     body = body.replace("<table>", '<div class="scroll"><table>').replace("</table>", "</table></div>")
-    body = VERDICT.sub(r'<p class="verdict"><strong>\1</strong>', body)
+    body = VERDICT.sub(r'<p class="verdict"><strong>\1.</strong>', body)
     sections = [(f"part{place}", heading) for place, heading in enumerate(HEADING.findall(body))]
     for name, heading in sections:
         body = body.replace(f"<h2>{heading}</h2>", f'<h2 id="{name}">{heading}</h2>', 1)
