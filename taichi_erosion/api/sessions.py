@@ -1,6 +1,7 @@
 """Live sessions from Python: the simulation runs, stops and changes as the caller says."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,16 +19,11 @@ if TYPE_CHECKING:
 OPTIONS = ("seed", "effect_files")  # of a session beside its scene
 
 
+@dataclass(frozen=True, repr=False)
 class LiveSession:
     """One replica of a scene under the caller's control; times in s of the simulation."""
 
-    def __init__(
-        self, scene: PathLike, seed: int | None, effect_files: Sequence[PathLike], overrides: tuple[str, ...]
-    ) -> None:
-        files = [Path(file) for file in effect_files]
-        refuse_unusable(files)
-        self.session = sessions.open_session(Path(scene), overrides, seed, files)
-        self.session.callbacks.append(queries.keep_sample)
+    session: sessions.Session
 
     @property
     def time(self) -> float:
@@ -142,4 +138,8 @@ def live(
     **entries: Any,
 ) -> LiveSession:
     """A session at the beginning of the first stage of a scene, with changes as in `run`. Raises BadInput."""
-    return LiveSession(scene, seed, effect_files, stated_changes(changes, entries, OPTIONS))
+    files = [Path(file) for file in effect_files]
+    refuse_unusable(files)
+    session = sessions.open_session(Path(scene), stated_changes(changes, entries, OPTIONS), seed, files)
+    session.callbacks.append(queries.keep_sample)
+    return LiveSession(session)

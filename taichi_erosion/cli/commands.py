@@ -65,24 +65,9 @@ Override = Annotated[
     list[str] | None,
     Option("--set", metavar="PATH=VALUE", help="Change one entry of the scene; may be repeated."),
 ]
-Seed = Annotated[int | None, Option(min=0, help="Seed of the first replica.")]
-Replicas = Annotated[int | None, Option(min=1, help="Number of repeats; default: that of the scene.")]
-Threads = Annotated[int | None, Option(min=1, max=1024, help="CPU threads at most; default: all cores.")]
-Precision = Annotated[Literal["f32", "f64"] | None, Option(help="Floating-point type.")]
-RecordTo = Annotated[Path | None, Option("--record", metavar="FILE", help="Recording to write (.rrd).")]
-NoRecord = Annotated[bool, Option("--no-record", help="Write no recording.")]
-CheckpointTo = Annotated[
-    Path | None, Option("--checkpoint", metavar="FILE", help="File for the saved state.")
-]
-Every = Annotated[float | None, Option("--every", metavar="T", help="Simulated seconds between saves.")]
-ResumeFrom = Annotated[
-    Path | None,
-    Option("--resume", metavar="FILE", help="Continue from a checkpoint.", exists=True, dir_okay=False),
-]
 RecordingOrStudy = Annotated[
     Path, existing(metavar="FILE|STUDY", help="Recording (.rrd), or study with results.")
 ]
-CheckOnly = Annotated[bool, Option("--check", help="Validate the scene; simulate nothing.")]
 
 
 def given(**options: Any) -> dict[str, Any]:
@@ -135,19 +120,32 @@ def program(
 def run(
     scene: SceneFile,
     override: Override = None,
-    seed: Seed = None,
-    replicas: Replicas = None,
+    seed: Annotated[int | None, Option(min=0, help="Seed of the first replica.")] = None,
+    replicas: Annotated[
+        int | None, Option(min=1, help="Number of repeats; default: that of the scene.")
+    ] = None,
     arch: Arch = None,
     decomposition: Decomposition = None,
-    threads: Threads = None,
-    precision: Precision = None,
-    record: RecordTo = None,
-    no_record: NoRecord = False,
-    checkpoint: CheckpointTo = None,
-    every: Every = None,
-    resume: ResumeFrom = None,
+    threads: Annotated[
+        int | None, Option(min=1, max=1024, help="CPU threads at most; default: all cores.")
+    ] = None,
+    precision: Annotated[Literal["f32", "f64"] | None, Option(help="Floating-point type.")] = None,
+    record: Annotated[
+        Path | None, Option("--record", metavar="FILE", help="Recording to write (.rrd).")
+    ] = None,
+    no_record: Annotated[bool, Option("--no-record", help="Write no recording.")] = False,
+    checkpoint: Annotated[
+        Path | None, Option("--checkpoint", metavar="FILE", help="File for the saved state.")
+    ] = None,
+    every: Annotated[
+        float | None, Option("--every", metavar="T", help="Simulated seconds between saves.")
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        Option("--resume", metavar="FILE", help="Continue from a checkpoint.", exists=True, dir_okay=False),
+    ] = None,
     effect: EffectFiles = None,
-    check: CheckOnly = False,
+    check: Annotated[bool, Option("--check", help="Validate the scene; simulate nothing.")] = False,
     force: Force = False,
     verbose: Verbose = False,
     as_json: AsJson = False,

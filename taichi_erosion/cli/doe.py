@@ -23,27 +23,23 @@ Show = Callable[["Calibration", ModuleType], None]  # prints a step; the page ha
 
 doe = typer.Typer(help="Calibrate a scene by designed experiments.", no_args_is_help=True)
 
-TablePath = Annotated[Path, Argument(metavar="TABLE", help="Table of runs (CSV).")]
-Response = Annotated[
-    str | None, Option(metavar="NAME", help="Column of the response; default: the last one.")
-]
-ClaimsFile = Annotated[
-    Path | None,
-    Option(
-        "--claims",
-        metavar="FILE",
-        help="Published statements about the table (TOML); default: TABLE.claims.toml beside it.",
-    ),
-]
 StudyPath = Annotated[Path, Argument(metavar="STUDY", help="Calibration study (TOML).")]
-Workers = Annotated[int | None, Option(min=1, help="Local processes; default: one per core.")]
-Scheduler = Annotated[
-    str | None, Option(metavar="ADDRESS", help="Dask scheduler whose workers make the runs.")
-]
 
 
 def audit(
-    table: TablePath, response: Response = None, claims: ClaimsFile = None, as_json: AsJson = False
+    table: Annotated[Path, Argument(metavar="TABLE", help="Table of runs (CSV).")],
+    response: Annotated[
+        str | None, Option(metavar="NAME", help="Column of the response; default: the last one.")
+    ] = None,
+    claims: Annotated[
+        Path | None,
+        Option(
+            "--claims",
+            metavar="FILE",
+            help="Published statements about the table (TOML); default: TABLE.claims.toml beside it.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Check a published design: orthogonality, cell that restores it, sums of squares, target."""
     from taichi_erosion.experiments.audit.examine import as_document
@@ -145,8 +141,10 @@ def add_step(step: 'Step | Literal["calibrate"]', summary: str, show: Show) -> N
 
     def command(
         study: StudyPath,
-        workers: Workers = None,
-        scheduler: Scheduler = None,
+        workers: Annotated[int | None, Option(min=1, help="Local processes; default: one per core.")] = None,
+        scheduler: Annotated[
+            str | None, Option(metavar="ADDRESS", help="Dask scheduler whose workers make the runs.")
+        ] = None,
         arch: Arch = None,
         decomposition: Decomposition = None,
         force: Force = False,

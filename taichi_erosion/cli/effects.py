@@ -36,39 +36,32 @@ SIGNS = {1: "up", -1: "down"}
 
 app = typer.Typer()
 
-Words = Annotated[
-    list[str] | None,
-    Argument(metavar="NAME | new NAME", help="Effect to describe, or new file; default: all effects."),
-]
-Discovery = Annotated[
-    Path | None,
-    Option(
-        "--from-discovery",
-        metavar="STUDY",
-        help="Start the new file from the law that `discover STUDY` proposed; or its STUDY.discover.json.",
-    ),
-]
-PlaceOf = Annotated[
-    ScaffoldPlace | None,
-    Option("--place", help="Where the new effect acts; default: pair, a force between two grains."),
-]
-WithMemory = Annotated[
-    bool, Option("--with-memory", help="Start the new file from an effect with state per grain.")
-]
-
-Mechanisms = Annotated[
-    bool, Option("--mechanisms", help="Mechanisms in place of effects: where something can be missing.")
-]
-
 
 @app.command(**help_of("effects", EXPLAIN))
 def effects(
-    words: Words = None,
+    words: Annotated[
+        list[str] | None,
+        Argument(metavar="NAME | new NAME", help="Effect to describe, or new file; default: all effects."),
+    ] = None,
     effect: EffectFiles = None,
-    discovery: Discovery = None,
-    place: PlaceOf = None,
-    with_memory: WithMemory = False,
-    mechanisms: Mechanisms = False,
+    discovery: Annotated[
+        Path | None,
+        Option(
+            "--from-discovery",
+            metavar="STUDY",
+            help="Start the file from the law that `discover STUDY` proposed; or its STUDY.discover.json.",
+        ),
+    ] = None,
+    place: Annotated[
+        ScaffoldPlace | None,
+        Option("--place", help="Where the new effect acts; default: pair, a force between two grains."),
+    ] = None,
+    with_memory: Annotated[
+        bool, Option("--with-memory", help="Start the new file from an effect with state per grain.")
+    ] = False,
+    mechanisms: Annotated[
+        bool, Option("--mechanisms", help="Mechanisms in place of effects: where something can be missing.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Optional physics of scenes: a list, one effect with its measured values, or a new effect file."""

@@ -36,65 +36,24 @@ Pairs = list[str] | None
 app = typer.Typer()
 study_commands = typer.Typer(help="Make a study of a table, or validate one.", no_args_is_help=True)
 
-TableFile = Annotated[Path, Argument(metavar="TABLE", help="Table of measurements (.csv or .xlsx).")]
 StudyFile = Annotated[Path, Argument(metavar="STUDY", help="Evidence study (TOML).")]
-Budget = Annotated[
-    str | None,
-    Option(
-        metavar="quick|full|RUNS",
-        help="quick: fewer runs and fewer rounds about the answer. full: all of them. A number: at most so "
-        "many runs. One run is one set-up, simulated with one seed.",
-    ),
-]
-Workers = Annotated[int | None, Option(min=1, help="Local processes; default: one a core.")]
-Seed = Annotated[
-    int | None, Option(min=0, help="Seed of the runs in place of the study's; another one: fresh runs.")
-]
-Observables = Annotated[
-    Pairs, Option("--observable", metavar="COLUMN=NAME", help="What a column measures; may be repeated.")
-]
-Conditions = Annotated[
-    Pairs,
-    Option(
-        "--condition",
-        metavar="COLUMN=PATH|UNIT",
-        help="Place that a column sets; or the unit of a condition of your own. May be repeated.",
-    ),
-]
-Units = Annotated[Pairs, Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column; may be repeated.")]
-Folder = Annotated[
-    Path | None, Option("--out", metavar="FOLDER", help="Folder to write; default: beside TABLE, its name.")
-]
-Apparatus = Annotated[
-    str | None,
-    Option(metavar="NAME", help="cylinder, collapse, funnel, drum, threshold, impact or saltation."),
-]
-Roughness = Annotated[
-    str | None, Option(metavar="LENGTH", help="Roughness length of the bed under winds measured at a height.")
-]
-Diameter = Annotated[
-    str | None, Option(metavar="LENGTH", help="Grain diameter where no column states it: '0.4 mm'.")
-]
-Density = Annotated[str | None, Option(metavar="DENSITY", help="Density of the grains: '2650 kg/m3'.")]
-OwnScene = Annotated[
-    Path | None, Option("--scene", metavar="FILE", help="Scene of your own, in place of a ready one.")
-]
-Grains = Annotated[int | None, Option(min=1, help="Grains of a run; default: as many as its measure needs.")]
-ClosedForm = Annotated[
-    bool, Option("--closed-form", help="A formula answers in place of simulations: seconds, not hours.")
-]
-Yes = Annotated[bool, Option("--yes", help="Take every guess; ask nothing.")]
-Anew = Annotated[
-    bool, Option("--anew", help="Write a study that is there anew; changes in it are lost, its vault stays.")
-]
 
 
 def options_of(
-    budget: Budget = None,
-    workers: Workers = None,
+    budget: Annotated[
+        str | None,
+        Option(
+            metavar="quick|full|RUNS",
+            help="quick: fewer runs and fewer rounds about the answer. full: all of them. A number: at most "
+            "so many runs. One run is one set-up, simulated with one seed.",
+        ),
+    ] = None,
+    workers: Annotated[int | None, Option(min=1, help="Local processes; default: one a core.")] = None,
     arch: Arch = None,
     decomposition: Decomposition = None,
-    seed: Seed = None,
+    seed: Annotated[
+        int | None, Option(min=0, help="Seed of the runs in place of the study's; another one: fresh runs.")
+    ] = None,
     effect: EffectFiles = None,
 ) -> "StudyOptions":
     """What the command line states of a study; raises BadInput for a budget that is none."""
@@ -235,21 +194,54 @@ def report(
 
 @study_commands.command("new", **help_of("study new"))
 def new(
-    table: TableFile,
-    out: Folder = None,
-    yes: Yes = False,
-    observable: Observables = None,
-    condition: Conditions = None,
-    unit: Units = None,
-    roughness: Roughness = None,
-    apparatus: Apparatus = None,
-    diameter: Diameter = None,
-    density: Density = None,
-    grains: Grains = None,
-    scene: OwnScene = None,
+    table: Annotated[Path, Argument(metavar="TABLE", help="Table of measurements (.csv or .xlsx).")],
+    out: Annotated[
+        Path | None,
+        Option("--out", metavar="FOLDER", help="Folder to write; default: beside TABLE, its name."),
+    ] = None,
+    yes: Annotated[bool, Option("--yes", help="Take every guess; ask nothing.")] = False,
+    observable: Annotated[
+        Pairs, Option("--observable", metavar="COLUMN=NAME", help="What a column measures; may be repeated.")
+    ] = None,
+    condition: Annotated[
+        Pairs,
+        Option(
+            "--condition",
+            metavar="COLUMN=PATH|UNIT",
+            help="Place that a column sets; or the unit of a condition of your own. May be repeated.",
+        ),
+    ] = None,
+    unit: Annotated[
+        Pairs, Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column; may be repeated.")
+    ] = None,
+    roughness: Annotated[
+        str | None,
+        Option(metavar="LENGTH", help="Roughness length of the bed under winds measured at a height."),
+    ] = None,
+    apparatus: Annotated[
+        str | None,
+        Option(metavar="NAME", help="cylinder, collapse, funnel, drum, threshold, impact or saltation."),
+    ] = None,
+    diameter: Annotated[
+        str | None, Option(metavar="LENGTH", help="Grain diameter where no column states it: '0.4 mm'.")
+    ] = None,
+    density: Annotated[
+        str | None, Option(metavar="DENSITY", help="Density of the grains: '2650 kg/m3'.")
+    ] = None,
+    grains: Annotated[
+        int | None, Option(min=1, help="Grains of a run; default: as many as its measure needs.")
+    ] = None,
+    scene: Annotated[
+        Path | None, Option("--scene", metavar="FILE", help="Scene of your own, in place of a ready one.")
+    ] = None,
     effect: EffectFiles = None,
-    closed_form: ClosedForm = False,
-    anew: Anew = False,
+    closed_form: Annotated[
+        bool, Option("--closed-form", help="A formula answers in place of simulations: seconds, not hours.")
+    ] = False,
+    anew: Annotated[
+        bool,
+        Option("--anew", help="Write a study that is there anew; changes in it are lost, its vault stays."),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Read a table as a spreadsheet exports it; write a study and a scene for it, or correct its table."""

@@ -21,7 +21,6 @@ Document = Mapping[str, Any]
 
 TEMPLATE = "run.html"
 NEEDED = ("scene", "hash", "seed", "replicas", "measures", "measured", "versions")
-OURS, THEIRS = AFTER, BEFORE
 COLUMNS = 3  # panels side by side
 MOST_WIDE = 4.0  # of a panel [in]
 LARGEST_FILM = 8_000_000  # bytes; a larger film is not embedded
@@ -100,10 +99,10 @@ def draw_measure(frame: Axes, document: Document, name: str) -> None:
     values = [nan if value is None else value for value in seeds]
     if wanted:
         sd = wanted.get("sd") or 0.0
-        frame.axhspan(wanted["value"] - sd, wanted["value"] + sd, color=THEIRS, alpha=0.2, lw=0.0)
-        frame.axhline(wanted["value"], color=THEIRS, lw=1.0)
-    frame.plot([0.0] * len(values), values, "o", ms=3.5, color=OURS, alpha=0.6)
-    frame.errorbar([1.0], [pooled["value"]], [pooled["sd"] or 0.0], fmt="s", color=OURS, capsize=3)
+        frame.axhspan(wanted["value"] - sd, wanted["value"] + sd, color=BEFORE, alpha=0.2, lw=0.0)
+        frame.axhline(wanted["value"], color=BEFORE, lw=1.0)
+    frame.plot([0.0] * len(values), values, "o", ms=3.5, color=AFTER, alpha=0.6)
+    frame.errorbar([1.0], [pooled["value"]], [pooled["sd"] or 0.0], fmt="s", color=AFTER, capsize=3)
     frame.set(title=heading(quantity(name), pooled["unit"]), xlim=(-0.6, 1.6))
     frame.set_xticks([0.0, 1.0], ["seeds", "mean, sd"])
 
