@@ -88,8 +88,8 @@ def test_a_discovered_law_becomes_an_effect_that_gives_what_the_discovery_wrote(
     ("words", "sentence"),
     [
         (["new", "Pull"], "a name begins with a lower-case letter and has lower-case letters, digits and _"),
-        (["new", "dry_adhesion"], "the library has an effect of this name"),
-        (["new"], "is not in the library"),
+        (["new", "dry_adhesion"], "there is an effect or a file of this name"),
+        (["new"], "give one NAME, or new NAME"),
         (["dry_adhesion", "--from-discovery", "x.json"], "needs new NAME"),
         (["dry_adhesion", "--with-memory"], "needs new NAME"),
         (["dry_adhesion", "--place", "grain"], "needs new NAME"),

@@ -16,8 +16,8 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
+from doe.common.pages import MARKED, fill_tables
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.report.markdown import MARKED, fill_tables
 from taichi_erosion.verification.claims import Claim, verify
 from tests.verification.contact.oblique_impact import OXIDE, impact_at, patch_angle, simulated
 from tests.verification.ladder import LADDER

@@ -6,9 +6,9 @@ from math import nan
 
 import pytest
 
-from taichi_erosion.cli import source_tree
+from doe.common.pages import MARKED
+from taichi_erosion.cli import commands
 from taichi_erosion.cli.main import main
-from taichi_erosion.report.markdown import MARKED
 from taichi_erosion.verification import closed_forms
 from taichi_erosion.verification.claims import Claim, Ladder, Outcome, as_claim, verify
 from tests.verification.ladder import CHECKS, KNOWN, LADDER, is_known
@@ -36,7 +36,7 @@ def test_every_numbered_check_is_there() -> None:
 
 
 def test_an_installed_program_names_its_short_list_and_where_the_rest_is(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(source_tree, "ROOT", tmp_path)
+    monkeypatch.setattr(commands, "ROOT", tmp_path)
     assert main(["verify", "V01"]) == 2
     wanted = f"V01 is unknown; choose from {', '.join(closed_forms.LADDER.checks)}"
     assert wanted in capsys.readouterr().err

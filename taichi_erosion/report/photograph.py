@@ -1,16 +1,16 @@
 """Photograph of a heap with what was detected: outline, base line, fitted flanks and their angles."""
 
 from collections.abc import Mapping
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from taichi_erosion.core.files import marked_png, write_atomic
 from taichi_erosion.measures.photograph import read_grey
+from taichi_erosion.report.figure_style import raster
 
 WIDTH = 1280  # px of the picture
 DOTS_PER_INCH = 160
@@ -22,7 +22,7 @@ def draw_detection(photograph: Path, record: Mapping[str, Any], to: Path) -> Pat
     grey, details = read_grey(photograph), record["details"]
     rows, columns = grey.shape
     width = WIDTH / DOTS_PER_INCH
-    figure = plt.figure(figsize=(width, width * rows / columns), dpi=DOTS_PER_INCH)
+    figure = Figure(figsize=(width, width * rows / columns))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.imshow(grey, cmap="gray", vmin=0.0, vmax=1.0, extent=(0.0, columns, rows, 0.0))
     drawn = details["drawing"]
@@ -41,7 +41,4 @@ def draw_detection(photograph: Path, record: Mapping[str, Any], to: Path) -> Pat
     sd = "" if record["sd"] is None else f" \N{PLUS-MINUS SIGN} {record['sd']:.1f}"
     title = f"{record['value']:.1f}{sd} deg"
     axes.legend(title=title, loc="upper right", fontsize=8, title_fontsize=10, framealpha=0.85)
-    page = BytesIO()
-    figure.savefig(page, format="png", metadata={"Software": None})
-    plt.close(figure)
-    return write_atomic(to, marked_png(to, photograph, page.getvalue()))
+    return write_atomic(to, marked_png(to, photograph, raster(figure, DOTS_PER_INCH)))

@@ -1,15 +1,27 @@
-"""Panels and examples of `--help`."""
+"""Options of several commands, and panels and examples of `--help`."""
 
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from typer import Option
+
+AsJson = Annotated[bool, Option("--json", help="Print one JSON document and nothing else.")]
+EffectFiles = Annotated[
+    list[Path] | None,
+    Option("--effect", metavar="FILE", help="Python file with an effect of your own; may be repeated."),
+]
+Force = Annotated[bool, Option("--force", help="Replace files of this name that this command did not write.")]
+Verbose = Annotated[bool, Option("--verbose", help="Print notes, numbers and cost too.")]
+Arch = Annotated[
+    Literal["auto", "cpu", "cuda", "vulkan"] | None,
+    Option(help="Device; default: cpu. auto: a graphics processor for large runs, if there is one."),
+]
+Decomposition = Annotated[
+    Literal["partitions", "grains"] | None,
+    Option(help="What one thread advances; default: partitions on cpu, grains elsewhere."),
+]
 
 SIMULATE, EXPLAIN, CHECK = "Simulate and view", "Calibrate and explain", "Check"
-DOE_STEPS = ("design", "run", "analyse", "climb", "surface", "optimise", "confirm", "calibrate")
-PANELS = {
-    SIMULATE: ("run", "live", "view", "snapshot", "export"),
-    EXPLAIN: ("compare", "discover", "adopt", "next", "predict", "report", "effects"),
-    CHECK: ("audit", "verify", "bench", "schema"),
-    "": ("measure repose", "study new", "study check", *(f"doe {step}" for step in DOE_STEPS)),
-}
 EXAMPLES = """
 run scenes/funnel_repose.toml
 run scenes/funnel_repose.toml --set contact.soil-soil.friction_rolling=0.3 --replicas 5
@@ -18,7 +30,6 @@ run scenes/rotating_drum.toml --checkpoint drum.npz --every 0.5
 live scenes/column_collapse.toml
 live scenes/column_collapse.toml --set grains.count=300 --web
 live scenes/column_collapse.toml < SCRIPT
-live SCENE --effect my_pull.py
 view recordings/sample.rrd
 view recordings/sample.rrd --web
 view STUDY
@@ -37,14 +48,11 @@ doe confirm doe/first_calibration.toml
 doe calibrate doe/first_calibration.toml
 doe calibrate STUDY --scheduler tcp://127.0.0.1:8786
 audit doe/hao2022/table_4.csv
-audit TABLE --response angle --json
 study new TABLE
 study new TABLE --yes --closed-form --out my_study
-study new TABLE --out my_study --anew
 study new TABLE --observable "Winkel=repose_angle" --condition "w=conditions.moisture"
 study new TABLE --scene my_scene.toml --condition "pore volume=cm3/g" --effect pores.py
 study check doe/impact_threshold_reduced.toml
-study check STUDY --effect my_pull.py
 compare doe/impact_threshold_reduced.toml
 discover doe/impact_threshold_reduced.toml
 discover STUDY --budget quick
@@ -56,7 +64,6 @@ predict doe/impact_threshold_reduced.toml --at doe/prediction/grains_to_come.csv
 predict STUDY --at TABLE --out predicted.csv
 report doe/impact_threshold_reduced.toml
 report doe/funnel_soil.toml -o funnel.html
-report recordings/FILE.rrd
 effects
 effects liquid_bridge
 effects new my_pull
@@ -64,17 +71,11 @@ effects new my_push --place grain
 effects new my_law --from-discovery STUDY
 effects my_pull --effect my_pull.py
 verify V02 V05
-verify --json
 bench
-bench --json
 schema
 schema --entry grains.clump
-schema -o my_scenes/scene.schema.json
 schema --study
 """
-
-
-COMMANDS = {command: panel for panel, commands in PANELS.items() for command in commands}  # "": a subcommand
 
 
 def examples_of(command: str) -> tuple[str, ...]:
@@ -82,8 +83,7 @@ def examples_of(command: str) -> tuple[str, ...]:
     return tuple(line for line in EXAMPLES.split("\n") if f"{line} ".startswith(f"{command} "))
 
 
-def help_of(command: str) -> dict[str, Any]:
+def help_of(command: str, panel: str | None = None) -> dict[str, Any]:
     """Keyword arguments of a command's registration: its examples, and its panel in the list of commands."""
     lines = "\n".join(f"  ./erosion {example}" for example in examples_of(command))
-    panel = COMMANDS[command]
-    return {"epilog": f"Examples\n\n{lines}"} | ({"rich_help_panel": panel} if panel else {})
+    return {"epilog": f"Examples\n\n{lines}", "rich_help_panel": panel}

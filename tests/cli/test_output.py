@@ -7,8 +7,8 @@ import pytest
 from small_study import write_study
 from ten_records import ADOPTIONS, DISCOVERIES, UNITS
 
-from taichi_erosion.cli.answers import MOST_LINES, print_answer
 from taichi_erosion.cli.main import main
+from taichi_erosion.cli.output import MOST_LINES, print_answer
 from taichi_erosion.evidence.answers.files import Command, Reply
 from taichi_erosion.evidence.data.number_words import KEY
 from taichi_erosion.evidence.race.record import Record
@@ -47,7 +47,7 @@ def reply(command: Command, record: Record, *set_up: str) -> Reply:
 def tables(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Titles of the tables that are printed, which then are not among the lines."""
     titles: list[str] = []
-    monkeypatch.setattr("taichi_erosion.cli.answers.print_table", lambda title, *_: titles.append(title))
+    monkeypatch.setattr("taichi_erosion.cli.output.print_table", lambda title, *_: titles.append(title))
     return titles
 
 
