@@ -26,7 +26,7 @@ from taichi_erosion.campaign.request import Report
 from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study
 from taichi_erosion.core.files import ListedFolder
 from taichi_erosion.experiments.anova import anova, curvature
-from taichi_erosion.experiments.design_table import Design, design_text
+from taichi_erosion.experiments.design import Design, design_text
 from taichi_erosion.experiments.fit import (
     Fit,
     coded_polynomial,
@@ -34,9 +34,9 @@ from taichi_erosion.experiments.fit import (
     natural_polynomial,
     overfitted,
     quality,
+    term_label,
 )
 from taichi_erosion.experiments.optimise import Optimisation
-from taichi_erosion.experiments.terms import term_label
 
 Document = dict[str, Any]
 Step = Literal["design", "run", "analyse", "climb", "surface", "optimise", "confirm"]

@@ -35,16 +35,18 @@ from taichi_erosion.core.setup import Floats
 from taichi_erosion.experiments.anova import Effect, EffectLimits, curvature, effect_limits, effects, reduced
 from taichi_erosion.experiments.confirm import Confirmation, Sample, confirm
 from taichi_erosion.experiments.design import (
+    SAME_POINT,
+    Design,
+    Factor,
+    arranged,
     box_behnken,
     central_composite,
     latin_hypercube,
     plackett_burman,
     steepest_path,
 )
-from taichi_erosion.experiments.design_table import SAME_POINT, Design, Factor, arranged
-from taichi_erosion.experiments.fit import Fit, fit_model, overfitted
+from taichi_erosion.experiments.fit import Fit, fit_model, linear_terms, model_matrix, overfitted
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
-from taichi_erosion.experiments.terms import linear_terms, model_matrix
 
 SEEDS_APART = 1000  # seeds reserved for one stage: no two runs of a study share their noise
 STAGES = ("screen", "climb", "surface", "confirm")

@@ -24,8 +24,9 @@ for adequate precision; Anderson & Whitcomb (2016), RSM Simplified, 2nd ed., for
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import combinations, product
 from math import comb, nan, sqrt
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,12 +36,65 @@ from statsmodels.stats.outliers_influence import OLSInfluence
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.experiments.design_table import Design, Factor
-from taichi_erosion.experiments.terms import Order, Term, model_matrix, model_terms, term_name
+from taichi_erosion.experiments.design import Design, Factor
 
 EXACT = 1e-20  # share of the total sum of squares below which a residual is rounding, not error [1]
 CERTAIN = 1e-9  # 1 - leverage below which a run is met whatever its value [1]
 R2_APART = 0.2  # most by which adjusted R^2 may exceed predicted R^2 [1]
+
+
+Term = tuple[int, ...]  # exponent of every factor; (1, 0, 1) is A C, (0, 2, 0) is B^2
+Order = Literal["linear", "interactions", "quadratic"]
+
+
+def linear_terms(count: int) -> tuple[Term, ...]:
+    """A, B, C ..."""
+    return interaction_terms(count, 1)
+
+
+def interaction_terms(count: int, order: int = 2) -> tuple[Term, ...]:
+    """Products of `order` different factors: A B, A C, B C ..."""
+    chosen = combinations(range(count), order)
+    return tuple(tuple(int(k in factors) for k in range(count)) for factors in chosen)
+
+
+def model_terms(count: int, order: Order) -> tuple[Term, ...]:
+    """Terms of a complete model, without the constant."""
+    terms = linear_terms(count)
+    if order in ("interactions", "quadratic"):
+        terms += interaction_terms(count)
+    if order == "quadratic":
+        terms += tuple(tuple(2 * power for power in term) for term in linear_terms(count))
+    return terms
+
+
+def term_name(term: Term, names: Sequence[str]) -> str:
+    """`A`, `A*B`, `A^2`, with the factors' names."""
+    parts = [
+        name if power == 1 else f"{name}^{power}" for name, power in zip(names, term, strict=True) if power
+    ]
+    return "*".join(parts) or "1"
+
+
+def term_label(name: str, labels: Mapping[str, str]) -> str:
+    """A term's name with labels for the factors, "sliding friction × restitution^2"."""
+    words = (factor.partition("^") for factor in name.split("*"))
+    return " \N{MULTIPLICATION SIGN} ".join(
+        labels.get(path, path) + hat + power for path, hat, power in words
+    )
+
+
+def parents(term: Term) -> set[Term]:
+    """Terms that hierarchy requires beside this one: each exponent lowered, down to single factors."""
+    lower = [(*term[:k], power - 1, *term[k + 1 :]) for k, power in enumerate(term) if power]
+    return set[Term]().union(*({each} | parents(each) for each in lower if any(each)))
+
+
+def model_matrix(coded: Floats, terms: Sequence[Term]) -> Floats:
+    """Constant and terms at coded points, [runs, 1 + terms]."""
+    points = np.atleast_2d(np.asarray(coded, dtype=float))
+    powers = np.array(terms, dtype=int).reshape(len(terms), points.shape[1])
+    return np.column_stack([np.ones(len(points)), np.prod(points[:, None, :] ** powers, axis=2)])
 
 
 @dataclass(frozen=True)
@@ -152,15 +206,11 @@ def coefficient_table(fit: Fit) -> list[Coefficient]:
 
     the variance over that in an orthogonal design of the same spread.
     """
+    found = fit.results
     unscaled = np.diag(fit.unscaled_covariance)
-    spread = np.sqrt(fit.ms_error * unscaled)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = fit.coefficients / spread
-    p = 2.0 * stats.t.sf(np.abs(t), fit.df_error)
-    reach = stats.t.ppf(0.975, fit.df_error) * spread
     inflation = unscaled * len(fit.values) * np.var(model_matrix(fit.coded, fit.terms), axis=0)
     inflation[0] = 1.0
-    numbers = (fit.coefficients, spread, fit.coefficients - reach, fit.coefficients + reach, t, p, inflation)
+    numbers = (found.params, found.bse, *found.conf_int().T, found.tvalues, found.pvalues, inflation)
     lines = zip(("Intercept", *fit.names), np.column_stack(numbers).tolist(), strict=True)
     return [Coefficient(name, *line) for name, line in lines]
 

@@ -16,7 +16,7 @@ from scipy import stats
 from statsmodels.stats.outliers_influence import OLSInfluence
 
 from taichi_erosion.campaign.study_file import Target
-from taichi_erosion.experiments.design_table import Design, to_natural
+from taichi_erosion.experiments.design import Design, to_natural
 from taichi_erosion.experiments.fit import Fit
 from taichi_erosion.report import figure_style
 

@@ -5,10 +5,8 @@ import pytest
 
 from taichi_erosion.campaign.calibration_steps import centre_value, screened_effects
 from taichi_erosion.experiments.anova import effects
-from taichi_erosion.experiments.design import plackett_burman
-from taichi_erosion.experiments.design_table import Factor
-from taichi_erosion.experiments.fit import fit_model
-from taichi_erosion.experiments.terms import linear_terms
+from taichi_erosion.experiments.design import Factor, plackett_burman
+from taichi_erosion.experiments.fit import fit_model, linear_terms
 
 FACTORS = tuple(Factor(f"f{k}", 0.0, 1.0) for k in range(9))
 SLOPE = 3.0  # response per coded unit of the first factor

@@ -13,15 +13,16 @@ from statsmodels.stats.anova import anova_lm
 from statsmodels.stats.outliers_influence import variance_inflation_factor
 
 from taichi_erosion.experiments import design
-from taichi_erosion.experiments.design_table import Factor
+from taichi_erosion.experiments.design import Factor
 from taichi_erosion.experiments.fit import (
     coded_polynomial,
     coefficient_table,
     fit_model,
+    model_matrix,
+    model_terms,
     natural_polynomial,
     quality,
 )
-from taichi_erosion.experiments.terms import model_matrix, model_terms
 
 
 def test_johns_odour_has_the_analysis_that_sas_prints():

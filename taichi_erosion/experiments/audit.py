@@ -1,11 +1,18 @@
 """The audit of one table: its design, the fitted model, printed numbers and conclusions against both.
 
+    balanced     every column of levels adds up to 0
+    orthogonal   any two of those columns have the scalar product 0
+
+In a design of three levels the products of two factors must be orthogonal too, or else a sign may stray
+unnoticed. A design is restored by a cell if changing it alone makes all of these sums vanish.
+
 Compared are sums of squares, tests, figures of merit and coefficients; then the target, which the fitted
 surface may not reach.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +21,21 @@ import numpy as np
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.experiments.anova import anova, curvature
-from taichi_erosion.experiments.audit.published import (
+from taichi_erosion.experiments.fit import (
+    Fit,
+    Term,
+    coded_polynomial,
+    coefficient_table,
+    fit_model,
+    interaction_terms,
+    model_matrix,
+    model_terms,
+    quality,
+    term_name,
+)
+from taichi_erosion.experiments.optimise import Goal, optimise
+from taichi_erosion.experiments.published import (
     Claims,
-    Columns,
     Finding,
     Kind,
     Printed,
@@ -26,11 +45,8 @@ from taichi_erosion.experiments.audit.published import (
     read_columns,
     read_published,
 )
-from taichi_erosion.experiments.audit.structure import Cell, Structure, examine_structure, structure_findings
-from taichi_erosion.experiments.fit import Fit, coded_polynomial, coefficient_table, fit_model, quality
-from taichi_erosion.experiments.optimise import Goal, optimise
-from taichi_erosion.experiments.terms import Order, Term, interaction_terms, model_terms, term_name
 
+NOTHING = 1e-6  # sums of coded levels below it vanish [1]
 HEADINGS = {
     "sum_of_squares": ("sum of squares", "sum of square", "sum sq", "ss"),
     "df": ("degree of freedom", "degrees of freedom", "df"),
@@ -47,6 +63,37 @@ SOURCES = {
 }
 SHARE_TO_SWAP = 0.8  # of a column's numbers that agree with another quantity where its heading is wrong [1]
 SIGNIFICANT = 0.05  # p value of a lack of fit [1]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell and the coded level that would restore the design."""
+
+    row: int  # from 0
+    column: int
+    level: float
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """What the levels alone say."""
+
+    two_level: bool
+    balanced: bool
+    orthogonal: bool
+    cells: tuple[Cell, ...]  # each restores the design alone
+
+    @property
+    def chosen(self) -> Cell | None:
+        """The cell that restores the design, if there is only one."""
+        return self.cells[0] if len(self.cells) == 1 else None
+
+    def restored(self, coded: Floats) -> Floats:
+        """The levels with that cell changed."""
+        changed = coded.copy()
+        if self.chosen is not None:
+            changed[self.chosen.row, self.chosen.column] = self.chosen.level
+        return changed
 
 
 @dataclass(frozen=True)
@@ -71,42 +118,112 @@ class Audit:
 
     table: PublishedTable
     structure: Structure
-    fit: Fit | None = None
-    comparisons: tuple[Comparison, ...] = ()
-    agree_as_printed: int = 0  # of the comparisons, with the levels as printed
-    findings: tuple[Finding, ...] = ()
+    fit: Fit | None
+    comparisons: tuple[Comparison, ...]
+    findings: tuple[Finding, ...]
 
 
 def audit(path: Path, response: str | None = None, claims_file: Path | None = None) -> Audit:
-    """Audit a table and the claims beside it."""
-    table = read_published(path, response)
-    claims, folder = claims_of(path, claims_file)
+    """Audit a table and the claims beside it. Raises BadInput."""
+    table, claims = read_published(path, response), claims_of(path, claims_file)
     structure = examine_structure(table.coded)
-    found = Audit(table, structure, findings=tuple(structure_findings(table, structure)))
+    findings, fit, comparisons = list(structure_findings(table, structure)), None, ()
     try:
-        as_printed = fit_table(table, claims, structure, table.coded)
-        fit = fit_table(table, claims, structure, structure.restored(table.coded))
+        fit = fit_table(table, claims, structure)
     except BadInput as fault:
-        findings = [*found.findings, Finding("setting", f"no model can be fitted: {fault}")]
+        findings.append(Finding("setting", f"no model can be fitted: {fault}"))
     else:
-        comparisons, said = compare(claims, folder, fit)
-        findings = [*found.findings, *said, *number_findings(comparisons), *fit_findings(fit, comparisons)]
+        comparisons, said = compare(claims, (claims_file or path).parent, fit)
+        findings += [*said, *number_findings(comparisons), *fit_findings(fit, comparisons)]
         findings += target_findings(claims.target, fit) if claims.target else ()
-        agree = sum(comparison.agrees for comparison in compare(claims, folder, as_printed)[0])
-        found = replace(found, fit=fit, comparisons=tuple(comparisons), agree_as_printed=agree)
-    return replace(found, findings=tuple(replace(f, table=f.table or path.name) for f in findings))
+    told = tuple(replace(each, table=each.table or path.name) for each in findings)
+    return Audit(table, structure, fit, tuple(comparisons), told)
 
 
-def fit_table(table: PublishedTable, claims: Claims, structure: Structure, coded: Floats) -> Fit:
+def examine_structure(coded: Floats) -> Structure:
+    """Balance, orthogonality, the restoring cells."""
+    # almost every row is a corner or the centre; a wrong cell does not change the answer
+    off_centre = coded[np.any(np.abs(coded) > NOTHING, axis=1)]
+    two_level = bool(len(off_centre) and np.mean(np.abs(np.abs(off_centre) - 1.0) < NOTHING) > 0.75)
+    balanced, orthogonal = soundness(coded, two_level)
+    cells = () if balanced and orthogonal else tuple(restoring_cells(coded, two_level))
+    return Structure(two_level, balanced, orthogonal, cells)
+
+
+def soundness(coded: Floats, two_level: bool) -> tuple[bool, bool]:
+    """Whether levels are balanced, and whether they are orthogonal."""
+    terms = model_terms(coded.shape[1], "linear" if two_level else "interactions")
+    matrix = model_matrix(coded, terms)[:, 1:]
+    gram = matrix.T @ matrix
+    overlap = gram[np.triu_indices(len(gram), 1)]
+    return bool(np.all(np.abs(matrix.sum(axis=0)) < NOTHING)), bool(np.all(np.abs(overlap) < NOTHING))
+
+
+def restoring_cells(coded: Floats, two_level: bool) -> Iterator[Cell]:
+    """Every single change of a level after which nothing is left to find."""
+    for column in range(coded.shape[1]):
+        if not all(soundness(np.delete(coded, column, axis=1), two_level)):
+            continue  # no cell of this column can restore the others
+        for row in range(len(coded)):
+            for level in (-1.0, 1.0) if two_level else (-1.0, 0.0, 1.0):
+                changed = coded.copy()
+                changed[row, column] = level
+                if level != coded[row, column] and all(soundness(changed, two_level)):
+                    yield Cell(row, column, level)
+
+
+def structure_findings(table: PublishedTable, structure: Structure) -> Iterator[Finding]:
+    """What is wrong with the levels, in sentences."""
+    for factor, column in zip(table.factors, table.coded.T, strict=True) if structure.two_level else ():
+        high, low = int(np.sum(column > NOTHING)), int(np.sum(column < -NOTHING))
+        if high != low:
+            sentence = f"{factor.path} is {high} times high and {low} times low"
+            yield Finding("unbalanced", sentence, column=factor.path, found=float(high - low))
+    yield from not_orthogonal(table)
+    for cell in structure.cells:
+        factor, count = table.factors[cell.column], len(structure.cells)
+        printed = f"{table.levels[cell.row, cell.column]:g}"
+        level = factor.centre + factor.half * cell.level
+        only = "it is the only such cell" if count == 1 else f"one of {count} such cells"
+        sentence = (
+            f"row {cell.row + 1}, {factor.path} is printed {printed}; {level:g} makes the design balanced "
+            f"and orthogonal, and {only}"
+        )
+        yield Finding("cell", sentence, "", factor.path, cell.row + 1, printed, level)
+
+
+def not_orthogonal(table: PublishedTable) -> Iterator[Finding]:
+    """The factor that shares something with others; the worst pair where there is no such single one."""
+    gram, names = table.coded.T @ table.coded, [factor.path for factor in table.factors]
+    pairs = [(i, j) for i, j in combinations(range(len(gram)), 2) if abs(gram[i, j]) > NOTHING]
+    if not pairs:
+        return
+    common = set(pairs[0]).intersection(*pairs)
+    if len(common) == 1:
+        (k,) = common
+        others = [names[i if j == k else j] for i, j in pairs]
+        sentence = f"{names[k]} is not orthogonal to {', '.join(others)}"
+        yield Finding("not orthogonal", sentence, column=names[k], found=float(len(others)))
+        return
+    correlation = np.atleast_2d(np.corrcoef(table.coded, rowvar=False))
+    one, other = max(pairs, key=lambda pair: abs(correlation[pair]))
+    most = float(correlation[one, other])
+    sentence = (
+        f"{len(pairs)} pair(s) of factors are not orthogonal; most of all {names[one]} and {names[other]}, "
+        f"correlation {most:.2f}"
+    )
+    yield Finding("not orthogonal", sentence, column=names[one], found=most)
+
+
+def fit_table(table: PublishedTable, claims: Claims, structure: Structure) -> Fit:
     """The model that the study fits, or the largest that its levels suggest and its runs determine."""
-    guesses: tuple[Order, ...] = ("linear",) if structure.two_level else ("quadratic", "linear")
-    *larger, last = guesses if claims.model is None else (claims.model,)
-    for order in larger:
+    design = table.design(structure.restored(table.coded))
+    if claims.model is None and not structure.two_level:
         try:
-            return fit_model(table.design(coded), table.response, order)
+            return fit_model(design, table.response, "quadratic")
         except BadInput:
-            continue  # too few runs for it: the next guess is smaller
-    return fit_model(table.design(coded), table.response, last)
+            pass  # too few runs for it
+    return fit_model(design, table.response, claims.model or "linear")
 
 
 def compare(claims: Claims, folder: Path, fit: Fit) -> tuple[list[Comparison], list[Finding]]:
@@ -133,40 +250,37 @@ def parse_term(text: str, fit: Fit) -> Term:
 
 
 def compare_anova(path: Path, fit: Fit) -> tuple[list[Comparison], list[Finding]]:
-    """Every number of a printed analysis of variance; and what is wrong with its headings and sums."""
-    columns, lines, findings = read_columns(path), dict[int, str](), list[Finding]()
-    for place, text in enumerate(next(iter(columns.values()))):
+    """Every number of a printed analysis of variance; and what is wrong with its headings."""
+    (_, sources), *columns = read_columns(path).items()
+    findings, lines = list[Finding](), dict[int, str]()
+    names, rows = [factor.path for factor in fit.factors], {row.source: asdict(row) for row in anova(fit)}
+    for place, text in enumerate(sources):
         known = [source for source, words in SOURCES.items() if text.strip().lower() in words]
         try:
-            names = [factor.path for factor in fit.factors]
-            lines[place] = known[0] if known else term_name(parse_term(text, fit), names)
+            source = known[0] if known else term_name(parse_term(text, fit), names)
         except BadInput as fault:  # a line that is not understood is said, not dropped
             findings.append(Finding("setting", f"{path.name}: {fault}", path.name, row=place + 1))
-    rows = {row.source: asdict(row) for row in anova(fit)}
-    lines = {place: source for place, source in lines.items() if source in rows}
-    quantities = {heading: quantity_of(heading, columns, lines, rows) for heading in list(columns)[1:]}
-    for heading, (said, meant) in quantities.items():
+        else:
+            lines |= {place: source} if source in rows else {}
+    comparisons = []
+    for heading, column in columns:
+        cells = [(source, parse_printed(column[place])) for place, source in lines.items()]
+        said, meant = quantity_of(heading, [(cell, rows[source]) for source, cell in cells if cell])
         if said and meant != said:
             sentence = f"{path.name}: column '{heading}' holds the {meant.replace('_', ' ')}"
             findings.append(Finding("heading", sentence, path.name, heading, printed=heading))
-    comparisons = [
-        Comparison(path.name, source, meant, cell, float(rows[source][meant]))
-        for place, source in lines.items()
-        for heading, (_, meant) in quantities.items()
-        if meant and (cell := parse_printed(columns[heading][place])) is not None
-    ]
+        for source, cell in cells if meant else ():
+            if cell is not None:
+                comparisons.append(Comparison(path.name, source, meant, cell, float(rows[source][meant])))
     return comparisons, findings
 
 
-def quantity_of(
-    heading: str, columns: Columns, lines: Mapping[int, str], rows: Mapping[str, Mapping[str, Any]]
-) -> tuple[str, str]:
+def quantity_of(heading: str, cells: Sequence[tuple[Printed, Mapping[str, Any]]]) -> tuple[str, str]:
     """Quantity that a column's heading says, and that with which nearly all its numbers agree, if better."""
-    plain = heading.strip().lower().removeprefix("column_headed_").replace("_", " ")
+    plain = heading.lower().replace("_", " ")
     said = next((quantity for quantity, words in HEADINGS.items() if plain in words), "")
-    cells = [(parse_printed(columns[heading][place]), rows[source]) for place, source in lines.items()]
     shares = {
-        quantity: float(np.mean([cell.agrees(float(row[quantity])) for cell, row in cells if cell] or [0.0]))
+        quantity: float(np.mean([cell.agrees(float(row[quantity])) for cell, row in cells] or [0.0]))
         for quantity in HEADINGS
     }
     best = max(shares, key=lambda quantity: shares[quantity])
@@ -221,17 +335,22 @@ def as_document(result: Audit) -> dict[str, Any]:
         "factors": [factor.path for factor in table.factors],
         "response": table.response,
         "set_aside": list(table.set_aside),
-        "design": structure.textbook or None,
         "two_level": structure.two_level,
         "balanced": structure.balanced,
         "orthogonal": structure.orthogonal,
         "cell": None if structure.chosen is None else cell_record(table, structure.chosen),
         "cells": [cell_record(table, cell) for cell in structure.cells],
-        "model": None if fit is None else model_record(fit),
+        "model": None
+        if fit is None
+        else {
+            "terms": list(fit.names),
+            "anova": [asdict(row) for row in anova(fit)],
+            "coefficients": [asdict(line) for line in coefficient_table(fit)],
+            "quality": asdict(quality(fit)),
+        },
         "printed_numbers": {
             "compared": len(result.comparisons),
             "agree": sum(comparison.agrees for comparison in result.comparisons),
-            "agree_as_printed": result.agree_as_printed,
         },
         "findings": [asdict(finding) for finding in result.findings],
     }
@@ -245,14 +364,4 @@ def cell_record(table: PublishedTable, cell: Cell) -> dict[str, Any]:
         "column": factor.path,
         "printed": float(table.levels[cell.row, cell.column]),
         "restored_by": factor.centre + factor.half * cell.level,
-    }
-
-
-def model_record(fit: Fit) -> dict[str, Any]:
-    """Analysis of variance, coefficients and figures of merit."""
-    return {
-        "terms": list(fit.names),
-        "anova": [asdict(row) for row in anova(fit)],
-        "coefficients": [asdict(line) for line in coefficient_table(fit)],
-        "quality": asdict(quality(fit)),
     }
