@@ -112,7 +112,8 @@ def optimise(fits: Sequence[Fit], goals: Sequence[Goal]) -> Optimisation:
     for goal, fit in zip(goals, models, strict=True):  # limits that hold all runs and all that is predicted
         low = min(float(fit.values.min()), reach[fit.response].low)
         high = max(float(fit.values.max()), reach[fit.response].high)
-        limited.append(replace(goal, low=low, high=high))
+        least = abs(goal.target) * np.finfo(float).eps  # where the response is the same everywhere
+        limited.append(replace(goal, low=low, high=max(high, low + least)))
     optima = local_optima(models, limited)
     met = all(
         abs(single_share(goal, fit.predict(optima[0].coded[None, :])) - 1.0) < MET
@@ -202,11 +203,9 @@ def explain(
     goals: Sequence[Goal], optima: Sequence[Optimum], reach: dict[str, Reach], met: bool
 ) -> Iterator[str]:
     """What a reader must know before trying an optimum."""
-    missed = [
-        goal for goal in goals if not reach[goal.response].low <= goal.target <= reach[goal.response].high
-    ]
-    for goal in missed:
-        ends = reach[goal.response]
+    pairs = [(goal, reach[goal.response]) for goal in goals]
+    missed = [(goal, ends) for goal, ends in pairs if not ends.low <= goal.target <= ends.high]
+    for goal, ends in missed:
         nearest, where = (ends.high, ends.at_high) if goal.target > ends.high else (ends.low, ends.at_low)
         place = ", ".join(f"{path} = {value:.4g}" for path, value in where.items())
         yield (
