@@ -9,8 +9,8 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.measures.heap import repose_angle
 from taichi_erosion.measures.photograph import find_base_line, measure_photograph
-from taichi_erosion.measures.repose import repose_angle
 from taichi_erosion.measures.silhouette import draw_silhouette
 from taichi_erosion.report.pictures.photograph import WIDTH, draw_detection
 from tests.measures.heaps import DIAMETER, cone, snapshot_of
