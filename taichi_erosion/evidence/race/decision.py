@@ -15,15 +15,14 @@ Reference: Westfall & Young (1993), Resampling-Based Multiple Testing, 2.3 (max-
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SURE
+from taichi_erosion.evidence.race.record import Verdict
 
-Verdict = Literal["present", "group", "none_detected", "outside_library"]
 MOST_TOLD = 3  # of a group: more is no answer
 
 
@@ -64,17 +63,8 @@ def decide(posterior: Posterior) -> Decision:
         verdict = "present"
     elif outside >= SURE or set(told) - set(effects):
         verdict = "outside_library"
-    return Decision(
-        verdict,
-        named,
-        group,
-        told if verdict == "outside_library" else (),
-        none,
-        outside,
-        inclusion,
-        beyond,
-        chance,
-    )
+    held = told if verdict == "outside_library" else ()
+    return Decision(verdict, named, group, held, none, outside, inclusion, beyond, chance)
 
 
 def probability(posterior: Posterior, names: Iterable[str]) -> float:
@@ -109,12 +99,8 @@ def familywise_p(race: Race, best: Fit) -> float:
     signatures = np.column_stack([race.prepared.white(fit.mean - bare.mean) for fit in singles])
     along, gram = rows.with_bad(best.evidence.bad).solved(u).against(signatures)
     size = np.sqrt(np.maximum(np.diag(gram), 1e-12))
-    seen = size > 1e-3
-    if not seen.any():
-        return 1.0
-    observed = float(np.max((along / size)[seen]))
-    correlation = (gram / np.outer(size, size))[np.ix_(seen, seen)]
-    values, vectors = np.linalg.eigh(correlation)
+    observed = float(np.max(along / size))
+    values, vectors = np.linalg.eigh(gram / np.outer(size, size))
     draws = np.random.default_rng(SEED).standard_normal((DRAWS, values.size))
     largest = np.max(draws * np.sqrt(np.maximum(values, 0.0)) @ vectors.T, axis=1)
     return float((1 + np.sum(largest >= observed)) / (1 + DRAWS))

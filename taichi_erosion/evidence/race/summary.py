@@ -39,6 +39,7 @@ from taichi_erosion.evidence.race.record import (
     RepeatPart,
     RowsPart,
     Status,
+    Stop,
 )
 
 ONE_SIDED = float(stats.norm.ppf(0.95))  # sd beyond which 5 % of a normal distribution lie
@@ -47,21 +48,20 @@ ONE_SIDED = float(stats.norm.ppf(0.95))  # sd beyond which 5 % of a normal distr
 def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
     """The record of a race."""
     found, race = decision or decide(posterior), posterior.race
-    after = told_fit(posterior, found)
-    bare = race.bare
+    after, bare, model = told_fit(posterior, found), race.bare, race.model
+    stop: Stop = "budget" if race.stopped else ""
+    (before, p_before), (now, p_now) = misfit(bare), misfit(after, told=True)
     return Record(
         decided=decided(posterior, found),
-        effects={name: effect_part(posterior, found, name) for name in race.model.candidates},
+        effects={name: effect_part(posterior, found, name) for name in model.candidates},
         numbers=number_parts(posterior),
         levels=tuple(level_parts(posterior)),
         errors=tuple(error_parts(after, race)),
         repeats=tuple(repeat_parts(race, after)),
-        fit=fit_part(race, bare, after),
+        fit=FitPart(race.prepared.rows.size, before, now, p_before, p_now, lack_of_fit(race, bare)),
         where=tuple(places(race, bare)),
         rows=rows_part(race, bare, after),
-        cost=CostPart(
-            race.model.settings, race.prepared.predictor.cost.runs, nan, "budget" if race.stopped else ""
-        ),
+        cost=CostPart(model.settings, race.prepared.predictor.cost.runs, nan, stop),
     )
 
 
@@ -96,12 +96,6 @@ def repeat_parts(race: Race, after: Fit) -> Iterator[RepeatPart]:
         likely = [line for line in each.suspects if (each.observable, line) in bad]
         found = each.suspects if len(each.suspects) == 1 else likely
         yield RepeatPart(each.observable, each.lines, each.gap, found[0] if len(found) == 1 else 0)
-
-
-def fit_part(race: Race, bare: Fit, after: Fit) -> FitPart:
-    """Misfit of the fitted rows if nothing is missing, and with what is told."""
-    before, now = misfit(bare), misfit(after, told=True)
-    return FitPart(race.prepared.rows.size, before[0], now[0], before[1], now[1], lack_of_fit(race, bare))
 
 
 def lack_of_fit(race: Race, bare: Fit) -> float:
