@@ -30,7 +30,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
 from statsmodels.regression.linear_model import OLS, RegressionResultsWrapper
 from statsmodels.stats.outliers_influence import OLSInfluence
 
@@ -178,10 +177,8 @@ class Fit:
 
     def interval(self, coded: ArrayLike) -> Floats:
         """Interval of 95 % for the true mean at coded points, [points, 2]."""
-        variance = self.ms_error * self.leverage(coded)
-        reach = stats.t.ppf(0.975, self.df_error) * np.sqrt(variance)
-        centre = self.predict(coded)
-        return np.column_stack([centre - reach, centre + reach])
+        matrix = model_matrix(np.asarray(coded, dtype=float), self.terms)
+        return np.asarray(self.results.get_prediction(matrix).conf_int())
 
 
 def fit_model(design: Design, response: str, terms: Sequence[Term] | Order) -> Fit:

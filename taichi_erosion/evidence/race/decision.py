@@ -70,12 +70,7 @@ def decide(posterior: Posterior) -> Decision:
 def probability(posterior: Posterior, names: Iterable[str]) -> float:
     """Probability that one of some effects or mechanisms acts."""
     wanted = set(names)
-    return sum(p for h, p in posterior.probability.items() if acts(h, wanted))
-
-
-def acts(hypothesis: Hypothesis, names: set[str]) -> bool:
-    """Whether one of some effects or mechanisms acts."""
-    return bool(names & set(hypothesis.names)) or hypothesis.kind in names
+    return sum(p for h, p in posterior.probability.items() if wanted & h.acting)
 
 
 def smallest(

@@ -45,6 +45,11 @@ class Hypothesis:
         return self.beyond.partition("|")[0]
 
     @property
+    def acting(self) -> frozenset[str]:
+        """What acts: effects, a mechanism, something that is not in the list."""
+        return frozenset((*self.names, self.kind)) - {""}
+
+    @property
     def along(self) -> str:
         """Condition along which a dose varies."""
         return self.beyond.partition("|")[2]

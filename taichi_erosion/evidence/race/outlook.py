@@ -30,7 +30,6 @@ from taichi_erosion.evidence.models.condition_errors import condition_errors
 from taichi_erosion.evidence.models.new_conditions import NewConditions
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.race.blocks import Block, dose_columns, nuisance, unlisted
-from taichi_erosion.evidence.race.decision import acts
 from taichi_erosion.evidence.race.doses import dosings, from_axis
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import Doses, Fit, Hypothesis, Race
@@ -287,11 +286,11 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
 
     The other one is drawn by the seed. None without held-out rows.
     """
-    race, wanted = posterior.race, set(names)
+    race = posterior.race
     rows = held_out_rows(race.prepared)
     if rows is None:
         return None
-    others = [h for fit in race.sets(1) if not acts(h := fit.hypothesis, wanted)]
+    others = [fit.hypothesis for fit in race.sets(1) if fit.hypothesis.acting.isdisjoint(names)]
     wrong = [others[np.random.default_rng(seed).integers(len(others))]] if others else []
     place, chosen = elsewhere(race, rows), [Hypothesis(()), posterior.best.hypothesis, *wrong]
     told = [outlook(place, race.fits[h]) for h in chosen]
