@@ -21,6 +21,7 @@ import numpy as np
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.experiments.anova import anova, curvature
+from taichi_erosion.experiments.design import arranged
 from taichi_erosion.experiments.fit import (
     Fit,
     Term,
@@ -217,7 +218,8 @@ def not_orthogonal(table: PublishedTable) -> Iterator[Finding]:
 
 def fit_table(table: PublishedTable, claims: Claims, structure: Structure) -> Fit:
     """The model that the study fits, or the largest that its levels suggest and its runs determine."""
-    design = table.design(structure.restored(table.coded))
+    design = arranged(table.name, table.factors, [("factorial", structure.restored(table.coded))])
+    design = design.with_responses(**{table.response: table.values})
     if claims.model is None and not structure.two_level:
         try:
             return fit_model(design, table.response, "quadratic")

@@ -261,7 +261,10 @@ class Quality:
 def quality(fit: Fit) -> Quality:
     """Figures of merit of a fit."""
     total, df_total = fit.ss_total, len(fit.values) - 1
-    sd, mean, press = sqrt(fit.ms_error), float(fit.values.mean()), press_sum(fit)
+    sd, mean, influence = sqrt(fit.ms_error), float(fit.values.mean()), OLSInfluence(fit.results)
+    # a run that alone fixes a coefficient cannot be predicted from the others
+    alone = np.any(1.0 - np.asarray(influence.hat_matrix_diag) < CERTAIN)
+    press = nan if alone else float(np.sum(np.asarray(influence.resid_press) ** 2))
     noise = sd * sqrt((1 + len(fit.terms)) / len(fit.values))
     return Quality(
         sd=sd,
@@ -278,14 +281,6 @@ def quality(fit: Fit) -> Quality:
 def ratio(numerator: float, denominator: float) -> float:
     """A quotient, NaN over 0."""
     return numerator / denominator if denominator else nan
-
-
-def press_sum(fit: Fit) -> float:
-    """Sum of squares of the errors with which every run is predicted from all others."""
-    influence = OLSInfluence(fit.results)
-    if np.any(1.0 - np.asarray(influence.hat_matrix_diag) < CERTAIN):
-        return nan  # a run that alone fixes a coefficient cannot be predicted from the others
-    return float(np.sum(np.asarray(influence.resid_press) ** 2))
 
 
 def overfitted(fit: Fit) -> str:

@@ -27,7 +27,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.experiments.design import Design, Factor, arranged, to_coded
+from taichi_erosion.experiments.design import Factor, to_coded
 from taichi_erosion.experiments.fit import Order
 
 Kind = Literal[
@@ -170,11 +170,6 @@ class PublishedTable:
     response: str
     values: Floats  # [runs]
     set_aside: tuple[str, ...]  # columns that are neither
-
-    def design(self, coded: Floats) -> Design:
-        """The table as a design of these levels."""
-        plain = arranged(self.name, self.factors, [("factorial", coded)])
-        return plain.with_responses(**{self.response: self.values})
 
 
 def read_published(path: Path, response: str | None = None) -> PublishedTable:

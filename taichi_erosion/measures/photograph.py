@@ -214,15 +214,13 @@ def drawing(found: Detection, shape: tuple[int, ...], corner: tuple[int, int]) -
 
 
 def read_grey(path: Path) -> Grey:
-    """Luminance of a picture, 0 to 1, turned upright; its opacity where the picture is partly transparent."""
+    """Luminance of a picture, 0 to 1, turned upright."""
     try:
         with Image.open(regular_file(path)) as opened:
             picture = ImageOps.exif_transpose(opened)
             if picture.mode.startswith("I"):  # 16 bits
                 return np.asarray(picture, dtype=float) / DEEPEST
-            opacity = np.asarray(picture.convert("RGBA").getchannel("A"))
-            levels = opacity if np.ptp(opacity) else np.asarray(picture.convert("L"))
-            return levels / (GREY_LEVELS - 1.0)
+            return np.asarray(picture.convert("L")) / (GREY_LEVELS - 1.0)
     except FileNotFoundError as error:
         raise BadInput(f"{path}: no such file") from error
     except Exception as error:  # decoders raise whatever a damaged file makes them raise
