@@ -97,7 +97,7 @@ def run_design(runner: DesignRunner, stage: str, design: Design) -> Design:
     """The design with the values of all targets; NaN where a run gave none."""
     file, observables = runner.file, list(runner.file.study.targets)
     first = file.study.study.seed + SEEDS_APART * STAGES.index(stage)
-    plan = [(int(row), scene) for row in design.by_turn for scene in file.scenes]
+    plan = [(int(row), scene) for row in np.argsort(design.run_order) for scene in file.scenes]
     settings = [complete_settings(file, design.settings(row)) for row in range(len(design))]
     requests = [design_request(runner, scene, settings[row], stage, row, first + row) for row, scene in plan]
     results = execute(

@@ -347,7 +347,7 @@ def as_document(result: Audit) -> dict[str, Any]:
         else {
             "terms": list(fit.names),
             "anova": [asdict(row) for row in anova(fit)],
-            "coefficients": [asdict(line) for line in coefficient_table(fit)],
+            "coefficients": coefficient_table(fit).to_dict("records"),
             "quality": asdict(quality(fit)),
         },
         "printed_numbers": {

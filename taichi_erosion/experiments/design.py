@@ -52,7 +52,7 @@ class Factor:
 class Design:
     """Runs of an experiment, its rows in standard order.
 
-    `run_order[i]` is the turn (from 1) in which row i is carried out; `by_turn` lists rows in that order.
+    `run_order[i]` is the turn (from 1) in which row i is carried out.
     """
 
     name: str
@@ -66,11 +66,6 @@ class Design:
     def natural(self) -> Floats:
         """Levels in the factors' own units, [runs, factors]."""
         return to_natural(self.factors, self.coded)
-
-    @property
-    def by_turn(self) -> NDArray[np.int64]:
-        """Rows in the order in which they are carried out."""
-        return np.argsort(self.run_order, kind="stable")
 
     def __len__(self) -> int:
         """Number of runs."""

@@ -29,6 +29,7 @@ from math import comb, nan, sqrt
 from typing import Literal
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from statsmodels.regression.linear_model import OLS, RegressionResultsWrapper
 from statsmodels.stats.outliers_influence import OLSInfluence
@@ -94,20 +95,6 @@ def model_matrix(coded: Floats, terms: Sequence[Term]) -> Floats:
     points = np.atleast_2d(np.asarray(coded, dtype=float))
     powers = np.array(terms, dtype=int).reshape(len(terms), points.shape[1])
     return np.column_stack([np.ones(len(points)), np.prod(points[:, None, :] ** powers, axis=2)])
-
-
-@dataclass(frozen=True)
-class Coefficient:
-    """One coefficient in coded units; NaN where no degree of freedom is left for an error."""
-
-    name: str
-    value: float
-    standard_error: float
-    low: float  # 95 % confidence interval
-    high: float
-    t: float
-    p: float
-    vif: float  # variance inflation factor [1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,20 +183,12 @@ def fit_model(design: Design, response: str, terms: Sequence[Term] | Order) -> F
     return fit
 
 
-def coefficient_table(fit: Fit) -> list[Coefficient]:
-    """Constant and terms, each with its uncertainty and
-
-        VIF_j = (X'X)^-1_jj sum_i (t_ij - mean t_j)^2,   1 for the constant,
-
-    the variance over that in an orthogonal design of the same spread.
-    """
+def coefficient_table(fit: Fit) -> pd.DataFrame:
+    """Constant and terms in coded units, with errors, 95 % intervals, t and p; NaN without an error."""
     found = fit.results
-    unscaled = np.diag(fit.unscaled_covariance)
-    inflation = unscaled * len(fit.values) * np.var(model_matrix(fit.coded, fit.terms), axis=0)
-    inflation[0] = 1.0
-    numbers = (found.params, found.bse, *found.conf_int().T, found.tvalues, found.pvalues, inflation)
-    lines = zip(("Intercept", *fit.names), np.column_stack(numbers).tolist(), strict=True)
-    return [Coefficient(name, *line) for name, line in lines]
+    low, high = np.asarray(found.conf_int()).T
+    columns = {"name": ("Intercept", *fit.names), "value": found.params, "standard_error": found.bse}
+    return pd.DataFrame(columns | {"low": low, "high": high, "t": found.tvalues, "p": found.pvalues})
 
 
 Polynomial = dict[Term, float]  # coefficient of every term; the constant is the term of zeros

@@ -58,8 +58,8 @@ def share(claim: str, hits: list[bool], wanted: float) -> Outcome:
 
 def covered(fit: Fit, truth: Floats) -> list[bool]:
     """Whether the interval of each slope holds the true one."""
-    lines = coefficient_table(fit)[1:]
-    return [line.low <= slope <= line.high for line, slope in zip(lines, truth, strict=True)]
+    slopes = coefficient_table(fit)[1:]
+    return list((slopes["low"] <= truth) & (truth <= slopes["high"]))
 
 
 def recovered_effects() -> Iterator[Outcome]:
