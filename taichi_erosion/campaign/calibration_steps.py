@@ -32,7 +32,7 @@ from taichi_erosion.campaign.request import Report, RunRequest, RunResult, scene
 from taichi_erosion.campaign.study_file import CalibrationStudy, WorkersEntry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.experiments.anova import Effect, EffectLimits, curvature, effect_limits, effects, reduced
+from taichi_erosion.experiments.anova import Effect, EffectLimits, curvature, effects, reduced
 from taichi_erosion.experiments.confirm import Confirmation, Sample, confirm
 from taichi_erosion.experiments.design import (
     SAME_POINT,
@@ -157,9 +157,8 @@ def screened_effects(fit: Fit) -> tuple[list[Effect], EffectLimits]:
     corner, bent = np.any(np.abs(fit.coded) > SAME_POINT, axis=1), curvature(fit)
     part = replace(fit, coded=fit.coded[corner], values=fit.values[corner], rows=fit.rows[corner])
     if bent is None or np.linalg.matrix_rank(model_matrix(part.coded, fit.terms)) <= len(fit.terms):
-        return effects(fit), effect_limits(fit)
-    error = bent.ms_error, bent.df_error
-    return effects(part, error), effect_limits(part, error)
+        return effects(fit)
+    return effects(part, (bent.ms_error, bent.df_error))
 
 
 @dataclass(frozen=True, eq=False)

@@ -157,25 +157,18 @@ class EffectLimits:
     bonferroni: float
 
 
-def effects(fit: Fit, error: Error | None = None) -> list[Effect]:
-    """Effects of a linear or interaction model, in the order of its terms."""
-    _, df = error or (fit.ms_error, fit.df_error)
+def effects(fit: Fit, error: Error | None = None) -> tuple[list[Effect], EffectLimits]:
+    """Effects of a linear or interaction model, in the order of its terms, and their limits.
+
+    The limits hold for the least certain of them.
+    """
+    mean_square, df = error or (fit.ms_error, fit.df_error)
     sums, values = term_sums(fit), 2.0 * fit.coefficients[1:]
+    errors = 2.0 * np.sqrt(mean_square * np.diag(fit.unscaled_covariance)[1:])
     with np.errstate(divide="ignore", invalid="ignore"):
-        t, shares = values / effect_errors(fit, error), sums / sums.sum()
+        t, shares = values / errors, sums / sums.sum()
     columns = np.column_stack([values, shares, t, 2.0 * stats.t.sf(np.abs(t), df)]).tolist()
-    return [Effect(name, *line) for name, line in zip(fit.names, columns, strict=True)]
-
-
-def effect_errors(fit: Fit, error: Error | None = None) -> Floats:
-    """Standard error of every effect, in the response's unit."""
-    mean_square, _ = error or (fit.ms_error, fit.df_error)
-    return 2.0 * np.sqrt(mean_square * np.diag(fit.unscaled_covariance)[1:])
-
-
-def effect_limits(fit: Fit, error: Error | None = None) -> EffectLimits:
-    """Limits for the effects of a fit; the t limits hold for the least certain of them."""
-    _, df = error or (fit.ms_error, fit.df_error)
-    spread, tail = float(effect_errors(fit, error).max()), 0.5 * (1.0 - CONFIDENCE)
-    single, bonferroni = stats.t.isf([tail, tail / len(fit.terms)], df) * spread
-    return EffectLimits(float(single), float(bonferroni))
+    found = [Effect(name, *line) for name, line in zip(fit.names, columns, strict=True)]
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    single, bonferroni = stats.t.isf([tail, tail / len(fit.terms)], df) * float(errors.max())
+    return found, EffectLimits(float(single), float(bonferroni))

@@ -27,7 +27,7 @@ def test_a_bent_response_leaves_effects_and_their_certainty_alone():
     # standard error of an effect of 12 runs: 2 sd / sqrt(12)
     assert found[0].value == pytest.approx(2.0 * SLOPE, abs=4.0 * 2.0 * NOISE / 12**0.5)
     assert found[0].p < 0.01
-    assert effects(fit)[0].p > 0.1  # where the bend counts as noise, nothing is seen
+    assert effects(fit)[0][0].p > 0.1  # where the bend counts as noise, nothing is seen
     assert limits.bonferroni < found[0].value
 
 
