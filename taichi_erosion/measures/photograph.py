@@ -69,21 +69,14 @@ SENTENCES = {
 
 
 @dataclass(frozen=True)
-class Heap:
-    """Foreground above the base line."""
+class Detection:
+    """Foreground above the base line, with its outline and flanks."""
 
     body: Mask  # last row just above the base line
     threshold: float  # grey level between heap and background [1]
     background: Literal["dark", "light"]
     base: Literal["seen", "not seen"]  # whether a base line was found
     tilt: float  # deg, by which the picture was turned so that its base line became horizontal
-
-
-@dataclass(frozen=True)
-class Detection:
-    """A heap with its outline and flanks."""
-
-    heap: Heap
     outline: Outline
     flanks: tuple[Flank | None, Flank | None]
 
@@ -123,37 +116,27 @@ def measure_photograph(
     record = as_record(summarise(found, steadiness))
     record["details"] |= {
         "height_pixels": int(found.outline.height.max()),
-        "base_row": top + found.heap.body.shape[0],
+        "base_row": top + found.body.shape[0],
         "axis_column": left + found.axis,
-        "threshold": found.heap.threshold,
-        "background": found.heap.background,
-        "base_line": found.heap.base,
-        "tilt": found.heap.tilt,
+        "threshold": found.threshold,
+        "background": found.background,
+        "base_line": found.base,
+        "tilt": found.tilt,
         "crop": list(box),
         "drawing": drawing(found, calm.shape, (left, top)),
     }
     return record
 
 
-def detect(path: Path, calm: Grey, background: Background, threshold: float | None = None) -> Detection:
-    """Heap, outline and flanks; Otsu's threshold unless one is given. Raises BadInput where there is none."""
-    heap = find_heap(path, calm, background, threshold)
-    outline = silhouette.extract_outline(heap.body, 1.0)
-    flanks = silhouette.fit_flanks(outline, 0.0, SHORTEST_FLANK)
-    if not any(flanks):
-        raise BadInput(f"{path}: no flank found; give --crop around the heap or --background dark|light")
-    return Detection(heap, outline, flanks)
-
-
 def steadiness_of(path: Path, calm: Grey, found: Detection) -> tuple[float, float]:
     """Least and largest angle with thresholds to either side of the chosen one; infinite where one fails."""
-    dark = float(np.mean(calm[calm <= found.heap.threshold]))
-    light = float(np.mean(calm[calm > found.heap.threshold]))
+    dark = float(np.mean(calm[calm <= found.threshold]))
+    light = float(np.mean(calm[calm > found.threshold]))
     angles = [found.angle]
     for side in (-THRESHOLD_SHIFT, THRESHOLD_SHIFT):
-        moved = found.heap.threshold + side * (light - dark)
+        moved = found.threshold + side * (light - dark)
         try:
-            angles.append(detect(path, calm, found.heap.background, moved).angle)
+            angles.append(detect(path, calm, found.background, moved).angle)
         except BadInput:
             angles.append(inf)
     return min(angles), max(angles)
@@ -195,8 +178,8 @@ def drawing(found: Detection, shape: tuple[int, ...], corner: tuple[int, int]) -
 
     `shape` is that of the crop, (column, row) of whose upper left is `corner`.
     """
-    base, axis, position = found.heap.body.shape[0], found.axis, found.outline.position
-    middle, c, s = 0.5 * np.array(shape[1::-1]), cos(radians(found.heap.tilt)), sin(radians(found.heap.tilt))
+    base, axis, position = found.body.shape[0], found.axis, found.outline.position
+    middle, c, s = 0.5 * np.array(shape[1::-1]), cos(radians(found.tilt)), sin(radians(found.tilt))
 
     def there(points: Any) -> list[list[float]]:
         turned = (np.asarray(points, dtype=float) - middle) @ np.array([[c, s], [-s, c]])
@@ -208,7 +191,7 @@ def drawing(found: Detection, shape: tuple[int, ...], corner: tuple[int, int]) -
     for name, side, flank in zip(("left", "right"), (-1.0, 1.0), found.flanks, strict=True):
         if flank is not None:
             lines[name] = there([(axis + side * r, base - flank.at(r)) for r in (flank.start, flank.end)])
-    width = found.heap.body.shape[1]
+    width = found.body.shape[1]
     outline = np.column_stack([axis + position[drawn], base - found.outline.height[drawn]])
     return {"outline": there(outline), "base": there([(0.0, base), (width, base)])} | lines
 
@@ -240,22 +223,22 @@ def checked_crop(path: Path, grey: Grey, crop: Box | None) -> Box:
     return left, top, right, bottom
 
 
-def find_heap(path: Path, grey: Grey, background: Background, threshold: float | None = None) -> Heap:
-    """Binarise, find the base line, turn the picture by its tilt, and keep the body above the line."""
+def detect(path: Path, grey: Grey, background: Background, threshold: float | None = None) -> Detection:
+    """Binarise, find the base line, turn the picture by its tilt, keep the body above, fit its flanks.
+
+    Otsu's threshold unless one is given. Raises BadInput where there is no heap.
+    """
     chosen, separation = otsu_threshold(grey)
     if separation < SEPARATION_AT_LEAST:
         raise BadInput(f"{path}: no heap: nothing stands out from the background")
     threshold = chosen if threshold is None else threshold
-    if background == "auto":  # by the upper half of the frame: plate and foot may fill the lower
-        upper = grey[: grey.shape[0] // 2]
-        frame = np.concatenate([grey[0], upper[:, 0], upper[:, -1]])
-        background = "dark" if np.median(frame) <= threshold else "light"
-    scene = foreground(grey, threshold, background)
+    side = border_side(grey, threshold) if background == "auto" else background
+    scene = foreground(grey, threshold, side)
     line, tilt = find_base_line(scene), 0.0
     if line is not None and abs(line.tilt) > max(TILT_SEEN, line.error):
         tilt = line.tilt
         turned = scipy.ndimage.rotate(grey, tilt, reshape=False, order=1, mode="nearest")
-        scene = foreground(turned, threshold, background)
+        scene = foreground(turned, threshold, side)
         line = find_base_line(scene)
     if line is None:  # the widest row is the foot, at most 3 % of the height too high
         width = scene.sum(axis=1)
@@ -267,7 +250,12 @@ def find_heap(path: Path, grey: Grey, background: Background, threshold: float |
     height = base - int(np.argmax(body.any(axis=1)))
     if not body.any() or height < LOWEST_HEAP:
         raise BadInput(f"{path}: no heap: nothing rises {LOWEST_HEAP} pixels above the base at row {base}")
-    return Heap(body, threshold, background, "not seen" if line is None else "seen", tilt)
+    outline = silhouette.extract_outline(body, 1.0)
+    flanks = silhouette.fit_flanks(outline, 0.0, SHORTEST_FLANK)
+    if not any(flanks):
+        raise BadInput(f"{path}: no flank found; give --crop around the heap or --background dark|light")
+    seen = "not seen" if line is None else "seen"
+    return Detection(body, threshold, side, seen, tilt, outline, flanks)
 
 
 @dataclass(frozen=True)
@@ -384,9 +372,16 @@ def otsu_threshold(grey: Grey) -> tuple[float, float]:
     return float(edges[1:][best].mean()), float(between.max()) / variance if variance > 0.0 else 0.0
 
 
+def border_side(grey: Grey, threshold: float) -> Literal["dark", "light"]:
+    """Background by the upper half of the frame: plate and foot of the heap may fill the lower."""
+    upper = grey[: grey.shape[0] // 2]
+    frame = np.concatenate([grey[0], upper[:, 0], upper[:, -1]])
+    return "dark" if np.median(frame) <= threshold else "light"
+
+
 def raise_flags(found: Detection) -> list[str]:
     """Flags of the angle; the keys of SENTENCES."""
-    flanks, body = found.fitted, found.heap.body
+    flanks, body = found.fitted, found.body
     falling = [flank for flank in flanks if flank.angle > 0.0]
     height = float(found.outline.height.max())
     raised = {
@@ -401,9 +396,9 @@ def raise_flags(found: Detection) -> list[str]:
 
 def summarise(found: Detection, steadiness: tuple[float, float]) -> Measurement:
     """One angle from the flanks that were found."""
-    flanks, flags, tilt = found.fitted, raise_flags(found), found.heap.tilt
+    flanks, flags, tilt = found.fitted, raise_flags(found), found.tilt
     notes = [SENTENCES[flag] for flag in flags]
-    if found.heap.base == "not seen":
+    if found.base == "not seen":
         notes.insert(0, "no base line is seen: the lower edge counts as horizontal, a tilt is not corrected")
     if tilt:
         side = "right" if tilt > 0.0 else "left"
