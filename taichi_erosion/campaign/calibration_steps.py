@@ -45,7 +45,7 @@ from taichi_erosion.experiments.design import (
     plackett_burman,
     steepest_path,
 )
-from taichi_erosion.experiments.fit import Fit, fit_model, linear_terms, model_matrix, overfitted
+from taichi_erosion.experiments.fit import Fit, fit_model, model_matrix, overfitted
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
 
 SEEDS_APART = 1000  # seeds reserved for one stage: no two runs of a study share their noise
@@ -198,8 +198,7 @@ def screen(runner: DesignRunner) -> Screening:
     """Run and analyse the screening."""
     study = runner.file.study
     design = run_design(runner, "screen", screening_design(runner.file))
-    terms = linear_terms(len(design.factors))
-    fits = {name: fit_model(design, name, terms) for name in study.targets}
+    fits = {name: fit_model(design, name, "linear") for name in study.targets}
     # effects of different responses are compared in standard deviations of their own runs
     sizes = [np.abs(slopes(fit)) / (fit.values.std() or 1.0) for fit in fits.values()]
     order = np.argsort(-np.max(sizes, axis=0), kind="stable")[: study.design.surface_factors]
