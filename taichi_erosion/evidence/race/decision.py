@@ -87,8 +87,6 @@ def smallest(
 def familywise_p(race: Race, best: Fit) -> float:
     """Chance of a candidate as good as the best one if nothing acts and errors are those of `best`."""
     bare, singles = race.bare, race.sets(1)
-    if not singles:
-        return 1.0
     rows, _ = race.linear(bare)
     u = best.evidence.solved.scales_of(rows.scales)
     signatures = np.column_stack([race.prepared.white(fit.mean - bare.mean) for fit in singles])

@@ -205,11 +205,9 @@ def level_parts(posterior: Posterior) -> Iterator[LevelPart]:
 
 
 def level_of(draws: Draws, observable: str) -> Floats:
-    """Draws of a level, in standard errors of a row; 0 where an explanation has none."""
-    for index, block in enumerate(draws.fit.blocks):
-        if block.kind == "level" and block.observable == observable:
-            return draws.values[:, int(np.argmax(draws.fit.evidence.solved.rows.block == index))]
-    return np.zeros(draws.weight.size)
+    """Draws of a level, in standard errors of a row."""
+    index = [(b.kind, b.observable) for b in draws.fit.blocks].index(("level", observable))
+    return draws.values[:, int(np.argmax(draws.fit.evidence.solved.rows.block == index))]
 
 
 def error_parts(fit: Fit, race: Race) -> Iterator[ErrorPart]:
