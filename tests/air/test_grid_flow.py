@@ -1,13 +1,31 @@
-"""Projection with grains in the way."""
+"""Air on a grid: statistics of the fluctuations at an inlet, and projection with grains in the way."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from taichi_erosion.air.grid import allocate_air, parallel_columns, store_void_fraction
+from taichi_erosion.air.inlet_turbulence import draw_waves
 from taichi_erosion.air.readback import face_velocities
 from taichi_erosion.air.step import advance_air
-from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide
+from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, InletTurbulence
 from taichi_erosion.core.setup import Numerics
 from tests.verification.small_scenes import box, sides
+
+
+def test_inlet_fluctuations_have_the_stated_deviation_and_no_mean():
+    turbulence = InletTurbulence((0.5, 0.3, 0.2), length=0.1, seed=3, waves=400)
+    vector, amplitude, phase = draw_waves(turbulence)
+    rng = np.random.default_rng(1)
+    place = rng.uniform(0.0, 50.0, (4000, 3))
+    blown = np.cos(place @ vector.T + phase) @ amplitude
+    # 400 random directions leave a scatter of a few per cent in each component
+    assert blown.std(axis=0) == pytest.approx(turbulence.deviation, rel=0.15)
+    assert np.abs(blown.mean(axis=0)).max() < 0.03
+    other = draw_waves(replace(turbulence, seed=4))
+    assert not np.array_equal(other[2], phase)
+
 
 SPEED, DENSITY, COEFFICIENT, VOID = 0.1, 1.2, 500.0, 0.4  # m s-1, kg m-3, N s m-4, 1
 

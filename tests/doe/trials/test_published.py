@@ -1,15 +1,35 @@
-"""Closed forms of published series: limits, and what an effect of textbook strength does."""
+"""Published series: folds hold every source once, a vault nothing else; closed forms keep their limits."""
+
+from collections import Counter
 
 import numpy as np
 import pytest
 
 from doe.trials.published import models
+from doe.trials.published.folds import Fold, folds, write_study
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.evidence.models import reduced
+from taichi_erosion.evidence.models.load_study import load_study
 
 SEEDS = np.arange(3)
 
 
-def asked(observable: str, at: dict[str, list[float]], given: dict[str, float], **effects: float):
+def test_there_are_more_than_six_series_of_two_sources_and_more():
+    counts = Counter(fold.series for fold in folds())
+    assert len(counts) >= 6
+    assert min(counts.values()) >= 2
+
+
+@pytest.mark.parametrize("fold", list(folds()), ids=lambda fold: f"{fold.series}_{fold.number}")
+def test_the_vault_of_a_fold_is_one_source(fold: Fold, tmp_path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("doe.trials.published.folds.FOLDER", tmp_path)
+    write_study(fold)
+    problem = load_study(fold.study).problem
+    assert set(problem.hidden().source) == {fold.source}
+    assert fold.source not in problem.visible().source
+
+
+def asked(observable: str, at: dict[str, list[float]], given: dict[str, float], **effects: float) -> Floats:
     conditions = {name: np.array(column) for name, column in at.items()}
     found = models.predict(observable, conditions, given, effects, SEEDS)
     assert (found == found[0]).all()
@@ -17,13 +37,15 @@ def asked(observable: str, at: dict[str, list[float]], given: dict[str, float], 
 
 
 def test_thresholds_and_flux_are_those_of_the_reduced_model_and_the_impact_threshold_a_share():
-    at, given = {"diameter": np.array([1e-4, 1e-3])}, {"threshold_coefficient": 0.09}
+    at, given = {"diameter": [1e-4, 1e-3]}, {"threshold_coefficient": 0.09}
     for name, effects in (("threshold_u_star", {"dry_cohesion": 1.0}), ("flux", {"gusts": 0.5})):
-        found = models.predict(name, at, given, effects, SEEDS)
-        assert found[0] == pytest.approx(reduced.expected(name, at, given, effects))
-    at, given = {"diameter": [2e-4, 5e-4]}, {"threshold_coefficient": 0.1, "threshold_ratio": 0.8}
-    fluid = asked("fluid_threshold_u_star", at, given, dry_cohesion=1.0)
-    assert asked("impact_threshold_u_star", at, given, dry_cohesion=1.0) == pytest.approx(0.8 * fluid)
+        want = reduced.expected(name, {"diameter": np.array(at["diameter"])}, given, effects)
+        assert asked(name, at, given, **effects) == pytest.approx(want)
+    fluid, impact = (
+        asked(f"{name}_threshold_u_star", at, given | {"threshold_ratio": 0.8}, dry_cohesion=1.0)
+        for name in ("fluid", "impact")
+    )
+    assert impact == pytest.approx(0.8 * fluid)
 
 
 def test_unstable_air_has_a_slower_wind_at_the_same_stress_and_neutral_air_has_not():
