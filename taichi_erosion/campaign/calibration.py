@@ -25,7 +25,7 @@ from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibratio
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import ListedFolder, marked_toml, refuse_foreign, without_mark, write_atomic
 from taichi_erosion.experiments.anova import anova, curvature
-from taichi_erosion.experiments.design_table import Design, design_text
+from taichi_erosion.experiments.design import Design, design_text
 from taichi_erosion.experiments.fit import (
     Fit,
     coded_polynomial,
@@ -33,9 +33,9 @@ from taichi_erosion.experiments.fit import (
     natural_polynomial,
     overfitted,
     quality,
+    term_label,
 )
 from taichi_erosion.experiments.optimise import Optimisation
-from taichi_erosion.experiments.terms import term_label
 from taichi_erosion.run import Report
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene import Scene, resolved, scene_hash

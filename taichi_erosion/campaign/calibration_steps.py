@@ -32,19 +32,21 @@ from taichi_erosion.campaign.request import RunRequest, RunResult, scene_request
 from taichi_erosion.campaign.study_file import CalibrationStudy, WorkersEntry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.experiments.anova import Effect, EffectLimits, curvature, effect_limits, effects, reduced
+from taichi_erosion.experiments.anova import Effect, EffectLimits, curvature, effects, reduced
 from taichi_erosion.experiments.confirm import Confirmation, Sample, confirm
 from taichi_erosion.experiments.design import (
+    SAME_POINT,
+    Design,
+    Factor,
+    arranged,
     box_behnken,
     central_composite,
     latin_hypercube,
     plackett_burman,
     steepest_path,
 )
-from taichi_erosion.experiments.design_table import SAME_POINT, Design, Factor, arranged
-from taichi_erosion.experiments.fit import Fit, fit_model, overfitted
+from taichi_erosion.experiments.fit import Fit, fit_model, model_matrix, overfitted
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
-from taichi_erosion.experiments.terms import linear_terms, model_matrix
 from taichi_erosion.run import Report
 
 SEEDS_APART = 1000  # seeds reserved for one stage: no two runs of a study share their noise
@@ -86,7 +88,7 @@ def run_design(runner: DesignRunner, stage: str, design: Design) -> Design:
     """The design with the values of all targets; NaN where a run gave none."""
     file, observables = runner.file, list(runner.file.study.targets)
     first = file.study.study.seed + SEEDS_APART * STAGES.index(stage)
-    plan = [(int(row), scene) for row in design.by_turn for scene in file.scenes]
+    plan = [(int(row), scene) for row in np.argsort(design.run_order) for scene in file.scenes]
     settings = [complete_settings(file, design.settings(row)) for row in range(len(design))]
     requests = [design_request(runner, scene, settings[row], stage, row, first + row) for row, scene in plan]
     results = execute(
@@ -146,9 +148,8 @@ def screened_effects(fit: Fit) -> tuple[list[Effect], EffectLimits]:
     corner, bent = np.any(np.abs(fit.coded) > SAME_POINT, axis=1), curvature(fit)
     part = replace(fit, coded=fit.coded[corner], values=fit.values[corner], rows=fit.rows[corner])
     if bent is None or np.linalg.matrix_rank(model_matrix(part.coded, fit.terms)) <= len(fit.terms):
-        return effects(fit), effect_limits(fit)
-    error = bent.ms_error, bent.df_error
-    return effects(part, error), effect_limits(part, error)
+        return effects(fit)
+    return effects(part, (bent.ms_error, bent.df_error))
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,8 +189,7 @@ def screen(runner: DesignRunner) -> Screening:
     """Run and analyse the screening."""
     study = runner.file.study
     design = run_design(runner, "screen", screening_design(runner.file))
-    terms = linear_terms(len(design.factors))
-    fits = {name: fit_model(design, name, terms) for name in study.targets}
+    fits = {name: fit_model(design, name, "linear") for name in study.targets}
     # effects of different responses are compared in standard deviations of their own runs
     sizes = [np.abs(slopes(fit)) / (fit.values.std() or 1.0) for fit in fits.values()]
     order = np.argsort(-np.max(sizes, axis=0), kind="stable")[: study.design.surface_factors]

@@ -42,8 +42,8 @@ def audit(
     as_json: AsJson = False,
 ) -> None:
     """Check a published design: orthogonality, cell that restores it, sums of squares, target."""
-    from taichi_erosion.experiments.audit.examine import as_document
-    from taichi_erosion.experiments.audit.examine import audit as examine
+    from taichi_erosion.experiments.audit import as_document
+    from taichi_erosion.experiments.audit import audit as examine
 
     document = as_document(examine(table, response, claims))
     output.print_result(document, as_json, print_audit)
@@ -51,22 +51,19 @@ def audit(
 
 def print_audit(document: output.Record) -> None:
     """Print the design in one line, then the findings."""
-    design = document["design"] or "no named design"
     answer = {True: "yes", False: "NO"}
-    typer.echo(f"{document['table']}: {document['runs']} runs, {len(document['factors'])} factors, {design}")
+    typer.echo(f"{document['table']}: {document['runs']} runs, {len(document['factors'])} factors")
     typer.echo(f"balanced: {answer[document['balanced']]}, orthogonal: {answer[document['orthogonal']]}")
     if document["set_aside"]:
         typer.echo(f"excluded: {', '.join(document['set_aside'])}")
     printed = document["printed_numbers"]
     if printed["compared"]:
         typer.echo(f"published numbers reproduced: {printed['agree']} of {printed['compared']}")
-        if document["cell"] is not None:
-            typer.echo(f"with the cell as published: {printed['agree_as_printed']}")
-    if not document["findings"]:
+    findings = [(f["kind"], str(f["row"] or ""), f["column"], f["sentence"]) for f in document["findings"]]
+    if findings:
+        output.print_table("findings", ("kind", "row", "column", "finding"), findings)
+    else:
         typer.echo("no error found")
-        return
-    rows = ((f["kind"], str(f["row"] or ""), f["column"], f["sentence"]) for f in document["findings"])
-    output.print_table("findings", ("kind", "row", "column", "finding"), rows)
 
 
 def run_steps(

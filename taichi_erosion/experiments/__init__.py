@@ -1,5 +1,5 @@
 """Designs, analysis of variance and response surfaces; statistics that never saw a simulation.
 
-`design_table` (factors, runs, CSV), `design` (the designs offered), `terms` and `fit` (the model and its
-quality), `anova` (significance, effects, reduction), `optimise`, `confirm`; `audit/` checks published tables.
+`design` (factors, runs, CSV, the designs offered), `fit` (terms of a model and its quality), `anova`
+(significance, effects, reduction), `optimise`, `confirm`; `published` and `audit` check published tables.
 """

@@ -24,9 +24,8 @@ from scipy import stats
 from statsmodels.regression.linear_model import OLS
 
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.experiments.design_table import SAME_POINT
-from taichi_erosion.experiments.fit import EXACT, Fit
-from taichi_erosion.experiments.terms import Term, model_matrix, parents
+from taichi_erosion.experiments.design import SAME_POINT
+from taichi_erosion.experiments.fit import EXACT, Fit, Term, model_matrix, parents
 
 
 @dataclass(frozen=True)
@@ -123,28 +122,16 @@ STAY = 0.1  # largest p value of a term that stays, as in Design-Expert's backwa
 
 def reduced(fit: Fit) -> Fit:
     """Backward elimination down to terms with p <= STAY and their parents."""
-    while (worst := least_significant(fit)) is not None and worst[1] > STAY:
-        fit = replace(fit, terms=tuple(term for term in fit.terms if term != worst[0]))
-    return fit
-
-
-def least_significant(fit: Fit) -> tuple[Term, float] | None:
-    """The removable term of the largest p value, and that value; None where no term may leave."""
-    needed = set[Term]().union(*(parents(term) for term in fit.terms))
-    p = p_values(fit)
-    removable = [(term, float(value)) for term, value in zip(fit.terms, p, strict=True) if term not in needed]
-    return max(removable, key=lambda pair: pair[1], default=None)
-
-
-def p_values(fit: Fit) -> np.ndarray:
-    """The p value of every term.
-
-    A saturated model has no error: there its terms compete by size, and the smallest counts as p = 1.
-    """
-    sums = term_sums(fit)
-    if not fit.df_error:
-        return sums.min() / np.maximum(sums, np.finfo(float).tiny)
-    return stats.f.sf(sums / fit.ms_error, 1, fit.df_error)
+    while True:
+        needed = set[Term]().union(*(parents(term) for term in fit.terms))
+        p = stats.f.sf(term_sums(fit) / fit.ms_error, 1, fit.df_error)
+        removable = [
+            (float(value), term) for value, term in zip(p, fit.terms, strict=True) if term not in needed
+        ]
+        worst, leaving = max(removable, key=lambda pair: pair[0], default=(0.0, ()))
+        if not worst > STAY:
+            return fit
+        fit = replace(fit, terms=tuple(term for term in fit.terms if term != leaving))
 
 
 CONFIDENCE = 0.95  # [1]
@@ -170,25 +157,18 @@ class EffectLimits:
     bonferroni: float
 
 
-def effects(fit: Fit, error: Error | None = None) -> list[Effect]:
-    """Effects of a linear or interaction model, in the order of its terms."""
-    _, df = error or (fit.ms_error, fit.df_error)
+def effects(fit: Fit, error: Error | None = None) -> tuple[list[Effect], EffectLimits]:
+    """Effects of a linear or interaction model, in the order of its terms, and their limits.
+
+    The limits hold for the least certain of them.
+    """
+    mean_square, df = error or (fit.ms_error, fit.df_error)
     sums, values = term_sums(fit), 2.0 * fit.coefficients[1:]
+    errors = 2.0 * np.sqrt(mean_square * np.diag(fit.unscaled_covariance)[1:])
     with np.errstate(divide="ignore", invalid="ignore"):
-        t, shares = values / effect_errors(fit, error), sums / sums.sum()
+        t, shares = values / errors, sums / sums.sum()
     columns = np.column_stack([values, shares, t, 2.0 * stats.t.sf(np.abs(t), df)]).tolist()
-    return [Effect(name, *line) for name, line in zip(fit.names, columns, strict=True)]
-
-
-def effect_errors(fit: Fit, error: Error | None = None) -> Floats:
-    """Standard error of every effect, in the response's unit."""
-    mean_square, _ = error or (fit.ms_error, fit.df_error)
-    return 2.0 * np.sqrt(mean_square * np.diag(fit.unscaled_covariance)[1:])
-
-
-def effect_limits(fit: Fit, error: Error | None = None) -> EffectLimits:
-    """Limits for the effects of a fit; the t limits hold for the least certain of them."""
-    _, df = error or (fit.ms_error, fit.df_error)
-    spread, tail = float(effect_errors(fit, error).max()), 0.5 * (1.0 - CONFIDENCE)
-    single, bonferroni = stats.t.isf([tail, tail / len(fit.terms)], df) * spread
-    return EffectLimits(float(single), float(bonferroni))
+    found = [Effect(name, *line) for name, line in zip(fit.names, columns, strict=True)]
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    single, bonferroni = stats.t.isf([tail, tail / len(fit.terms)], df) * float(errors.max())
+    return found, EffectLimits(float(single), float(bonferroni))

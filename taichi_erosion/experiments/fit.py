@@ -24,37 +24,77 @@ for adequate precision; Anderson & Whitcomb (2016), RSM Simplified, 2nd ed., for
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import combinations, product
 from math import comb, nan, sqrt
+from typing import Literal
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
 from statsmodels.regression.linear_model import OLS, RegressionResultsWrapper
 from statsmodels.stats.outliers_influence import OLSInfluence
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.experiments.design_table import Design, Factor
-from taichi_erosion.experiments.terms import Order, Term, model_matrix, model_terms, term_name
+from taichi_erosion.experiments.design import Design, Factor
 
 EXACT = 1e-20  # share of the total sum of squares below which a residual is rounding, not error [1]
 CERTAIN = 1e-9  # 1 - leverage below which a run is met whatever its value [1]
 R2_APART = 0.2  # most by which adjusted R^2 may exceed predicted R^2 [1]
 
 
-@dataclass(frozen=True)
-class Coefficient:
-    """One coefficient in coded units; NaN where no degree of freedom is left for an error."""
+Term = tuple[int, ...]  # exponent of every factor; (1, 0, 1) is A C, (0, 2, 0) is B^2
+Order = Literal["linear", "interactions", "quadratic"]
 
-    name: str
-    value: float
-    standard_error: float
-    low: float  # 95 % confidence interval
-    high: float
-    t: float
-    p: float
-    vif: float  # variance inflation factor [1]
+
+def linear_terms(count: int) -> tuple[Term, ...]:
+    """A, B, C ..."""
+    return interaction_terms(count, 1)
+
+
+def interaction_terms(count: int, order: int = 2) -> tuple[Term, ...]:
+    """Products of `order` different factors: A B, A C, B C ..."""
+    chosen = combinations(range(count), order)
+    return tuple(tuple(int(k in factors) for k in range(count)) for factors in chosen)
+
+
+def model_terms(count: int, order: Order) -> tuple[Term, ...]:
+    """Terms of a complete model, without the constant."""
+    terms = linear_terms(count)
+    if order in ("interactions", "quadratic"):
+        terms += interaction_terms(count)
+    if order == "quadratic":
+        terms += tuple(tuple(2 * power for power in term) for term in linear_terms(count))
+    return terms
+
+
+def term_name(term: Term, names: Sequence[str]) -> str:
+    """`A`, `A*B`, `A^2`, with the factors' names."""
+    parts = [
+        name if power == 1 else f"{name}^{power}" for name, power in zip(names, term, strict=True) if power
+    ]
+    return "*".join(parts) or "1"
+
+
+def term_label(name: str, labels: Mapping[str, str]) -> str:
+    """A term's name with labels for the factors, "sliding friction × restitution^2"."""
+    words = (factor.partition("^") for factor in name.split("*"))
+    return " \N{MULTIPLICATION SIGN} ".join(
+        labels.get(path, path) + hat + power for path, hat, power in words
+    )
+
+
+def parents(term: Term) -> set[Term]:
+    """Terms that hierarchy requires beside this one: each exponent lowered, down to single factors."""
+    lower = [(*term[:k], power - 1, *term[k + 1 :]) for k, power in enumerate(term) if power]
+    return set[Term]().union(*({each} | parents(each) for each in lower if any(each)))
+
+
+def model_matrix(coded: Floats, terms: Sequence[Term]) -> Floats:
+    """Constant and terms at coded points, [runs, 1 + terms]."""
+    points = np.atleast_2d(np.asarray(coded, dtype=float))
+    powers = np.array(terms, dtype=int).reshape(len(terms), points.shape[1])
+    return np.column_stack([np.ones(len(points)), np.prod(points[:, None, :] ** powers, axis=2)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,10 +164,8 @@ class Fit:
 
     def interval(self, coded: ArrayLike) -> Floats:
         """Interval of 95 % for the true mean at coded points, [points, 2]."""
-        variance = self.ms_error * self.leverage(coded)
-        reach = stats.t.ppf(0.975, self.df_error) * np.sqrt(variance)
-        centre = self.predict(coded)
-        return np.column_stack([centre - reach, centre + reach])
+        matrix = model_matrix(np.asarray(coded, dtype=float), self.terms)
+        return np.asarray(self.results.get_prediction(matrix).conf_int())
 
 
 def fit_model(design: Design, response: str, terms: Sequence[Term] | Order) -> Fit:
@@ -145,24 +183,12 @@ def fit_model(design: Design, response: str, terms: Sequence[Term] | Order) -> F
     return fit
 
 
-def coefficient_table(fit: Fit) -> list[Coefficient]:
-    """Constant and terms, each with its uncertainty and
-
-        VIF_j = (X'X)^-1_jj sum_i (t_ij - mean t_j)^2,   1 for the constant,
-
-    the variance over that in an orthogonal design of the same spread.
-    """
-    unscaled = np.diag(fit.unscaled_covariance)
-    spread = np.sqrt(fit.ms_error * unscaled)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = fit.coefficients / spread
-    p = 2.0 * stats.t.sf(np.abs(t), fit.df_error)
-    reach = stats.t.ppf(0.975, fit.df_error) * spread
-    inflation = unscaled * len(fit.values) * np.var(model_matrix(fit.coded, fit.terms), axis=0)
-    inflation[0] = 1.0
-    numbers = (fit.coefficients, spread, fit.coefficients - reach, fit.coefficients + reach, t, p, inflation)
-    lines = zip(("Intercept", *fit.names), np.column_stack(numbers).tolist(), strict=True)
-    return [Coefficient(name, *line) for name, line in lines]
+def coefficient_table(fit: Fit) -> pd.DataFrame:
+    """Constant and terms in coded units, with errors, 95 % intervals, t and p; NaN without an error."""
+    found = fit.results
+    low, high = np.asarray(found.conf_int()).T
+    columns = {"name": ("Intercept", *fit.names), "value": found.params, "standard_error": found.bse}
+    return pd.DataFrame(columns | {"low": low, "high": high, "t": found.tvalues, "p": found.pvalues})
 
 
 Polynomial = dict[Term, float]  # coefficient of every term; the constant is the term of zeros
@@ -214,7 +240,10 @@ class Quality:
 def quality(fit: Fit) -> Quality:
     """Figures of merit of a fit."""
     total, df_total = fit.ss_total, len(fit.values) - 1
-    sd, mean, press = sqrt(fit.ms_error), float(fit.values.mean()), press_sum(fit)
+    sd, mean, influence = sqrt(fit.ms_error), float(fit.values.mean()), OLSInfluence(fit.results)
+    # a run that alone fixes a coefficient cannot be predicted from the others
+    alone = np.any(1.0 - np.asarray(influence.hat_matrix_diag) < CERTAIN)
+    press = nan if alone else float(np.sum(np.asarray(influence.resid_press) ** 2))
     noise = sd * sqrt((1 + len(fit.terms)) / len(fit.values))
     return Quality(
         sd=sd,
@@ -231,14 +260,6 @@ def quality(fit: Fit) -> Quality:
 def ratio(numerator: float, denominator: float) -> float:
     """A quotient, NaN over 0."""
     return numerator / denominator if denominator else nan
-
-
-def press_sum(fit: Fit) -> float:
-    """Sum of squares of the errors with which every run is predicted from all others."""
-    influence = OLSInfluence(fit.results)
-    if np.any(1.0 - np.asarray(influence.hat_matrix_diag) < CERTAIN):
-        return nan  # a run that alone fixes a coefficient cannot be predicted from the others
-    return float(np.sum(np.asarray(influence.resid_press) ** 2))
 
 
 def overfitted(fit: Fit) -> str:

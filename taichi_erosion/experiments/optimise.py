@@ -13,7 +13,7 @@ References: Derringer & Suich (1980), J. Quality Technology 12, 214, eq. (1)-(4)
 Anderson-Cook (2016), Response Surface Methodology, 4th ed., ch. 6 and 7.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import nan
@@ -23,8 +23,7 @@ from scipy.optimize import minimize
 from scipy.stats import qmc
 
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.experiments.design import grid_points
-from taichi_erosion.experiments.design_table import settings_at
+from taichi_erosion.experiments.design import grid_points, settings_at
 from taichi_erosion.experiments.fit import Fit
 
 
@@ -109,20 +108,18 @@ def optimise(fits: Sequence[Fit], goals: Sequence[Goal]) -> Optimisation:
     known = {fit.response: fit for fit in fits}
     models = [known[goal.response] for goal in goals]
     reach = {fit.response: reachable(fit) for fit in models}
-    limited = [with_limits(goal, fit, reach[fit.response]) for goal, fit in zip(goals, models, strict=True)]
+    limited = []
+    for goal, fit in zip(goals, models, strict=True):  # limits that hold all runs and all that is predicted
+        low = min(float(fit.values.min()), reach[fit.response].low)
+        high = max(float(fit.values.max()), reach[fit.response].high)
+        least = abs(goal.target) * np.finfo(float).eps  # where the response is the same everywhere
+        limited.append(replace(goal, low=low, high=max(high, low + least)))
     optima = local_optima(models, limited)
     met = all(
         abs(single_share(goal, fit.predict(optima[0].coded[None, :])) - 1.0) < MET
         for goal, fit in zip(limited, models, strict=True)
     )
     return Optimisation(tuple(optima), reach, met, tuple(explain(limited, optima, reach, met)))
-
-
-def with_limits(goal: Goal, fit: Fit, reach: Reach) -> Goal:
-    """The goal with limits that hold all runs and all that the model predicts."""
-    low, high = min(float(fit.values.min()), reach.low), max(float(fit.values.max()), reach.high)
-    least = abs(goal.target) * np.finfo(float).eps  # of the width, where the response is the same everywhere
-    return replace(goal, low=low, high=low + max(high - low, least))
 
 
 def local_optima(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[Optimum]:
@@ -204,27 +201,20 @@ def reachable(fit: Fit) -> Reach:
 
 def explain(
     goals: Sequence[Goal], optima: Sequence[Optimum], reach: dict[str, Reach], met: bool
-) -> list[str]:
+) -> Iterator[str]:
     """What a reader must know before trying an optimum."""
-    said = [sentence for goal in goals if (sentence := out_of_reach(goal, reach[goal.response]))]
-    if not said and not met:
-        said.append("each target can be reached alone, but no point reaches all of them together")
-    if met and len(optima) > 1 and optima[1].desirability > 1.0 - MET:
-        said.append(
-            "many settings reach the target (a line or face of the design); the first is the most certain"
+    pairs = [(goal, reach[goal.response]) for goal in goals]
+    missed = [(goal, ends) for goal, ends in pairs if not ends.low <= goal.target <= ends.high]
+    for goal, ends in missed:
+        nearest, where = (ends.high, ends.at_high) if goal.target > ends.high else (ends.low, ends.at_low)
+        place = ", ".join(f"{path} = {value:.4g}" for path, value in where.items())
+        yield (
+            f"{goal.response}: the target {goal.target:g} is outside the range of this model in the design "
+            f"({ends.low:.4g} to {ends.high:.4g}); the nearest value is {nearest:.4g} at {place}"
         )
+    if not missed and not met:
+        yield "each target can be reached alone, but no point reaches all of them together"
+    if met and len(optima) > 1 and optima[1].desirability > 1.0 - MET:
+        yield "many settings reach the target (a line or face of the design); the first is the most certain"
     if optima[0].desirability <= 0.0:
-        said.append("no point is inside all limits: the listed points are the nearest ones")
-    return said
-
-
-def out_of_reach(goal: Goal, reach: Reach) -> str:
-    """The sentence for a target that the model reaches nowhere, empty where it does."""
-    if reach.low <= goal.target <= reach.high:
-        return ""
-    nearest, where = (reach.high, reach.at_high) if goal.target > reach.high else (reach.low, reach.at_low)
-    place = ", ".join(f"{path} = {value:.4g}" for path, value in where.items())
-    return (
-        f"{goal.response}: the target {goal.target:g} is outside the range of this model in the design "
-        f"({reach.low:.4g} to {reach.high:.4g}); the nearest value is {nearest:.4g} at {place}"
-    )
+        yield "no point is inside all limits: the listed points are the nearest ones"

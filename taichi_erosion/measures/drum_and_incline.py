@@ -19,6 +19,11 @@ FEWEST_BINS = 3  # that carry a line [1]
 SLIDING_SHARE = 0.5  # of a diameter: far beyond elastic settling, and passed at once by a moving grain [1]
 
 
+def series_defect(frames: Sequence[Snapshot]) -> str | None:
+    """Why nothing can be measured on these frames, if so."""
+    return next(filter(None, map(defect, frames)), None) if frames else "no frames"
+
+
 def dynamic_angle(
     frames: Sequence[Snapshot],
     drum_radius: float,
@@ -34,9 +39,8 @@ def dynamic_angle(
     surface rises along `axis` x z.
     """
     name = "dynamic_angle"
-    reasons = [reason for frame in frames if (reason := defect(frame))]
-    if reasons or not frames:
-        return no_measurement(name, "deg", reasons[0] if reasons else "no frames")
+    if reason := series_defect(frames):
+        return no_measurement(name, "deg", reason)
     angles = [surface_angle(frame, drum_radius, centre, axis) for frame in frames]
     found = [angle for angle in angles if angle is not None]
     if not found:
@@ -86,9 +90,8 @@ def sliding_angle(
     covers that distance: tilt slowly. `details`: displacement [d] at each frame and friction = tan(angle).
     """
     name = "sliding_angle"
-    reasons = [reason for frame in frames if (reason := defect(frame))]
-    if reasons or not frames:
-        return no_measurement(name, "deg", reasons[0] if reasons else "no frames")
+    if reason := series_defect(frames):
+        return no_measurement(name, "deg", reason)
     moved = [median_displacement(frames[0], frame) / grain_diameter(frames[0]) for frame in frames]
     beyond = np.flatnonzero(np.asarray(moved) >= share)
     if beyond.size == 0:

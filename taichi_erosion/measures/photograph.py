@@ -61,38 +61,34 @@ LOWER_EDGE_SHARE = 0.5  # of the columns that must lie on a line of the lower ed
 PARALLEL = 2.0  # deg between plate and lower edge, within which they are one object
 FRAME_SHARE = 0.5  # of the columns that reach the frame, from which the lower edge is that of the picture
 SENTENCES = {
-    "curved_left": "left flank not straight",
-    "curved_right": "right flank not straight",
-    "no_left_flank": "left flank too short; the value is the right flank alone",
-    "no_right_flank": "right flank too short; the value is the left flank alone",
+    "curved": "flank not straight: its angle changes from shoulder to foot",
+    "one_flank": "one flank is too short; the value is the other alone",
     "flat_top": "truncated cone: the flanks would meet well above the top",
     "cut_by_frame": "the heap touches the edge of the picture",
 }
 
 
 @dataclass(frozen=True)
-class Heap:
-    """Foreground above the base line."""
+class Detection:
+    """Foreground above the base line, with its outline and flanks."""
 
     body: Mask  # last row just above the base line
     threshold: float  # grey level between heap and background [1]
     background: Literal["dark", "light"]
     base: Literal["seen", "not seen"]  # whether a base line was found
     tilt: float  # deg, by which the picture was turned so that its base line became horizontal
-
-
-@dataclass(frozen=True)
-class Detection:
-    """A heap with its outline and flanks."""
-
-    heap: Heap
     outline: Outline
     flanks: tuple[Flank | None, Flank | None]
 
     @property
+    def fitted(self) -> list[Flank]:
+        """Flanks that were found."""
+        return [flank for flank in self.flanks if flank is not None]
+
+    @property
     def angle(self) -> float:
-        """Mean of the flanks that were found [deg]."""
-        return float(np.mean([flank.angle for flank in self.flanks if flank is not None]))
+        """Their mean [deg]."""
+        return float(np.mean([flank.angle for flank in self.fitted]))
 
     @property
     def axis(self) -> float:
@@ -120,37 +116,27 @@ def measure_photograph(
     record = as_record(summarise(found, steadiness))
     record["details"] |= {
         "height_pixels": int(found.outline.height.max()),
-        "base_row": top + found.heap.body.shape[0],
+        "base_row": top + found.body.shape[0],
         "axis_column": left + found.axis,
-        "threshold": found.heap.threshold,
-        "background": found.heap.background,
-        "base_line": found.heap.base,
-        "tilt": found.heap.tilt,
+        "threshold": found.threshold,
+        "background": found.background,
+        "base_line": found.base,
+        "tilt": found.tilt,
         "crop": list(box),
         "drawing": drawing(found, calm.shape, (left, top)),
     }
     return record
 
 
-def detect(path: Path, calm: Grey, background: Background, threshold: float | None = None) -> Detection:
-    """Heap, outline and flanks; Otsu's threshold unless one is given. Raises BadInput where there is none."""
-    heap = find_heap(path, calm, background, threshold)
-    outline = silhouette.extract_outline(heap.body, 1.0)
-    flanks = silhouette.fit_flanks(outline, 0.0, SHORTEST_FLANK)
-    if not any(flanks):
-        raise BadInput(f"{path}: no flank found; give --crop around the heap or --background dark|light")
-    return Detection(heap, outline, flanks)
-
-
 def steadiness_of(path: Path, calm: Grey, found: Detection) -> tuple[float, float]:
     """Least and largest angle with thresholds to either side of the chosen one; infinite where one fails."""
-    dark = float(np.mean(calm[calm <= found.heap.threshold]))
-    light = float(np.mean(calm[calm > found.heap.threshold]))
+    dark = float(np.mean(calm[calm <= found.threshold]))
+    light = float(np.mean(calm[calm > found.threshold]))
     angles = [found.angle]
     for side in (-THRESHOLD_SHIFT, THRESHOLD_SHIFT):
-        moved = found.heap.threshold + side * (light - dark)
+        moved = found.threshold + side * (light - dark)
         try:
-            angles.append(detect(path, calm, found.heap.background, moved).angle)
+            angles.append(detect(path, calm, found.background, moved).angle)
         except BadInput:
             angles.append(inf)
     return min(angles), max(angles)
@@ -158,8 +144,7 @@ def steadiness_of(path: Path, calm: Grey, found: Detection) -> tuple[float, floa
 
 def refuse_uncertain(path: Path, found: Detection, steadiness: tuple[float, float]) -> None:
     """Raise BadInput for a detection that cannot be trusted, with the reason."""
-    angles = [flank.angle for flank in found.flanks if flank is not None]
-    low, high = steadiness
+    angles, (low, high) = [flank.angle for flank in found.fitted], steadiness
     reason = ""
     if high - low > STEADY:
         span = f"{low:.0f} to {high:.0f} deg" if high < inf else "a heap is lost"
@@ -179,13 +164,12 @@ def deviation(found: Detection) -> float:
     height = float(found.outline.height.max())
     gaps = []
     for side, flank in zip((-1.0, 1.0), found.flanks, strict=True):
-        if flank is None:
-            continue
-        own = side * found.outline.position >= 0.0
-        distance, outline = np.abs(found.outline.position[own]), found.outline.height[own]
-        line = np.clip(flank.apex - np.tan(np.radians(flank.angle)) * distance, 0.0, height)
-        above = np.maximum(line, outline) > silhouette.FOOT_SHARE * height
-        gaps.append(outline[above] - line[above])
+        if flank is not None:
+            own = side * found.outline.position >= 0.0
+            distance, outline = np.abs(found.outline.position[own]), found.outline.height[own]
+            line = np.clip(flank.at(distance), 0.0, height)
+            above = np.maximum(line, outline) > silhouette.FOOT_SHARE * height
+            gaps.append(outline[above] - line[above])
     return float(np.sqrt(np.mean(np.concatenate(gaps) ** 2))) / height
 
 
@@ -194,8 +178,8 @@ def drawing(found: Detection, shape: tuple[int, ...], corner: tuple[int, int]) -
 
     `shape` is that of the crop, (column, row) of whose upper left is `corner`.
     """
-    base, axis, position = found.heap.body.shape[0], found.axis, found.outline.position
-    middle, c, s = 0.5 * np.array(shape[1::-1]), cos(radians(found.heap.tilt)), sin(radians(found.heap.tilt))
+    base, axis, position = found.body.shape[0], found.axis, found.outline.position
+    middle, c, s = 0.5 * np.array(shape[1::-1]), cos(radians(found.tilt)), sin(radians(found.tilt))
 
     def there(points: Any) -> list[list[float]]:
         turned = (np.asarray(points, dtype=float) - middle) @ np.array([[c, s], [-s, c]])
@@ -206,24 +190,20 @@ def drawing(found: Detection, shape: tuple[int, ...], corner: tuple[int, int]) -
     lines = {}
     for name, side, flank in zip(("left", "right"), (-1.0, 1.0), found.flanks, strict=True):
         if flank is not None:
-            fall = float(np.tan(np.radians(flank.angle)))
-            ends = [(axis + side * r, base - flank.apex + fall * r) for r in (flank.start, flank.end)]
-            lines[name] = there(ends)
-    width = found.heap.body.shape[1]
+            lines[name] = there([(axis + side * r, base - flank.at(r)) for r in (flank.start, flank.end)])
+    width = found.body.shape[1]
     outline = np.column_stack([axis + position[drawn], base - found.outline.height[drawn]])
     return {"outline": there(outline), "base": there([(0.0, base), (width, base)])} | lines
 
 
 def read_grey(path: Path) -> Grey:
-    """Luminance of a picture, 0 to 1, turned upright; its opacity where the picture is partly transparent."""
+    """Luminance of a picture, 0 to 1, turned upright."""
     try:
         with Image.open(regular_file(path)) as opened:
             picture = ImageOps.exif_transpose(opened)
             if picture.mode.startswith("I"):  # 16 bits
                 return np.asarray(picture, dtype=float) / DEEPEST
-            opacity = np.asarray(picture.convert("RGBA").getchannel("A"))
-            levels = opacity if np.ptp(opacity) else np.asarray(picture.convert("L"))
-            return levels / (GREY_LEVELS - 1.0)
+            return np.asarray(picture.convert("L")) / (GREY_LEVELS - 1.0)
     except FileNotFoundError as error:
         raise BadInput(f"{path}: no such file") from error
     except Exception as error:  # decoders raise whatever a damaged file makes them raise
@@ -243,8 +223,11 @@ def checked_crop(path: Path, grey: Grey, crop: Box | None) -> Box:
     return left, top, right, bottom
 
 
-def find_heap(path: Path, grey: Grey, background: Background, threshold: float | None = None) -> Heap:
-    """Binarise, find the base line, turn the picture by its tilt, and keep the body above the line."""
+def detect(path: Path, grey: Grey, background: Background, threshold: float | None = None) -> Detection:
+    """Binarise, find the base line, turn the picture by its tilt, keep the body above, fit its flanks.
+
+    Otsu's threshold unless one is given. Raises BadInput where there is no heap.
+    """
     chosen, separation = otsu_threshold(grey)
     if separation < SEPARATION_AT_LEAST:
         raise BadInput(f"{path}: no heap: nothing stands out from the background")
@@ -257,14 +240,22 @@ def find_heap(path: Path, grey: Grey, background: Background, threshold: float |
         turned = scipy.ndimage.rotate(grey, tilt, reshape=False, order=1, mode="nearest")
         scene = foreground(turned, threshold, side)
         line = find_base_line(scene)
-    base = plate_row(scene) if line is None else min(max(round(line.row), 1), scene.shape[0])
-    if base < LOWEST_HEAP:
-        raise BadInput(f"{path}: no heap: the foreground is as wide at its top as at its foot")
+    if line is None:  # the widest row is the foot, at most 3 % of the height too high
+        width = scene.sum(axis=1)
+        base = int(np.argmax(width >= PLATE_SHARE * width.max()))
+    else:
+        base = round(line.row)
+    base = min(max(base, 1), scene.shape[0])
     body = silhouette.largest_body(scene[:base])
     height = base - int(np.argmax(body.any(axis=1)))
     if not body.any() or height < LOWEST_HEAP:
         raise BadInput(f"{path}: no heap: nothing rises {LOWEST_HEAP} pixels above the base at row {base}")
-    return Heap(body, threshold, side, "not seen" if line is None else "seen", tilt)
+    outline = silhouette.extract_outline(body, 1.0)
+    flanks = silhouette.fit_flanks(outline, 0.0, SHORTEST_FLANK)
+    if not any(flanks):
+        raise BadInput(f"{path}: no flank found; give --crop around the heap or --background dark|light")
+    seen = "not seen" if line is None else "seen"
+    return Detection(body, threshold, side, seen, tilt, outline, flanks)
 
 
 @dataclass(frozen=True)
@@ -388,29 +379,16 @@ def border_side(grey: Grey, threshold: float) -> Literal["dark", "light"]:
     return "dark" if np.median(frame) <= threshold else "light"
 
 
-def plate_row(scene: Mask) -> int:
-    """Row just below the foot of the heap: the highest one almost as wide as the widest.
-
-    A plate or table that belongs to the foreground is wider than the heap at once; without one the widest row
-    is the foot itself, and the base lies 3 % of the height too high, which moves only the limits of the fit.
-    """
-    width = scene.sum(axis=1)
-    return int(np.argmax(width >= PLATE_SHARE * width.max()))
-
-
 def raise_flags(found: Detection) -> list[str]:
     """Flags of the angle; the keys of SENTENCES."""
-    (left, right), body = found.flanks, found.heap.body
+    flanks, body = found.fitted, found.body
+    falling = [flank for flank in flanks if flank.angle > 0.0]
     height = float(found.outline.height.max())
     raised = {
-        "curved_left": left is not None and silhouette.is_bent(left.bend, left.bend_error),
-        "curved_right": right is not None and silhouette.is_bent(right.bend, right.bend_error),
-        "no_left_flank": left is None,
-        "no_right_flank": right is None,
-        "flat_top": left is not None
-        and right is not None
-        and min(left.angle, right.angle) > 0.0
-        and silhouette.is_flat_topped(height, silhouette.meeting_height(left, right), 0.0),
+        "curved": any(silhouette.is_bent(flank.bend, flank.bend_error) for flank in flanks),
+        "one_flank": len(flanks) == 1,
+        "flat_top": len(falling) == 2
+        and silhouette.is_flat_topped(height, silhouette.meeting_height(*falling), 0.0),
         "cut_by_frame": bool(body[0].any() or body[:, 0].any() or body[:, -1].any()),
     }
     return [flag for flag, is_raised in raised.items() if is_raised]
@@ -418,21 +396,20 @@ def raise_flags(found: Detection) -> list[str]:
 
 def summarise(found: Detection, steadiness: tuple[float, float]) -> Measurement:
     """One angle from the flanks that were found."""
-    flanks, flags = [flank for flank in found.flanks if flank is not None], raise_flags(found)
-    angles = [flank.angle for flank in flanks]
-    errors = hypot(*(flank.error for flank in flanks)) / len(flanks)
-    spread = 0.5 * (steadiness[1] - steadiness[0])
+    flanks, flags, tilt = found.fitted, raise_flags(found), found.tilt
+    notes = [SENTENCES[flag] for flag in flags]
+    if found.base == "not seen":
+        notes.insert(0, "no base line is seen: the lower edge counts as horizontal, a tilt is not corrected")
+    if tilt:
+        side = "right" if tilt > 0.0 else "left"
+        notes.insert(0, f"the base line falls by {abs(tilt):.1f} deg to the {side}: corrected")
     details = {
         "left": found.flanks[0].angle if found.flanks[0] else None,
         "right": found.flanks[1].angle if found.flanks[1] else None,
         "residual_pixels": float(np.sqrt(np.mean([flank.residual**2 for flank in flanks]))),
         "flags": flags,
     }
-    tilt = found.heap.tilt
-    turned = f"the base line falls by {abs(tilt):.1f} deg to the {'right' if tilt > 0 else 'left'}: corrected"
-    notes = [turned] if tilt else []
-    if found.heap.base == "not seen":
-        notes.append("no base line is seen: the lower edge counts as horizontal, and a tilt is not corrected")
-    notes += [SENTENCES[flag] for flag in flags]
-    sd = hypot(errors, 0.5 * (angles[0] - angles[-1]), spread)
+    errors = hypot(*(flank.error for flank in flanks)) / len(flanks)
+    difference = 0.5 * (flanks[0].angle - flanks[-1].angle)
+    sd = hypot(errors, difference, 0.5 * (steadiness[1] - steadiness[0]))
     return Measurement("repose_angle", found.angle, sd, "deg", 1, tuple(notes), details)

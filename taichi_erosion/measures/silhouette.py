@@ -12,7 +12,7 @@ from math import atan, cos, degrees, inf, sin, sqrt
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from taichi_erosion.core.setup import Floats
 
@@ -121,6 +121,10 @@ class Flank:
     residual: float  # rms distance in height between outline and line
     bend: float  # deg, inner minus outer end angle of the parabola through the same columns; > 0: concave
     bend_error: float  # deg
+
+    def at(self, distance: ArrayLike) -> Floats:
+        """Height of the line at distances from the axis."""
+        return self.apex - np.tan(np.radians(self.angle)) * np.asarray(distance)
 
 
 @dataclass(frozen=True)

@@ -168,8 +168,7 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     if len(brackets) < 2:
         return plain
     ends = np.log([[b["low"], b["high"]] for b in brackets])
-    middle, scale, _ = fitted(ends)
-    low, high = interval(ends)
+    middle, scale, low, high = logistic_law(ends)
     left_open = np.diff(ends) ** 2 / 12.0  # a uniform law over every bracket
     spread = hypot(LOGISTIC_SD * scale, float(np.sqrt(left_open.mean())))
     found = {"low": exp(low), "high": exp(high), "confidence": CONFIDENCE, "scale": scale}
@@ -185,35 +184,26 @@ def log_likelihood(ends: Floats, middle: float, scale: Floats) -> Floats:
     return terms.sum(axis=0)
 
 
-def best_scale(ends: Floats, middle: float) -> tuple[float, float]:
-    """Most likely scale with the middle given, and the logarithm of its likelihood."""
-    likely = log_likelihood(ends, middle, SCALES)
-    best = int(np.argmax(likely))
-    return float(SCALES[best]), float(likely[best])
+def logistic_law(ends: Floats) -> tuple[float, float, float, float]:
+    """Most likely middle and scale, and the ends of the interval of the middle, in logarithms."""
 
+    def best(middle: float) -> tuple[float, float]:
+        likely = log_likelihood(ends, middle, SCALES)
+        k = int(np.argmax(likely))
+        return float(SCALES[k]), float(likely[k])
 
-def fitted(ends: Floats) -> tuple[float, float, float]:
-    """Most likely middle and scale, and the logarithm of their likelihood."""
     start = float(ends.mean())
-    found = scipy.optimize.minimize(
-        lambda m: -best_scale(ends, float(m[0]))[1], [start], method="Nelder-Mead"
-    )
-    middle = float(found.x[0])
-    return middle, *best_scale(ends, middle)
-
-
-def interval(ends: Floats) -> tuple[float, float]:
-    """Ends of the interval of the middle, in logarithms."""
-    count = len(ends)
-    middle, _, most = fitted(ends)
+    found = scipy.optimize.minimize(lambda m: -best(float(m[0]))[1], [start], method="Nelder-Mead")
+    middle, count = float(found.x[0]), len(ends)
+    scale, most = best(middle)
     quantile = float(scipy.special.stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE))
     limit = 0.5 * count * log(1.0 + quantile**2 / (count - 1))
 
     def excess(m: float) -> float:
-        return most - best_scale(ends, m)[1] - limit
+        return most - best(m)[1] - limit
 
     def end(outer: float) -> float:
-        bracket = (min(outer, middle), max(outer, middle))
+        bracket = sorted((outer, middle))
         return scipy.optimize.root_scalar(excess, bracket=bracket).root if excess(outer) > 0.0 else outer
 
-    return end(middle - REACH), end(middle + REACH)
+    return middle, scale, end(middle - REACH), end(middle + REACH)

@@ -133,9 +133,7 @@ def bed_stress(airs: Sequence[AirProfile], patch: Patch) -> Measurement:
 
     Below that height, one diameter over the bed, grains at rest take it all within a layer or two.
     """
-    series = []
-    for air in airs:
-        series.append(float(np.interp(patch.clear, air.face[1:-1], air_stress(air, patch))))
+    series = [float(np.interp(patch.clear, air.face[1:-1], air_stress(air, patch))) for air in airs]
     return blocked("bed_stress", series, "Pa")
 
 

@@ -17,7 +17,7 @@ from scipy import stats
 from statsmodels.stats.outliers_influence import OLSInfluence
 
 from taichi_erosion.campaign.study_file import Target
-from taichi_erosion.experiments.design_table import Design, to_natural
+from taichi_erosion.experiments.design import Design, to_natural
 from taichi_erosion.experiments.fit import Fit
 from taichi_erosion.report.figure_style import Floats, page_style, panels, single
 

@@ -6,7 +6,7 @@ from functools import cached_property
 from math import inf, nan
 
 from taichi_erosion.core.snapshot import AirProfile, Snapshot
-from taichi_erosion.measures import drum_and_incline, heap, repose, shortfalls, splash, threshold, wind_bed
+from taichi_erosion.measures import drum_and_incline, heap, shortfalls, splash, threshold, wind_bed
 from taichi_erosion.measures.result import Measurement, Shortfall, no_measurement
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.preparation.air import surface_height
@@ -83,10 +83,10 @@ def threshold_of(name: str, kind: str) -> Callable[[MeasureInput], Measurement]:
 
 
 OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
-    "repose_angle": lambda e: repose.repose_angle(
+    "repose_angle": lambda e: heap.repose_angle(
         e.end, e.plate_radius, e.base_height, e.request.azimuths or AZIMUTHS
     ),
-    "cone_angle": lambda e: repose.cone_angle(e.end, e.base_height),
+    "cone_angle": lambda e: heap.cone_angle(e.end, e.base_height),
     "angle_of_repose": lambda e: heap.angle_of_repose_outline(e.end, e.base_height),
     "pile_height": lambda e: heap.pile_height(e.end, e.base_height),
     "centroid_height": lambda e: heap.centroid_height(e.end, e.base_height),

@@ -16,7 +16,7 @@ from taichi_erosion.campaign.calibration_steps import STAGES, refuse_star_outsid
 from taichi_erosion.campaign.study_file import read_calibration_study
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.experiments.design_table import Factor
+from taichi_erosion.experiments.design import Factor
 from taichi_erosion.report import write_report
 from taichi_erosion.report.calibration_page import publish, write_recording
 from taichi_erosion.run.checks import read_scene

@@ -5,10 +5,8 @@ import pytest
 import textbook
 
 from taichi_erosion.experiments.anova import curvature, reduced
-from taichi_erosion.experiments.design import central_composite, grid_points
-from taichi_erosion.experiments.design_table import arranged
-from taichi_erosion.experiments.fit import fit_model
-from taichi_erosion.experiments.terms import parents
+from taichi_erosion.experiments.design import arranged, central_composite, grid_points
+from taichi_erosion.experiments.fit import fit_model, parents
 
 
 def test_montgomerys_tool_life_has_the_printed_analysis_of_variance():

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from taichi_erosion.experiments.anova import Row, anova
-from taichi_erosion.experiments.design_table import Design, Factor, arranged, to_coded
-from taichi_erosion.experiments.fit import Fit
-from taichi_erosion.experiments.terms import model_terms
+from taichi_erosion.experiments.design import Design, Factor, arranged, to_coded
+from taichi_erosion.experiments.fit import Fit, model_terms
 
 FULL = (*model_terms(3, "interactions"), (1, 1, 1))  # of three factors in two levels
 

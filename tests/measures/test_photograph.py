@@ -9,8 +9,8 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.measures.heap import repose_angle
 from taichi_erosion.measures.photograph import find_base_line, measure_photograph
-from taichi_erosion.measures.repose import repose_angle
 from taichi_erosion.measures.silhouette import draw_silhouette
 from taichi_erosion.report.photograph import WIDTH, draw_detection
 from tests.measures.heaps import DIAMETER, cone, snapshot_of
@@ -75,13 +75,12 @@ def test_dust_and_glints_leave_the_angle(tmp_path):
 HEAP = covered(30.0)
 CODED = {
     "colour": np.where(HEAP[..., np.newaxis], [120, 80, 40], [150, 200, 250]).astype(np.uint8),
-    "opacity": np.dstack([np.full((*HEAP.shape, 3), 90), np.where(HEAP, 255, 0)]).astype(np.uint8),
     "sixteen bits": np.where(HEAP, 9000, 52000).astype(np.uint16),
 }
 
 
 @pytest.mark.parametrize("kind", CODED)
-def test_colour_opacity_and_sixteen_bits_are_read(tmp_path, kind):
+def test_colour_and_sixteen_bits_are_read(tmp_path, kind):
     imageio.imwrite(tmp_path / "heap.png", CODED[kind])
     found = measure_photograph(tmp_path / "heap.png")["value"]
     assert found == pytest.approx(30.0, abs=pixel_error(30.0))

@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from taichi_erosion.experiments.audit.examine import audit
-from taichi_erosion.experiments.design_table import Factor
-from taichi_erosion.experiments.fit import Fit
-from taichi_erosion.experiments.terms import term_label
+from taichi_erosion.experiments.audit import audit
+from taichi_erosion.experiments.design import Factor
+from taichi_erosion.experiments.fit import Fit, term_label
 from taichi_erosion.report import design_figures as figures
 
 ROOT = Path(__file__).parents[2]

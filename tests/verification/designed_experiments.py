@@ -14,11 +14,17 @@ from scipy.spatial.distance import cosine
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.experiments.anova import anova, replicate_error
 from taichi_erosion.experiments.confirm import confirm, power
-from taichi_erosion.experiments.design import box_behnken, plackett_burman, steepest_path
-from taichi_erosion.experiments.design_table import Design, Factor
-from taichi_erosion.experiments.fit import Fit, coefficient_table, fit_model
+from taichi_erosion.experiments.design import Design, Factor, box_behnken, plackett_burman, steepest_path
+from taichi_erosion.experiments.fit import (
+    Fit,
+    coefficient_table,
+    fit_model,
+    interaction_terms,
+    linear_terms,
+    model_matrix,
+    model_terms,
+)
 from taichi_erosion.experiments.optimise import Goal, optimise
-from taichi_erosion.experiments.terms import interaction_terms, linear_terms, model_matrix, model_terms
 from taichi_erosion.verification.claims import Outcome, below
 
 SEED = 37
@@ -51,8 +57,8 @@ def share(claim: str, hits: list[bool], wanted: float) -> Outcome:
 
 def covered(fit: Fit, truth: Floats) -> list[bool]:
     """Whether the interval of each slope holds the true one."""
-    lines = coefficient_table(fit)[1:]
-    return [line.low <= slope <= line.high for line, slope in zip(lines, truth, strict=True)]
+    slopes = coefficient_table(fit)[1:]
+    return list((slopes["low"] <= truth) & (truth <= slopes["high"]))
 
 
 def recovered_effects() -> Iterator[Outcome]:

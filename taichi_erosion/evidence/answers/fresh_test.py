@@ -117,7 +117,7 @@ def total(fits: Sequence[Fit]) -> float:
 
 def is_true(decision: Decision, hypothesis: Hypothesis) -> bool:
     """Whether all that is named acts in an explanation, and one of the group."""
-    acting, group = {*hypothesis.names, hypothesis.kind}, set(decision.group)
+    acting, group = hypothesis.acting, set(decision.group)
     return set(decision.named) <= acting and (not group or bool(group & acting))
 
 

@@ -15,15 +15,14 @@ Reference: Westfall & Young (1993), Resampling-Based Multiple Testing, 2.3 (max-
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SURE
+from taichi_erosion.evidence.race.record import Verdict
 
-Verdict = Literal["present", "group", "none_detected", "outside_library"]
 MOST_TOLD = 3  # of a group: more is no answer
 
 
@@ -64,28 +63,14 @@ def decide(posterior: Posterior) -> Decision:
         verdict = "present"
     elif outside >= SURE or set(told) - set(effects):
         verdict = "outside_library"
-    return Decision(
-        verdict,
-        named,
-        group,
-        told if verdict == "outside_library" else (),
-        none,
-        outside,
-        inclusion,
-        beyond,
-        chance,
-    )
+    held = told if verdict == "outside_library" else ()
+    return Decision(verdict, named, group, held, none, outside, inclusion, beyond, chance)
 
 
 def probability(posterior: Posterior, names: Iterable[str]) -> float:
     """Probability that one of some effects or mechanisms acts."""
     wanted = set(names)
-    return sum(p for h, p in posterior.probability.items() if acts(h, wanted))
-
-
-def acts(hypothesis: Hypothesis, names: set[str]) -> bool:
-    """Whether one of some effects or mechanisms acts."""
-    return bool(names & set(hypothesis.names)) or hypothesis.kind in names
+    return sum(p for h, p in posterior.probability.items() if wanted & h.acting)
 
 
 def smallest(
@@ -102,19 +87,13 @@ def smallest(
 def familywise_p(race: Race, best: Fit) -> float:
     """Chance of a candidate as good as the best one if nothing acts and errors are those of `best`."""
     bare, singles = race.bare, race.sets(1)
-    if not singles:
-        return 1.0
     rows, _ = race.linear(bare)
     u = best.evidence.solved.scales_of(rows.scales)
     signatures = np.column_stack([race.prepared.white(fit.mean - bare.mean) for fit in singles])
     along, gram = rows.with_bad(best.evidence.bad).solved(u).against(signatures)
     size = np.sqrt(np.maximum(np.diag(gram), 1e-12))
-    seen = size > 1e-3
-    if not seen.any():
-        return 1.0
-    observed = float(np.max((along / size)[seen]))
-    correlation = (gram / np.outer(size, size))[np.ix_(seen, seen)]
-    values, vectors = np.linalg.eigh(correlation)
+    observed = float(np.max(along / size))
+    values, vectors = np.linalg.eigh(gram / np.outer(size, size))
     draws = np.random.default_rng(SEED).standard_normal((DRAWS, values.size))
     largest = np.max(draws * np.sqrt(np.maximum(values, 0.0)) @ vectors.T, axis=1)
     return float((1 + np.sum(largest >= observed)) / (1 + DRAWS))

@@ -149,8 +149,6 @@ def add_doses(race: Race) -> None:
     They start at the prior mean of the numbers: calibrated ones have taken what a dose explains.
     """
     kernels = dose_columns(race.prepared.rows, np.ones(race.prepared.rows.size, dtype=np.bool_))
-    if not kernels:
-        return
     v = np.zeros(race.model.count)
     mean = race.model.mean((), v)
     start = replace(race.bare, v=v, mean=mean, jacobian=race.model.jacobian((), v, mean))

@@ -45,6 +45,11 @@ class Hypothesis:
         return self.beyond.partition("|")[0]
 
     @property
+    def acting(self) -> frozenset[str]:
+        """What acts: effects, a mechanism, something that is not in the list."""
+        return frozenset((*self.names, self.kind)) - {""}
+
+    @property
     def along(self) -> str:
         """Condition along which a dose varies."""
         return self.beyond.partition("|")[2]
@@ -136,14 +141,13 @@ class Race:
         self.blocks = tuple(nuisance(rows, known, sd))
         self.large = tuple(unlisted(self.blocks))
         self.scatter, self.scatter_scales = scatter_of(self.prepared)
-        self.white = {id(b): self.prepared.white(b.columns) for b in (*self.blocks, *self.large)}
 
     def linear(self, at: Expansion) -> tuple[LinearRows, float]:
         """Rows of an expansion, and what censored ones add to its evidence."""
         p = self.prepared
         work, columns = p.working(at.mean), p.white(np.hstack([at.jacobian, at.errors]))
         jacobian, fixed = columns[:, : at.v.size], columns[:, at.v.size :]
-        white = [self.white[id(b)] if id(b) in self.white else p.white(b.columns) for b in at.blocks]
+        white = [p.white(block.columns) for block in at.blocks]
         shared = np.hstack([fixed, *white])
         shared[p.rows.censored] = 0.0
         block = np.repeat(np.arange(-1, len(white)), [columns.shape[1], *(each.shape[1] for each in white)])

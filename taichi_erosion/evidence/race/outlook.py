@@ -16,7 +16,6 @@ Sci. 14, 382 (averaging over models).
 """
 
 from collections.abc import Iterable
-from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,7 +29,6 @@ from taichi_erosion.evidence.models.condition_errors import condition_errors
 from taichi_erosion.evidence.models.new_conditions import NewConditions
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.race.blocks import Block, dose_columns, nuisance, unlisted
-from taichi_erosion.evidence.race.decision import acts
 from taichi_erosion.evidence.race.doses import dosings, from_axis
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import Doses, Fit, Hypothesis, Race
@@ -117,15 +115,11 @@ def both_rows(fitted: ComparisonRows, other: ComparisonRows, mean: Floats) -> Co
         value = from_scale(observable, mean[own])
         steep[own] = slope(observable, value)
         size[own] = np.hypot(observable.sd_shared, observable.sd_shared_relative * value) * steep[own]
-    sizes = (np.sqrt(np.sum(fitted.shared**2, axis=1)), size)
-    told = replace(other, z=mean, slope=np.nan_to_num(steep))
-    parts = [
-        replace(
-            rows, shared=np.nan_to_num((rows.which[:, None] == np.arange(len(rows.observables))) * s[:, None])
-        )
-        for rows, s in zip((fitted, told), sizes, strict=True)
-    ]
-    return replace(joined(parts), covariance=None)
+    sizes = np.append(np.sqrt(np.sum(fitted.shared**2, axis=1)), np.nan_to_num(size))
+    told = replace(other, z=mean, slope=np.nan_to_num(steep), shared=np.zeros((other.size, 0)))
+    both = joined([replace(fitted, shared=np.zeros((fitted.size, 0))), told])
+    shared = np.where(both.which[:, None] == np.arange(len(both.observables)), sizes[:, None], 0.0)
+    return replace(both, shared=shared[:, np.any(shared != 0.0, axis=0)], covariance=None)
 
 
 @dataclass(frozen=True)
@@ -182,10 +176,8 @@ def expanded(place: Elsewhere, fit: Fit) -> tuple[Floats, Floats, Doses | None]:
         return model.sure_mean(names, v), model.jacobian(names, v, model.mean(names, v)), None
     both = model.prepared.rows
     kernels = dose_columns(both, np.arange(both.size) < n)
-    race = copy(place.race)
-    race.model = model
-    own = next(each for each in dosings(place.race, kernels) if each.hypothesis == fit.hypothesis)
-    own = replace(own, race=race)
+    race = replace(place.race, model=model)
+    own = next(each for each in dosings(race, kernels) if each.hypothesis == fit.hypothesis)
     w = own.factor @ np.linalg.lstsq(own.factor[:n], fit.dose.w, rcond=None)[0]
     w, mean = own.at(v, np.append(fit.dose.w, w[n:]))
     return mean, own.slopes(v, w, mean), Doses(w, own.slope(v, w, mean), own.factor)
@@ -293,11 +285,11 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
 
     The other one is drawn by the seed. None without held-out rows.
     """
-    race, wanted = posterior.race, set(names)
+    race = posterior.race
     rows = held_out_rows(race.prepared)
     if rows is None:
         return None
-    others = [h for fit in race.sets(1) if not acts(h := fit.hypothesis, wanted)]
+    others = [fit.hypothesis for fit in race.sets(1) if fit.hypothesis.acting.isdisjoint(names)]
     wrong = [others[np.random.default_rng(seed).integers(len(others))]] if others else []
     place, chosen = elsewhere(race, rows), [Hypothesis(()), posterior.best.hypothesis, *wrong]
     told = [outlook(place, race.fits[h]) for h in chosen]

@@ -105,9 +105,9 @@ class Posterior:
 
     def strength(self, name: str) -> tuple[Floats, Floats]:
         """Strength of an effect where it acts with one strength, and weights."""
-        acting = [each for each in self.draws if name in each.fit.hypothesis.names]
-        values = [np.zeros(0), *(self.strengths(each, name) for each in acting)]
-        return np.concatenate(values), np.concatenate([np.zeros(0), *(each.weight for each in acting)])
+        values = np.concatenate([self.strengths(each, name) for each in self.draws])
+        weight = np.concatenate([each.weight for each in self.draws])
+        return values[values > 0.0], weight[values > 0.0]
 
     def strengths(self, drawn: Draws, name: str) -> Floats:
         """Strengths of an effect in the draws of one hypothesis; 0 where it has no single one."""

@@ -65,14 +65,9 @@ def proposals(posterior: Posterior, laboratory: Laboratory) -> tuple[ExperimentP
 # -- explanations
 
 
-def acting(hypothesis: Hypothesis) -> frozenset[str]:
-    """What acts: effects, a mechanism, something that is not in the list."""
-    return frozenset((*hypothesis.names, hypothesis.kind)) - {""}
-
-
 def right(told: Hypothesis, true: Hypothesis) -> bool:
     """Whether what one explanation says is right where another holds: all that it names acts, or nothing."""
-    return acting(told) <= acting(true) if acting(told) else not acting(true)
+    return told.acting <= true.acting if told.acting else not true.acting
 
 
 def name_of(hypothesis: Hypothesis) -> str:

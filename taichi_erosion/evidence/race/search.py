@@ -28,8 +28,6 @@ def log_prior(race: Race, hypothesis: Hypothesis) -> float:
     if hypothesis.kind:
         beyond = log(UNLISTED * (1.0 - STEP) * STEP**size) - each
         return beyond + (log(STEP) if mechanisms else 0.0)
-    if not size:
-        return log(NOTHING)
     whole = sum(STEP**k for k in range(1, min(MOST, count) + 1))
     return log((1.0 - NOTHING - UNLISTED) * STEP**size / whole) - each
 

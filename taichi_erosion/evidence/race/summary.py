@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 from scipy import stats
 
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, tested_by_repeats
+from taichi_erosion.evidence.data.comparison_rows import tested_by_repeats
 from taichi_erosion.evidence.data.number_words import set_up_name
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.data.transforms import axis_value, from_scale
@@ -39,6 +39,7 @@ from taichi_erosion.evidence.race.record import (
     RepeatPart,
     RowsPart,
     Status,
+    Stop,
 )
 
 ONE_SIDED = float(stats.norm.ppf(0.95))  # sd beyond which 5 % of a normal distribution lie
@@ -47,21 +48,20 @@ ONE_SIDED = float(stats.norm.ppf(0.95))  # sd beyond which 5 % of a normal distr
 def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
     """The record of a race."""
     found, race = decision or decide(posterior), posterior.race
-    after = told_fit(posterior, found)
-    bare = race.bare
+    after, bare, model = told_fit(posterior, found), race.bare, race.model
+    stop: Stop = "budget" if race.stopped else ""
+    (before, p_before), (now, p_now) = misfit(bare), misfit(after, told=True)
     return Record(
         decided=decided(posterior, found),
-        effects={name: effect_part(posterior, found, name) for name in race.model.candidates},
+        effects={name: effect_part(posterior, found, name) for name in model.candidates},
         numbers=number_parts(posterior),
         levels=tuple(level_parts(posterior)),
         errors=tuple(error_parts(after, race)),
         repeats=tuple(repeat_parts(race, after)),
-        fit=fit_part(race, bare, after),
+        fit=FitPart(race.prepared.rows.size, before, now, p_before, p_now, lack_of_fit(race, bare)),
         where=tuple(places(race, bare)),
         rows=rows_part(race, bare, after),
-        cost=CostPart(
-            race.model.settings, race.prepared.predictor.cost.runs, nan, "budget" if race.stopped else ""
-        ),
+        cost=CostPart(model.settings, race.prepared.predictor.cost.runs, nan, stop),
     )
 
 
@@ -96,12 +96,6 @@ def repeat_parts(race: Race, after: Fit) -> Iterator[RepeatPart]:
         likely = [line for line in each.suspects if (each.observable, line) in bad]
         found = each.suspects if len(each.suspects) == 1 else likely
         yield RepeatPart(each.observable, each.lines, each.gap, found[0] if len(found) == 1 else 0)
-
-
-def fit_part(race: Race, bare: Fit, after: Fit) -> FitPart:
-    """Misfit of the fitted rows if nothing is missing, and with what is told."""
-    before, now = misfit(bare), misfit(after, told=True)
-    return FitPart(race.prepared.rows.size, before[0], now[0], before[1], now[1], lack_of_fit(race, bare))
 
 
 def lack_of_fit(race: Race, bare: Fit) -> float:
@@ -161,27 +155,17 @@ def effect_part(posterior: Posterior, found: Decision, name: str) -> EffectPart:
     if single is None:
         return EffectPart("untestable", share, strength, nan, 0.0, 1.0, nan, most=most)
     column = race.prepared.white(signature(race, single, name))
-    along, gram = bare.evidence.solved.against(column[:, np.newaxis])
+    action, gram = bare.evidence.solved.against(column[:, np.newaxis])
     alone = float(column @ (bare.evidence.solved.row_share * column))
     information = max(float(gram[0, 0]), 1e-12)
     sd = information**-0.5
     factor = single.log_evidence - bare.log_evidence
     absorption = 1.0 - (information / alone) ** 0.5 if alone > 0.0 else 1.0
-    limit = max(float(along[0]) / information, 0.0) + ONE_SIDED * sd
+    limit = max(float(action[0]) / information, 0.0) + ONE_SIDED * sd
     alike = tuple(other for other in found.group if other != name) if name in found.group else ()
-    varying = [h.along for h, p in posterior.probability.items() if h.kind == name and p > 0.5]
-    return EffectPart(
-        status_of(name, found, factor, limit, most, absorption),
-        share,
-        strength,
-        limit,
-        factor,
-        absorption,
-        2.0 * ONE_SIDED * sd,
-        alike,
-        varying[0] if varying else "",
-        most,
-    )
+    along = next((h.along for h, p in posterior.probability.items() if h.kind == name and p > 0.5), "")
+    status, unseen = status_of(name, found, factor, limit, most, absorption), 2.0 * ONE_SIDED * sd
+    return EffectPart(status, share, strength, limit, factor, absorption, unseen, alike, along, most)
 
 
 def signature(race: Race, single: Fit, name: str) -> Floats:
@@ -221,11 +205,9 @@ def level_parts(posterior: Posterior) -> Iterator[LevelPart]:
 
 
 def level_of(draws: Draws, observable: str) -> Floats:
-    """Draws of a level, in standard errors of a row; 0 where an explanation has none."""
-    for index, block in enumerate(draws.fit.blocks):
-        if block.kind == "level" and block.observable == observable:
-            return draws.values[:, int(np.argmax(draws.fit.evidence.solved.rows.block == index))]
-    return np.zeros(draws.weight.size)
+    """Draws of a level, in standard errors of a row."""
+    index = [(b.kind, b.observable) for b in draws.fit.blocks].index(("level", observable))
+    return draws.values[:, int(np.argmax(draws.fit.evidence.solved.rows.block == index))]
 
 
 def error_parts(fit: Fit, race: Race) -> Iterator[ErrorPart]:
@@ -233,8 +215,7 @@ def error_parts(fit: Fit, race: Race) -> Iterator[ErrorPart]:
     now, rows = fit.evidence.solved, race.prepared.rows
     for index, block in enumerate(fit.blocks):
         if block.kind in ("source", "batch"):
-            for part in shared_parts(block.kind, fit, index, rows):
-                yield replace(part, label=batch_label(race, part.label)) if part.kind == "batch" else part
+            yield from shared_parts(block.kind, fit, index, race)
     for row in sorted(fit.evidence.bad):
         gap = float((rows.z[row] - fit.mean[row]) / max(rows.slope[row], 1e-300))
         width = ONE_SIDED * float(race.prepared.sd[row] / max(rows.slope[row], 1e-300))
@@ -257,11 +238,9 @@ def batch_label(race: Race, group: str) -> str:
     return units.setting_text(at).replace(" = ", " ") if group == set_up_name(at.values()) else group
 
 
-def shared_parts(
-    kind: Literal["source", "batch"], fit: Fit, index: int, rows: ComparisonRows
-) -> Iterator[ErrorPart]:
+def shared_parts(kind: Literal["source", "batch"], fit: Fit, index: int, race: Race) -> Iterator[ErrorPart]:
     """How far rows of one source or batch lie from all others of their observable; of two, the second."""
-    now, block = fit.evidence.solved, fit.blocks[index]
+    now, block, rows = fit.evidence.solved, fit.blocks[index], race.prepared.rows
     at, count = np.flatnonzero(now.rows.block == index), np.sum(block.columns > 0.0, axis=0)
     best, root = (now.tau * now.centre)[at], now.tau[at]
     covariance = now.inverse[np.ix_(at, at)] * np.outer(root, root)
@@ -276,7 +255,9 @@ def shared_parts(
         if abs(value) > max(ONE_SIDED * sd, 1.0) and not told:
             size = float(np.max(column)) / float(np.median(rows.slope[column > 0.0]))
             ends = [size * (value + z * sd) for z in (0.0, -ONE_SIDED, ONE_SIDED)]
-            yield ErrorPart(kind, str(named[j]), block.labels[j].rpartition("|")[0], Interval(*ends))
+            label = block.labels[j].rpartition("|")[0]
+            label = batch_label(race, label) if kind == "batch" else label
+            yield ErrorPart(kind, str(named[j]), label, Interval(*ends))
 
 
 def places(race: Race, bare: Fit) -> Iterator[PlacePart]:

@@ -12,8 +12,8 @@ import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.experiments.anova import anova, curvature
-from taichi_erosion.experiments.audit.examine import Audit, audit
-from taichi_erosion.experiments.design_table import Factor, to_natural
+from taichi_erosion.experiments.audit import Audit, audit
+from taichi_erosion.experiments.design import Factor, to_natural
 from taichi_erosion.experiments.fit import Fit, quality
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
 
@@ -84,8 +84,8 @@ def test_the_audit_finds_headings_a_number_a_sign_and_the_target_out_of_reach_an
     assert fitted(8).predict(grid).max() == pytest.approx(best().reach["repose_angle"].high, abs=6e-4)
 
 
-def test_all_of_table_5_agrees_with_one_cell_changed_and_its_nine_degrees_of_freedom_in_any_case(capsys):
+def test_all_of_table_5_agrees_with_one_cell_changed(capsys):
     assert main(["audit", str(FOLDER / "table_4.csv"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["cell"] == {"row": 7, "column": "Et", "printed": -1.0, "restored_by": 1.0}
-    assert found["printed_numbers"] == {"compared": 36, "agree": 36, "agree_as_printed": 9}
+    assert found["printed_numbers"] == {"compared": 36, "agree": 36}

@@ -16,7 +16,7 @@ from scipy.stats import binned_statistic
 
 from taichi_erosion.core.setup import Floats, GrainTable, Laws, Motion, PrimitiveKind, PrimitiveTable, Setup
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.measures.repose import repose_angle
+from taichi_erosion.measures.heap import repose_angle
 from taichi_erosion.simulation import move_surface, remove_surface
 from taichi_erosion.verification.claims import Outcome, Precision, holds
 from taichi_erosion.verification.closed_forms import sphere_mass

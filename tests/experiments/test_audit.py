@@ -10,8 +10,8 @@ from textbook import unit_factors
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.experiments import design
-from taichi_erosion.experiments.audit.examine import as_document, audit
-from taichi_erosion.experiments.audit.published import parse_printed
+from taichi_erosion.experiments.audit import as_document, audit
+from taichi_erosion.experiments.published import parse_printed
 
 LAW = np.array([3.0, -8.0, 0.5, 1.0, -2.0, 0.1, 4.0])
 SOUND = "a,y\n1,2\n-1,3\n1,1\n-1,4\n"
@@ -53,9 +53,8 @@ def test_a_level_with_a_slipped_decimal_point_is_named(tmp_path):
     names, rows = screening()
     rows[3][2] = 10.0 * rows[3][2]
     found = audit(write(tmp_path / "t.csv", names, rows))
-    (odd,) = [finding for finding in found.findings if finding.kind == "level"]
+    (odd,) = [finding for finding in found.findings if finding.kind == "cell"]
     assert (odd.row, odd.column, odd.printed) == (4, "B", f"{rows[3][2]:g}")
-    assert found.structure.chosen is not None
 
 
 def test_a_sound_design_is_found_sound(tmp_path):
@@ -63,21 +62,18 @@ def test_a_sound_design_is_found_sound(tmp_path):
     found = audit(write(tmp_path / "t.csv", names, rows))
     assert found.structure.balanced
     assert found.structure.orthogonal
-    assert found.structure.textbook == "Plackett-Burman"
     assert {finding.kind for finding in found.findings} <= {"curvature"}
 
 
-def test_a_flipped_cell_of_a_box_behnken_design_is_placed_by_its_standard_order(tmp_path):
+def test_a_flipped_cell_of_a_box_behnken_design_is_one_of_two(tmp_path):
     made = design.box_behnken(unit_factors("ABC"))
     levels = made.coded.copy()
     levels[5, 2] *= -1.0
     rows = [[*line, float(k)] for k, line in enumerate(levels)]
     found = audit(write(tmp_path / "t.csv", ["A", "B", "C", "y"], rows))
-    # two rows of the printed table are now alike: either could be the wrong one, the standard order decides
-    assert len(found.structure.cells) == 2
-    chosen = found.structure.chosen
-    assert chosen is not None
-    assert (chosen.row, chosen.column, chosen.level) == (5, 2, -1.0)
+    # two rows of the printed table are now alike: either could be the wrong one
+    assert {(cell.row, cell.column) for cell in found.structure.cells} > {(5, 2)}
+    assert found.structure.chosen is None
 
 
 def test_columns_behind_the_response_that_repeat_a_factor_are_set_aside(tmp_path):
@@ -107,8 +103,9 @@ def test_a_printed_number_is_as_exact_as_its_last_digit(text, found, agrees):
 @pytest.mark.parametrize(
     ("text", "claims", "words"),
     [
-        ("", "", "is empty"),
+        ("", "", "No columns"),
         ("a,y\n1,2\n3,x\n1,1\n", "", "row 2, y = 'x' must be a number"),
+        ("a,y\n1,2\n3,4,5\n1,1\n", "", "cannot be read as a CSV table"),
         ("a,y\n1,2\n-1,3\n", "", "at least 3"),
         ("y\n1\n2\n5\n", "", "no column of factor levels"),
         (SOUND, "modle = 'linear'", "modle = 'linear': Extra inputs"),

@@ -11,30 +11,29 @@ before the response are the factors, but for one that counts the runs and for th
 stands behind the response, other responses or the same levels in other units, is set aside.
 """
 
-import csv
 import io
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, nan
+from math import nan
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import pandas as pd
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.experiments.design_table import Design, Factor, arranged, to_coded
-from taichi_erosion.experiments.terms import Order
+from taichi_erosion.experiments.design import Factor, to_coded
+from taichi_erosion.experiments.fit import Order
 
 Kind = Literal[
     "unbalanced",  # a factor is not as often high as low
     "not orthogonal",  # factors are confounded
     "cell",  # one cell whose change restores the design
-    "level",  # a level that stands alone
     "lack of fit",  # the model misses the means of its points
     "curvature",  # the centre lies off the plane
     "number",  # a printed number that the table does not give
@@ -112,65 +111,52 @@ class Claims(BaseModel):
     quality: dict[str, Number] = {}
 
 
-def claims_of(table: Path, file: Path | None = None) -> tuple[Claims, Path]:
-    """Claims of a table and their folder: of the named file or of the one beside it; none without a file."""
+def claims_of(table: Path, file: Path | None = None) -> Claims:
+    """Claims of a table: of the named file or of the one beside it; none without a file. Raises BadInput."""
     path = file or table.with_suffix(".claims.toml")
     if file is None and not path.exists():
-        return Claims(), table.parent
+        return Claims()
     try:
         # a number keeps its printed digits: its text, not its value, says how exact it is
-        return Claims.model_validate(tomllib.loads(read_text_file(path), parse_float=str)), path.parent
+        return Claims.model_validate(tomllib.loads(read_text_file(path), parse_float=str))
     except ValidationError as error:
         fault = error.errors()[0]
-        value = "" if fault["type"] == "missing" else f" = {fault['input']!r}"
         place = ".".join(map(str, fault["loc"]))
-        raise BadInput(f"{path}: {place}{value}: {fault['msg'].removeprefix('Value error, ')}") from None
+        message = fault["msg"].removeprefix("Value error, ")
+        raise BadInput(f"{path}: {place} = {fault['input']!r}: {message}") from None
     except (OSError, ValueError) as error:
         raise BadInput(f"{path}: {error}") from None
 
 
-FEWEST_RUNS = 3
-COUNTER_NAMES = ("run", "no", "n", "nr", "std", "order", "test", "trial", "number", "row", "experiment")
-MOST_LEVELS = 6  # of a factor in a designed experiment; a central composite has 5, a misprint adds one
 Columns = Mapping[str, Sequence[str]]  # cells by heading
+FEWEST_RUNS = 3
+MOST_LEVELS = 6  # of a factor in a designed experiment; a central composite has 5, a misprint adds one
 
 
 def read_columns(path: Path) -> dict[str, list[str]]:
-    """Cells of a CSV table by heading; raises BadInput."""
+    """Cells of a CSV table by heading, as text. Raises BadInput."""
     try:
-        text = read_text_file(path, "utf-8-sig")
-        lines = [line for line in csv.reader(io.StringIO(text, newline=""), strict=True) if any(line)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise BadInput(f"{path}: cannot be read as a CSV table: {error}") from None
-    if not lines:
-        raise BadInput(f"{path}: is empty; the first row names the columns")
-    headings = [cell.strip() for cell in lines[0]]
-    if len(set(headings)) != len(headings):
-        shown = ", ".join(" ".join(heading.split()) for heading in headings)
-        raise BadInput(f"{path}: a heading stands twice in {shown}")
-    for number, line in enumerate(lines[1:], start=1):
-        if len(line) != len(headings):
-            raise BadInput(f"{path}: row {number} has {len(line)} cells, the heading {len(headings)}")
-    return {heading: [line[k].strip() for line in lines[1:]] for k, heading in enumerate(headings)}
+        text = io.StringIO(read_text_file(path, "utf-8-sig"))
+        table = pd.read_csv(text, dtype=str, index_col=False, keep_default_na=False).fillna("")
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{path}: cannot be read as a CSV table: {str(error).strip()}") from None
+    return {str(heading).strip(): column.tolist() for heading, column in table.items()}
 
 
-def column_numbers(columns: Columns, heading: str, file: Path) -> Floats:
+def numbers_of(cells: Sequence[str]) -> Floats:
+    """Numbers of a column, with any of the signs that print uses for minus; NaN for anything else."""
+    plain = [cell.replace("\N{MINUS SIGN}", "-").replace("\N{EN DASH}", "-") for cell in cells]
+    return np.asarray(pd.to_numeric(pd.Series(plain), errors="coerce"), dtype=np.float64)
+
+
+def column_numbers(table: Columns, heading: str, file: Path) -> Floats:
     """One column of finite numbers. Raises BadInput."""
-    if heading not in columns:
-        raise BadInput(f"{file}: column '{heading}' is missing; there are: {', '.join(columns)}")
-    values = np.array([as_number(text) for text in columns[heading]])
-    for row, (text, value) in enumerate(zip(columns[heading], values, strict=True), start=1):
-        if not isfinite(value):
-            raise BadInput(f"{file}: row {row}, {heading} = '{text}' must be a number")
+    if heading not in table:
+        raise BadInput(f"{file}: column '{heading}' is missing; there are: {', '.join(table)}")
+    values = numbers_of(table[heading])
+    for row in np.flatnonzero(~np.isfinite(values)).tolist():
+        raise BadInput(f"{file}: row {row + 1}, {heading} = '{table[heading][row]}' must be a number")
     return values
-
-
-def as_number(text: str) -> float:
-    """A number with any of the signs that print uses for minus; NaN for anything else."""
-    try:
-        return float(text.replace("\N{MINUS SIGN}", "-").replace("\N{EN DASH}", "-"))
-    except ValueError:
-        return nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,25 +171,18 @@ class PublishedTable:
     values: Floats  # [runs]
     set_aside: tuple[str, ...]  # columns that are neither
 
-    def design(self, coded: Floats) -> Design:
-        """The table as a design of these levels."""
-        plain = arranged(self.name, self.factors, [("factorial", coded)])
-        return plain.with_responses(**{self.response: self.values})
-
 
 def read_published(path: Path, response: str | None = None) -> PublishedTable:
-    """A table of runs; the response is the last column where it is not named."""
-    columns = read_columns(path)
-    names = list(columns)
+    """A table of runs; the response is the last column where it is not named. Raises BadInput."""
+    table = read_columns(path)
+    names = list(table)
     wanted = response or names[-1]
-    values = column_numbers(columns, wanted, path)
+    values = column_numbers(table, wanted, path)
     if len(values) < FEWEST_RUNS:
         raise BadInput(f"{path}: {len(values)} run(s); needs at least {FEWEST_RUNS}")
-    place = names.index(wanted)
-    # a table may begin with its response
-    chosen = factor_columns(columns, names[:place], path) or factor_columns(columns, names[place + 1 :], path)
+    chosen = factor_columns(table, names[: names.index(wanted)], path)
     if not chosen:
-        raise BadInput(f"{path}: no column of factor levels beside the response '{wanted}'")
+        raise BadInput(f"{path}: no column of factor levels before the response '{wanted}'")
     levels = np.column_stack(list(chosen.values()))
     factors = tuple(factor_of(name, column) for name, column in chosen.items())
     coded = np.round(to_coded(factors, levels), 9) + 0.0
@@ -211,23 +190,13 @@ def read_published(path: Path, response: str | None = None) -> PublishedTable:
     return PublishedTable(str(path), factors, levels, coded, wanted, values, aside)
 
 
-def factor_columns(columns: Columns, names: Sequence[str], file: Path) -> dict[str, Floats]:
+def factor_columns(table: Columns, names: Sequence[str], file: Path) -> dict[str, Floats]:
     """Columns of levels by name: not of words, no counter, and of few levels where there are such columns."""
-    written = [name for name in names if any(isfinite(as_number(text)) for text in columns[name])]
-    numbers = {name: column_numbers(columns, name, file) for name in written}
-    levels = {k: x for k, x in numbers.items() if not is_counter(k, x) and np.ptp(x) > 0.0}
-    few = {name: column for name, column in levels.items() if len(np.unique(column)) <= MOST_LEVELS}
-    runs = max((len(column) for column in levels.values()), default=0)
-    return few if few and runs > 2 * MOST_LEVELS else levels
-
-
-def is_counter(name: str, column: Floats) -> bool:
-    """Whether a column numbers the runs."""
-    counts = np.arange(1, len(column) + 1)
-    plain = "".join(c for c in name.lower() if c.isalpha())
-    return np.array_equal(column, counts) or (
-        plain in COUNTER_NAMES and np.array_equal(np.sort(column), counts)
-    )
+    written = [name for name in names if np.isfinite(numbers_of(table[name])).any()]
+    numbers = {name: column_numbers(table, name, file) for name in written}
+    counter = np.arange(1.0, len(next(iter(table.values()))) + 1.0)
+    levels = {n: x for n, x in numbers.items() if np.ptp(x) > 0.0 and np.any(np.sort(x) != counter)}
+    return {n: x for n, x in levels.items() if len(np.unique(x)) <= MOST_LEVELS} or levels
 
 
 def factor_of(name: str, column: Floats) -> Factor:
