@@ -103,12 +103,11 @@ def print_new_study(document: Record) -> None:
     print_lines(told_changes(document) if "changes" in document else ())
     print_content(document)
     print_lines(document["written"], "written: ")
-    if document["written"]:
-        typer.echo(f"next: {shell_command('compare', document['study'])}")
+    typer.echo(f"next: {shell_command('compare', document['study'])}")
 
 
 def told_changes(document: Record) -> Iterator[str]:
-    """What a corrected table says otherwise, and what stays."""
+    """What a corrected table says otherwise."""
     changes, study = document["changes"], document["study"]
     lines, removed = changes["lines"], changes["removed"]
     if not lines and not removed:
@@ -116,8 +115,6 @@ def told_changes(document: Record) -> Iterator[str]:
     else:
         rows = f"new or corrected: {counted(len(lines), 'row')} ({some(lines)}); " if lines else ""
         yield f"{rows}{removed} gone; the others stay held out or fitted. Ask again: the table is another one"
-    if kept := document["kept"]:
-        yield f"kept: {some(kept)}; a new study would have them otherwise (--anew)"
 
 
 def some(entries: Sequence[object]) -> str:

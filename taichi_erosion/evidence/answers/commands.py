@@ -15,8 +15,13 @@ from threadpoolctl import threadpool_limits
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers import files
 from taichi_erosion.evidence.answers.files import Command, Reply
-from taichi_erosion.evidence.answers.rounds import Question, answered, last_plan
-from taichi_erosion.evidence.answers.scene_rounds import RacedStudy, after_test, discovery_question
+from taichi_erosion.evidence.answers.rounds import (
+    Question,
+    RacedStudy,
+    answered,
+    discovery_question,
+    last_plan,
+)
 from taichi_erosion.evidence.answers.set_up import (
     blocked,
     refuse_unknown_scatter,
@@ -134,7 +139,7 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
     """The measurements that would move the posterior. Raises BadInput."""
     start = perf_counter()
     with open_study(path, options) as study:
-        question = replace(discovery_question(study, whole), name="next", ahead=True, tested=None)
+        question = discovery_question(study, whole, tested=False)
         found, ready = answer_of(study, last_plan(study), question, progress)
         stated = study.file.laboratory
         laboratory = Laboratory(ranges=dict(stated.ranges), costs=dict(stated.costs), repeats=stated.repeats)
@@ -159,7 +164,7 @@ def bare(ready: Study, progress: Progress) -> RacedStudy:
 
 
 def answer_of(
-    study: Study, plans: Sequence[BudgetName], question: Question[RacedStudy], progress: Progress
+    study: Study, plans: Sequence[BudgetName], question: Question, progress: Progress
 ) -> tuple[RacedStudy, Study]:
     """The answer of a study, and the study with all that its model was asked and the faults that it shows."""
     found, ready = answered(study, plans, question, progress)
@@ -173,11 +178,15 @@ def compare_record(found: RacedStudy) -> Record:
 
 
 def discover_record(found: RacedStudy) -> Record:
-    """Which effect is missing, with the law of a mechanism or of a strength that varies."""
+    """Which effect is missing, with the law of a mechanism or of a strength that varies.
+
+    A name that fresh runs contradict is not stable.
+    """
     record = replace(summary(found.posterior, found.decision), law=told_law(found.posterior, found.decision))
-    if found.fresh is None:
-        return record
-    return replace(record, decided=after_test(record.decided, found.fresh), fresh=found.fresh)
+    if found.fresh is not None and found.fresh.outcome == "contradicted":
+        doubted = (*record.decided.named, *record.decided.group)
+        record = replace(record, decided=replace(record.decided, verdict="unstable", named=(), group=doubted))
+    return replace(record, fresh=found.fresh)
 
 
 def waiting(decided: Decided) -> Decided:

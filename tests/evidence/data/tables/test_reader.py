@@ -8,7 +8,7 @@ import openpyxl
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.study_files.new_study import Wishes, read_laboratory_table
+from taichi_erosion.evidence.answers.new_study import Wishes, read_laboratory_table
 from taichi_erosion.evidence.data.tables.cell_numbers import CellFault, read_cell
 from taichi_erosion.evidence.data.tables.headings import read_heading
 from taichi_erosion.evidence.data.tables.interview import Interview

@@ -8,7 +8,10 @@ hold many diameters.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import sqrt
+from statistics import median
 from typing import Any
+
+import tomlkit
 
 from taichi_erosion.campaign.study_file import set_comment
 from taichi_erosion.evidence.data.tables.vocabulary import (
@@ -29,14 +32,6 @@ SOFT = 2e6  # shear modulus of soil [Pa] in heaps that are lifted or poured: doe
 FLATTER = 0.8  # of the smallest measured angle, down to which a heap is large enough for its measure [1]
 USUAL_HEAP, USUAL_SAND = 2e-3, 2.5e-4  # grain diameters where the table states none [m]
 Changes = Mapping[str, Any]  # dotted path -> value; None: the entry is left out
-
-
-@dataclass(frozen=True)
-class Diameters:
-    """Grain diameters of a table [m]."""
-
-    middle: float
-    largest: float
 
 
 @dataclass(frozen=True)
@@ -169,11 +164,6 @@ def wind_changes(wind: Mapping[str, Any], largest: float) -> Changes:
 
 HEAP = ("centroid_height", "pile_height", "radius_90", "column_height")
 LENGTHS = (*HEAP, "runout_radius")  # that grow with the number of grains
-SIZES = {  # entries of a scene that say how large its heap is, and from which apparatus
-    "cylinder": ("grains.count", "geometry.tube.radius_d", "fill.radius_d"),
-    "collapse": ("grains.count", "geometry.tube.radius_d", "fill.radius_d"),
-    "funnel": ("grains.count", "geometry.funnel.outlet"),
-}
 TEMPLATES = {
     "cylinder": Template(
         *(
@@ -251,28 +241,27 @@ def safe_grains(template: Template, angles: Sequence[float]) -> int:
 def scene_text(
     template: Template,
     head: Mapping[str, str],
-    diameters: Diameters,
+    diameters: Sequence[float],
     grains: int,
     density: float | None = None,
     own_conditions: Mapping[str, str] | None = None,
 ) -> str:
-    """The scene of a table; comments of what stays are kept.
+    """The scene of a table with grain diameters [m]; comments of what stays are kept.
 
     `density`: of the grains [kg m-3], heavier ones are as much stiffer; `own_conditions`: names and units of
     those to declare.
     """
-    import tomlkit
-
     document: Any = tomlkit.parse((SCENES / f"{template.scene}.toml").read_text(encoding="utf-8"))
     document.pop("measured", None)  # another laboratory's values
-    own, heavier = template.changes(diameters.middle, grains), (density or 0.0) / template.usual_density
+    middle, largest = (float(f"{each:.4g}") for each in (median(diameters), max(diameters)))
+    own, heavier = template.changes(middle, grains), (density or 0.0) / template.usual_density
     changes = {
         "grains.count": grains,
-        **({"grains.size": {"law": "monodisperse", "diameter": diameters.middle}} if template.varies else {}),
+        **({"grains.size": {"law": "monodisperse", "diameter": middle}} if template.varies else {}),
         **own,
         **{path: value * max(heavier, 1.0) for path, value in own.items() if path.endswith(".shear_modulus")},
         **{f"scene.{key}": text for key, text in head.items()},
-        **wind_changes(document.get("wind", {}), diameters.largest),
+        **wind_changes(document.get("wind", {}), largest),
         **({} if density is None else {template.density: density}),
         **{f"conditions.extra.{name}": {"unit": unit} for name, unit in (own_conditions or {}).items()},
     }
@@ -287,8 +276,6 @@ def scene_text(
 
 def set_entry(document: Any, path: Sequence[str], value: Any) -> None:
     """Set one entry of a parsed scene; None removes it."""
-    import tomlkit
-
     *above, last = path
     holder = document
     for key in above:
