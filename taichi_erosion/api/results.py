@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from taichi_erosion.api.notebook import frame, html
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.number_words import heading
-from taichi_erosion.evidence.words.shell import shell_command
+from taichi_erosion.evidence.words import shell_command
 
 if TYPE_CHECKING:
     import pandas as pd

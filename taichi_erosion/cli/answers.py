@@ -11,7 +11,7 @@ from taichi_erosion.cli.output import MARK_MISSING, Record, print_table
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
 from taichi_erosion.evidence.data.number_words import counted, plain
-from taichi_erosion.evidence.words.shell import shell_command
+from taichi_erosion.evidence.words import shell_command
 
 if TYPE_CHECKING:
     from taichi_erosion.evidence.answers.files import Reply

@@ -13,7 +13,7 @@ from taichi_erosion.cli import output
 from taichi_erosion.cli.help import help_of
 from taichi_erosion.cli.output import Arch, AsJson, Decomposition, Force
 from taichi_erosion.cli.progress import KEPT, interruptible
-from taichi_erosion.evidence.words.shell import shell_command
+from taichi_erosion.evidence.words import shell_command
 
 if TYPE_CHECKING:
     from taichi_erosion.campaign.calibration import Calibration, Step

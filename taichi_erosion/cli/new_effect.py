@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from jinja2 import Environment, PackageLoader
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.words.shell import shell_command
+from taichi_erosion.evidence.words import shell_command
 
 if TYPE_CHECKING:
     from taichi_erosion.core.effect import Effect

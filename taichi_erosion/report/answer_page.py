@@ -13,7 +13,7 @@ from taichi_erosion import __version__
 from taichi_erosion.evidence.race.record import Record
 from taichi_erosion.evidence.words import page_words
 from taichi_erosion.evidence.words.answer_lines import Table
-from taichi_erosion.evidence.words.effect_words import acting
+from taichi_erosion.evidence.words.part_words import acting
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.report import answer_figures as figures
 from taichi_erosion.report.figure_style import Picture

@@ -13,8 +13,7 @@ from taichi_erosion.core.files import marked_html, refuse_foreign, write_atomic
 from taichi_erosion.evidence.answers.files import Command, Reply, document_file, read_reply
 from taichi_erosion.evidence.answers.predictions import read_prediction
 from taichi_erosion.evidence.models.load_study import results_folder
-from taichi_erosion.evidence.words import page_words
-from taichi_erosion.evidence.words.shell import shell_command
+from taichi_erosion.evidence.words import page_words, shell_command
 from taichi_erosion.recording.study_recording import StudyPage, record_study
 from taichi_erosion.report.answer_figures import places, row_picture
 from taichi_erosion.report.answer_page import AnswerPage, Section, answer_page, html_page

@@ -12,7 +12,7 @@ from taichi_erosion.cli.main import main
 from taichi_erosion.evidence.answers.files import Command, Reply
 from taichi_erosion.evidence.data.table_units import KEY
 from taichi_erosion.evidence.race.record import Record
-from taichi_erosion.evidence.words.shell import NAME_SWITCH
+from taichi_erosion.evidence.words import NAME_SWITCH
 
 ABOUT = {
     "study": "my lab/a.toml",

@@ -25,7 +25,6 @@ from taichi_erosion.evidence.answers.rounds import (
 from taichi_erosion.evidence.answers.set_up import (
     blocked,
     refuse_unknown_scatter,
-    sentences,
     source_faults,
     table_faults,
     unit_faults,
@@ -49,6 +48,7 @@ from taichi_erosion.evidence.race.posterior import Posterior, given, only, raced
 from taichi_erosion.evidence.race.proposals import proposals
 from taichi_erosion.evidence.race.record import Decided, Record, RepeatPart
 from taichi_erosion.evidence.race.summary import decided, summary
+from taichi_erosion.evidence.words.part_words import set_up_lines
 
 
 def no_progress(_: str, __: float) -> None:
@@ -251,4 +251,4 @@ def framed(study: Study, found: RacedStudy, repeats: Sequence[RepeatPart] = ()) 
     """What every answer says of its study and of the set-up, beside repeats that it tells of itself."""
     about = files.study_document(study) | {"faults": [asdict(each) for each in study.faults]}
     warnings = list(found.posterior.race.prepared.warnings)
-    return about | {"set_up": sentences(study.faults, repeats), "warnings": warnings}
+    return about | {"set_up": set_up_lines(study.faults, repeats), "warnings": warnings}

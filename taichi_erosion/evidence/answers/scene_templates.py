@@ -93,17 +93,12 @@ def lifted_cylinder(diameter: float, grains: int) -> Changes:
     """Tube, plate and lift that grow with the heap."""
     size = (grains / 1500) ** (1.0 / 3.0)
     return {
-        "geometry.plate.radius": None,
         "geometry.plate.radius_d": round(40.0 * size, 1),
         "geometry.tube.radius_d": round(8.0 * size, 2),
         "geometry.tube.length_d": round(30.0 * size, 1),
         "fill.radius_d": round(8.0 * size - 0.7, 2),
-        "stages.1.duration_min": None,
-        "stages.1.duration_max": None,
         "stages.1.duration_min_d": round(500.0 * size, 1),
         "stages.1.duration_max_d": round(830.0 * size, 1),
-        "stages.0.duration_min": None,
-        "stages.0.duration_max": None,
         "stages.0.duration_min_d": 17.0,
         "stages.0.duration_max_d": round(200.0 * size, 1),
         "materials.soil.shear_modulus": SOFT,
@@ -283,6 +278,8 @@ def set_entry(document: Any, path: Sequence[str], value: Any) -> None:
     if value is None:
         holder.pop(last, None)
         return
+    if last.endswith("_d"):
+        holder.pop(last.removesuffix("_d"), None)  # the same in metres
     if isinstance(value, dict):
         inline = tomlkit.inline_table()
         inline.update(value)

@@ -37,7 +37,6 @@ TIDY = "_tidy.csv"  # end of the name of a tidy table, which so is another one t
 READ = "its cells when `study new` read it"
 FRACTION = 0.3  # of the groups in the vault
 LEAST_SHIFT = 1e-3  # of an observable by an effect of strength 1, below which it cannot be seen [1]
-UNEXPECTED = "the literature expects none of these observables to change with it"
 EXPECTED_AS = {  # observable -> the one of which the literature tells the effects: a steeper heap is higher
     **dict.fromkeys(("angle_of_repose", "cone_angle", "dynamic_angle", "runout_radius"), "repose_angle"),
     **dict.fromkeys(("pile_height", "centroid_height", "radius_90", "column_height"), "repose_angle"),
@@ -100,15 +99,15 @@ def written_files(files: StudyFiles, anew: bool) -> Document:
     with all_or_none(paths):
         write_table(files, drawn)
         if earlier is None or anew:
-            inactive = write_study(files, "" if earlier is None else earlier.drawn_from)
+            write_study(files, "" if earlier is None else earlier.drawn_from)
         else:
-            paths, inactive = paths[:2], {}
+            paths = paths[:2]
             text = file_text(files.study, str(files.study))
             text = with_entry(text, ("study", "made_from_digest"), files.digest, READ)
             write_atomic(files.study, text.encode())
         write_table(files, drawn_rows(load_study(files.study), files.rows))
         found = check_study(files.study)
-    return {"written": list(map(str, paths)), **found, "inactive": inactive, **changes}
+    return {"written": list(map(str, paths)), **found, **changes}
 
 
 def earlier_study(files: StudyFiles) -> Study | None:
@@ -200,15 +199,14 @@ def all_or_none(paths: Sequence[Path]) -> Iterator[None]:
         raise
 
 
-def write_study(files: StudyFiles, drawn_from: str) -> dict[str, str]:
-    """Write the scenes and a study whose candidates can act; why the others cannot."""
+def write_study(files: StudyFiles, drawn_from: str) -> None:
+    """Write the scenes and a study whose candidates can act."""
     for path, text in files.scenes.items():
         write_atomic(path, text.encode())
     write_atomic(files.study, study_text(files, (), drawn_from).encode())
     study = load_study(files.study)
-    acting, inactive = acting_formulas(study) if files.content.model else acting_candidates(study)
+    acting = acting_formulas(study) if files.content.model else acting_candidates(study)
     write_atomic(files.study, study_text(files, acting, drawn_from or study.digest).encode())
-    return inactive
 
 
 def study_text(files: StudyFiles, candidates: Sequence[str], drawn_from: str) -> str:
@@ -252,7 +250,7 @@ def quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
 
 
-def acting_formulas(study: Study) -> tuple[list[str], dict[str, str]]:
+def acting_formulas(study: Study) -> list[str]:
     """Effects of the closed form that change a measured quantity under the conditions of the table."""
     measured = study.problem.measurements.conditions
     columns = {model: measured[name] for name, model in study.file.conditions.items()}
@@ -268,36 +266,27 @@ def acting_formulas(study: Study) -> tuple[list[str], dict[str, str]]:
         ]
         if any(bool(np.nanmax(shift) > LEAST_SHIFT) for shift in shifts):
             found.append(effect)
-    return found, {}
+    return found
 
 
-def acting_candidates(study: Study) -> tuple[list[str], dict[str, str]]:
-    """Effects of the library that can change what is measured here, and why the others cannot.
+def acting_candidates(study: Study) -> list[str]:
+    """Effects of the library that can change what is measured here.
 
     Where the literature does not say which observables an effect changes, it is a candidate if the table
     holds a condition that it reads. Where that leaves none, all that can act are candidates.
     """
     simulator = study.problem.model.model  # pyright: ignore[reportAttributeAccessIssue]
     assert isinstance(simulator, Simulator)
-    scenes = study_scenes(study, simulator)
-    varied = {
-        path.removeprefix("conditions.")
-        for paths in study.file.conditions.values()
-        for path in dotted_paths(paths)
-    }
-    measured = study.file.observables
-    known = {*measured, *(EXPECTED_AS[name] for name in measured if name in EXPECTED_AS), *varied}
+    scenes, measured = study_scenes(study, simulator), study.file.observables
+    known = {*measured, *(EXPECTED_AS[name] for name in measured if name in EXPECTED_AS)}
+    for paths in study.file.conditions.values():
+        known |= {path.removeprefix("conditions.") for path in dotted_paths(paths)}
     own = {effect_in(file).name for file in study.effect_files}
-    acting, inactive = [], {}
-    for candidate in study.problem.candidates:
-        effect = simulator.library[candidate.name]
-        reasons = [inactive_reason(scene, candidate) for scene in scenes]
-        if all(reason is not None for reason in reasons):
-            inactive[candidate.name] = str(reasons[0])
-        elif candidate.name in own or set(effect.expected or effect.reads) & known:
-            acting.append(candidate.name)
-        else:
-            inactive[candidate.name] = UNEXPECTED
-    if not acting:
-        acting = [name for name, reason in inactive.items() if reason == UNEXPECTED]
-    return acting, {name: reason for name, reason in inactive.items() if name not in acting}
+    able = [
+        candidate.name
+        for candidate in study.problem.candidates
+        if any(inactive_reason(scene, candidate) is None for scene in scenes)
+    ]
+    effects = {name: simulator.library[name] for name in able}
+    expected = [n for n, each in effects.items() if n in own or {*(each.expected or each.reads)} & known]
+    return expected or able

@@ -3,7 +3,7 @@
 Every line has its place: an answer has at most eight, and one table.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isnan
 from pathlib import Path
@@ -20,7 +20,7 @@ from taichi_erosion.evidence.race.record import (
     PredictionPart,
     Record,
 )
-from taichi_erosion.evidence.words import data_words, effect_words
+from taichi_erosion.evidence.words import part_words
 from taichi_erosion.evidence.words import vocabulary as say
 
 HARDER = "Measurements under other conditions test the model harder"
@@ -56,15 +56,15 @@ def framed(answer: Answer, record: Record, voc: say.Vocabulary) -> Answer:
     """An answer with gross repeats before everything and a spent budget before the last line."""
     spent = f"Stopped at the budget ({counted(record.cost.settings, 'setting')} of the model)"
     stopped = f"{spent}: this is known so far; a larger --budget may change it." * bool(record.cost.stopped)
-    missing, following = (data_words.repeats_line(record, voc), *answer.missing), (stopped, *answer.following)
+    missing, following = (part_words.repeats_line(record, voc), *answer.missing), (stopped, *answer.following)
     missing, holds, following = (tuple(filter(None, part)) for part in (missing, answer.holds, following))
     return Answer(missing, holds, following, answer.table)
 
 
 def again(record: Record, command: str, voc: say.Vocabulary, *words: str) -> str:
     """What comes before every other step: rows to be checked, a set-up to be settled."""
-    rows = data_words.suspects(record)
-    if not rows and data_words.testable(record):
+    rows = part_words.suspects(record)
+    if not rows and part_words.testable(record):
         return ""
     first = f"Correct or confirm {rows} in the table" if rows else "Mend the errors"
     return f"{first}, then give {voc.command(command, voc.study, *words)} again"
@@ -75,23 +75,23 @@ def compare_answer(record: Record, voc: say.Vocabulary) -> Answer:
     first, last = compared(record, voc)
     missing = (
         first,
-        data_words.errors_line(record, voc, data_words.agrees(record)),
-        data_words.where_line(record),
+        part_words.errors_line(record, voc, part_words.agrees(record)),
+        part_words.where_line(record),
     )
-    holds = (data_words.numbers_line(record, before=True),)
-    table = Table("measured minus model", COMPARED, tuple(data_words.observable_rows(record, voc)))
+    holds = (part_words.numbers_line(record, before=True),)
+    table = Table("measured minus model", COMPARED, tuple(part_words.observable_rows(record, voc)))
     following = (f"{again(record, 'compare', voc) or last}.",)
     return framed(Answer(missing, holds, following, table), record, voc)
 
 
 def compared(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     """First and last line of a comparison."""
-    fit, rows = record.fit, data_words.rows_text(record)
+    fit, rows = record.fit, part_words.rows_text(record)
     size = (
         f"misfit per row {plain(fit.chi2_before / fit.n, 2)}, where 1 is chance; {say.chance(fit.p_before)}"
     )
     size += "" if isnan(fit.p_lack_of_fit) else f"; against repeats alone {say.chance(fit.p_lack_of_fit)}"
-    if data_words.agrees(record):
+    if part_words.agrees(record):
         last = HARDER
         return f"The calibrated model agrees with {rows} ({size}).", last
     places = "" if fit.p_before < say.ADEQUATE else " in places"
@@ -101,14 +101,14 @@ def compared(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
 
 def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """What is missing, and how far every candidate is known."""
-    sure, either = effect_words.acting(record.decided)
+    sure, either = part_words.acting(record.decided)
     names = say.joined(filter(None, (*sure, say.joined(either, "or"))))
-    fit = " ".join(filter(None, (effect_words.law_line(record), data_words.fit_line(record, names))))
-    numbers = data_words.numbers_line(record, before=not names, without=names)
-    rows = tuple(effect_words.effect_rows(record)) if data_words.testable(record) else ()
+    fit = " ".join(filter(None, (part_words.law_line(record), part_words.fit_line(record, names))))
+    numbers = part_words.numbers_line(record, before=not names, without=names)
+    rows = tuple(part_words.effect_rows(record)) if part_words.testable(record) else ()
     table = Table("candidates; strength 1 is the textbook value", CANDIDATES, rows) if rows else None
-    headline, errors = effect_words.headline(record, voc), data_words.errors_line(record, voc)
-    missing = headline, errors, data_words.where_line(record)
+    headline, errors = part_words.headline(record, voc), part_words.errors_line(record, voc)
+    missing = headline, errors, part_words.where_line(record)
     return framed(Answer(missing, (fit, numbers), (after_discovery(record, voc),), table), record, voc)
 
 
@@ -121,12 +121,12 @@ def after_discovery(record: Record, voc: say.Vocabulary) -> str:
         return f"{own} makes an effect of your own; {proposals} asks for more data."
     if verdict == "unstable":
         return f"{voc.command('discover', voc.study)} makes more runs and tests the answer anew."
-    return f"{HARDER}." if data_words.agrees(record) else f"{proposals} asks which measurements would decide."
+    return f"{HARDER}." if part_words.agrees(record) else f"{proposals} asks which measurements would decide."
 
 
 def acting_steps(record: Record, voc: say.Vocabulary) -> Iterator[str]:
     """What to do with everything that is said to act."""
-    (sure, either), named = effect_words.acting(record.decided), record.decided.named
+    (sure, either), named = part_words.acting(record.decided), record.decided.named
     if named and sure:
         yield f"{voc.command('adopt', voc.study, *named)} tests {say.joined(named)} on held-out rows"
     elif sure:
@@ -153,7 +153,7 @@ def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
 
 def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[str, str, str]:
     """First line, numbers and last line, from one comparison: the error falls only to an adequate model."""
-    rows, names, numbers = counted(held.n, "held-out row"), say.joined(held.adopted), data_words.numbers_line
+    rows, names, numbers = counted(held.n, "held-out row"), say.joined(held.adopted), part_words.numbers_line
     change = f"from {plain(held.before, 2)} to {plain(held.after, 2)} per row (1 is chance)"
     misfits = {"held-out": held.p_after, "fitted": record.fit.p_after}
     failing = [f"{name} rows ({say.chance(p)})" for name, p in misfits.items() if p < say.ADEQUATE]
@@ -188,7 +188,7 @@ def error_table(record: Record, held: HeldOutPart) -> Table:
     """Misfit per row of fitted and held-out rows, with a control."""
     fit, parts = record.fit, [(name, record.effects.get(name)) for name in held.adopted]
     before, after = (plain(chi2 / fit.n, 2) for chi2 in (fit.chi2_before, fit.chi2_after))
-    added = say.joined(f"{name} {effect_words.strength_text(part)}" if part else name for name, part in parts)
+    added = say.joined(f"{name} {part_words.strength_text(part)}" if part else name for name, part in parts)
     rows = [("before", before, plain(held.before, 2)), (f"with {added}", after, plain(held.after, 2))]
     rows += [] if isnan(held.wrong) else [(f"control: {held.wrong_effect}", "-", plain(held.wrong, 2))]
     columns = ("model", f"{fit.n} fitted rows", f"{held.n} held-out rows")
@@ -201,7 +201,7 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     if not keys:
         where = f"[laboratory] of {voc.study} may state wider ranges"
         words = f"No measurement under the conditions of the table would decide more; {where}."
-        if not data_words.testable(record):
+        if not part_words.testable(record):
             words = "No measurement is proposed before the errors above are mended."
         return framed(Answer((words,), (), (), None), record, voc)
     shown, more = keys[: say.MOST_TOLD], len(keys) - say.MOST_TOLD
@@ -309,3 +309,11 @@ def outside_text(row: PredictedPart) -> str:
     """`diameter beyond 2487 um`."""
     ends = ((name, with_unit(plain(end, 4), row.condition_units[name])) for name, end in row.outside.items())
     return ", ".join(f"{name} beyond {end}" for name, end in ends)
+
+
+ANSWERS: Mapping[str, Callable[[Record, say.Vocabulary], Answer]] = {
+    "compare": compare_answer,
+    "discover": discover_answer,
+    "adopt": adopt_answer,
+    "next": next_answer,
+}

@@ -18,6 +18,7 @@ from ten_records import (
     typo,
 )
 
+from taichi_erosion.evidence.answers.files import document
 from taichi_erosion.evidence.race.record import EffectPart, FreshPart, Interval, LevelPart
 from taichi_erosion.evidence.words.answer_lines import (
     Answer,
@@ -26,7 +27,6 @@ from taichi_erosion.evidence.words.answer_lines import (
     discover_answer,
     next_answer,
 )
-from taichi_erosion.evidence.words.document import document
 
 MOST_LINES = 8
 CONTRACT = set(
