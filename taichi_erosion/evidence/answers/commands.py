@@ -128,9 +128,8 @@ def adopt_study(
         held = record.held_out and replace(record.held_out, opened=opened)
         record = replace(record, held_out=held)
         written = write_adopted_files(study, adopted_of(record), force)
-        extend_ladder(study, record)
-        rungs = files.ladder(study.results, study.digest[:12])
-        told = {"written": str(written[0]), "files": [str(file) for file in written], "ladder": rungs}
+        told = {"written": str(written[0]), "files": [str(file) for file in written]}
+        told |= {"ladder": files.extended_ladder(study, record)}
         found = replace(found, posterior=given(found.posterior, effects))
         return stored(ready, "adopt", found, record, start, **told)
 
@@ -218,22 +217,6 @@ def known_effects(effects: Sequence[str], names: Sequence[str], path: Path) -> t
         known = ", ".join(names) or "none"
         raise BadInput(f"{path}: {missing[0]} is no candidate; there are: {known}; {own}")
     return tuple(name for name in names if name in effects)
-
-
-def extend_ladder(study: Study, record: Record) -> None:
-    """Errors before the first adoption, and with this one where they fall on held-out rows."""
-    fit, held, before = record.fit, record.held_out, list(study.file.adopted)
-    if not files.ladder(study.results, study.digest[:12]):
-        files.extend_ladder(study.results, rung(study, before, fit.chi2_before / fit.n, held and held.before))
-    if record.improves:
-        acting = [*before, *record.decided.named]
-        files.extend_ladder(study.results, rung(study, acting, fit.chi2_after / fit.n, held and held.after))
-
-
-def rung(study: Study, effects: Sequence[str], fitted: float, held: float | None) -> files.Document:
-    """One rung of the error ladder: the errors per row with some effects in the model."""
-    errors = {"chi2_per_row_fitted": fitted, "chi2_per_row_held_out": held}
-    return {"of": study.digest[:12], "effects": list(effects)} | errors
 
 
 def stored(

@@ -154,25 +154,28 @@ def read_document(file: Path) -> Document | None:
     if not file.exists():
         return None
     try:
-        found = json.loads(read_text_file(file))
-    except (ValueError, OSError) as error:
+        return dict(json.loads(read_text_file(file)))
+    except (ValueError, TypeError, OSError) as error:
         raise BadInput(f"{file}: cannot be read ({error}); remove it and ask again") from None
-    if not isinstance(found, dict):
-        raise BadInput(f"{file}: holds no result; remove it and ask again")
-    return found
 
 
-def extend_ladder(folder: Path, rung: Document) -> None:
-    """Add a rung to the error ladder; adopting the same effects again replaces it and all above it."""
-    kept = [r for r in ladder(folder, rung["of"]) if len(r["effects"]) < len(rung["effects"])]
-    write_document(folder / LADDER, {"rungs": [*kept, rung]})
+def extended_ladder(study: Study, record: Record) -> list[Document]:
+    """Errors per row on a table before the first adoption and after each, with this one where they fall."""
+    fit, held, before, of = record.fit, record.held_out, list(study.file.adopted), study.digest[:12]
+    found = read_document(study.results / LADDER) or {"rungs": []}
 
+    def rung(effects: list[str], fitted: float, unseen: float | None) -> Document:
+        errors = {"chi2_per_row_fitted": fitted / fit.n, "chi2_per_row_held_out": unseen}
+        return {"of": of, "effects": effects} | errors
 
-def ladder(folder: Path, digest: str) -> list[Document]:
-    """Rungs of the error ladder on a table, from the model as it came to the last adoption."""
-    found = read_document(folder / LADDER)
-    rungs = [] if found is None else found["rungs"]
-    return [each for each in rungs if each.get("of") == digest and "chi2_per_row_fitted" in each]
+    rungs = [each for each in found["rungs"] if each["of"] == of]
+    rungs = rungs or [rung(before, fit.chi2_before, held and held.before)]
+    if record.improves:
+        acting = [*before, *record.decided.named]
+        kept = [each for each in rungs if len(each["effects"]) < len(acting)]
+        rungs = [*kept, rung(acting, fit.chi2_after, held and held.after)]
+    write_document(study.results / LADDER, {"rungs": rungs})
+    return rungs
 
 
 def document(record: Record) -> Document:

@@ -98,20 +98,13 @@ class Wishes:
     scene: Path | None = None  # of the user's own, in place of those of TEMPLATES
     effects: tuple[Path, ...] = ()  # files with effects of the user's own
 
-    @property
-    def table(self) -> Told:
-        """What is said of the table."""
-        measures = tuple(dict.fromkeys(name for each in TEMPLATES.values() for name in each.observables))
-        if self.scene is not None:
-            measures = tuple(read_scene(self.scene, ()).measure)
-        return replace(self.told, roughness=self.roughness, measures=measures)
-
 
 @dataclass(frozen=True)
 class Asked:
     """A laboratory's table, and what the user says of it."""
 
     table: Table
+    told: Told
     places: Mapping[str, str]  # condition -> place that it sets
     folder: Path  # of the study
     wishes: Wishes
@@ -135,9 +128,9 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     """
     refuse_unused(wishes)
     folder = wishes.folder or table.parent / table.stem
-    interview, wishes = Interview(ask), with_own_conditions(wishes)
-    measured = read_laboratory_table(table, wishes, interview)
-    asked = Asked(measured, condition_places(measured, wishes.told), folder, wishes, interview)
+    interview, told = Interview(ask), told_of(wishes)
+    measured = read_laboratory_table(table, told, interview)
+    asked = Asked(measured, told, condition_places(measured, told), folder, wishes, interview)
     content = closed_form_content(asked) if wishes.closed_form else scene_content(asked)
     files = StudyFiles(
         folder,
@@ -168,13 +161,13 @@ def refuse_unused(wishes: Wishes) -> None:
             raise BadInput(f"{option}: is of a ready scene; leave it out with --closed-form and --scene")
 
 
-def read_laboratory_table(table: Path, wishes: Wishes, interview: Interview) -> Table:
+def read_laboratory_table(table: Path, told: Told, interview: Interview) -> Table:
     """Rows of a table; raises BadInput with all faults of its cells, headings, units and ranges."""
     faults = Faults()
-    measured = read_rows(table, table.name, wishes.table, interview, faults)
+    measured = read_rows(table, table.name, told, interview, faults)
     if measured is not None:
-        places = faults.of(condition_places, measured, wishes.told) or {}
-        faults += value_faults(measured, places, wishes.told)
+        places = faults.of(condition_places, measured, told) or {}
+        faults += value_faults(measured, places, told)
     faults.tell()
     assert measured is not None
     return measured
@@ -234,7 +227,8 @@ def scene_content(asked: Asked) -> Content:
     stem = Path(asked.table.file).stem
     for key, names in apparatus_of_all(asked).items():
         if key == OWN:
-            template, file = own_template(asked.wishes), asked.relative(asked.wishes.scene or Path())
+            own = asked.wishes.scene or Path()
+            template, file = own_template(own, asked.told), asked.relative(own)
         else:
             scene = f"{key}_scene" if key == stem else key  # none has the name of the study
             template, file = TEMPLATES[key], f"{scene}.toml"
@@ -301,7 +295,7 @@ def new_scene(asked: Asked, key: str, names: Sequence[str]) -> str:
         )
     notes = f"Made for {file}: {', '.join(names)}. Numbers of grains and contacts are usual ones."
     head = {"title": f"{file}: {template.words}", "notes": notes}
-    return scene_text(template, head, diameters, grains, density, undeclared(asked.wishes.told))
+    return scene_text(template, head, diameters, grains, density, undeclared(asked.told))
 
 
 def grain_diameters(asked: Asked, template: Template) -> list[float]:
@@ -353,28 +347,38 @@ def angles_of(table: Table, names: Sequence[str]) -> list[float]:
     return found
 
 
-def with_own_conditions(wishes: Wishes) -> Wishes:
-    """The wishes with conditions that are stated by a unit, `roots=kg/m3`, and those of an own scene.
+def told_of(wishes: Wishes) -> Told:
+    """What is said of the table, with conditions that are stated by a unit, and names of an own scene.
 
     A condition that every scene has keeps its place, and takes the unit for its column. Raises BadInput.
     """
-    told, own = dict[str, str](), dict[str, str]()
-    measures = {} if wishes.scene is None else {name: name for name in read_scene(wishes.scene, ()).measure}
-    for name, unit in ({} if wishes.scene is None else declared_units(wishes.scene)).items():
-        own[CONDITION + name], told[name] = unit, CONDITION + name
-    known = frozenset((*told, *measures)) - wishes.told.observables.keys() - wishes.told.conditions.keys()
-    for text, said in wishes.told.conditions.items():
+    measures = dict.fromkeys(name for each in TEMPLATES.values() for name in each.observables)
+    conditions, own, known = dict[str, str](), dict[str, str](), dict[str, str]()
+    if wishes.scene is not None:
+        measures = dict.fromkeys(read_scene(wishes.scene, ()).measure)
+        known = {name: name for name in measures}
+        for name, unit in declared_units(wishes.scene).items():
+            own[CONDITION + name], conditions[name] = unit, CONDITION + name
+    said_of = wishes.told
+    optional = {*conditions, *known} - said_of.observables.keys() - said_of.conditions.keys()
+    for text, said in said_of.conditions.items():
         name, unit = plain_words(read_heading(text).name).replace(" ", "_"), unit_in(said)
         if unit is None or unit_of_path(said) is not None:
-            told[text] = said
+            conditions[text] = said
             continue
         if not NAME.fullmatch(name):
             raise BadInput(f"--condition {text}={said}: '{name}' is no name of letters, digits and _")
-        told[text] = CONDITION + name
-        own.setdefault(told[text], unit)
-    observables = measures | dict(wishes.told.observables)
-    stated = Told(observables, told, wishes.told.units, optional=known, own_units=own)
-    return replace(wishes, told=stated)
+        conditions[text] = CONDITION + name
+        own.setdefault(conditions[text], unit)
+    return replace(
+        said_of,
+        observables=known | dict(said_of.observables),
+        conditions=conditions,
+        optional=frozenset(optional),
+        roughness=wishes.roughness,
+        measures=tuple(measures),
+        own_units=own,
+    )
 
 
 def undeclared(told: Told) -> dict[str, str]:
@@ -383,19 +387,18 @@ def undeclared(told: Told) -> dict[str, str]:
     return {path.removeprefix(CONDITION): unit for path, unit in own.items()}
 
 
-def own_template(wishes: Wishes) -> Template:
+def own_template(file: Path, told: Told) -> Template:
     """The apparatus of an own scene; the friction of its grains on each other is calibrated."""
-    assert wishes.scene is not None
-    if lost := (own := undeclared(wishes.told)).keys() - declared_units(wishes.scene).keys():
+    if lost := (own := undeclared(told)).keys() - declared_units(file).keys():
         unit = own[name := min(lost)]
         entry = f'[conditions.extra] {name} = {{ unit = "{unit}" }}'
-        raise BadInput(f"{wishes.scene}: does not declare the condition '{name}'; write {entry}")
-    scene = read_scene(wishes.scene, ())
+        raise BadInput(f"{file}: does not declare the condition '{name}'; write {entry}")
+    scene = read_scene(file, ())
     pair, size = f"{scene.grains.material}-{scene.grains.material}", scene.grains.size
     stated = scene.contact[pair]
     winds = [k for k, stage in enumerate(scene.stages) if stage.friction_velocity is not None]
     return Template(
-        scene=wishes.scene.stem,
+        scene=file.stem,
         words="your own scene",
         observables=tuple(scene.measure),
         changes=lambda diameter, grains: {},

@@ -3,7 +3,7 @@
 Every line has its place: an answer has at most eight, and one table.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from math import isnan
 from pathlib import Path
@@ -231,32 +231,27 @@ def experiment_row(found: ExperimentPart, keys: list[str], voc: say.Vocabulary) 
 
 def prediction_answer(found: PredictionPart, about: Mapping[str, Any], units: TableUnits) -> Answer:
     """Which model answers, what its intervals rest on, and how they have held."""
-    hidden = about["rows_hidden"]
-    corrected = "`value` is the model corrected by what its residuals show."
-    missing = model_line(about["study"], about["adopted"]), corrected, *left_out_lines(found)
-    fitted = check_line("fitted rows, each predicted from the others,", found.fitted)
-    closed = f"{counted(hidden, 'held-out row')} stay unseen for `adopt`." if hidden else ""
-    held = closed if found.held_out is None else check_line("held-out rows", found.held_out)
-    constant = f"As in the study, not in the table: {units.setting_text(found.constant)}."
-    following = outside_line(found), constant * bool(found.constant)
-    missing, holds, following = (tuple(filter(None, part)) for part in (missing, (fitted, held), following))
-    return Answer(missing, holds, following, prediction_rows(found, units))
-
-
-def model_line(study: str, adopted: Sequence[str]) -> str:
-    """Which model answers."""
-    if not adopted:
-        return f"Predicted by the calibrated model of {Path(study).name}."
-    return f"Predicted by the adopted model, with {say.joined(adopted)} ({Path(study).name})."
-
-
-def left_out_lines(found: PredictionPart) -> Iterator[str]:
-    """Observables and adopted effects that the prediction does without."""
+    hidden, name, with_ = about["rows_hidden"], Path(about["study"]).name, say.joined(about["adopted"])
+    model = f"the adopted model, with {with_} ({name})" if with_ else f"the calibrated model of {name}"
+    missing = [f"Predicted by {model}.", "`value` is the model corrected by what its residuals show."]
     if found.lost:
-        yield f"Not predicted: {say.joined(found.lost)}, of which no row has a known scatter."
+        missing += [f"Not predicted: {say.joined(found.lost)}, of which no row has a known scatter."]
     if found.outdated:
-        names = say.joined(found.outdated)
-        yield f"Left out: {names}, adopted before the table or the study changed; `adopt` again takes it in."
+        words = "adopted before the table or the study changed; `adopt` again takes it in"
+        missing += [f"Left out: {say.joined(found.outdated)}, {words}."]
+    holds = [check_line("fitted rows, each predicted from the others,", found.fitted)]
+    if found.held_out is not None:
+        holds += [check_line("held-out rows", found.held_out)]
+    elif hidden:
+        holds += [f"{counted(hidden, 'held-out row')} stay unseen for `adopt`."]
+    following = []
+    if outside := sum(bool(row.outside) for row in found.rows):
+        lie = f"{'lies' if outside == 1 else 'lie'} outside the measured conditions"
+        words = f"{outside} of {counted(len(found.rows), 'prediction')} {lie}"
+        following += [f"{words}: nothing checks the model there."]
+    if found.constant:
+        following += [f"As in the study, not in the table: {units.setting_text(found.constant)}."]
+    return Answer(tuple(missing), tuple(holds), tuple(following), prediction_rows(found, units))
 
 
 def check_line(rows: str, check: CheckPart) -> str:
@@ -266,14 +261,6 @@ def check_line(rows: str, check: CheckPart) -> str:
     words = f"{check.inside} of {check.n} {rows} lie inside their 90 % interval"
     few = f": the intervals are too narrow ({say.chance(check.p)})"
     return f"{words}{few * (check.p < say.ADEQUATE)}."
-
-
-def outside_line(found: PredictionPart) -> str:
-    """How many predictions nothing checks."""
-    count = sum(bool(row.outside) for row in found.rows)
-    lie = "lies" if count == 1 else "lie"
-    words = f"{count} of {counted(len(found.rows), 'prediction')} {lie} outside the measured conditions"
-    return f"{words}: nothing checks the model there." if count else ""
 
 
 def prediction_rows(found: PredictionPart, units: TableUnits) -> Table | None:

@@ -18,6 +18,7 @@ from taichi_erosion.evidence.answers.new_study import (
     apparatus_of,
     new_study,
     read_laboratory_table,
+    told_of,
 )
 from taichi_erosion.evidence.answers.scene_templates import TEMPLATES, safe_grains, scene_text
 from taichi_erosion.evidence.answers.written_files import EXPECTED_AS
@@ -227,14 +228,14 @@ HEAPS = (
 def test_height_and_diameter_of_one_heap_are_of_one_apparatus(tmp_path):
     (tmp_path / "heap.csv").write_bytes(HEAPS.encode("cp1252"))
     interview = Interview(guess)
-    table = read_laboratory_table(tmp_path / "heap.csv", Wishes(), interview)
+    table = read_laboratory_table(tmp_path / "heap.csv", told_of(Wishes()), interview)
     radii = [row.value for row in table.rows if row.observable == "runout_radius"]
     assert radii == pytest.approx([10.2, 10.0, 9.8, 20.3, 20.0, 19.6]), "half of the diameters"
     assert "diameters of heaps are halved: runout_radius is a radius" in interview.assumed
 
     def asked(*names: str) -> list[str]:
         rows = tuple(replace(table.rows[0], observable=name) for name in names)
-        found = Asked(replace(table, rows=rows), {}, tmp_path, Wishes(), interview)
+        found = Asked(replace(table, rows=rows), told_of(Wishes()), {}, tmp_path, Wishes(), interview)
         return [apparatus_of(name, found) for name in names]
 
     assert asked("pile_height", "runout_radius") == ["cylinder", "cylinder"]
