@@ -67,8 +67,7 @@ def answer_page(
     shown = figures.places(told)  # the worst first
     first, *others = (figures.row_picture(told, voc, *place, number) for number, place in enumerate(shown))
     drawn = (missing_pictures(told, voc, found), [*holding_pictures(records, told), *others], [])
-    lead = 1 + bool(told.repeats)  # repeats that disagree stand before what was found
-    lines = parts[0][lead:], *parts[1:]
+    lines = parts[0][1:], *parts[1:]
     tables = ([found[key].table for key in keys if key in found] for keys in TABLES)
     *titles, method_title = page_words.SECTIONS
     return AnswerPage(
@@ -76,7 +75,7 @@ def answer_page(
         about=voc.study,
         made=made({"taichi_erosion": __version__}, f"seed {told.cost.seed}"),
         warnings=warnings,
-        lead=parts[0][:lead],
+        lead=parts[0][:1],
         first=first,
         key=figures.key(told),
         sections=[

@@ -46,7 +46,7 @@ from taichi_erosion.evidence.race.dose_laws import told_law
 from taichi_erosion.evidence.race.outlook import held_out_part
 from taichi_erosion.evidence.race.posterior import Posterior, given, only, raced
 from taichi_erosion.evidence.race.proposals import proposals
-from taichi_erosion.evidence.race.record import Decided, Record, RepeatPart
+from taichi_erosion.evidence.race.record import Decided, Record
 from taichi_erosion.evidence.race.summary import decided, summary
 from taichi_erosion.evidence.words.part_words import set_up_lines
 
@@ -226,12 +226,12 @@ def stored(
     runs = study.simulations
     cost = replace(record.cost, seconds=perf_counter() - start, seed=study.file.study.seed)
     record = replace(record, cost=cost if runs is None else replace(cost, runs=runs))
-    reply = Reply(command, framed(study, found, record.repeats) | told, record, found.posterior)
+    reply = Reply(command, framed(study, found) | told, record, found.posterior)
     return files.write_reply(study.results, study.path.stem, reply)
 
 
-def framed(study: Study, found: RacedStudy, repeats: Sequence[RepeatPart] = ()) -> files.Document:
-    """What every answer says of its study and of the set-up, beside repeats that it tells of itself."""
+def framed(study: Study, found: RacedStudy) -> files.Document:
+    """What every answer says of its study and of the set-up."""
     about = files.study_document(study) | {"faults": [asdict(each) for each in study.faults]}
     warnings = list(found.posterior.race.prepared.warnings)
-    return about | {"set_up": set_up_lines(study.faults, repeats), "warnings": warnings}
+    return about | {"set_up": set_up_lines(study.faults), "warnings": warnings}

@@ -52,21 +52,20 @@ class Answer:
         return *self.missing, *self.holds, *self.following
 
 
-def framed(answer: Answer, record: Record, voc: say.Vocabulary) -> Answer:
-    """An answer with gross repeats before everything and a spent budget before the last line."""
+def framed(answer: Answer, record: Record) -> Answer:
+    """An answer without empty lines, and a spent budget before the last one."""
     spent = f"Stopped at the budget ({counted(record.cost.settings, 'setting')} of the model)"
     stopped = f"{spent}: this is known so far; a larger --budget may change it." * bool(record.cost.stopped)
-    missing, following = (part_words.repeats_line(record, voc), *answer.missing), (stopped, *answer.following)
-    missing, holds, following = (tuple(filter(None, part)) for part in (missing, answer.holds, following))
+    parts = answer.missing, answer.holds, (stopped, *answer.following)
+    missing, holds, following = (tuple(filter(None, part)) for part in parts)
     return Answer(missing, holds, following, answer.table)
 
 
 def again(record: Record, command: str, voc: say.Vocabulary, *words: str) -> str:
     """What comes before every other step: rows to be checked, a set-up to be settled."""
-    rows = part_words.suspects(record)
-    if not rows and part_words.testable(record):
+    if not record.repeats and part_words.testable(record):
         return ""
-    first = f"Correct or confirm {rows} in the table" if rows else "Mend the errors"
+    first = "Correct or confirm the repeats that differ" if record.repeats else "Mend the errors"
     return f"{first}, then give {voc.command(command, voc.study, *words)} again"
 
 
@@ -81,7 +80,7 @@ def compare_answer(record: Record, voc: say.Vocabulary) -> Answer:
     holds = (part_words.numbers_line(record, before=True),)
     table = Table("measured minus model", COMPARED, tuple(part_words.observable_rows(record, voc)))
     following = (f"{again(record, 'compare', voc) or last}.",)
-    return framed(Answer(missing, holds, following, table), record, voc)
+    return framed(Answer(missing, holds, following, table), record)
 
 
 def compared(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
@@ -109,7 +108,7 @@ def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
     table = Table("candidates; strength 1 is the textbook value", CANDIDATES, rows) if rows else None
     headline, errors = part_words.headline(record, voc), part_words.errors_line(record, voc)
     missing = headline, errors, part_words.where_line(record)
-    return framed(Answer(missing, (fit, numbers), (after_discovery(record, voc),), table), record, voc)
+    return framed(Answer(missing, (fit, numbers), (after_discovery(record, voc),), table), record)
 
 
 def after_discovery(record: Record, voc: say.Vocabulary) -> str:
@@ -143,12 +142,10 @@ def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
     if held is None or not held.n:
         names, proposals = say.joined(record.decided.named), voc.command("next", voc.study)
         words = f"No held-out row tests {names}: {proposals} asks which measurements do."
-        return framed(Answer((words,), (), (), None), record, voc)
+        return framed(Answer((words,), (), (), None), record)
     first, numbers, last = adoption(record, held, voc)
     following = (f"{again(record, 'adopt', voc, *held.adopted) or last}.",)
-    return framed(
-        Answer((first,), (control(held), numbers), following, error_table(record, held)), record, voc
-    )
+    return framed(Answer((first,), (control(held), numbers), following, error_table(record, held)), record)
 
 
 def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[str, str, str]:
@@ -203,7 +200,7 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
         words = f"No measurement under the conditions of the table would decide more; {where}."
         if not part_words.testable(record):
             words = "No measurement is proposed before the errors above are mended."
-        return framed(Answer((words,), (), (), None), record, voc)
+        return framed(Answer((words,), (), (), None), record)
     shown, more = keys[: say.MOST_TOLD], len(keys) - say.MOST_TOLD
     told = [*map(short, shown), *([f"{more} more"] if more > 0 else [])]
     words = say.joined(told, "from" if len(told) == 2 else "and")
@@ -212,7 +209,7 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     columns = ("measure", "at", *expects, "chance to decide, with those above", "cost")
     rows = tuple(experiment_row(each, shown, voc) for each in record.experiments)
     table = Table("next measurements, the best first", columns, rows)
-    return framed(Answer((f"These measurements would separate {words}.",), (), (last,), table), record, voc)
+    return framed(Answer((f"These measurements would separate {words}.",), (), (last,), table), record)
 
 
 def short(key: str) -> str:

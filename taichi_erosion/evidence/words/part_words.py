@@ -20,7 +20,6 @@ from taichi_erosion.evidence.race.record import (
     LevelPart,
     PlacePart,
     Record,
-    RepeatPart,
 )
 from taichi_erosion.evidence.words import vocabulary as say
 
@@ -43,42 +42,22 @@ LIKELY = 0.5  # probability above which an effect acts rather than not
 NEAR_UNIT = 0.1  # of ln of a factor, within which it is told as that of a unit
 
 
-def set_up_lines(faults: Sequence[SetUpFault], repeats: Sequence[RepeatPart] = ()) -> list[str]:
-    """Errors and warnings before an answer, but for repeats that the answer itself tells of."""
+def set_up_lines(faults: Sequence[SetUpFault]) -> list[str]:
+    """Errors and warnings before an answer: repeats that differ first, for they may be typing errors."""
     order = sorted(faults, key=lambda fault: (fault.kind != "repeats", not fault.blocks))
-    known = {row for each in repeats for row in each.rows}
-    told = (each for each in order if not known & set(each.rows))
-    return list(dict.fromkeys(f"{'error' if each.blocks else 'warning'}: {each.sentence}" for each in told))
+    return list(dict.fromkeys(f"{'error' if each.blocks else 'warning'}: {each.sentence}" for each in order))
 
 
 def numbered(lines: Iterable[int]) -> str:
-    """`row 17`, `rows 4, 17 and 18`; empty where there are none."""
+    """`row 17`, `rows 4, 17 and 18`."""
     rows = list(map(str, dict.fromkeys(lines)))
-    return f"{'row' if len(rows) == 1 else 'rows'} {say.joined(rows)}" if rows else ""
-
-
-def suspects(record: Record) -> str:
-    """Rows that are to be checked; empty where repeats agree."""
-    return numbered(n for each in record.repeats for n in ((each.suspect,) if each.suspect else each.rows))
-
-
-def repeats_line(record: Record, voc: say.Vocabulary) -> str:
-    """Repeats that disagree grossly: told before everything else."""
-    words = []
-    for each in record.repeats:
-        gap = voc.units.value_text(each.observable, abs(each.difference))
-        words.append(
-            f"repeats of the {say.quantity(each.observable)} in {numbered(each.rows)} differ by {gap}"
-        )
-    return f"Check {suspects(record)} first: {say.told(words)}." if words else ""
+    return f"{'row' if len(rows) == 1 else 'rows'} {say.joined(rows)}"
 
 
 def errors_line(record: Record, voc: say.Vocabulary, every: bool = True) -> str:
-    """Levels, and of errors that nobody stated `every` one, but for rows that repeats tell of."""
+    """Levels, and where wanted `every` error that nobody stated."""
     levels = [each for each in record.levels if each.probability >= SURE]
-    known = {str(each.suspect) for each in record.repeats}
-    errors = [each for each in record.errors if every and (each.kind != "row" or each.label not in known)]
-    words = say.told([error_text(each, voc) for each in (*levels, *errors)])
+    words = say.told([error_text(each, voc) for each in (*levels, *(record.errors if every else ()))])
     return f"Also: {words}.{' Check method, code and unit.' if levels else ''}" if words else ""
 
 
