@@ -126,11 +126,11 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     Where the table has a study already, the table is corrected and the study stays, unless `wishes.anew`.
     Raises BadInput with all faults of the table, or where a file of another origin would be replaced.
     """
-    refuse_unused(wishes)
     folder = wishes.folder or table.parent / table.stem
     interview, told = Interview(ask), told_of(wishes)
     measured = read_laboratory_table(table, told, interview)
     asked = Asked(measured, told, condition_places(measured, told), folder, wishes, interview)
+    refuse_unused(asked)
     content = closed_form_content(asked) if wishes.closed_form else scene_content(asked)
     files = StudyFiles(
         folder,
@@ -151,14 +151,16 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     }
 
 
-def refuse_unused(wishes: Wishes) -> None:
-    """Raise BadInput for what is said of a ready scene where none is used."""
-    used = wishes.scene is None and not wishes.closed_form
-    ready = {"--apparatus": wishes.apparatus, "--diameter": wishes.diameter}
-    ready |= {"--density": wishes.density, "--grains": wishes.grains}
-    for option, said in ready.items():
-        if said is not None and not used:
+def refuse_unused(asked: Asked) -> None:
+    """Raise BadInput for an option that a column states already, or that only a ready scene takes."""
+    wishes, stated = asked.wishes, asked.places.values()
+    ready = {"--apparatus": (wishes.apparatus, ""), "--diameter": (wishes.diameter, DIAMETER)}
+    ready |= {"--density": (wishes.density, GRAIN_DENSITY), "--grains": (wishes.grains, "")}
+    for option, (said, place) in ready.items():
+        if said is not None and (wishes.closed_form or wishes.scene is not None):
             raise BadInput(f"{option}: is of a ready scene; leave it out with --closed-form and --scene")
+        if said is not None and place in stated:
+            raise BadInput(f"{option}: a column of {asked.table.file} states it; leave it out")
 
 
 def read_laboratory_table(table: Path, told: Told, interview: Interview) -> Table:
@@ -281,7 +283,9 @@ def apparatus_of(observable: str, asked: Asked) -> str:
 def new_scene(asked: Asked, key: str, names: Sequence[str]) -> str:
     """Text of the scene of an apparatus that measures some observables of a table."""
     template, file, assume = TEMPLATES[key], asked.table.file, asked.interview.assume
-    diameters, density = grain_diameters(asked, template), grain_density(asked)
+    diameters, density = grain_diameters(asked, template), None
+    if asked.wishes.density is not None:
+        density = stated_of_grains("--density", asked.wishes.density, GRAIN_DENSITY, "kg/m3", "2650 kg/m3")
     safe = safe_grains(template, angles_of(asked.table, names))
     grains = asked.wishes.grains or safe
     if template.rows and grains < safe:
@@ -310,23 +314,11 @@ def grain_diameters(asked: Asked, template: Template) -> list[float]:
         scale = scale_between(unit or "m", parse_unit("m")) if asked.places.get(name) == DIAMETER else None
         values = [row.conditions[place] for row in asked.table.rows if isfinite(row.conditions[place])]
         if scale is not None and values:
-            if said is not None:
-                raise BadInput(f"--diameter: column '{name}' of {asked.table.file} states the grain diameter")
             return [scale.used(each) for each in values]
     usual = f"{1e3 * template.diameter:g} mm"
     told = f"no column states the grain diameter: {usual} is assumed (--diameter)"
     answer = said or interview.choice("Grain diameter with its unit", usual, told)
     return [stated_of_grains("--diameter", answer, DIAMETER, "m", usual)]
-
-
-def grain_density(asked: Asked) -> float | None:
-    """Density of the grains that the user states [kg m-3]; None where the scene's own stays."""
-    said = asked.wishes.density
-    if said is None:
-        return None
-    if GRAIN_DENSITY in asked.places.values():
-        raise BadInput(f"--density: a column of {asked.table.file} states the density of the grains")
-    return stated_of_grains("--density", said, GRAIN_DENSITY, "kg/m3", "2650 kg/m3")
 
 
 def stated_of_grains(option: str, said: str, place: str, unit: str, example: str) -> float:

@@ -161,12 +161,10 @@ HEAP = ("centroid_height", "pile_height", "radius_90", "column_height")
 LENGTHS = (*HEAP, "runout_radius")  # that grow with the number of grains
 TEMPLATES = {
     "cylinder": Template(
-        *(
-            "lifting_cylinder",
-            "a cylinder that is lifted slowly",
-            ("repose_angle", *LENGTHS),
-            lifted_cylinder,
-        ),
+        "lifting_cylinder",
+        "a cylinder that is lifted slowly",
+        ("repose_angle", *LENGTHS),
+        lifted_cylinder,
         *(contact("soil-soil", 0.5, 0.1), 1500, USUAL_HEAP),
         rows=LEAST_ROWS,
     ),
@@ -179,7 +177,10 @@ TEMPLATES = {
         rows=LEAST_ROWS,
     ),
     "funnel": Template(
-        *("funnel_repose", "a funnel", ("repose_angle", "cone_angle", *HEAP[:3], "runout_radius"), funnel),
+        "funnel_repose",
+        "a funnel",
+        ("repose_angle", "cone_angle", *HEAP[:3], "runout_radius"),
+        funnel,
         *(contact("soil-soil", 0.5, 0.1), 3000, USUAL_HEAP),
         varies=False,
         rows=POURED_LEAST,
