@@ -331,12 +331,9 @@ def stated_of_grains(option: str, said: str, place: str, unit: str, example: str
 
 def angles_of(table: Table, names: Sequence[str]) -> list[float]:
     """Measured angles of heaps [deg]."""
-    found = []
-    for row in table.rows:
-        scale = scale_between(row.unit, parse_unit("deg")) if row.observable in names else None
-        if scale is not None and isfinite(row.value):
-            found.append(scale.used(row.value))
-    return found
+    own = [row for row in table.rows if row.observable in names and isfinite(row.value)]
+    scales = [scale_between(row.unit, parse_unit("deg")) for row in own]
+    return [scale.used(row.value) for row, scale in zip(own, scales, strict=True) if scale is not None]
 
 
 def told_of(wishes: Wishes) -> Told:

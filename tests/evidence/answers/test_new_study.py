@@ -170,13 +170,6 @@ def test_a_wind_at_a_height_becomes_a_friction_velocity_by_the_law_of_the_wall(t
     assert any("becomes a friction velocity" in words for words in document["assumed"])
 
 
-def test_a_study_that_is_there_is_not_written_over(tmp_path):
-    (tmp_path / "heap").mkdir()
-    (tmp_path / "heap" / "heap.toml").write_text("mine", encoding="utf-8")
-    assert "name another folder with --out" in faults_of(tmp_path, GOOD.encode("cp1252"))[0]
-    assert (tmp_path / "heap" / "heap.toml").read_text("utf-8") == "mine"
-
-
 def scene_of(folder: Path, name: str, diameter: float, grains: int, density: float | None = None):
     """The scene of an apparatus for grains of a diameter [m] and density, as the program reads it."""
     text = scene_text(TEMPLATES[name], {"title": "t"}, [diameter], grains, density)

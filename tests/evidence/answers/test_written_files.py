@@ -164,13 +164,13 @@ def test_the_tidy_table_says_which_rows_are_held_out(folder):
     assert set(rows["vault"]) == {"held out", "fitted"}
 
 
-def test_a_scene_of_another_study_is_not_written_over(tmp_path):
+@pytest.mark.parametrize("name", ["heap.toml", "cylinder.toml"])
+def test_a_study_or_scene_of_anothers_is_not_written_over(tmp_path, name):
     heaps = "Sample;diameter [mm];repose angle [deg];SD;n\nA;1;31;0.7;5\nB;2;32;0.7;5\nC;3;33;0.7;5\n"
     (tmp_path / "heap.csv").write_text(heaps, encoding="utf-8")
-    scene = tmp_path / "both" / "cylinder.toml"
-    scene.parent.mkdir()
-    scene.write_text("another's", encoding="utf-8")
-    with pytest.raises(BadInput, match=r"cylinder\.toml: exists"):
-        new_study(tmp_path / "heap.csv", Wishes(folder=scene.parent), lambda _, guess: guess)
-    assert [path.name for path in scene.parent.iterdir()] == ["cylinder.toml"]
-    assert scene.read_text("utf-8") == "another's"
+    there = tmp_path / "both" / name
+    there.parent.mkdir()
+    there.write_text("another's", encoding="utf-8")
+    with pytest.raises(BadInput, match=rf"{name}: exists; .*--out"):
+        new_study(tmp_path / "heap.csv", Wishes(folder=there.parent), lambda _, guess: guess)
+    assert {path.name: path.read_text("utf-8") for path in there.parent.iterdir()} == {name: "another's"}
