@@ -20,7 +20,7 @@ import typer
 
 from taichi_erosion.cli.main import app
 from taichi_erosion.cli.main import main as run_command
-from taichi_erosion.evidence.words.shell import NAME_SWITCH
+from taichi_erosion.evidence.words import NAME_SWITCH
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent

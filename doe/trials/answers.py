@@ -21,7 +21,7 @@ from doe.common.cases import method_commit
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.commands import adopt_study, discover_record, discover_study, no_progress
-from taichi_erosion.evidence.answers.scene_rounds import RacedStudy
+from taichi_erosion.evidence.answers.rounds import RacedStudy
 from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.models.load_study import BudgetName, StudyOptions
 from taichi_erosion.evidence.models.new_conditions import NewConditions

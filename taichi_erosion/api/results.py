@@ -13,8 +13,8 @@ import pandas as pd
 from taichi_erosion.api.notebook import WholeTable, frame, html
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.number_words import TableUnits, heading
+from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.answer_lines import outside_text
-from taichi_erosion.evidence.words.shell import shell_command
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -37,7 +37,7 @@ class Study:
 
     def check(self) -> Document:
         """Validate study, table, scenes and model; run nothing. Raises BadInput with all faults."""
-        from taichi_erosion.evidence.answers.study_files.check_study import check_study
+        from taichi_erosion.evidence.answers.check_study import check_study
 
         return check_study(self.path, self.options)
 
@@ -147,8 +147,8 @@ def new_study(
     one's own, `effects` are files of one's own, and a unit in `conditions` makes a column a condition of
     one's own: `conditions={"pore volume": "cm3/g"}`. Raises BadInput with all faults of the table.
     """
-    from taichi_erosion.evidence.answers.study_files.new_study import Wishes
-    from taichi_erosion.evidence.answers.study_files.new_study import new_study as write_study
+    from taichi_erosion.evidence.answers.new_study import Wishes
+    from taichi_erosion.evidence.answers.new_study import new_study as write_study
     from taichi_erosion.evidence.data.tables.column_roles import Told
 
     if "scene" in grains:

@@ -14,7 +14,7 @@ from typer import Argument, Option
 from taichi_erosion.cli import output
 from taichi_erosion.cli.options import Arch, AsJson, Decomposition, Force, help_of
 from taichi_erosion.cli.progress import KEPT, reporting
-from taichi_erosion.evidence.words.shell import shell_command
+from taichi_erosion.evidence.words import shell_command
 
 if TYPE_CHECKING:
     from taichi_erosion.campaign.calibration import Calibration, Step

@@ -16,7 +16,7 @@ from taichi_erosion.cli import output
 from taichi_erosion.cli.new_effect import NEW, ScaffoldPlace, write_effect_file
 from taichi_erosion.cli.options import EXPLAIN, AsJson, EffectFiles, help_of
 from taichi_erosion.core.errors import BadInput, ExitCode, did_you_mean
-from taichi_erosion.evidence.words.shell import shell_command
+from taichi_erosion.evidence.words import shell_command
 
 if TYPE_CHECKING:
     from taichi_erosion.core.effect import Effect

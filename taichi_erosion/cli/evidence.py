@@ -245,7 +245,7 @@ def new(
     as_json: AsJson = False,
 ) -> None:
     """Read a table as a spreadsheet exports it; write a study and a scene for it, or correct its table."""
-    from taichi_erosion.evidence.answers.study_files.new_study import Wishes, new_study
+    from taichi_erosion.evidence.answers.new_study import Wishes, new_study
     from taichi_erosion.evidence.data.tables.column_roles import Told
 
     told = Told(pairs(observable, "--observable"), pairs(condition, "--condition"), pairs(unit, "--unit"))
@@ -258,7 +258,7 @@ def new(
 @study_commands.command("check", **help_of("study check"))
 def check(study: StudyFile, effect: EffectFiles = None, as_json: AsJson = False) -> None:
     """Validate a study, its table, scenes, model and effect files; run nothing."""
-    from taichi_erosion.evidence.answers.study_files.check_study import check_study
+    from taichi_erosion.evidence.answers.check_study import check_study
 
     output.print_result(check_study(study, options_of(effect=effect)), as_json, output.print_check)
 

@@ -13,7 +13,7 @@ from taichi_erosion.cli import effects, evidence
 from taichi_erosion.cli.commands import app
 from taichi_erosion.cli.progress import LOG, close_log
 from taichi_erosion.core.errors import BadInput, ExitCode, SimulationStopped
-from taichi_erosion.evidence.words.shell import NAME_SWITCH
+from taichi_erosion.evidence.words import NAME_SWITCH
 
 TRACEBACK_SWITCH = "TAICHI_EROSION_TRACEBACK"  # environment variable: "1" shows where an error arose
 

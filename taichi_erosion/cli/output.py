@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from taichi_erosion.evidence.data.number_words import counted, plain
-from taichi_erosion.evidence.words.shell import shell_command
+from taichi_erosion.evidence.words import shell_command
 
 if TYPE_CHECKING:
     from taichi_erosion.evidence.answers.files import Reply
@@ -194,11 +194,9 @@ def print_new_study(document: Record) -> None:
         changed = ", ".join(map(str, document["changes"]["lines"])) or "none"
         gone = f"{document['changes']['removed']} gone, the others stay held out or fitted"
         typer.echo(f"{document['study']} is there already; new or corrected rows: {changed}; {gone}")
-        print_lines(document["kept"], "kept, and other in a new study (--anew): ")
     print_content(document)
     print_lines(document["written"], "written: ")
-    if document["written"]:
-        typer.echo(f"next: {shell_command('compare', document['study'])}")
+    typer.echo(f"next: {shell_command('compare', document['study'])}")
 
 
 def print_check(document: Record) -> None:

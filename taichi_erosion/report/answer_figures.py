@@ -22,8 +22,7 @@ from taichi_erosion.evidence.data.number_words import heading
 from taichi_erosion.evidence.race.record import Interval, LawPart, Record
 from taichi_erosion.evidence.race.summary import ONE_SIDED
 from taichi_erosion.evidence.words import page_words
-from taichi_erosion.evidence.words.data_words import failing
-from taichi_erosion.evidence.words.effect_words import LIKELY, acting
+from taichi_erosion.evidence.words.part_words import LIKELY, acting, failing
 from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, interval, quantity
 from taichi_erosion.report.figure_style import (
     AFTER,

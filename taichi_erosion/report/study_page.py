@@ -17,10 +17,9 @@ from taichi_erosion.evidence.answers.files import Command, Reply, document_file,
 from taichi_erosion.evidence.answers.predictions import read_prediction
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.evidence.race.record import Record
-from taichi_erosion.evidence.words import page_words
+from taichi_erosion.evidence.words import page_words, shell_command
 from taichi_erosion.evidence.words.answer_lines import Table
-from taichi_erosion.evidence.words.effect_words import acting
-from taichi_erosion.evidence.words.shell import shell_command
+from taichi_erosion.evidence.words.part_words import acting
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.recording.study_recording import StudyPage, record_study
 from taichi_erosion.report import answer_figures as figures
@@ -131,8 +130,7 @@ def answer_page(
     first, *others = (figures.row_picture(leading, voc, *place, number) for number, place in enumerate(shown))
     missing = missing_pictures(leading, voc) if "discover" in found else []
     drawn = missing, [*holding_pictures(records.get("adopt", leading)), *others], []
-    lead = 1 + bool(leading.repeats)  # repeats that disagree stand before what was found
-    lines = parts[0][lead:], *parts[1:]
+    lines = parts[0][1:], *parts[1:]
     tables = ([found[key].table for key in keys if key in found] for keys in TABLES)
     *titles, method_title = page_words.SECTIONS
     return {
@@ -140,7 +138,7 @@ def answer_page(
         "about": voc.study,
         "made": made(f"seed {leading.cost.seed}"),
         "warnings": [],  # before everything else
-        "lead": parts[0][:lead],
+        "lead": parts[0][:1],
         "first": first,
         "key": figures.key(leading),  # of the first picture: measured, both models
         "sections": [

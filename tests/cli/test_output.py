@@ -12,7 +12,7 @@ from taichi_erosion.cli.output import MOST_LINES, print_answer
 from taichi_erosion.evidence.answers.files import Command, Reply
 from taichi_erosion.evidence.data.number_words import KEY
 from taichi_erosion.evidence.race.record import Record
-from taichi_erosion.evidence.words.shell import NAME_SWITCH
+from taichi_erosion.evidence.words import NAME_SWITCH
 
 ABOUT = {
     "study": "my lab/a.toml",

@@ -15,12 +15,16 @@ from threadpoolctl import threadpool_limits
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers import files
 from taichi_erosion.evidence.answers.files import Command, Reply
-from taichi_erosion.evidence.answers.rounds import Question, answered, last_plan
-from taichi_erosion.evidence.answers.scene_rounds import RacedStudy, after_test, discovery_question
+from taichi_erosion.evidence.answers.rounds import (
+    Question,
+    RacedStudy,
+    answered,
+    discovery_question,
+    last_plan,
+)
 from taichi_erosion.evidence.answers.set_up import (
     blocked,
     refuse_unknown_scatter,
-    sentences,
     source_faults,
     table_faults,
     unit_faults,
@@ -42,8 +46,9 @@ from taichi_erosion.evidence.race.dose_laws import told_law
 from taichi_erosion.evidence.race.outlook import held_out_part
 from taichi_erosion.evidence.race.posterior import Posterior, given, only, raced
 from taichi_erosion.evidence.race.proposals import proposals
-from taichi_erosion.evidence.race.record import Decided, Record, RepeatPart
+from taichi_erosion.evidence.race.record import Decided, Record
 from taichi_erosion.evidence.race.summary import decided, summary
+from taichi_erosion.evidence.words.part_words import set_up_lines
 
 
 def no_progress(_: str, __: float) -> None:
@@ -123,9 +128,8 @@ def adopt_study(
         held = record.held_out and replace(record.held_out, opened=opened)
         record = replace(record, held_out=held)
         written = write_adopted_files(study, adopted_of(record), force)
-        extend_ladder(study, record)
-        rungs = files.ladder(study.results, study.digest[:12])
-        told = {"written": str(written[0]), "files": [str(file) for file in written], "ladder": rungs}
+        told = {"written": str(written[0]), "files": [str(file) for file in written]}
+        told |= {"ladder": files.extended_ladder(study, record)}
         found = replace(found, posterior=given(found.posterior, effects))
         return stored(ready, "adopt", found, record, start, **told)
 
@@ -134,7 +138,7 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
     """The measurements that would move the posterior. Raises BadInput."""
     start = perf_counter()
     with open_study(path, options) as study:
-        question = replace(discovery_question(study, whole), name="next", ahead=True, tested=None)
+        question = discovery_question(study, whole, tested=False)
         found, ready = answer_of(study, last_plan(study), question, progress)
         stated = study.file.laboratory
         laboratory = Laboratory(ranges=dict(stated.ranges), costs=dict(stated.costs), repeats=stated.repeats)
@@ -159,7 +163,7 @@ def bare(ready: Study, progress: Progress) -> RacedStudy:
 
 
 def answer_of(
-    study: Study, plans: Sequence[BudgetName], question: Question[RacedStudy], progress: Progress
+    study: Study, plans: Sequence[BudgetName], question: Question, progress: Progress
 ) -> tuple[RacedStudy, Study]:
     """The answer of a study, and the study with all that its model was asked and the faults that it shows."""
     found, ready = answered(study, plans, question, progress)
@@ -173,11 +177,15 @@ def compare_record(found: RacedStudy) -> Record:
 
 
 def discover_record(found: RacedStudy) -> Record:
-    """Which effect is missing, with the law of a mechanism or of a strength that varies."""
+    """Which effect is missing, with the law of a mechanism or of a strength that varies.
+
+    A name that fresh runs contradict is not stable.
+    """
     record = replace(summary(found.posterior, found.decision), law=told_law(found.posterior, found.decision))
-    if found.fresh is None:
-        return record
-    return replace(record, decided=after_test(record.decided, found.fresh), fresh=found.fresh)
+    if found.fresh is not None and found.fresh.outcome == "contradicted":
+        doubted = (*record.decided.named, *record.decided.group)
+        record = replace(record, decided=replace(record.decided, verdict="unstable", named=(), group=doubted))
+    return replace(record, fresh=found.fresh)
 
 
 def waiting(decided: Decided) -> Decided:
@@ -211,22 +219,6 @@ def known_effects(effects: Sequence[str], names: Sequence[str], path: Path) -> t
     return tuple(name for name in names if name in effects)
 
 
-def extend_ladder(study: Study, record: Record) -> None:
-    """Errors before the first adoption, and with this one where they fall on held-out rows."""
-    fit, held, before = record.fit, record.held_out, list(study.file.adopted)
-    if not files.ladder(study.results, study.digest[:12]):
-        files.extend_ladder(study.results, rung(study, before, fit.chi2_before / fit.n, held and held.before))
-    if record.improves:
-        acting = [*before, *record.decided.named]
-        files.extend_ladder(study.results, rung(study, acting, fit.chi2_after / fit.n, held and held.after))
-
-
-def rung(study: Study, effects: Sequence[str], fitted: float, held: float | None) -> files.Document:
-    """One rung of the error ladder: the errors per row with some effects in the model."""
-    errors = {"chi2_per_row_fitted": fitted, "chi2_per_row_held_out": held}
-    return {"of": study.digest[:12], "effects": list(effects)} | errors
-
-
 def stored(
     study: Study, command: Command, found: RacedStudy, record: Record, start: float, **told: Any
 ) -> Reply:
@@ -234,12 +226,12 @@ def stored(
     runs = study.simulations
     cost = replace(record.cost, seconds=perf_counter() - start, seed=study.file.study.seed)
     record = replace(record, cost=cost if runs is None else replace(cost, runs=runs))
-    reply = Reply(command, framed(study, found, record.repeats) | told, record, found.posterior)
+    reply = Reply(command, framed(study, found) | told, record, found.posterior)
     return files.write_reply(study.results, study.path.stem, reply)
 
 
-def framed(study: Study, found: RacedStudy, repeats: Sequence[RepeatPart] = ()) -> files.Document:
-    """What every answer says of its study and of the set-up, beside repeats that it tells of itself."""
+def framed(study: Study, found: RacedStudy) -> files.Document:
+    """What every answer says of its study and of the set-up."""
     about = files.study_document(study) | {"faults": [asdict(each) for each in study.faults]}
     warnings = list(found.posterior.race.prepared.warnings)
-    return about | {"set_up": sentences(study.faults, repeats), "warnings": warnings}
+    return about | {"set_up": set_up_lines(study.faults), "warnings": warnings}

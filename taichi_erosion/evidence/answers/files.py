@@ -7,9 +7,9 @@ drawn from.
 import json
 import platform
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
-from math import isfinite
+from math import isfinite, nan
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,11 +22,11 @@ from taichi_erosion.effects import load_library
 from taichi_erosion.evidence.data.number_words import KEY, TableUnits
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.race.posterior import Posterior
-from taichi_erosion.evidence.race.record import Record
+from taichi_erosion.evidence.race.record import EffectPart, HeldOutPart, Interval, Record
 from taichi_erosion.evidence.words import answer_lines as lines
-from taichi_erosion.evidence.words.document import document
-from taichi_erosion.evidence.words.shell import shell_command
+from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
+from taichi_erosion.measures.result import without_nan
 from taichi_erosion.mechanisms.library import dose_meaning, load_mechanisms
 
 Command = Literal["compare", "discover", "adopt", "next", "predict", "rounds"]
@@ -36,8 +36,6 @@ LADDER = "ladder.json"  # errors after each adoption, shared by the studies that
 ROUNDS: Command = "rounds"  # no command: what the rounds of simulations were about
 STORED = ("record", "rows")  # of a document: what figures are drawn from is not printed
 LIBRARIES = ("numpy", "scipy")
-WORDS = {"compare": lines.compare_answer, "discover": lines.discover_answer}
-WORDS |= {"adopt": lines.adopt_answer, "next": lines.next_answer}
 RECORD = TypeAdapter(Record)
 
 
@@ -80,7 +78,7 @@ class Reply:
 
     def answer(self, *options: str, call: Callable[..., str] = shell_command) -> lines.Answer:
         """Sentences and table."""
-        return WORDS[self.command](self.record, self.vocabulary(*options, call=call))
+        return lines.ANSWERS[self.command](self.record, self.vocabulary(*options, call=call))
 
 
 def study_document(study: Study) -> Document:
@@ -156,22 +154,89 @@ def read_document(file: Path) -> Document | None:
     if not file.exists():
         return None
     try:
-        found = json.loads(read_text_file(file))
-    except (ValueError, OSError) as error:
+        return dict(json.loads(read_text_file(file)))
+    except (ValueError, TypeError, OSError) as error:
         raise BadInput(f"{file}: cannot be read ({error}); remove it and ask again") from None
-    if not isinstance(found, dict):
-        raise BadInput(f"{file}: holds no result; remove it and ask again")
+
+
+def extended_ladder(study: Study, record: Record) -> list[Document]:
+    """Errors per row on a table before the first adoption and after each, with this one where they fall."""
+    fit, held, before, of = record.fit, record.held_out, list(study.file.adopted), study.digest[:12]
+    found = read_document(study.results / LADDER) or {"rungs": []}
+
+    def rung(effects: list[str], fitted: float, unseen: float | None) -> Document:
+        errors = {"chi2_per_row_fitted": fitted / fit.n, "chi2_per_row_held_out": unseen}
+        return {"of": of, "effects": effects} | errors
+
+    rungs = [each for each in found["rungs"] if each["of"] == of]
+    rungs = rungs or [rung(before, fit.chi2_before, held and held.before)]
+    if record.improves:
+        acting = [*before, *record.decided.named]
+        kept = [each for each in rungs if len(each["effects"]) < len(acting)]
+        rungs = [*kept, rung(acting, fit.chi2_after, held and held.after)]
+    write_document(study.results / LADDER, {"rungs": rungs})
+    return rungs
+
+
+def document(record: Record) -> Document:
+    """Keys of the contract; `chi2` is a total, and per row where the name says so."""
+    decided, fit, cost, parts = record.decided, record.fit, record.cost, asdict(record)
+    columns = parts["rows"] | {
+        key: parts["rows"][key].tolist() for key in ("measured", "low", "high", "sd", "before", "after")
+    }
+    columns["conditions"] = {name: column.tolist() for name, column in record.rows.conditions.items()}
+    found = {"where": parts["where"], "repeats": parts["repeats"], "rows": columns}
+    found |= {key: parts["decided"][key] for key in ("verdict", "named", "group", "probabilities")}
+    found |= {
+        "p": decided.familywise,
+        "effects": {name: effect(part) for name, part in record.effects.items()},
+        "parameters": {path: each | each.pop("now") for path, each in parts["numbers"].items()},
+        "levels": [each | each.pop("size") for each in parts["levels"]],
+        "errors": [each | each.pop("size") for each in parts["errors"]],
+        "n": fit.n,
+        "chi2_before": fit.chi2_before,
+        "chi2_after": fit.chi2_after,
+        "chi2_per_row_before": fit.chi2_before / max(fit.n, 1),
+        "chi2_per_row_after": fit.chi2_after / max(fit.n, 1),
+        "p_misfit": fit.p_before,
+        "p_misfit_after": fit.p_after,
+        "p_lack_of_fit": fit.p_lack_of_fit,
+        "vault": None if record.held_out is None else vault(record.held_out),
+        "next_experiments": parts["experiments"],
+        "mechanisms": mechanisms(record),
+        "fresh_runs": parts["fresh"],
+        "runs": cost.runs,
+        "settings": cost.settings,
+        "stopped": cost.stopped,
+        "wall_s": cost.seconds,
+        "seed": cost.seed,
+    }
+    return without_nan(found)
+
+
+def effect(part: EffectPart) -> Document:
+    """One candidate; an excluded one lies between 0 and what 95 % lie below."""
+    told = Interval(nan, 0.0, part.limit) if part.status == "excluded" else part.strength
+    return asdict(part) | {"strength": told.value, "strength_low": told.low, "strength_high": told.high}
+
+
+def vault(held: HeldOutPart) -> Document:
+    """Errors of the held-out rows: totals, and per row."""
+    found = {key: getattr(held, key) for key in ("opened", "n", "p_after", "adopted", "wrong_effect")}
+    for key, value in (("before", held.before), ("after", held.after), ("wrong_effect", held.wrong)):
+        found |= {f"chi2_{key}": held.n * value, f"chi2_per_row_{key}": value}
     return found
 
 
-def extend_ladder(folder: Path, rung: Document) -> None:
-    """Add a rung to the error ladder; adopting the same effects again replaces it and all above it."""
-    kept = [r for r in ladder(folder, rung["of"]) if len(r["effects"]) < len(rung["effects"])]
-    write_document(folder / LADDER, {"rungs": [*kept, rung]})
-
-
-def ladder(folder: Path, digest: str) -> list[Document]:
-    """Rungs of the error ladder on a table, from the model as it came to the last adoption."""
-    found = read_document(folder / LADDER)
-    rungs = [] if found is None else found["rungs"]
-    return [each for each in rungs if each.get("of") == digest and "chi2_per_row_fitted" in each]
+def mechanisms(record: Record) -> Document:
+    """Mechanisms, and what has a law, by name: probability, doses, law."""
+    names = (*record.decided.mechanisms, *([record.law.mechanism] if record.law else []))
+    shares = record.decided.probabilities
+    found: Document = {n: {"probability": shares.get(n, 0.0), "doses": [], "law": None} for n in names}
+    if record.law is not None:
+        law, powers = asdict(record.law), record.law.exponents.items()
+        doses = [{"conditions": at, "dose": dose["value"], **dose} for at, dose in law.pop("doses")]
+        ends = {"exponents": "value", "low": "low", "high": "high"}
+        law |= {key: {name: getattr(power, end) for name, power in powers} for key, end in ends.items()}
+        found[record.law.mechanism] |= {"doses": doses, "law": law}
+    return found

@@ -24,7 +24,13 @@ from taichi_erosion.evidence.data.number_words import TableUnits
 from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Progress
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.column_units import place_units
-from taichi_erosion.evidence.models.load_study import LONGEST_CHAIN, NO_OPTIONS, Study, StudyOptions
+from taichi_erosion.evidence.models.load_study import (
+    LONGEST_CHAIN,
+    NO_OPTIONS,
+    Study,
+    StudyOptions,
+    load_study,
+)
 from taichi_erosion.evidence.models.new_conditions import NewConditions, read_new_conditions
 from taichi_erosion.evidence.race.outlook import below, elsewhere, forecast, held_out_rows, left_out, new_rows
 from taichi_erosion.evidence.race.posterior import Posterior
@@ -100,8 +106,8 @@ def adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tuple[Path,
     Comes with the effects of an adoption that answers no longer, since the study or its table has changed.
     """
     for _ in range(LONGEST_CHAIN):
-        with open_study(path, options) as study:
-            last = files.read_reply(study.results, path.stem, "adopt")
+        study = load_study(path, options)
+        last = files.read_reply(study.results, path.stem, "adopt")
         if last is None or not last.record.improves:
             return path, ()
         if last.about["digest"] != study.digest[:12]:

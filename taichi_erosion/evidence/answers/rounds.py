@@ -1,20 +1,26 @@
-"""Rounds of simulations until an answer rests on runs about its own explanations.
+"""Rounds of simulations until an answer rests on runs about its own explanations, and its test by fresh runs.
 
-A function answers at once; scenes answer in rounds. The points of each round are stored beside the results: a
-command that is given again, or was stopped, makes the same rounds without new answers, and later commands use
-the runs of earlier ones.
+A function answers at once; scenes answer in rounds. A round simulates about the sets of effects that have
+KEEP of the probability, and only while a probability that the decision rests on lies between 1 - SURE and
+SURE. Mechanisms are simulated where no set of listed effects explains the rows.
+
+The points of each round are stored beside the results: a command that is given again, or was stopped, makes
+the same rounds without new answers, and later commands use the runs of earlier ones.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any
+
+import numpy as np
 
 from taichi_erosion.evidence.answers import files
+from taichi_erosion.evidence.answers.fresh_test import fresh_test, kinds_of, setting_of
 from taichi_erosion.evidence.answers.set_up import blocked
 from taichi_erosion.evidence.data.problem import Progress
-from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
+from taichi_erosion.evidence.data.transforms import effect_of, is_strength
 from taichi_erosion.evidence.emulator import training_runs
 from taichi_erosion.evidence.emulator.design import RefinementPoint
 from taichi_erosion.evidence.emulator.fresh_runs import FreshSimulator, fresh_count
@@ -23,45 +29,130 @@ from taichi_erosion.evidence.emulator.plan_cost import WORTH_TELLING, function_c
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns
 from taichi_erosion.evidence.models.load_study import BudgetName, Study
 from taichi_erosion.evidence.models.plugin import NameMapping
+from taichi_erosion.evidence.race.decision import Decision
+from taichi_erosion.evidence.race.doses import from_axis
+from taichi_erosion.evidence.race.expansion import Acting
+from taichi_erosion.evidence.race.fit import Fit, Hypothesis
+from taichi_erosion.evidence.race.posterior import Posterior, strained
+from taichi_erosion.evidence.race.priors import KEEP, SURE
+from taichi_erosion.evidence.race.record import FreshPart
 from taichi_erosion.scene.load import file_text
 
 MOST_POINTS = 3  # explanations about which a round simulates
 MOST_REQUIRED = 4  # rounds beyond the planned ones, about points that an answer requires
-Found = TypeVar("Found")
+FRESH = "seed "  # first word of the names of rounds with other seeds than the study's
 Points = list[RefinementPoint]
 Rounds = dict[str, list[Points]]  # command and budget -> its rounds
-Acting = set[frozenset[str]]  # sets of effects about which runs were made
-FRESH = "seed "  # first word of the names of rounds with other seeds than the study's
 
 
 @dataclass(frozen=True)
-class FreshTest:
-    """Fresh runs for an answer, and what can follow where they contradict it."""
+class RacedStudy:
+    """The race of a study, with what fresh runs of its scenes say of it."""
 
-    simulator: FreshSimulator
-    schedule: Callable[[Points], int]  # puts a round about some points before the next answer; its runs
+    posterior: Posterior
+    decision: Decision
+    fresh: FreshPart | None = None  # None: nothing that fresh runs can test
+
+    def about(self, fit: Fit) -> RefinementPoint:
+        """The setting of a fit as the centre of a round; adopted effects may stand among its numbers."""
+        setting = setting_of(self.posterior.race, fit)
+        acting = {name: strength for name, strength in setting.effects.items() if strength > 0.0}
+        numbers = setting.parameters.items()
+        acting |= {str(effect_of(path)): value for path, value in numbers if is_strength(path)}
+        return RefinementPoint({path: value for path, value in numbers if not is_strength(path)}, acting)
+
+    def about_doses(self, fit: Fit) -> Points:
+        """Two settings of the mechanism of a fit: with its largest dose, and with half of it."""
+        assert fit.dose is not None
+        point, dose = self.about(fit), from_axis(fit.dose.w)
+        top = float(dose[np.argmax(np.abs(dose))])
+        return [
+            replace(point, effects={**point.effects, fit.hypothesis.kind: share * top})
+            for share in (1.0, 0.5)
+        ]
+
+    @property
+    def about_bare(self) -> RefinementPoint:
+        """The calibrated model as the centre of a round."""
+        return self.about(self.posterior.race.bare)
 
 
 @dataclass(frozen=True)
-class Question(Generic[Found]):
+class Question:
     """A function of the study, and the points about which its answer needs simulations."""
 
     name: str
-    answer: Callable[[Study, Progress], Found]
-    points: Callable[[Found], Points]
+    answer: Callable[[Study, Progress], RacedStudy]
+    points: Callable[[RacedStudy], Points]
     effects: Sequence[str] = ()  # that it needs
     most: int = MOST_POINTS  # points of a round
     ahead: bool = False  # whether it needs conditions that were not measured but could be
-    required: Callable[[Found], Points] = lambda _: []  # to be simulated about before the answer counts
-    beyond: Callable[[Found], bool] = lambda _: False  # whether mechanisms are to be tried before it counts
-    decided: Callable[[Found], bool] = lambda _: True  # whether a larger plan would change nothing
-    # the answer after its test by fresh runs, and the keys of these; None: it needs no test
-    tested: Callable[[Found, FreshTest, Progress], tuple[Found, frozenset[str]]] | None = None
+    missing: bool = False  # whether it asks what is missing: required points and mechanisms are tried
+    tested: bool = False  # by fresh runs
+
+
+def discovery_question(
+    study: Study, answer: Callable[[Study, Progress], RacedStudy], tested: bool = True
+) -> Question:
+    """Which effect is missing; without a test, which measurements would tell."""
+    ahead = bool(study.file.laboratory.ranges) or not tested
+    name, names = "discover" if tested else "next", study.problem.candidate_names
+    return Question(name, answer, points, names, ahead=ahead, missing=True, tested=tested)
+
+
+def sets(posterior: Posterior) -> Mapping[Acting, float]:
+    """Probability of every set of listed effects, whatever their strength does and what is beside them."""
+    found: dict[Acting, float] = {}
+    for hypothesis, p in posterior.probability.items():
+        varying = (hypothesis.kind,) if hypothesis.kind in posterior.race.model.candidates else ()
+        names = (*hypothesis.names, *varying)
+        if names or hypothesis.kind in ("", "?"):
+            found[names] = found.get(names, 0.0) + p
+    return found
+
+
+def undecided(found: Decision) -> bool:
+    """Whether anything that could be said is neither sure nor as good as excluded."""
+    stated = (found.none, found.outside, *found.inclusion.values(), *found.beyond.values())
+    return any(1.0 - SURE < p < SURE for p in stated)
+
+
+def settled(found: RacedStudy) -> bool:
+    """Whether everything that could be said is, and new runs of the scene confirm it."""
+    doubted = found.fresh is not None and found.fresh.outcome in ("contradicted", "undecided")
+    return not undecided(found.decision) and not doubted
+
+
+def points(found: RacedStudy) -> Points:
+    """The likeliest sets of effects, the bare model first; none where more runs decide nothing."""
+    share = sets(found.posterior)
+    likely = [names for names in sorted(share, key=lambda names: -share[names]) if share[names] >= KEEP]
+    if not undecided(found.decision) or len(likely) < 2:
+        return []
+    fits = found.posterior.race.fits
+    return [found.about(fits[Hypothesis(names)]) for names in sorted(likely[:MOST_POINTS], key=bool)]
+
+
+def required(found: RacedStudy) -> Points:
+    """Before it is said that no list holds what acts: the closest effect and set, or likely mechanisms."""
+    if found.decision.verdict != "outside_library":
+        return []
+    race = found.posterior.race
+    doses: dict[str, Fit] = {}
+    for fit in race.likely(KEEP, lambda fit: fit.hypothesis.kind in found.decision.beyond):
+        doses.setdefault(fit.hypothesis.kind, fit)
+    if doses:
+        return [point for fit in [*doses.values()][:MOST_POINTS] for point in found.about_doses(fit)]
+    fits = [fit for fit in race.fits.values() if fit.refined and not fit.hypothesis.beyond]
+    single = [fit for fit in fits if len(fit.hypothesis.names) == 1]
+    several = [fit for fit in fits if len(fit.hypothesis.names) > 1]
+    best = [max(kind, key=lambda fit: fit.log_evidence) for kind in (single, several) if kind]
+    return [found.about(fit) for fit in best]
 
 
 def answered(
-    study: Study, plans: Sequence[BudgetName], question: Question[Found], progress: Progress
-) -> tuple[Found, Study]:
+    study: Study, plans: Sequence[BudgetName], question: Question, progress: Progress
+) -> tuple[RacedStudy, Study]:
     """The answer by the first plan that decides, and the study as it was when it was given.
 
     The runs of a plan are among those of the next.
@@ -69,15 +160,15 @@ def answered(
     budget, *larger = plans
     share = [1.0] * len(plans)
     found, ready = answered_by(budget, study, question, part_of(progress, share, 0))
-    if larger and ready.simulations is not None and not (question.decided(found) or blocked(ready.faults)):
+    if larger and ready.simulations is not None and not (settled(found) or blocked(ready.faults)):
         study.options.announce("These runs do not decide; more are made.")
         return answered(study, larger, question, part_of(progress, share, 1))
     return found, replace(ready, options=replace(ready.options, budget=budget))
 
 
 def answered_by(
-    budget: BudgetName, study: Study, question: Question[Found], progress: Progress
-) -> tuple[Found, Study]:
+    budget: BudgetName, study: Study, question: Question, progress: Progress
+) -> tuple[RacedStudy, Study]:
     """The answer by one plan, and the study as it was when it was given.
 
     Scenes are simulated about the plausible and the required points of each answer, and then the question is
@@ -87,8 +178,8 @@ def answered_by(
     if first is None:
         announce(study, function_cost(study, len(question.effects)))
         return question.answer(study, progress), study
-    rounds = read_rounds(study)
-    runs, own, key, earlier = replayed(first, rounds, question, budget)
+    key = f"{study.fresh}{question.name} {budget}"
+    runs, own, earlier = replayed(first, key)
     left = max(runs.plan_size.rounds - len(own), 0)
     cost = plan_cost(runs, left, question.most, test_cost(runs, question, own, key))
     announce(study, cost.sentence if cost.seconds >= WORTH_TELLING else "")
@@ -97,27 +188,20 @@ def answered_by(
         ready = training_runs.emulated_study(runs, part_of(progress, phases, phase))
         found = question.answer(ready, part_of(progress, phases, phase + 1))
         phase += 2
-        while (points := next_points(runs, question, found, own, earlier)) == []:
+        while (about := next_points(runs, question, found, own, earlier)) == []:
             own.append([])  # a round about nothing new changes no answer
-        if points is None:
-            rounds = {**rounds, key: own}
-            write_rounds(study, rounds)
-            wider = (
-                None
-                if runs.mechanisms or blocked(ready.faults) or not question.beyond(found)
-                else with_mechanisms(runs)
-            )
-            if wider is None or not wider.mechanisms or training_runs.room_left(wider) < 0:
-                steps = part_of(progress, phases, len(phases) - 1)
-                return after_test(question, found, ready, RoundsOf(runs, rounds, key), steps)
-            runs = wider
-            cost = plan_cost(runs, 0, 0)
-            study.options.announce(f"No listed effect suffices. {cost.sentence}")
-            phases = [*phases[:phase], *cost.phases, *phases[phase:]]
+        if about is not None:
+            runs = training_runs.refined_training_runs(runs, about, f"{key}|{len(own)}")
+            own.append(about)
+        write_rounds(study, {**read_rounds(study), key: own})
+        if about is not None:
             continue
-        runs = training_runs.refined_training_runs(runs, points, f"{key}|{len(own)}")
-        own.append(points)
-        write_rounds(study, {**rounds, key: own})
+        if (wider := wider_runs(runs, ready, question, found)) is None:
+            steps = part_of(progress, phases, len(phases) - 1)
+            return with_fresh_runs(question, found, ready, runs, key, steps)
+        runs, cost = wider, plan_cost(wider, 0, 0)
+        study.options.announce(f"No listed effect suffices. {cost.sentence}")
+        phases = [*phases[:phase], *cost.phases, *phases[phase:]]
 
 
 def announce(study: Study, cost: str) -> None:
@@ -126,82 +210,84 @@ def announce(study: Study, cost: str) -> None:
         study.options.announce(cost)
 
 
-@dataclass(frozen=True)
-class RoundsOf:
-    """The rounds of one question, and all runs of its study."""
+def wider_runs(
+    runs: TrainingRuns, ready: Study, question: Question, found: RacedStudy
+) -> TrainingRuns | None:
+    """The runs with those of mechanisms where the listed effects leave something open and there is room."""
+    asked = question.missing and not runs.mechanisms and not blocked(ready.faults)
+    if not asked or not strained(found.posterior.race):
+        return None
+    wider = with_mechanisms(runs)
+    return wider if wider.mechanisms and training_runs.room_left(wider) >= 0 else None
 
-    runs: TrainingRuns
-    rounds: Rounds
-    key: str
 
-
-def test_cost(runs: TrainingRuns, question: Question[Found], own: list[Points], key: str) -> int:
+def test_cost(runs: TrainingRuns, question: Question, own: list[Points], key: str) -> int:
     """Most runs that the test of an answer takes; none where it was made after the same rounds."""
-    known = read_fresh(runs.study).get(key)
-    if question.tested is None or (known is not None and known["rounds"] == len(own)):
+    known = stored(runs.study)["fresh"].get(key)
+    if not question.tested or (known is not None and known["rounds"] == len(own)):
         return 0
     return fresh_count(runs, runs.plan_size.fresh)
 
 
-def after_test(
-    question: Question[Found], found: Found, ready: Study, made: RoundsOf, progress: Progress
-) -> tuple[Found, Study]:
-    """The answer after its test by fresh runs, and the study with these counted."""
-    if question.tested is None:
+def with_fresh_runs(
+    question: Question, found: RacedStudy, ready: Study, runs: TrainingRuns, key: str, progress: Progress
+) -> tuple[RacedStudy, Study]:
+    """The answer with its test by fresh runs, and the study with these counted.
+
+    Where they contradict it, the next answer starts with a round about what was tested.
+    """
+    if not question.tested or not (found.decision.named or found.decision.group):
         return found, ready
-    study, runs, own = made.runs.study, made.runs, made.rounds[made.key]
-    count, known = len(own), read_fresh(study)
-    mapping = ready.problem.model
+    study, known, rounds = runs.study, stored(runs.study)["fresh"], read_rounds(runs.study)
+    mapping, race = ready.problem.model, found.posterior.race
     assert isinstance(mapping, NameMapping)
-
-    def schedule(points: Points) -> int:
-        if not training_runs.within_budget(runs, points):
-            return 0
-        write_rounds(study, {**made.rounds, made.key: [*own, points]})
-        return runs.plan_size.round * len(points) * len(runs.scenes)
-
-    keys = frozenset(key for entry in known.values() for key in entry["runs"])
-    fresh = FreshTest(FreshSimulator(runs, mapping, keys, runs.plan_size.fresh), schedule)
-    found, used = question.tested(found, fresh, progress)
+    made = frozenset(run for entry in known.values() for run in entry["runs"])
+    simulator = FreshSimulator(runs, mapping, made, runs.plan_size.fresh)
+    part, used = fresh_test(found.posterior, found.decision, simulator.simulate, progress)
+    count = len(rounds[key])
+    if part.outcome == "contradicted":
+        about = [found.about(kind.fits[0]) for kind in kinds_of(race, found.decision)]
+        if training_runs.within_budget(runs, about):
+            rounds[key].append(about)
+            part = replace(part, more_runs=runs.plan_size.round * len(about) * len(runs.scenes))
+    found = replace(found, fresh=part)
     if not used:
         return found, ready
-    earlier = known[made.key]["runs"] if made.key in known else []
-    entry = {"rounds": count, "runs": sorted({*earlier, *used})}
-    write_rounds(study, read_rounds(study), {**known, made.key: entry})
+    entry = {"rounds": count, "runs": sorted(used.union(known[key]["runs"] if key in known else ()))}
+    write_rounds(study, rounds, {**known, key: entry})
     return found, replace(ready, simulations=(ready.simulations or 0) + len(used))
 
 
-def replayed(
-    runs: TrainingRuns, rounds: Rounds, question: Question[Found], budget: BudgetName
-) -> tuple[TrainingRuns, list[Points], str, Acting]:
-    """Runs with those of earlier rounds; rounds of this question, their key, effects of other questions."""
-    study, known = runs.study, training_runs.known_effects(runs.study.problem)
-    key = f"{study.fresh}{question.name} {budget}"
+def replayed(runs: TrainingRuns, key: str) -> tuple[TrainingRuns, list[Points], set[frozenset[str]]]:
+    """Runs with those of earlier rounds; rounds of one question, effects of others by the same plan."""
+    study, rounds = runs.study, read_rounds(runs.study)
+    known, budget = training_runs.known_effects(study.problem), key.rpartition(" ")[2]
     past = {name: made for name, made in rounds.items() if name != key and is_of(study, name)}
     own = list(rounds.get(key, []))
     for name, made in [*past.items(), (key, own)]:
-        for number, points in enumerate(made):
+        for number, about in enumerate(made):
             spent = name.rpartition(" ")[2]
-            if not runs.mechanisms and any(set(point.effects) - set(known) for point in points):
+            if not runs.mechanisms and any(set(point.effects) - set(known) for point in about):
                 runs = with_mechanisms(runs)
-            runs = training_runs.refined_training_runs(runs, points, f"{name}|{number}", spent)
-    tests = {each for entry in read_fresh(study).values() for each in entry["runs"]}
+            runs = training_runs.refined_training_runs(runs, about, f"{name}|{number}", spent)
+    tests = {run for entry in stored(study)["fresh"].values() for run in entry["runs"]}
     runs = replace(runs, elsewhere=runs.elsewhere + len(tests))
     alike = [made for name, made in past.items() if name.endswith(budget)]
-    return runs, own, key, {acting(point) for made in alike for points in made for point in points}
+    return runs, own, {acting(point) for made in alike for about in made for point in about}
 
 
 def next_points(
-    runs: TrainingRuns, question: Question[Found], found: Found, own: list[Points], earlier: Acting
+    runs: TrainingRuns, question: Question, found: RacedStudy, own: list[Points], earlier: set[frozenset[str]]
 ) -> Points | None:
     """Points of the next round, none where the cap has no room for it; None where the answer counts."""
     if len(own) < runs.plan_size.rounds:
-        points = [point for point in question.points(found) if acting(point) not in earlier]
-        return points if training_runs.within_budget(runs, points) else []
-    known = earlier | {acting(point) for points in own for point in points}
-    points = [point for point in question.required(found) if acting(point) not in known]
+        about = [point for point in question.points(found) if acting(point) not in earlier]
+        return about if training_runs.within_budget(runs, about) else []
+    known = earlier | {acting(point) for about in own for point in about}
+    needed = required(found) if question.missing else []
+    about = [point for point in needed if acting(point) not in known]
     done = len(own) >= runs.plan_size.rounds + MOST_REQUIRED
-    return None if done or not points or not training_runs.within_budget(runs, points) else points
+    return None if done or not about or not training_runs.within_budget(runs, about) else about
 
 
 def part_of(progress: Progress, phases: Sequence[float], phase: int) -> Progress:
@@ -220,29 +306,25 @@ def acting(point: RefinementPoint) -> frozenset[str]:
     return frozenset(name for name, strength in point.effects.items() if strength != 0.0)
 
 
+def stored(study: Study) -> Mapping[str, Any]:
+    """Rounds and fresh runs by question, as stored; none where the study or its table has changed since."""
+    document = files.read_document(rounds_file(study))
+    same = document is not None and document.get("of") == state_of(study)
+    return {"rounds": {}, "fresh": {}} | (document if document is not None and same else {})
+
+
 def read_rounds(study: Study) -> Rounds:
-    """Points of earlier rounds; none where the study or its table has changed since."""
-    document = files.read_document(rounds_file(study))
-    if document is None or document.get("of") != state_of(study):
-        return {}
+    """Points of earlier rounds."""
     return {
-        name: [[RefinementPoint(**entry) for entry in points] for points in rounds]
-        for name, rounds in document["rounds"].items()
+        name: [[RefinementPoint(**entry) for entry in about] for about in made]
+        for name, made in stored(study)["rounds"].items()
     }
-
-
-def read_fresh(study: Study) -> dict[str, Any]:
-    """Fresh runs that were made by question: after how many of its rounds, and their keys."""
-    document = files.read_document(rounds_file(study))
-    if document is None or document.get("of") != state_of(study):
-        return {}
-    return document.get("fresh", {})
 
 
 def write_rounds(study: Study, rounds: Rounds, fresh: Mapping[str, Any] | None = None) -> None:
     """Store the points of all rounds, and the fresh runs by question; as stored where none are given."""
-    plain = {name: [[asdict(point) for point in points] for points in each] for name, each in rounds.items()}
-    tests = read_fresh(study) if fresh is None else dict(fresh)
+    plain = {name: [[asdict(point) for point in about] for about in made] for name, made in rounds.items()}
+    tests = stored(study)["fresh"] if fresh is None else dict(fresh)
     files.write_document(rounds_file(study), {"of": state_of(study), "rounds": plain, "fresh": tests})
 
 
@@ -264,14 +346,3 @@ def last_plan(study: Study) -> Sequence[BudgetName]:
         return (study.options.budget,)
     last = files.read_reply(study.results, study.path.stem, "discover")
     return ("full",) if last is not None and last.about["budget"] == "full" else ("quick",)
-
-
-def refinement_point(parameters: Mapping[str, float], strengths: Mapping[str, float]) -> RefinementPoint:
-    """Calibrated numbers and strengths; the strength of an adopted effect may stand among the numbers."""
-    numbers, effects = {}, dict(strengths)
-    for name, value in parameters.items():
-        if name.startswith(EFFECTS) and name.endswith(STRENGTH):
-            effects[name[len(EFFECTS) : -len(STRENGTH)]] = value
-        else:
-            numbers[name] = value
-    return RefinementPoint(numbers, effects)

@@ -16,20 +16,11 @@ from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import Study, first_study
 from taichi_erosion.evidence.race.fit import Race
 from taichi_erosion.evidence.race.priors import FAMILYWISE
-from taichi_erosion.evidence.race.record import RepeatPart
-from taichi_erosion.evidence.words.data_words import unit_text
+from taichi_erosion.evidence.words.part_words import FAULTS, UNKNOWN_SCATTER, numbered, unit_text
 
 FAR_OFF = 8.0  # factor from the model, typical row, that no effect makes
 UNLIKE = 2.0  # scatter of repeats over what is stated, from which it is told
 SPARE = 3  # rows beyond the calibrated numbers: for an effect, a level, and one that can contradict
-
-
-def sentences(faults: Sequence[SetUpFault], repeats: Sequence[RepeatPart] = ()) -> list[str]:
-    """Errors and warnings before an answer, but for repeats that the answer itself tells of."""
-    order = sorted(faults, key=lambda fault: (fault.kind != "repeats", not fault.blocks))
-    known = {row for each in repeats for row in each.rows}
-    told = (each for each in order if not known & set(each.rows))
-    return list(dict.fromkeys(f"{'error' if each.blocks else 'warning'}: {each.sentence}" for each in told))
 
 
 def blocked(faults: Sequence[SetUpFault]) -> bool:
@@ -47,15 +38,13 @@ def source_faults(study: Study) -> Iterator[SetUpFault]:
     head = first.study if same else study.file.study
     source = study.path.parent / (head.made_from or "")
     if source.is_file() and source_digest(source) != head.made_from_digest:
-        words = f"{source.name} has changed since `study new`: run it again to take over the changes"
-        yield SetUpFault("source_changed", "table", words, False)
+        yield SetUpFault("source_changed", "table", FAULTS["source_changed"].format(source.name), False)
 
 
 def refuse_unknown_scatter(study: Study) -> None:
     """Raises BadInput for a table of which no misfit can be judged."""
     if not comparison_rows(study.problem, study.problem.visible()).known.any():
-        words = "no row has an sd, and no measurement is repeated: the scatter is unknown"
-        raise BadInput(f"{study.file.study.measurements}: {words}. Add a column sd, or repeats")
+        raise BadInput(f"{study.file.study.measurements}: {UNKNOWN_SCATTER}")
 
 
 def unit_faults(race: Race) -> Iterator[SetUpFault]:
@@ -67,8 +56,7 @@ def unit_faults(race: Race) -> Iterator[SetUpFault]:
         sound = (measured > 0.0) & (told > 0.0)
         ratio = float(np.median(measured[sound] / told[sound])) if sound.any() else 1.0
         if observable.transform != "log_floor" and not 1.0 / FAR_OFF < ratio < FAR_OFF:
-            times = f"{plain(ratio, 2)} times what the calibrated model says{unit_text(ratio)}"
-            words = f"{observable.name}: its rows are about {times}: check the unit of its column"
+            words = FAULTS["unit"].format(observable.name, plain(ratio, 2), unit_text(ratio))
             yield SetUpFault("unit", observable.name, words, True)
 
 
@@ -83,24 +71,13 @@ def disagreements(problem: Problem) -> Iterator[SetUpFault]:
     rows = comparison_rows(problem, table)
     for name, noise in rows.noise.items():
         if noise.scatter.factor > UNLIKE and noise.scatter.p < FAMILYWISE:
-            words = (
-                f"{name}: repeats scatter {plain(noise.scatter.factor, 2)} times as much as is stated: "
-                "a condition that the table lacks, or an sd stated too small"
-            )
+            words = FAULTS["scatter"].format(name, plain(noise.scatter.factor, 2))
             yield SetUpFault("scatter", name, words, False)
     for each in rows.apart:
         gap = table.table_units.value_text(each.observable, each.gap)
-        words = (
-            f"{each.observable}: repeats in {numbered(each.lines)} differ by {gap}: "
-            f"check {numbered(each.suspects)}"
-        )
+        rows = numbered(each.lines), gap, numbered(each.suspects)
+        words = FAULTS["repeats"].format(each.observable, *rows)
         yield SetUpFault("repeats", each.observable, words, False, tuple(each.suspects))
-
-
-def numbered(lines: Sequence[int]) -> str:
-    """`row 17`, `rows 4, 17 and 18`."""
-    *first, last = map(str, dict.fromkeys(lines))
-    return f"rows {', '.join(first)} and {last}" if first else f"row {last}"
 
 
 def row_faults(problem: Problem) -> Iterator[SetUpFault]:
@@ -111,8 +88,5 @@ def row_faults(problem: Problem) -> Iterator[SetUpFault]:
         return
     hidden = f", {len(problem.vault.rows)} more held out" if len(problem.vault.rows) else ""
     numbers = "1 number is" if calibrated == 1 else f"{calibrated} numbers are"
-    words = (
-        f"too few rows to tell effects apart: {points} under different conditions{hidden}, where {numbers} "
-        f"calibrated; at least {calibrated + SPARE} are needed"
-    )
+    words = FAULTS["too_few_rows"].format(points, hidden, numbers, calibrated + SPARE)
     yield SetUpFault("too_few_rows", "table", words, True)

@@ -3,7 +3,7 @@
 Every line has its place: an answer has at most eight, and one table.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from math import isnan
 from pathlib import Path
@@ -19,7 +19,7 @@ from taichi_erosion.evidence.race.record import (
     PredictionPart,
     Record,
 )
-from taichi_erosion.evidence.words import data_words, effect_words
+from taichi_erosion.evidence.words import part_words
 from taichi_erosion.evidence.words import vocabulary as say
 
 HARDER = "Measurements under other conditions test the model harder"
@@ -51,21 +51,20 @@ class Answer:
         return *self.missing, *self.holds, *self.following
 
 
-def framed(answer: Answer, record: Record, voc: say.Vocabulary) -> Answer:
-    """An answer with gross repeats before everything and a spent budget before the last line."""
+def framed(answer: Answer, record: Record) -> Answer:
+    """An answer without empty lines, and a spent budget before the last one."""
     spent = f"Stopped at the budget ({counted(record.cost.settings, 'setting')} of the model)"
     stopped = f"{spent}: this is known so far; a larger --budget may change it." * bool(record.cost.stopped)
-    missing, following = (data_words.repeats_line(record, voc), *answer.missing), (stopped, *answer.following)
-    missing, holds, following = (tuple(filter(None, part)) for part in (missing, answer.holds, following))
+    parts = answer.missing, answer.holds, (stopped, *answer.following)
+    missing, holds, following = (tuple(filter(None, part)) for part in parts)
     return Answer(missing, holds, following, answer.table)
 
 
 def again(record: Record, command: str, voc: say.Vocabulary, *words: str) -> str:
     """What comes before every other step: rows to be checked, a set-up to be settled."""
-    rows = data_words.suspects(record)
-    if not rows and data_words.testable(record):
+    if not record.repeats and part_words.testable(record):
         return ""
-    first = f"Correct or confirm {rows} in the table" if rows else "Mend the errors"
+    first = "Correct or confirm the repeats that differ" if record.repeats else "Mend the errors"
     return f"{first}, then give {voc.command(command, voc.study, *words)} again"
 
 
@@ -74,23 +73,23 @@ def compare_answer(record: Record, voc: say.Vocabulary) -> Answer:
     first, last = compared(record, voc)
     missing = (
         first,
-        data_words.errors_line(record, voc, data_words.agrees(record)),
-        data_words.where_line(record),
+        part_words.errors_line(record, voc, part_words.agrees(record)),
+        part_words.where_line(record),
     )
-    holds = (data_words.numbers_line(record, before=True),)
-    table = Table("measured minus model", COMPARED, tuple(data_words.observable_rows(record, voc)))
+    holds = (part_words.numbers_line(record, before=True),)
+    table = Table("measured minus model", COMPARED, tuple(part_words.observable_rows(record, voc)))
     following = (f"{again(record, 'compare', voc) or last}.",)
-    return framed(Answer(missing, holds, following, table), record, voc)
+    return framed(Answer(missing, holds, following, table), record)
 
 
 def compared(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     """First and last line of a comparison."""
-    fit, rows = record.fit, data_words.rows_text(record)
+    fit, rows = record.fit, part_words.rows_text(record)
     size = (
         f"misfit per row {plain(fit.chi2_before / fit.n, 2)}, where 1 is chance; {say.chance(fit.p_before)}"
     )
     size += "" if isnan(fit.p_lack_of_fit) else f"; against repeats alone {say.chance(fit.p_lack_of_fit)}"
-    if data_words.agrees(record):
+    if part_words.agrees(record):
         last = HARDER
         return f"The calibrated model agrees with {rows} ({size}).", last
     places = "" if fit.p_before < say.ADEQUATE else " in places"
@@ -100,15 +99,15 @@ def compared(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
 
 def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """What is missing, and how far every candidate is known."""
-    sure, either = effect_words.acting(record.decided)
+    sure, either = part_words.acting(record.decided)
     names = say.joined(filter(None, (*sure, say.joined(either, "or"))))
-    fit = " ".join(filter(None, (effect_words.law_line(record), data_words.fit_line(record, names))))
-    numbers = data_words.numbers_line(record, before=not names, without=names)
-    rows = tuple(effect_words.effect_rows(record)) if data_words.testable(record) else ()
+    fit = " ".join(filter(None, (part_words.law_line(record), part_words.fit_line(record, names))))
+    numbers = part_words.numbers_line(record, before=not names, without=names)
+    rows = tuple(part_words.effect_rows(record)) if part_words.testable(record) else ()
     table = Table("candidates; strength 1 is the textbook value", CANDIDATES, rows) if rows else None
-    headline, errors = effect_words.headline(record, voc), data_words.errors_line(record, voc)
-    missing = headline, errors, data_words.where_line(record)
-    return framed(Answer(missing, (fit, numbers), (after_discovery(record, voc),), table), record, voc)
+    headline, errors = part_words.headline(record, voc), part_words.errors_line(record, voc)
+    missing = headline, errors, part_words.where_line(record)
+    return framed(Answer(missing, (fit, numbers), (after_discovery(record, voc),), table), record)
 
 
 def after_discovery(record: Record, voc: say.Vocabulary) -> str:
@@ -120,12 +119,12 @@ def after_discovery(record: Record, voc: say.Vocabulary) -> str:
         return f"{own} makes an effect of your own; {proposals} asks for more data."
     if verdict == "unstable":
         return f"{voc.command('discover', voc.study)} makes more runs and tests the answer anew."
-    return f"{HARDER}." if data_words.agrees(record) else f"{proposals} asks which measurements would decide."
+    return f"{HARDER}." if part_words.agrees(record) else f"{proposals} asks which measurements would decide."
 
 
 def acting_steps(record: Record, voc: say.Vocabulary) -> Iterator[str]:
     """What to do with everything that is said to act."""
-    (sure, either), named = effect_words.acting(record.decided), record.decided.named
+    (sure, either), named = part_words.acting(record.decided), record.decided.named
     if named and sure:
         yield f"{voc.command('adopt', voc.study, *named)} tests {say.joined(named)} on held-out rows"
     elif sure:
@@ -142,17 +141,15 @@ def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
     if held is None or not held.n:
         names, proposals = say.joined(record.decided.named), voc.command("next", voc.study)
         words = f"No held-out row tests {names}: {proposals} asks which measurements do."
-        return framed(Answer((words,), (), (), None), record, voc)
+        return framed(Answer((words,), (), (), None), record)
     first, numbers, last = adoption(record, held, voc)
     following = (f"{again(record, 'adopt', voc, *held.adopted) or last}.",)
-    return framed(
-        Answer((first,), (control(held), numbers), following, error_table(record, held)), record, voc
-    )
+    return framed(Answer((first,), (control(held), numbers), following, error_table(record, held)), record)
 
 
 def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[str, str, str]:
     """First line, numbers and last line, from one comparison: the error falls only to an adequate model."""
-    rows, names, numbers = counted(held.n, "held-out row"), say.joined(held.adopted), data_words.numbers_line
+    rows, names, numbers = counted(held.n, "held-out row"), say.joined(held.adopted), part_words.numbers_line
     change = f"from {plain(held.before, 2)} to {plain(held.after, 2)} per row (1 is chance)"
     misfits = {"held-out": held.p_after, "fitted": record.fit.p_after}
     failing = [f"{name} rows ({say.chance(p)})" for name, p in misfits.items() if p < say.ADEQUATE]
@@ -187,7 +184,7 @@ def error_table(record: Record, held: HeldOutPart) -> Table:
     """Misfit per row of fitted and held-out rows, with a control."""
     fit, parts = record.fit, [(name, record.effects.get(name)) for name in held.adopted]
     before, after = (plain(chi2 / fit.n, 2) for chi2 in (fit.chi2_before, fit.chi2_after))
-    added = say.joined(f"{name} {effect_words.strength_text(part)}" if part else name for name, part in parts)
+    added = say.joined(f"{name} {part_words.strength_text(part)}" if part else name for name, part in parts)
     rows = [("before", before, plain(held.before, 2)), (f"with {added}", after, plain(held.after, 2))]
     rows += [] if isnan(held.wrong) else [(f"control: {held.wrong_effect}", "-", plain(held.wrong, 2))]
     columns = ("model", f"{fit.n} fitted rows", f"{held.n} held-out rows")
@@ -200,9 +197,9 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     if not keys:
         where = f"[laboratory] of {voc.study} may state wider ranges"
         words = f"No measurement under the conditions of the table would decide more; {where}."
-        if not data_words.testable(record):
+        if not part_words.testable(record):
             words = "No measurement is proposed before the errors above are mended."
-        return framed(Answer((words,), (), (), None), record, voc)
+        return framed(Answer((words,), (), (), None), record)
     shown, more = keys[: say.MOST_TOLD], len(keys) - say.MOST_TOLD
     told = [*map(short, shown), *([f"{more} more"] if more > 0 else [])]
     words = say.joined(told, "from" if len(told) == 2 else "and")
@@ -211,7 +208,7 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     columns = ("measure", "at", *expects, "chance to decide, with those above", "cost")
     rows = tuple(experiment_row(each, shown, voc) for each in record.experiments)
     table = Table("next measurements, the best first", columns, rows)
-    return framed(Answer((f"These measurements would separate {words}.",), (), (last,), table), record, voc)
+    return framed(Answer((f"These measurements would separate {words}.",), (), (last,), table), record)
 
 
 def short(key: str) -> str:
@@ -230,32 +227,27 @@ def experiment_row(found: ExperimentPart, keys: list[str], voc: say.Vocabulary) 
 
 def prediction_answer(found: PredictionPart, about: Mapping[str, Any], units: TableUnits) -> Answer:
     """Which model answers, what its intervals rest on, and how they have held."""
-    hidden = about["rows_hidden"]
-    corrected = "`value` is the model corrected by what its residuals show."
-    missing = model_line(about["study"], about["adopted"]), corrected, *left_out_lines(found)
-    fitted = check_line("fitted rows, each predicted from the others,", found.fitted)
-    closed = f"{counted(hidden, 'held-out row')} stay unseen for `adopt`." if hidden else ""
-    held = closed if found.held_out is None else check_line("held-out rows", found.held_out)
-    constant = f"As in the study, not in the table: {units.setting_text(found.constant)}."
-    following = outside_line(found), constant * bool(found.constant)
-    missing, holds, following = (tuple(filter(None, part)) for part in (missing, (fitted, held), following))
-    return Answer(missing, holds, following, prediction_rows(found, units))
-
-
-def model_line(study: str, adopted: Sequence[str]) -> str:
-    """Which model answers."""
-    if not adopted:
-        return f"Predicted by the calibrated model of {Path(study).name}."
-    return f"Predicted by the adopted model, with {say.joined(adopted)} ({Path(study).name})."
-
-
-def left_out_lines(found: PredictionPart) -> Iterator[str]:
-    """Observables and adopted effects that the prediction does without."""
+    hidden, name, with_ = about["rows_hidden"], Path(about["study"]).name, say.joined(about["adopted"])
+    model = f"the adopted model, with {with_} ({name})" if with_ else f"the calibrated model of {name}"
+    missing = [f"Predicted by {model}.", "`value` is the model corrected by what its residuals show."]
     if found.lost:
-        yield f"Not predicted: {say.joined(found.lost)}, of which no row has a known scatter."
+        missing += [f"Not predicted: {say.joined(found.lost)}, of which no row has a known scatter."]
     if found.outdated:
-        names = say.joined(found.outdated)
-        yield f"Left out: {names}, adopted before the table or the study changed; `adopt` again takes it in."
+        words = "adopted before the table or the study changed; `adopt` again takes it in"
+        missing += [f"Left out: {say.joined(found.outdated)}, {words}."]
+    holds = [check_line("fitted rows, each predicted from the others,", found.fitted)]
+    if found.held_out is not None:
+        holds += [check_line("held-out rows", found.held_out)]
+    elif hidden:
+        holds += [f"{counted(hidden, 'held-out row')} stay unseen for `adopt`."]
+    following = []
+    if outside := sum(bool(row.outside) for row in found.rows):
+        lie = f"{'lies' if outside == 1 else 'lie'} outside the measured conditions"
+        words = f"{outside} of {counted(len(found.rows), 'prediction')} {lie}"
+        following += [f"{words}: nothing checks the model there."]
+    if found.constant:
+        following += [f"As in the study, not in the table: {units.setting_text(found.constant)}."]
+    return Answer(tuple(missing), tuple(holds), tuple(following), prediction_rows(found, units))
 
 
 def check_line(rows: str, check: CheckPart) -> str:
@@ -265,14 +257,6 @@ def check_line(rows: str, check: CheckPart) -> str:
     words = f"{check.inside} of {check.n} {rows} lie inside their 90 % interval"
     few = f": the intervals are too narrow ({say.chance(check.p)})"
     return f"{words}{few * (check.p < say.ADEQUATE)}."
-
-
-def outside_line(found: PredictionPart) -> str:
-    """How many predictions nothing checks."""
-    count = sum(bool(row.outside) for row in found.rows)
-    lie = "lies" if count == 1 else "lie"
-    words = f"{count} of {counted(len(found.rows), 'prediction')} {lie} outside the measured conditions"
-    return f"{words}: nothing checks the model there." if count else ""
 
 
 def prediction_rows(found: PredictionPart, units: TableUnits) -> Table | None:
@@ -308,3 +292,11 @@ def outside_text(row: PredictedPart) -> str:
     """`diameter beyond 2487 um`."""
     ends = ((name, with_unit(plain(end, 4), row.condition_units[name])) for name, end in row.outside.items())
     return ", ".join(f"{name} beyond {end}" for name, end in ends)
+
+
+ANSWERS: Mapping[str, Callable[[Record, say.Vocabulary], Answer]] = {
+    "compare": compare_answer,
+    "discover": discover_answer,
+    "adopt": adopt_answer,
+    "next": next_answer,
+}

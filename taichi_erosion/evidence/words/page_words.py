@@ -6,7 +6,7 @@ from taichi_erosion.evidence.data.number_words import counted
 from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.race.record import Record
 from taichi_erosion.evidence.words import answer_lines as lines
-from taichi_erosion.evidence.words.effect_words import acting
+from taichi_erosion.evidence.words.part_words import acting
 from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, joined, probability
 
 LEADING = ("discover", "adopt", "compare")  # commands, the one that says most of what is missing first
@@ -49,9 +49,7 @@ METHODS = (
 
 def answers(records: Mapping[str, Record], voc: Vocabulary) -> dict[str, lines.Answer]:
     """Answer of every command that was given."""
-    commands = {"compare": lines.compare_answer, "discover": lines.discover_answer}
-    commands |= {"adopt": lines.adopt_answer, "next": lines.next_answer}
-    return {name: answer(records[name], voc) for name, answer in commands.items() if name in records}
+    return {name: answer(records[name], voc) for name, answer in lines.ANSWERS.items() if name in records}
 
 
 def page_lines(found: Mapping[str, lines.Answer]) -> tuple[tuple[str, ...], ...]:

@@ -9,8 +9,8 @@ from math import floor, hypot, isfinite, log10, nan, sqrt
 from typing import Any
 
 from taichi_erosion.evidence.data.number_words import counted, heading, plain, with_unit
+from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.answer_lines import Table
-from taichi_erosion.evidence.words.shell import shell_command
 from taichi_erosion.evidence.words.vocabulary import quantity
 
 Document = Mapping[str, Any]

@@ -139,7 +139,8 @@ def test_a_typo_in_a_repeat_is_told_and_the_same_effect_is_named(study):
     name, value, *rest = lines[row].split(",")
     lines[row] = ",".join([name, f"{float(value) + 30.0:.6g}", *rest])
     found = ask("discover", study("\n".join([head, *lines]) + "\n"))
-    assert found.answer().lines[0].startswith(f"Check row {row + 2} first")
+    assert found.about["set_up"][0].endswith(f"check row {row + 2}")
+    assert "Correct or confirm the repeats" in found.answer().lines[-1]
     assert found.record.decided.named == tuple(ACTING)
     assert [each.suspect for each in found.record.repeats] == [row + 2]
 

@@ -8,7 +8,7 @@ import pytest
 
 from doe.trials.reduced.families import FAMILIES
 from taichi_erosion.evidence.answers.fresh_test import fresh_test, is_true, kinds_of
-from taichi_erosion.evidence.answers.scene_rounds import RacedStudy, settled
+from taichi_erosion.evidence.answers.rounds import RacedStudy, settled
 from taichi_erosion.evidence.data.transforms import to_scale
 from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, GapTest
 from taichi_erosion.evidence.race.decision import Decision, decide

@@ -7,7 +7,7 @@ import pytest
 
 from doe.trials.reduced import beyond
 from taichi_erosion.evidence.answers.commands import discover_record
-from taichi_erosion.evidence.answers.scene_rounds import RacedStudy
+from taichi_erosion.evidence.answers.rounds import RacedStudy
 from taichi_erosion.evidence.models.prepared_problem import prepare
 from taichi_erosion.evidence.race.blocks import dose_columns
 from taichi_erosion.evidence.race.decision import decide

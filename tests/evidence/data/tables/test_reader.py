@@ -8,7 +8,7 @@ import openpyxl
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.study_files.new_study import Wishes, read_laboratory_table
+from taichi_erosion.evidence.answers.new_study import Wishes, read_laboratory_table, told_of
 from taichi_erosion.evidence.data.tables.headings import meaning_of, read_heading
 from taichi_erosion.evidence.data.tables.interview import Interview
 from taichi_erosion.evidence.data.tables.rows import Table
@@ -42,7 +42,7 @@ def workbook(
 
 def read(folder: Path, content: str | bytes, name: str = "heap.csv", ask=lambda _, guess: guess) -> Table:
     (folder / name).write_bytes(content.encode() if isinstance(content, str) else content)
-    return read_laboratory_table(folder / name, Wishes(closed_form=True), Interview(ask))
+    return read_laboratory_table(folder / name, told_of(Wishes()), Interview(ask))
 
 
 def values(table: Table) -> list[float]:

@@ -8,7 +8,10 @@ hold many diameters.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import sqrt
+from statistics import median
 from typing import Any
+
+import tomlkit
 
 from taichi_erosion.campaign.study_file import set_comment
 from taichi_erosion.evidence.data.tables.headings import (
@@ -29,14 +32,6 @@ SOFT = 2e6  # shear modulus of soil [Pa] in heaps that are lifted or poured: doe
 FLATTER = 0.8  # of the smallest measured angle, down to which a heap is large enough for its measure [1]
 USUAL_HEAP, USUAL_SAND = 2e-3, 2.5e-4  # grain diameters where the table states none [m]
 Changes = Mapping[str, Any]  # dotted path -> value; None: the entry is left out
-
-
-@dataclass(frozen=True)
-class Diameters:
-    """Grain diameters of a table [m]."""
-
-    middle: float
-    largest: float
 
 
 @dataclass(frozen=True)
@@ -98,17 +93,12 @@ def lifted_cylinder(diameter: float, grains: int) -> Changes:
     """Tube, plate and lift that grow with the heap."""
     size = (grains / 1500) ** (1.0 / 3.0)
     return {
-        "geometry.plate.radius": None,
         "geometry.plate.radius_d": round(40.0 * size, 1),
         "geometry.tube.radius_d": round(8.0 * size, 2),
         "geometry.tube.length_d": round(30.0 * size, 1),
         "fill.radius_d": round(8.0 * size - 0.7, 2),
-        "stages.1.duration_min": None,
-        "stages.1.duration_max": None,
         "stages.1.duration_min_d": round(500.0 * size, 1),
         "stages.1.duration_max_d": round(830.0 * size, 1),
-        "stages.0.duration_min": None,
-        "stages.0.duration_max": None,
         "stages.0.duration_min_d": 17.0,
         "stages.0.duration_max_d": round(200.0 * size, 1),
         "materials.soil.shear_modulus": SOFT,
@@ -169,19 +159,12 @@ def wind_changes(wind: Mapping[str, Any], largest: float) -> Changes:
 
 HEAP = ("centroid_height", "pile_height", "radius_90", "column_height")
 LENGTHS = (*HEAP, "runout_radius")  # that grow with the number of grains
-SIZES = {  # entries of a scene that say how large its heap is, and from which apparatus
-    "cylinder": ("grains.count", "geometry.tube.radius_d", "fill.radius_d"),
-    "collapse": ("grains.count", "geometry.tube.radius_d", "fill.radius_d"),
-    "funnel": ("grains.count", "geometry.funnel.outlet"),
-}
 TEMPLATES = {
     "cylinder": Template(
-        *(
-            "lifting_cylinder",
-            "a cylinder that is lifted slowly",
-            ("repose_angle", *LENGTHS),
-            lifted_cylinder,
-        ),
+        "lifting_cylinder",
+        "a cylinder that is lifted slowly",
+        ("repose_angle", *LENGTHS),
+        lifted_cylinder,
         *(contact("soil-soil", 0.5, 0.1), 1500, USUAL_HEAP),
         rows=LEAST_ROWS,
     ),
@@ -194,7 +177,10 @@ TEMPLATES = {
         rows=LEAST_ROWS,
     ),
     "funnel": Template(
-        *("funnel_repose", "a funnel", ("repose_angle", "cone_angle", *HEAP[:3], "runout_radius"), funnel),
+        "funnel_repose",
+        "a funnel",
+        ("repose_angle", "cone_angle", *HEAP[:3], "runout_radius"),
+        funnel,
         *(contact("soil-soil", 0.5, 0.1), 3000, USUAL_HEAP),
         varies=False,
         rows=POURED_LEAST,
@@ -251,28 +237,27 @@ def safe_grains(template: Template, angles: Sequence[float]) -> int:
 def scene_text(
     template: Template,
     head: Mapping[str, str],
-    diameters: Diameters,
+    diameters: Sequence[float],
     grains: int,
     density: float | None = None,
     own_conditions: Mapping[str, str] | None = None,
 ) -> str:
-    """The scene of a table; comments of what stays are kept.
+    """The scene of a table with grain diameters [m]; comments of what stays are kept.
 
     `density`: of the grains [kg m-3], heavier ones are as much stiffer; `own_conditions`: names and units of
     those to declare.
     """
-    import tomlkit
-
     document: Any = tomlkit.parse((SCENES / f"{template.scene}.toml").read_text(encoding="utf-8"))
     document.pop("measured", None)  # another laboratory's values
-    own, heavier = template.changes(diameters.middle, grains), (density or 0.0) / template.usual_density
+    middle, largest = (float(f"{each:.4g}") for each in (median(diameters), max(diameters)))
+    own, heavier = template.changes(middle, grains), (density or 0.0) / template.usual_density
     changes = {
         "grains.count": grains,
-        **({"grains.size": {"law": "monodisperse", "diameter": diameters.middle}} if template.varies else {}),
+        **({"grains.size": {"law": "monodisperse", "diameter": middle}} if template.varies else {}),
         **own,
         **{path: value * max(heavier, 1.0) for path, value in own.items() if path.endswith(".shear_modulus")},
         **{f"scene.{key}": text for key, text in head.items()},
-        **wind_changes(document.get("wind", {}), diameters.largest),
+        **wind_changes(document.get("wind", {}), largest),
         **({} if density is None else {template.density: density}),
         **{f"conditions.extra.{name}": {"unit": unit} for name, unit in (own_conditions or {}).items()},
     }
@@ -287,8 +272,6 @@ def scene_text(
 
 def set_entry(document: Any, path: Sequence[str], value: Any) -> None:
     """Set one entry of a parsed scene; None removes it."""
-    import tomlkit
-
     *above, last = path
     holder = document
     for key in above:
@@ -296,6 +279,8 @@ def set_entry(document: Any, path: Sequence[str], value: Any) -> None:
     if value is None:
         holder.pop(last, None)
         return
+    if last.endswith("_d"):
+        holder.pop(last.removesuffix("_d"), None)  # the same in metres
     if isinstance(value, dict):
         inline = tomlkit.inline_table()
         inline.update(value)

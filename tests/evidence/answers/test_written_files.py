@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -10,7 +11,7 @@ import pytest
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.commands import open_study
-from taichi_erosion.evidence.answers.study_files.new_study import Wishes, new_study
+from taichi_erosion.evidence.answers.new_study import Wishes, new_study
 from taichi_erosion.evidence.data.held_out_rows import record_opening
 from taichi_erosion.evidence.data.tables.spreadsheet import source_digest
 from taichi_erosion.evidence.models.load_study import load_study
@@ -104,18 +105,21 @@ def test_the_count_of_openings_goes_on(folder, capsys):
     assert found["vault"]["opened"] == 2
 
 
-def test_what_the_user_changed_in_the_study_stays_and_is_told(folder):
+def test_what_the_user_changed_in_the_study_stays_unless_it_is_written_anew(folder):
     study = folder / "sand" / "sand.toml"
     mine = study.read_text("utf-8").replace("prior_sd_log = 0.2", "prior_sd_log = 0.4    # my own")
     study.write_text(mine, encoding="utf-8")
     found = again(folder, [*LINES, line("T", 300, 0.2)])
     assert without_digest(study.read_text("utf-8")) == without_digest(mine)
     assert load_study(study).file.study.made_from_digest == source_digest(folder / "sand.csv")
-    assert found["kept"] == ["parameters.threshold_coefficient.prior_sd_log"]
-    assert found["written"] == [str(folder / "sand" / "sand_tidy.csv"), str(study)]
+    assert found["written"] == [str(study), str(folder / "sand" / "sand_tidy.csv")]
+    before = held_out(folder)
+    new_study(folder / "sand.csv", replace(WISHES, anew=True), lambda _, guess: guess)
+    assert "my own" not in study.read_text("utf-8")
+    assert held_out(folder) == before
 
 
-def test_a_table_that_has_not_changed_writes_nothing(folder, capsys):
+def test_a_table_that_has_not_changed_leaves_all_files_as_they_are(folder, capsys):
     files = files_of(folder)
     assert main(["study", "new", str(written(folder, LINES)), "--yes", "--closed-form"]) == 0
     assert "new or corrected rows: none; 0 gone" in capsys.readouterr().out
@@ -141,25 +145,16 @@ def test_a_spreadsheet_that_changed_after_the_study_is_told_until_it_is_read_aga
     assert told() == (False, False, False)
 
 
-@pytest.mark.parametrize(
-    ("lines", "head", "told"),
-    [
-        (
-            [line(f"X{k}", 111 + 37 * k, 0.13 * k, 1.3) for k in range(20)],
-            HEAD,
-            ["another table: 24 of its 24 rows", "--out"],
-        ),
-        (LINES, HEAD.replace(";moisture [%]", ";note"), ["conditions.moisture is not in", "--anew"]),
-    ],
-)
-def test_another_table_and_one_that_the_study_does_not_fit_are_told_and_nothing_is_written(
-    folder, lines, head, told
+def test_a_table_of_another_file_and_one_that_the_study_does_not_fit_are_refused_and_nothing_is_written(
+    folder,
 ):
     files = files_of(folder)
-    with pytest.raises(BadInput) as caught:
-        again(folder, lines, head)
-    assert told[0] in caught.value.faults[0]
-    assert told[1] in caught.value.faults[-1]
+    (folder / "other").mkdir()
+    table = written(folder / "other", LINES)
+    with pytest.raises(BadInput, match=r"is a study of another table; .*--out"):
+        new_study(table, replace(WISHES, folder=folder / "sand"), lambda _, guess: guess)
+    with pytest.raises(BadInput, match=r"conditions\.moisture is no column"):
+        again(folder, LINES, HEAD.replace(";moisture [%]", ";note"))
     assert files_of(folder) == files
 
 
@@ -169,13 +164,13 @@ def test_the_tidy_table_says_which_rows_are_held_out(folder):
     assert set(rows["vault"]) == {"held out", "fitted"}
 
 
-def test_a_scene_of_another_study_is_not_written_over(tmp_path):
+@pytest.mark.parametrize("name", ["heap.toml", "cylinder.toml"])
+def test_a_study_or_scene_of_anothers_is_not_written_over(tmp_path, name):
     heaps = "Sample;diameter [mm];repose angle [deg];SD;n\nA;1;31;0.7;5\nB;2;32;0.7;5\nC;3;33;0.7;5\n"
     (tmp_path / "heap.csv").write_text(heaps, encoding="utf-8")
-    scene = tmp_path / "both" / "cylinder.toml"
-    scene.parent.mkdir()
-    scene.write_text("another's", encoding="utf-8")
-    with pytest.raises(BadInput, match=r"cylinder\.toml: exists"):
-        new_study(tmp_path / "heap.csv", Wishes(folder=scene.parent), lambda _, guess: guess)
-    assert [path.name for path in scene.parent.iterdir()] == ["cylinder.toml"]
-    assert scene.read_text("utf-8") == "another's"
+    there = tmp_path / "both" / name
+    there.parent.mkdir()
+    there.write_text("another's", encoding="utf-8")
+    with pytest.raises(BadInput, match=rf"{name}: exists; .*--out"):
+        new_study(tmp_path / "heap.csv", Wishes(folder=there.parent), lambda _, guess: guess)
+    assert {path.name: path.read_text("utf-8") for path in there.parent.iterdir()} == {name: "another's"}

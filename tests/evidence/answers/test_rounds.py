@@ -10,14 +10,13 @@ import pandas as pd
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
-from taichi_erosion.evidence.answers import scene_rounds
+from taichi_erosion.evidence.answers import rounds
 from taichi_erosion.evidence.answers.commands import discover_record, open_study, whole
-from taichi_erosion.evidence.answers.rounds import answered
-from taichi_erosion.evidence.answers.scene_rounds import RacedStudy, discovery_question
+from taichi_erosion.evidence.answers.rounds import RacedStudy, answered, discovery_question
 from taichi_erosion.evidence.emulator import gaussian_process, training_runs
 from taichi_erosion.evidence.models.load_study import PLANS, BudgetName
 from taichi_erosion.evidence.race.decision import decide
-from taichi_erosion.evidence.race.posterior import raced
+from taichi_erosion.evidence.race.posterior import raced, strained
 from taichi_erosion.evidence.race.record import Decided
 from tests.evidence.emulator import test_training_runs as made_up
 from tests.evidence.emulator.test_training_runs import SCATTER, STUDY, executing, heights, keys, write
@@ -67,7 +66,7 @@ def test_the_large_plan_is_simulated_where_the_small_one_does_not_decide(tmp_pat
 
 
 def test_a_round_is_made_once_about_what_is_undecided(tmp_path, monkeypatch):
-    monkeypatch.setattr(scene_rounds, "undecided", lambda _: True)
+    monkeypatch.setattr(rounds, "undecided", lambda _: True)
     path = write(tmp_path, WEAK, seed=4)
     first = told(path)
     training, more, *_ = first.runs
@@ -110,25 +109,25 @@ def test_without_room_for_fresh_runs_the_name_is_told_untested(tmp_path):
 def test_points_are_the_settings_of_likely_sets_the_bare_model_first():
     found = on_function(NULL)
     doubtful = replace(found, decision=replace(found.decision, none=0.5))
-    shares = scene_rounds.sets(found.posterior)
+    shares = rounds.sets(found.posterior)
     assert sum(shares.values()) == pytest.approx(1.0)
-    bare, *others = scene_rounds.points(doubtful)
+    bare, *others = rounds.points(doubtful)
     assert bare.effects == {}
     assert 1 <= len(others) <= 2
     best = max((names for names in shares if names), key=lambda names: shares[names])
     assert tuple(others[0].effects) == best
     assert all(set(point.parameters) == set(bare.parameters) for point in others)
-    assert scene_rounds.points(replace(found, decision=replace(found.decision, none=0.95))) == []
+    assert rounds.points(replace(found, decision=replace(found.decision, none=0.95))) == []
 
 
 def test_mechanisms_are_asked_only_where_no_listed_effect_suffices():
     null, single = on_function(NULL), on_function(SINGLE)
-    assert not scene_rounds.beyond(null)
-    assert not scene_rounds.beyond(single), "P(none) is small, but an effect is named"
-    assert scene_rounds.required(single) == []
+    assert not strained(null.posterior.race)
+    assert not strained(single.posterior.race), "P(none) is small, but an effect is named"
+    assert rounds.required(single) == []
     outside = replace(single, decision=replace(single.decision, verdict="outside_library", named=()))
-    assert scene_rounds.beyond(on_function(UNLISTED))
-    closest, *several = scene_rounds.required(outside)
+    assert strained(on_function(UNLISTED).posterior.race)
+    closest, *several = rounds.required(outside)
     assert tuple(closest.effects) == single.decision.named
     assert all(len(point.effects) > 1 for point in several)
 

@@ -1,0 +1,106 @@
+"""Validation of a study without a run: its file, its table, its scenes or model, and what an answer costs."""
+
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from taichi_erosion.campaign.ledger import close_ledger
+from taichi_erosion.campaign.study_file import read_calibration_study, read_study_file
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.answers.rounds import MOST_POINTS
+from taichi_erosion.evidence.answers.set_up import source_faults, table_faults
+from taichi_erosion.evidence.data.number_words import with_unit
+from taichi_erosion.evidence.data.problem import Measurements
+from taichi_erosion.evidence.data.tables.rows import Faults
+from taichi_erosion.evidence.emulator.plan_cost import MINUTE, PlanCost, function_cost, plan_cost
+from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, initial_training_runs
+from taichi_erosion.evidence.models.load_study import NO_OPTIONS, PLANS, Study, StudyOptions, load_study
+from taichi_erosion.run.checks import read_scene
+from taichi_erosion.verification.effect_contract import examined_file
+
+Document = dict[str, Any]
+
+
+def check_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Document:
+    """What a valid study holds, and what an answer costs. Raises BadInput.
+
+    Effect files are examined against the contract of effects, which starts the device.
+    """
+    faults = Faults()
+    if is_calibration(path):
+        calibration = read_calibration_study(path)
+        names = list(calibration.study.observables)
+        for scene in dict.fromkeys(map(calibration.scene, names)):
+            faults.of(read_scene, scene, ())
+        faults.tell()
+        return {"study": str(path), "kind": "calibration", "observables": names}
+    study = load_study(path, options)
+    examined = [faults.of(examined_file, each) for each in study.effect_files]
+    faults.tell()
+    return study_document(study) | {"effects": examined}
+
+
+def is_calibration(path: Path) -> bool:
+    """Whether a study has targets and no table; not for a file that cannot be read."""
+    with suppress(BadInput):
+        file = read_study_file(path, lambda _: iter(()))
+        return bool(file.targets) and not file.study.measurements
+    return False
+
+
+def study_document(study: Study) -> Document:
+    """What was found, as a document."""
+    measurements = study.problem.measurements
+    faults = (*table_faults(study.problem), *source_faults(study))
+    return {
+        "study": str(study.path),
+        "kind": "evidence",
+        "rows": measurements.size,
+        "held_out": len(study.problem.vault.rows),
+        "drawn_from": study.drawn_from,
+        "observables": {name: measurements.observable.count(name) for name in study.file.observables},
+        "conditions": {name: told_range(measurements, name) for name in study.file.conditions},
+        "parameters": [parameter.path for parameter in study.problem.parameters],
+        "candidates": study.problem.candidate_names,
+        "notes": [*(fault.sentence for fault in faults), *study.notes],
+        "cost": study_cost(study),
+    }
+
+
+def told_range(measurements: Measurements, name: str) -> str:
+    """`5.5 to 7 deg`: range of a condition in the unit of the table."""
+    column, units = measurements.conditions[name], measurements.table_units
+    if np.isnan(column).all():
+        return "not stated"
+    low, high = (units.condition(name, float(end(column))) for end in (np.nanmin, np.nanmax))
+    return with_unit(f"{low:g} to {high:g}", units.condition_unit(name))
+
+
+def study_cost(study: Study) -> dict[str, Any]:
+    """Cost of a discovery with all candidates, by the size of its plan."""
+    effects = study.problem.candidate_names
+    found: dict[str, Any] = {}
+    for name in PLANS:
+        planned = initial_training_runs(study, effects, name)
+        if planned is None:
+            sentence = function_cost(study, len(effects))
+            return {"full": {"sentence": sentence}} if sentence else {}
+        cost = without_a_trace(planned)
+        found[name] = {"sentence": cost.sentence, "core_minutes": cost.seconds * cost.workers / MINUTE}
+    return found
+
+
+def without_a_trace(planned: TrainingRuns) -> PlanCost:
+    """Cost of a plan; a study that has no ledger gets none by the question."""
+    rounds = planned.plan_size.rounds
+    if planned.simulator.folder.exists():
+        return plan_cost(planned, rounds, MOST_POINTS)
+    with TemporaryDirectory() as folder:
+        simulator = replace(planned.simulator, folder=Path(folder), ledger=None)
+        cost = plan_cost(replace(planned, simulator=simulator), rounds, MOST_POINTS)
+        close_ledger(simulator.opened())
+    return cost

@@ -1,0 +1,414 @@
+"""A study made of a laboratory's table: the tidy table, a study, and a scene that fits what was measured.
+
+What the table does not say is asked; every question has a guess, which counts where nobody is asked.
+"""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.answers.scene_templates import (
+    LENGTHS,
+    TEMPLATES,
+    Calibrated,
+    Template,
+    contact,
+    places_of,
+    safe_grains,
+    scene_text,
+    templates_for,
+)
+from taichi_erosion.evidence.answers.written_files import Content, StudyFiles, written_files
+from taichi_erosion.evidence.data.measured import read_rows
+from taichi_erosion.evidence.data.physical_ranges import OBSERVED, column_faults, place_range
+from taichi_erosion.evidence.data.tables.column_roles import Column, Told
+from taichi_erosion.evidence.data.tables.headings import (
+    DIAMETER,
+    FRICTION_VELOCITY,
+    GRAIN_DENSITY,
+    meaning_of,
+    near_meaning,
+    plain_words,
+    read_heading,
+    unit_in,
+)
+from taichi_erosion.evidence.data.tables.interview import Ask, Interview
+from taichi_erosion.evidence.data.tables.rows import NAME, Faults, Table
+from taichi_erosion.evidence.data.tables.spreadsheet import source_digest, stated_number
+from taichi_erosion.evidence.models import reduced
+from taichi_erosion.evidence.models.column_units import declared_units
+from taichi_erosion.run.checks import read_scene
+from taichi_erosion.scene.paths import unit_of_path
+from taichi_erosion.scene.schema.grains import Monodisperse
+from taichi_erosion.scene.schema.units import parse_unit, scale_between
+
+Document = dict[str, Any]
+CONDITION = "conditions."
+OWN = "own"  # name of the apparatus of an own scene
+CLOSED_FORM = "taichi_erosion.evidence.models.reduced:predict"
+CLOSED_FORM_CONDITIONS = {  # place -> condition of the closed form
+    DIAMETER: "diameter",
+    "conditions.diameter": "diameter",
+    GRAIN_DENSITY: "grain_density",
+    "conditions.moisture": "moisture",
+    "conditions.slope": "slope",
+    "conditions.roughness_density": "roughness",
+    "conditions.angularity": "angularity",
+    "conditions.fetch": "fetch",
+    "conditions.friction_velocity": "u_star",
+}
+THRESHOLD = Calibrated("threshold_coefficient", 0.1, 0.04, 0.2, 0.2, "Bagnold's coefficient")
+SLIDING = Calibrated("friction_sliding", 0.5, 0.1, 1.2, 0.2, "grain on grain")
+ROLLING = Calibrated(
+    "friction_rolling", 0.1, 0.005, 0.8, 0.6, "shape of the grains, as resistance to rolling"
+)
+FLUX = Calibrated("flux_coefficient", 2.5, 0.3, 20.0, 0.5, "of the flux above the threshold")
+CLOSED_FORM_NUMBERS = {
+    "repose_angle": (SLIDING, ROLLING),
+    "threshold_u_star": (THRESHOLD,),
+    "flux": (THRESHOLD, FLUX),
+}
+UNIT_ROLES = ("observable", "condition", "condition_sd", "sd", "se", "cv")  # of columns whose unit is told
+ROLE_WORDS = {
+    "sd": "scatter of single repeats",
+    "se": "standard error of the mean",
+    "cv": "scatter of single repeats, relative",
+    "n": "number of repeats",
+    "group": "set-up of a row",
+    "remark": "not used",
+}
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the command line says beforehand."""
+
+    told: Told = field(default_factory=Told)
+    folder: Path | None = None
+    apparatus: str | None = None  # of TEMPLATES
+    closed_form: bool = False  # the reduced model answers in place of scenes
+    roughness: str | None = None  # length of the bed under winds that were measured at a height
+    anew: bool = False  # write a study that is there anew; else its table alone is corrected
+    diameter: str | None = None  # of the grains, with its unit, where no column states it
+    density: str | None = None  # of the grains, with its unit
+    grains: int | None = None  # of a run
+    scene: Path | None = None  # of the user's own, in place of those of TEMPLATES
+    effects: tuple[Path, ...] = ()  # files with effects of the user's own
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A laboratory's table, and what the user says of it."""
+
+    table: Table
+    told: Told
+    places: Mapping[str, str]  # condition -> place that it sets
+    folder: Path  # of the study
+    wishes: Wishes
+    interview: Interview
+
+    @property
+    def names(self) -> list[str]:
+        """Observables."""
+        return list(dict.fromkeys(row.observable for row in self.table.rows))
+
+    def relative(self, file: Path) -> str:
+        """Path of a file as the study names it."""
+        return Path(os.path.relpath(file, self.folder)).as_posix()
+
+
+def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
+    """Write table, study and scenes of a laboratory's table; the document says what was understood.
+
+    Where the table has a study already, the table is corrected and the study stays, unless `wishes.anew`.
+    Raises BadInput with all faults of the table, or where a file of another origin would be replaced.
+    """
+    folder = wishes.folder or table.parent / table.stem
+    interview, told = Interview(ask), told_of(wishes)
+    measured = read_laboratory_table(table, told, interview)
+    asked = Asked(measured, told, condition_places(measured, told), folder, wishes, interview)
+    refuse_unused(asked)
+    content = closed_form_content(asked) if wishes.closed_form else scene_content(asked)
+    files = StudyFiles(
+        folder,
+        table.stem,
+        measured,
+        content,
+        made_from=asked.relative(table),
+        digest=source_digest(table),
+        assumed=interview.assumed,
+        effect_files=[asked.relative(file) for file in wishes.effects],
+    )
+    return {
+        "table": str(table),
+        "form": measured.form,
+        "columns": [told_column(column, content) for column in measured.columns],
+        "assumed": list(interview.assumed),
+        **written_files(files, wishes.anew),
+    }
+
+
+def refuse_unused(asked: Asked) -> None:
+    """Raise BadInput for an option that a column states already, or that only a ready scene takes."""
+    wishes, stated = asked.wishes, asked.places.values()
+    ready = {"--apparatus": (wishes.apparatus, ""), "--diameter": (wishes.diameter, DIAMETER)}
+    ready |= {"--density": (wishes.density, GRAIN_DENSITY), "--grains": (wishes.grains, "")}
+    for option, (said, place) in ready.items():
+        if said is not None and (wishes.closed_form or wishes.scene is not None):
+            raise BadInput(f"{option}: is of a ready scene; leave it out with --closed-form and --scene")
+        if said is not None and place in stated:
+            raise BadInput(f"{option}: a column of {asked.table.file} states it; leave it out")
+
+
+def read_laboratory_table(table: Path, told: Told, interview: Interview) -> Table:
+    """Rows of a table; raises BadInput with all faults of its cells, headings, units and ranges."""
+    faults = Faults()
+    measured = read_rows(table, table.name, told, interview, faults)
+    if measured is not None:
+        places = faults.of(condition_places, measured, told) or {}
+        faults += value_faults(measured, places, told)
+    faults.tell()
+    assert measured is not None
+    return measured
+
+
+def value_faults(table: Table, places: Mapping[str, str], told: Told) -> Iterator[str]:
+    """Impossible values of conditions and observables, and units that seem mistaken.
+
+    A unit that the user states counts.
+    """
+    for name, place in places.items():
+        allowed = place_range(place.split(",")[0].strip())
+        yield from column_faults(table, name, allowed, usual=not told.units)
+    for name in dict.fromkeys(row.observable for row in table.rows):
+        yield from column_faults(table, name, OBSERVED.get(name), usual=not told.units)
+
+
+def condition_places(table: Table, told: Told) -> dict[str, str]:
+    """Place that every condition of a table sets."""
+    columns = [column for column in table.columns if column.role == "condition"]
+    # in a tidy table a column is called as the user likes
+    stated = {c.title: told.conditions.get(c.name) or meaning_of(c.name)[1] for c in columns}
+    if not any(column.role == "value" for column in table.columns):
+        stated = {column.title: column.name for column in columns}
+    faults = [
+        f"{table.file}: column '{name}': no place of a scene is known by that name; say which one it sets: "
+        f"--condition {name}={near_meaning(name) or 'PATH'}, or give its unit: --condition {name}=UNIT"
+        for name, place in stated.items()
+        if not place
+    ]
+    if faults:
+        raise BadInput(*faults)
+    return stated
+
+
+def closed_form_content(asked: Asked) -> Content:
+    """The study that the reduced model answers. Raises BadInput for an observable that it does not have."""
+    if unknown := [name for name in asked.names if name not in reduced.OBSERVABLES]:
+        words = f"the closed form does not know '{unknown[0]}'; it knows {', '.join(reduced.OBSERVABLES)}"
+        remedy = "leave out --closed-form, or begin the heading of that column with 'note'"
+        raise BadInput(f"{asked.table.file}: {words}; {remedy}")
+    known = CLOSED_FORM_CONDITIONS
+    for name, place in asked.places.items():
+        if place not in known:
+            asked.interview.assume(f"column '{name}' is not used: the closed form does not read it")
+    return Content(
+        observables=dict.fromkeys(asked.names, ""),
+        conditions={name: known[place] for name, place in asked.places.items() if place in known},
+        parameters=list(dict.fromkeys(each for name in asked.names for each in CLOSED_FORM_NUMBERS[name])),
+        model=CLOSED_FORM,
+    )
+
+
+def scene_content(asked: Asked) -> Content:
+    """The study that scenes answer."""
+    scenes, parameters, conditions, observables = {}, {}, {}, {}
+    stem = Path(asked.table.file).stem
+    for key, names in apparatus_of_all(asked).items():
+        if key == OWN:
+            own = asked.wishes.scene or Path()
+            template, file = own_template(own, asked.told), asked.relative(own)
+        else:
+            scene = f"{key}_scene" if key == stem else key  # none has the name of the study
+            template, file = TEMPLATES[key], f"{scene}.toml"
+            scenes[scene] = new_scene(asked, key, names)
+        observables |= dict.fromkeys(names, file)
+        for name, place in asked.places.items():
+            paths = [*conditions.get(name, "").split(", "), *places_of(template, place).split(", ")]
+            conditions[name] = ", ".join(filter(None, dict.fromkeys(paths)))
+        stated = {place for paths in conditions.values() for place in paths.split(", ")}
+        parameters |= {number.path: number for number in template.parameters if number.path not in stated}
+        if template.wind and FRICTION_VELOCITY not in asked.places.values():
+            asked.interview.assume("no column states the friction velocity: the wind is that of the scene")
+    return Content(observables, conditions, list(parameters.values()), scenes)
+
+
+def apparatus_of_all(asked: Asked) -> dict[str, list[str]]:
+    """Observables of each apparatus; of an own scene all. Raises BadInput for one that measures none."""
+    if asked.wishes.scene is not None:
+        return {OWN: asked.names}
+    found: dict[str, list[str]] = {}
+    for name in asked.names:
+        found.setdefault(apparatus_of(name, asked), []).append(name)
+    if (wanted := asked.wishes.apparatus) not in (None, *found):
+        others = dict.fromkeys(key for name in asked.names for key in templates_for(name))
+        told = f"measures none of {', '.join(asked.names)}; name one of {', '.join(others)}"
+        raise BadInput(f"--apparatus {wanted}: {told}, or the column (--observable COLUMN=NAME)")
+    return found
+
+
+def apparatus_of(observable: str, asked: Asked) -> str:
+    """Apparatus whose scene measures an observable; the guess measures most of what the table holds."""
+    possible = sorted(
+        templates_for(observable), key=lambda key: -len({*TEMPLATES[key].observables} & {*asked.names})
+    )
+    if not possible:
+        words = "rename it, or name a scene of your own: --scene FILE"
+        raise BadInput(f"{asked.table.file}: no scene measures '{observable}'; {words}")
+    if asked.wishes.apparatus in possible:
+        return str(asked.wishes.apparatus)
+    if len(possible) == 1:
+        return possible[0]
+    words = "; ".join(f"{name}: {TEMPLATES[name].words}" for name in possible)
+    meaning = f"{observable} is taken as measured with {TEMPLATES[possible[0]].words} (--apparatus)"
+    answer = asked.interview.choice(f"How was {observable} measured? {words}", possible[0], meaning)
+    if answer not in possible:
+        raise BadInput(f"{observable}: '{answer}' is not one of {', '.join(possible)}")
+    return answer
+
+
+def new_scene(asked: Asked, key: str, names: Sequence[str]) -> str:
+    """Text of the scene of an apparatus that measures some observables of a table."""
+    template, file, assume = TEMPLATES[key], asked.table.file, asked.interview.assume
+    diameters, density = grain_diameters(asked, template), None
+    if asked.wishes.density is not None:
+        density = stated_of_grains("--density", asked.wishes.density, GRAIN_DENSITY, "kg/m3", "2650 kg/m3")
+    safe = safe_grains(template, angles_of(asked.table, names))
+    grains = asked.wishes.grains or safe
+    if template.rows and grains < safe:
+        assume(f"{grains:,} grains may be too few for these angles; {safe:,} are enough (--grains)")
+    if density is None and GRAIN_DENSITY not in asked.places.values():
+        assume(f"no column states the grain density: {template.usual_density:g} kg/m3 (--density)")
+    if sized := [name for name in names if name in LENGTHS]:
+        assume(
+            f"{' and '.join(sized)}: heaps of {grains:,} grains in the scene '{key}'; lengths grow with the "
+            "heap, so give it as many as yours have (--grains), and the size of your apparatus"
+        )
+    notes = f"Made for {file}: {', '.join(names)}. Numbers of grains and contacts are usual ones."
+    head = {"title": f"{file}: {template.words}", "notes": notes}
+    return scene_text(template, head, diameters, grains, density, undeclared(asked.told))
+
+
+def grain_diameters(asked: Asked, template: Template) -> list[float]:
+    """Diameters of the grains in a scene [m]: those of the table, else as the user says, else as usual."""
+    said, interview = asked.wishes.diameter, asked.interview
+    if not template.varies:
+        if said is not None:
+            raise BadInput(f"--diameter: grains of {template.words} have sizes of their own, in its scene")
+        interview.assume(f"grain sizes and apparatus are those of the program's scene of {template.words}")
+        return [template.diameter]
+    for place, (name, unit) in enumerate(zip(asked.table.conditions, asked.table.units, strict=True)):
+        scale = scale_between(unit or "m", parse_unit("m")) if asked.places.get(name) == DIAMETER else None
+        values = [row.conditions[place] for row in asked.table.rows if isfinite(row.conditions[place])]
+        if scale is not None and values:
+            return [scale.used(each) for each in values]
+    usual = f"{1e3 * template.diameter:g} mm"
+    told = f"no column states the grain diameter: {usual} is assumed (--diameter)"
+    answer = said or interview.choice("Grain diameter with its unit", usual, told)
+    return [stated_of_grains("--diameter", answer, DIAMETER, "m", usual)]
+
+
+def stated_of_grains(option: str, said: str, place: str, unit: str, example: str) -> float:
+    """A number of the grains as the user states it, in a unit. Raises BadInput outside what scenes allow."""
+    value, allowed = stated_number(said, unit, option, example), place_range(place)
+    if allowed is not None and not allowed.possible(value):
+        raise BadInput(f"{option} '{said}': {value:g} {unit} is outside [{allowed.low:g}, {allowed.high:g}]")
+    return value
+
+
+def angles_of(table: Table, names: Sequence[str]) -> list[float]:
+    """Measured angles of heaps [deg]."""
+    own = [row for row in table.rows if row.observable in names and isfinite(row.value)]
+    scales = [scale_between(row.unit, parse_unit("deg")) for row in own]
+    return [scale.used(row.value) for row, scale in zip(own, scales, strict=True) if scale is not None]
+
+
+def told_of(wishes: Wishes) -> Told:
+    """What is said of the table, with conditions that are stated by a unit, and names of an own scene.
+
+    A condition that every scene has keeps its place, and takes the unit for its column. Raises BadInput.
+    """
+    measures = dict.fromkeys(name for each in TEMPLATES.values() for name in each.observables)
+    conditions, own, known = dict[str, str](), dict[str, str](), dict[str, str]()
+    if wishes.scene is not None:
+        measures = dict.fromkeys(read_scene(wishes.scene, ()).measure)
+        known = {name: name for name in measures}
+        for name, unit in declared_units(wishes.scene).items():
+            own[CONDITION + name], conditions[name] = unit, CONDITION + name
+    said_of = wishes.told
+    optional = {*conditions, *known} - said_of.observables.keys() - said_of.conditions.keys()
+    for text, said in said_of.conditions.items():
+        name, unit = plain_words(read_heading(text).name).replace(" ", "_"), unit_in(said)
+        if unit is None or unit_of_path(said) is not None:
+            conditions[text] = said
+            continue
+        if not NAME.fullmatch(name):
+            raise BadInput(f"--condition {text}={said}: '{name}' is no name of letters, digits and _")
+        conditions[text] = CONDITION + name
+        own.setdefault(conditions[text], unit)
+    return replace(
+        said_of,
+        observables=known | dict(said_of.observables),
+        conditions=conditions,
+        optional=frozenset(optional),
+        roughness=wishes.roughness,
+        measures=tuple(measures),
+        own_units=own,
+    )
+
+
+def undeclared(told: Told) -> dict[str, str]:
+    """Names and units of conditions that no scene has by itself."""
+    own = {path: unit for path, unit in told.own_units.items() if unit_of_path(path) is None}
+    return {path.removeprefix(CONDITION): unit for path, unit in own.items()}
+
+
+def own_template(file: Path, told: Told) -> Template:
+    """The apparatus of an own scene; the friction of its grains on each other is calibrated."""
+    if lost := (own := undeclared(told)).keys() - declared_units(file).keys():
+        unit = own[name := min(lost)]
+        entry = f'[conditions.extra] {name} = {{ unit = "{unit}" }}'
+        raise BadInput(f"{file}: does not declare the condition '{name}'; write {entry}")
+    scene = read_scene(file, ())
+    pair, size = f"{scene.grains.material}-{scene.grains.material}", scene.grains.size
+    stated = scene.contact[pair]
+    winds = [k for k, stage in enumerate(scene.stages) if stage.friction_velocity is not None]
+    return Template(
+        scene=file.stem,
+        words="your own scene",
+        observables=tuple(scene.measure),
+        changes=lambda diameter, grains: {},
+        parameters=contact(pair, stated.friction_sliding, stated.friction_rolling or None),
+        grains=0,
+        diameter=0.0,
+        varies=isinstance(size, Monodisperse),
+        wind=tuple(f"stages.{stage}.friction_velocity" for stage in winds),
+    )
+
+
+def told_column(column: Column, content: Content) -> Document:
+    """What was understood of a column."""
+    told = ROLE_WORDS.get(column.role, column.role)
+    if column.role == "observable" and column.name in content.observables:
+        told = f"measured: {column.name}"
+    elif column.role == "condition":
+        first, *others = content.conditions.get(column.title, column.name).split(", ")
+        told = f"sets {first}" + (f" and {len(others)} places more" if others else "")
+    elif column.role == "condition_sd":
+        told = f"sd of {column.title}"
+    unit = column.heading.unit if column.role in UNIT_ROLES else ""
+    return {"column": column.heading.text, "role": column.role, "told": told, "unit": unit}

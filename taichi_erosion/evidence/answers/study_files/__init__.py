@@ -1,1 +1,0 @@
-"""New studies from tables, and the validation of studies."""

@@ -1,0 +1,292 @@
+"""Files of a new study: tidy table, scenes, study. They are written together, or not at all.
+
+Where the study is there already, its tidy table is written anew; the study and its scenes stay as the user
+has changed them. Rows keep what they became when rows were drawn for the vault (`held_out_rows.py`).
+"""
+
+import json
+import shlex
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taichi_erosion.campaign.study_file import with_entry
+from taichi_erosion.core.effect_loading import effect_in
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import write_atomic
+from taichi_erosion.evidence.answers.check_study import check_study
+from taichi_erosion.evidence.answers.scene_templates import Calibrated
+from taichi_erosion.evidence.data.held_out_rows import stated_rows
+from taichi_erosion.evidence.data.measured import read_table
+from taichi_erosion.evidence.data.physical_ranges import ANGLE, OBSERVED
+from taichi_erosion.evidence.data.problem import Drawn
+from taichi_erosion.evidence.data.tables.rows import Row, Table, tidy_fields, tidy_text
+from taichi_erosion.evidence.emulator.training_runs import inactive_reason, study_scenes
+from taichi_erosion.evidence.models import reduced
+from taichi_erosion.evidence.models.load_study import Study, load_study
+from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths
+from taichi_erosion.scene.load import file_text
+
+Document = dict[str, Any]
+TIDY = "_tidy.csv"  # end of the name of a tidy table, which so is another one than that of the laboratory's
+READ = "its cells when `study new` read it"
+FRACTION = 0.3  # of the groups in the vault
+LEAST_SHIFT = 1e-3  # of an observable by an effect of strength 1, below which it cannot be seen [1]
+EXPECTED_AS = {  # observable -> the one of which the literature tells the effects: a steeper heap is higher
+    **dict.fromkeys(("angle_of_repose", "cone_angle", "dynamic_angle", "runout_radius"), "repose_angle"),
+    **dict.fromkeys(("pile_height", "centroid_height", "radius_90", "column_height"), "repose_angle"),
+    **dict.fromkeys(("threshold_wind_speed", "rolling_onset"), "threshold_u_star"),
+    **dict.fromkeys(("impact_threshold", "impact_threshold_linear"), "threshold_u_star"),
+    "flux_height": "flux",
+}
+
+
+@dataclass(frozen=True)
+class Content:
+    """What a new study compares with its table."""
+
+    observables: Mapping[str, str]  # name -> file of its scene; empty: the model answers
+    conditions: Mapping[str, str]  # column -> places
+    parameters: Sequence[Calibrated]
+    scenes: Mapping[str, str] = field(default_factory=dict)  # of its own: name -> text
+    model: str = ""
+
+
+@dataclass(frozen=True)
+class StudyFiles:
+    """A study before it is written."""
+
+    folder: Path
+    stem: str  # name of the laboratory's table, without its ending
+    rows: Table
+    content: Content
+    made_from: str  # table of the laboratory, relative to the study
+    digest: str  # of its cells
+    assumed: Sequence[str]
+    effect_files: Sequence[str]  # with effects of the user's own, relative to the study
+
+    @property
+    def study(self) -> Path:
+        return self.folder / f"{self.stem}.toml"
+
+    @property
+    def table(self) -> Path:
+        return self.folder / f"{self.stem}{TIDY}"
+
+    @property
+    def scenes(self) -> dict[Path, str]:
+        """Files of its own scenes, with their texts."""
+        return {self.folder / f"{name}.toml": text for name, text in self.content.scenes.items()}
+
+
+def written_files(files: StudyFiles, anew: bool) -> Document:
+    """Write a study, or the table alone of one that is there, unless `anew`; the document says what it holds.
+
+    Raises BadInput where a file of another origin would be replaced, or where the study does not fit its
+    table; then nothing is written.
+    """
+    earlier, paths = earlier_study(files), [files.study, files.table, *files.scenes]
+    if earlier is None and (there := [path for path in paths if path.exists()]):
+        raise BadInput(f"{there[0]}: exists; remove it, or name another folder with --out")
+    drawn, changes = list[Drawn](row.drawn for row in files.rows.rows), {}
+    if earlier is not None:
+        drawn, changes = carried_over(earlier, read_table(files.table, files.table.name), files.rows)
+    with all_or_none(paths):
+        write_table(files, drawn)
+        if earlier is None or anew:
+            write_study(files, "" if earlier is None else earlier.drawn_from)
+        else:
+            paths = paths[:2]
+            text = file_text(files.study, str(files.study))
+            text = with_entry(text, ("study", "made_from_digest"), files.digest, READ)
+            write_atomic(files.study, text.encode())
+        write_table(files, drawn_rows(load_study(files.study), files.rows))
+        found = check_study(files.study)
+    return {"written": list(map(str, paths)), **found, **changes}
+
+
+def earlier_study(files: StudyFiles) -> Study | None:
+    """The study of the same table that is there; None where none is. Raises BadInput for another's."""
+    if not (files.study.exists() and files.table.exists()):
+        return None
+    study = load_study(files.study)
+    if study.file.study.made_from != files.made_from:
+        raise BadInput(f"{files.study}: is a study of another table; name another folder with --out")
+    return study
+
+
+def carried_over(study: Study, before: Table, after: Table) -> tuple[list[Drawn], dict[str, Document]]:
+    """What rows became when those of the earlier table of a study were drawn for the vault; what changed.
+
+    A row is known by its set-up, else by its place in a table of equal length.
+    """
+    free = defaultdict[Any, list[int]](list)
+    for place, row in enumerate(before.rows):
+        free[set_up_of(row)].append(place)
+    places: list[int | None] = []
+    for row in after.rows:
+        known = free[set_up_of(row)]
+        places.append(known.pop(0) if known else None)
+    if len(before.rows) == len(after.rows):
+        left = {place for known in free.values() for place in known}
+        places = [k if place is None and k in left else place for k, place in enumerate(places)]
+    was, now = plain_rows(before), plain_rows(after)
+    lines = [
+        row.line
+        for row, cells, place in zip(after.rows, now, places, strict=True)
+        if place is None or was[place] != cells
+    ]
+    removed = len(before.rows) - sum(place is not None for place in places)
+    changes = {"lines": list(dict.fromkeys(lines)), "removed": removed}
+    drawn = drawn_rows(study, before)
+    return ["" if place is None else drawn[place] for place in places], {"changes": changes}
+
+
+def set_up_of(row: Row) -> Any:
+    """Observable, group and conditions of a row, equal also where a condition is not known."""
+    return row.observable, row.group, *map(str, row.conditions)
+
+
+def plain_rows(table: Table) -> list[Mapping[str, str]]:
+    """Cells of every row, but for what the vault makes of it and its place in the file."""
+    return [
+        {name: text for name, text in row.items() if text and name not in ("vault", "source")}
+        for row in tidy_fields(table)
+    ]
+
+
+def write_table(files: StudyFiles, drawn: Sequence[Drawn]) -> None:
+    """Write the tidy table, with what became of every row when rows were drawn for the vault."""
+    rows = [replace(row, drawn=was) for row, was in zip(files.rows.rows, drawn, strict=True)]
+    write_atomic(files.table, tidy_text(replace(files.rows, rows=tuple(rows))).encode())
+
+
+def drawn_rows(study: Study, table: Table) -> list[Drawn]:
+    """What became of every row of a study's tidy table when rows were drawn for the vault.
+
+    Nothing is told of rows that the study does not use, and of those that a stated range or source holds out.
+    """
+    used = [k for k, row in enumerate(table.rows) if row.observable in study.file.observables]
+    hidden = set(study.problem.vault.rows.tolist())
+    vault = study.file.vault
+    inside = stated_rows(study.problem.measurements, vault.ranges, vault.sources)
+    found: list[Drawn] = [""] * len(table.rows)
+    for k, row in enumerate(used):
+        found[row] = "" if inside[k] else "held out" if k in hidden else "fitted"
+    return found
+
+
+@contextmanager
+def all_or_none(paths: Sequence[Path]) -> Iterator[None]:
+    """Files that are as before where the block refuses what it is given (BadInput)."""
+    before = {path: path.read_bytes() if path.is_file() else None for path in paths}
+    folder = next((path.parent for path in paths if not path.parent.exists()), None)
+    try:
+        yield
+    except BadInput:
+        for path, content in before.items():
+            if content is not None:
+                write_atomic(path, content)
+            elif path.is_file():
+                path.unlink()
+        if folder is not None and folder.is_dir() and not any(folder.iterdir()):
+            folder.rmdir()
+        raise
+
+
+def write_study(files: StudyFiles, drawn_from: str) -> None:
+    """Write the scenes and a study whose candidates can act."""
+    for path, text in files.scenes.items():
+        write_atomic(path, text.encode())
+    write_atomic(files.study, study_text(files, (), drawn_from).encode())
+    study = load_study(files.study)
+    acting = acting_formulas(study) if files.content.model else acting_candidates(study)
+    write_atomic(files.study, study_text(files, acting, drawn_from or study.digest).encode())
+
+
+def study_text(files: StudyFiles, candidates: Sequence[str], drawn_from: str) -> str:
+    """A study file; all candidates of the library where none are given."""
+    content = files.content
+    lines = [f"# {shlex.join(['./erosion', 'compare', files.study.name])}", "", "[study]"]
+    lines += [f"title = {quoted(files.stem)}", f"measurements = {quoted(files.table.name)}"]
+    lines += [f"made_from = {quoted(files.made_from)}"]
+    lines += [f"made_from_digest = {quoted(files.digest)}  # {READ}"]
+    lines += [f"model = {quoted(content.model)}"] if content.model else []
+    lines += [f"effect_files = {json.dumps(list(files.effect_files))}"] if files.effect_files else []
+    if files.assumed:
+        lines += ['notes = """', "Assumed, because the table does not say it:"]
+        lines += [f"- {words.replace(chr(34), chr(39))}" for words in files.assumed] + ['"""']
+    for name, scene in content.observables.items():
+        known = OBSERVED.get(name)
+        positive = all(row.value > 0.0 for row in files.rows.rows if row.observable == name)
+        lines += ["", f"[observables.{name}]"]
+        lines += [f"scene = {quoted(scene)}"] if scene else []
+        lines += [f"unit = {quoted(known.unit)}"] if content.model and known else []
+        lines += ['transform = "log"'] if positive and known is not ANGLE else []
+    lines += [
+        "",
+        "[conditions]",
+        *(f"{name} = {quoted(paths)}" for name, paths in content.conditions.items()),
+    ]
+    for number in content.parameters:
+        lines += ["", f"[parameters.{quoted(number.path)}]    # {number.why}"]
+        lines += [f"start = {number.start:g}", f"low = {number.low:g}", f"high = {number.high:g}"]
+        lines += [f"prior_sd_log = {number.sd_log:g}"]
+    lines += ["", "[candidates]", f"effects = {json.dumps(list(candidates) or 'all')}"]
+    lines += ["", "[vault]"]
+    lines += [f"fraction = {FRACTION:g}    # of the set-ups, held out until an effect is adopted"]
+    if drawn_from:
+        lines += [f"drawn_from = {quoted(drawn_from)}    # the table when its rows were drawn"]
+    return "\n".join(lines) + "\n"
+
+
+def quoted(text: str) -> str:
+    """A TOML string."""
+    return json.dumps(text, ensure_ascii=False)
+
+
+def acting_formulas(study: Study) -> list[str]:
+    """Effects of the closed form that change a measured quantity under the conditions of the table."""
+    measured = study.problem.measurements.conditions
+    columns = {model: measured[name] for name, model in study.file.conditions.items()}
+    start = {path: entry.start for path, entry in study.file.parameters.items()}
+
+    def values(name: str, effects: dict[str, float]) -> np.ndarray:
+        return reduced.expected(name, columns, start, effects)
+
+    found = []
+    for effect in reduced.EFFECTS:
+        shifts = [
+            np.abs(values(name, {effect: 1.0}) / values(name, {}) - 1.0) for name in study.file.observables
+        ]
+        if any(bool(np.nanmax(shift) > LEAST_SHIFT) for shift in shifts):
+            found.append(effect)
+    return found
+
+
+def acting_candidates(study: Study) -> list[str]:
+    """Effects of the library that can change what is measured here.
+
+    Where the literature does not say which observables an effect changes, it is a candidate if the table
+    holds a condition that it reads. Where that leaves none, all that can act are candidates.
+    """
+    simulator = study.problem.model.model  # pyright: ignore[reportAttributeAccessIssue]
+    assert isinstance(simulator, Simulator)
+    scenes, measured = study_scenes(study, simulator), study.file.observables
+    known = {*measured, *(EXPECTED_AS[name] for name in measured if name in EXPECTED_AS)}
+    for paths in study.file.conditions.values():
+        known |= {path.removeprefix("conditions.") for path in dotted_paths(paths)}
+    own = {effect_in(file).name for file in study.effect_files}
+    able = [
+        candidate.name
+        for candidate in study.problem.candidates
+        if any(inactive_reason(scene, candidate) is None for scene in scenes)
+    ]
+    effects = {name: simulator.library[name] for name in able}
+    expected = [n for n, each in effects.items() if n in own or {*(each.expected or each.reads)} & known]
+    return expected or able

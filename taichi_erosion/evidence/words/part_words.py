@@ -1,0 +1,289 @@
+"""Parts of a record in words: repeats, errors, misfit, calibrated numbers; what acts, statuses, laws.
+
+Headline, table and last line take the same names from `acting`, so that they cannot contradict each other.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from math import log
+
+import numpy as np
+
+from taichi_erosion.evidence.data.number_words import counted, heading, plain
+from taichi_erosion.evidence.data.problem import SetUpFault
+from taichi_erosion.evidence.race.priors import SURE
+from taichi_erosion.evidence.race.record import (
+    Decided,
+    EffectPart,
+    ErrorPart,
+    Interval,
+    LawPart,
+    LevelPart,
+    PlacePart,
+    Record,
+)
+from taichi_erosion.evidence.words import vocabulary as say
+
+UNITS = {57.3: "degrees for radians", 100.0: "percent for a share", 10.0: "another unit", 1e3: "another unit"}
+TESTED = {"confirmed": "confirm the answer", "undecided": "leave it open"}
+FAULTS = {  # of a set-up
+    "source_changed": "{} has changed since `study new`: run it again to take over the changes",
+    "unit": "{}: its rows are about {} times what the calibrated model says{}: check the unit of its column",
+    "scatter": "{}: repeats scatter {} times as much as is stated: "
+    "a condition that the table lacks, or an sd stated too small",
+    "repeats": "{}: repeats in {} differ by {}: check {}",
+    "too_few_rows": "too few rows to tell effects apart: {} under different conditions{}, "
+    "where {} calibrated; at least {} are needed",
+}
+UNKNOWN_SCATTER = (
+    "no row has an sd, and no measurement is repeated: the scatter is unknown. Add a column sd, or repeats"
+)
+ONE_LESS = " minus one"  # of what a dose counts
+LIKELY = 0.5  # probability above which an effect acts rather than not
+NEAR_UNIT = 0.1  # of ln of a factor, within which it is told as that of a unit
+
+
+def set_up_lines(faults: Sequence[SetUpFault]) -> list[str]:
+    """Errors and warnings before an answer: repeats that differ first, for they may be typing errors."""
+    order = sorted(faults, key=lambda fault: (fault.kind != "repeats", not fault.blocks))
+    return list(dict.fromkeys(f"{'error' if each.blocks else 'warning'}: {each.sentence}" for each in order))
+
+
+def numbered(lines: Iterable[int]) -> str:
+    """`row 17`, `rows 4, 17 and 18`."""
+    rows = list(map(str, dict.fromkeys(lines)))
+    return f"{'row' if len(rows) == 1 else 'rows'} {say.joined(rows)}"
+
+
+def errors_line(record: Record, voc: say.Vocabulary, every: bool = True) -> str:
+    """Levels, and where wanted `every` error that nobody stated."""
+    levels = [each for each in record.levels if each.probability >= SURE]
+    words = say.told([error_text(each, voc) for each in (*levels, *(record.errors if every else ()))])
+    return f"Also: {words}.{' Check method, code and unit.' if levels else ''}" if words else ""
+
+
+def error_text(found: LevelPart | ErrorPart, voc: say.Vocabulary) -> str:
+    """`the pile height reads 0.6 mm (0.4 to 0.8) more than the model at all conditions`."""
+    name, label = f"the {say.quantity(found.observable)}", found.label if isinstance(found, ErrorPart) else ""
+    more = "more" if found.size.value > 0.0 else "less"
+    unit = unit_text(found.size.value) if found.kind == "factor" else ""
+    times, size = (
+        f"{say.interval(found.size)} times",
+        f"{voc.difference(found.observable, found.size)} {more}",
+    )
+    return {
+        "factor": f"{name} reads {factor_text(found.size)} at all conditions{unit}",
+        "offset": f"{name} reads {size} than the model at all conditions",
+        "scatter": f"the scatter of {name}{f' of {label}' if label else ''} is {times} what is stated",
+        "row": f"row {label} reads {name} {size} than it should: check it",
+    }.get(found.kind, f"{found.kind} {label} reads {name} {size} than the others")
+
+
+def factor_text(size: Interval) -> str:
+    """`4.5 % (3.8 to 5.8) more than the model`; a factor of two or more as it is."""
+    if not 0.5 < size.value < 2.0:
+        return f"{say.interval(size)} times the model"
+    sign = 1.0 if size.value > 1.0 else -1.0
+    percent = Interval(*(100.0 * sign * (each - 1.0) for each in (size.value, size.low, size.high)))
+    return f"{say.interval(percent, unit='%')} {'more' if sign > 0.0 else 'less'} than the model"
+
+
+def unit_text(factor: float) -> str:
+    """` (percent for a share?)`, where a factor or its inverse is that of a unit."""
+    near = (words for size, words in UNITS.items() if abs(abs(log(factor)) - log(size)) < NEAR_UNIT)
+    words = next(near, "")
+    return f" ({words}?)" if words else ""
+
+
+def failing(record: Record) -> list[PlacePart]:
+    """Places where the model fails if nothing is missing, the worst first."""
+    return sorted((each for each in record.where if each.p < say.ADEQUATE), key=lambda each: each.p)
+
+
+def where_line(record: Record) -> str:
+    """`Where the model fails: the measured flux lies above the model at large moisture (p = 0.002).`"""
+    words = []
+    for each in failing(record):
+        at = "everywhere" if each.axis == "level" else f"at large {say.quantity(each.axis)}"
+        way = "below" if each.sign < 0 else "above"
+        words.append(
+            f"the measured {say.quantity(each.observable)} lies {way} the model {at} ({say.chance(each.p)})"
+        )
+    return f"Where the model fails: {say.told(words)}." if words else ""
+
+
+def testable(record: Record) -> bool:
+    """Whether these measurements can test any effect."""
+    return record.decided.verdict != "not_testable"
+
+
+def rows_text(record: Record) -> str:
+    return "the other rows" if record.repeats else f"all {counted(record.fit.n, 'row')}"
+
+
+def agrees(record: Record) -> bool:
+    """Whether the calibrated model agrees with the fitted rows, as a whole and in every place."""
+    return not (record.fit.p_before < say.ADEQUATE or failing(record))
+
+
+def fit_line(record: Record, added: str) -> str:
+    """Misfit of the fitted rows before and after what is added."""
+    fit = record.fit
+    if not added:
+        return ""
+    before, after = plain(fit.chi2_before / fit.n, 2), plain(fit.chi2_after / fit.n, 2)
+    words = f"Misfit per fitted row: {before} before ({say.chance(fit.p_before)}), {after} with {added}"
+    rest = " The model still fails: something else acts too, or by another law." * (
+        fit.p_after < say.ADEQUATE
+    )
+    if record.fresh is not None and record.fresh.outcome in TESTED:
+        rest += f" {counted(record.fresh.runs, 'new simulation')} {TESTED[record.fresh.outcome]}."
+    return f"{words} ({say.chance(fit.p_after)}); 1 is chance.{rest}"
+
+
+def numbers_line(record: Record, before: bool, without: str = "") -> str:
+    """Calibrated numbers; those that were biased without an effect, or that end at the end of their range."""
+    words, ends = [], []
+    without = "" if record.fit.p_after < say.ADEQUATE else without
+    last = [path.rpartition(".")[2] for path in record.numbers]
+    for path, each in record.numbers.items():
+        end = path.rpartition(".")[2]
+        name = say.quantity(end) if last.count(end) == 1 else path
+        moved = each.now.low > each.before.value or each.before.value > each.now.high
+        biased = f", biased without {without}: {plain(each.before.value, 3)}" if without and moved else ""
+        words.append(f"{name} {say.interval(each.before if before else each.now, 3)}{biased}")
+        ends += [name] * each.at_end
+    more = f" At the end of the searched range: {say.joined(ends)}; check range and unit." if ends else ""
+    return f"Calibrated: {say.told(words)}.{more}" if words else ""
+
+
+def observable_rows(record: Record, voc: say.Vocabulary) -> Iterator[tuple[str, ...]]:
+    """Misfit of every observable: rows, root of the mean squared error, mean error, where the model fails."""
+    names = np.array(record.rows.observable)
+    for name in dict.fromkeys(record.rows.observable):
+        gap = voc.scale(name) * record.rows.gap(record.rows.before)[names == name]
+        axes = ", ".join(say.quantity(each.axis) for each in failing(record) if each.observable == name)
+        errors = plain(float(np.sqrt(np.mean(gap**2))), 2), plain(float(np.mean(gap)), 2)
+        yield (
+            heading(say.quantity(name), voc.units.value_unit(name)),
+            str(gap.size),
+            *errors,
+            axes or "nowhere",
+        )
+
+
+def acting(decided: Decided) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What acts for sure, and of what one does; nothing where new runs of the scene change the answer."""
+    if decided.verdict == "unstable":
+        return (), ()
+    sure, either = (decided.mechanisms, ()) if len(decided.mechanisms) == 1 else ((), decided.mechanisms)
+    return (*decided.named, *sure), (*decided.group, *either)
+
+
+def headline(record: Record, voc: say.Vocabulary) -> str:
+    """The answer of `discover` in one sentence."""
+    decided = record.decided
+    sure, either = ([acting_text(name, record, voc) for name in names] for names in acting(decided))
+    if sure or either:
+        words = say.joined([*sure, f"either {say.joined(either, 'or')}"] if either else sure)
+        open_ = "; these measurements do not tell which" if either else ""
+        return f"Missing: {words}{open_}.{' Not in the list of effects.' if decided.mechanisms else ''}"
+    if decided.verdict == "outside_library":
+        chance = say.probability(decided.probabilities["outside_library"])
+        return (
+            f"Missing: something not in the list; no listed effect explains the data (probability {chance})."
+        )
+    return silence(record, voc)
+
+
+def acting_text(name: str, record: Record, voc: say.Vocabulary) -> str:
+    """An effect or mechanism with its law, or its strength."""
+    law, part, title = record.law, record.effects.get(name), voc.titled(name)
+    if law is not None and law.mechanism == name:
+        return f"{title} with the law {law_text(law, voc)}"
+    if part is not None and part.varies_along:
+        return f"{title} with a strength that varies along {part.varies_along}"
+    if part is None or name not in record.decided.named:
+        return title
+    return f"{title} with strength {strength_text(part)}"
+
+
+def strength_text(part: EffectPart) -> str:
+    """Strength with its interval; that it reaches the end of the list."""
+    limit = f", at the limit of the list, {plain(part.most, 2)}" if part.strength.high >= part.most else ""
+    return f"{say.interval(part.strength)}{limit}"
+
+
+def law_text(law: LawPart, voc: say.Vocabulary) -> str:
+    """`factor = 1 + 0.8 (moisture / 5 %)^1.2`, in the units of the table."""
+    written = {name: plain(number.value, 2) for name, number in law.numbers.items()}
+    written |= {name: voc.units.size_text(*size) for name, size in law.sizes.items()}
+    text = (law.template or law.expression).format(**written)
+    counts = voc.doses.get(law.mechanism.partition(":")[0], "strength")
+    if counts.endswith(ONE_LESS):
+        counts, text = counts.removesuffix(ONE_LESS), f"1 + {text}".replace("+ -", "- ")
+    return f"{counts} = {text}"
+
+
+def law_line(record: Record) -> str:
+    """How well the law of what acts is known."""
+    law, (sure, either) = record.law, acting(record.decided)
+    if law is None or law.mechanism not in (*sure, *either):
+        return ""
+    free = [f"the exponent of {name} is {say.interval(power)}; " for name, power in law.exponents.items()]
+    share = f"{100.0 * law.held_out_share:.0f} % of the misfit at conditions left out of its fit"
+    return f"Law: {''.join(free)}it explains {share}."
+
+
+def silence(record: Record, voc: say.Vocabulary) -> str:
+    """The answer where nothing is named."""
+    decided, fit = record.decided, record.fit
+    if decided.verdict == "unstable":
+        names = say.joined(map(voc.titled, (*decided.named, *decided.group)), "or")
+        return f"No effect is named: new runs of the scene change the answer. Candidates: {names}."
+    if not testable(record):
+        return "No effect is named before the errors above are mended."
+    likely, share = max(decided.probabilities.items(), key=lambda item: item[1])
+    fails = fit.p_before < say.ADEQUATE
+    rows, chance = rows_text(record), say.chance(fit.p_before)
+    state = f"the model {'fails on' if fails else 'agrees with'} {rows} ({chance})"
+    if likely == "none" and (not fails or share >= SURE):
+        common = " by errors of measurement" * fails
+        none = f"probability that none acts: {say.probability(share)}"
+        return f"No missing effect is seen: {state}{common}; {none}."
+    why = f"a name needs {SURE:g}"
+    if share >= SURE:
+        why = f"among so many candidates one looks as good by chance with {say.chance(decided.familywise)}"
+    best = f"the likeliest, {voc.explanation(likely)} alone, has probability {say.probability(share)}; {why}"
+    return f"No effect is named: {state}. Of all explanations {best}."
+
+
+def status(name: str, record: Record) -> str:
+    """What these measurements say of one candidate."""
+    sure, either = acting(record.decided)
+    if name in sure:
+        return "present"
+    if name in either:
+        return f"not told apart from {say.joined((n for n in either if n != name), 'or')}; one of them acts"
+    part = record.effects[name]
+    if part.status == "excluded":
+        return f"excluded above {plain(part.limit, 2)}"
+    words = f"could act unseen below {plain(part.unseen_below, 2)}"
+    if part.status == "better_but_not_sufficient":
+        words = "better than nothing but not sufficient"
+    elif part.probability > LIKELY:
+        words = "likely, but not sure"
+    elif part.status == "untestable" or not part.unseen_below < part.most:
+        words = "these measurements cannot see it"
+    return f"{words}; not told apart from {say.joined(part.alike, 'or')}" if part.alike else words
+
+
+def effect_rows(record: Record) -> Iterator[tuple[str, ...]]:
+    """Candidates and mechanisms: what acts first, then by probability; a strength where it likely acts."""
+    acts = [name for names in acting(record.decided) for name in names]
+    chances = {name: record.decided.probabilities.get(name, 0.0) for name in acts}
+    chances |= {name: part.probability for name, part in record.effects.items()}
+    for name in sorted(chances, key=lambda name: (name not in acts, -chances[name])):
+        part = record.effects.get(name)
+        hidden = part is None or part.varies_along or (name not in acts and part.probability < LIKELY)
+        strength = "-" if hidden or part is None else strength_text(part)
+        yield name, status(name, record), strength, say.probability(chances[name])
