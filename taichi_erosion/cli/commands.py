@@ -23,7 +23,7 @@ from taichi_erosion.cli.help import EXPLAIN, SIMULATE, help_of
 from taichi_erosion.cli.output import Arch, AsJson, Decomposition, EffectFiles, Force, Verbose
 from taichi_erosion.cli.progress import LOG, interruptible, open_log, reporting
 from taichi_erosion.cli.source_tree import source_module
-from taichi_erosion.core.engine.choice import SWITCH, engine_name, engine_version
+from taichi_erosion.core.engine import SWITCH, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput, ExitCode
 from taichi_erosion.core.files import check_writable, refuse_foreign
 

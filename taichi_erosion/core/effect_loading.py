@@ -18,7 +18,7 @@ from typing import Any, get_args
 import numpy as np
 
 from taichi_erosion.core.effect import Effect, Place
-from taichi_erosion.core.engine.choice import is_device_function
+from taichi_erosion.core.engine import is_device_function
 from taichi_erosion.core.errors import BadInput, nearest
 from taichi_erosion.core.foreign_code import DIGITS, EffectFile
 
