@@ -233,7 +233,7 @@ def live(
 
 def recording_of(file: Path) -> Path:
     """Recording file; the recording of a study is written from its results."""
-    from taichi_erosion.scene.file_kind import refuse_neither
+    from taichi_erosion.scene.load import refuse_neither
 
     refuse_neither(file)
     if file.suffix != ".toml":

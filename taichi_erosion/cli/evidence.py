@@ -233,7 +233,7 @@ def predict(
 def report(source: ReportSource, to: PageFile = None, force: Force = False, as_json: AsJson = False) -> None:
     """Write one self-contained HTML page: on a run, a calibration, or all results of a study."""
     from taichi_erosion.report import write_report
-    from taichi_erosion.scene.file_kind import refuse_neither
+    from taichi_erosion.scene.load import refuse_neither
 
     refuse_neither(source)
     page = str(write_report(source, to, force))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from benchmarks.wind_cases import SCENES, STEP_FRACTION, WINDS, threshold_scene
 from taichi_erosion.scene import load_scene
-from taichi_erosion.scene.shipped import INSTALLED
+from taichi_erosion.scene.load import INSTALLED
 
 ROOT = Path(__file__).parents[2]
 SECTIONS = ("grains", "materials", "laws", "contact", "geometry", "wind", "fill", "threshold", "stages")

@@ -3,11 +3,10 @@
 from typing import Any
 
 import pytest
-from scene_tables import ABSENT, changed, complaint, good_table, wrong_places
+from scene_tables import ABSENT, changed, complaint, wrong_places
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import parse_scene
-from taichi_erosion.scene.load import MOST_FAULTS
 
 MISTAKES = list(wrong_places())
 
@@ -33,7 +32,7 @@ def test_every_mistake_gives_one_line_that_names_the_file_and_the_section(path: 
         ("materials.soil.density", 2.13e9, " = 2130000000.0 lies outside [25, 30000] kg m-3"),
         ("contact.soil-soil.restituton", 0.5, " is unknown; did you mean 'restitution'?"),
         ("materials.soil.density", ABSENT, " is missing"),
-        ("geometry.funel", {"rim_radius": 0.05}, ".shape is missing; did you mean funnel?"),
+        ("geometry.funel", {"rim_radius": 0.05}, ".shape is missing"),
         ("laws.normal", "hetrz", " = 'hetrz' is not one of 'hertz' or 'jkr'"),
         ("grains.material", "sand", " = 'sand' is not among [materials]: soil, steel"),
         ("stages.2.remove", ["lid"], ": 'lid' is not standing: funnel, plate"),
@@ -41,21 +40,6 @@ def test_every_mistake_gives_one_line_that_names_the_file_and_the_section(path: 
 )
 def test_the_line_says_what_is_allowed(path: str, value: Any, line: str):
     assert complaint(changed(path, value)) == f"scenes/bad.toml: {path}{line}"
-
-
-@pytest.mark.parametrize(
-    ("path", "value", "hint"),
-    [
-        ("materials.soil.density", 2.65, "; did you mean 2650 kg m-3 (2.65 g cm-3)?"),
-        ("geometry.funnel.rim_radius", 12.0, "; did you mean 0.012 m (12 mm)?"),
-        ("grains.size.median", 0.3, "; did you mean 0.0003 m (0.3 mm)?"),
-        ("grains.size.median", 250.0, "; did you mean 0.00025 m (250 um)?"),
-        ("grains.size", {"law": "sieve", "rows": [[0.1, 0.5, 1.0]]}, "; did you mean 0.0005 m (0.5 mm)?"),
-        ("materials.soil.density", 2.13e9, "kg m-3"),  # no unit of print explains it
-    ],
-)
-def test_a_number_in_a_unit_of_print_is_recognised(path: str, value: Any, hint: str):
-    assert complaint(changed(path, value)).endswith(hint)
 
 
 def test_the_first_of_several_mistakes_are_told_and_the_others_counted():
@@ -67,10 +51,3 @@ def test_the_first_of_several_mistakes_are_told_and_the_others_counted():
         parse_scene(table, "scenes/bad.toml")
     faults = [fault.split(" = ")[0].removeprefix("scenes/bad.toml: ") for fault in caught.value.faults]
     assert faults == ["grains.count", "contact.soil-soil.restitution", "contact.soil-soil.friction_sliding"]
-    table = good_table()
-    table["stages"] = [{"name": f"stage {k}", "duration_max": -1.0} for k in range(MOST_FAULTS + 2)]
-    with pytest.raises(BadInput) as caught:
-        parse_scene(table, "scenes/bad.toml")
-    assert len(caught.value.faults) == MOST_FAULTS + 1
-    assert caught.value.faults[-1].endswith(" faults more")
-    assert all(fault.startswith("scenes/bad.toml: stages.") for fault in caught.value.faults[:-1])

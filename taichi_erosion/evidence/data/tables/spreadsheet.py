@@ -24,7 +24,7 @@ from taichi_erosion.evidence.data.tables.cell_numbers import (
 )
 from taichi_erosion.evidence.data.tables.headings import read_heading, unit_in
 from taichi_erosion.evidence.data.tables.vocabulary import meaning_of
-from taichi_erosion.scene.file_kind import refuse_other_kind
+from taichi_erosion.scene.load import refuse_other_kind
 
 LARGEST_FILE = 20_000_000  # bytes; no table of measurements is larger
 SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
