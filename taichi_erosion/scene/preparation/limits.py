@@ -5,7 +5,6 @@ from math import hypot, pi, radians, sqrt, tan
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene.preparation.clump import SPHERE_REACH, template_spheres
 from taichi_erosion.scene.preparation.contacts import (
     materials_used,
     shear_modulus,
@@ -13,7 +12,13 @@ from taichi_erosion.scene.preparation.contacts import (
     young_effective,
 )
 from taichi_erosion.scene.preparation.fill import start_top
-from taichi_erosion.scene.preparation.sizes import mean_cube, nominal_diameter, size_range
+from taichi_erosion.scene.preparation.sizes import (
+    SPHERE_REACH,
+    mean_cube,
+    nominal_diameter,
+    size_range,
+    template_spheres,
+)
 from taichi_erosion.scene.preparation.walls import wall_bounds
 from taichi_erosion.scene.schema.grains import Positions, Pour
 from taichi_erosion.scene.schema.scene import Scene
