@@ -7,7 +7,13 @@ from typing import Any
 
 from taichi_erosion.core.effect import Check, Conditions, Probe
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.change import sample_scene, with_grain_material, with_section, with_shorter_step
+from taichi_erosion.scene.change import (
+    sample_scene,
+    with_contacts,
+    with_grain_material,
+    with_section,
+    with_shorter_step,
+)
 from taichi_erosion.scene.schema.grains import Contact, Material
 
 Change = Callable[[Scene, float], Scene]  # (scene, factor) -> changed scene
@@ -23,20 +29,6 @@ def factor_of(strength: float, dose: float) -> float:
     return max(1.0 + strength * dose, LEAST)
 
 
-def with_chosen_contacts(scene: Scene, change: Callable[[Contact], Contact], walls: bool) -> Scene:
-    """The scene with contacts of grains with walls changed, or those of grains with each other."""
-    grain = scene.grains.material
-
-    def is_chosen(pair: str) -> bool:
-        return grain in pair.split("-") and walls == (pair != f"{grain}-{grain}")
-
-    contacts = {
-        pair: change(contact) if contact.acted_on and is_chosen(pair) else contact
-        for pair, contact in scene.contact.items()
-    }
-    return scene.model_copy(update={"contact": contacts})
-
-
 def scaled(change: Change, params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
     """The scene with a number multiplied by 1 + strength D."""
     return scene if strength * params.dose == 0.0 else change(scene, factor_of(strength, params.dose))
@@ -49,7 +41,7 @@ def with_contact_number(entry: str, walls: bool, scene: Scene, factor: float) ->
     def changed(contact: Contact) -> Contact:
         return contact.model_copy(update={entry: min(factor * getattr(contact, entry), most)})
 
-    return with_chosen_contacts(scene, changed, walls)
+    return with_contacts(scene, changed, walls)
 
 
 def rolling(walls: bool, params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
@@ -72,8 +64,8 @@ def rolling(walls: bool, params: Any, strength: float, conditions: Conditions, s
 
     if bare:
         with_law = with_section(scene, "laws", rolling="elastic_plastic")
-        scene = with_chosen_contacts(with_law, free, not walls)
-    return with_chosen_contacts(scene, changed, walls)
+        scene = with_contacts(with_law, free, not walls)
+    return with_contacts(scene, changed, walls)
 
 
 def contact_checks(entry: str, walls: bool, params: Any, probe: Probe) -> Iterator[Check]:

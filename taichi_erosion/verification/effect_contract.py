@@ -29,10 +29,10 @@ from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsified, make_ben
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.mechanisms.law import numbers_in
 from taichi_erosion.scene import Scene, resolved
 from taichi_erosion.scene.change import sample_scene
 from taichi_erosion.scene.schema.conditions import OF_SCENE, Conditions
+from taichi_erosion.scene.schema.fields import numbers_in
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_unit
 
 LEAST_CHECKS = 3

@@ -73,9 +73,9 @@ def unit_of(field: Any) -> str | None:
 
 
 def numbers_in(value: Any) -> Iterator[float]:
-    """The numbers of a number, of a vector, or of nothing."""
-    if isinstance(value, tuple):
-        for component in value:
+    """The numbers of a number, of nested lists and tables, or of nothing."""
+    if isinstance(value, list | tuple | dict):
+        for component in value.values() if isinstance(value, dict) else value:
             yield from numbers_in(component)
     elif isinstance(value, int | float) and not isinstance(value, bool):
         yield value
