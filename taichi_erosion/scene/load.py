@@ -184,29 +184,24 @@ def parsed(
     problems: Callable[[S], Iterator[str]],
 ) -> S:
     """Scene without problems, of a raw table."""
-    raw = deepcopy(dict(table))
+    raw, diameter = deepcopy(dict(table)), None
     try:
         for override in overrides:
             apply_override(raw, override)
-        scene = validated(kind, with_tuples(raw))
+        raw = with_tuples(raw)
+        diameter = readable_diameter(raw) if kind is Scene else None
+        scene = kind.model_validate(raw, context={DIAMETER: diameter})
         scene._file = name
-        lines = list(problems(scene))
+        if lines := list(problems(scene)):
+            raise BadInput(*lines)
+        return scene
     except BadInput as error:
-        raise BadInput(*told(name, error.faults)) from None
-    if lines:
-        raise BadInput(*told(name, lines))
-    return scene
-
-
-def validated(kind: type[S], table: dict[str, Any]) -> S:
-    """Scene whose every entry is right by itself."""
-    diameter = readable_diameter(table) if kind is Scene else None
-    try:
-        return kind.model_validate(table, context={DIAMETER: diameter})
+        lines = error.faults
     except ValidationError as error:
-        raise BadInput(*problem_lines(error, table, diameter)) from None
+        lines = problem_lines(error, raw, diameter)
     except (OverflowError, RecursionError) as error:
-        raise BadInput(f"cannot be used: {first_line(error)}") from None
+        lines = [f"cannot be used: {first_line(error)}"]
+    raise BadInput(*told(name, lines)) from None
 
 
 def problem_lines(error: ValidationError, table: Any, diameter: float | None = None) -> list[str]:

@@ -125,34 +125,28 @@ def parameters_are_pinned(effect: Effect, probe: Probe) -> Iterator[str]:
 def parameters_are_documented(effect: Effect, probe: Probe) -> Iterator[str]:
     """Parameters carry unit, meaning and a finite range that holds their default."""
     for f in fields(effect.params):
-        if not is_declared(f):
-            yield f"{f.name} is declared without unit or meaning; use quantity"
-        elif not isfinite(f.metadata["low"]) or not isfinite(f.metadata["high"]):
+        problems = list(declaration_problems(f))
+        yield from problems
+        if not problems and not (isfinite(f.metadata["low"]) and isfinite(f.metadata["high"])):
             yield f"{f.name} has no range"
-        else:
-            yield from unit_problems(f)
     try:
         check_range(effect.params(), effect.name)
     except ValueError as error:
         yield str(error)
 
 
-def is_declared(f: Any) -> bool:
-    """Whether a number is declared with unit and meaning."""
-    return f.default is not MISSING and bool(f.metadata.get("meaning")) and bool(f.metadata.get("unit"))
-
-
-def unit_problems(f: Any) -> Iterator[str]:
-    """A unit that is not known, or not that of SI; an angle may be in degrees."""
-    unit = f.metadata["unit"]
-    if unit.startswith(UNIT_OF):
-        return
-    try:
-        if parse_unit(unit).factor != 1.0 and unit != "deg":
-            yield f"{f.name} is declared in {unit}; numbers of an effect are in SI units, or in deg"
-    except UnknownUnit as error:
-        hint = error.hint or "write for example N m-1 or 1"
-        yield f"{f.name} has the unit '{unit}', which is not known; {hint}"
+def declaration_problems(f: Any) -> Iterator[str]:
+    """A number without meaning, or in a unit that is not known or not of SI; an angle may be in degrees."""
+    unit = f.metadata.get("unit", "")
+    if f.default is MISSING or not (f.metadata.get("meaning") and unit):
+        yield f"{f.name} is declared without unit or meaning; use quantity"
+    elif not unit.startswith(UNIT_OF):
+        try:
+            if parse_unit(unit).factor != 1.0 and unit != "deg":
+                yield f"{f.name} is declared in {unit}; numbers of an effect are in SI units, or in deg"
+        except UnknownUnit as error:
+            hint = error.hint or "write for example N m-1 or 1"
+            yield f"{f.name} has the unit '{unit}', which is not known; {hint}"
 
 
 def grain_state_is_sound(effect: Effect, probe: Probe) -> Iterator[str]:
@@ -160,8 +154,7 @@ def grain_state_is_sound(effect: Effect, probe: Probe) -> Iterator[str]:
     if effect.grain_state is None:
         return
     for f in fields(effect.grain_state):
-        if not is_declared(f):
-            yield f"grain_state.{f.name} is declared without unit or meaning; use quantity"
+        yield from (f"grain_state.{problem}" for problem in declaration_problems(f))
     for _, params in (("", effect.params()), *extreme_params(effect)):
         for state in reached_states(effect, probe, params, 1.0):
             if not np.all(np.isfinite(list(asdict(state).values()))):
@@ -170,19 +163,16 @@ def grain_state_is_sound(effect: Effect, probe: Probe) -> Iterator[str]:
 
 def is_described(effect: Effect, probe: Probe) -> Iterator[str]:
     """Docstring with a reference and what strength does; title, prior, conditions that exist."""
-    doc = effect.doc or ""
-    yield from (
-        f"its docstring lacks '{word}'" for word in ("Reference:", "trength", "Holds") if word not in doc
-    )
+    lacking = (word for word in ("Reference:", "trength", "Holds") if word not in (effect.doc or ""))
+    yield from (f"its docstring lacks '{word}'" for word in lacking)
     if not effect.title:
         yield "it has no title"
     if not 0.0 < effect.prior_scale <= effect.most:
         yield f"prior_scale = {effect.prior_scale} must lie in (0, most = {effect.most}]"
     for name in own_conditions(effect):
-        near = get_close_matches(name, Conditions.model_fields, n=1, cutoff=LIKE)
-        if near or not name.isidentifier():
-            meant = f"; did you mean '{near[0]}'?" if near else ""
-            yield f"it reads '{name}', which is not among the conditions of a scene{meant}"
+        if near := get_close_matches(name, Conditions.model_fields, n=1, cutoff=LIKE):
+            meant = f"did you mean '{near[0]}'?"
+            yield f"it reads '{name}', which is not among the conditions of a scene; {meant}"
     if not np.all(np.isin(effect.can_act(one_row(effect)), (True, False))):
         yield "can_act does not give a mask"
 
@@ -216,11 +206,8 @@ def vanishes_at_no_strength(effect: Effect, probe: Probe) -> Iterator[str]:
     params, known = effect.params(), conditions_for(effect)
     if effect.place == "scene":
         scenes = [sample_scene(**sections) for sections in scenes_for(effect)]
-        yield from (
-            "it changes the scene at strength 0"
-            for scene in scenes
-            if effect.act(params, 0.0, known, scene) != scene
-        )
+        if any(effect.act(params, 0.0, known, scene) != scene for scene in scenes):
+            yield "it changes the scene at strength 0"
     elif effect.place == "instrument":
         if any(effect.act(params, 0.0, known, name, 0.3) != 0.3 for name in READINGS):
             yield "it changes a reading at strength 0"
