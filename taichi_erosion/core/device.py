@@ -18,7 +18,6 @@ import os
 import platform
 import struct
 import sys
-import tempfile
 import time
 from functools import cache
 from pathlib import Path
@@ -27,6 +26,7 @@ import numpy as np
 
 from taichi_erosion.core.engine import engine_mark, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import check_writable
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import LOCK, OPTIONS, core, impl, ti
 from taichi_erosion.core.transfer import is_host
@@ -142,11 +142,10 @@ def cache_folder() -> Path:
 def is_writable(folder: Path) -> bool:
     """Whether a file can be made there; Taichi crashes at exit when its cache folder refuses."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return True
-    except OSError:
+        check_writable(folder / "any")
+    except BadInput:
         return False
+    return True
 
 
 def remove_stale_lock(folder: Path) -> None:
