@@ -38,19 +38,15 @@ NOT_HASHED = {
 }
 ENDINGS: Mapping[str, str] = {
     **dict.fromkeys((".csv", ".tsv", ".xlsx", ".xlsm", ".xls", ".ods"), "table"),
-    **dict.fromkeys((".rrd",), "recording"),
-    **dict.fromkeys((".json", ".html", ".htm"), "result"),
-    **dict.fromkeys((".py",), "effect"),
-    **dict.fromkeys((".png", ".jpg", ".jpeg", ".pdf", ".npz", ".docx"), "other"),
+    ".rrd": "recording",
+    ".py": "effect",
 }
 REMEDIES: Mapping[str, str] = {
     "table": "is a table of measurements; make a study of it: ./erosion study new {path}",
     "study": "is a study; the commands on it are: ./erosion study check {path}, ./erosion compare {path}",
     "scene": "is a scene; simulate it: ./erosion run {path}",
     "recording": "is the recording of a run; look at it: ./erosion view {path}",
-    "result": "is a result of this program, not its input",
     "effect": "is a Python file; an effect file is named beside a study or a scene: --effect {path}",
-    "other": "is no text of this program",
 }
 TAGS = ("law", "shape")  # entries that choose the form of a section
 LONGEST_VALUE = 60  # characters of a value that a message repeats
