@@ -233,9 +233,9 @@ def live(
 
 def recording_of(file: Path) -> Path:
     """Recording file; the recording of a study is written from its results."""
-    from taichi_erosion.scene.load import refuse_neither
+    from taichi_erosion.scene.load import refuse_other_kind
 
-    refuse_neither(file)
+    refuse_other_kind(file, "study", "recording")
     if file.suffix != ".toml":
         return file
     from taichi_erosion.report import write_recording

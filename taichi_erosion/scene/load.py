@@ -65,20 +65,14 @@ SENTENCES = {  # by kind of error; pydantic tells the others
 }
 
 
-def refuse_other_kind(path: Path, wanted: Wanted) -> None:
+def refuse_other_kind(path: Path, wanted: Wanted, *also: str) -> None:
     """Raise BadInput, with the right command, for a folder or a file that is certainly of another kind."""
     name = one_line_name(path)
     if path.is_dir():
         raise BadInput(f"{name}: is a folder; name a {wanted}")
     found = file_kind(path)
-    if found not in (None, wanted) and path.is_file():
+    if found not in (None, wanted, *also) and path.is_file():
         raise BadInput(f"{name}: {REMEDIES[found].format(path=shlex.quote(name))}; a {wanted} is wanted here")
-
-
-def refuse_neither(path: Path) -> None:
-    """Refuse what is certainly neither a study nor a run, for commands that take both; raises BadInput."""
-    if path.is_dir() or file_kind(path) in ("table", "effect", "scene"):
-        refuse_other_kind(path, "study")
 
 
 def file_kind(path: Path) -> str | None:

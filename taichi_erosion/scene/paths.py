@@ -65,8 +65,7 @@ def meaning_of(path: str) -> str:
             names = [name for option in options(schema, above) for name in option.get("properties", {})]
             raise BadInput(f"no scene has an entry '{path}'{did_you_mean(key, names)}")
     meanings = [o["description"] for o in options(schema, found.get("items", found)) if "description" in o]
-    nameless = meanings[0].partition("\n")[0] if len(meanings) == 1 else "a section"
-    nameless = "a component" if found.get("type") == "number" else nameless
+    nameless = meanings[0].partition("\n")[0] if len(meanings) == 1 else "a part"
     return "\n".join([f"{path}: {told_entry(found, nameless)}", *lines_below(schema, found)])
 
 
