@@ -127,12 +127,10 @@ class Effect:
         """Raise ValueError for a grain state that nothing updates, or at a place without grains."""
         if (self.grain_state is None) != (self.update_state is None):
             raise ValueError(f"effect '{self.name}': grain_state and update_state go together")
-        if self.grain_state is not None and self.place not in STATEFUL:
-            raise ValueError(f"effect '{self.name}': place {self.place} has no grain state")
-        if self.place != "grain":
-            for name in ("drag", "gust"):
-                if getattr(self, name) is not None:
-                    raise ValueError(f"effect '{self.name}': place {self.place} has no {name}")
+        places = {"grain_state": STATEFUL, "drag": ("grain",), "gust": ("grain",)}
+        for name, allowed in places.items():
+            if getattr(self, name) is not None and self.place not in allowed:
+                raise ValueError(f"effect '{self.name}': place {self.place} has no {name}")
 
 
 def effect_of(module: str, **entries: Any) -> Effect:

@@ -4,10 +4,9 @@ The probe of a pair effect gives its attraction, or its force vector [N]; of a f
 two grains pass; of a grain effect force [N], what it adds to the drag included, and torque [N m]; of a
 scene effect the changed `scene`; of an instrument the value that is read instead of `value`.
 
-For an effect with a grain state, `state_i` and `state_j` set the states of the grains, the initial one where
-left out. With `state_before=STATE` and members of a grain the probe gives the state after one exchange
-interval; `state_before=None` stands for the initial state. The device must have been started for effects
-that act on it.
+For an effect with a grain state, `state_i` and `state_j` set the states of the grains; with `state_before`
+and members of a grain the probe gives the state after one exchange interval. A state that is None or left
+out is the initial one. The device must have been started for effects that act on it.
 """
 
 from collections import defaultdict

@@ -137,5 +137,5 @@ def test_an_effect_may_read_a_condition_that_no_scene_has_by_itself(bench):
 def test_a_memory_that_nothing_keeps_is_refused_at_once():
     with pytest.raises(ValueError, match="grain_state and update_state go together"):
         replace(AGEING, update_state=None)
-    with pytest.raises(ValueError, match="place first_contact has no grain state"):
+    with pytest.raises(ValueError, match="place first_contact has no grain_state"):
         replace(LIBRARY["midair_passing"], grain_state=AGEING.grain_state, update_state=AGEING.update_state)
