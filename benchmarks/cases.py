@@ -12,8 +12,8 @@ from benchmarks.grain_cases import Size, device_grain_cases, grain_case, standar
 from benchmarks.shared_machine import shared_cases
 from benchmarks.wind_cases import air_case, standard_air_cases, threshold_case
 from taichi_erosion import __version__
-from taichi_erosion.core.compiler_target import compiler_target
-from taichi_erosion.core.engine.choice import engine_name, engine_version
+from taichi_erosion.core.device import compiler_target
+from taichi_erosion.core.engine import engine_name, engine_version
 from taichi_erosion.core.setup import Arch
 
 __all__ = ["run_benchmarks"]

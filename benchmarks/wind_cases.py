@@ -22,9 +22,8 @@ from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.run.ensemble_loop import EnsembleRun, run_ensemble
 from taichi_erosion.run.stages import ReplicaState
 from taichi_erosion.scene import Scene, build_setup, laws, load_scene, parse_scene
-from taichi_erosion.scene.load import load_air_scene, toml_table
+from taichi_erosion.scene.load import SCENES, load_air_scene, toml_table
 from taichi_erosion.scene.preparation.air import build_air
-from taichi_erosion.scene.shipped import SCENES
 from taichi_erosion.simulation import (
     Simulation,
     advance,

@@ -16,7 +16,7 @@ os.environ.setdefault("RERUN_STRICT", "1")  # a wrong argument raises instead of
 import pytest
 from hypothesis import settings
 
-from taichi_erosion.core.engine.choice import ENGINES, SWITCH
+from taichi_erosion.core.engine import ENGINES, SWITCH
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 
 # no deadline: the cores are shared; the same cases each time: a red test can be repeated

@@ -4,7 +4,7 @@ Reference for the numbers behind smooth walls: Schlichting & Gersten (2017), Bou
 """
 
 from taichi_erosion.core.air_setup import SIDES
-from taichi_erosion.core.engine.elementary import exponential, logarithm
+from taichi_erosion.core.device_functions import exponential, logarithm
 from taichi_erosion.core.ti import ti
 
 real = ti.f64

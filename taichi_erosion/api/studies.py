@@ -116,7 +116,7 @@ def study(
     Raises BadInput for a file that is none and for a budget that is none; its commands do for faults in it.
     """
     from taichi_erosion.evidence.models.load_study import StudyOptions, stated_budget
-    from taichi_erosion.scene.file_kind import refuse_other_kind
+    from taichi_erosion.scene.load import refuse_other_kind
 
     refuse_other_kind(Path(path), "study")
     if not Path(path).is_file():

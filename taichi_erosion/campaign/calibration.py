@@ -253,7 +253,7 @@ def calibrated_text(scene: Path, overrides: Sequence[str], wanted: Scene) -> str
     try:
         for override in overrides:
             path, _, value = override.partition("=")
-            text = with_entry(text, path.strip().split("."), parsed(override, value.strip()))
+            text = with_entry(text, path.strip().split("."), parsed(value.strip()))
         again = parse_scene(tomllib.loads(text), str(scene), scene.parent)
     except BadInput:
         return tomlkit.dumps(resolved(wanted))

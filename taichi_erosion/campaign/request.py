@@ -17,7 +17,7 @@ from typing import Any
 
 from taichi_erosion import __version__
 from taichi_erosion.campaign.study_file import WorkersEntry
-from taichi_erosion.core.engine.choice import engine_mark
+from taichi_erosion.core.engine import engine_mark
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.core.setup import Arch, Numerics

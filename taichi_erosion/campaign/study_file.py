@@ -19,11 +19,9 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
 from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import ArchChoice, Decomposition
-from taichi_erosion.scene.file_kind import refuse_other_name, refuse_other_sections
-from taichi_erosion.scene.load import file_text, first_line, with_tuples
+from taichi_erosion.scene.load import first_line, problem_lines, toml_table, with_tuples
 from taichi_erosion.scene.paths import DIALECT
 from taichi_erosion.scene.schema.fields import Name, Section, contradiction, number
-from taichi_erosion.scene.validation_messages import problem_lines
 
 UNIT, UNIT_OF_PARAMETER = "unit of the observable", "unit of the parameter"
 LARGEST = 1e30  # numbers beyond it are taken for a slip
@@ -365,13 +363,7 @@ def doubly_set(file: StudyFile) -> Iterator[str]:
 def read_study_file(path: Path, problems: Callable[[StudyFile], Iterator[str]]) -> StudyFile:
     """Study of a TOML file in which `problems` finds none; raises BadInput with one line."""
     name = one_line_name(path)
-    refuse_other_name(path, "study")
-    try:
-        raw = tomllib.loads(file_text(path, name))
-        table = nested_candidates(with_tuples(raw))
-    except (ValueError, RecursionError) as error:
-        raise BadInput(f"{name}: not a TOML file: {first_line(error)}") from None
-    refuse_other_sections(path, raw, "study")
+    table = nested_candidates(with_tuples(toml_table(path, "study")))
     try:
         file = StudyFile.model_validate(table)
     except ValidationError as error:

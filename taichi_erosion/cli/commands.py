@@ -37,7 +37,7 @@ from taichi_erosion.cli.options import (
     help_of,
 )
 from taichi_erosion.cli.progress import LOG, open_log, reporting
-from taichi_erosion.core.engine.choice import SWITCH, engine_name, engine_version
+from taichi_erosion.core.engine import SWITCH, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput, ExitCode
 from taichi_erosion.core.files import check_writable, refuse_foreign
 
@@ -237,9 +237,9 @@ def live(
 
 def recording_of(file: Path) -> Path:
     """Recording file; the recording of a study is written from its results."""
-    from taichi_erosion.scene.file_kind import refuse_neither
+    from taichi_erosion.scene.load import refuse_other_kind
 
-    refuse_neither(file)
+    refuse_other_kind(file, "study", "recording")
     if file.suffix != ".toml":
         return file
     from taichi_erosion.report import write_recording

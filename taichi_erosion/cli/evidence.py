@@ -185,9 +185,9 @@ def report(
 ) -> None:
     """Write one self-contained HTML page: on a run, a calibration, or all results of a study."""
     from taichi_erosion.report import write_report
-    from taichi_erosion.scene.file_kind import refuse_neither
+    from taichi_erosion.scene.load import refuse_other_kind
 
-    refuse_neither(source)
+    refuse_other_kind(source, "study", "recording")
     page = str(write_report(source, to, force))
     output.print_result({"report": page}, as_json, lambda _: typer.echo(page))
 

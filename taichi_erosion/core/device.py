@@ -1,15 +1,32 @@
-"""Starting the device: the only place that calls `ti.init`."""
+"""Start of the device, the only place that calls `ti.init`; and the processor that kernels are compiled for.
+
+Taichi 1.7.4 compiles with LLVM 15, which looks its processor up by name in a table of features and tuning. A
+newer processor is `generic` there (AMD Zen 5, Hygon, Zhaoxin) and gets no wide packed arithmetic; neither
+`ti.init` nor the environment changes it. The table `llvm::X86SubTypeKV` is data, rows of 80 bytes {address of
+the name, 32 bytes of features, 32 of tuning, address of the instruction schedule}. Before the first `ti.init`
+the row `generic` receives what follows the name in that of `znver3`, 256 bits wide. No formula changes and
+fast-math stays off: results keep their bits. Where the system, the version of Taichi, the size of the table
+or the features of the processor are others, nothing is changed. quadrants compiles with LLVM 22, which knows
+these processors.
+"""
 
 import contextlib
+import ctypes
 import io
+import mmap
 import os
-import tempfile
+import platform
+import struct
+import sys
 import time
+from functools import cache
 from pathlib import Path
 
-from taichi_erosion.core.compiler_target import compiler_target
-from taichi_erosion.core.engine.choice import engine_mark, engine_version
+import numpy as np
+
+from taichi_erosion.core.engine import engine_mark, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import check_writable
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import LOCK, OPTIONS, core, impl, ti
 from taichi_erosion.core.transfer import is_host
@@ -17,6 +34,99 @@ from taichi_erosion.core.transfer import is_host
 LOCK_SECONDS = 30.0  # age from which the lock of a cache counts as left behind
 SERIAL_LINES = 1024  # two blocks of 512 iterations, of which Taichi gives one to a thread
 CACHE_BYTES = 1 << 30  # of compiled kernels, 2 MB a kind of run; beyond it the oldest are dropped
+TAICHI = (1, 7, 4)
+UNKNOWN = "generic"  # name that LLVM gives to a processor that it does not know
+NAME_FUNCTION = b"_ZN4llvm3sys14getHostCPUNameEv"
+TABLE = b"_ZN4llvm12X86SubTypeKVE"
+ROW, FEATURES = 80, 8  # bytes of a row, and where what follows its name begins
+TABLE_BYTES = 86 * ROW  # LLVM 15.0.4
+SYMBOL = np.dtype([("name", "<u4"), ("kind", "<u4"), ("value", "<u8"), ("size", "<u8")])
+WIDE = "znver3"  # row that suits 256 bits
+WIDE_FLAGS = {"avx2", "fma", "bmi1", "bmi2", "f16c", "abm", "movbe", "adx"}  # as /proc/cpuinfo names them
+
+
+class StringRef(ctypes.Structure):
+    """LLVM's pair of address and length of a text."""
+
+    _fields_ = (("data", ctypes.c_void_p), ("length", ctypes.c_size_t))
+
+
+def loaded_library() -> tuple[int, Path]:
+    """Address and file of the library in which Taichi brings LLVM; ValueError where it is not loaded."""
+    for line in Path("/proc/self/maps").read_text(encoding="utf-8").splitlines():
+        words = line.split()
+        if len(words) == 6 and "/taichi_python." in words[5] and int(words[2], 16) == 0:
+            return int(words[0].partition("-")[0], 16), Path(words[5])
+    raise ValueError("Taichi's library is not loaded")
+
+
+def search_symbols(file: Path) -> tuple[int, int]:
+    """Addresses within an ELF file of the function that names the processor and of the table; ValueError."""
+    with file.open("rb") as opened, mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ) as image:
+        (start,) = struct.unpack_from("<Q", image, 0x28)
+        size, count, names = struct.unpack_from("<HHH", image, 0x3A)
+        heads = [struct.unpack_from("<IIQQQQ", image, start + k * size) for k in range(count)]
+        text = heads[names][4]
+        parts = {image[text + h[0] : image.find(b"\0", text + h[0])]: (h[4], h[5]) for h in heads}
+        texts, length = parts[b".strtab"]
+        places = [image.find(b"\0" + name + b"\0", texts, texts + length) for name in (NAME_FUNCTION, TABLE)]
+        start, length = parts[b".symtab"]
+        symbols = np.frombuffer(image[start : start + length], SYMBOL)
+    function, table = (symbols[symbols["name"] == place + 1 - texts] for place in places)
+    if table["size"].tolist() != [TABLE_BYTES] or len(function) != 1:
+        raise ValueError("another table of processors")
+    return int(function["value"][0]), int(table["value"][0])
+
+
+def compiler_rows() -> tuple[str, dict[str, int]]:
+    """What LLVM calls this processor, and the addresses of the rows of its table by name."""
+    base, file = loaded_library()
+    function, table = search_symbols(file)
+    named = ctypes.CFUNCTYPE(StringRef)(base + function)()
+    addresses = range(base + table, base + table + TABLE_BYTES, ROW)
+    rows = {ctypes.string_at(ctypes.c_uint64.from_address(at).value).decode(): at for at in addresses}
+    return ctypes.string_at(named.data, named.length).decode(), rows
+
+
+def write_row(target: int, source: int) -> None:
+    """Give a row the features, tuning and schedule of another, by their addresses."""
+    library = ctypes.CDLL(None, use_errno=True)
+    content = ctypes.string_at(source + FEATURES, ROW - FEATURES)
+    first = (target + FEATURES) & ~(mmap.PAGESIZE - 1)
+    length = target + ROW - first
+    for access in (mmap.PROT_READ | mmap.PROT_WRITE, mmap.PROT_READ):
+        if library.mprotect(ctypes.c_void_p(first), ctypes.c_size_t(length), access) != 0:
+            raise OSError(ctypes.get_errno(), "mprotect")
+        if access & mmap.PROT_WRITE:
+            ctypes.memmove(target + FEATURES, content, len(content))
+
+
+@cache
+def processor() -> dict[str, str]:
+    """Entries of /proc/cpuinfo for the first processor; none on another system."""
+    if sys.platform != "linux":
+        return {}
+    text = Path("/proc/cpuinfo").read_text(encoding="utf-8").partition("\n\n")[0]
+    rows = (line.partition(":") for line in text.splitlines())
+    return {name.strip(): value.strip() for name, _, value in rows}
+
+
+@cache
+def compiler_target() -> str:
+    """Name of the processor that kernels are compiled for, once it is the widest that can be had."""
+    if engine_name() != "taichi":
+        keys = ("vendor_id", "cpu family", "model")
+        return "-".join([platform.machine(), *(processor()[key] for key in keys if key in processor())])
+    if sys.platform != "linux" or platform.machine() != "x86_64" or ti.__version__ != TAICHI:
+        return platform.machine()
+    try:
+        name, rows = compiler_rows()
+        if name == UNKNOWN and set(processor().get("flags", "").split()) >= WIDE_FLAGS:
+            write_row(rows[UNKNOWN], rows[WIDE])
+            name = f"{UNKNOWN}-as-{WIDE}"
+    except (OSError, ValueError, KeyError, AttributeError, struct.error):
+        return platform.machine()
+    return name
 
 
 def cache_folder() -> Path:
@@ -32,11 +142,10 @@ def cache_folder() -> Path:
 def is_writable(folder: Path) -> bool:
     """Whether a file can be made there; Taichi crashes at exit when its cache folder refuses."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return True
-    except OSError:
+        check_writable(folder / "any")
+    except BadInput:
         return False
+    return True
 
 
 def remove_stale_lock(folder: Path) -> None:
@@ -63,11 +172,11 @@ def start_device(numerics: Numerics, pool_least: int = 1) -> int:
     back to another device.
     """
     threads = numerics.threads or usable_cores()
-    cache = cache_folder()
-    offline = is_writable(cache)
-    remove_stale_lock(cache)
-    # Taichi makes this folder at exit even where it keeps nothing there, and crashes where it cannot
-    folder = cache if offline else Path(__file__).parent
+    folder = cache_folder()
+    offline = is_writable(folder)
+    remove_stale_lock(folder)
+    if not offline:  # Taichi makes this folder at exit even where it keeps nothing there, or crashes
+        folder = Path(__file__).parent
     with contextlib.redirect_stdout(io.StringIO()):
         ti.init(
             arch=getattr(ti, numerics.arch),
@@ -81,8 +190,11 @@ def start_device(numerics: Numerics, pool_least: int = 1) -> int:
             offline_cache_max_size_of_files=CACHE_BYTES,
             **OPTIONS,
         )
-    refuse_fallback(numerics.arch)
-    refuse_single_precision(numerics.arch)
+    wanted = {ti.x64, ti.arm64} if numerics.arch == "cpu" else {getattr(ti, numerics.arch)}
+    if impl.current_cfg().arch not in wanted:  # Taichi took another device
+        raise BadInput(f"--arch {numerics.arch}: no such device on this machine; use --arch cpu")
+    if numerics.arch == "vulkan":
+        refuse_single_precision()
     return threads
 
 
@@ -94,10 +206,8 @@ def add_one(
     number_out[0] = number_out[0] + ti.cast(1.0, ti.f64)
 
 
-def refuse_single_precision(arch: str) -> None:
+def refuse_single_precision() -> None:
     """Raise BadInput for a Vulkan device without 64-bit floats, in which positions are kept."""
-    if arch != "vulkan":
-        return
     try:
         add_one(ti.field(ti.f64, shape=1))
     except RuntimeError:
@@ -109,14 +219,6 @@ def refuse_single_precision(arch: str) -> None:
 def has_cuda() -> bool:
     """Whether there is an NVIDIA graphics processor that the engine can use."""
     return bool(core.with_cuda())
-
-
-def refuse_fallback(arch: str) -> None:
-    """Raise BadInput where Taichi silently took another device."""
-    started = impl.current_cfg().arch
-    wanted = {ti.x64, ti.arm64} if arch == "cpu" else {getattr(ti, arch)}
-    if started not in wanted:
-        raise BadInput(f"--arch {arch}: no such device on this machine; use --arch cpu")
 
 
 def is_serial(lines: int) -> bool:

@@ -23,9 +23,9 @@ restored beds. Pair effects read the state of both grains, grain effects that of
 
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass, field, fields
 from math import inf, isfinite
+from numbers import Real
 from pathlib import Path
 from typing import Any, Literal
 
@@ -127,12 +127,10 @@ class Effect:
         """Raise ValueError for a grain state that nothing updates, or at a place without grains."""
         if (self.grain_state is None) != (self.update_state is None):
             raise ValueError(f"effect '{self.name}': grain_state and update_state go together")
-        if self.grain_state is not None and self.place not in STATEFUL:
-            raise ValueError(f"effect '{self.name}': place {self.place} has no grain state")
-        if self.place != "grain":
-            for name in ("drag", "gust"):
-                if getattr(self, name) is not None:
-                    raise ValueError(f"effect '{self.name}': place {self.place} has no {name}")
+        places = {"grain_state": STATEFUL, "drag": ("grain",), "gust": ("grain",)}
+        for name, allowed in places.items():
+            if getattr(self, name) is not None and self.place not in allowed:
+                raise ValueError(f"effect '{self.name}': place {self.place} has no {name}")
 
 
 def effect_of(module: str, **entries: Any) -> Effect:
@@ -191,28 +189,22 @@ def replica_effect(
     """Constants and reach of a device effect in one replica; `radius` is that of its largest grain [m]."""
     assert effect.constants is not None
     constants = effect.constants(params, strength, conditions)
-    refuse_no_numbers(effect, constants)
+    if not isinstance(constants, dict) or not all(map(is_finite_number, constants.values())):
+        told = f"constants must give a dict of finite numbers by name, not {constants!r}"
+        raise BadInput(f"effects.{effect.name}: {told}")
     start = initial_state(effect, params, strength, conditions)
     return ReplicaEffect(effect, constants, effect.reach(constants, radius), start)
+
+
+def is_finite_number(value: Any) -> bool:
+    """Whether a value is one finite number, of Python or NumPy."""
+    return isinstance(value, Real) and isfinite(value)
 
 
 def longest_reaches(effects: Sequence[ReplicaEffect]) -> tuple[float, float]:
     """Longest gaps across which effects act, between any grains and some that have not touched [m]."""
     free = (one.reach for one in effects if not one.effect.after_touch)
     return max((one.reach for one in effects), default=0.0), max(free, default=0.0)
-
-
-def refuse_no_numbers(effect: Effect, constants: Any) -> None:
-    """Raise BadInput where the constants of an effect are not finite numbers by name."""
-    if not isinstance(constants, dict):
-        raise BadInput(
-            f"effects.{effect.name}: constants must give a dict of numbers by name, not {constants!r}"
-        )
-    for name, value in constants.items():
-        with suppress(TypeError, ValueError):
-            if isfinite(value):
-                continue
-        raise BadInput(f"effects.{effect.name}: its constants give {name} = {value!r}, not a finite number")
 
 
 def initial_state(effect: Effect, params: Any, strength: float, conditions: Conditions) -> Constants:

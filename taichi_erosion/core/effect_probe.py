@@ -4,10 +4,9 @@ The probe of a pair effect gives its attraction, or its force vector [N]; of a f
 two grains pass; of a grain effect force [N], what it adds to the drag included, and torque [N m]; of a
 scene effect the changed `scene`; of an instrument the value that is read instead of `value`.
 
-For an effect with a grain state, `state_i` and `state_j` set the states of the grains, the initial one where
-left out. With `state_before=STATE` and members of a grain the probe gives the state after one exchange
-interval; `state_before=None` stands for the initial state. The device must have been started for effects
-that act on it.
+For an effect with a grain state, `state_i` and `state_j` set the states of the grains; with `state_before`
+and members of a grain the probe gives the state after one exchange interval. A state that is None or left
+out is the initial one. The device must have been started for effects that act on it.
 """
 
 from collections import defaultdict
@@ -197,8 +196,9 @@ def device_probe(effect: Effect, bench: Bench) -> Probe:
         state_i = members.pop("state_before" if advances else "state_i", None)
         if effect.grain_state is not None:
             fresh = effect.grain_state(**initial_state(effect, params, strength, conditions))
-            set_state(effects, PLACE_I, state_i or fresh)
-            set_state(effects, PLACE_J, members.pop("state_j", None) or fresh)
+            for at, state in ((PLACE_I, state_i), (PLACE_J, members.pop("state_j", None))):
+                numbers = asdict(state or fresh).items()
+                upload([(getattr(effects.states[0], name), [value]) for name, value in numbers], at)
         place = bench.grain if advances else getattr(bench, effect.place)
         upload([(parts(place)[name], [value]) for name, value in (zeros(place) | members).items()])
         return advanced_state(effect, effects, bench) if advances else result(effect, effects, bench)
@@ -208,7 +208,7 @@ def device_probe(effect: Effect, bench: Bench) -> Probe:
 
 def zeros(place: Any) -> dict[str, Any]:
     """Zeros for all members of a struct field."""
-    return {name: np.zeros(value.n if hasattr(value, "n") else 1) for name, value in parts(place).items()}
+    return {name: np.zeros(getattr(member, "n", 1)) for name, member in parts(place).items()}
 
 
 def result(effect: Effect, effects: DeviceEffects, bench: Bench) -> Any:
@@ -221,11 +221,6 @@ def result(effect: Effect, effects: DeviceEffects, bench: Bench) -> Any:
     else:
         evaluate_first_contact(effects, bench.first_contact, bench.scalar)
     return read(bench.force)[0].astype(np.float64) if effect.vector else float(read(bench.scalar)[0])
-
-
-def set_state(effects: DeviceEffects, place: int, state: Any) -> None:
-    """Write the state variables of one grain place."""
-    upload([(getattr(effects.states[0], name), [value]) for name, value in asdict(state).items()], place)
 
 
 def advanced_state(effect: Effect, effects: DeviceEffects, bench: Bench) -> Any:

@@ -9,7 +9,6 @@ only if that file is from the same source and, where it has a digest, still as i
 changed belongs to the user. Tables, which hold no comment, are listed with their digests in `written.json`.
 """
 
-import fcntl
 import json
 import os
 import re
@@ -17,7 +16,7 @@ import struct
 import tempfile
 import zlib
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -26,7 +25,6 @@ from urllib.parse import quote, unquote
 
 from taichi_erosion.core.errors import BadInput
 
-LARGEST_TEXT = 100_000_000  # bytes, beyond any table or document of this program
 PART_SUFFIX = ".part"  # name of a file while it is being written
 MARK = re.compile(rb"made by taichi_erosion from ([^ \r\n;,]+)(?:, content ([0-9a-f]+))?;")
 LOOKED_THROUGH = 65536  # bytes at the beginning of a file in which its mark stands
@@ -50,11 +48,8 @@ def regular_file(path: Path) -> Path:
 
 
 def read_text_file(path: Path, encoding: str = "utf-8") -> str:
-    """Content of a text file. Raises OSError for no regular file or a huge one, ValueError for no text."""
-    size = regular_file(path).stat().st_size
-    if size > LARGEST_TEXT:
-        raise OSError(f"{size} bytes are too many; at most {LARGEST_TEXT}")
-    return path.read_text(encoding=encoding)
+    """Content of a text file. Raises OSError for no regular file, ValueError for no text."""
+    return regular_file(path).read_text(encoding=encoding)
 
 
 def part_path(path: Path) -> Path:
@@ -63,19 +58,15 @@ def part_path(path: Path) -> Path:
 
 
 def make_parent(path: Path) -> None:
-    """Make the parent folder of a file.
-
-    Raises BadInput where it cannot be made, and where the path is that of a folder, a pipe or a device.
-    """
+    """Make the parent folder of a file. Raises BadInput where it cannot be made, or a folder has the name."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        taken = not path.name or (path.exists() and not path.is_file())
-        os.fspath(path).encode()
+        path.name.encode()
     except OSError as error:
         raise BadInput(f"{path}: its folder cannot be made ({error.strerror})") from error
     except ValueError:
         raise BadInput(f"{str(path)!a}: is not a name in UTF-8") from None
-    if taken:
+    if not path.name or (path.exists() and not path.is_file()):
         raise BadInput(f"{path}: is not the name of a file")
 
 
@@ -93,39 +84,18 @@ def check_writable(path: Path) -> None:
 def atomic_file(path: Path) -> Iterator[BinaryIO]:
     """Empty file that replaces the one at a path in one step once it is flushed to disk. Raises OSError.
 
-    A crash at any moment leaves the old file or the new one, never a part; concurrent writers take turns.
+    A crash at any moment leaves the old file or the new one, never a part.
     """
-    part = part_path(path)
-    with locked(part) as file:
-        try:
-            file.truncate()
+    part = path.with_name(f"{path.name}.{os.getpid()}{PART_SUFFIX}")
+    try:
+        with part.open("wb") as file:
             yield file
             file.flush()
             os.fsync(file.fileno())
-            os.replace(part, path)
-        except BaseException:
-            part.unlink(missing_ok=True)  # frees its space on a full disk
-            raise
-
-
-@contextmanager
-def locked(part: Path) -> Iterator[BinaryIO]:
-    """Unfinished file under an exclusive lock; opened again if it was renamed while the lock was awaited."""
-    while True:
-        with os.fdopen(os.open(part, os.O_RDWR | os.O_CREAT, 0o666), "r+b") as file:
-            with suppress(OSError):  # a file system without locks
-                fcntl.flock(file, fcntl.LOCK_EX)
-            if is_named(file, part):
-                yield file
-                return
-
-
-def is_named(file: BinaryIO, path: Path) -> bool:
-    """Whether an open file is the one at a path; not where the path has been renamed away."""
-    try:
-        return os.path.samestat(os.fstat(file.fileno()), path.stat())
-    except FileNotFoundError:
-        return False
+        part.replace(path)
+    except BaseException:
+        part.unlink(missing_ok=True)  # frees its space on a full disk
+        raise
 
 
 def write_atomic(path: Path, content: bytes) -> Path:

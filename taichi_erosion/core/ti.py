@@ -1,4 +1,4 @@
-"""The one import of the engine that compiles kernels: Taichi, or quadrants (`core/engine/choice.py`).
+"""The one import of the engine that compiles kernels: Taichi, or quadrants (`core/engine.py`).
 
 `ti` is the engine, `impl` its state, `core` its library. Both engines have the same words for what is used
 here; where they differ, this file says how.
@@ -7,8 +7,7 @@ here; where they differ, this file says how.
 import os
 from typing import TYPE_CHECKING, Any
 
-from taichi_erosion.core.engine.choice import engine_name
-from taichi_erosion.core.engine.shortcuts import take_shortcuts
+from taichi_erosion.core.engine import engine_name, take_shortcuts
 
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("ENABLE_QUADRANTS_HEADER_PRINT", "0")
@@ -35,4 +34,4 @@ else:
 
 __all__ = ["LOCK", "OPTIONS", "CompilationError", "core", "impl", "ti"]
 
-take_shortcuts(engine_name())
+take_shortcuts()

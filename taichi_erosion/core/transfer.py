@@ -83,18 +83,13 @@ def field_view(field: Any) -> NDArray[Any]:
         tree = node.get_snode_tree_id()
         if tree not in known.trees:
             known.trees[tree] = address_of(field) - distance_from_root(node)
-        known.views[field] = view_at(field, known.trees[tree] + distance_from_root(node))
+        shape, inner, cell = field.shape, inner_shape(field), node.parent.cell_size_bytes
+        number_type = np.dtype(NUMPY_TYPES[str(field.dtype)])
+        strides = (*strides_of(shape, cell), *strides_of(inner, number_type.itemsize))
+        extent = (prod(shape) - 1) * cell + prod(inner) * number_type.itemsize
+        numbers = (ctypes.c_char * extent).from_address(known.trees[tree] + distance_from_root(node))
+        known.views[field] = np.ndarray((*shape, *inner), number_type, numbers, strides=strides)
     return known.views[field]
-
-
-def view_at(field: Any, address: int) -> NDArray[Any]:
-    """View of a field whose first number lies at an address."""
-    shape, inner, cell = field.shape, inner_shape(field), field.snode.ptr.parent.cell_size_bytes
-    number_type = np.dtype(NUMPY_TYPES[str(field.dtype)])
-    strides = (*strides_of(shape, cell), *strides_of(inner, number_type.itemsize))
-    extent = (prod(shape) - 1) * cell + prod(inner) * number_type.itemsize
-    numbers = (ctypes.c_char * extent).from_address(address)
-    return np.ndarray((*shape, *inner), number_type, numbers, strides=strides)
 
 
 def aligned(field: Any) -> Any:

@@ -12,8 +12,8 @@ Stat. 29, 610.
 
 from math import pi
 
+from taichi_erosion.core.device_functions import cosine, logarithm, sine
 from taichi_erosion.core.effect_device import add_gusts, total_drag_factor, total_grain_force, update_states
-from taichi_erosion.core.engine.elementary import cosine, logarithm, sine
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.deposit import SPHERE_VOLUME, column_share, layer_range, share_below, wind_of
 from taichi_erosion.grains.cells import position_of

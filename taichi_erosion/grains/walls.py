@@ -9,7 +9,7 @@ edge may only be pushed once: `wall_contacts.py`, from the closest points found 
 
 from typing import Any
 
-from taichi_erosion.core.engine.elementary import cosine, sine
+from taichi_erosion.core.device_functions import cosine, sine
 from taichi_erosion.core.setup import PrimitiveKind
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import device_record

@@ -7,7 +7,13 @@ from typing import Any
 
 from taichi_erosion.core.effect import Check, Conditions, Probe
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.change import sample_scene, with_grain_material, with_section, with_shorter_step
+from taichi_erosion.scene.change import (
+    sample_scene,
+    with_contacts,
+    with_grain_material,
+    with_section,
+    with_shorter_step,
+)
 from taichi_erosion.scene.schema.grains import Contact, Material
 
 Change = Callable[[Scene, float], Scene]  # (scene, factor) -> changed scene
@@ -23,20 +29,6 @@ def factor_of(strength: float, dose: float) -> float:
     return max(1.0 + strength * dose, LEAST)
 
 
-def with_chosen_contacts(scene: Scene, change: Callable[[Contact], Contact], walls: bool) -> Scene:
-    """The scene with contacts of grains with walls changed, or those of grains with each other."""
-    grain = scene.grains.material
-
-    def is_chosen(pair: str) -> bool:
-        return grain in pair.split("-") and walls == (pair != f"{grain}-{grain}")
-
-    contacts = {
-        pair: change(contact) if contact.acted_on and is_chosen(pair) else contact
-        for pair, contact in scene.contact.items()
-    }
-    return scene.model_copy(update={"contact": contacts})
-
-
 def scaled(change: Change, params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
     """The scene with a number multiplied by 1 + strength D."""
     return scene if strength * params.dose == 0.0 else change(scene, factor_of(strength, params.dose))
@@ -49,7 +41,7 @@ def with_contact_number(entry: str, walls: bool, scene: Scene, factor: float) ->
     def changed(contact: Contact) -> Contact:
         return contact.model_copy(update={entry: min(factor * getattr(contact, entry), most)})
 
-    return with_chosen_contacts(scene, changed, walls)
+    return with_contacts(scene, changed, walls)
 
 
 def rolling(walls: bool, params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
@@ -72,8 +64,8 @@ def rolling(walls: bool, params: Any, strength: float, conditions: Conditions, s
 
     if bare:
         with_law = with_section(scene, "laws", rolling="elastic_plastic")
-        scene = with_chosen_contacts(with_law, free, not walls)
-    return with_chosen_contacts(scene, changed, walls)
+        scene = with_contacts(with_law, free, not walls)
+    return with_contacts(scene, changed, walls)
 
 
 def contact_checks(entry: str, walls: bool, params: Any, probe: Probe) -> Iterator[Check]:
@@ -119,44 +111,29 @@ def stress_checks(params: Any, probe: Probe) -> Iterator[Check]:
     yield Check("without wind nothing changes", float(probe(params(), {}, scene=still) == still), 1.0)
 
 
-def with_weight(scene: Scene, factor: float) -> Scene:
-    """The scene with heavier or lighter grains."""
+def with_material(entry: str, power: float, scene: Scene, factor: float) -> Scene:
+    """The scene with a number of the grains multiplied, and a step shorter by a power of the factor."""
 
-    def heavier(material: Material) -> Material:
-        return material.model_copy(update={"density": factor * material.density})
-
-    return with_shorter_step(with_grain_material(scene, heavier), factor**0.5)
-
-
-def weight_checks(params: Any, probe: Probe) -> Iterator[Check]:
-    def changed(strength: float = 1.0) -> Scene:
-        return probe(params(dose=-0.5), {}, scene=sample_scene(), strength=strength)
-
-    yield Check("a dose of -0.5 is half the weight", changed().materials["sand"].density, 1250.0)
-    yield Check(HALF, changed(0.5).materials["sand"].density, 1875.0)
-    yield Check("walls keep their density", changed().materials["steel"].density, 7850.0)
-    yield Check("lighter grains need a shorter step", changed().run.time_step or 0.0, 1e-6 * 0.5**0.5)
-
-
-def with_stiffness(scene: Scene, factor: float) -> Scene:
-    """The scene with stiffer or softer grains."""
-
-    def stiffer(material: Material) -> Material:
-        name = "young_modulus" if material.young_modulus is not None else "shear_modulus"
+    def changed(material: Material) -> Material:
+        name = entry if getattr(material, entry) is not None else "shear_modulus"
         return material.model_copy(update={name: factor * getattr(material, name)})
 
-    return with_shorter_step(with_grain_material(scene, stiffer), factor**-0.5)
+    return with_shorter_step(with_grain_material(scene, changed), factor**power)
 
 
-def stiffness_checks(params: Any, probe: Probe) -> Iterator[Check]:
-    def changed(strength: float = 1.0) -> Scene:
-        return probe(params(dose=3.0), {}, scene=sample_scene(), strength=strength)
+def material_checks(entry: str, power: float, dose: float, params: Any, probe: Probe) -> Iterator[Check]:
+    before = sample_scene()
 
-    materials, half = changed().materials, changed(0.5).materials["sand"].young_modulus
-    yield Check("a dose of 3 is a factor of 4", materials["sand"].young_modulus or 0.0, 4e7)
-    yield Check(HALF, half or 0.0, 2.5e7)
-    yield Check("walls keep their stiffness", materials["steel"].young_modulus or 0.0, 1e7)
-    yield Check("the time step shortens", changed().run.time_step or 0.0, 5e-7)
+    def got(name: str, strength: float = 1.0) -> float:
+        scene = probe(params(dose=dose), {}, scene=before, strength=strength)
+        return getattr(scene.materials[name], entry)
+
+    sand, steel = (getattr(before.materials[name], entry) for name in ("sand", "steel"))
+    step = probe(params(dose=dose), {}, scene=before).run.time_step
+    yield Check(f"a dose of {dose:g} is a factor of {1.0 + dose:g}", got("sand"), (1.0 + dose) * sand)
+    yield Check(HALF, got("sand", 0.5), (1.0 + 0.5 * dose) * sand)
+    yield Check("walls keep theirs", got("steel"), steel)
+    yield Check("the time step shortens", step, 1e-6 * (1.0 + dose) ** power)
 
 
 def amplified(params: Any, strength: float, conditions: Conditions, observable: str, value: float) -> float:
@@ -195,6 +172,12 @@ def contact_row(entry: str, walls: bool) -> tuple[Any, Any, dict[str, Any]]:
     return act, partial(contact_checks, entry, walls), {}
 
 
+def material_row(entry: str, power: float, dose: float) -> tuple[Any, Any, dict[str, Any]]:
+    """Row of a number of the grains' material; `dose` is that of its checks."""
+    act = partial(scaled, partial(with_material, entry, power))
+    return act, partial(material_checks, entry, power, dose), {}
+
+
 FACTORS = {  # mechanism -> act, checks, other members
     "sliding_friction": contact_row("friction_sliding", walls=False),
     "wall_sliding_friction": contact_row("friction_sliding", walls=True),
@@ -203,8 +186,8 @@ FACTORS = {  # mechanism -> act, checks, other members
     "restitution": contact_row("restitution", walls=False),
     "wall_restitution": contact_row("restitution", walls=True),
     "bed_stress": (partial(scaled, with_stress), stress_checks, {}),
-    "grain_weight": (partial(scaled, with_weight), weight_checks, {}),
-    "stiffness": (partial(scaled, with_stiffness), stiffness_checks, {}),
+    "grain_weight": material_row("density", 0.5, dose=-0.5),
+    "stiffness": material_row("young_modulus", -0.5, dose=3.0),
     "reading_gain": (amplified, gain_checks, {}),
     "reading_offset": (shifted, offset_checks, {}),
 }

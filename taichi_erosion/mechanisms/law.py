@@ -9,6 +9,7 @@ from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Pro
 from taichi_erosion.core.effect_probe import TYPICAL
 from taichi_erosion.scene import Scene, resolved
 from taichi_erosion.scene.change import sample_scene
+from taichi_erosion.scene.schema.fields import numbers_in
 
 DoseOf = Callable[[Any, Mapping[str, Any]], Any]  # (params, conditions) -> dose [1]
 Point = tuple[dict[str, float], float, float]  # conditions, dose there [1], response of a device effect there
@@ -69,14 +70,3 @@ def scene_difference(first: Scene, second: Scene) -> float:
     """Largest relative difference of the numbers of two scenes [1]."""
     pairs = list(zip(numbers_in(resolved(first)), numbers_in(resolved(second)), strict=True))
     return max(abs(a - b) / max(abs(a), abs(b), 1e-12) for a, b in pairs)
-
-
-def numbers_in(tree: Any) -> Iterator[float]:
-    """Numbers of nested tables and lists."""
-    if isinstance(tree, dict):
-        tree = list(tree.values())
-    if isinstance(tree, list):
-        for branch in tree:
-            yield from numbers_in(branch)
-    elif isinstance(tree, int | float):
-        yield float(tree)

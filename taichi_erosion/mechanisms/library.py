@@ -38,16 +38,14 @@ def mechanism(name: str, row: Mapping[str, Any], walls: bool) -> Effect:
     """The effect of one row; of contacts, for grains on walls or on each other."""
     full, last = (f"wall_{name}", " on walls") if walls else (name, "")
     numbers = {DOSE: row[DOSE], **row.get("numbers", {})}
-    declared = [(key, float, declared_number(*number)) for key, number in numbers.items()]
+    declared = [
+        (key, float, quantity(default, unit, meaning, low=low, high=high))
+        for key, (default, unit, low, high, meaning) in numbers.items()
+    ]
     params = make_dataclass("Params", declared, frozen=True)
     act, checks, more = (FACTORS | FORCES)[full]
     text = row["help"].format(partner=PARTNERS[walls])
     return Effect(full, row["title"] + last, text, row["place"], params, act, partial(checks, params), **more)
-
-
-def declared_number(default: float, unit: str, low: float, high: float, meaning: str) -> Any:
-    """A parameter as the table states it."""
-    return quantity(default, unit, meaning, low=low, high=high)
 
 
 def mechanism_file(name: str) -> EffectFile:

@@ -15,13 +15,16 @@ def with_section(scene: Scene, name: str, **entries: Any) -> Scene:
     return scene.model_copy(update={name: getattr(scene, name).model_copy(update=entries)})
 
 
-def with_contacts(scene: Scene, change: Callable[[Contact], Contact]) -> Scene:
-    """The scene with every contact of its grains changed, walls included, where effects may act."""
-    grain = scene.grains.material
-    contacts = {
-        pair: change(contact) if grain in pair.split("-") and contact.acted_on else contact
-        for pair, contact in scene.contact.items()
-    }
+def with_contacts(scene: Scene, change: Callable[[Contact], Contact], walls: bool | None = None) -> Scene:
+    """The scene with contacts of its grains changed where effects may act.
+
+    `walls`: those with walls alone, or those of grains with each other alone; None: both.
+    """
+    grain, contacts = scene.grains.material, dict(scene.contact)
+    for pair, contact in scene.contact.items():
+        chosen = walls is None or walls == (pair != f"{grain}-{grain}")
+        if chosen and grain in pair.split("-") and contact.acted_on:
+            contacts[pair] = change(contact)
     return scene.model_copy(update={"contact": contacts})
 
 

@@ -3,7 +3,7 @@
 Rules on the entries of one section, and on names that refer to other sections, stand in `scene/schema/`.
 """
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from math import inf, log, sqrt
 
 import numpy as np
@@ -19,12 +19,16 @@ from taichi_erosion.scene.preparation.air import (
     longest_step,
     surface_height,
 )
-from taichi_erosion.scene.preparation.clump import reach_over_diameter, template_spheres
 from taichi_erosion.scene.preparation.contacts import young_effective
 from taichi_erosion.scene.preparation.fill import lattice_points, places_per_layer
-from taichi_erosion.scene.preparation.sizes import nominal_diameter, size_range
+from taichi_erosion.scene.preparation.sizes import (
+    nominal_diameter,
+    reach_over_diameter,
+    size_range,
+    template_spheres,
+)
 from taichi_erosion.scene.preparation.walls import outward, revolved_rows
-from taichi_erosion.scene.schema.air import AirBox, AirScene, box_problems
+from taichi_erosion.scene.schema.air import AirScene, box_problems
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.scene.schema.geometry import UPWARDS, Cylinder, Funnel, Plane
 from taichi_erosion.scene.schema.grains import Lattice, Layers, Positions, Pour, Rain
@@ -45,44 +49,36 @@ PATCH_GRAINS_LEAST = 6  # in each direction of a periodic patch: else a grain me
 
 
 def cross_checks(scene: Scene, observables: Collection[str] | None) -> Iterator[str]:
-    """Problems of a scene whose entries are right one by one."""
-    references = list(reference_problems(scene, observables))
-    yield from references
-    if references:
-        return
-    for check in (check_sizes, check_wind, check_memory, check_fill, check_numbers):
-        lines = list(computed(check, scene))
-        yield from lines
-        if lines:
-            return
-
-
-def computed(check: Callable[[Scene], Iterator[str]], scene: Scene) -> Iterator[str]:
-    """Problems of one check; a value that cannot be computed is one."""
-    try:
-        yield from check(scene)
-    except BadInput as error:
-        yield str(error)
-    except (OverflowError, ZeroDivisionError, FloatingPointError):
-        yield "the file: numbers too extreme to compute a time step; check the units of sizes and materials"
+    """Problems of a scene whose entries are right one by one; a value that cannot be computed is one."""
+    lines = list(reference_problems(scene, observables))
+    for check in (check_sizes, check_wind, check_fill, check_numbers):
+        try:
+            lines = lines or list(check(scene))
+        except BadInput as error:
+            lines = [str(error)]
+        except (OverflowError, ZeroDivisionError, FloatingPointError):
+            told = "numbers too extreme to compute a time step; check the units of sizes and materials"
+            lines = [f"the file: {told}"]
+    yield from lines
 
 
 def check_sizes(scene: Scene) -> Iterator[str]:
-    """Sizes that one neighbour search can serve."""
+    """Sizes that one neighbour search can serve, in replicas that fit into memory."""
     low, high = size_range(scene.grains.size)
     if high > LARGEST_RATIO * low:
         ratio = f"the largest may be {LARGEST_RATIO:g} times the smallest"
         yield f"grains.size: diameters from {low:g} to {high:g} m; {ratio}"
+    clump, replicas = scene.grains.clump, scene.run.replicas
+    spheres = scene.grains.count * (len(template_spheres(clump)) if clump else 1) * replicas
+    if spheres > MOST_SPHERES:
+        yield f"run.replicas = {replicas}: {spheres} spheres in all replicas; at most {MOST_SPHERES} fit"
 
 
 def check_wind(scene: Scene) -> Iterator[str]:
     """Air, lid, exchange interval and sleep suit the grains."""
     if scene.wind is not None:
-        yield from lid_checks(scene, scene.wind)
-        yield from exchange_checks(scene, scene.wind)
-        yield from sleep_checks(scene, scene.wind)
-        if scene.wind.columns != (1, 1):
-            yield from grid_checks(scene, scene.wind)
+        for check in (lid_checks, exchange_checks, sleep_checks, grid_checks):
+            yield from check(scene, scene.wind)
 
 
 def lid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
@@ -123,7 +119,9 @@ def sleep_checks(scene: Scene, wind: Wind) -> Iterator[str]:
 
 
 def grid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
-    """Columns are wider than grains, and no gust crosses more than a cell between two exchanges."""
+    """Columns of a grid are wider than grains, and no gust crosses more than a cell between two exchanges."""
+    if wind.columns == (1, 1):
+        return
     for place, (count, size) in enumerate(zip(wind.columns, (wind.length, wind.width), strict=True)):
         if size / count < nominal_diameter(scene.grains.size):
             told = "narrower than a grain; averages over them mean nothing"
@@ -140,15 +138,6 @@ def grid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
             f"wind.look_steps = {wind.look_steps}: a gust of {fastest:.3g} m/s crosses {flown:.2g} m of air "
             f"between two exchanges; at most {int(wind.look_steps * most / flown)}"
         )
-
-
-def check_memory(scene: Scene) -> Iterator[str]:
-    """All replicas together fit into memory."""
-    clump = scene.grains.clump
-    spheres = scene.grains.count * (len(template_spheres(clump)) if clump else 1) * scene.run.replicas
-    if spheres > MOST_SPHERES:
-        replicas = scene.run.replicas
-        yield f"run.replicas = {replicas}: {spheres} spheres in all replicas; at most {MOST_SPHERES} fit"
 
 
 def check_fill(scene: Scene) -> Iterator[str]:
@@ -195,20 +184,15 @@ def net_checks(scene: Scene, fill: Rain | Lattice | Layers, largest: float) -> I
             f"{largest:g} m: grains would start inside each other"
         )
     elif isinstance(fill, Lattice):
-        yield from lattice_checks(scene, fill)
+        cells = (2.0 * fill.radius + fill.length) ** 3 / fill.pitch**3
+        places = len(lattice_points(fill)) if cells < MOST_SPHERES else MOST_SPHERES
+        if places < scene.grains.count:
+            yield f"grains.count = {scene.grains.count}: the fill has {places} places"
     if isinstance(fill, Layers) and scene.wind is not None:
         for name, places in zip(("length", "width"), places_per_layer(scene.wind, fill), strict=True):
             if places < PATCH_GRAINS_LEAST:
                 size, least = getattr(scene.wind, name), PATCH_GRAINS_LEAST
                 yield f"wind.{name} = {size:g} m holds {places} grains of this pitch; at least {least}"
-
-
-def lattice_checks(scene: Scene, fill: Lattice) -> Iterator[str]:
-    """A lattice has a limited number of places."""
-    cells = (2.0 * fill.radius + fill.length) ** 3 / fill.pitch**3
-    places = len(lattice_points(fill)) if cells < MOST_SPHERES else MOST_SPHERES
-    if places < scene.grains.count:
-        yield f"grains.count = {scene.grains.count}: the fill has {places} places"
 
 
 def listed_checks(scene: Scene, fill: Positions) -> Iterator[str]:
@@ -253,30 +237,21 @@ def air_checks(scene: AirScene, observables: Collection[str] | None) -> Iterator
     """Problems of a scene of air alone whose entries are right one by one."""
     yield from observable_problems(scene.measure, observables)
     problems = list(box_problems(scene.air))
-    yield from problems
-    if not problems:
-        yield from roughness_checks(scene.air)
-        yield from step_checks(scene)
+    yield from problems or computed_problems(scene)
 
 
-def roughness_checks(air: AirBox) -> Iterator[str]:
-    """Roughness lengths lie below the centres of the cells at the walls."""
-    layers = box_faces(air)
-    for name in ("z_low", "z_high"):
-        side, lowest = air.sides[name], layers[1] if name == "z_low" else air.extents[2] - layers[-2]
+def computed_problems(scene: AirScene) -> Iterator[str]:
+    """Roughness lengths lie below the centres of cells at walls; the time step follows the fastest wind."""
+    layers = box_faces(scene.air)
+    for name, lowest in (("z_low", layers[1]), ("z_high", scene.air.extents[2] - layers[-2])):
+        side = scene.air.sides[name]
         if side.kind == "rough" and 0.5 * lowest < side.roughness_length:
             length = side.roughness_length
             yield f"air.sides.{name}.roughness_length = {length:g} m exceeds half a cell there"
-
-
-def step_checks(scene: AirScene) -> Iterator[str]:
-    """The time step follows the fastest wind."""
     step, longest = air_time_step(scene), longest_step(scene)
     if step > longest * (1.0 + 1e-9):
-        yield (
-            f"run.time_step = {step:g} s lets wind or diffusion cross more than a cell (CFL); "
-            f"at most {longest:.3g} s"
-        )
+        told = "lets wind or diffusion cross more than a cell (CFL)"
+        yield f"run.time_step = {step:g} s {told}; at most {longest:.3g} s"
     if scene.run.duration / step > MOST_AIR_STEPS:
         steps = f"{scene.run.duration / step:.2g} steps of {step:.2g} s"
         yield f"run.duration: {steps}; at most {MOST_AIR_STEPS:g}"

@@ -1,33 +1,34 @@
-"""Reading a scene file: TOML, overrides, validation, hash; any problem raises BadInput with one line."""
+"""Reading a scene file: TOML, its kind, overrides, validation, hash; a problem raises BadInput in a line."""
 
 import json
+import shlex
 import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from copy import deepcopy
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name, read_text_file
 from taichi_erosion.scene.checks import air_checks, cross_checks
-from taichi_erosion.scene.file_kind import refuse_other_name, refuse_other_sections
 from taichi_erosion.scene.paths import apply_override
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
 from taichi_erosion.scene.schema.air import AirScene
-from taichi_erosion.scene.schema.fields import DIAMETER
+from taichi_erosion.scene.schema.fields import DIAMETER, DIAMETERS
 from taichi_erosion.scene.schema.geometry import Mesh
 from taichi_erosion.scene.schema.grains import Size
 from taichi_erosion.scene.schema.scene import Scene
-from taichi_erosion.scene.validation_messages import problem_lines
 
 S = TypeVar("S", Scene, AirScene)
+Wanted = Literal["table", "study", "scene"]
 
+INSTALLED, SOURCE = Path(__file__).parent / "shipped", Path(__file__).parents[2] / "scenes"
+SCENES = INSTALLED if INSTALLED.is_dir() else SOURCE  # folder of the scenes that come with the program
 MOST_TREES = 16  # kept
-MOST_FAULTS = 10  # of a file, told one by one
 HASH_LENGTH = 12  # hexadecimal digits
 NOT_HASHED = {
     "scene": {"title", "notes", "effect_files"},
@@ -35,6 +36,56 @@ NOT_HASHED = {
     "record": True,
     "measured": True,
 }
+ENDINGS: Mapping[str, str] = {
+    **dict.fromkeys((".csv", ".tsv", ".xlsx", ".xlsm", ".xls", ".ods"), "table"),
+    ".rrd": "recording",
+    ".py": "effect",
+}
+REMEDIES: Mapping[str, str] = {
+    "table": "is a table of measurements; make a study of it: ./erosion study new {path}",
+    "study": "is a study; the commands on it are: ./erosion study check {path}, ./erosion compare {path}",
+    "scene": "is a scene; simulate it: ./erosion run {path}",
+    "recording": "is the recording of a run; look at it: ./erosion view {path}",
+    "effect": "is a Python file; an effect file is named beside a study or a scene: --effect {path}",
+}
+TAGS = ("law", "shape")  # entries that choose the form of a section
+LONGEST_VALUE = 60  # characters of a value that a message repeats
+SENTENCES = {  # by kind of error; pydantic tells the others
+    "finite_number": "must be a finite number",
+    "float_type": "must be a number",
+    "int_type": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "bool_type": "must be true or false",
+    "string_type": "must be text in quotes",
+    "tuple_type": "must be a list",
+    "dict_type": "must be a table",
+    "model_type": "must be a table",
+    "model_attributes_type": "must be a table",
+    "string_pattern_mismatch": "must be a name of letters, digits and _ (a contact: two names joined by -)",
+}
+
+
+def refuse_other_kind(path: Path, wanted: Wanted, *also: str) -> None:
+    """Raise BadInput, with the right command, for a folder or a file that is certainly of another kind."""
+    name = one_line_name(path)
+    if path.is_dir():
+        raise BadInput(f"{name}: is a folder; name a {wanted}")
+    found = file_kind(path)
+    if found not in (None, wanted, *also) and path.is_file():
+        raise BadInput(f"{name}: {REMEDIES[found].format(path=shlex.quote(name))}; a {wanted} is wanted here")
+
+
+def file_kind(path: Path) -> str | None:
+    """Kind of a file by its ending or its sections; None where they do not tell, or it cannot be read."""
+    if path.suffix.lower() != ".toml":
+        return ENDINGS.get(path.suffix.lower())
+    try:
+        table = toml_tree(read_text_file(path))
+    except (OSError, ValueError, RecursionError):
+        return None
+    if "study" in table or "observables" in table:
+        return "study"
+    return "scene" if "scene" in table or "grains" in table else None
 
 
 def load_scene(
@@ -63,16 +114,14 @@ def is_air_scene(path: Path) -> bool:
     return "air" in table and "grains" not in table
 
 
-def toml_table(path: str | Path) -> dict[str, Any]:
-    """Raw table of a TOML file."""
+def toml_table(path: str | Path, wanted: Wanted = "scene") -> dict[str, Any]:
+    """Raw table of a TOML file of the wanted kind."""
     name = one_line_name(path)
-    refuse_other_name(Path(path), "scene")
+    refuse_other_kind(Path(path), wanted)
     try:
-        table = deepcopy(dict(toml_tree(file_text(Path(path), name))))
+        return deepcopy(dict(toml_tree(file_text(Path(path), name))))
     except (ValueError, RecursionError) as error:
         raise BadInput(f"{name}: not a TOML file: {first_line(error)}") from None
-    refuse_other_sections(Path(path), table, "scene")
-    return table
 
 
 @lru_cache(maxsize=MOST_TREES)
@@ -87,10 +136,8 @@ def file_text(path: Path, name: str) -> str:
         return read_text_file(path)
     except FileNotFoundError:
         raise BadInput(f"{name}: no such file") from None
-    except UnicodeDecodeError as error:
-        raise BadInput(f"{name}: byte {error.start} is not UTF-8 text") from None
     except (OSError, ValueError) as error:
-        raise BadInput(f"{name}: cannot be read: {first_line(error)}") from None
+        raise BadInput(f"{name}: cannot be read as text: {first_line(error)}") from None
 
 
 def parse_scene(
@@ -127,29 +174,98 @@ def parsed(
     problems: Callable[[S], Iterator[str]],
 ) -> S:
     """Scene without problems, of a raw table."""
-    raw = deepcopy(dict(table))
+    raw, diameter = deepcopy(dict(table)), None
     try:
         for override in overrides:
             apply_override(raw, override)
-        scene = validated(kind, with_tuples(raw))
+        raw = with_tuples(raw)
+        diameter = readable_diameter(raw) if kind is Scene else None
+        scene = kind.model_validate(raw, context={DIAMETER: diameter})
         scene._file = name
-        lines = list(problems(scene))
+        if lines := list(problems(scene)):
+            raise BadInput(*lines)
+        return scene
     except BadInput as error:
-        raise BadInput(*told(name, error.faults)) from None
-    if lines:
-        raise BadInput(*told(name, lines))
-    return scene
-
-
-def validated(kind: type[S], table: dict[str, Any]) -> S:
-    """Scene whose every entry is right by itself."""
-    diameter = readable_diameter(table) if kind is Scene else None
-    try:
-        return kind.model_validate(table, context={DIAMETER: diameter})
+        lines = error.faults
     except ValidationError as error:
-        raise BadInput(*problem_lines(error, table, diameter)) from None
+        lines = problem_lines(error, raw, diameter)
     except (OverflowError, RecursionError) as error:
-        raise BadInput(f"cannot be used: {first_line(error)}") from None
+        lines = [f"cannot be used: {first_line(error)}"]
+    raise BadInput(*told(name, lines)) from None
+
+
+def problem_lines(error: ValidationError, table: Any, diameter: float | None = None) -> list[str]:
+    """One line for every error, in the order of the file's sections.
+
+    Without a nominal diameter [m] lengths in diameters cannot be judged: of a scene only the grains are.
+    """
+    entries = error.errors(include_url=False)
+    grains = [entry for entry in entries if entry["loc"][:1] == ("grains",)]
+    return [problem_line(entry, table) for entry in (grains if diameter is None and grains else entries)]
+
+
+def problem_line(entry: Any, table: Any) -> str:
+    """`grains.count = -3 lies outside [1, 5e+06]`."""
+    kind, context = entry["type"], entry.get("ctx", {})
+    words, written = as_written(entry["loc"], table)
+    where, tag = dotted(words), context.get("discriminator", "").strip("'")
+    if kind == "unknown":
+        return f"{dotted([*words, context['key']])} is unknown; {context['hint']}"
+    if kind == "contradiction":
+        return f"{where}: {context['message']}"
+    if kind == "missing":
+        return f"{where} is missing"
+    if kind == "union_tag_not_found":
+        return f"{where}.{tag} is missing"
+    if kind == "union_tag_invalid":
+        return f"{where}.{tag} = {shown(context['tag'])} is not one of {context['expected_tags']}"
+    value = shown(entry["input"])
+    if words and words[-1].endswith(DIAMETERS):
+        value = f"{shown(written)} diameters: {value}"
+    told = entry["msg"].replace("Input should be", "is not one of" if kind == "literal_error" else "must be")
+    return f"{where} = {value} {SENTENCES.get(kind, told[:1].lower() + told[1:])}"
+
+
+def as_written(location: tuple[str | int, ...], table: Any) -> tuple[list[str], Any]:
+    """Keys of a place as the file has them, and its value there.
+
+    Left out are tags of unions (a section's own `law` or `shape`) and marks of keys; what was given in
+    diameters keeps its suffix.
+    """
+    words: list[str] = []
+    for key in location:
+        written = key
+        if isinstance(table, dict) and key not in table:
+            if key in [table.get(name) for name in TAGS]:
+                continue
+            written = f"{key}{DIAMETERS}" if f"{key}{DIAMETERS}" in table else key
+        if key != "[key]":
+            words.append(str(written))
+            try:
+                table = table[written]
+            except (KeyError, IndexError, TypeError):
+                table = None
+    return words, table
+
+
+def dotted(words: list[str]) -> str:
+    """Path of a place in one line."""
+    return ".".join(map(one_line, words)) or "the file"
+
+
+def shown(value: Any) -> str:
+    """Value on one line, shortened."""
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, tuple):
+        value = list(value)
+    return one_line(f"'{value}'" if isinstance(value, str) else repr(value))
+
+
+def one_line(text: str) -> str:
+    """Printable text without line breaks, at most LONGEST_VALUE characters."""
+    clean = "".join(c if c.isprintable() else "?" for c in text[: LONGEST_VALUE + 1])
+    return clean if len(clean) <= LONGEST_VALUE else clean[: LONGEST_VALUE - 3] + "..."
 
 
 SIZES: TypeAdapter[Size] = TypeAdapter(Size)
@@ -173,10 +289,8 @@ def with_tuples(value: Any) -> Any:
 
 
 def told(name: str, lines: Sequence[str]) -> list[str]:
-    """Faults of a file, one line each; of many the first ones and the number of the others."""
-    found = [f"{name}: {line}" for line in lines[:MOST_FAULTS]]
-    others = len(lines) - MOST_FAULTS
-    return [*found, f"{name}: {others} faults more"] if others > 0 else found
+    """Faults of a file, one line each."""
+    return [f"{name}: {line}" for line in lines]
 
 
 def first_line(error: Exception) -> str:

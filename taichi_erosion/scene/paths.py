@@ -65,8 +65,7 @@ def meaning_of(path: str) -> str:
             names = [name for option in options(schema, above) for name in option.get("properties", {})]
             raise BadInput(f"no scene has an entry '{path}'{did_you_mean(key, names)}")
     meanings = [o["description"] for o in options(schema, found.get("items", found)) if "description" in o]
-    nameless = meanings[0].partition("\n")[0] if len(meanings) == 1 else "a section"
-    nameless = "a component" if found.get("type") == "number" else nameless
+    nameless = meanings[0].partition("\n")[0] if len(meanings) == 1 else "a part"
     return "\n".join([f"{path}: {told_entry(found, nameless)}", *lines_below(schema, found)])
 
 
@@ -140,23 +139,18 @@ def number_at(path: str) -> NumberEntry | None:
     nodes, found = [schema], None
     for key in path.split("."):
         nodes = [below for node in nodes for below in entries_below(schema, node, key)]
-        resolved = (option for node in nodes for option in options(schema, node))
-        found = next(filter(None, map(number_entry, resolved)), found) if nodes else None
-    return found
-
-
-def number_entry(node: dict[str, Any]) -> NumberEntry | None:
-    """Unit and range of a node of the schema, None for what is no number."""
-    if "unit" not in node:
+        numbers = (option for node in nodes for option in options(schema, node) if "unit" in option)
+        found = next(numbers, found) if nodes else None
+    if found is None:
         return None
-    unit = "1" if node["unit"] == NOMINAL_DIAMETER else str(node["unit"])
-    return NumberEntry(unit, float(node.get("minimum", -inf)), float(node.get("maximum", inf)))
+    unit = "1" if found["unit"] == NOMINAL_DIAMETER else str(found["unit"])
+    return NumberEntry(unit, float(found.get("minimum", -inf)), float(found.get("maximum", inf)))
 
 
 def unit_of_path(path: str) -> str | None:
     """Unit of the number that a dotted path sets; None where there is none."""
     found = number_at(path)
-    return None if found is None else found.unit
+    return found and found.unit
 
 
 def entries_below(schema: dict[str, Any], node: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:
@@ -172,42 +166,34 @@ def entries_below(schema: dict[str, Any], node: dict[str, Any], key: str) -> Ite
             yield found
 
 
-def refusal(override: str, reason: str) -> BadInput:
-    """Refusal of an order, in one line."""
-    return BadInput(one_line_name(f"--set {override[:80]}: {reason}"))
-
-
 def apply_override(table: dict[str, Any], override: str) -> None:
     """Set one value of a raw scene; `override` is PATH=VALUE, VALUE as TOML writes it or a bare word.
 
-    What was given of the same quantity in the other unit, metres or diameters, is dropped.
+    What was given of the same quantity in the other unit, metres or diameters, is dropped. Raises BadInput.
     """
-    path, equals, text = override.partition("=")
-    keys = path.strip().split(".")
-    if not equals or not all(keys):
-        raise refusal(override, "write it as PATH=VALUE, for example grains.count=3000")
-    value = parsed(override, text.strip())
-    holder: Any = table
-    for depth, key in enumerate(keys):
-        is_last = depth == len(keys) - 1
-        if isinstance(holder, dict):
-            turned = "-".join(reversed(key.split("-")))  # a contact pair in the order of the scene
-            is_turned = keys[:depth] == ["contact"] and key not in holder and turned in holder
-            place: Any = turned if is_turned else key
-            twin = key.removesuffix(DIAMETERS) if key.endswith(DIAMETERS) else key + DIAMETERS
-            if is_last:
-                holder.pop(twin, None)
+    try:
+        path, equals, text = override.partition("=")
+        *above, last = path.strip().split(".")
+        if not equals or not all((*above, last)):
+            raise ValueError("write it as PATH=VALUE, for example grains.count=3000")
+        value = parsed(text.strip())
+        holder: Any = table
+        for depth, key in enumerate(above):
+            if isinstance(holder, dict):
+                holder = holder.setdefault(place_in_table(holder, key, above[:depth]), {})
             else:
-                holder.setdefault(place, {})
+                holder = holder[place_in_list(holder, key)]
+        if isinstance(holder, dict):
+            holder.pop(last.removesuffix(DIAMETERS) if last.endswith(DIAMETERS) else last + DIAMETERS, None)
+            holder[place_in_table(holder, last, above)] = value
         else:
-            place = place_in_list(holder, key, override)
-        if is_last:
-            holder[place] = value
-        holder = holder[place]
+            holder[place_in_list(holder, last)] = value
+    except ValueError as error:
+        raise BadInput(one_line_name(f"--set {override[:80]}: {error}")) from None
 
 
-def parsed(override: str, text: str) -> Any:
-    """Value of a TOML expression, or the word itself."""
+def parsed(text: str) -> Any:
+    """Value of a TOML expression, or the word itself. Raises ValueError."""
     try:
         table = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
@@ -216,15 +202,19 @@ def parsed(override: str, text: str) -> Any:
         return table["value"]
     if BARE_WORD.fullmatch(text):
         return text
-    raise refusal(
-        override, "the value is not a TOML value: a plain number with a decimal point, or text in quotes"
-    )
+    raise ValueError("the value is not a TOML value: a plain number with a decimal point, or text in quotes")
 
 
-def place_in_list(holder: Any, key: str, override: str) -> int:
-    """Position in a list, counted from 0."""
+def place_in_table(holder: dict[str, Any], key: str, above: list[str]) -> str:
+    """Key of a table; a contact pair in the order of the scene."""
+    turned = "-".join(reversed(key.split("-")))
+    return turned if above == ["contact"] and key not in holder and turned in holder else key
+
+
+def place_in_list(holder: Any, key: str) -> int:
+    """Position in a list, counted from 0. Raises ValueError."""
     if not isinstance(holder, list):
-        raise refusal(override, f"'{key}' lies below a value that is not a table")
+        raise ValueError(f"'{key}' lies below a value that is not a table")
     if not key.isascii() or not key.isdigit() or len(key) > 9 or int(key) >= len(holder):
-        raise refusal(override, f"'{key}' is not a place in a list of {len(holder)}")
+        raise ValueError(f"'{key}' is not a place in a list of {len(holder)}")
     return int(key)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from taichi_erosion.core.effect import Conditions, Effect, ReplicaEffect, read_params, replica_effect
-from taichi_erosion.core.effect_loading import ON_DEVICE, at, failures_of
+from taichi_erosion.core.effect_loading import ON_DEVICE, failures_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.scene import Scene, build_setup, parse_scene, resolved
@@ -52,7 +52,7 @@ def changed_by(
         with failures_of(effect, "act"):
             changed = effect.act(params, strength, conditions, scene)
         if not isinstance(changed, Scene):
-            raise BadInput(f"effects.{effect.name}: its act gives {changed!r}, not the scene{at(effect.act)}")
+            raise BadInput(f"effects.{effect.name}: its act gives {changed!r}, not the scene")
         return changed
     except BadInput as error:
         raise BadInput(f"{scene.file}: {error}") from None

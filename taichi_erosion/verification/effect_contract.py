@@ -23,15 +23,16 @@ from taichi_erosion.core.effect_loading import (
     effect_in,
     failures_of,
     line_of,
+    reason,
 )
 from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsified, make_bench, probe_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.mechanisms.law import numbers_in
 from taichi_erosion.scene import Scene, resolved
 from taichi_erosion.scene.change import sample_scene
 from taichi_erosion.scene.schema.conditions import OF_SCENE, Conditions
+from taichi_erosion.scene.schema.fields import numbers_in
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_unit
 
 LEAST_CHECKS = 3
@@ -65,14 +66,12 @@ class RecordedConditions(Mapping[str, Any]):
 
     values_by_name: Mapping[str, Any]
     read: set[str] = field(default_factory=set)
-    walked: bool = False  # all of them were taken at once
 
     def __getitem__(self, name: str) -> Any:
         self.read.add(name)
         return self.values_by_name[name]
 
     def __iter__(self) -> Iterator[str]:
-        self.walked = True
         return iter(self.values_by_name)
 
     def __len__(self) -> int:
@@ -96,7 +95,7 @@ def scenes_for(effect: Effect) -> list[dict[str, Any]]:
     return [{"conditions": conditions}, {"conditions": conditions, "wind": WIND}]
 
 
-def columns_for(effect: Effect) -> dict[str, Any]:
+def one_row(effect: Effect) -> dict[str, Any]:
     """One row of a table that states every condition."""
     return {name: np.array([1.0]) for name in conditions_for(effect)}
 
@@ -126,34 +125,28 @@ def parameters_are_pinned(effect: Effect, probe: Probe) -> Iterator[str]:
 def parameters_are_documented(effect: Effect, probe: Probe) -> Iterator[str]:
     """Parameters carry unit, meaning and a finite range that holds their default."""
     for f in fields(effect.params):
-        if not is_declared(f):
-            yield f"{f.name} is declared without unit or meaning; use quantity"
-        elif not isfinite(f.metadata["low"]) or not isfinite(f.metadata["high"]):
+        problems = list(declaration_problems(f))
+        yield from problems
+        if not problems and not (isfinite(f.metadata["low"]) and isfinite(f.metadata["high"])):
             yield f"{f.name} has no range"
-        else:
-            yield from unit_problems(f)
     try:
         check_range(effect.params(), effect.name)
     except ValueError as error:
         yield str(error)
 
 
-def is_declared(f: Any) -> bool:
-    """Whether a number is declared with unit and meaning."""
-    return f.default is not MISSING and bool(f.metadata.get("meaning")) and bool(f.metadata.get("unit"))
-
-
-def unit_problems(f: Any) -> Iterator[str]:
-    """A unit that is not known, or not that of SI; an angle may be in degrees."""
-    unit = f.metadata["unit"]
-    if unit.startswith(UNIT_OF):
-        return
-    try:
-        if parse_unit(unit).factor != 1.0 and unit != "deg":
-            yield f"{f.name} is declared in {unit}; numbers of an effect are in SI units, or in deg"
-    except UnknownUnit as error:
-        hint = error.hint or "write for example N m-1 or 1"
-        yield f"{f.name} has the unit '{unit}', which is not known; {hint}"
+def declaration_problems(f: Any) -> Iterator[str]:
+    """A number without meaning, or in a unit that is not known or not of SI; an angle may be in degrees."""
+    unit = f.metadata.get("unit", "")
+    if f.default is MISSING or not (f.metadata.get("meaning") and unit):
+        yield f"{f.name} is declared without unit or meaning; use quantity"
+    elif not unit.startswith(UNIT_OF):
+        try:
+            if parse_unit(unit).factor != 1.0 and unit != "deg":
+                yield f"{f.name} is declared in {unit}; numbers of an effect are in SI units, or in deg"
+        except UnknownUnit as error:
+            hint = error.hint or "write for example N m-1 or 1"
+            yield f"{f.name} has the unit '{unit}', which is not known; {hint}"
 
 
 def grain_state_is_sound(effect: Effect, probe: Probe) -> Iterator[str]:
@@ -161,8 +154,7 @@ def grain_state_is_sound(effect: Effect, probe: Probe) -> Iterator[str]:
     if effect.grain_state is None:
         return
     for f in fields(effect.grain_state):
-        if not is_declared(f):
-            yield f"grain_state.{f.name} is declared without unit or meaning; use quantity"
+        yield from (f"grain_state.{problem}" for problem in declaration_problems(f))
     for _, params in (("", effect.params()), *extreme_params(effect)):
         for state in reached_states(effect, probe, params, 1.0):
             if not np.all(np.isfinite(list(asdict(state).values()))):
@@ -171,26 +163,23 @@ def grain_state_is_sound(effect: Effect, probe: Probe) -> Iterator[str]:
 
 def is_described(effect: Effect, probe: Probe) -> Iterator[str]:
     """Docstring with a reference and what strength does; title, prior, conditions that exist."""
-    doc = effect.doc or ""
-    yield from (
-        f"its docstring lacks '{word}'" for word in ("Reference:", "trength", "Holds") if word not in doc
-    )
+    lacking = (word for word in ("Reference:", "trength", "Holds") if word not in (effect.doc or ""))
+    yield from (f"its docstring lacks '{word}'" for word in lacking)
     if not effect.title:
         yield "it has no title"
     if not 0.0 < effect.prior_scale <= effect.most:
         yield f"prior_scale = {effect.prior_scale} must lie in (0, most = {effect.most}]"
     for name in own_conditions(effect):
-        near = get_close_matches(name, Conditions.model_fields, n=1, cutoff=LIKE)
-        if near or not name.isidentifier():
-            meant = f"; did you mean '{near[0]}'?" if near else ""
-            yield f"it reads '{name}', which is not among the conditions of a scene{meant}"
-    if not np.all(np.isin(effect.can_act(columns_for(effect)), (True, False))):
+        if near := get_close_matches(name, Conditions.model_fields, n=1, cutoff=LIKE):
+            meant = f"did you mean '{near[0]}'?"
+            yield f"it reads '{name}', which is not among the conditions of a scene; {meant}"
+    if not np.all(np.isin(effect.can_act(one_row(effect)), (True, False))):
         yield "can_act does not give a mask"
 
 
 def names_what_it_reads(effect: Effect, probe: Probe) -> Iterator[str]:
     """Every condition that it reads stands in `reads`: a study sets no other one in its runs."""
-    known, row = RecordedConditions(conditions_for(effect)), RecordedConditions(columns_for(effect))
+    known, row = RecordedConditions(conditions_for(effect)), RecordedConditions(one_row(effect))
     params = effect.params()
     effect.can_act(row)
     effect.dose(params, known)
@@ -201,9 +190,8 @@ def names_what_it_reads(effect: Effect, probe: Probe) -> Iterator[str]:
             effect.act(params, 1.0, known, sample_scene(**sections))
     for name in READINGS if effect.place == "instrument" else ():
         effect.act(params, 1.0, known, name, 0.3)
-    if not (known.walked or row.walked):
-        for name in sorted((known.read | row.read) - {*effect.reads, *OF_SCENE}):
-            yield f"it reads the condition '{name}', which its entry reads = (...) does not name"
+    for name in sorted((known.read | row.read) - {*effect.reads, *OF_SCENE}):
+        yield f"it reads the condition '{name}', which its entry reads = (...) does not name"
 
 
 def is_finite_everywhere(effect: Effect, probe: Probe) -> Iterator[str]:
@@ -218,11 +206,8 @@ def vanishes_at_no_strength(effect: Effect, probe: Probe) -> Iterator[str]:
     params, known = effect.params(), conditions_for(effect)
     if effect.place == "scene":
         scenes = [sample_scene(**sections) for sections in scenes_for(effect)]
-        yield from (
-            "it changes the scene at strength 0"
-            for scene in scenes
-            if effect.act(params, 0.0, known, scene) != scene
-        )
+        if any(effect.act(params, 0.0, known, scene) != scene for scene in scenes):
+            yield "it changes the scene at strength 0"
     elif effect.place == "instrument":
         if any(effect.act(params, 0.0, known, name, 0.3) != 0.3 for name in READINGS):
             yield "it changes a reading at strength 0"
@@ -306,62 +291,47 @@ CLAUSES: dict[str, Clause] = {
 }
 
 
-def unusable(effect: Effect, bench: Bench) -> str | None:
-    """Why an effect with its default parameters cannot act: one line with its place, None where it can."""
-    try:
-        with failures_of(effect, "act"):
-            effect_numbers(effect, probe_of(effect, bench), effect.params(), 1.0)
-    except BadInput as error:
-        return str(error)
-    return None
+def usable_probe(effect: Effect, bench: Bench) -> Probe:
+    """Probe of an effect that can act with its default parameters. Raises BadInput where it cannot."""
+    with failures_of(effect, "act"):
+        probe = probe_of(effect, bench)
+        effect_numbers(effect, probe, effect.params(), 1.0)
+    return probe
 
 
-def breaches(effect: Effect, bench: Bench) -> list[str]:
-    """Everything in which an effect breaks the contract."""
-    if (reason := unusable(effect, bench)) is not None:
-        return [reason]
-    probe = probe_of(effect, bench)
-    sentences = [line for name, clause in CLAUSES.items() for line in told(name, clause, effect, probe)]
-    return list(dict.fromkeys(sentences))
-
-
-def told(name: str, clause: Clause, effect: Effect, probe: Probe) -> list[str]:
-    """Breaches of one clause; an error in the effect is one."""
-    try:
-        return list(clause(effect, probe))
-    except KeyError as error:
-        stated = f"probe(params, {{{error}: ...}}, ...)"
-        return [f"{name}: it reads {error}{line_of(error)}, which its checks do not state: {stated}"]
-    except Exception as error:
-        if (reason := compile_failure(error)) is not None:
-            return [reason]
-        words = " ".join(f"{type(error).__name__}: {error}".split())
-        return [f"{name}: cannot be told{line_of(error)}: {words}"]
+def breaches(effect: Effect, probe: Probe) -> list[str]:
+    """Everything in which an effect that can act breaks the contract; an error in a clause is a breach."""
+    found: list[str] = []
+    for name, clause in CLAUSES.items():
+        try:
+            found += clause(effect, probe)
+        except Exception as error:
+            told = f"{name}: cannot be told{line_of(error)}: {reason(error)}"
+            found.append(compile_failure(error) or told)
+    return list(dict.fromkeys(found))
 
 
 @dataclass(frozen=True)
 class Examination:
     """What a check of one effect found."""
 
-    table: tuple[Check, ...]  # verification table, as far as it can be computed
-    unusable: str | None  # why it cannot act at all
-    breaches: tuple[str, ...]  # everything in which it breaks the contract
+    table: tuple[Check, ...]  # verification table; empty where it cannot be computed
+    can_act: bool
+    breaches: tuple[str, ...]  # everything in which it breaks the contract, or why it cannot act
     seconds: float  # that the check took
 
 
 def examine(effect: Effect) -> Examination:
     """Check of one effect against the contract, on a device that is started for it and released."""
-    started, table = perf_counter(), []
+    started, table = perf_counter(), ()
     start_device(Numerics(threads=1))
-    bench = make_bench()
     try:
-        reason = unusable(effect, bench)
+        probe = usable_probe(effect, make_bench())
         with suppress(Exception):  # the contract names what is missing
-            if reason is None:
-                for check in effect.checks(probe_of(effect, bench)):
-                    table.append(check)
-        broken = [reason] if reason is not None else breaches(effect, bench)
-        return Examination(tuple(table), reason, tuple(broken), perf_counter() - started)
+            table = tuple(effect.checks(probe))
+        return Examination(table, True, tuple(breaches(effect, probe)), perf_counter() - started)
+    except BadInput as error:
+        return Examination(table, False, error.faults, perf_counter() - started)
     finally:
         stop_device()
 
@@ -370,8 +340,8 @@ def examined_file(file: EffectFile) -> dict[str, Any]:
     """Name, breaches and time [s] of the check of the effect of a file. Raises BadInput if it cannot act."""
     effect = effect_in(file)
     found = examine(effect)
-    if found.unusable is not None:
-        raise BadInput(f"{file}: effect '{effect.name}' cannot act: {found.unusable}")
+    if not found.can_act:
+        raise BadInput(f"{file}: effect '{effect.name}' cannot act: {found.breaches[0]}")
     checked = {"breaches": list(found.breaches), "wall_s": found.seconds}
     return {"effect": effect.name, "file": str(file)} | checked
 

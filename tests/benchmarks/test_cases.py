@@ -15,7 +15,7 @@ from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import device_record, write
 from taichi_erosion.scene import load_scene
-from taichi_erosion.scene.shipped import INSTALLED
+from taichi_erosion.scene.load import INSTALLED
 from taichi_erosion.simulation import assemble
 
 

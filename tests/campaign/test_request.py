@@ -11,7 +11,7 @@ from taichi_erosion.campaign.study_file import WorkersEntry
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.run import RunOptions, run_scene, scene_run
-from taichi_erosion.scene.shipped import SCENES
+from taichi_erosion.scene.load import SCENES
 
 ROUGH = "contact.soil-soil.friction_sliding=0.9"
 STIFF = "materials.soil.shear_modulus=2e6"  # Pa: another time step beside the others

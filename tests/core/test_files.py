@@ -78,13 +78,3 @@ def test_tables_of_a_folder_are_known_by_its_list(tmp_path):
         with pytest.raises(BadInput, match=f"{name}: {told}"):
             folder.refuse_foreign([name])
     folder.refuse_foreign(["screen.csv", "README.md"], force=True)
-
-
-def test_an_open_file_that_was_renamed_is_no_longer_at_its_path(tmp_path):
-    path = tmp_path / "runs.csv.part"
-    with path.open("wb") as file:
-        assert files.is_named(file, path)
-        path.rename(tmp_path / "runs.csv")
-        assert not files.is_named(file, path)
-        path.touch()
-        assert not files.is_named(file, path), "another file has the name"

@@ -10,10 +10,11 @@ from own_effects import LIBRARY, OWN
 
 from taichi_erosion.core.effect import Check, Effect, Probe, quantity
 from taichi_erosion.core.effect_probe import probe_of
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.ti import ti
 from taichi_erosion.effects import shipped
 from taichi_erosion.mechanisms.library import load_mechanisms
-from taichi_erosion.verification.effect_contract import CLAUSES, breaches
+from taichi_erosion.verification.effect_contract import CLAUSES, breaches, usable_probe
 
 KEPT = LIBRARY | load_mechanisms()
 
@@ -83,13 +84,15 @@ def along_the_normal(constants, pair):
     return constants.pull * pair.normal
 
 
+UNUSABLE: dict[str, Effect] = {
+    "constants must give a dict of finite numbers": giving(lambda strength, known: nan),
+    "what an effect takes or gives is not that of its place": replace(GOOD, act=along_the_normal),
+}
 ROOTED = giving(lambda strength, known: strength * known.get("root_density", 1.0))
 BAD: dict[str, Effect] = {
     "pull_off has the unit 'Nn/fur', which is not known": in_unit("Nn/fur"),
     "pull_off is declared in uN; numbers of an effect are in SI units": in_unit("uN"),
     "got 0, want": giving(lambda strength, known: 0.0),
-    "its constants give pull = nan, not a finite number": giving(lambda strength, known: nan),
-    "act must give one number, the attraction [N]": replace(GOOD, act=along_the_normal),
     "got 4e-06, want 2e-06": giving(lambda strength, known: 2.0 * strength),
     "its table has 1 lines": replace(GOOD, checks=tableless),
     "no line of its table notices that pull_off": replace(GOOD, checks=tableless),
@@ -117,15 +120,22 @@ BAD: dict[str, Effect] = {
 
 @pytest.mark.parametrize("sentence", BAD)
 def test_a_breach_of_the_contract_is_told(sentence, bench):
-    assert any(sentence in breach for breach in breaches(BAD[sentence], bench))
+    assert any(sentence in breach for breach in breaches(BAD[sentence], usable_probe(BAD[sentence], bench)))
+
+
+@pytest.mark.parametrize("sentence", UNUSABLE)
+def test_an_effect_that_cannot_act_is_refused(sentence, bench):
+    with pytest.raises(BadInput, match=sentence):
+        usable_probe(UNUSABLE[sentence], bench)
 
 
 def test_an_effect_may_read_a_condition_that_no_scene_has_by_itself(bench):
-    assert breaches(replace(ROOTED, reads=("root_density",)), bench) == []
+    rooted = replace(ROOTED, reads=("root_density",))
+    assert breaches(rooted, usable_probe(rooted, bench)) == []
 
 
 def test_a_memory_that_nothing_keeps_is_refused_at_once():
     with pytest.raises(ValueError, match="grain_state and update_state go together"):
         replace(AGEING, update_state=None)
-    with pytest.raises(ValueError, match="place first_contact has no grain state"):
+    with pytest.raises(ValueError, match="place first_contact has no grain_state"):
         replace(LIBRARY["midair_passing"], grain_state=AGEING.grain_state, update_state=AGEING.update_state)

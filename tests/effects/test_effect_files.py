@@ -13,7 +13,7 @@ from taichi_erosion.core.effect import Effect
 from taichi_erosion.effects import load_library
 from taichi_erosion.evidence.answers.files import FORMAT, Reply, write_reply
 from taichi_erosion.evidence.race.record import Interval, LawPart
-from taichi_erosion.verification.effect_contract import breaches
+from taichi_erosion.verification.effect_contract import breaches, usable_probe
 
 LAW = LawPart(
     "rolling_friction",
@@ -52,7 +52,7 @@ def test_the_scaffold_keeps_the_contract_as_it_is(words, here, bench, capsys):
     assert main(["effects", "new", "mine", *words]) == 0
     assert capsys.readouterr().out.strip() == "mine.py"
     effect = load_library([here / "mine.py"])["mine"]
-    assert breaches(effect, bench) == []
+    assert breaches(effect, usable_probe(effect, bench)) == []
     assert effect.place == (words[1] if words[1:] else "pair")
     assert (effect.grain_state is None) == (words != ["--with-memory"])
 
@@ -76,7 +76,7 @@ def found_law(here: Path, law: LawPart) -> Effect:
 
 def test_a_discovered_law_becomes_an_effect_that_gives_what_the_discovery_wrote(here, bench):
     effect = found_law(here, LAW)
-    assert breaches(effect, bench) == []
+    assert breaches(effect, usable_probe(effect, bench)) == []
     assert (effect.reads, effect.mechanism) == (("diameter", "moisture"), "rolling_friction")
     for conditions, dose in LAW.doses:
         assert effect.dose(effect.params(), conditions) == pytest.approx(dose.value)
@@ -121,7 +121,7 @@ def test_a_law_may_read_a_condition_that_only_its_study_has(here, bench):
     numbers = {"a": Interval(0.5, 0.4, 0.6), "p": Interval(1.0, 0.9, 1.1)}
     strange = replace(LAW, conditions=("colour",), python=python, numbers=numbers, doses=tuple(doses))
     effect = found_law(here, strange)
-    assert (effect.reads, breaches(effect, bench)) == (("colour",), [])
+    assert (effect.reads, breaches(effect, usable_probe(effect, bench))) == (("colour",), [])
 
 
 def test_the_library_is_listed_with_what_was_measured_of_each_effect(capsys):

@@ -20,7 +20,6 @@ from taichi_erosion.campaign.study_file import read_calibration_study, read_evid
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.measured import read_table
-from taichi_erosion.scene.load import MOST_FAULTS
 
 FEW, MANY = 12, 300  # files of a kind by default, and when asked for all: eight kinds
 
@@ -69,7 +68,7 @@ def command_ends_well(words: list[str], folder: Path, capsys: Any) -> None:
     assert not watch.trespasses
     assert code in (ExitCode.SUCCESS, ExitCode.BAD_INPUT), said.err
     if code == ExitCode.BAD_INPUT:
-        assert 1 <= said.err.count("\n") <= MOST_FAULTS + 1, said.err
+        assert said.err
         assert set(os.listdir(folder)) == before
 
 

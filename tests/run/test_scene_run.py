@@ -17,7 +17,7 @@ from taichi_erosion.recording.readback import read_grains
 from taichi_erosion.run import RunOptions, scene_run
 from taichi_erosion.run.checks import library_of, read_scene
 from taichi_erosion.run.scene_run import assemble_run, deferred_signals
-from taichi_erosion.scene.shipped import SCENES
+from taichi_erosion.scene.load import SCENES
 
 DURATION = 0.12  # s, of both stages
 COLOURS = 3  # channels of a film

@@ -1,13 +1,15 @@
-"""Reading of scene files: hash, resolved scene, and one clear line for whatever cannot be a scene."""
+"""Reading of scene files: hash, resolved scene, kinds of files, and one clear line for every mistake."""
 
 import copy
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from scene_tables import SCENES, TUNNEL, changed, good_table
+from scene_tables import ABSENT, SCENES, TUNNEL, changed, complaint, good_table, wrong_places
 
+from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import build_setup, load_scene, parse_scene, resolved, scene_hash
 from taichi_erosion.scene.load import parse_air_scene, toml_table
@@ -77,7 +79,7 @@ def test_the_hash_of_a_mesh_follows_its_content(tmp_path: Path):
     ("content", "word"),
     [
         (b"", "grains is missing"),
-        (b"\xff\xfe\x00", "byte 0 is not UTF-8 text"),
+        (b"\xff\xfe\x00", "cannot be read as text: 'utf-8' codec"),
         (b"[scene\nkind = 1", "not a TOML file"),
         (b"a = " + b"[" * 5000, "not a TOML file"),
         (b"a = 1" + b"0" * 5000, "not a TOML file"),
@@ -105,3 +107,79 @@ def test_the_hash_follows_the_flow_and_not_its_title():
     scenes = (parse_air_scene(toml_table(TUNNEL), overrides=order) for order in orders)
     plain, titled, faster = map(scene_hash, scenes)
     assert plain == titled != faster
+
+
+ROOT = Path(__file__).parents[2]
+STUDY, SCENE = str(ROOT / "doe" / "my_lab.toml"), str(ROOT / "scenes" / "saltation.toml")
+MISTAKEN = {
+    "a table for a study": (("compare", "t.csv"), "./erosion study new t.csv"),
+    "a scene for a study": (("discover", SCENE), f"./erosion run {SCENE}"),
+    "a folder for a study": (("adopt", str(ROOT / "doe"), "gusts"), "is a folder; name a study"),
+    "a study for a scene": (("run", STUDY), f"./erosion compare {STUDY}"),
+    "a table for a scene": (("run", "t.csv"), "./erosion study new t.csv"),
+    "a study for a table": (("study", "new", STUDY), f"./erosion study check {STUDY}"),
+    "a folder for a table": (("study", "new", "."), "is a folder; name a table"),
+    "a scene to validate as a study": (("study", "check", SCENE), f"./erosion run {SCENE}"),
+    "a table to report on": (("report", "t.csv"), "./erosion study new t.csv"),
+    "a table to view": (("view", "t.csv"), "./erosion study new t.csv"),
+    "an effect file for a study": (("compare", "pull.py"), "--effect pull.py"),
+    "a recording for a study": (("next", "run.rrd"), "./erosion view run.rrd"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKEN)
+def test_a_file_of_another_kind_is_told_with_its_own_command(tmp_path, monkeypatch, capsys, name):
+    words, remedy = MISTAKEN[name]
+    monkeypatch.chdir(tmp_path)
+    Path("t.csv").write_bytes("Korngröße [µm];u*t (cm/s)\n90;13,8\n".encode("cp1252"))
+    Path("pull.py").write_text("", encoding="utf-8")
+    Path("run.rrd").write_bytes(b"RRF2")
+    assert main(list(words)) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert remedy in line
+    assert " is " in line
+
+
+MISTAKES = list(wrong_places())
+
+
+@pytest.mark.parametrize(
+    ("path", "value"), MISTAKES, ids=lambda part: "absent" if part is ABSENT else str(part)[:40]
+)
+def test_every_mistake_gives_one_line_that_names_the_file_and_the_section(path: str, value: Any):
+    line = complaint(changed(path, value))
+    assert line.startswith("scenes/bad.toml: ")
+    assert "\n" not in line
+    assert len(line) < 400
+    # a contradiction between sections may be told at either of them
+    told_elsewhere = {"run", "grains", "stages", "contact", "materials", "fill", "measure"}
+    section = path.split(".")[0]
+    assert any(name in line for name in {section} | (told_elsewhere if section in told_elsewhere else set()))
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "line"),
+    [
+        ("contact.soil-soil.restitution", 7.0, " = 7.0 lies outside [0, 1]"),
+        ("materials.soil.density", 2.13e9, " = 2130000000.0 lies outside [25, 30000] kg m-3"),
+        ("contact.soil-soil.restituton", 0.5, " is unknown; did you mean 'restitution'?"),
+        ("materials.soil.density", ABSENT, " is missing"),
+        ("geometry.funel", {"rim_radius": 0.05}, ".shape is missing"),
+        ("laws.normal", "hetrz", " = 'hetrz' is not one of 'hertz' or 'jkr'"),
+        ("grains.material", "sand", " = 'sand' is not among [materials]: soil, steel"),
+        ("stages.2.remove", ["lid"], ": 'lid' is not standing: funnel, plate"),
+    ],
+)
+def test_the_line_says_what_is_allowed(path: str, value: Any, line: str):
+    assert complaint(changed(path, value)) == f"scenes/bad.toml: {path}{line}"
+
+
+def test_the_first_of_several_mistakes_are_told_and_the_others_counted():
+    table = changed("contact.soil-soil.restitution", 7.0)
+    table["contact"]["soil-soil"]["friction_sliding"] = -1.0
+    table["grains"]["count"] = 0
+    assert complaint(table).endswith("lies outside [1, 5e+06] (and 2 more)")
+    with pytest.raises(BadInput) as caught:
+        parse_scene(table, "scenes/bad.toml")
+    faults = [fault.split(" = ")[0].removeprefix("scenes/bad.toml: ") for fault in caught.value.faults]
+    assert faults == ["grains.count", "contact.soil-soil.restitution", "contact.soil-soil.friction_sliding"]

@@ -14,7 +14,7 @@ from taichi_erosion.core.air_setup import (
     InitialTurbulence,
     InletTurbulence,
 )
-from taichi_erosion.core.setup import Coupling, Floats, Triple
+from taichi_erosion.core.setup import Coupling, Floats
 from taichi_erosion.scene.preparation.limits import time_step
 from taichi_erosion.scene.preparation.sizes import mean_cube, nominal_diameter
 from taichi_erosion.scene.schema.air import (
@@ -35,8 +35,6 @@ ABOVE_BED = 2.0  # diameters above the bed up to which layers stay fine [1]
 CENTRED = 0.5  # implicitness that is of second order: eddies are followed in time [1]
 GRAIN_ROUGHNESS = 1.0 / 30.0  # roughness length of a bed at rest over its diameter (Nikuradse) [1]
 HEADROOM = 10.0  # heights of the patch that grains may fly before they count as lost [1]
-
-
 DIFFUSION = 0.5  # explicit diffusion along x and y: largest step over width^2 / nu in all directions [1]
 TURBULENT = 30.0  # largest speed of a driven turbulent flow over its friction velocity [1]
 GUST = 3.0  # standard deviations that a gust may exceed the mean wind by [1]
@@ -91,13 +89,12 @@ def on_grid(column: AirSetup, wind: Wind, diameter: float, seed: int) -> AirSetu
 
 def patch_coupling(scene: Scene, wind: Wind, seed: int) -> Coupling:
     """Intervals and constants of the exchange between grains and air."""
-    rising = any(stage.through_flow is not None for stage in scene.stages)
     interval = wind.look_steps * time_step(scene)
     return Coupling(
         look_steps=wind.look_steps,
         surface=surface_height(scene, wind),
         through_flow=wind.through_flow,
-        rising=rising,
+        rising=any(stage.through_flow is not None for stage in scene.stages),
         seed=seed % 2**31,
         partition=wind.partition,
         # at rest, the first included, that last no less than the stated time
@@ -111,9 +108,8 @@ def box_faces(air: AirBox) -> Floats:
     high, count = air.extents[2], air.cells[2]
     if air.lowest is None:
         return air_setup.even_faces(0.0, high, count)
-    return (air_setup.both_faces if air.both_ends else air_setup.stretched_faces)(
-        0.0, high, count, air.lowest
-    )
+    faces = air_setup.both_faces if air.both_ends else air_setup.stretched_faces
+    return faces(0.0, high, count, air.lowest)
 
 
 def inlet_speed(profile: Profile, height: Floats, karman: float) -> Floats:
@@ -170,18 +166,24 @@ def air_time_step(scene: AirScene) -> float:
 
 def build_air(scene: AirScene, seed: int) -> AirSetup:
     """Air of one replica of a scene of air alone."""
-    air = scene.air
-    shape = inlet_shape(air)
+    air, shape = scene.air, inlet_shape(scene.air)
+    sides = {name: AirSide(s.kind, s.velocity, s.roughness_length) for name, s in air.sides.items()}
+    if sides["x_low"].kind == "inlet":  # wind along x comes as a profile of 1 m/s times `inlet_shape`
+        sides["x_low"] = replace(sides["x_low"], velocity=(1.0, 0.0, 0.0))
+    model = AirModel(air.closure, air.advection)
+    if air.cells[:2] == (1, 1) and air.closure != "smagorinsky":
+        # a column has no advection, so that one implicit stage does
+        model = AirModel(air.closure, advection="none", scheme="euler")
     return AirSetup(
         cells=air.cells,
         low=(0.0, 0.0, 0.0),
         high=air.extents,
         faces_z=box_faces(air),
-        sides={name: air_side(air, name) for name in air_setup.SIDES},
+        sides={name: sides[name] for name in air_setup.SIDES},
         density=air.density,
         viscosity=air.viscosity,
         time_step=air_time_step(scene),
-        model=air_model(air),
+        model=model,
         constants=ClosureConstants(
             karman=air.karman, smagorinsky=air.smagorinsky, length_share=air.length_share
         ),
@@ -195,20 +197,6 @@ def build_air(scene: AirScene, seed: int) -> AirSetup:
         ),
         start=shape if shape is not None else first_guess(air),
     )
-
-
-def air_model(air: AirBox) -> AirModel:
-    """Choices compiled in; a column has no advection, so that one implicit stage does."""
-    if air.cells[:2] == (1, 1) and air.closure != "smagorinsky":
-        return AirModel(air.closure, advection="none", scheme="euler")
-    return AirModel(air.closure, air.advection)
-
-
-def air_side(air: AirBox, name: str) -> AirSide:
-    """One side of the box; wind along x comes as a profile of 1 m/s times `inlet_shape`."""
-    side = air.sides[name]
-    velocity: Triple = (1.0, 0.0, 0.0) if (name, side.kind) == ("x_low", "inlet") else side.velocity
-    return AirSide(side.kind, velocity, side.roughness_length)
 
 
 def first_guess(air: AirBox) -> Floats | None:

@@ -66,26 +66,21 @@ def surface_energy(contact: Contact, a: Material, b: Material) -> float:
 
 
 def contact_table(scene: Scene) -> ContactTable:
-    """One row for every pair of used materials; rows of two walls are never read."""
+    """One row for every pair of used materials, rolling friction over R*; rows of two walls are not read."""
     names = materials_used(scene)
     rows = {}
-    for i, a in enumerate(names):
-        for j, b in enumerate(names[i:], start=i):
-            contact = scene.contact_of(a, b) or NEVER_READ
-            rows[pair_row(i, j, len(names))] = contact_row(contact, scene.materials[a], scene.materials[b])
-    columns = np.array([rows[row] for row in range(len(rows))]).T
-    return ContactTable(*columns)
-
-
-def contact_row(contact: Contact, a: Material, b: Material) -> tuple[float, ...]:
-    """Numbers of one pair, in the order of ContactTable; rolling friction over R*."""
-    return (
-        young_effective(a, b),
-        shear_effective(a, b),
-        contact.restitution,
-        contact.friction_sliding,
-        contact.friction_rolling * contact.rolling_share,
-        contact.rolling_damping,
-        surface_energy(contact, a, b),
-        float(contact.acted_on),
-    )
+    for i, name in enumerate(names):
+        for j, other in enumerate(names[i:], start=i):
+            contact = scene.contact_of(name, other) or NEVER_READ
+            a, b = scene.materials[name], scene.materials[other]
+            rows[pair_row(i, j, len(names))] = (
+                young_effective(a, b),
+                shear_effective(a, b),
+                contact.restitution,
+                contact.friction_sliding,
+                contact.friction_rolling * contact.rolling_share,
+                contact.rolling_damping,
+                surface_energy(contact, a, b),
+                float(contact.acted_on),
+            )
+    return ContactTable(*np.array([rows[row] for row in range(len(rows))]).T)

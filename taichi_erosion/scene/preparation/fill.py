@@ -86,22 +86,37 @@ class InitialBodies:
 
 def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
     """Bodies of one replica; `reach` is the bounding radius of a body over its diameter [1]."""
-    if isinstance(scene.fill, Positions):
-        return listed_bodies(scene, scene.fill)
-    diameter = sample_diameters(scene.grains.size, scene.grains.count, stream(seed, "diameters"))
-    if isinstance(scene.fill, Pour):
-        return poured_bodies(scene, scene.fill, seed, diameter, reach)
-    fill, random = scene.fill, stream(seed, "places")
-    if isinstance(fill, Rain):
-        position = rain(fill, len(diameter), random)
-    elif isinstance(fill, Lattice):
-        position = lattice(fill, len(diameter), random)
+    fill, gravity, nominal = scene.fill, scene.gravity.magnitude, nominal_diameter(scene.grains.size)
+    if isinstance(fill, Positions):
+        return InitialBodies(
+            position=np.array([grain.position for grain in fill.grains]),
+            velocity=np.array([grain.velocity for grain in fill.grains]),
+            spin=np.array([grain.spin for grain in fill.grains]),
+            diameter=np.array([grain.diameter or nominal for grain in fill.grains]),
+            release_time=np.zeros(len(fill.grains)),
+        )
+    count, random = scene.grains.count, stream(seed, "places")
+    diameter = sample_diameters(scene.grains.size, count, stream(seed, "diameters"))
+    release = np.zeros(count)
+    if isinstance(fill, Pour):
+        place, release = pour_layers(fill, reach * diameter, gravity, random)
+        position = np.column_stack([place, np.zeros(count)]) + np.array(fill.centre)
+        velocity = np.tile((0.0, 0.0, -fill.speed), (count, 1))
     else:
-        assert scene.wind is not None
-        position = patch_layers(scene.wind, fill, len(diameter), random)
-    speed = fill.speed_sd * sqrt(scene.gravity.magnitude * nominal_diameter(scene.grains.size))
-    velocity = speed * stream(seed, "velocities").standard_normal(position.shape)
-    return InitialBodies(position, velocity, np.zeros_like(position), diameter, np.zeros(len(diameter)))
+        position = net_places(scene, fill, random)
+        speed = fill.speed_sd * sqrt(gravity * nominal)
+        velocity = speed * stream(seed, "velocities").standard_normal(position.shape)
+    return InitialBodies(position, velocity, np.zeros_like(position), diameter, release)
+
+
+def net_places(scene: Scene, fill: Rain | Lattice | Layers, random: np.random.Generator) -> Floats:
+    """Jittered places of a net, [count, 3] m."""
+    if isinstance(fill, Rain):
+        return rain(fill, scene.grains.count, random)
+    if isinstance(fill, Lattice):
+        return lattice(fill, scene.grains.count, random)
+    assert scene.wind is not None
+    return patch_layers(scene.wind, fill, scene.grains.count, random)
 
 
 def patch_layers(wind: Wind, fill: Layers, count: int, random: np.random.Generator) -> Floats:
@@ -122,26 +137,6 @@ def patch_layers(wind: Wind, fill: Layers, count: int, random: np.random.Generat
 def places_per_layer(wind: Wind, fill: Layers) -> tuple[int, int]:
     """Places of a layer downwind and across."""
     return int(wind.length / fill.pitch), int(wind.width / fill.pitch)
-
-
-def listed_bodies(scene: Scene, fill: Positions) -> InitialBodies:
-    """Grains placed one by one."""
-    nominal = nominal_diameter(scene.grains.size)
-    return InitialBodies(
-        position=np.array([grain.position for grain in fill.grains]),
-        velocity=np.array([grain.velocity for grain in fill.grains]),
-        spin=np.array([grain.spin for grain in fill.grains]),
-        diameter=np.array([grain.diameter or nominal for grain in fill.grains]),
-        release_time=np.zeros(len(fill.grains)),
-    )
-
-
-def poured_bodies(scene: Scene, fill: Pour, seed: int, diameter: Floats, reach: float) -> InitialBodies:
-    """Grains that pass a horizontal disc downwards."""
-    place, release = pour_layers(fill, reach * diameter, scene.gravity.magnitude, stream(seed, "places"))
-    position = np.column_stack([place, np.zeros(len(diameter))]) + np.array(fill.centre)
-    velocity = np.tile((0.0, 0.0, -fill.speed), (len(diameter), 1))
-    return InitialBodies(position, velocity, np.zeros_like(velocity), diameter, release)
 
 
 def rain(fill: Rain, count: int, random: np.random.Generator) -> Floats:

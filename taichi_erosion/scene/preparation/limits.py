@@ -1,11 +1,10 @@
 """Limits of the time step, the step chosen, adhesion numbers: whatever a run prints about its own numbers."""
 
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator
 from math import hypot, pi, radians, sqrt, tan
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene.preparation.clump import SPHERE_REACH, template_spheres
 from taichi_erosion.scene.preparation.contacts import (
     materials_used,
     shear_modulus,
@@ -13,7 +12,13 @@ from taichi_erosion.scene.preparation.contacts import (
     young_effective,
 )
 from taichi_erosion.scene.preparation.fill import start_top
-from taichi_erosion.scene.preparation.sizes import mean_cube, nominal_diameter, size_range
+from taichi_erosion.scene.preparation.sizes import (
+    SPHERE_REACH,
+    mean_cube,
+    nominal_diameter,
+    size_range,
+    template_spheres,
+)
 from taichi_erosion.scene.preparation.walls import wall_bounds
 from taichi_erosion.scene.schema.grains import Positions, Pour
 from taichi_erosion.scene.schema.scene import Scene
@@ -29,29 +34,6 @@ RAYLEIGH_REFUSED = 0.3  # larger shares of the Rayleigh time are refused unless 
 HERTZ_SHARE = 0.1  # of the duration of an impact at the expected speed: ten steps in a contact [1]
 NECK_SHARE = 0.1  # of the time in which grains cross the range of adhesion [1]
 SPEED_SHARE = 0.05  # of the smallest radius that a grain may move in one step [1]
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Limits of the time step [s]; None where a limit does not apply."""
-
-    rayleigh_time: float  # Rayleigh time T_R of the smallest grain; steps are given as a share of it
-    hertz: float | None
-    jkr_neck: float | None
-    speed: float | None
-
-
-@dataclass(frozen=True)
-class Adhesion:
-    """Adhesion between two grains of the nominal diameter."""
-
-    surface_energy: float  # J m-2, as simulated
-    pull_off_force: float  # N, 3 pi gamma R*
-    bond_number: float  # pull-off force over weight [1]
-    tensile_strength: float  # Pa, sigma_t = 3/4 phi Z gamma / d
-    sticking_speed: float  # m s-1, below it an impact does not part again
-    tear_off_distance: float  # m
-    cohesion_over_heap_stress: float  # sigma_t tan(phi_i) / (rho_b g H) [1]
 
 
 def contact_length(energy: float, radius: float, young: float) -> float:
@@ -74,8 +56,8 @@ def sticking_speed(energy: float, radius: float, young: float, mass: float) -> f
     return sqrt(2.0 * WORK_OF_SEPARATION * pi * energy * contact_length(energy, radius, young) ** 2 / mass)
 
 
-def adhesion(scene: Scene) -> Adhesion | None:
-    """Adhesion numbers of grain against grain; None without adhesion.
+def adhesion(scene: Scene) -> dict[str, float] | None:
+    """Adhesion numbers of two grains of the nominal diameter; None without adhesion.
 
     Bo = 3 pi gamma R* / (m g);  sigma_t = (3/4) phi Z gamma / d  (Rumpf 1962 with the JKR pull-off force);
     the stress under a cone of all grains at 30 degrees, of height H:  V = pi H^3 / (3 tan^2).
@@ -83,7 +65,7 @@ def adhesion(scene: Scene) -> Adhesion | None:
     name = scene.grains.material
     material, contact = scene.materials[name], scene.contact_of(name, name)
     energy = surface_energy(contact, material, material) if contact and scene.laws.normal == "jkr" else 0.0
-    if energy <= 0.0:
+    if contact is None or energy <= 0.0:
         return None
     diameter, gravity = nominal_diameter(scene.grains.size), scene.gravity.magnitude
     radius, mass = 0.25 * diameter, material.density * pi / 6.0 * diameter**3
@@ -92,35 +74,30 @@ def adhesion(scene: Scene) -> Adhesion | None:
     volume = scene.grains.count * pi / 6.0 * mean_cube(scene.grains.size) / SOLID_FRACTION
     height = (3.0 * volume * tan(HEAP_SLOPE) ** 2 / pi) ** (1.0 / 3.0)
     heap_stress = SOLID_FRACTION * material.density * gravity * height
-    friction = contact.friction_sliding if contact else 0.0
-    pull = 3.0 * pi * energy * radius
-    return Adhesion(
-        surface_energy=energy,
-        pull_off_force=pull,
-        bond_number=pull / (mass * gravity) if gravity > 0.0 else 0.0,
-        tensile_strength=strength,
-        sticking_speed=sticking_speed(energy, radius, young, 0.5 * mass),
-        tear_off_distance=tear_off_distance(energy, radius, young),
-        cohesion_over_heap_stress=strength * friction / heap_stress if gravity > 0.0 else 0.0,
-    )
+    pull, cohesion = 3.0 * pi * energy * radius, strength * contact.friction_sliding
+    return {
+        "surface_energy": energy,  # J m-2, as simulated
+        "pull_off_force": pull,  # N, 3 pi gamma R*
+        "bond_number": pull / (mass * gravity) if gravity > 0.0 else 0.0,  # pull-off force over weight [1]
+        "tensile_strength": strength,  # Pa, sigma_t
+        "sticking_speed": sticking_speed(energy, radius, young, 0.5 * mass),  # m s-1
+        "tear_off_distance": tear_off_distance(energy, radius, young),  # m
+        # sigma_t tan(phi_i) / (rho_b g H) [1]
+        "cohesion_over_heap_stress": cohesion / heap_stress if gravity > 0.0 else 0.0,
+    }
 
 
-def adhesion_warnings(scene: Scene, sticking: Adhesion | None) -> list[str]:
+def adhesion_warnings(scene: Scene, sticking: dict[str, float] | None) -> Iterator[str]:
     """Sentences about implausible adhesion."""
-    lines = []
-    if sticking and sticking.bond_number > BOND_WARNED:
-        lines.append(
-            f"Bond number {sticking.bond_number:.3g} exceeds {BOND_WARNED:g}: "
-            "a grain carries that many weights; the surface energy is a fitted constant of this grain size, "
-            "not a soil property"
-        )
-    is_heap = scene.scene.kind in ("repose", "collapse", "lifting")
-    if sticking and is_heap and sticking.cohesion_over_heap_stress > STRESS_WARNED:
-        lines.append(
-            f"cohesion is {sticking.cohesion_over_heap_stress:.3g} of the stress under the heap, "
-            f"above {STRESS_WARNED:g}: a heap of this size need not fail at any angle"
-        )
-    return lines
+    if sticking is None:
+        return
+    bond, stress = sticking["bond_number"], sticking["cohesion_over_heap_stress"]
+    if bond > BOND_WARNED:
+        told = "a grain carries that many weights; the surface energy is a fitted constant of this grain size"
+        yield f"Bond number {bond:.3g} exceeds {BOND_WARNED:g}: {told}, not a soil property"
+    if scene.scene.kind in ("repose", "collapse", "lifting") and stress > STRESS_WARNED:
+        told = f"above {STRESS_WARNED:g}: a heap of this size need not fail at any angle"
+        yield f"cohesion is {stress:.3g} of the stress under the heap, {told}"
 
 
 def rayleigh_time(radius: float, density: float, shear: float, poisson: float) -> float:
@@ -186,7 +163,12 @@ def expected_speed(scene: Scene) -> float:
     top = start_top(scene, 0.5 * size_range(scene.grains.size)[1])
     bottom = min((float(wall_bounds(scene, name)[0, 2]) for name in scene.geometry), default=top)
     fall = 2.0 * scene.gravity.magnitude * max(top - bottom, 0.0)
-    return max([sqrt(start_speed(scene) ** 2 + fall), *wall_speeds(scene)])
+    speeds = [sqrt(start_speed(scene) ** 2 + fall)]
+    for stage in scene.stages:
+        for name, order in stage.move.items():
+            arm = float(abs(wall_bounds(scene, name) - order.centre).max())
+            speeds.append(hypot(*order.velocity) + hypot(*order.spin) * arm)
+    return max(speeds)
 
 
 def start_speed(scene: Scene) -> float:
@@ -199,31 +181,23 @@ def start_speed(scene: Scene) -> float:
     return 3.0 * fill.speed_sd * sqrt(scene.gravity.magnitude * nominal_diameter(scene.grains.size))
 
 
-def wall_speeds(scene: Scene) -> list[float]:
-    """Speeds of moving walls [m s-1]: translation and spin about the stated centre."""
-    speeds = [0.0]
-    for stage in scene.stages:
-        for name, order in stage.move.items():
-            arm = float(abs(wall_bounds(scene, name) - order.centre).max())
-            speeds.append(hypot(*order.velocity) + hypot(*order.spin) * arm)
-    return speeds
-
-
 def smallest_mass(scene: Scene) -> float:
     """Mass of the smallest contact sphere [kg]."""
     return scene.grain_material.density * 4.0 / 3.0 * pi * smallest_radius(scene) ** 3
 
 
-def limits(scene: Scene) -> Limits:
-    """All limits of the time step."""
-    speed, radius = expected_speed(scene), smallest_radius(scene)
-    rayleigh = grain_rayleigh_time(scene)
-    if speed == 0.0:
-        return Limits(rayleigh, None, None, None)
-    material = scene.grain_material
-    young = young_effective(material, material)
-    hertz = HERTZ_SHARE * impact_duration(0.5 * smallest_mass(scene), 0.5 * radius, young, speed)
-    return Limits(rayleigh, hertz, neck_limit(scene, radius, speed), SPEED_SHARE * radius / speed)
+def limits(scene: Scene) -> dict[str, float | None]:
+    """Limits of the time step [s]; None where one does not apply."""
+    speed, radius, material = expected_speed(scene), smallest_radius(scene), scene.grain_material
+    found: dict[str, float | None] = dict.fromkeys(("rayleigh_time", "hertz", "jkr_neck", "speed"))
+    found["rayleigh_time"] = grain_rayleigh_time(scene)
+    if speed > 0.0:
+        young = young_effective(material, material)
+        impact = impact_duration(0.5 * smallest_mass(scene), 0.5 * radius, young, speed)
+        found["hertz"] = HERTZ_SHARE * impact
+        found["jkr_neck"] = neck_limit(scene, radius, speed)
+        found["speed"] = SPEED_SHARE * radius / speed
+    return found
 
 
 def neck_limit(scene: Scene, radius: float, speed: float) -> float | None:
@@ -231,37 +205,28 @@ def neck_limit(scene: Scene, radius: float, speed: float) -> float | None:
 
     dt = 0.1 * 1.19055 L^2 / (R* v),  L = (pi gamma R*^2 / E*)^(1/3);  R* = R/2 between grains, R at a wall.
     """
-    grain = scene.grains.material
-    walls = scene.wall_materials
-    times = []
+    grain, times = scene.grains.material, []
     for other in materials_used(scene) if scene.laws.normal == "jkr" else []:
         contact = scene.contact_of(grain, other)
         a, b = scene.materials[grain], scene.materials[other]
         energy = surface_energy(contact, a, b) if contact else 0.0
-        shares = [
-            share for share, met in ((0.5, other == grain), (1.0, other in walls)) if met and energy > 0.0
-        ]
-        times += [
-            tear_off_distance(energy, share * radius, young_effective(a, b)) / speed for share in shares
-        ]
+        for share, met in ((0.5, other == grain), (1.0, other in scene.wall_materials)):
+            if met and energy > 0.0:
+                times.append(tear_off_distance(energy, share * radius, young_effective(a, b)) / speed)
     return NECK_SHARE * min(times) if times else None
 
 
-def time_step_warnings(chosen: float, limit: Limits) -> list[str]:
+def time_step_warnings(chosen: float, limit: dict[str, float | None]) -> Iterator[str]:
     """Sentences about limits that the chosen step exceeds; the Rayleigh limit is a refusal, not a warning."""
-    reasons = (
-        (limit.hertz, "an impact at the expected speed is resolved by fewer than 10 steps"),
-        (
-            limit.jkr_neck,
-            "grains cross the range of adhesion in fewer than 10 steps: only resting contacts stick",
-        ),
-        (limit.speed, f"a grain can move more than {SPEED_SHARE:g} radii in one step"),
-    )
-    return [
-        f"time step {chosen:.3g} s exceeds {bound:.3g} s: {text}"
-        for bound, text in reasons
-        if bound and chosen > bound
-    ]
+    reasons = {
+        "hertz": "an impact at the expected speed is resolved by fewer than 10 steps",
+        "jkr_neck": "grains cross the range of adhesion in fewer than 10 steps: only resting contacts stick",
+        "speed": f"a grain can move more than {SPEED_SHARE:g} radii in one step",
+    }
+    for name, text in reasons.items():
+        bound = limit[name]
+        if bound and chosen > bound:
+            yield f"time step {chosen:.3g} s exceeds {bound:.3g} s: {text}"
 
 
 def softening_lines(scene: Scene) -> list[str]:
@@ -272,9 +237,8 @@ def softening_lines(scene: Scene) -> list[str]:
             simulated = material.shear_modulus or material.young_modulus or 1.0
             ratio = material.softening.true_modulus / simulated
             kept = material.softening.rule.replace("_", " ")
-            lines.append(
-                f"{name}: stiffness divided by {ratio:.3g}, {kept} kept (rule '{material.softening.rule}')"
-            )
+            rule = f"(rule '{material.softening.rule}')"
+            lines.append(f"{name}: stiffness divided by {ratio:.3g}, {kept} kept {rule}")
     return lines
 
 
@@ -300,15 +264,15 @@ def explain(scene: Scene) -> dict[str, Any]:
     low, high = size_range(scene.grains.size)
     return {
         "time_step": chosen,
-        "time_step_over_rayleigh": chosen / limit.rayleigh_time,
-        "limits": asdict(limit),
+        "time_step_over_rayleigh": chosen / grain_rayleigh_time(scene),
+        "limits": limit,
         "expected_speed": expected_speed(scene),
         "diameter": {"low": low, "nominal": nominal_diameter(scene.grains.size), "high": high},
         "steps_most": int(sum(stage.duration_max for stage in scene.stages) / chosen) + 1,
         "softening": softening_lines(scene),
         "rolling": rolling_lines(scene),
-        "adhesion": asdict(sticking) if sticking else None,
-        "warnings": time_step_warnings(chosen, limit) + adhesion_warnings(scene, sticking),
+        "adhesion": sticking,
+        "warnings": [*time_step_warnings(chosen, limit), *adhesion_warnings(scene, sticking)],
     }
 
 
@@ -317,8 +281,5 @@ def refuse_unsafe_step(scene: Scene) -> None:
     rayleigh, chosen = grain_rayleigh_time(scene), time_step(scene)
     if chosen > RAYLEIGH_REFUSED * rayleigh and not scene.run.force_time_step:
         key = "time_step" if scene.run.time_step is not None else "time_step_fraction"
-        raise BadInput(
-            f"run.{key}: a step of {chosen:.3g} s is {chosen / rayleigh:.3g} Rayleigh times "
-            f"({rayleigh:.3g} s); "
-            f"at most {RAYLEIGH_REFUSED} unless run.force_time_step = true"
-        )
+        step = f"a step of {chosen:.3g} s is {chosen / rayleigh:.3g} Rayleigh times ({rayleigh:.3g} s)"
+        raise BadInput(f"run.{key}: {step}; at most {RAYLEIGH_REFUSED} unless run.force_time_step = true")

@@ -7,10 +7,10 @@ import scipy
 
 from taichi_erosion.core.setup import ClumpTable, GrainTable, Laws, Setup, Surface
 from taichi_erosion.scene.preparation.air import HEADROOM, patch_air, patch_coupling
-from taichi_erosion.scene.preparation.clump import Body, body_of, reach_over_diameter
 from taichi_erosion.scene.preparation.contacts import contact_table, materials_used
 from taichi_erosion.scene.preparation.fill import InitialBodies, initial_bodies, stream
 from taichi_erosion.scene.preparation.limits import time_step
+from taichi_erosion.scene.preparation.sizes import Body, quadrature, reach_over_diameter, template_spheres
 from taichi_erosion.scene.preparation.walls import domain_box, primitive_table
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.scene.schema.grains import Positions
@@ -28,7 +28,7 @@ def laws(scene: Scene) -> Laws:
 
 def build_setup(scene: Scene, seed: int) -> Setup:
     """Everything that defines one replica; the same scene and seed give the same bits."""
-    body = body_of(scene.grains.clump) if scene.grains.clump else None
+    body = quadrature(template_spheres(scene.grains.clump)) if scene.grains.clump else None
     start = initial_bodies(scene, seed, reach_over_diameter(scene.grains))
     names = materials_used(scene)
     material = names.index(scene.grains.material)

@@ -111,15 +111,13 @@ def mesh_triangles(scene: Scene, name: str, wall: Mesh) -> Floats:
         raise BadInput(f"{told}: no such file beside the scene")
     try:
         triangles = np.asarray(trimesh.load_mesh(path).triangles, dtype=np.float64)
-    except ImportError:  # of what the library would guess an encoding with
-        raise BadInput(f"{told} is not a triangle mesh: not UTF-8 text") from None
     except Exception as error:  # the readers of the many formats raise whatever their parsers raise
         reason = str(error).splitlines() or [type(error).__name__]
         raise BadInput(f"{told} is not a triangle mesh: {reason[0][:120]}") from None
-    if triangles.shape[1:] != (3, 3):  # corners without a third coordinate
-        raise BadInput(f"{told} is not a triangle mesh: its corners are flat")
-    if not 0 < len(triangles) <= MOST_TRIANGLES or not np.isfinite(triangles).all():
-        raise BadInput(f"{told} needs 1 to {MOST_TRIANGLES} finite triangles")
+    if triangles.shape[1:] != (3, 3) or not 0 < len(triangles) <= MOST_TRIANGLES:
+        raise BadInput(f"{told} needs 1 to {MOST_TRIANGLES} triangles in space")
+    if not np.isfinite(triangles).all():
+        raise BadInput(f"{told} has corners that are not finite")
     return triangles * wall.scale + np.array(wall.translate)
 
 

@@ -178,24 +178,16 @@ class AirScene(SceneFile):
 
 def box_problems(air: AirBox) -> Iterator[str]:
     """Contradictions between entries of a box, one line each, beginning with a dotted path."""
-    sides = list(side_problems(air))
-    yield from sides
-    if not sides:
-        yield from inlet_problems(air)
-        yield from cell_problems(air)
-
-
-def side_problems(air: AirBox) -> Iterator[str]:
-    """All sides are there, and each kind stands where it can."""
     yield from (f"air.sides.{name} is missing" for name in SIDES if name not in air.sides)
     unknown = [name for name in air.sides if name not in SIDES]
     yield from (f"air.sides.{name} is unknown; allowed: {', '.join(SIDES)}" for name in unknown)
     if set(air.sides) == set(SIDES):
-        yield from place_problems(air)
+        places = list(place_problems(air))
+        yield from places or (*inlet_problems(air), *cell_problems(air))
 
 
 def place_problems(air: AirBox) -> Iterator[str]:
-    """Each kind of side stands where it can."""
+    """Sides of a kind that cannot stand where they do."""
     allowed = {"inlet": ("x_low", "z_low"), "outlet": ("x_high", "z_high"), "stress": ("z_high",)}
     for name, side in air.sides.items():
         if side.kind in allowed and name not in allowed[side.kind]:

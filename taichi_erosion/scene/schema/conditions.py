@@ -79,17 +79,14 @@ class Conditions(Section):
         if not isinstance(table, dict):
             return table
         declared = table.get("extra", {})
-        declared = declared if isinstance(declared, dict) else {}
-        for key in table:
-            if key not in cls.model_fields and key not in declared:
-                raise unknown_key(str(key), [*cls.model_fields, *declared], DECLARE)
-        stated = {key: table[key] for key in table if key not in cls.model_fields}
-        extra = {
-            name: {**entry, "value": stated[name]} if name in stated and isinstance(entry, dict) else entry
-            for name, entry in declared.items()
-        }
-        rest = {key: value for key, value in table.items() if key not in stated}
-        return rest | ({"extra": extra} if extra else {})
+        extra = dict(declared) if isinstance(declared, dict) else {}
+        found = {key: value for key, value in table.items() if key in cls.model_fields}
+        for key, value in table.items():
+            if key in extra and isinstance(extra[key], dict):
+                extra[key] = {**extra[key], "value": value}
+            elif key not in cls.model_fields and key not in extra:
+                raise unknown_key(str(key), [*cls.model_fields, *extra], DECLARE)
+        return found | ({"extra": extra} if extra else {})
 
     @field_validator("extra")
     @classmethod

@@ -16,7 +16,6 @@ from taichi_erosion.scene.schema.fields import (
     extent,
     number,
     position,
-    slip_hint,
 )
 
 LIGHTEST = 25.0  # no solid has more than 23 g cm-3: smaller numbers are taken for that unit [kg m-3]
@@ -78,8 +77,7 @@ class Sieve(Section):
             raise contradiction("needs either table or rows")
         for row in self.rows:
             if not SMALLEST_GRAIN <= row[0] < row[1] <= LARGEST_GRAIN:
-                hint = slip_hint(row[1], "m", SMALLEST_GRAIN, LARGEST_GRAIN)
-                needed = f"{SMALLEST_GRAIN} <= low < high <= {LARGEST_GRAIN} m{hint}"
+                needed = f"{SMALLEST_GRAIN} <= low < high <= {LARGEST_GRAIN} m"
                 raise contradiction(f"row {list(row)} needs {needed}")
         if any(b[0] < a[1] for a, b in zip(self.rows, self.rows[1:], strict=False)):
             raise contradiction("rows must ascend without overlap")

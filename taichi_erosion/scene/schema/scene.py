@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from taichi_erosion.core.errors import did_you_mean, nearest
+from taichi_erosion.core.errors import did_you_mean
 from taichi_erosion.core.setup import (
     AdhesionBranch,
     FrictionCap,
@@ -32,27 +32,14 @@ from taichi_erosion.scene.schema.fields import (
 )
 from taichi_erosion.scene.schema.geometry import ORIGIN, Wall
 from taichi_erosion.scene.schema.grains import Contact, Fill, Grains, Material
-from taichi_erosion.scene.schema.wind import (
-    FASTEST_FRICTION,
-    Threshold,
-    Wind,
-    column_problems,
-    count_problems,
-)
+from taichi_erosion.scene.schema.wind import COLUMNS_LEAST, FASTEST_FRICTION, Threshold, Wind
 
 FROM_THRESHOLDS = (
     *("rolling_onset", "fluid_threshold", "threshold_u_star", "threshold_wind_speed"),
     *("impact_threshold", "impact_threshold_linear", "threshold_ratio"),
 )
 SPLASH = ("rebound_share", "rebound_speed", "ejecta_share")
-UNDER_WIND = (
-    "pressure_drop",
-    "flux",
-    "flux_height",
-    "bed_stress",
-    "grain_stress",
-    *SPLASH,
-)  # means over a stage
+UNDER_WIND = (*("pressure_drop", "flux", "flux_height", "bed_stress", "grain_stress"), *SPLASH)  # means
 OF_ONE_COLUMN = ("bed_stress", "pressure_drop")  # measures that read its mixing length or its rising air
 SHORTEST = 1e-12  # shortest time that a scene may name [s]
 LONGEST = 1e5  # longest [s]
@@ -237,35 +224,35 @@ def reference_problems(scene: Scene, observables: Collection[str] | None) -> Ite
 
     `observables` are those of the program; None: not checked.
     """
+    if len({m.softening.rule for m in scene.materials.values() if m.softening is not None}) > 1:
+        yield "materials: all softened materials must name the same rule of softening"
     unknown = list(name_problems(scene))
     yield from unknown
-    if not unknown:
-        for problems in (
-            *(contact_problems, softening_problems, surface_problems),
-            *(threshold_problems, wind_problems, measure_problems),
-        ):
-            yield from problems(scene)
-    numbers = {f"effects.{name}.{key}": v for name, e in scene.effects.items() for key, v in e.items()}
-    yield from (f"{path} must be a finite number" for path, v in numbers.items() if not isfinite(v))
+    checks = (contact_problems, surface_problems, threshold_problems, wind_problems, measure_problems)
+    for check in () if unknown else checks:
+        yield from check(scene)
+    for name, entries in scene.effects.items():
+        wrong = (key for key, value in entries.items() if not isfinite(value))
+        yield from (f"effects.{name}.{key} must be a finite number" for key in wrong)
     yield from observable_problems(scene.measure, observables)
 
 
 def name_problems(scene: Scene) -> Iterator[str]:
     """Materials, surfaces and stages that are named but not there, and stages of one name."""
     stages = [stage.name for stage in scene.stages]
-    materials, surfaces = (scene.materials, "[materials]"), (scene.geometry, "[geometry]")
-    named: list[tuple[str, str | None, tuple[Collection[str], str]]] = [
-        ("grains.material", scene.grains.material, materials),
-        *((f"geometry.{name}.material", wall.material, materials) for name, wall in scene.geometry.items()),
-        *((f"measure.{name}.plate", order.plate, surfaces) for name, order in scene.measure.items()),
-        *(
-            (f"measure.{name}.stage", order.stage, (stages, "stages"))
-            for name, order in scene.measure.items()
-        ),
-    ]
-    for path, name, (known, where) in named:
-        if name is not None and name not in known:
-            yield f"{path} = '{name}' is not among {where}: {', '.join(known)}"
+    named = {"grains.material": scene.grains.material}
+    named |= {f"geometry.{name}.material": wall.material for name, wall in scene.geometry.items()}
+    plates = {f"measure.{name}.plate": order.plate for name, order in scene.measure.items()}
+    at_ends = {f"measure.{name}.stage": order.stage for name, order in scene.measure.items()}
+    groups: tuple[tuple[Mapping[str, str | None], Collection[str], str], ...] = (
+        (named, scene.materials, "[materials]"),
+        (plates, scene.geometry, "[geometry]"),
+        (at_ends, stages, "stages"),
+    )
+    for names, known, where in groups:
+        for path, name in names.items():
+            if name is not None and name not in known:
+                yield f"{path} = '{name}' is not among {where}: {', '.join(known)}"
     for place, name in enumerate(stages):
         if name in stages[:place]:
             yield f"stages.{place}.name = '{name}' is taken by an earlier stage"
@@ -281,24 +268,14 @@ def contact_problems(scene: Scene) -> Iterator[str]:
         a, b = pair.split("-")
         if a != b and f"{b}-{a}" in scene.contact and a < b:
             yield f"contact.{pair} and contact.{b}-{a} name the same pair"
-        yield from (
-            f"contact.{pair}: '{name}' is not among [materials]" for name in {a, b} - set(scene.materials)
-        )
-        if contact.rolling_radius == "grain" and pair != f"{grain}-{grain}":
+        for name in {a, b} - set(scene.materials):
+            yield f"contact.{pair}: '{name}' is not among [materials]"
+        of_walls = pair != f"{grain}-{grain}" or grain in scene.wall_materials
+        if contact.rolling_radius == "grain" and of_walls:
             yield f"contact.{pair}.rolling_radius: at a wall both radii are the same; leave it out"
-        if contact.rolling_radius == "grain" and grain in scene.wall_materials:
-            yield f"contact.{pair}.rolling_radius: a wall has the grains' material; give it one of its own"
         if contact.surface_energy > 0.0 and scene.laws.normal == "hertz":
             energy = contact.surface_energy
             yield f"contact.{pair}.surface_energy = {energy:g} acts only with laws.normal = 'jkr'"
-
-
-def softening_problems(scene: Scene) -> Iterator[str]:
-    """More than one rule of softening."""
-    rules = {name: m.softening.rule for name, m in scene.materials.items() if m.softening is not None}
-    if len(set(rules.values())) > 1:
-        stated = ", ".join(f"{name} '{rule}'" for name, rule in rules.items())
-        yield f"materials: all softened materials must name the same rule, not {stated}"
 
 
 def surface_problems(scene: Scene) -> Iterator[str]:
@@ -319,9 +296,8 @@ def effect_problems(scene: Scene, known: Known) -> Iterator[str]:
     for name, values in scene.effects.items():
         if name not in known:
             own = "an effect of your own needs --effect FILE, or effect_files under [scene] or [study]"
-            hint = f"{own}; known effects: {', '.join(sorted(known)) or 'none'}"
-            hint = f"did you mean '{near}'?" if (near := nearest(name, known)) else hint
-            yield f"effects.{name} is unknown; {hint}"
+            hint = f"; {own}; known effects: {', '.join(sorted(known)) or 'none'}"
+            yield f"effects.{name} is unknown{did_you_mean(name, known) or hint}"
             continue
         for key in values:
             if key not in known[name]:
@@ -369,15 +345,21 @@ def wind_problems(scene: Scene) -> Iterator[str]:
     """Stages, clumps and moving walls that do not go with the air, or with none."""
     wind = scene.wind
     if wind is None:
-        for name in ("friction_velocity", "through_flow"):
-            yield from (f"{path} needs a [wind] section" for path in stages_with(scene, name))
+        paths = stages_with(scene, "friction_velocity") + stages_with(scene, "through_flow")
+        yield from (f"{path} needs a [wind] section" for path in paths)
         return
     if scene.grains.clump is not None:
         yield "wind: drag acts on single spheres; grains.clump must be left out"
     if wind.sleep_after is not None:
         for path in stages_with(scene, "move"):
             yield f"{path}: no grain may sleep where walls move; leave wind.sleep_after out"
-    yield from column_problems(wind) if wind.columns == (1, 1) else grid_problems(scene, wind)
+    if wind.columns != (1, 1):
+        yield from grid_problems(scene, wind)
+        return
+    if wind.closure == "smagorinsky":
+        yield "wind.closure = 'smagorinsky': one column has no eddies; state wind.columns"
+    if wind.drive == "gradient":
+        yield "wind.drive = 'gradient': one column is driven by its lid; state wind.columns"
 
 
 def stages_with(scene: Scene, name: str) -> list[str]:
@@ -389,9 +371,11 @@ def stages_with(scene: Scene, name: str) -> list[str]:
 
 def grid_problems(scene: Scene, wind: Wind) -> Iterator[str]:
     """Whatever needs a single column of air, stated for a grid."""
-    yield from count_problems(wind)
-    paths = [] if wind.through_flow == 0.0 else ["wind.through_flow"]
-    for path in paths + stages_with(scene, "through_flow"):
+    for place, count in enumerate(wind.columns):
+        if count < COLUMNS_LEAST or count % 2:
+            yield f"wind.columns.{place} = {count}: an even number is needed, at least {COLUMNS_LEAST}"
+    stated = ["wind.through_flow"] if wind.through_flow else []
+    for path in stated + stages_with(scene, "through_flow"):
         yield f"{path} needs a single column of air; leave wind.columns out"
     for name in OF_ONE_COLUMN:
         if name in scene.measure:

@@ -1,6 +1,5 @@
 """Wind over a periodic patch of grains: one column of cells, or a grid; and the search for thresholds."""
 
-from collections.abc import Iterator
 from typing import Literal
 
 from pydantic import Field, model_validator
@@ -67,21 +66,6 @@ class Wind(Section):
         if self.surface is not None and self.surface >= self.height:
             raise contradiction("surface must lie below height: the lid is inside the bed")
         return self
-
-
-def column_problems(wind: Wind) -> Iterator[str]:
-    """Entries of a single column that need a grid."""
-    if wind.closure == "smagorinsky":
-        yield "wind.closure = 'smagorinsky': one column has no eddies; state wind.columns"
-    if wind.drive == "gradient":
-        yield "wind.drive = 'gradient': one column is driven by its lid; state wind.columns"
-
-
-def count_problems(wind: Wind) -> Iterator[str]:
-    """Numbers of columns that the pressure solve cannot pair."""
-    for place, count in enumerate(wind.columns):
-        if count < COLUMNS_LEAST or count % 2:
-            yield f"wind.columns.{place} = {count}: an even number is needed, at least {COLUMNS_LEAST}"
 
 
 class Threshold(Section):

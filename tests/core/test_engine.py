@@ -2,7 +2,7 @@
 
 import pytest
 
-from taichi_erosion.core.engine import choice
+from taichi_erosion.core import engine
 from taichi_erosion.core.errors import BadInput
 
 BOTH = ("quadrants", "taichi")
@@ -13,21 +13,21 @@ def chosen(monkeypatch):
     """Function that chooses where some engines are installed and one is asked for."""
 
     def choose(installed: tuple[str, ...], asked: str) -> str:
-        monkeypatch.setenv(choice.SWITCH, asked)
-        monkeypatch.setattr(choice, "find_spec", lambda name: name if name in installed else None)
-        choice.engine_name.cache_clear()
-        return choice.engine_name()
+        monkeypatch.setenv(engine.SWITCH, asked)
+        monkeypatch.setattr(engine, "find_spec", lambda name: name if name in installed else None)
+        engine.engine_name.cache_clear()
+        return engine.engine_name()
 
     yield choose
-    choice.engine_name.cache_clear()
+    engine.engine_name.cache_clear()
 
 
 @pytest.mark.parametrize(
-    ("installed", "asked", "engine"),
+    ("installed", "asked", "name"),
     [(BOTH, "", "taichi"), (("quadrants",), "", "quadrants"), (BOTH, "quadrants", "quadrants")],
 )
-def test_the_engine_that_is_named_is_taken_else_taichi_else_quadrants(chosen, installed, asked, engine):
-    assert chosen(installed, asked) == engine
+def test_the_engine_that_is_named_is_taken_else_taichi_else_quadrants(chosen, installed, asked, name):
+    assert chosen(installed, asked) == name
 
 
 @pytest.mark.parametrize(

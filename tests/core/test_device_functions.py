@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from taichi_erosion.core.engine import elementary
-from taichi_erosion.core.engine.elementary import cosine, exponential, logarithm, sine
+from taichi_erosion.core import device_functions
+from taichi_erosion.core.device_functions import cosine, exponential, logarithm, sine
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import ti
 
@@ -25,7 +25,7 @@ def evaluate(
 
 
 def test_series_are_right_to_a_few_units_of_the_last_place(start_device, monkeypatch):
-    monkeypatch.setattr(elementary, "has_wide_functions", lambda: False)
+    monkeypatch.setattr(device_functions, "has_wide_functions", lambda: False)
     start_device(Numerics("cpu", 1, "f64"))
     rng = np.random.default_rng(1)
     x = np.concatenate([rng.uniform(-50.0, 50.0, 2000), rng.normal(0.0, 1.0, 2000), [1e-9, 1.0, -1.0, 700.0]])

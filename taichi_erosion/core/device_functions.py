@@ -1,7 +1,7 @@
-"""Elementary functions of 64-bit floats, also for devices whose shaders have them in 32 bits only (Vulkan).
+"""Functions of device code: the nearest image in a periodic box, and elementary functions of 64-bit floats.
 
-Elsewhere they are those of the engine. Otherwise the argument is reduced exactly and a series summed, so that
-the error is a few units of the last place:
+These are those of the engine, but on devices whose shaders have them in 32 bits only (Vulkan). There the
+argument is reduced exactly and a series summed, so that the error is a few units of the last place:
 
     exp x = 2^n exp r,  |r| <= (ln 2) / 2        sin, cos x: r = x - n pi / 2,  |r| <= pi / 4
     ln x = n ln 2 + 2 artanh((m - 1) / (m + 1)),  x = 2^n m,  1 / sqrt 2 < m <= sqrt 2
@@ -28,6 +28,16 @@ SINE = tuple((-1.0) ** k / factorial(2 * k + 1) for k in range(10))
 COSINE = tuple((-1.0) ** k / factorial(2 * k) for k in range(10))
 
 real = ti.f64
+
+
+@ti.func
+def nearest_image(difference, period):
+    """Shortest vector between two positions of a periodic box [m]."""
+    nearest = difference
+    for k in ti.static(range(3)):
+        if period[k] > 0.0:
+            nearest[k] -= period[k] * ti.round(difference[k] / period[k])
+    return nearest
 
 
 def has_wide_functions() -> bool:
