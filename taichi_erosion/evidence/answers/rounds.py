@@ -16,9 +16,8 @@ from taichi_erosion.evidence.answers.set_up import blocked
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
 from taichi_erosion.evidence.emulator import training_runs
-from taichi_erosion.evidence.emulator.design import RefinementPoint
+from taichi_erosion.evidence.emulator.design import Setting
 from taichi_erosion.evidence.emulator.fresh_runs import FreshSimulator, fresh_count
-from taichi_erosion.evidence.emulator.mechanism_runs import with_mechanisms
 from taichi_erosion.evidence.emulator.plan_cost import WORTH_TELLING, function_cost, plan_cost, shares
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns
 from taichi_erosion.evidence.models.load_study import BudgetName, Study
@@ -28,7 +27,7 @@ from taichi_erosion.scene.load import file_text
 MOST_POINTS = 3  # explanations about which a round simulates
 MOST_REQUIRED = 4  # rounds beyond the planned ones, about points that an answer requires
 Found = TypeVar("Found")
-Points = list[RefinementPoint]
+Points = list[Setting]
 Rounds = dict[str, list[Points]]  # command and budget -> its rounds
 Acting = set[frozenset[str]]  # sets of effects about which runs were made
 FRESH = "seed "  # first word of the names of rounds with other seeds than the study's
@@ -105,7 +104,7 @@ def answered_by(
             wider = (
                 None
                 if runs.mechanisms or blocked(ready.faults) or not question.beyond(found)
-                else with_mechanisms(runs)
+                else training_runs.with_mechanisms(runs)
             )
             if wider is None or not wider.mechanisms or training_runs.room_left(wider) < 0:
                 steps = part_of(progress, phases, len(phases) - 1)
@@ -183,7 +182,7 @@ def replayed(
         for number, points in enumerate(made):
             spent = name.rpartition(" ")[2]
             if not runs.mechanisms and any(set(point.effects) - set(known) for point in points):
-                runs = with_mechanisms(runs)
+                runs = training_runs.with_mechanisms(runs)
             runs = training_runs.refined_training_runs(runs, points, f"{name}|{number}", spent)
     tests = {each for entry in read_fresh(study).values() for each in entry["runs"]}
     runs = replace(runs, elsewhere=runs.elsewhere + len(tests))
@@ -215,7 +214,7 @@ def is_of(study: Study, name: str) -> bool:
     return name.startswith(study.fresh) if study.fresh else not name.startswith(FRESH)
 
 
-def acting(point: RefinementPoint) -> frozenset[str]:
+def acting(point: Setting) -> frozenset[str]:
     """Effects and mechanisms that act at a point."""
     return frozenset(name for name, strength in point.effects.items() if strength != 0.0)
 
@@ -226,7 +225,7 @@ def read_rounds(study: Study) -> Rounds:
     if document is None or document.get("of") != state_of(study):
         return {}
     return {
-        name: [[RefinementPoint(**entry) for entry in points] for points in rounds]
+        name: [[Setting(**entry) for entry in points] for points in rounds]
         for name, rounds in document["rounds"].items()
     }
 
@@ -266,7 +265,7 @@ def last_plan(study: Study) -> Sequence[BudgetName]:
     return ("full",) if last is not None and last.about["budget"] == "full" else ("quick",)
 
 
-def refinement_point(parameters: Mapping[str, float], strengths: Mapping[str, float]) -> RefinementPoint:
+def refinement_point(parameters: Mapping[str, float], strengths: Mapping[str, float]) -> Setting:
     """Calibrated numbers and strengths; the strength of an adopted effect may stand among the numbers."""
     numbers, effects = {}, dict(strengths)
     for name, value in parameters.items():
@@ -274,4 +273,4 @@ def refinement_point(parameters: Mapping[str, float], strengths: Mapping[str, fl
             effects[name[len(EFFECTS) : -len(STRENGTH)]] = value
         else:
             numbers[name] = value
-    return RefinementPoint(numbers, effects)
+    return Setting(numbers, effects)

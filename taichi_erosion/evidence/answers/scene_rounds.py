@@ -13,7 +13,7 @@ import numpy as np
 from taichi_erosion.evidence.answers.fresh_test import fresh_test, kinds_of, setting_of
 from taichi_erosion.evidence.answers.rounds import MOST_POINTS, FreshTest, Points, Question, refinement_point
 from taichi_erosion.evidence.data.problem import Progress
-from taichi_erosion.evidence.emulator.design import RefinementPoint
+from taichi_erosion.evidence.emulator.design import Setting
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.race.decision import Decision
 from taichi_erosion.evidence.race.doses import from_axis
@@ -32,7 +32,7 @@ class RacedStudy:
     decision: Decision
     fresh: FreshPart | None = None  # None: nothing that fresh runs can test
 
-    def about(self, fit: Fit) -> RefinementPoint:
+    def about(self, fit: Fit) -> Setting:
         """The setting of a fit as the centre of a round."""
         setting = setting_of(self.posterior.race, fit)
         acting = {name: strength for name, strength in setting.effects.items() if strength > 0.0}
@@ -49,7 +49,7 @@ class RacedStudy:
         ]
 
     @property
-    def about_bare(self) -> RefinementPoint:
+    def about_bare(self) -> Setting:
         """The calibrated model as the centre of a round."""
         return self.about(self.posterior.race.bare)
 

@@ -186,7 +186,10 @@ class Emulator:
 
 
 def request_points(
-    inputs: EmulatorInputs, conditions: Conditions, parameters: Numbers, effects: Mapping[str, float | Floats]
+    inputs: EmulatorInputs,
+    conditions: Conditions,
+    parameters: Mapping[str, float],
+    effects: Mapping[str, float | Floats],
 ) -> Points:
     """Inputs of a request, in which numbers are the same for all rows; so are strengths, but for doses."""
     rows = simulator.row_count(conditions)

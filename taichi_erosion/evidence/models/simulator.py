@@ -77,10 +77,8 @@ class Simulator:
         measure = self.measures[observable]
         requests: list[RunRequest] = []
         for row in range(row_count(conditions)):
-            at = {
-                path: float(column[row]) for name, column in conditions.items() for path in dotted_paths(name)
-            }
-            scene = self.scene(measure.scene, self.overrides(measure, at, parameters, effects))
+            words = self.overrides(measure, row_at(conditions, row), parameters, effects)
+            scene = self.scene(measure.scene, words)
             requests += [request_of(scene, int(seed), device=self.device) for seed in seeds]
         results = execute(requests, self.opened())
         refuse_if_all_failed(results, observable)
@@ -196,6 +194,11 @@ def parameter_matters(path: str, present: Collection[str]) -> bool:
 def dotted_paths(name: str) -> list[str]:
     """Dotted paths that a column sets: one, or several joined by commas."""
     return [path.strip() for path in name.split(",")]
+
+
+def row_at(conditions: Conditions, row: int) -> Numbers:
+    """Conditions of one row by dotted path."""
+    return {path: float(column[row]) for name, column in conditions.items() for path in dotted_paths(name)}
 
 
 def value_in_unit(result: RunResult, measure: SceneMeasure) -> float:

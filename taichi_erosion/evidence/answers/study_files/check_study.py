@@ -24,14 +24,11 @@ from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.evidence.answers.rounds import MOST_POINTS
 from taichi_erosion.evidence.answers.set_up import source_faults, table_faults
 from taichi_erosion.evidence.data.measured import read_table, study_measurements, table_faults_of
+from taichi_erosion.evidence.data.problem import expected_strength
 from taichi_erosion.evidence.data.tables.rows import Faults, Table
+from taichi_erosion.evidence.emulator.design import inactive_reason
 from taichi_erosion.evidence.emulator.plan_cost import MINUTE, PlanCost, function_cost, plan_cost
-from taichi_erosion.evidence.emulator.training_runs import (
-    TrainingRuns,
-    inactive_reason,
-    initial_training_runs,
-    study_scenes,
-)
+from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, initial_training_runs, study_scenes
 from taichi_erosion.evidence.models.column_units import place_units, study_value_faults
 from taichi_erosion.evidence.models.load_study import (
     NO_OPTIONS,
@@ -177,7 +174,8 @@ def acting_candidates(study: Study) -> tuple[list[str], dict[str, str]]:
     acting, inactive = [], {}
     for candidate in study.problem.candidates:
         effect = simulator.library[candidate.name]
-        reasons = [inactive_reason(scene, candidate) for scene in scenes]
+        strength = expected_strength(candidate)
+        reasons = [inactive_reason(scene, candidate.name, strength) for scene in scenes]
         if all(reason is not None for reason in reasons):
             inactive[candidate.name] = str(reasons[0])
         elif candidate.name in own or set(effect.expected or effect.reads) & known:
