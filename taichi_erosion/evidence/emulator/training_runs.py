@@ -6,10 +6,11 @@ answered again. All runs stand in a ledger; a command that was stopped goes on w
 scene cannot show is known from the scene itself, before a run is spent on it.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
@@ -38,10 +39,9 @@ from taichi_erosion.evidence.emulator.emulator import (
     fit_emulators,
     run_replicates,
 )
-from taichi_erosion.evidence.emulator.run_faults import run_faults
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.plugin import NameMapping
-from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths, row_at
+from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths, row_at, value_in_unit
 from taichi_erosion.mechanisms.library import dose_range, load_mechanisms, physical_mechanisms
 
 LEVELS = 3  # of every condition that could be set
@@ -49,6 +49,8 @@ LEAST_BARE, LEAST_EFFECT = 4, 4  # runs that a small budget leaves, per number a
 LARGEST = "full"  # budget whose plan contains those of the others
 SPREAD = ("bare", "effect", "condition")  # numbers of a plan that say how many runs spread
 RESERVED = 0.2  # of a small budget, for a closer look before something outside the list is blamed
+SIZE_FLAGS = ("small_heap", "growing_angle")  # no fault where the laboratory's heap is as small
+COMMON = 0.5  # share of the runs from which a fault is one of the set-up [1]
 SURE = 3.0  # sd of a left-out value beyond which it counts as missed
 
 
@@ -289,6 +291,53 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
         simulations=count,
         faults=(*study.faults, *faults),
     )
+
+
+def run_faults(
+    study: Study, scene: StudyScene, trained: Sequence[tuple[TrainingRun, RunResult]]
+) -> Iterator[SetUpFault]:
+    """Faults that the runs of one scene show, those of the bare model where there are any."""
+    results = [result for _, result in trained]
+    failures = [result.failure for result in results if result.failure]
+    if failures:
+        name, count = scene.measure.scene.name, f"{len(failures)} of {len(results)}"
+        words = f"{name}: {count} runs stopped and are left out; the first: {failures[0]}"
+        yield SetUpFault("failed_runs", name, words, len(failures) > COMMON * len(results))
+    bare = [result for run, result in trained if not run.effects] or results
+    ended = [result for result in bare if not result.failure]
+    for name in scene.observables:
+        yield from measure_faults(scene, name, ended, study.file.observables[name].same_size)
+
+
+def measure_faults(
+    scene: StudyScene, name: str, ended: Sequence[RunResult], same_size: bool
+) -> Iterator[SetUpFault]:
+    """What most runs lack for one observable, in the words of the run in the middle; why they have no value.
+
+    A measure itself says what it lacks (`measures/shortfalls.py`); here its runs are counted.
+    """
+    measure, blocked = scene.simulator.measures[name], False
+    records = [result.record.get("measures", {}).get(measure.measure, {}) for result in ended]
+    by_flag: dict[str, list[Any]] = {}
+    for each in (each for record in records for each in record.get("shortfalls", ())):
+        by_flag.setdefault(each["flag"], []).append(each)
+    for flag, found in by_flag.items():
+        if len(found) >= COMMON * len(records):
+            middle = sorted(found, key=lambda each: each["found"])[(len(found) - 1) // 2]
+            blocks = bool(middle["blocks"])
+            blocked = blocked or blocks
+            if flag not in SIZE_FLAGS or not same_size:
+                kind = "too_small" if blocks else "not_converged"
+                yield SetUpFault(kind, name, f"{name}: {middle['sentence']}", blocks)
+    missing = sum(not np.isfinite(value_in_unit(result, measure)) for result in ended)
+    if missing > COMMON * len(records) and not blocked:
+        notes = [
+            note for record in records if record.get("value") is None for note in record.get("notes", ())
+        ]
+        why = f"; the first: {notes[0]}" if notes else ""
+        yield SetUpFault(
+            "no_value", name, f"{name}: {missing} of {len(records)} runs have no value{why}", True
+        )
 
 
 def executed(training: TrainingRuns, requests: Sequence[RunRequest], progress: Progress) -> list[RunResult]:
