@@ -76,9 +76,8 @@ def initial_training_runs(
     `proposed` adds conditions that the laboratory could measure. Every plan lies within the largest one that
     the study's cap allows, so that runs of all budgets together keep it.
     """
-    model = study.problem.model
-    simulator = model.model if isinstance(model, NameMapping) else model
-    if not isinstance(simulator, Simulator):
+    simulator = study.simulator
+    if simulator is None:
         return None
     scenes = study_scenes(study, simulator)
     wider = tuple(replace(scene, proposed=proposed_rows(study, scene)) for scene in scenes)

@@ -192,7 +192,7 @@ def source_digest(module: ModuleType, where: str) -> str:
 class NameMapping:
     """Adapter that maps the study's names to the model's; conditions that no row states are left out."""
 
-    model: Model
+    model: Model | None  # None: scenes, until an emulator stands for them
     names: dict[str, str]  # column -> what the model calls it
     observables: dict[str, str]  # likewise
 
@@ -200,6 +200,7 @@ class NameMapping:
         self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
     ) -> Floats:
         """Predictions [seed, row]."""
+        assert self.model is not None
         known = self.known(conditions)
         return self.model(self.observables[observable], known, parameters, effects, seeds)
 

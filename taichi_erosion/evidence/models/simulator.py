@@ -1,9 +1,7 @@
-"""Simulator as a study's model: conditions, parameters and effect strengths become entries of scene files.
+"""Scenes that answer a study: conditions, parameters and effect strengths become entries of scene files.
 
-Every (condition, seed) of a request is one replica of a campaign; what stands in the ledger of the results
-folder is not run again. A seed fixes packing and every random number, so that runs with and without an effect
-are paired. A condition that nothing in a run reads does not enter it: the bare model is run once for all
-moistures, and where an effect cannot act the run is that of the bare model.
+A condition that nothing in a run reads does not enter it: the bare model is run once for all moistures, and
+where an effect cannot act the run is that of the bare model.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -14,19 +12,17 @@ from pathlib import Path
 
 import numpy as np
 
-from taichi_erosion.campaign.execute import execute
 from taichi_erosion.campaign.ledger import Ledger, open_ledger
-from taichi_erosion.campaign.request import CPU, RunRequest, RunResult, request_of
+from taichi_erosion.campaign.request import CPU, RunResult
 from taichi_erosion.campaign.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile, WorkersEntry
 from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.effect_loading import effect_in, failures_of
-from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import (
     Bools,
     Candidate,
     Conditions,
     Floats,
-    Integers,
     Measurements,
     Numbers,
     Parameter,
@@ -69,25 +65,6 @@ class Simulator:
     mechanisms: tuple[str, ...] = ()  # of the library, known by their doses in place of strengths
     device: WorkersEntry = CPU
     ledger: Ledger | None = field(default=None, repr=False)
-
-    def __call__(
-        self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
-    ) -> Floats:
-        """Predictions [seed, row]; NaN where a run failed. Raises SimulationStopped where all did."""
-        measure = self.measures[observable]
-        requests: list[RunRequest] = []
-        for row in range(row_count(conditions)):
-            words = self.overrides(measure, row_at(conditions, row), parameters, effects)
-            scene = self.scene(measure.scene, words)
-            requests += [request_of(scene, int(seed), device=self.device) for seed in seeds]
-        results = execute(requests, self.opened())
-        failures = [result.failure for result in results if result.failure]
-        if results and len(failures) == len(results):
-            raise SimulationStopped(
-                f"{observable}: all {len(results)} runs stopped; the first: {failures[0]}"
-            )
-        values = np.array([value_in_unit(result, measure) for result in results])
-        return values.reshape(-1, len(seeds)).T
 
     def overrides(
         self,

@@ -38,7 +38,7 @@ from taichi_erosion.evidence.models.load_study import (
     load_study,
     study_effect_files,
 )
-from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths
+from taichi_erosion.evidence.models.simulator import dotted_paths
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.verification.effect_contract import examined_file
 
@@ -160,8 +160,8 @@ def acting_candidates(study: Study) -> tuple[list[str], dict[str, str]]:
     Where the literature does not say which observables an effect changes, it is a candidate if the table
     holds a condition that it reads. Where that leaves none, all that can act are candidates.
     """
-    simulator = study.problem.model.model  # pyright: ignore[reportAttributeAccessIssue]
-    assert isinstance(simulator, Simulator)
+    simulator = study.simulator
+    assert simulator is not None
     scenes = study_scenes(study, simulator)
     varied = {
         path.removeprefix("conditions.")
