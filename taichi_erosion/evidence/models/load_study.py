@@ -31,8 +31,14 @@ from taichi_erosion.evidence.data.problem import (
 )
 from taichi_erosion.evidence.models import simulator
 from taichi_erosion.evidence.models.column_units import place_units, study_value_faults
-from taichi_erosion.evidence.models.own_effects import function_candidate, function_effects, with_effects
-from taichi_erosion.evidence.models.plugin import ModelErrorCovariance, NameMapping, load_plugin
+from taichi_erosion.evidence.models.plugin import (
+    ModelErrorCovariance,
+    NameMapping,
+    function_candidate,
+    function_effects,
+    load_plugin,
+    with_effects,
+)
 from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
 from taichi_erosion.evidence.models.simulator import Simulator
 from taichi_erosion.mechanisms.library import load_mechanisms
