@@ -30,7 +30,6 @@ from taichi_erosion.evidence.data.problem import (
     with_stated,
 )
 from taichi_erosion.evidence.models import simulator
-from taichi_erosion.evidence.models.column_units import place_units, study_value_faults
 from taichi_erosion.evidence.models.plugin import (
     ModelErrorCovariance,
     NameMapping,
@@ -41,6 +40,7 @@ from taichi_erosion.evidence.models.plugin import (
 )
 from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
 from taichi_erosion.evidence.models.simulator import Simulator
+from taichi_erosion.evidence.models.table_columns import place_units, study_value_faults
 from taichi_erosion.mechanisms.library import load_mechanisms
 
 BudgetName = Literal["quick", "full"]

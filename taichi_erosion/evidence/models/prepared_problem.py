@@ -109,17 +109,12 @@ class PreparedProblem:
         return Whitening(self.sd, root=(vectors / np.sqrt(values)) @ vectors.T)
 
     @cached_property
-    def white_reach(self) -> Floats:
-        """Reach of censored values, in sd of each row."""
-        return self.rows.reach / self.sd
-
-    @cached_property
     def noisy(self) -> bool:
         return bool(np.any(self.seed_variance > 0.0))
 
     def working(self, mean: Floats) -> Working:
         """Whitened residual of a predicted mean (n,), censored rows as ordinary ones."""
-        return working(self.white(self.rows.z - mean), self.white_reach)
+        return working(self.white(self.rows.z - mean), self.rows.reach / self.sd)
 
     def model_errors(
         self, x: Floats, acting: dict[str, float], doses: Mapping[str, Floats] | None = None
@@ -181,17 +176,8 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
     rows, variance = rows.rows(known), variance[known]
     predictor = predictor.over(rows.observables, rows.which, rows.conditions)
     total = rows.variance + variance / seeds.scoring.size + UNKNOWN_NOISE
-    errors = condition_errors(rows)
     return PreparedProblem(
-        problem,
-        rows,
-        predictor,
-        seeds,
-        variance,
-        total,
-        tuple(warnings),
-        condition_errors=errors,
-        heaps=heaps,
+        problem, rows, predictor, seeds, variance, total, tuple(warnings), condition_errors(rows), heaps
     )
 
 

@@ -27,8 +27,8 @@ from taichi_erosion.evidence.data.heap_correlation import correlated
 from taichi_erosion.evidence.data.linear_algebra import working
 from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.data.transforms import from_scale, slope
-from taichi_erosion.evidence.models.new_conditions import NewConditions
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, condition_errors
+from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.blocks import Block, dose_columns, nuisance, unlisted
 from taichi_erosion.evidence.race.decision import acts
 from taichi_erosion.evidence.race.doses import dosings, from_axis

@@ -29,7 +29,6 @@ from taichi_erosion.evidence.data.tables.rows import Faults, Table
 from taichi_erosion.evidence.emulator.design import inactive_reason
 from taichi_erosion.evidence.emulator.plan_cost import MINUTE, PlanCost, function_cost, plan_cost
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, initial_training_runs, study_scenes
-from taichi_erosion.evidence.models.column_units import place_units, study_value_faults
 from taichi_erosion.evidence.models.load_study import (
     NO_OPTIONS,
     PLANS,
@@ -39,6 +38,7 @@ from taichi_erosion.evidence.models.load_study import (
     study_effect_files,
 )
 from taichi_erosion.evidence.models.simulator import dotted_paths
+from taichi_erosion.evidence.models.table_columns import place_units, study_value_faults
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.verification.effect_contract import examined_file
 

@@ -47,7 +47,7 @@ from taichi_erosion.evidence.data.tables.vocabulary import (
     near_meaning,
     plain_words,
 )
-from taichi_erosion.evidence.models.column_units import declared_units
+from taichi_erosion.evidence.models.table_columns import declared_units
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene.load import toml_table
 from taichi_erosion.scene.paths import unit_of_path
