@@ -6,7 +6,7 @@ answered again. All runs stand in a ledger; a command that was stopped goes on w
 scene cannot show is known from the scene itself, before a run is spent on it.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import isfinite
@@ -97,23 +97,36 @@ def initial_training_runs(
 def affordable(training: TrainingRuns) -> TrainingRuns:
     """The plan within the study's cap: every question of a study has the same bare runs. Raises BadInput."""
     most, every = run_cap(training.study), known_effects(training.study.problem)
-    whole = len(first_runs(training, every))
-    if whole > most:
-        share = (1.0 - RESERVED) * most / whole
-        training = replace(training, plan_size=scaled_down(training.plan_size, share))
-        whole = len(first_runs(training, every))
+    size, whole = scaled_to(
+        most, training.plan_size, lambda size: first_runs(replace(training, plan_size=size), every)
+    )
     if whole > most:
         raise BadInput(
             f"{training.study.path}: a budget of {most} runs is too small; the study needs at least {whole}: "
             "raise it, or list fewer candidates"
         )
-    wider = replace(training, ahead_size=training.plan_size)
-    planned = len(ahead_runs(wider, every))
-    if whole + planned > most:
-        share = (1.0 - RESERVED) * (most - whole) / planned
-        wider = replace(training, ahead_size=scaled_down(training.plan_size, share))
-        planned = len(ahead_runs(wider, every))
-    return wider if whole + planned <= most else training
+    ahead, planned = scaled_to(
+        most - whole, size, lambda size: ahead_runs(replace(training, ahead_size=size), every)
+    )
+    return replace(training, plan_size=size, ahead_size=ahead if whole + planned <= most else None)
+
+
+def scaled_to(
+    most: int, size: PlanSize, runs: Callable[[PlanSize], list[TrainingRun]]
+) -> tuple[PlanSize, int]:
+    """A plan and its number of runs; where they pass `most`, a smaller one of its shape, without rounds."""
+    planned = len(runs(size))
+    if planned <= most:
+        return size, planned
+    share = (1.0 - RESERVED) * most / planned
+    size = replace(
+        size,
+        bare=max(LEAST_BARE, int(size.bare * share)),
+        effect=max(LEAST_EFFECT, int(size.effect * share)),
+        condition=int(size.condition * share),
+        rounds=0,
+    )
+    return size, len(runs(size))
 
 
 def smaller(size: PlanSize, limit: PlanSize) -> PlanSize:
@@ -160,17 +173,6 @@ def run_cap(study: Study) -> int:
     """Most runs that the study may make, over all its commands; one run is one set-up with one seed."""
     runs = study.file.budget.runs
     return 10**9 if runs is None else runs
-
-
-def scaled_down(size: PlanSize, share: float) -> PlanSize:
-    """A smaller design of the same shape, for a budget that leaves no rounds to every question."""
-    return replace(
-        size,
-        bare=max(LEAST_BARE, int(size.bare * share)),
-        effect=max(LEAST_EFFECT, int(size.effect * share)),
-        condition=int(size.condition * share),
-        rounds=0,
-    )
 
 
 def known_effects(problem: Problem) -> dict[str, Candidate]:

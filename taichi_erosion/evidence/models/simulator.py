@@ -6,7 +6,7 @@ where an effect cannot act the run is that of the bare model.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from math import isfinite
 from pathlib import Path
 
@@ -275,23 +275,25 @@ def library_candidate(
     simulator: Simulator, name: str, entry: CandidateEntry | AdoptedEntry, columns: Mapping[str, str]
 ) -> Candidate:
     """One effect; the study overrides the library."""
-    effect = simulator.library[name]
-    acts = partial(can_act, simulator, effect, dict(columns))
-    dose = partial(law_doses, simulator, effect, dict(columns)) if effect.mechanism else None
-    known = Candidate(name, effect.prior_scale, effect.most, acts, dose, tuple(effect.expected.items()))
+    effect, scenes = simulator.library[name], {measure.scene for measure in simulator.measures.values()}
+    first = next(iter(simulator.measures.values())).scene
+
+    def by_path(conditions: Conditions) -> Conditions:
+        return {path: each for name, each in conditions.items() for path in dotted_paths(columns[name])}
+
+    def acts(conditions: Conditions) -> Bools:
+        """Rows in which it can act in some scene of the study."""
+        return np.any([simulator.effect_mask(effect, by_path(conditions), scene) for scene in scenes], axis=0)
+
+    def dose(conditions: Conditions) -> Floats:
+        """Dose of a law of a mechanism at strength 1 in every row, in the first scene of the study."""
+        with failures_of(effect, "dose"):
+            doses = effect.dose(effect.params(), simulator.known_conditions(by_path(conditions), first))
+        return np.broadcast_to(np.asarray(doses, dtype=np.float64), row_count(conditions))
+
+    law, signs = dose if effect.mechanism else None, tuple(effect.expected.items())
+    known = Candidate(name, effect.prior_scale, effect.most, acts, law, signs)
     return with_stated(known, prior_scale=entry.prior_scale, maximum=entry.max)
-
-
-def law_doses(
-    simulator: Simulator, effect: Effect, columns: Mapping[str, str], conditions: Conditions
-) -> Floats:
-    """Dose of a law of a mechanism at strength 1 in every row of a table, in the first scene of the study."""
-    by_path = {path: column for name, column in conditions.items() for path in dotted_paths(columns[name])}
-    scene = next(iter(simulator.measures.values())).scene
-    known = simulator.known_conditions(by_path, scene)
-    with failures_of(effect, "dose"):
-        doses = effect.dose(effect.params(), known)
-    return np.broadcast_to(np.asarray(doses, dtype=np.float64), row_count(conditions))
 
 
 def uncertain_parameters(
@@ -340,12 +342,3 @@ def accepting(simulator: Simulator, numbers: Sequence[Parameter]) -> Simulator:
         for name, measure in simulator.measures.items()
     }
     return replace(simulator, measures=measures)
-
-
-def can_act(
-    simulator: Simulator, effect: Effect, columns: Mapping[str, str], conditions: Conditions
-) -> Bools:
-    """Rows of a table in which an effect can act in some scene of the study."""
-    by_path = {path: column for name, column in conditions.items() for path in dotted_paths(columns[name])}
-    scenes = {measure.scene for measure in simulator.measures.values()}
-    return np.any([simulator.effect_mask(effect, by_path, scene) for scene in scenes], axis=0)
