@@ -32,11 +32,11 @@ from taichi_erosion.evidence.data.problem import (
 from taichi_erosion.evidence.models import simulator
 from taichi_erosion.evidence.models.plugin import (
     ModelErrorCovariance,
+    ModelWithEffects,
     NameMapping,
     function_candidate,
     function_effects,
     load_plugin,
-    with_effects,
 )
 from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
 from taichi_erosion.evidence.models.simulator import Simulator
@@ -220,7 +220,8 @@ def function_model(path: Path, file: StudyFile, store: RunStore, files: EffectFi
     cached = CachedModel(plugin, identity, store, file.budget.runs)
     # the function may have another name for an observable
     observables = {name: entry.measure or name for name, entry in file.observables.items()}
-    model = NameMapping(with_effects(cached, added), dict(file.conditions), observables)
+    answering = ModelWithEffects(cached, added) if added else cached
+    model = NameMapping(answering, dict(file.conditions), observables)
     uncertainty = plugin.covariance and ModelErrorCovariance(plugin, model, file.study.seed)
     named = ", ".join([identity, *(f"{each.path.name} {each.digest}" for each in files)])
     return StudyModel(

@@ -34,7 +34,6 @@ from taichi_erosion.evidence.data.problem import (
     Mechanism,
     Model,
     Numbers,
-    Observable,
     row_count,
 )
 from taichi_erosion.evidence.data.transforms import slope
@@ -221,23 +220,22 @@ class ModelErrorCovariance:
 
     def __call__(self, asked: Sequence[Asked], parameters: Numbers, effects: Numbers) -> Floats:
         """Covariance [row, row]; those of two observables are apart, and a dose changes none."""
-        parts = [self.own(observable, at, parameters, effects) for observable, at, _ in asked]
+        parts = []
+        for observable, conditions, _ in asked:
+            name, known = self.mapped.observables[observable.name], self.mapped.known(conditions)
+            value = self.mapped(observable.name, conditions, parameters, effects, np.array([self.seed]))[0]
+            steepness = slope(observable, value)
+            own = self.plugin.own_covariance(name, known, parameters, effects)
+            parts.append(own * np.outer(steepness, steepness))
         return np.asarray(linalg.block_diag(*parts), dtype=np.float64)
-
-    def own(
-        self, observable: Observable, conditions: Conditions, parameters: Numbers, effects: Numbers
-    ) -> Floats:
-        """Covariance [row, row] of one observable."""
-        name, known = self.mapped.observables[observable.name], self.mapped.known(conditions)
-        value = self.mapped(observable.name, conditions, parameters, effects, np.array([self.seed]))[0]
-        steepness = slope(observable, value)
-        own = self.plugin.own_covariance(name, known, parameters, effects)
-        return own * np.outer(steepness, steepness)
 
 
 @dataclass(frozen=True)
-class InstrumentedModel:
-    """A model function whose values are read through instrument effects; one of strength 0 is not called."""
+class ModelWithEffects:
+    """A model function with effects of files: laws for the doses of its mechanisms, then instruments.
+
+    One of strength 0 is not called.
+    """
 
     model: Model
     effects: Mapping[str, Effect]
@@ -245,44 +243,28 @@ class InstrumentedModel:
     def __call__(
         self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
     ) -> Floats:
-        """Values [seed, row] after the instruments, in order of name."""
+        """Values [seed, row], instruments in order of name; rows of the same doses are asked together."""
+        acting = {name: effects[name] for name in sorted(self.effects) if effects.get(name, 0.0) != 0.0}
         inside = {name: strength for name, strength in effects.items() if name not in self.effects}
-        values = np.array(self.model(observable, conditions, parameters, inside, seeds))
-        for name in sorted(self.effects):
-            if strength := effects.get(name, 0.0):
-                values = read_through(self.effects[name], strength, conditions, observable, values)
-        return values
-
-
-@dataclass(frozen=True)
-class DosedModel:
-    """A model function with laws for the doses of its mechanisms; one of strength 0 is not called."""
-
-    model: Model
-    laws: Mapping[str, Effect]
-
-    def __call__(
-        self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
-    ) -> Floats:
-        """Values [seed, row]; rows of the same doses are asked together."""
-        acting = {name: effects[name] for name in sorted(self.laws) if effects.get(name, 0.0) != 0.0}
-        inside = {name: strength for name, strength in effects.items() if name not in self.laws}
-        if not acting:
-            return self.model(observable, conditions, parameters, inside, seeds)
-        count = row_count(conditions)
         doses: dict[str, Floats] = {}
+        for law, strength in ((self.effects[name], strength) for name, strength in acting.items()):
+            if law.place != "instrument":
+                before = doses.get(law.mechanism, np.zeros(row_count(conditions)))
+                doses[law.mechanism] = before + strength * row_doses(law, conditions)
+        if doses:
+            table = np.column_stack(list(doses.values()))
+            _, kinds = np.unique(table, axis=0, return_inverse=True)
+            values = np.empty((seeds.size, row_count(conditions)))
+            for kind in np.unique(kinds):
+                rows = np.flatnonzero(kinds.reshape(-1) == kind)
+                own = {name: column[rows] for name, column in conditions.items()}
+                dosed = inside | {name: float(column[rows[0]]) for name, column in doses.items()}
+                values[:, rows] = self.model(observable, own, parameters, dosed, seeds)
+        else:
+            values = self.model(observable, conditions, parameters, inside, seeds)
         for name, strength in acting.items():
-            law = self.laws[name]
-            before = doses.get(law.mechanism, np.zeros(count))
-            doses[law.mechanism] = before + strength * row_doses(law, conditions)
-        table = np.column_stack(list(doses.values()))
-        _, kinds = np.unique(table, axis=0, return_inverse=True)
-        values = np.empty((seeds.size, count))
-        for kind in np.unique(kinds):
-            rows = np.flatnonzero(kinds.reshape(-1) == kind)
-            own = {name: column[rows] for name, column in conditions.items()}
-            with_doses = inside | {name: float(column[rows[0]]) for name, column in doses.items()}
-            values[:, rows] = self.model(observable, own, parameters, with_doses, seeds)
+            if self.effects[name].place == "instrument":
+                values = read_through(self.effects[name], strength, conditions, observable, values)
         return values
 
 
@@ -330,14 +312,6 @@ def function_effects(
             raise BadInput(f"{file}: effect '{effect.name}' exists already in another file")
         found[effect.name] = effect
     return found
-
-
-def with_effects(model: Model, effects: Mapping[str, Effect]) -> Model:
-    """A model function with effects of files: laws of mechanisms inside, instruments around."""
-    read = {name: effect for name, effect in effects.items() if effect.place == "instrument"}
-    laws = {name: effect for name, effect in effects.items() if effect.place != "instrument"}
-    dosed = DosedModel(model, laws) if laws else model
-    return InstrumentedModel(dosed, read) if read else dosed
 
 
 def function_candidate(effect: Effect, columns: Mapping[str, str]) -> Candidate:
