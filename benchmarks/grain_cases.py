@@ -7,17 +7,18 @@ machine counts less.
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
 
+from benchmarks.peers.cases import Bed, tiled
 from benchmarks.roofline import step_bytes
 from benchmarks.setups import LAWS, SOIL, bed_setup, filled_funnel, lattice_bed
 from benchmarks.stage_times import copy_bandwidth, stage_times
 from benchmarks.vector_width import packed_width
 from benchmarks.wind_cases import blowing_patch
-from taichi_erosion.core.setup import Arch, Floats, Numerics, Setup
+from taichi_erosion.core.setup import Arch, Numerics, Setup
 from taichi_erosion.core.transfer import NUMBER_BYTES, device_fields, inner_shape
 from taichi_erosion.grains.neighbour_list import ENGAGED
 from taichi_erosion.simulation import (
@@ -201,13 +202,6 @@ def grain_case(case: GrainCase) -> dict[str, Any]:
     }
 
 
-def tiled_bed(position: Floats, period: float, tiles: tuple[int, int]) -> Setup:
-    """Copies of a bed side by side, so many along either period [m]."""
-    corners = [(period * x, period * y, 0.0) for x in range(tiles[0]) for y in range(tiles[1])]
-    whole = np.concatenate([position + corner for corner in corners])
-    return bed_setup(SOIL | {"position": whole, "period": (tiles[0] * period, tiles[1] * period)})
-
-
 def wide_bed_case(setup: Setup) -> dict[str, Any]:
     """Nanoseconds of one thread for a grain-step, and bytes of a grain."""
     sim = assemble([setup], LAWS, Numerics("cpu", 1, "f32"))
@@ -232,5 +226,5 @@ def wide_bed_case(setup: Setup) -> dict[str, Any]:
 def wide_bed_cases() -> list[dict[str, Any]]:
     """Beds of all sizes, copies of one that has settled."""
     sim = after(START, lambda: [lattice_bed(0)])(Numerics("cpu", 1, "f32"))
-    position, period = snapshot(sim, 0).position, sim.setups[0].period[0]
-    return [wide_bed_case(tiled_bed(position, period, tiles)) for tiles in TILES]
+    bed = Bed(snapshot(sim, 0).position, sim.setups[0].period[:2])
+    return [wide_bed_case(bed_setup(SOIL | asdict(tiled(bed, tiles)))) for tiles in TILES]

@@ -14,8 +14,9 @@ from typing import Any
 from benchmarks.cases import run_benchmarks
 from benchmarks.start import ROUNDS, starts
 from benchmarks.wind_cases import threshold_case
+from doe.common.pages import fill_tables
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.report.markdown import fill_tables, markdown_table
+from taichi_erosion.report.markdown import markdown_table
 
 PAGE = Path(__file__).parents[1] / "docs" / "speed.md"
 DETAILS = Path(__file__).with_name("README.md")

@@ -1,9 +1,11 @@
 """Setups of timed grains: beds and funnels, from the arrays of a case file or generated here."""
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
+from benchmarks.peers import cases
 from taichi_erosion.core.setup import (
     ContactTable,
     Floats,
@@ -18,18 +20,7 @@ from taichi_erosion.core.setup import (
 DAMPING = 0.3  # of rolling, share of the critical value [1]
 SKIN = 0.1  # Verlet skin of a resting grain over its radius [1], as the other codes' 0.1 d for a pair
 LAWS = Laws(rolling="elastic_plastic")
-SOIL = {  # of the generated cases, SI units: the soil of the published study, softened
-    "diameter": 1e-3,
-    "density": 2130.0,
-    "young": 1e7,
-    "poisson": 0.29,
-    "restitution": 0.6,
-    "friction": 0.61,
-    "friction_wall": 0.34,
-    "friction_rolling": 0.1,
-    "gravity": 9.81,
-    "time_step": 5e-6,
-}
+SOIL = asdict(cases.SOIL)  # of the generated cases, SI units: the soil of the published study, softened
 BED_SIDE, BED_LAYERS = 12, 14  # grains along each period of the generated bed, and upwards
 # of a funnel of about 4,000 grains, in diameters; flanks of 45 deg
 FUNNEL = {"funnel_bottom": 10.0, "funnel_height": 14.0, "orifice_radius": 5.0}

@@ -14,7 +14,7 @@ from api import interface  # noqa: E402
 from notebook import NOTEBOOK, notebook  # noqa: E402
 from tutorial import fill  # noqa: E402
 
-from taichi_erosion.report.markdown import fill_tables  # noqa: E402
+from doe.common.pages import fill_tables  # noqa: E402
 
 
 def main() -> None:

@@ -69,6 +69,16 @@ def device_functions() -> dict[Place, ast.FunctionDef]:
     }
 
 
+def arguments_of(place: Place) -> list[str]:
+    return [argument.arg for argument in device_functions()[place].args.args]
+
+
+def calls_by_name(place: Place) -> list[tuple[ast.Call, str]]:
+    """Calls in a device function of something that has a bare name."""
+    calls = [node for node in nodes(device_functions()[place]) if isinstance(node, ast.Call)]
+    return [(call, call.func.id) for call in calls if isinstance(call.func, ast.Name)]
+
+
 @cache
 def names_in(module: str) -> dict[str, Place]:
     """Device functions by the name under which a module knows them."""
@@ -142,43 +152,33 @@ def written_members(place: Place) -> Paths:
     module, _ = place
     function = device_functions()[place]
     aliases = aliases_of(function)
-    arguments = {argument.arg for argument in function.args.args}
     found = {path for expression in written_places(function) if (path := path_of(expression, aliases))}
-    for call in ast.walk(function):
-        if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name):
-            continue
-        called = names_in(module).get(call.func.id)
+    for call, name in calls_by_name(place):
+        called = names_in(module).get(name)
         if called is None or called == place:
             continue
-        names = [argument.arg for argument in device_functions()[called].args.args]
-        given = dict(zip(names, call.args, strict=False))
+        given = dict(zip(arguments_of(called), call.args, strict=False))
         given |= {keyword.arg: keyword.value for keyword in call.keywords if keyword.arg}
-        for name, *members in written_members(called):
-            if name in given and (path := path_of(given[name], aliases)):
+        for argument, *members in written_members(called):
+            if argument in given and (path := path_of(given[argument], aliases)):
                 found.add((*path, *members))
         for struct, task in called_arguments(called).items():
             applied, path = names_in(module).get(ast.unparse(given[task])), path_of(given[struct], aliases)
             if applied is not None and path:
-                first = device_functions()[applied].args.args[0].arg
+                first = arguments_of(applied)[0]
                 found |= {(*path, *members) for name, *members in written_members(applied) if name == first}
-    return frozenset(path for path in found if path[0] in arguments)
+    return frozenset(path for path in found if path[0] in arguments_of(place))
 
 
 def called_arguments(place: Place) -> dict[str, str]:
     """Struct by the argument called with it, here or further on: `task(air_out, r)` gives air_out: task."""
-    module, _ = place
-    function = device_functions()[place]
-    arguments = {argument.arg for argument in function.args.args}
-    found: dict[str, str] = {}
-    for call in ast.walk(function):
-        if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name):
-            continue
+    arguments, found = arguments_of(place), {}
+    for call, name in calls_by_name(place):
         names = [given.id if isinstance(given, ast.Name) else "" for given in call.args]
-        if call.func.id in arguments:
-            found |= {name: call.func.id for name in names if name.endswith("_out")}
-        elif (called := names_in(module).get(call.func.id)) not in {None, place}:
-            inner = [argument.arg for argument in device_functions()[called].args.args]
-            given = dict(zip(inner, names, strict=False))
+        if name in arguments:
+            found |= {given: name for given in names if given.endswith("_out")}
+        elif (called := names_in(place[0]).get(name)) not in {None, place}:
+            given = dict(zip(arguments_of(called), names, strict=False))
             passed = {given.get(struct): given.get(task) for struct, task in called_arguments(called).items()}
             found |= {struct: task for struct, task in passed.items() if struct and task in arguments}
     return found

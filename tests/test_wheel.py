@@ -12,13 +12,9 @@ import subprocess
 import sys
 import sysconfig
 import zipfile
-from contextlib import redirect_stdout
-from io import StringIO
 from pathlib import Path
 
 import pytest
-
-from taichi_erosion.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "taichi_erosion"
@@ -62,46 +58,16 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
-def copied(folder: Path) -> Path:
-    """A folder with the files that the commands read."""
-    (folder / "measured").mkdir(parents=True)
-    for name in STUDY_FILES:
-        shutil.copy(ROOT / "doe" / name, folder / name)
-    shutil.copy(ROOT / "scenes" / SCENE, folder / SCENE)
-    return folder
-
-
-@pytest.fixture(scope="session")
-def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Outputs of the wheel in an environment of its own, and the page of `report`."""
-    folder = tmp_path_factory.mktemp("installed")
-    python = folder / "environment" / "bin" / "python"
-    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder / "environment")], check=True)
-    query = [str(python), "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]
-    site = Path(subprocess.run(query, capture_output=True, text=True, check=True).stdout.strip())
-    with zipfile.ZipFile(wheel) as archive:
-        archive.extractall(site)
-    (site / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
-    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-    command, work = [str(python), "-c", DRIVER, json.dumps(COMMANDS)], copied(folder / "work")
+def outputs(python: str | Path, path: str, work: Path) -> dict[str, str]:
+    """What the commands print by a Python that finds the package on a path; with the page of `report`."""
+    (work / "measured").mkdir(parents=True)
+    for file in (*(ROOT / "doe" / name for name in STUDY_FILES), ROOT / "scenes" / SCENE):
+        shutil.copy(file, work / ("measured" if file.suffix == ".csv" else ""))
+    command = [str(python), "-c", DRIVER, json.dumps(COMMANDS)]
+    environment = os.environ | {"PYTHONPATH": path}
     done = subprocess.run(command, cwd=work, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
-    assert Path(found.pop("file")).is_relative_to(site)
-    return found | {"page": (work / PAGE).read_text(encoding="utf-8")}
-
-
-@pytest.fixture(scope="session")
-def from_source(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Outputs of the source tree, in this process."""
-    work, found = copied(tmp_path_factory.mktemp("source") / "work"), {}
-    with pytest.MonkeyPatch.context() as around:
-        around.chdir(work)
-        for name, words in COMMANDS.items():
-            with redirect_stdout(StringIO()) as printed:
-                assert main(list(words)) == 0, name
-            found[name] = printed.getvalue()
-    return found | {"page": (work / PAGE).read_text(encoding="utf-8")}
+    return json.loads(done.stdout) | {"page": (work / PAGE).read_text(encoding="utf-8")}
 
 
 def test_the_wheel_holds_the_product_and_nothing_else(wheel: Path) -> None:
@@ -125,9 +91,18 @@ def test_the_package_imports_no_study_and_no_test_and_what_it_serves_is_bound_to
     assert 'LOOPBACK = "127.0.0.1"' in text
 
 
-def test_the_installed_program_prints_what_the_source_tree_prints(
-    installed: dict[str, str], from_source: dict[str, str]
-) -> None:
+def test_the_installed_program_prints_what_the_source_tree_prints(wheel: Path, tmp_path: Path) -> None:
+    python = tmp_path / "environment" / "bin" / "python"
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(python.parents[1])], check=True)
+    query = [str(python), "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]
+    site = Path(subprocess.run(query, capture_output=True, text=True, check=True).stdout.strip())
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(site)
+    (site / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    installed = outputs(python, "", tmp_path / "installed")
+    from_source = outputs(sys.executable, str(ROOT), tmp_path / "source")
+    assert Path(installed.pop("file")).is_relative_to(site)
+    assert Path(from_source.pop("file")).is_relative_to(PACKAGE)
     assert set(installed) == {*COMMANDS, "page"}
     for name, text in from_source.items():
         assert text, name

@@ -106,7 +106,7 @@ def tiled(bed: Bed, tiles: tuple[int, int] = BED_TILES) -> Bed:
     """Copies of a periodic bed side by side: the same packing in a wider box."""
     steps = [(x * bed.period[0], y * bed.period[1], 0.0) for x in range(tiles[0]) for y in range(tiles[1])]
     position = np.concatenate([bed.position + step for step in steps])
-    return shuffled(Bed(position, (tiles[0] * bed.period[0], tiles[1] * bed.period[1])))
+    return Bed(position, (tiles[0] * bed.period[0], tiles[1] * bed.period[1]))
 
 
 def funnel_pile(count: int, seed: int = 3) -> Pile:

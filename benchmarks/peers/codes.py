@@ -240,16 +240,16 @@ def yade_figures(workload: Workload, cores: Sequence[int]) -> Figures:
     return Figures(found["grain_steps_per_s"], found["contacts_per_grain"], int(found["rebuilds"]))
 
 
-def missing(binary: str, package: str) -> str:
+def missing(peer: Peer) -> str:
     """Why a program cannot run here; empty if it can."""
-    return "" if shutil.which(binary) else f"{binary} not found (Debian package {package})"
+    return "" if shutil.which(peer.binary) else f"{peer.binary} not found (Debian package {peer.package})"
 
 
 def peer_code(peer: Peer) -> Code:
     """LAMMPS or LIGGGHTS, if installed."""
     return Code(
         peer.name,
-        missing(peer.binary, peer.package),
+        missing(peer),
         partial(peer_figures, peer=peer),
         lambda workload: (DECKS / f"{workload.deck}.{peer.suffix}").exists(),
     )
@@ -264,7 +264,7 @@ def yade() -> Code:
     """YADE, if installed; it has no JKR, and its start takes as long as a run of an ensemble."""
     return Code(
         "YADE",
-        missing("yade", "yade"),
+        missing(Peer("YADE", "yade", "py", "yade")),
         yade_figures,
         lambda workload: workload.deck in ("bed", "pile") and workload.runs == 1,
     )

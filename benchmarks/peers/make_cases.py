@@ -130,7 +130,7 @@ def main() -> int:
     write_bed("bed2k", settled_bed(SMALL_COUNT, SMALL_ROW))
     bed = settled_bed(BED_COUNT, LATTICE_ROW)
     write_bed("bed10k", bed)
-    write_bed("bed100k", tiled(bed))
+    write_bed("bed100k", shuffled(tiled(bed)))
     return 0
 
 

@@ -6,11 +6,10 @@ to physics.csv beside this file; `--page` fills the tables of README.md and docs
 """
 
 import argparse
-import csv
 import json
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from math import nan
@@ -44,6 +43,7 @@ from benchmarks.peers.physics_measures import (
     stack_numbers,
 )
 from benchmarks.peers.physics_pair import lammps_curve, our_curve, pair_numbers
+from doe.common.tables import read_table, write_table
 from taichi_erosion.report.markdown import markdown_table
 
 Seeds = list[dict[str, float]]  # numbers of every seed by quantity
@@ -184,35 +184,11 @@ def compared_pair(codes: Sequence[Code]) -> list[Row]:
     return rows_of(PAIR, found, False)
 
 
-def read_rows() -> list[Row]:
-    """The table as it stands."""
-    if not TABLE.exists():
-        return []
-    with TABLE.open(encoding="utf-8", newline="") as file:
-        return [
-            Row(
-                case=row["case"],
-                quantity=row["quantity"],
-                code=row["code"],
-                mean=float(row["mean"]),
-                sd=float(row["sd"]),
-                n=int(row["n"]),
-                apart=float(row["apart"]),
-            )
-            for row in csv.DictReader(file)
-        ]
-
-
 def write_rows(rows: Sequence[Row]) -> None:
     """The table, cases in their order."""
     names = [*CASES, PAIR]
     ordered = sorted(rows, key=lambda row: names.index(row.case))
-    lines = [[f.name for f in fields(Row)]]
-    lines += [
-        [format(v, ".6g") if isinstance(v, float) else str(v) for v in asdict(r).values()] for r in ordered
-    ]
-    with TABLE.open("w", encoding="utf-8", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerows(lines)
+    write_table(TABLE, Row, ordered, digits=6, none="nan")
 
 
 def shown(row: Row | None) -> str:
@@ -248,7 +224,7 @@ def publish() -> None:
 
 def page_tables() -> list[tuple[Path, str, str]]:
     """Pages with the name and the text of their tables: all numbers, and angles and heights of heaps."""
-    rows = read_rows()
+    rows = read_table(TABLE, Row)
     short = [row for row in rows if row.quantity in IN_SHORT]
     return [(PAGE, "other codes", page_table(rows)), (SHORT_PAGE, "heaps of codes", page_table(short))]
 
@@ -275,7 +251,7 @@ def main(words: Sequence[str] | None = None) -> int:
             except Failed as failure:
                 sys.stderr.write(f"{failure}\n")
                 return 3
-            write_rows([row for row in read_rows() if row.case != name] + fresh)
+            write_rows([row for row in read_table(TABLE, Row) if row.case != name] + fresh)
             publish()
     publish()
     return 0

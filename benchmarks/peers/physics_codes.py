@@ -1,7 +1,6 @@
 """How each code is given a start and what comes back: ours in this process, the others as programs."""
 
 import os
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -14,7 +13,7 @@ import numpy as np
 from scipy.optimize import root_scalar
 
 from benchmarks.peers.cases import Floats, Soil
-from benchmarks.peers.codes import PEERS, TIME_LIMIT, Peer
+from benchmarks.peers.codes import PEERS, TIME_LIMIT, Peer, missing
 from benchmarks.peers.make_cases import FLOOR_MARGIN, write_grains, write_include
 from benchmarks.peers.physics_cases import BED_SIDE, ROLLING_DAMPING, ROUGH, Failed, Start, shear_effective
 from benchmarks.peers.physics_column import (
@@ -178,7 +177,7 @@ def liggghts_columns(column: Column, starts: Sequence[Start], peer: Peer, rollin
     return peer_columns(column, starts, peer, {"rolling": "off" if column.rolls_freely else rolling})
 
 
-def lammps_code(peer: Peer, missing: str) -> Code:
+def lammps_code(peer: Peer) -> Code:
     """LAMMPS with a rolling spring like ours under five weights."""
     words = {
         "restitution": RESTITUTION_ENTERED,
@@ -187,18 +186,18 @@ def lammps_code(peer: Peer, missing: str) -> Code:
     }
     return Code(
         peer.name,
-        missing,
+        missing(peer),
         beds=partial(peer_beds, peer=peer, words=words),
         columns=partial(lammps_columns, peer=peer),
     )
 
 
-def liggghts_code(peer: Peer, missing: str, rolling: str) -> Code:
+def liggghts_code(peer: Peer, rolling: str) -> Code:
     """LIGGGHTS with one of its rolling laws."""
     words = {"rolling": rolling, "rolling_damping": ROLLING_DAMPING}
     return Code(
         f"{peer.name} {rolling}",
-        missing,
+        missing(peer),
         beds=partial(peer_beds, peer=peer, words=words),
         columns=partial(liggghts_columns, peer=peer, rolling=rolling),
     )
@@ -206,16 +205,9 @@ def liggghts_code(peer: Peer, missing: str, rolling: str) -> Code:
 
 def contestants() -> list[Code]:
     """All codes, ours first; LIGGGHTS with the rolling law that is ours, and with its stiffer one."""
-    ours = Code("ours", "", our_beds, our_columns)
     lammps, liggghts = PEERS
-    absent = {
-        peer.name: ""
-        if shutil.which(peer.binary)
-        else f"{peer.binary} not found (Debian package {peer.package})"
-        for peer in PEERS
-    }
     return [
-        ours,
-        lammps_code(lammps, absent[lammps.name]),
-        *(liggghts_code(liggghts, absent[liggghts.name], rolling) for rolling in ("epsd", "epsd2")),
+        Code("ours", "", our_beds, our_columns),
+        lammps_code(lammps),
+        *(liggghts_code(liggghts, rolling) for rolling in ("epsd", "epsd2")),
     ]

@@ -1,12 +1,24 @@
-"""Tables of a study on its page in docs/ and, in full, in its README."""
+"""Pages with tables between `<!-- table: NAME -->` and `<!-- end -->`: in docs/, in full in READMEs."""
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.report.markdown import MARKED, fill_tables
 
 RESULTS = "results.md"  # page in docs/ of all studies
+MARKED = re.compile(
+    r"(?P<begin><!-- table: (?P<name>[\w ]+) -->\n)(?P<table>.*?)(?P<end><!-- end -->)", re.DOTALL
+)
+
+
+def fill_tables(page: str, tables: Mapping[str, str]) -> str:
+    """Page with the tables that it marks; others stay. Raises ValueError for a table without a mark."""
+    if lost := tables.keys() - {found["name"] for found in MARKED.finditer(page)}:
+        raise ValueError(f"the page does not mark {sorted(lost)}")
+    return MARKED.sub(
+        lambda found: found["begin"] + tables.get(found["name"], found["table"]) + found["end"], page
+    )
 
 
 def filled(pages: Sequence[Path], tables: Mapping[str, str]) -> dict[Path, str]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple, fields
-from io import StringIO
+from dataclasses import asdict, fields
 from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
+
+import pandas as pd
 
 from taichi_erosion.core.files import write_atomic
 
@@ -22,11 +23,20 @@ def write_table(
     path: Path, kind: type[Record], rows: Sequence[Record], digits: int = 7, none: str = ""
 ) -> None:
     """Write rows as CSV; a number that is none is an empty field, or `none`."""
-    heading = [f.name for f in fields(kind)]
-    lines = [heading, *([cell(value, digits, none) for value in astuple(row)] for row in rows)]
-    page = StringIO(newline="")
-    csv.writer(page, lineterminator="\n").writerows(lines)
-    write_atomic(path, page.getvalue().encode())
+    write_lines(path, list(map(asdict, rows)), digits, none, [f.name for f in fields(kind)])
+
+
+def write_lines(
+    path: Path,
+    lines: Sequence[Mapping[str, Any]],
+    digits: int = 7,
+    none: str = "",
+    heading: list[str] | None = None,
+) -> None:
+    """Write lines whose keys are the heading, as CSV."""
+    table = pd.DataFrame(list(lines), columns=heading)
+    text = table.to_csv(index=False, float_format=f"%.{digits}g", na_rep=none, lineterminator="\n")
+    write_atomic(path, text.encode())
 
 
 def read_table(path: Path, kind: type[Record]) -> list[Record]:
@@ -51,22 +61,6 @@ def update_table(
     """Write rows in place of those that stand there already under the same key; `form` is `write_table`'s."""
     done = {key(row) for row in rows}
     write_table(path, kind, [*(r for r in read_table(path, kind) if key(r) not in done), *rows], **form)
-
-
-def write_lines(path: Path, lines: Sequence[Mapping[str, Any]], digits: int = 7) -> None:
-    """Write lines whose keys are the heading, as CSV."""
-    page = StringIO(newline="")
-    table = csv.DictWriter(page, list(lines[0]), lineterminator="\n")
-    table.writeheader()
-    table.writerows({name: cell(value, digits) for name, value in line.items()} for line in lines)
-    write_atomic(path, page.getvalue().encode())
-
-
-def cell(value: object, digits: int, none: str = "") -> str:
-    """A value as the table holds it."""
-    if isinstance(value, float):
-        return none if value != value else f"{value:.{digits}g}"
-    return str(value)
 
 
 def parsed(kind: Any, text: str) -> Any:

@@ -15,6 +15,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from doe.common.cases import number
 from doe.common.tables import update_table
 from taichi_erosion.core.setup import Floats, Numerics
 from taichi_erosion.run.checks import compatibility_key, read_scene
@@ -109,11 +110,6 @@ def simulate(scene: Scene, seeds: Sequence[int], numerics: Numerics) -> tuple[Va
     units = {name: m["unit"] for record in found.values() for name, m in record["measures"].items()}
     reasons = {record["failure"] for record in found.values() if record["failure"]}
     return values, units, "; ".join(sorted(reasons))
-
-
-def number(value: float | None) -> float:
-    """A value, NaN where a state held none."""
-    return nan if value is None else float(value)
 
 
 def paired(head: Mapping[str, Any], before: Values, after: Values, reason: str) -> Shift:

@@ -1,13 +1,15 @@
-"""Display of results in notebooks and terminals: progress, HTML of sentences and tables, figures."""
+"""Display of results in notebooks and terminals: progress, tables, HTML of sentences and tables."""
 
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from html import escape
-from typing import TYPE_CHECKING, Any
+from shutil import get_terminal_size
+from typing import Any
 
-if TYPE_CHECKING:
-    import pandas as pd
+import pandas as pd
+from rich.console import Console
+from rich.progress import Progress
 
 Report = Callable[[float, str], None]  # (share done [1], words)
 
@@ -15,9 +17,6 @@ Report = Callable[[float, str], None]  # (share done [1], words)
 @contextmanager
 def progress(title: str) -> Iterator[Report]:
     """Context with a progress function: a bar in a terminal or a notebook, nothing where stderr is a file."""
-    from rich.console import Console
-    from rich.progress import Progress
-
     console = Console(stderr=True)
     if not (sys.stderr.isatty() or console.is_jupyter):
         yield lambda share, words: None
@@ -27,7 +26,7 @@ def progress(title: str) -> Iterator[Report]:
         yield lambda share, words: bar.update(task, completed=share, description=f"{title}: {words}")
 
 
-def html(title: str, sentences: Iterable[str], tables: Iterable["pd.DataFrame"]) -> str:
+def html(title: str, sentences: Iterable[str], tables: Iterable[pd.DataFrame]) -> str:
     """HTML of a result: title, sentences, tables."""
     parts = [f"<p><b>{escape(title)}</b></p>", *(f"<p>{escape(one)}</p>" for one in sentences)]
     return "\n".join(
@@ -35,16 +34,20 @@ def html(title: str, sentences: Iterable[str], tables: Iterable["pd.DataFrame"])
     )
 
 
-def frame(
-    rows: Iterable[dict[str, Any]], units: dict[str, str] | None = None, columns: Sequence[str] = ()
-) -> "pd.DataFrame":
-    """Table of rows, which prints whole; `.attrs["units"]` has the unit of every column that has one.
+class WholeTable(pd.DataFrame):
+    """A DataFrame whose text has every column and every word; what is too wide goes on below."""
 
-    `columns` are those of a table without rows.
-    """
-    from taichi_erosion.api.whole_table import WholeTable
+    @property
+    def _constructor(self) -> type["WholeTable"]:
+        return WholeTable
 
+    def __repr__(self) -> str:
+        whole = ("display.max_columns", None, "display.max_colwidth", None)
+        with pd.option_context(*whole, "display.width", get_terminal_size().columns):
+            return super().__repr__()
+
+
+def frame(rows: Iterable[dict[str, Any]], columns: Sequence[str] = ()) -> WholeTable:
+    """Table of rows; `columns` are those of a table without rows."""
     stated = list(rows)
-    table = WholeTable(stated) if stated else WholeTable(columns=list(columns))
-    table.attrs["units"] = {name: unit for name, unit in (units or {}).items() if name in table.columns}
-    return table
+    return WholeTable(stated) if stated else WholeTable(columns=list(columns))

@@ -8,18 +8,19 @@ from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taichi_erosion.api.notebook import frame, html
+import pandas as pd
+
+from taichi_erosion.api.notebook import WholeTable, frame, html
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.number_words import heading
+from taichi_erosion.evidence.data.number_words import TableUnits, heading
+from taichi_erosion.evidence.words.answer_lines import outside_text
 from taichi_erosion.evidence.words.shell import shell_command
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
     from taichi_erosion.evidence.answers.files import Reply
     from taichi_erosion.evidence.answers.predictions import PredictionReply
-    from taichi_erosion.evidence.data.table_units import TableUnits
     from taichi_erosion.evidence.race.record import ExperimentPart, LawPart, Record
     from taichi_erosion.report.figure_style import Figure
 
@@ -53,7 +54,7 @@ class Result:
         return [*self.reply.about["set_up"], *self.reply.answer().lines]
 
     @property
-    def table(self) -> "pd.DataFrame":
+    def table(self) -> pd.DataFrame:
         """Main table of the answer."""
         raise NotImplementedError
 
@@ -82,20 +83,17 @@ class RaceResult(Result):
         return self.reply.record
 
     @property
-    def units(self) -> "TableUnits":
+    def units(self) -> TableUnits:
         """Units in which the study's table has values and conditions."""
         return self.reply.vocabulary().units
 
     @property
-    def rows(self) -> "pd.DataFrame":
+    def rows(self) -> pd.DataFrame:
         """Fitted rows in the units of the table: measured, and the model before and after."""
-        from taichi_erosion.api.whole_table import WholeTable
-
         rows, units = self.record.rows, self.units
         columns = {"observable": rows.observable, "unit": [unit_of(units, name) for name in rows.observable]}
         for key in ("measured", "sd", "before", "after"):
-            pairs = zip(rows.observable, getattr(rows, key), strict=True)
-            columns[key] = [units.value(name, number) for name, number in pairs]
+            columns[key] = list(map(units.value, rows.observable, getattr(rows, key)))
         for name, numbers in rows.conditions.items():
             columns[condition_heading(units, name)] = [units.condition(name, number) for number in numbers]
         return WholeTable(columns)
@@ -141,10 +139,8 @@ class ComparisonResult(RaceResult):
         return self.record.fit.p_before
 
     @property
-    def table(self) -> "pd.DataFrame":
+    def table(self) -> pd.DataFrame:
         """Misfit of every observable in its unit; `bias` is the mean of measured less predicted."""
-        from taichi_erosion.api.whole_table import WholeTable
-
         rows = self.rows
         gaps = rows.assign(gap=rows["measured"] - rows["before"]).groupby(["observable", "unit"], sort=False)
         found = gaps["gap"].agg(n="size", rmse=lambda gap: (gap**2).mean() ** 0.5, bias="mean")
@@ -166,7 +162,7 @@ class DiscoveryResult(RaceResult):
         return dict(self.record.decided.probabilities)
 
     @property
-    def table(self) -> "pd.DataFrame":
+    def table(self) -> pd.DataFrame:
         """Candidates, the likeliest first; strengths [1] where they act, with 90 % intervals.
 
         A strength above `limit` is excluded with 95 %; one below `unseen_below` could act and not be seen.
@@ -188,10 +184,8 @@ class AdoptionResult(RaceResult):
     """Error on fitted and held-out rows before and after effects are added, beside a control."""
 
     @property
-    def table(self) -> "pd.DataFrame":
+    def table(self) -> pd.DataFrame:
         """Misfit per row, 1 is chance, of every model; NaN where it is not known [1]."""
-        from taichi_erosion.api.whole_table import WholeTable
-
         fit, held = self.record.fit, self.record.held_out
         unseen = (held.before, held.after, held.wrong) if held else (nan, nan, nan)
         fitted = (fit.chi2_before / fit.n, fit.chi2_after / fit.n, nan)
@@ -208,12 +202,10 @@ class ExperimentsResult(RaceResult):
     """Experiments that would decide."""
 
     @property
-    def table(self) -> "pd.DataFrame":
+    def table(self) -> pd.DataFrame:
         """Proposed experiments, the best first, with what each explanation expects, in units of the table."""
-        return frame(
-            (experiment_row(each, self.units) for each in self.record.experiments),
-            columns=("observable", "unit", "chance", "cost"),
-        )
+        rows = (experiment_row(each, self.units) for each in self.record.experiments)
+        return frame(rows, columns=("observable", "unit", "chance", "cost"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -221,7 +213,7 @@ class PredictionResult(Result):
     """What the calibrated, adopted model says at new conditions."""
 
     @property
-    def table(self) -> "pd.DataFrame":
+    def table(self) -> pd.DataFrame:
         """Predictions in the units of the study's table, one row each, conditions as they were asked.
 
         `low` and `high` are the 90 % interval of what many repeats give on average, `measured_low` and
@@ -230,10 +222,8 @@ class PredictionResult(Result):
         return prediction_table(self.reply)
 
 
-def prediction_table(reply: "PredictionReply") -> "pd.DataFrame":
+def prediction_table(reply: "PredictionReply") -> pd.DataFrame:
     """Predictions with their conditions, as `PredictionResult.table` and a CSV have them."""
-    from taichi_erosion.evidence.words.answer_lines import outside_text
-
     units = reply.units
     rows = (
         {"observable": row.observable}
@@ -245,7 +235,7 @@ def prediction_table(reply: "PredictionReply") -> "pd.DataFrame":
     return frame(rows, columns=("observable", *PREDICTED))
 
 
-def experiment_row(found: "ExperimentPart", units: "TableUnits") -> dict[str, Any]:
+def experiment_row(found: "ExperimentPart", units: TableUnits) -> dict[str, Any]:
     """An experiment in the units of the table; columns of what is expected are named by the explanation."""
     name, at = found.observable, found.conditions.items()
     row: dict[str, Any] = {"observable": name, "unit": unit_of(units, name)}
@@ -256,11 +246,11 @@ def experiment_row(found: "ExperimentPart", units: "TableUnits") -> dict[str, An
     return row | {"chance": found.chance, "cost": found.cost}
 
 
-def unit_of(units: "TableUnits", observable: str) -> str:
+def unit_of(units: TableUnits, observable: str) -> str:
     """Unit of an observable, `1` for a pure number."""
     return units.value_unit(observable) or "1"
 
 
-def condition_heading(units: "TableUnits", name: str) -> str:
+def condition_heading(units: TableUnits, name: str) -> str:
     """`diameter [mm]`."""
     return heading(name, units.condition_unit(name))

@@ -1,17 +1,19 @@
 """Runs of scenes, and the effects that they can have, from Python."""
 
-import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
+import tomlkit
+
 from taichi_erosion.api.notebook import frame, html, progress
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.words.run_words import run_warnings, spread
 
 if TYPE_CHECKING:
-    import pandas as pd
     import xarray as xr
 
 PathLike = str | Path
@@ -36,15 +38,12 @@ class Run:
         return Path(file) if file else None
 
     @property
-    def table(self) -> "pd.DataFrame":
+    def table(self) -> pd.DataFrame:
         """Measures: value and standard deviation of all seeds, with units, beside measured values."""
         measured = self.document.get("measured", {})
         return frame(
-            {
-                "measure": name,
-                "value": found["value"],
-                "sd": found["sd"],
-                "unit": found["unit"],
+            {"measure": name, **{key: found[key] for key in ("value", "sd", "unit")}}
+            | {
                 "measured": measured.get(name, {}).get("value"),
                 "measured_sd": measured.get(name, {}).get("sd"),
             }
@@ -52,7 +51,7 @@ class Run:
         ).set_index("measure")
 
     @property
-    def seeds(self) -> "pd.DataFrame":
+    def seeds(self) -> pd.DataFrame:
         """Measures of every seed, one a row."""
         return frame(
             {"seed": replica["seed"], "measure": name, "value": found["value"], "unit": found["unit"]}
@@ -85,14 +84,8 @@ class Run:
                 row[one.ident] = frame_columns[name]
             axes = ("time", "grain", "axis")[: table.ndim]
             variables[name] = (axes, table, {"units": UNITS.get(name, "1")})
-        return xr.Dataset(
-            variables,
-            {
-                "time": ("time", [one.time for one in frames], {"units": "s"}),
-                "grain": np.arange(grains),
-                "axis": ["x", "y", "z"],
-            },
-        )
+        times = ("time", [one.time for one in frames], {"units": "s"})
+        return xr.Dataset(variables, {"time": times, "grain": np.arange(grains), "axis": ["x", "y", "z"]})
 
     def report(self, to: PathLike | None = None) -> Path:
         """Page of the run (HTML). Raises BadInput for a run without a recording."""
@@ -105,17 +98,11 @@ class Run:
     @property
     def warnings(self) -> list[str]:
         """What to know about the set-up and its replicas, each sentence once."""
-        told = [*self.document.get("limits", {}).get("warnings", ())]
-        told += [each for replica in self.document["replicas"] for each in replica.get("warnings", ())]
-        return list(dict.fromkeys(told))
+        return run_warnings(self.document)
 
     def __repr__(self) -> str:
-        found = (
-            f"{name} {each['value']:.4g} {each['unit']}" if each["value"] is not None else f"{name} no value"
-            for name, each in self.document["measures"].items()
-        )
-        seeds = f"{len(self.document['replicas'])} seeds"
-        return f"Run({self.document['scene']}, {seeds}: {', '.join(found) or 'no measures'})"
+        found = (f"{name} {spread(each)} {each['unit']}" for name, each in self.document["measures"].items())
+        return f"Run({self.document['scene']}: {', '.join(found) or 'no measures'})"
 
     def _repr_html_(self) -> str:
         return html(self.document["title"] or self.document["scene"], self.warnings, [self.table])
@@ -138,13 +125,11 @@ def run(
     """
     from taichi_erosion.run import RunOptions, run_scene
 
-    options = {name: value for name, value in entries.items() if "__" not in name}
-    stated = stated_changes(changes, {name: value for name, value in entries.items() if "__" in name})
-    if unknown := sorted(options.keys() - set(OPTIONS)):
-        raise BadInput(f"run: no option '{unknown[0]}'; there are {', '.join(OPTIONS)}, and SECTION__ENTRY")
+    options = {name: entries.pop(name) for name in OPTIONS if name in entries}
+    stated = stated_changes(changes, entries, OPTIONS)
     with tempfile.TemporaryDirectory() as folder, progress("running") as report:
         chosen = RunOptions(
-            overrides=tuple(override(name, value) for name, value in stated.items()),
+            overrides=stated,
             record=None if isinstance(record, bool) else Path(record),
             no_record=record is False,
             effect_files=tuple(Path(file) for file in effect_files),
@@ -154,28 +139,28 @@ def run(
         return Run(run_scene(scene_file(scene, Path(folder)), chosen))
 
 
-def stated_changes(changes: Mapping[str, Any] | None, entries: Mapping[str, Any]) -> dict[str, Any]:
-    """Changes by dotted path, those of keywords too. Raises BadInput for one without two underscores."""
+def stated_changes(
+    changes: Mapping[str, Any] | None, entries: Mapping[str, Any], options: Sequence[str]
+) -> tuple[str, ...]:
+    """Overrides as `--set` takes them, of keywords too. Raises BadInput for one without two underscores."""
     for name in entries:
         if "__" not in name:
-            raise BadInput(f"no option '{name}'; entries of the scene are SECTION__ENTRY, or changes=...")
-    return dict(changes or {}) | {name.replace("__", "."): value for name, value in entries.items()}
+            raise BadInput(f"no option '{name}'; there are {', '.join(options)}, and SECTION__ENTRY")
+    stated = dict(changes or {}) | {name.replace("__", "."): value for name, value in entries.items()}
+    return tuple(override(*one) for one in stated.items())
 
 
 def open_run(file: PathLike) -> Run:
     """A run from its document (.json) or recording (.rrd). Raises BadInput where there is none."""
-    document = Path(file).with_suffix(".json")
-    if not document.is_file():
-        raise BadInput(f"{document}: no such file")
-    return Run(json.loads(document.read_text(encoding="utf-8")))
+    from taichi_erosion.report.run_page import read_document
+
+    return Run(read_document(Path(file).with_suffix(".json")))
 
 
 def scene_file(scene: SceneLike, folder: Path) -> Path:
     """Scene file; a mapping becomes one in a folder."""
     if not isinstance(scene, Mapping):
         return Path(scene)
-    import tomlkit
-
     path = folder / "scene.toml"
     path.write_text(tomlkit.dumps(scene), encoding="utf-8")
     return path
@@ -183,24 +168,17 @@ def scene_file(scene: SceneLike, folder: Path) -> Path:
 
 def override(path: str, value: Any) -> str:
     """`PATH=VALUE` as `--set` takes it."""
-    import tomlkit
-
     return f"{path}={tomlkit.item(value).as_string()}"
 
 
-def effects(effect_files: Sequence[PathLike] = ()) -> "pd.DataFrame":
+def effects(effect_files: Sequence[PathLike] = ()) -> pd.DataFrame:
     """All effects, those of own files too: name, title, place, conditions, largest strength [1]."""
     from taichi_erosion.effects import load_library
 
     library = load_library([Path(file) for file in effect_files])
     rows = (
-        {
-            "effect": name,
-            "title": effect.title,
-            "place": effect.place,
-            "reads": ", ".join(effect.reads),
-            "largest_strength": effect.most,
-        }
+        {"effect": name, "title": effect.title, "place": effect.place}
+        | {"reads": ", ".join(effect.reads), "largest_strength": effect.most}
         for name, effect in sorted(library.items())
     )
-    return frame(rows, {"largest_strength": "1"}).set_index("effect")
+    return frame(rows).set_index("effect")

@@ -1,32 +1,28 @@
 """Live sessions from Python: the simulation runs, stops and changes as the caller says."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import pandas as pd
 
 from taichi_erosion.api.notebook import frame, html
 from taichi_erosion.api.runs import PathLike, override, stated_changes
 from taichi_erosion.run import session as sessions
-from taichi_erosion.run import session_queries as queries
 from taichi_erosion.verification.effect_contract import refuse_unusable
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from taichi_erosion.report.figure_style import Figure
 
+OPTIONS = ("seed", "effect_files")  # of a session beside its scene
 
+
+@dataclass(frozen=True, repr=False)
 class LiveSession:
     """One replica of a scene under the caller's control; times in s of the simulation."""
 
-    def __init__(
-        self, scene: PathLike, seed: int | None, effect_files: Sequence[PathLike], changes: Mapping[str, Any]
-    ) -> None:
-        files = [Path(file) for file in effect_files]
-        refuse_unusable(files)
-        overrides = tuple(override(*one) for one in changes.items())
-        self.session = sessions.open_session(Path(scene), overrides, seed, files)
-        self.session.callbacks.append(queries.keep_sample)
+    session: sessions.Session
 
     @property
     def time(self) -> float:
@@ -39,7 +35,7 @@ class LiveSession:
         return sessions.session_status(self.session)
 
     @property
-    def table(self) -> "pd.DataFrame":
+    def table(self) -> pd.DataFrame:
         """All measures in the present state."""
         rows = (
             {"measure": name, "value": found.value, "unit": found.unit, "notes": "; ".join(found.notes)}
@@ -74,28 +70,28 @@ class LiveSession:
 
     def get(self, path: str) -> Any:
         """Value of an entry of the scene by its dotted path, or a mapping of those below. Raises BadInput."""
-        return queries.entry(self.session, path)
+        return sessions.entry(self.session, path)
 
     def help(self, path: str) -> str:
         """Meaning, unit, default and range of an entry, of effects too. Raises BadInput."""
-        return queries.meaning(self.session, path)
+        return sessions.meaning(self.session, path)
 
-    def diff(self, before: str | None = None, after: str | None = None) -> "pd.DataFrame":
+    def diff(self, before: str | None = None, after: str | None = None) -> pd.DataFrame:
         """Entries that differ: from the scene file, or a saved state, to the present, or another saved state.
 
         Raises BadInput for an unknown state.
         """
-        pairs = queries.differences(self.session, before, after).items()
+        pairs = sessions.differences(self.session, before, after).items()
         rows = [{"entry": path, "before": old, "after": new} for path, (old, new) in pairs]
         return frame(rows, columns=("entry", "before", "after")).set_index("entry")
 
     def watch(self, *names: str) -> "LiveSession":
         """Keep measures for `samples` and `plot` from now on, beside the numbers of the status."""
-        queries.watch(self.session, *names)
+        sessions.watch(self.session, *names)
         return self
 
     @property
-    def samples(self) -> "pd.DataFrame":
+    def samples(self) -> pd.DataFrame:
         """Numbers of the status, and watched measures, at every check so far, by time [s]."""
         return frame(self.session.samples, columns=("time_s",)).set_index("time_s")
 
@@ -103,7 +99,7 @@ class LiveSession:
         """Figure of a number over the simulated time. Raises BadInput before the first sample."""
         from taichi_erosion.report.figure_style import curve_figure
 
-        return curve_figure(*queries.curve(self.session, name), name)
+        return curve_figure(*sessions.curve(self.session, name), name)
 
     @property
     def warnings(self) -> list[str]:
@@ -141,4 +137,8 @@ def live(
     **entries: Any,
 ) -> LiveSession:
     """A session at the beginning of the first stage of a scene, with changes as in `run`. Raises BadInput."""
-    return LiveSession(scene, seed, effect_files, stated_changes(changes, entries))
+    files = [Path(file) for file in effect_files]
+    refuse_unusable(files)
+    session = sessions.open_session(Path(scene), stated_changes(changes, entries, OPTIONS), seed, files)
+    session.callbacks.append(sessions.keep_sample)
+    return LiveSession(session)

@@ -4,7 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, TypeVar, Union, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
+
+import pandas as pd
 
 from taichi_erosion.api.notebook import progress
 from taichi_erosion.api.results import (
@@ -19,26 +21,11 @@ from taichi_erosion.api.runs import PathLike
 from taichi_erosion.core.errors import BadInput
 
 if TYPE_CHECKING:
-    import pandas as pd
-
-    from taichi_erosion.evidence.answers.files import Reply
     from taichi_erosion.evidence.models.load_study import StudyOptions
 
 Document = Mapping[str, Any]
-Report = Callable[[str, float], None]  # (words, share done [1])
 Kind = TypeVar("Kind", bound=Result)
-TableLike = Union[PathLike, Mapping[str, Sequence[Any]], "pd.DataFrame"]
-
-
-class StatedGrains(TypedDict, total=False):
-    """What a new study is told of the grains beside its table, and files of the user's own."""
-
-    diameter: str  # with its unit
-    density: str  # with its unit
-    grains: int  # of a run
-    scene: PathLike  # of one's own, in place of a ready one
-    effects: Sequence[PathLike]  # files with effects of one's own
-    anew: bool  # write a study that is there again
+TableLike = PathLike | Mapping[str, Sequence[Any]] | pd.DataFrame
 
 
 @dataclass(frozen=True)
@@ -58,13 +45,13 @@ class Study:
         """Calibrate the model, and find where it still fails."""
         from taichi_erosion.evidence.answers.commands import compare_study
 
-        return self.answered(ComparisonResult, "comparing", compare_study)
+        return answered(self, ComparisonResult, "comparing", compare_study)
 
     def discover(self) -> DiscoveryResult:
         """Find the missing effect."""
         from taichi_erosion.evidence.answers.commands import discover_study
 
-        return self.answered(DiscoveryResult, "discovering", discover_study)
+        return answered(self, DiscoveryResult, "discovering", discover_study)
 
     def adopt(self, *effects: str | Sequence[str], force: bool = False) -> AdoptionResult:
         """Add effects, by names or lists of names; calibrate again, open the vault.
@@ -77,16 +64,13 @@ class Study:
         if not names:
             raise BadInput("adopt: name the effects to add")
 
-        def adopt(path: Path, report: Report, options: "StudyOptions") -> "Reply":
-            return adopt_study(path, names, report, options, force)
-
-        return self.answered(AdoptionResult, "adopting", adopt)
+        return answered(self, AdoptionResult, "adopting", adopt_study, names, force=force)
 
     def next(self) -> ExperimentsResult:
         """Find the cheapest experiments that tell the named explanation from its rivals."""
         from taichi_erosion.evidence.answers.commands import next_study
 
-        return self.answered(ExperimentsResult, "planning", next_study)
+        return answered(self, ExperimentsResult, "planning", next_study)
 
     def predict(self, table: TableLike, *, bare: bool = False) -> PredictionResult:
         """What the calibrated model says at the conditions of a table, with 90 % intervals.
@@ -99,11 +83,7 @@ class Study:
 
         with TemporaryDirectory() as folder:
             file = table_file(table, Path(folder) / "conditions")
-
-            def predict(path: Path, report: Report, options: "StudyOptions") -> Any:
-                return predict_study(path, file, report, options, bare)
-
-            return self.answered(PredictionResult, "predicting", predict)
+            return answered(self, PredictionResult, "predicting", predict_study, file, bare=bare)
 
     def report(self, to: PathLike | None = None) -> Path:
         """Write the page of all answers (HTML). Raises BadInput before the first answer."""
@@ -111,13 +91,14 @@ class Study:
 
         return write_report(self.path, None if to is None else Path(to), True)
 
-    def answered(
-        self, kind: type[Kind], title: str, command: Callable[[Path, Report, "StudyOptions"], Any]
-    ) -> Kind:
-        """Result of a command, with a progress bar."""
-        with progress(title) as report:
-            reply = command(self.path, lambda words, share: report(share, words), self.options)
-        return kind(self.path, reply)
+
+def answered(
+    study: Study, kind: type[Kind], title: str, command: Callable[..., Any], *words: Any, **choices: Any
+) -> Kind:
+    """Result of a command, with a progress bar."""
+    with progress(title) as bar:
+        reply = command(study.path, *words, lambda text, share: bar(share, text), study.options, **choices)
+    return kind(study.path, reply)
 
 
 def study(
@@ -140,14 +121,8 @@ def study(
     refuse_other_kind(Path(path), "study")
     if not Path(path).is_file():
         raise BadInput(f"{path}: there is no such file")
-    stated = StudyOptions(
-        *stated_budget(budget),
-        workers,
-        seed,
-        tuple(map(Path, effect_files)),
-        arch=arch,
-        decomposition=decomposition,
-    )
+    size, files = stated_budget(budget), tuple(map(Path, effect_files))
+    stated = StudyOptions(*size, workers, seed, files, arch=arch, decomposition=decomposition)
     return Study(Path(path), stated)
 
 
@@ -160,7 +135,7 @@ def new_study(
     units: Mapping[str, str] | None = None,
     apparatus: str | None = None,
     closed_form: bool = False,
-    **grains: Unpack[StatedGrains],
+    **grains: Any,
 ) -> Study:
     """A study, its tidy table and its scene from a laboratory's table; every guess is taken.
 
@@ -176,41 +151,26 @@ def new_study(
     from taichi_erosion.evidence.answers.study_files.new_study import new_study as write_study
     from taichi_erosion.evidence.data.tables.column_roles import Told
 
-    if unknown := grains.keys() - StatedGrains.__annotations__:
-        raise TypeError(f"new_study() got an unexpected keyword argument '{min(unknown)}'")
-    wishes = Wishes(
-        Told(dict(observables or {}), dict(conditions or {}), dict(units or {})),
-        None if out is None else Path(out),
-        apparatus,
-        closed_form,
-        anew=grains.get("anew", False),
-        diameter=grains.get("diameter"),
-        density=grains.get("density"),
-        grains=grains.get("grains"),
-        scene=Path(grains["scene"]) if "scene" in grains else None,
-        effects=tuple(map(Path, grains.get("effects", ()))),
-    )
+    if "scene" in grains:
+        grains["scene"] = Path(grains["scene"])
+    grains["effects"] = tuple(map(Path, grains.get("effects", ())))
+    told = Told(dict(observables or {}), dict(conditions or {}), dict(units or {}))
+    wishes = Wishes(told, None if out is None else Path(out), apparatus, closed_form, **grains)
     document = write_study(table_file(table, out), wishes, lambda question, guess: guess)
     return study(document["study"])
 
 
 def table_file(table: TableLike, out: PathLike | None) -> Path:
     """File of a table; columns in memory are written beside the folder of the study. Raises BadInput."""
-    if isinstance(table, (str, Path)):
+    if isinstance(table, str | Path):
         return Path(table)
-    import pandas as pd
-
-    try:
-        columns = pd.DataFrame(table) if isinstance(table, Mapping) else table
-    except ValueError as error:
-        raise BadInput(
-            f"the columns of the table: {error}; give a list for each, all of one length"
-        ) from None
-    if not isinstance(columns, pd.DataFrame):
-        given = type(table).__name__
-        raise BadInput(f"a table is a file (.csv, .xlsx), a DataFrame or a dict of columns, not a {given}")
     if out is None:
         raise BadInput("new_study: name the folder to write for a DataFrame, out=FOLDER")
+    try:
+        columns = pd.DataFrame(table)
+    except ValueError as error:
+        known = "a file (.csv, .xlsx), a DataFrame, or a dict of columns of one length"
+        raise BadInput(f"the table is not {known}: {error}") from None
     folder = Path(out)
     folder.parent.mkdir(parents=True, exist_ok=True)
     file = folder.with_name(f"{folder.name}.csv")

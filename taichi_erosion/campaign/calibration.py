@@ -1,8 +1,8 @@
-"""A calibration up to a step: its tables, written as soon as each step has ended, and its JSON document."""
+"""A calibration up to a step: tables, written as each step has ended, JSON document, calibrated scenes."""
 
-import io
 import time
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -11,7 +11,6 @@ from typing import Any, Literal, get_args
 import pandas as pd
 
 from taichi_erosion.campaign import calibration_steps as calculate
-from taichi_erosion.campaign.calibrated_scene import refuse_foreign_scenes, write_calibrated_scenes
 from taichi_erosion.campaign.calibration_steps import (
     STAGES,
     Climb,
@@ -22,9 +21,9 @@ from taichi_erosion.campaign.calibration_steps import (
 )
 from taichi_erosion.campaign.execute import SIMULATE
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
-from taichi_erosion.campaign.request import Report
-from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study
-from taichi_erosion.core.files import ListedFolder
+from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study, with_entry
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import ListedFolder, marked_toml, refuse_foreign, without_mark, write_atomic
 from taichi_erosion.experiments.anova import anova, curvature
 from taichi_erosion.experiments.design_table import Design, design_text
 from taichi_erosion.experiments.fit import (
@@ -37,6 +36,12 @@ from taichi_erosion.experiments.fit import (
 )
 from taichi_erosion.experiments.optimise import Optimisation
 from taichi_erosion.experiments.terms import term_label
+from taichi_erosion.run import Report
+from taichi_erosion.run.checks import read_scene
+from taichi_erosion.scene import Scene, resolved, scene_hash
+from taichi_erosion.scene.load import file_text, parse_scene
+from taichi_erosion.scene.paths import parsed
+from taichi_erosion.scene.schema.geometry import Mesh
 
 Document = dict[str, Any]
 Step = Literal["design", "run", "analyse", "climb", "surface", "optimise", "confirm"]
@@ -44,6 +49,8 @@ STEPS: tuple[Step, ...] = get_args(Step)
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 LAST_STEP = {"screen": "run", "climb": "climb", "surface": "surface", "confirm": "confirm"}  # by stage
 TABLES = (*(f"{stage}.csv" for stage in STAGES), "runs.csv")
+DIGITS = 6  # of a calibrated number
+SCHEMA_LINE = "#:schema"  # a relative path, which another folder breaks
 PAGE, PICTURES = "README.md", "pictures"  # page of a calibration, and the folder of its figures
 
 
@@ -76,12 +83,9 @@ def calibrate(
     file = read_calibration_study(path)
     found = Calibration(file)
     planned = calculate.screening_design(file)
-    is_kept = is_written(file.folder / "screen.csv", planned)
-    if until != "design" or not is_kept:
-        refuse_foreign_files(file, until, force)
     found.document = {"study": str(path), "until": until, "design": path_document(planned)}
-    if not is_kept:
-        write_design(found, "screen", planned)
+    refuse_foreign_files(file, until, force)
+    write_design(found, "screen", planned)
     if until != "design":
         steps = STEPS[: STEPS.index(until) + 1]
         ledger, where = open_ledger(file.folder), file.study.campaign.model_copy(update=stated)
@@ -104,8 +108,8 @@ def refuse_foreign_files(file: CalibrationStudy, until: Step, force: bool) -> No
         path.name for name in file.study.targets for path in (file.folder / PICTURES).glob(f"*_{name}.png")
     ]
     last = [PAGE, *(f"{PICTURES}/{name}" for name in pictures)] if until == STEPS[-1] else []
-    if until == STEPS[-1]:
-        refuse_foreign_scenes(file, force)
+    for scene in file.scenes if until == STEPS[-1] else []:
+        refuse_foreign(calibrated_path(file, scene), file.path, force)
     tables = TABLES[:1] if until == "design" else TABLES
     ListedFolder(file.folder).refuse_foreign([*tables, *last], force)
 
@@ -143,17 +147,11 @@ def run_steps(found: Calibration, runner: DesignRunner, steps: tuple[Step, ...])
         "values": {name: column.tolist() for name, column in design.responses.items()},
         "tests": {name: asdict(test) for name, test in tests.items()},
     }
-    written = write_calibrated_scenes(found.file, design.settings(0))
+    values = calculate.complete_settings(found.file, design.settings(0)).items()
+    rounded = {path: float(f"{value:.{DIGITS}g}") for path, value in values}
+    overrides = calculate.changes_of(found.file, rounded)
+    written = [write_calibrated_scene(found.file, scene, overrides) for scene in found.file.scenes]
     document["calibrated_scenes"] = [str(path) for path in written]
-
-
-def is_written(table: Path, planned: Design) -> bool:
-    """Whether a table holds this very design: then its responses are kept."""
-    wanted = pd.read_csv(io.StringIO(design_text(planned)), dtype=str)
-    try:
-        return wanted.equals(pd.read_csv(table, dtype=str)[list(wanted)])
-    except (OSError, ValueError, KeyError):
-        return False
 
 
 def write_design(found: Calibration, name: str, design: Design) -> Path:
@@ -228,3 +226,35 @@ def optimum_document(found: Optimisation) -> Document:
     ]
     reach = {name: asdict(one) for name, one in found.reach.items()}
     return {"optima": optima, "reach": reach, "met": found.met, "sentences": list(found.sentences)}
+
+
+def calibrated_path(file: CalibrationStudy, scene: Path) -> Path:
+    """Calibrated scene in the folder of the study; beside the old one where that has mesh files."""
+    if any(isinstance(wall, Mesh) for wall in read_scene(scene, ()).geometry.values()):
+        return scene.with_name(f"{scene.stem}_{file.path.stem}_calibrated.toml")
+    return file.folder / f"{scene.stem}_calibrated.toml"
+
+
+def write_calibrated_scene(file: CalibrationStudy, scene: Path, overrides: Sequence[str]) -> Path:
+    """Write a scene with the settings of the confirmation runs, below a comment that says so."""
+    wanted, path = read_scene(scene, tuple(overrides)), calibrated_path(file, scene)
+    last = "with the numbers that its last step confirmed"
+    head = f"# Written by `doe calibrate` {file.path.name}: {scene.name} {last}.\n"
+    text = without_mark(calibrated_text(scene, overrides, wanted))
+    return write_atomic(path, marked_toml(path, file.path, head + text))
+
+
+def calibrated_text(scene: Path, overrides: Sequence[str], wanted: Scene) -> str:
+    """Text of a scene with changed entries; comments stay where the result is the same scene."""
+    import tomlkit
+
+    lines = file_text(scene, str(scene)).splitlines(keepends=True)
+    text = "".join(line for line in lines if not line.startswith(SCHEMA_LINE))
+    try:
+        for override in overrides:
+            path, _, value = override.partition("=")
+            text = with_entry(text, path.strip().split("."), parsed(override, value.strip()))
+        again = parse_scene(tomllib.loads(text), str(scene), scene.parent)
+    except BadInput:
+        return tomlkit.dumps(resolved(wanted))
+    return text if scene_hash(again) == scene_hash(wanted) else tomlkit.dumps(resolved(wanted))

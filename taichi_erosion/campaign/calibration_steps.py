@@ -28,7 +28,7 @@ import numpy as np
 
 from taichi_erosion.campaign.execute import SIMULATE, execute
 from taichi_erosion.campaign.ledger import Ledger
-from taichi_erosion.campaign.request import Report, RunRequest, RunResult, scene_request
+from taichi_erosion.campaign.request import RunRequest, RunResult, scene_request
 from taichi_erosion.campaign.study_file import CalibrationStudy, WorkersEntry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
@@ -45,6 +45,7 @@ from taichi_erosion.experiments.design_table import SAME_POINT, Design, Factor, 
 from taichi_erosion.experiments.fit import Fit, fit_model, overfitted
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
 from taichi_erosion.experiments.terms import linear_terms, model_matrix
+from taichi_erosion.run import Report
 
 SEEDS_APART = 1000  # seeds reserved for one stage: no two runs of a study share their noise
 STAGES = ("screen", "climb", "surface", "confirm")
@@ -74,21 +75,11 @@ class DesignRunner:
     runs: list[DesignRun] = field(default_factory=list)
 
     def stage_progress(self, stage: str) -> Report | None:
-        """Progress of one stage as a share of all planned runs, which never falls from stage to stage."""
-        report, planned = self.progress, planned_runs(self.file)
+        """Progress of one stage, as a share of all: each counts alike."""
+        report, place = self.progress, self.stages.index(stage)
         if report is None:
             return None
-        total = sum(planned[name] for name in self.stages)
-        before = sum(planned[name] for name in self.stages[: self.stages.index(stage)])
-        return lambda share, words: report((before + share * planned[stage]) / total, f"{stage}: {words}")
-
-
-def planned_runs(file: CalibrationStudy) -> dict[str, int]:
-    """Runs of every stage before any is made; a climb may end earlier, at a limit."""
-    screening, sizes = screening_design(file), file.study.design
-    surface = surface_design(file, screening.factors[: sizes.surface_factors])
-    runs = (len(screening), sizes.climb_steps + 1, len(surface), sizes.confirm)
-    return dict(zip(STAGES, runs, strict=True))
+        return lambda share, words: report((place + share) / len(self.stages), f"{stage}: {words}")
 
 
 def run_design(runner: DesignRunner, stage: str, design: Design) -> Design:

@@ -14,7 +14,7 @@ Reference: Polychronopoulos & Kuck (1987), IEEE Trans. Comput. C-36, 1425.
 """
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -23,10 +23,11 @@ import numpy as np
 from taichi_erosion.campaign import ledger as ledgers
 from taichi_erosion.campaign.ledger import Ledger, finished_runs, unfinished
 from taichi_erosion.campaign.pool import Batch, Ended, Pool, join_cluster, refuse_missing_devices, start_pool
-from taichi_erosion.campaign.request import START, WORTH_A_START, Report, RunRequest, RunResult
+from taichi_erosion.campaign.request import START, WORTH_A_START, RunRequest, RunResult
 from taichi_erosion.core.device import usable_cores
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Arch
+from taichi_erosion.run import Report
 
 WORK_MOST = 3e9  # grain-steps of a batch: about ten minutes of one core
 SIMULATE = "taichi_erosion.campaign.request:simulating"
@@ -55,31 +56,6 @@ def pace(wanted: Mapping[str, RunRequest], ended: Mapping[str, float]) -> float:
 
 
 @dataclass
-class WorkDone:
-    """Work of a campaign: what there is, and what is under way here."""
-
-    wanted: Mapping[str, RunRequest]  # by key
-    work: float  # grain-steps of the runs that did not stand in the ledger
-    begun: dict[str, tuple[float, float]] = field(default_factory=dict)  # clock [s], work of the batch
-    reported: float = 0.0  # largest share reported; a batch that dies does not take it back
-
-    def begin(self, keys: Sequence[str]) -> None:
-        """Runs start as one batch."""
-        whole = sum(self.wanted[key].work for key in keys)
-        self.begun |= dict.fromkeys(keys, (time.monotonic(), whole))
-
-    def share(self, left: Iterable[str], ended: Mapping[str, float]) -> float:
-        """Share that is done [1], given the runs that are left and the wall times [s] of those that ended."""
-        now, second, rest = time.monotonic(), pace(self.wanted, ended), 0.0
-        for key in left:
-            start, whole = self.begun.get(key, (now, 0.0))
-            by_time = min((now - start) / (START + second * whole), NEARLY)
-            rest += self.wanted[key].work * (1.0 - by_time)
-        self.reported = max(self.reported, 1.0 - rest / self.work)
-        return self.reported
-
-
-@dataclass
 class Campaign:
     """A campaign under way."""
 
@@ -87,7 +63,9 @@ class Campaign:
     ledger: Ledger
     pool: Pool
     progress: Report | None
-    work: WorkDone
+    work: float  # grain-steps of the runs that did not stand in the ledger
+    begun: dict[str, tuple[float, float]] = field(default_factory=dict)  # clock [s], work of the batch
+    reported: float = 0.0  # largest share reported; a batch that dies does not take it back
     renewed: float = field(default_factory=time.monotonic)  # time of the last heartbeat
 
 
@@ -116,7 +94,7 @@ def execute(
             refuse_missing_devices(archs)
             count = 1 if archs else min(len(left), workers or usable_cores())
             pool = start_pool(function, ledger.folder, count)
-        work = WorkDone(wanted, sum(wanted[key].work for key in left))
+        work = sum(wanted[key].work for key in left)
         try:
             run_all(Campaign(wanted, ledger, pool, progress, work))
         finally:
@@ -151,7 +129,8 @@ def submit_batches(campaign: Campaign, left: dict[str, tuple[str, int]]) -> None
         if batch:
             keys, payloads = zip(*((request.key, request.payload) for request in batch), strict=True)
             campaign.pool.submit(Batch(keys, payloads))
-            campaign.work.begin(keys)
+            whole = sum(request.work for request in batch)
+            campaign.begun |= dict.fromkeys(keys, (time.monotonic(), whole))
 
 
 def enter_batch(campaign: Campaign, ended: Ended) -> None:
@@ -161,7 +140,7 @@ def enter_batch(campaign: Campaign, ended: Ended) -> None:
         ledgers.record_result(ledger, keys[place], record)
     without_record = list(unfinished(ledger, keys))
     for key in without_record:
-        campaign.work.begun.pop(key, None)
+        campaign.begun.pop(key, None)
     if ended.reason and not ended.died and len(keys) == 1 and without_record:
         ledgers.record_result(ledger, keys[0], {"failure": ended.reason})
     elif without_record:
@@ -169,11 +148,14 @@ def enter_batch(campaign: Campaign, ended: Ended) -> None:
 
 
 def report_progress(campaign: Campaign, left: Sequence[str]) -> None:
-    """Report how many runs have ended, what they say of their device, and the share of the work done."""
+    """Report how many runs have ended, and the share of the work that is done."""
     if campaign.progress is None:
         return
-    total = len(campaign.requests)
-    notes = sorted({campaign.requests[key].note for key in left} - {""})
-    words = "; ".join([f"{total - len(left)} of {total} runs", *notes])
-    ended = finished_runs(campaign.ledger, list(campaign.requests))
-    campaign.progress(campaign.work.share(left, ended), words)
+    wanted, now, rest = campaign.requests, time.monotonic(), 0.0
+    second = pace(wanted, finished_runs(campaign.ledger, list(wanted)))
+    for key in left:
+        start, whole = campaign.begun.get(key, (now, 0.0))
+        by_time = min((now - start) / (START + second * whole), NEARLY)
+        rest += wanted[key].work * (1.0 - by_time)
+    campaign.reported = max(campaign.reported, 1.0 - rest / campaign.work)
+    campaign.progress(campaign.reported, f"{len(wanted) - len(left)} of {len(wanted)} runs")

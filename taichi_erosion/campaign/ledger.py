@@ -23,10 +23,7 @@ from taichi_erosion.measures.result import without_nan
 LEDGER = "ledger.sqlite"
 LEASE = 60.0  # s without a heartbeat after which a run is given to others
 BUSY = 30.0  # s that a writer waits for another
-PAUSE = 0.02  # s between two attempts
-PRIMARY_CODE = 0xFF  # bits of an SQLite error code that name its kind
 DEATHS_MOST = 3  # workers that may die in one run before it counts as failed
-FORMAT = 1  # of the tables
 
 TABLE = """
 CREATE TABLE IF NOT EXISTS run (
@@ -70,42 +67,8 @@ def open_database(path: Path, kind: str, table: str) -> Database:
     with readable_errors(path, kind):
         path.parent.mkdir(parents=True, exist_ok=True)
         connection = sqlite3.connect(path, timeout=BUSY, isolation_level=None)
-        refuse_foreign(path, connection, kind, table)
-        write_ahead(connection)
-        # a killed process loses nothing; after a power cut the last results may have to be run again
-        connection.execute("PRAGMA synchronous = NORMAL")
-        connection.execute(f"PRAGMA user_version = {FORMAT}")
         connection.execute(table)
     return Database(path, connection, kind)
-
-
-def write_ahead(connection: sqlite3.Connection) -> None:
-    """Let readers and one writer work beside each other.
-
-    Whoever opens a new file at the same moment waits here: SQLite itself does not wait to change its journal.
-    """
-    until = time.monotonic() + BUSY
-    while True:
-        try:
-            connection.execute("PRAGMA journal_mode = WAL")
-            return
-        except sqlite3.OperationalError as error:
-            if error.sqlite_errorcode & PRIMARY_CODE != sqlite3.SQLITE_BUSY or time.monotonic() > until:
-                raise
-            time.sleep(PAUSE)
-
-
-def refuse_foreign(path: Path, connection: sqlite3.Connection, kind: str, table: str) -> None:
-    """Raise BadInput for a database that this code did not write, before anything in it is changed."""
-    version = connection.execute("PRAGMA user_version").fetchone()[0]
-    if version not in (0, FORMAT):
-        raise BadInput(f"{path}: {kind} of format {version}, of another version; this one is {FORMAT}")
-    model = sqlite3.connect(":memory:")
-    model.execute(table)
-    columns, wanted = ([row[1] for row in c.execute("PRAGMA table_info(run)")] for c in (connection, model))
-    model.close()
-    if columns not in ([], wanted):
-        raise BadInput(f"{path}: a database of another program, not the {kind}")
 
 
 @contextmanager
@@ -113,13 +76,8 @@ def readable_errors(path: Path, kind: str) -> Iterator[None]:
     """Errors of the file system and of SQLite in the user's words."""
     try:
         yield
-    except sqlite3.Error as error:
-        if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL:
-            kept = "finished runs are kept; free some space and give the same command again"
-            raise BadInput(f"{path}: the disk is full; {kept}") from error
+    except (sqlite3.Error, OSError) as error:
         raise BadInput(f"{path}: the {kind} cannot be used ({error})") from error
-    except OSError as error:
-        raise BadInput(f"{path}: the {kind} cannot be used ({error.strerror})") from error
 
 
 @dataclass(frozen=True)
@@ -188,8 +146,8 @@ def is_alive(process: int) -> bool:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
-    except PermissionError:
-        return True
+    except PermissionError:  # it is another user's
+        pass
     return True
 
 

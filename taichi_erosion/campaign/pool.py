@@ -154,10 +154,9 @@ class Pool:
         try:
             return Ended(batch, future.result())
         except BrokenProcessPool:
-            process = self.processes.pop(executor) if executor else None
-            assert process is not None
-            process.join(END_WAIT)
-            code = process.exitcode or 0
+            assert executor is not None
+            executor.shutdown()  # waits until the executor has asked how its process ended
+            code = self.processes.pop(executor).exitcode
             self.start()
             reason = f"killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
             return Ended(batch, reason=reason, died=True)
@@ -204,24 +203,13 @@ def join_cluster(function: str, folder: Path, scheduler: str) -> Pool:
         raise BadInput(f"scheduler {scheduler}: does not answer ({error})") from None
 
 
-def device_fault(arch: Arch) -> str | None:
-    """Why a device cannot be used, None where it can."""
-    from taichi_erosion.core.device import start_device, stop_device
-
-    try:
-        start_device(Numerics(arch))
-    except BadInput as error:
-        return str(error)
-    stop_device()
-    return None
-
-
 def refuse_missing_devices(archs: Iterable[Arch]) -> None:
     """Raise BadInput for a device that workers of this machine could not use.
 
     Another process looks: a device that is started here would end what this process has on one.
     """
+    from taichi_erosion.core.device import start_device
+
     for arch in archs:
         with ProcessPoolExecutor(1, SPAWN) as looking:
-            if fault := looking.submit(device_fault, arch).result():
-                raise BadInput(fault)
+            looking.submit(start_device, Numerics(arch)).result()

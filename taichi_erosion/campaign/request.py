@@ -25,7 +25,6 @@ from taichi_erosion.run.checks import EffectFiles, compatibility_key, read_scene
 from taichi_erosion.scene import Scene, resolved, scene_hash
 from taichi_erosion.scene.preparation.limits import time_step
 
-Report = Callable[[float, str], None]  # (share done [1], sentence)
 Payloads = Sequence[dict[str, Any]]
 SendRecord = Callable[[int, dict[str, Any]], None]  # (place in the batch, record)
 RunFunction = Callable[[Payloads, SendRecord], None]
@@ -48,7 +47,6 @@ class RunRequest:
     work: float = WORTH_A_START  # grain-steps
     most: int = RUNS_MOST  # runs of a batch
     arch: Arch = "cpu"
-    note: str = ""  # why it is not made on the device that could be meant; told with the progress
 
 
 @dataclass(frozen=True)
@@ -89,7 +87,7 @@ def request_of(
 
     It carries the text of effect files: a worker elsewhere need not have them, and executes what was hashed.
     """
-    numerics, note = numerics_of(scene, device)
+    numerics = numerics_of(scene, device)
     payload = {
         "scene": resolved(scene),
         "folder": str(scene.folder.resolve()),
@@ -100,42 +98,30 @@ def request_of(
         "arch": numerics.arch,
         "decomposition": numerics.decomposition,
     }
-    mark, group = way_mark(numerics), compatibility_key(scene)
+    way = f"-{numerics.arch}-{'grains' if numerics.by_grain else 'partitions'}"
+    mark = "" if way == "-cpu-partitions" else way  # of runs with bits of their own
+    group = compatibility_key(scene)
     key = f"{scene_hash(scene)}-{seed}-{__version__}{engine_mark()}{mark}"
     if numerics.arch == "cpu":
-        return RunRequest(key, payload, group + mark, work_of(scene), note=note)
+        return RunRequest(key, payload, group + mark, work_of(scene))
     grains = scene.grains.count
     most = max(DEVICE_GRAINS // grains, 1)
     return RunRequest(key, payload, f"{group}{mark}-{grains}", work_of(scene), most, numerics.arch)
 
 
-def numerics_of(scene: Scene, device: WorkersEntry) -> tuple[Numerics, str]:
-    """Device, precision and decomposition of a run, and a sentence where `auto` leaves out a device.
+def numerics_of(scene: Scene, device: WorkersEntry) -> Numerics:
+    """Device, precision and decomposition of a run. Raises BadInput for what cannot run there."""
+    if device.arch == "cpu" and device.decomposition != "grains":  # and no compiler is imported
+        return Numerics("cpu", THREADS, scene.run.precision, device.decomposition)
+    from taichi_erosion.run.scene_run import arch_of
+    from taichi_erosion.simulation.capacities import refuse_grids
 
-    Raises BadInput for what cannot run there.
-    """
-    on_grid, note = scene.wind is not None and scene.wind.columns != (1, 1), ""
-    arch: Arch = "cpu"
-    if device.arch == "auto":
-        from taichi_erosion.run.scene_run import arch_of
-
-        # as many grains as a full batch has: the answer must not hang on how many runs wait
-        arch, note = arch_of("auto", device.decomposition, RUNS_MOST * scene.grains.count, on_grid)
-    else:
-        arch = device.arch
+    on_grid = scene.wind is not None and scene.wind.columns != (1, 1)
+    # as many grains as a full batch has: the answer must not hang on how many runs wait
+    arch = arch_of(device.arch, device.decomposition, RUNS_MOST * scene.grains.count, on_grid)
     numerics = Numerics(arch, THREADS, scene.run.precision, device.decomposition)
-    if numerics.by_grain:
-        from taichi_erosion.simulation.capacities import refuse_grids
-
-        refuse_grids(on_grid)
-    return numerics, note
-
-
-def way_mark(numerics: Numerics) -> str:
-    """Mark in the key of a run whose bits are not those of partitions on a CPU."""
-    if numerics.arch == "cpu" and not numerics.by_grain:
-        return ""
-    return f"-{numerics.arch}-{'grains' if numerics.by_grain else 'partitions'}"
+    refuse_grids(on_grid and numerics.by_grain)
+    return numerics
 
 
 def work_of(scene: Scene) -> float:

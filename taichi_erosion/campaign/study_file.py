@@ -25,6 +25,7 @@ from taichi_erosion.scene.paths import DIALECT
 from taichi_erosion.scene.schema.fields import Name, Section, contradiction, number
 from taichi_erosion.scene.validation_messages import problem_lines
 
+UNIT, UNIT_OF_PARAMETER = "unit of the observable", "unit of the parameter"
 LARGEST = 1e30  # numbers beyond it are taken for a slip
 ALL = "all"  # every effect of the library
 SURFACE_FACTORS = 3  # fewest factors of a Box-Behnken design
@@ -63,16 +64,10 @@ class ObservableEntry(Section):
     measure: Name | None = Field(None, description="measure of the scene that answers; left out: same name")
     unit: str | None = Field(None, max_length=60, description="unit of the model; left out: the table's")
     transform: Literal["identity", "log", "log_floor"] = Field("identity", description="scale of comparison")
-    floor: float | None = number(
-        None, "unit of the observable", "least value that the instrument sees", 0.0, LARGEST
-    )
-    sd_shared: float = number(
-        0.0, "unit of the observable", "systematic sd common to all rows of one instrument", 0.0, LARGEST
-    )
+    floor: float | None = number(None, UNIT, "least value that the instrument sees", 0.0, LARGEST)
+    sd_shared: float = number(0.0, UNIT, "systematic sd common to all rows of one instrument", 0.0, LARGEST)
     sd_shared_relative: float = number(0.0, "1", "the same, as a share of the value", 0.0, 10.0)
-    sd_numerical: float = number(
-        0.0, "unit of the observable", "tolerance for box, time step, coarse graining", 0.0, LARGEST
-    )
+    sd_numerical: float = number(0.0, UNIT, "tolerance for box, time step, coarse graining", 0.0, LARGEST)
 
     same_size: bool = Field(
         default=False,
@@ -92,14 +87,12 @@ class ParameterEntry(Section):
     The prior is lognormal around start, normal where start <= 0.
     """
 
-    low: float = number(
-        ..., "unit of the parameter", "least value; low level when screened", -LARGEST, LARGEST
-    )
-    high: float = number(..., "unit of the parameter", "largest value; its high level", -LARGEST, LARGEST)
-    start: float = number(nan, "unit of the parameter", "best guess", -LARGEST, LARGEST)
+    low: float = number(..., UNIT_OF_PARAMETER, "least value; low level when screened", -LARGEST, LARGEST)
+    high: float = number(..., UNIT_OF_PARAMETER, "largest value; its high level", -LARGEST, LARGEST)
+    start: float = number(nan, UNIT_OF_PARAMETER, "best guess", -LARGEST, LARGEST)
     prior_sd_log: float = number(0.5, "1", "sd of the logarithm", 1e-4, 10.0)
-    least: float | None = number(None, "unit of the parameter", "limit of the climb; left out: low")
-    most: float | None = number(None, "unit of the parameter", "limit of the climb; left out: high")
+    least: float | None = number(None, UNIT_OF_PARAMETER, "limit of the climb; left out: low")
+    most: float | None = number(None, UNIT_OF_PARAMETER, "limit of the climb; left out: high")
     unit: str = Field("1", max_length=20, description="unit of the parameter")
     symbol: str = Field("", max_length=20, description="letter in a publication")
     label: str = Field("", max_length=60, description="name for people")
@@ -180,10 +173,10 @@ class LaboratoryEntry(Section):
 class Target(Section):
     """Measured value that a calibration aims at."""
 
-    value: float = number(..., "unit of the observable", "mean of the repeats", -LARGEST, LARGEST)
-    sd: float = number(..., "unit of the observable", "standard deviation of single repeats", 0.0, LARGEST)
+    value: float = number(..., UNIT, "mean of the repeats", -LARGEST, LARGEST)
+    sd: float = number(..., UNIT, "standard deviation of single repeats", 0.0, LARGEST)
     n: int = number(..., "1", "number of repeats", 2, 10**9)
-    unit: str = Field("", max_length=20, description="unit of the observable")
+    unit: str = Field("", max_length=20, description=UNIT)
     source: str = Field("", max_length=400, description="where it was published")
 
 
@@ -465,11 +458,7 @@ def study_schema() -> dict[str, Any]:
     return schema
 
 
-def study_schema_text() -> str:
-    """The schema as `write_study_schema` writes it."""
-    return json.dumps(study_schema(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
 def write_study_schema(path: Path) -> None:
     """Write the schema file that study files name on their first line."""
-    path.write_text(study_schema_text(), encoding="utf-8")
+    text = json.dumps(study_schema(), indent=1, ensure_ascii=False, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")

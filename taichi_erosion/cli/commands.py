@@ -7,22 +7,36 @@ not given is not passed on: its default is defined where it is used.
 import os
 import platform
 import shlex
+import sys
 import threading
 from contextlib import nullcontext
 from dataclasses import asdict
+from functools import partial
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+from typer import Argument, Option
 
 from taichi_erosion import __version__
 from taichi_erosion.cli import output
 from taichi_erosion.cli.doe import audit, doe
 from taichi_erosion.cli.evidence import study_commands
-from taichi_erosion.cli.help import EXPLAIN, SIMULATE, help_of
-from taichi_erosion.cli.output import Arch, AsJson, Decomposition, EffectFiles, Force, Verbose
-from taichi_erosion.cli.progress import LOG, interruptible, open_log, reporting
-from taichi_erosion.cli.source_tree import source_module
+from taichi_erosion.cli.options import (
+    CHECK,
+    EXPLAIN,
+    SIMULATE,
+    Arch,
+    AsJson,
+    Decomposition,
+    EffectFiles,
+    Force,
+    Verbose,
+    help_of,
+)
+from taichi_erosion.cli.progress import LOG, open_log, reporting
 from taichi_erosion.core.engine.choice import SWITCH, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput, ExitCode
 from taichi_erosion.core.files import check_writable, refuse_foreign
@@ -30,6 +44,8 @@ from taichi_erosion.core.files import check_writable, refuse_foreign
 if TYPE_CHECKING:
     from taichi_erosion.core.foreign_code import EffectFile
     from taichi_erosion.verification.claims import Claim
+
+ROOT = Path(__file__).parents[2]  # of the source tree, with all claims and the timed cases
 
 app = typer.Typer(
     help="Wind erosion of soil, grain by grain: simulate a scene, measure it, compare it with experiments.",
@@ -42,34 +58,16 @@ app.add_typer(measure, name="measure", rich_help_panel=SIMULATE)
 app.add_typer(doe, name="doe", rich_help_panel=EXPLAIN)
 app.add_typer(study_commands, name="study", rich_help_panel=EXPLAIN)
 
-SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="Scene file (TOML).")]
+existing = partial(Argument, exists=True, dir_okay=False)  # a file that must be there
+
+SceneFile = Annotated[Path, Argument(metavar="SCENE", help="Scene file (TOML).")]
 Override = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="PATH=VALUE", help="Change one entry of the scene; may be repeated."),
-]
-Seed = Annotated[int | None, typer.Option(min=0, help="Seed of the first replica.")]
-Replicas = Annotated[int | None, typer.Option(min=1, help="Number of repeats; default: that of the scene.")]
-Threads = Annotated[
-    int | None, typer.Option(min=1, max=1024, help="CPU threads at most; default: all cores.")
-]
-Precision = Annotated[Literal["f32", "f64"] | None, typer.Option(help="Floating-point type.")]
-RecordTo = Annotated[Path | None, typer.Option("--record", metavar="FILE", help="Recording to write (.rrd).")]
-NoRecord = Annotated[bool, typer.Option("--no-record", help="Write no recording.")]
-CheckpointTo = Annotated[
-    Path | None, typer.Option("--checkpoint", metavar="FILE", help="File for the saved state.")
-]
-Every = Annotated[float | None, typer.Option("--every", metavar="T", help="Simulated seconds between saves.")]
-ResumeFrom = Annotated[
-    Path | None,
-    typer.Option("--resume", metavar="FILE", help="Continue from a checkpoint.", exists=True, dir_okay=False),
+    Option("--set", metavar="PATH=VALUE", help="Change one entry of the scene; may be repeated."),
 ]
 RecordingOrStudy = Annotated[
-    Path,
-    typer.Argument(
-        metavar="FILE|STUDY", help="Recording (.rrd), or study with results.", exists=True, dir_okay=False
-    ),
+    Path, existing(metavar="FILE|STUDY", help="Recording (.rrd), or study with results.")
 ]
-CheckOnly = Annotated[bool, typer.Option("--check", help="Validate the scene; simulate nothing.")]
 
 
 def given(**options: Any) -> dict[str, Any]:
@@ -97,17 +95,17 @@ def take_engine(name: str | None) -> str | None:
 def program(
     context: typer.Context,
     version: Annotated[
-        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the versions.")
+        bool, Option("--version", callback=print_version, is_eager=True, help="Print the versions.")
     ] = False,
     engine: Annotated[
         Literal["taichi", "quadrants"] | None,
-        typer.Option(
+        Option(
             callback=take_engine, is_eager=True, help="Compiler of the kernels, if installed; before COMMAND."
         ),
     ] = None,
     log: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             metavar="FILE", help="Append command, progress, warnings and exit code to a log; before COMMAND."
         ),
     ] = None,
@@ -118,23 +116,36 @@ def program(
         LOG.info("taichi-erosion %s: %s", __version__, shlex.join(context.obj))
 
 
-@app.command(**help_of("run"))
+@app.command(**help_of("run", SIMULATE))
 def run(
     scene: SceneFile,
     override: Override = None,
-    seed: Seed = None,
-    replicas: Replicas = None,
+    seed: Annotated[int | None, Option(min=0, help="Seed of the first replica.")] = None,
+    replicas: Annotated[
+        int | None, Option(min=1, help="Number of repeats; default: that of the scene.")
+    ] = None,
     arch: Arch = None,
     decomposition: Decomposition = None,
-    threads: Threads = None,
-    precision: Precision = None,
-    record: RecordTo = None,
-    no_record: NoRecord = False,
-    checkpoint: CheckpointTo = None,
-    every: Every = None,
-    resume: ResumeFrom = None,
+    threads: Annotated[
+        int | None, Option(min=1, max=1024, help="CPU threads at most; default: all cores.")
+    ] = None,
+    precision: Annotated[Literal["f32", "f64"] | None, Option(help="Floating-point type.")] = None,
+    record: Annotated[
+        Path | None, Option("--record", metavar="FILE", help="Recording to write (.rrd).")
+    ] = None,
+    no_record: Annotated[bool, Option("--no-record", help="Write no recording.")] = False,
+    checkpoint: Annotated[
+        Path | None, Option("--checkpoint", metavar="FILE", help="File for the saved state.")
+    ] = None,
+    every: Annotated[
+        float | None, Option("--every", metavar="T", help="Simulated seconds between saves.")
+    ] = None,
+    resume: Annotated[
+        Path | None,
+        Option("--resume", metavar="FILE", help="Continue from a checkpoint.", exists=True, dir_okay=False),
+    ] = None,
     effect: EffectFiles = None,
-    check: CheckOnly = False,
+    check: Annotated[bool, Option("--check", help="Validate the scene; simulate nothing.")] = False,
     force: Force = False,
     verbose: Verbose = False,
     as_json: AsJson = False,
@@ -143,16 +154,22 @@ def run(
     overrides, effects = tuple(override or ()), tuple(effect or ())
     if check:
         return print_check(scene, overrides, effects, as_json)
-    check_options(record, no_record, checkpoint, every)
+    if record and no_record:
+        raise BadInput("--record and --no-record exclude each other")
+    if every is not None and not (checkpoint and every > 0.0):
+        raise BadInput(f"--every {every}: needs --checkpoint FILE, and a time greater than 0 s")
+    from taichi_erosion.evidence.words.run_words import run_warnings
     from taichi_erosion.run import RunOptions, run_scene
 
     options = given(seed=seed, replicas=replicas, arch=arch, threads=threads, precision=precision)
-    options |= given(decomposition=decomposition)
-    options |= given(record=record, checkpoint=checkpoint, checkpoint_interval=every, resume=resume)
-    options |= {"overrides": overrides, "effect_files": effects} | ({"force": True} if force else {})
-    with interruptible("simulating") as progress:
-        document = run_scene(scene, RunOptions(no_record=no_record, progress=progress, **options))
-    output.log_run(document)
+    options |= given(decomposition=decomposition, checkpoint_interval=every, record=record)
+    options |= given(checkpoint=checkpoint, resume=resume, overrides=overrides, effect_files=effects)
+    with reporting("simulating") as progress:
+        document = run_scene(
+            scene, RunOptions(no_record=no_record, force=force, progress=progress, **options)
+        )
+    for line in run_warnings(document):
+        LOG.warning(line)
     output.print_result(document, as_json, lambda found: output.print_run(found, verbose))
     if any(replica.get("stopped") for replica in document["replicas"]):
         raise typer.Exit(ExitCode.STOPPED)
@@ -167,11 +184,9 @@ def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ..
 
     def print_text(found: output.Record) -> None:
         typer.echo(f"{scene}: valid, hash {found['hash']}")
-        for sentence in output.examined_effects(found["effects"]):
-            typer.echo(sentence)
-        warnings = (f"{output.WARNING}{line}" for line in found.get("limits", {}).get("warnings", ()))
-        for sentence in (*warnings, *consequences(found)):
-            typer.echo(sentence)
+        output.print_lines(output.examined_effects(found["effects"]))
+        output.print_lines(found.get("limits", {}).get("warnings", ()), output.WARNING)
+        output.print_lines(consequences(found))
 
     output.print_result(document, as_json, print_text)
 
@@ -183,36 +198,25 @@ def examine_effect(file: "EffectFile") -> dict[str, Any]:
     return examined_file(file)
 
 
-def check_options(record: Path | None, no_record: bool, checkpoint: Path | None, every: float | None) -> None:
-    """Raise BadInput for options that exclude or need each other."""
-    if record and no_record:
-        raise BadInput("--record and --no-record exclude each other")
-    if every is not None and checkpoint is None:
-        raise BadInput("--every needs --checkpoint FILE")
-    if every is not None and not every > 0.0:
-        raise BadInput(f"--every {every}: must be greater than 0 s")
-
-
-@app.command(**help_of("live"))
+@app.command(**help_of("live", SIMULATE))
 def live(
     scene: SceneFile,
     override: Override = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the grains.")] = None,
+    seed: Annotated[int | None, Option(min=0, help="Seed of the grains.")] = None,
     record: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Recording to write during the session.")
+        Path | None, Option(metavar="FILE", help="Recording to write during the session.")
     ] = None,
     viewer: Annotated[
         str | None,
-        typer.Option(metavar="URL", help="Viewer to stream to, such as rerun+http://127.0.0.1:9876/proxy."),
+        Option(metavar="URL", help="Viewer to stream to, such as rerun+http://127.0.0.1:9876/proxy."),
     ] = None,
-    web: Annotated[bool, typer.Option("--web", help="Serve a live viewer for a browser.")] = False,
+    web: Annotated[bool, Option("--web", help="Serve a live viewer for a browser.")] = False,
     effect: EffectFiles = None,
 ) -> None:
     """Run a scene interactively: type `help` at the prompt, or pipe commands in."""
     from taichi_erosion.cli.live import run_prompt
-    from taichi_erosion.recording.outputs import unused_name
     from taichi_erosion.recording.viewer import web_viewer
-    from taichi_erosion.run.session import open_session
+    from taichi_erosion.run.session import open_session, unused_name
 
     if web and viewer:
         raise BadInput("--web and --viewer exclude each other")
@@ -243,10 +247,10 @@ def recording_of(file: Path) -> Path:
     return write_recording(file)
 
 
-@app.command(**help_of("view"))
+@app.command(**help_of("view", SIMULATE))
 def view(
     file: RecordingOrStudy,
-    web: Annotated[bool, typer.Option("--web", help="Serve a page for a browser on this machine.")] = False,
+    web: Annotated[bool, Option("--web", help="Serve a page for a browser on this machine.")] = False,
 ) -> None:
     """Open a run or a study in the rerun viewer: a window, or a page in a browser."""
     if not web:
@@ -263,18 +267,17 @@ def view(
             return
 
 
-@app.command(**help_of("snapshot"))
+@app.command(**help_of("snapshot", SIMULATE))
 def snapshot(
     file: RecordingOrStudy,
     time: Annotated[
-        float | None, typer.Option(metavar="T", help="Simulated time in seconds; default: the end.")
+        float | None, Option(metavar="T", help="Simulated time in seconds; default: the end.")
     ] = None,
     to: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="PNG", help="Picture file; default: FILE.snapshot.png."),
+        Path | None, Option("-o", "--output", metavar="PNG", help="Picture file; default: FILE.snapshot.png.")
     ] = None,
     only: Annotated[
-        str | None, typer.Option("--view", metavar="NAME", help="One view alone, such as Grains.")
+        str | None, Option("--view", metavar="NAME", help="One view alone, such as Grains.")
     ] = None,
     force: Force = False,
 ) -> None:
@@ -286,40 +289,31 @@ def snapshot(
     typer.echo(str(render_picture(recording_of(file), time, picture_file, view=only, source=file)))
 
 
-@app.command(**help_of("export"))
+@app.command(**help_of("export", SIMULATE))
 def export(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Recording (.rrd).", exists=True, dir_okay=False)
-    ],
-    vtk: Annotated[Path, typer.Option("--vtk", metavar="DIR", help="Folder for the VTK files.")],
+    file: Annotated[Path, existing(metavar="FILE", help="Recording (.rrd).")],
+    vtk: Annotated[Path, Option("--vtk", metavar="DIR", help="Folder for the VTK files.")],
     force: Force = False,
 ) -> None:
     """Write the grains of a recording for ParaView."""
-    from taichi_erosion.recording.export import export_vtk
+    from taichi_erosion.recording.readback import export_vtk
 
     typer.echo(str(export_vtk(file, vtk, force)))
 
 
-app.command(**help_of("audit"))(audit)
+app.command(**help_of("audit", CHECK))(audit)
 
 
 @measure.command(**help_of("measure repose"))
 def repose(
-    image: Annotated[
-        Path,
-        typer.Argument(
-            metavar="IMAGE", help="Side view of a heap, PNG or JPEG.", exists=True, dir_okay=False
-        ),
-    ],
-    crop: Annotated[
-        str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Part of the picture, in pixels.")
-    ] = None,
+    image: Annotated[Path, existing(metavar="IMAGE", help="Side view of a heap, PNG or JPEG.")],
+    crop: Annotated[str | None, Option(metavar="X0,Y0,X1,Y1", help="Part of the picture, in pixels.")] = None,
     background: Annotated[
-        Literal["auto", "dark", "light"] | None, typer.Option(help="Brightness behind the heap.")
+        Literal["auto", "dark", "light"] | None, Option(help="Brightness behind the heap.")
     ] = None,
     to: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "-o", "--output", metavar="PNG", help="Picture of the detection; default: IMAGE.detected.png."
         ),
     ] = None,
@@ -332,34 +326,40 @@ def repose(
     picture = to or image.with_suffix(".detected.png")
     refuse_foreign(picture, image, force)
     check_writable(picture)
-    options = given(crop=None if crop is None else rectangle(crop), background=background)
+    options = given(background=background)
+    if crop is not None:
+        try:
+            left, top, right, bottom = map(int, crop.split(","))
+        except ValueError:
+            raise BadInput(f"--crop {crop}: give four whole numbers X0,Y0,X1,Y1 in pixels") from None
+        options["crop"] = left, top, right, bottom
     record = measure_photograph(image, **options)
-    from taichi_erosion.report.pictures.photograph import draw_detection
+    from taichi_erosion.report.photograph import draw_detection
 
     record |= {"picture": str(draw_detection(image, record, picture))}
     output.print_result(record, as_json, output.print_measurement)
 
 
-def rectangle(text: str) -> tuple[int, int, int, int]:
-    """Corners of a rectangle [pixels], from "x0,y0,x1,y1"."""
-    try:
-        left, top, right, bottom = (int(word) for word in text.split(","))
-    except ValueError:
-        raise BadInput(f"--crop {text}: give four whole numbers X0,Y0,X1,Y1 in pixels") from None
-    return left, top, right, bottom
+def source_module(name: str) -> ModuleType | None:
+    """Module beside the package by its dotted name; None where the program is installed without its tree."""
+    if not (ROOT / name.replace(".", "/")).with_suffix(".py").is_file():
+        return None
+    sys.path.insert(0, str(ROOT))
+    return import_module(name)
 
 
-@app.command(**help_of("verify"))
+@app.command(**help_of("verify", CHECK))
 def verify(
-    ids: Annotated[
-        list[str] | None, typer.Argument(metavar="ID", help="Claims such as V02; default: all.")
-    ] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit code 1 for known failures too.")] = False,
+    ids: Annotated[list[str] | None, Argument(metavar="ID", help="Claims such as V02; default: all.")] = None,
+    strict: Annotated[bool, Option("--strict", help="Exit code 1 for known failures too.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Check the verification table: claim, got, want, tolerance; exit code 1 for an unknown failure."""
     from taichi_erosion.verification import closed_forms
     from taichi_erosion.verification.claims import verify as verify_claims
+
+    def print_claim(claim: "Claim") -> None:
+        typer.echo(f"{claim.id} {output.verdict(claim.passed)}: {claim.claim}", err=True)
 
     full = source_module("tests.verification.ladder")
     ladder = full.LADDER if full else closed_forms.LADDER
@@ -372,29 +372,20 @@ def verify(
         raise typer.Exit(ExitCode.FAILURE)
 
 
-def print_claim(claim: "Claim") -> None:
-    """Print the outcome of one claim on stderr; the whole table takes minutes."""
-    typer.echo(f"{claim.id} {output.verdict(claim.passed)}: {claim.claim}", err=True)
-
-
-@app.command(**help_of("bench"))
+@app.command(**help_of("bench", CHECK))
 def bench(
-    arch: Annotated[
-        Literal["cpu", "cuda", "vulkan"] | None, typer.Option(help="Device; default: cpu.")
-    ] = None,
+    arch: Annotated[Literal["cpu", "cuda", "vulkan"] | None, Option(help="Device; default: cpu.")] = None,
     large: Annotated[
-        bool, typer.Option("--large", help="Also what fills a graphics processor; not for a CPU.")
+        bool, Option("--large", help="Also what fills a graphics processor; not for a CPU.")
     ] = False,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Small cases, for a driver in software; not for a CPU.")
+        bool, Option("--quick", help="Small cases, for a driver in software; not for a CPU.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Measure the speed: grain-steps per second and per core, and the time of each stage."""
-    if large and quick:
-        raise BadInput("--quick or --large, not both")
-    if (large or quick) and arch in (None, "cpu"):
-        raise BadInput(f"--{'large' if large else 'quick'}: for --arch cuda or vulkan")
+    if (large and quick) or ((large or quick) and arch in (None, "cpu")):
+        raise BadInput("--large or --quick, not both, is for --arch cuda or vulkan")
     size = "large" if large else "quick" if quick else "usual"
     cases = source_module("benchmarks.cases")
     if cases is None:
@@ -404,17 +395,15 @@ def bench(
     output.print_result(document, as_json, output.print_cases)
 
 
-@app.command(**help_of("schema"))
+@app.command(**help_of("schema", CHECK))
 def schema(
     to: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Default: scenes/scene.schema.json.")
+        Path | None, Option("-o", "--output", metavar="FILE", help="Default: scenes/scene.schema.json.")
     ] = None,
-    study: Annotated[
-        bool, typer.Option("--study", help="Of study files; default: doe/study.schema.json.")
-    ] = False,
+    study: Annotated[bool, Option("--study", help="Of study files; default: doe/study.schema.json.")] = False,
     entry: Annotated[
         str | None,
-        typer.Option("--entry", metavar="PATH", help="Print an entry or a section of scene files instead."),
+        Option("--entry", metavar="PATH", help="Print an entry or a section of scene files instead."),
     ] = None,
 ) -> None:
     """Write the JSON schema of scene or study files, for completion and checks in editors."""

@@ -2,17 +2,28 @@
 
 from collections.abc import Callable, Mapping
 from functools import wraps
+from importlib import import_module
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
-from taichi_erosion.cli import answers, output
-from taichi_erosion.cli.help import help_of
-from taichi_erosion.cli.output import Arch, AsJson, Decomposition, EffectFiles, Force, Verbose
-from taichi_erosion.cli.progress import KEPT, announce, interruptible
+from taichi_erosion.cli import output
+from taichi_erosion.cli.options import (
+    EXPLAIN,
+    Arch,
+    AsJson,
+    Decomposition,
+    EffectFiles,
+    Force,
+    Verbose,
+    help_of,
+)
+from taichi_erosion.cli.progress import KEPT, announce, reporting
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import one_line_name, write_atomic
 
 if TYPE_CHECKING:
     from taichi_erosion.evidence.answers.files import Reply
@@ -25,94 +36,24 @@ Pairs = list[str] | None
 app = typer.Typer()
 study_commands = typer.Typer(help="Make a study of a table, or validate one.", no_args_is_help=True)
 
-TableFile = Annotated[Path, typer.Argument(metavar="TABLE", help="Table of measurements (.csv or .xlsx).")]
-StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="Evidence study (TOML).")]
-ReportSource = Annotated[
-    Path, typer.Argument(metavar="STUDY|RUN", help="Study (TOML), or the .json or .rrd file of a run.")
-]
-EffectNames = Annotated[
-    list[str],
-    typer.Argument(metavar="EFFECT...", help="Candidates of the study; a named pair is adopted as one."),
-]
-Budget = Annotated[
-    str | None,
-    typer.Option(
-        metavar="quick|full|RUNS",
-        help="quick: fewer runs and fewer rounds about the answer. full: all of them. A number: at most so "
-        "many runs. One run is one set-up, simulated with one seed.",
-    ),
-]
-Workers = Annotated[int | None, typer.Option(min=1, help="Local processes; default: one a core.")]
-Seed = Annotated[
-    int | None, typer.Option(min=0, help="Seed of the runs in place of the study's; another one: fresh runs.")
-]
-PageFile = Annotated[
-    Path | None, typer.Option("-o", "--output", "--out", metavar="FILE", help="Page to write.")
-]
-AtTable = Annotated[
-    Path,
-    typer.Option(
-        "--at",
-        metavar="TABLE",
-        help="New conditions (.csv, .xlsx): one column for each condition, in any unit; a column without "
-        "a unit is in that of the study's table. A column 'observable' says what is wanted.",
-    ),
-]
-OutFile = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Table to write (CSV).")]
-Bare = Annotated[bool, typer.Option("--bare", help="The model of STUDY itself, adopted effects left out.")]
-Observables = Annotated[
-    Pairs,
-    typer.Option("--observable", metavar="COLUMN=NAME", help="What a column measures; may be repeated."),
-]
-Conditions = Annotated[
-    Pairs,
-    typer.Option(
-        "--condition",
-        metavar="COLUMN=PATH|UNIT",
-        help="Place that a column sets; or the unit of a condition of your own. May be repeated.",
-    ),
-]
-Units = Annotated[
-    Pairs, typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column; may be repeated.")
-]
-Folder = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="FOLDER", help="Folder to write; default: beside TABLE, its name."),
-]
-Apparatus = Annotated[
-    str | None,
-    typer.Option(metavar="NAME", help="cylinder, collapse, funnel, drum, threshold, impact or saltation."),
-]
-Roughness = Annotated[
-    str | None,
-    typer.Option(metavar="LENGTH", help="Roughness length of the bed under winds measured at a height."),
-]
-Diameter = Annotated[
-    str | None, typer.Option(metavar="LENGTH", help="Grain diameter where no column states it: '0.4 mm'.")
-]
-Density = Annotated[str | None, typer.Option(metavar="DENSITY", help="Density of the grains: '2650 kg/m3'.")]
-OwnScene = Annotated[
-    Path | None, typer.Option("--scene", metavar="FILE", help="Scene of your own, in place of a ready one.")
-]
-Grains = Annotated[
-    int | None, typer.Option(min=1, help="Grains of a run; default: as many as its measure needs.")
-]
-ClosedForm = Annotated[
-    bool, typer.Option("--closed-form", help="A formula answers in place of simulations: seconds, not hours.")
-]
-Yes = Annotated[bool, typer.Option("--yes", help="Take every guess; ask nothing.")]
-Anew = Annotated[
-    bool,
-    typer.Option("--anew", help="Write a study that is there anew; changes in it are lost, its vault stays."),
-]
+StudyFile = Annotated[Path, Argument(metavar="STUDY", help="Evidence study (TOML).")]
 
 
 def options_of(
-    budget: Budget = None,
-    workers: Workers = None,
+    budget: Annotated[
+        str | None,
+        Option(
+            metavar="quick|full|RUNS",
+            help="quick: fewer runs and fewer rounds about the answer. full: all of them. A number: at most "
+            "so many runs. One run is one set-up, simulated with one seed.",
+        ),
+    ] = None,
+    workers: Annotated[int | None, Option(min=1, help="Local processes; default: one a core.")] = None,
     arch: Arch = None,
     decomposition: Decomposition = None,
-    seed: Seed = None,
+    seed: Annotated[
+        int | None, Option(min=0, help="Seed of the runs in place of the study's; another one: fresh runs.")
+    ] = None,
     effect: EffectFiles = None,
 ) -> "StudyOptions":
     """What the command line states of a study; raises BadInput for a budget that is none."""
@@ -144,41 +85,38 @@ def answer(
     """Run a command with progress on stderr and print its reply; finished runs survive Ctrl-C."""
     from taichi_erosion.evidence.answers.files import printed
 
-    with interruptible(title, KEPT) as progress:
+    with reporting(title, KEPT) as progress:
         reply = compute(lambda text, share: progress(share, text))
     if as_json:
         return output.print_json(printed(reply.document))
     needed = [word for file in options.effect_files for word in ("--effect", str(file))]
-    answers.print_answer(reply, needed, verbose)
+    output.print_answer(reply, needed, verbose)
 
 
-@app.command(**help_of("compare"))
-@with_study_options
-def compare(
-    study: StudyFile, options: "StudyOptions", verbose: Verbose = False, as_json: AsJson = False
-) -> None:
-    """Calibrate the model, and show where it still disagrees with the measurements."""
-    from taichi_erosion.evidence.answers.commands import compare_study
+def ask(name: str, title: str, summary: str) -> None:
+    """Register a command that asks a study one question."""
 
-    answer("comparing", lambda report: compare_study(study, report, options), options, as_json, verbose)
+    def command(
+        study: StudyFile, options: "StudyOptions", verbose: Verbose = False, as_json: AsJson = False
+    ) -> None:
+        compute = getattr(import_module("taichi_erosion.evidence.answers.commands"), f"{name}_study")
+        answer(title, lambda report: compute(study, report, options), options, as_json, verbose)
 
-
-@app.command(**help_of("discover"))
-@with_study_options
-def discover(
-    study: StudyFile, options: "StudyOptions", verbose: Verbose = False, as_json: AsJson = False
-) -> None:
-    """Find the missing effect: present, excluded, not testable, or not in the list."""
-    from taichi_erosion.evidence.answers.commands import discover_study
-
-    answer("discovering", lambda report: discover_study(study, report, options), options, as_json, verbose)
+    app.command(name, help=summary, **help_of(name, EXPLAIN))(with_study_options(command))
 
 
-@app.command(**help_of("adopt"))
+ask("compare", "comparing", "Calibrate the model, and show where it still disagrees with the measurements.")
+ask("discover", "discovering", "Find the missing effect: present, excluded, not testable, or not listed.")
+
+
+@app.command(**help_of("adopt", EXPLAIN))
 @with_study_options
 def adopt(
     study: StudyFile,
-    effects: EffectNames,
+    effects: Annotated[
+        list[str],
+        Argument(metavar="EFFECT...", help="Candidates of the study; a named pair is adopted as one."),
+    ],
     options: "StudyOptions",
     force: Force = False,
     verbose: Verbose = False,
@@ -193,44 +131,58 @@ def adopt(
     answer("adopting", compute, options, as_json, verbose)
 
 
-@app.command("next", **help_of("next"))
-@with_study_options
-def next_(
-    study: StudyFile, options: "StudyOptions", verbose: Verbose = False, as_json: AsJson = False
-) -> None:
-    """Find the cheapest experiments that tell the named explanation from its rivals."""
-    from taichi_erosion.evidence.answers.commands import next_study
-
-    answer("planning", lambda report: next_study(study, report, options), options, as_json, verbose)
+ask("next", "planning", "Find the cheapest experiments that tell the named explanation from its rivals.")
 
 
-@app.command(**help_of("predict"))
+@app.command(**help_of("predict", EXPLAIN))
 @with_study_options
 def predict(
     study: StudyFile,
-    at: AtTable,
+    at: Annotated[
+        Path,
+        Option(
+            "--at",
+            metavar="TABLE",
+            help="New conditions (.csv, .xlsx): one column for each condition, in any unit; a column without "
+            "a unit is in that of the study's table. A column 'observable' says what is wanted.",
+        ),
+    ],
     options: "StudyOptions",
-    out: OutFile = None,
-    bare: Bare = False,
+    out: Annotated[Path | None, Option("--out", metavar="FILE", help="Table to write (CSV).")] = None,
+    bare: Annotated[
+        bool, Option("--bare", help="The model of STUDY itself, adopted effects left out.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Predict values at new conditions by the calibrated or adopted model, with 90 % intervals."""
-    from taichi_erosion.core.files import write_atomic
+    from taichi_erosion.api.results import PREDICTED, prediction_table
     from taichi_erosion.evidence.answers.predictions import predict_study
 
-    if out is not None:
-        answers.refuse_other_table(out)
-    with interruptible("predicting", KEPT) as progress:
+    columns = ",".join(PREDICTED).encode()
+    if out and out.exists() and not (out.is_file() and columns in out.read_bytes().partition(b"\n")[0]):
+        raise BadInput(f"--out {one_line_name(out)}: exists, and holds no predictions; name another file")
+    with reporting("predicting", KEPT) as progress:
         reply = predict_study(study, at, lambda text, share: progress(share, text), options, bare)
-    output.print_json(reply.document) if as_json else answers.print_prediction(reply)
-    if out is not None:
-        write_atomic(out, answers.prediction_csv(reply).encode())
-        if not as_json:
-            typer.echo(f"written: {out}")
+    output.print_result(
+        reply.document, as_json, lambda _: output.print_parts(reply.about["set_up"], reply.answer())
+    )
+    if out:
+        table = prediction_table(reply).to_csv(index=False, float_format="%.6g", lineterminator="\n")
+        write_atomic(out, table.encode())
+        typer.echo(f"written: {out}", err=as_json)
 
 
-@app.command(**help_of("report"))
-def report(source: ReportSource, to: PageFile = None, force: Force = False, as_json: AsJson = False) -> None:
+@app.command(**help_of("report", EXPLAIN))
+def report(
+    source: Annotated[
+        Path, Argument(metavar="STUDY|RUN", help="Study (TOML), or the .json or .rrd file of a run.")
+    ],
+    to: Annotated[
+        Path | None, Option("-o", "--output", "--out", metavar="FILE", help="Page to write.")
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
     """Write one self-contained HTML page: on a run, a calibration, or all results of a study."""
     from taichi_erosion.report import write_report
     from taichi_erosion.scene.file_kind import refuse_neither
@@ -242,21 +194,54 @@ def report(source: ReportSource, to: PageFile = None, force: Force = False, as_j
 
 @study_commands.command("new", **help_of("study new"))
 def new(
-    table: TableFile,
-    out: Folder = None,
-    yes: Yes = False,
-    observable: Observables = None,
-    condition: Conditions = None,
-    unit: Units = None,
-    roughness: Roughness = None,
-    apparatus: Apparatus = None,
-    diameter: Diameter = None,
-    density: Density = None,
-    grains: Grains = None,
-    scene: OwnScene = None,
+    table: Annotated[Path, Argument(metavar="TABLE", help="Table of measurements (.csv or .xlsx).")],
+    out: Annotated[
+        Path | None,
+        Option("--out", metavar="FOLDER", help="Folder to write; default: beside TABLE, its name."),
+    ] = None,
+    yes: Annotated[bool, Option("--yes", help="Take every guess; ask nothing.")] = False,
+    observable: Annotated[
+        Pairs, Option("--observable", metavar="COLUMN=NAME", help="What a column measures; may be repeated.")
+    ] = None,
+    condition: Annotated[
+        Pairs,
+        Option(
+            "--condition",
+            metavar="COLUMN=PATH|UNIT",
+            help="Place that a column sets; or the unit of a condition of your own. May be repeated.",
+        ),
+    ] = None,
+    unit: Annotated[
+        Pairs, Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column; may be repeated.")
+    ] = None,
+    roughness: Annotated[
+        str | None,
+        Option(metavar="LENGTH", help="Roughness length of the bed under winds measured at a height."),
+    ] = None,
+    apparatus: Annotated[
+        str | None,
+        Option(metavar="NAME", help="cylinder, collapse, funnel, drum, threshold, impact or saltation."),
+    ] = None,
+    diameter: Annotated[
+        str | None, Option(metavar="LENGTH", help="Grain diameter where no column states it: '0.4 mm'.")
+    ] = None,
+    density: Annotated[
+        str | None, Option(metavar="DENSITY", help="Density of the grains: '2650 kg/m3'.")
+    ] = None,
+    grains: Annotated[
+        int | None, Option(min=1, help="Grains of a run; default: as many as its measure needs.")
+    ] = None,
+    scene: Annotated[
+        Path | None, Option("--scene", metavar="FILE", help="Scene of your own, in place of a ready one.")
+    ] = None,
     effect: EffectFiles = None,
-    closed_form: ClosedForm = False,
-    anew: Anew = False,
+    closed_form: Annotated[
+        bool, Option("--closed-form", help="A formula answers in place of simulations: seconds, not hours.")
+    ] = False,
+    anew: Annotated[
+        bool,
+        Option("--anew", help="Write a study that is there anew; changes in it are lost, its vault stays."),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Read a table as a spreadsheet exports it; write a study and a scene for it, or correct its table."""
@@ -267,7 +252,7 @@ def new(
     own = (diameter, density, grains, scene, tuple(effect or ()))
     wishes = Wishes(told, out, apparatus, closed_form, roughness, anew, *own)
     document = new_study(table, wishes, (lambda _, guess: guess) if yes or as_json else asked)
-    output.print_result(document, as_json, answers.print_new_study)
+    output.print_result(document, as_json, output.print_new_study)
 
 
 @study_commands.command("check", **help_of("study check"))
@@ -275,7 +260,7 @@ def check(study: StudyFile, effect: EffectFiles = None, as_json: AsJson = False)
     """Validate a study, its table, scenes, model and effect files; run nothing."""
     from taichi_erosion.evidence.answers.study_files.check_study import check_study
 
-    output.print_result(check_study(study, options_of(effect=effect)), as_json, answers.print_check)
+    output.print_result(check_study(study, options_of(effect=effect)), as_json, output.print_check)
 
 
 def pairs(stated: Pairs, option: str) -> Mapping[str, str]:

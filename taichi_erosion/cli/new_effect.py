@@ -6,14 +6,12 @@ function, so the study says which is which.
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from jinja2 import Environment, PackageLoader
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.words.shell import shell_command
 
 if TYPE_CHECKING:
     from taichi_erosion.core.effect import Effect
@@ -27,24 +25,6 @@ MOST_POINTS = 8  # of a law, at which its file is checked
 ScaffoldPlace = Literal["pair", "grain", "scene", "instrument"]  # places with a scaffold
 RESULT = ".discover.json"  # end of the name of a discovery's result
 MEANINGS = {"a": "dose at typical conditions", "k": "scale or onset, in the unit of the condition"}
-MEANINGS |= dict.fromkeys(("p", "q"), "exponent")
-
-
-@dataclass(frozen=True)
-class NamesOfStudy:
-    """What the names of a law mean to an effect; without a study they mean themselves."""
-
-    conditions: Mapping[str, str] = field(default_factory=dict)  # column -> condition; "" where there is none
-    factors: Mapping[str, float] = field(default_factory=dict)  # condition -> its unit over that of SI
-
-    def condition(self, column: str) -> str:
-        """Condition that an effect reads for a column. Raises BadInput where there is none."""
-        if name := self.conditions.get(column, column):
-            return name
-        raise BadInput(
-            f"the law reads the column '{column}', which sets no condition of the scene; let it set one too: "
-            f'{column} = "..., conditions.{column}", which [conditions.extra] of the scene declares'
-        )
 
 
 def write_effect_file(
@@ -57,11 +37,8 @@ def write_effect_file(
     if not FILE_NAME.fullmatch(name) or name == NEW:
         allowed = "a name begins with a lower-case letter and has lower-case letters, digits and _"
         raise BadInput(f"effects new {name}: {allowed}, 60 at most")
-    if name in load_library():
-        taken = f"the library has an effect of this name: `effects {name}` describes it"
-        raise BadInput(f"effects new {name}: {taken}; take another name")
-    if path.exists():
-        raise BadInput(f"{path}: exists already")
+    if name in load_library() or path.exists():
+        raise BadInput(f"effects new {name}: there is an effect or a file of this name; take another one")
     blank = "stateful_effect" if memory else f"{place}_effect"
     text = law_file(name, discovery) if discovery else rendered(blank).replace("NAME", name)
     path.write_text(text, encoding="utf-8")
@@ -76,27 +53,19 @@ def rendered(kind: str, **entries: Any) -> str:
 
 
 def law_file(name: str, source: Path) -> str:
-    """Effect file of the law that a discovery found; `source` is its study or its result."""
-    result, study = discovery_of(source)
-    entries = law_entries(found_law(result), names_of_study(study))
+    """Effect file of the law that a discovery found; `source` is its study or its result. Raises BadInput."""
+    if source.suffix == ".toml":
+        from taichi_erosion.campaign.study_file import read_evidence_study
+        from taichi_erosion.evidence.models.load_study import results_folder
+
+        result, study = results_folder(source, read_evidence_study(source)) / f"{source.stem}{RESULT}", source
+    else:
+        result, study = source, source.parent.parent / f"{source.name.removesuffix(RESULT)}.toml"
+    if not (result.name.endswith(RESULT) and result.is_file()):
+        raise BadInput(f"{source}: is not a result of discover (STUDY{RESULT}), nor a study that has one")
     title = name.replace("_", " ").capitalize()
+    entries = law_entries(found_law(result), *names_of_study(study))
     return rendered("mechanism_law", name=name, title=title, source=result.name, **entries)
-
-
-def discovery_of(source: Path) -> tuple[Path, Path | None]:
-    """Result of a discovery, and its study where that is known. Raises BadInput."""
-    if source.suffix != ".toml":
-        if not (source.name.endswith(RESULT) and source.is_file()):
-            raise BadInput(f"{source}: is not a result of discover (STUDY{RESULT}), nor a study")
-        study = source.parent.parent / f"{source.name.removesuffix(RESULT)}.toml"
-        return source, study if study.is_file() else None
-    from taichi_erosion.campaign.study_file import read_evidence_study
-    from taichi_erosion.evidence.models.load_study import results_folder
-
-    result = results_folder(source, read_evidence_study(source)) / f"{source.stem}{RESULT}"
-    if not result.is_file():
-        raise BadInput(f"{source}: has no discovery yet; {shell_command('discover', source)} makes it")
-    return result, source
 
 
 def found_law(result: Path) -> "LawPart":
@@ -111,17 +80,19 @@ def found_law(result: Path) -> "LawPart":
     if law is None:
         raise BadInput(f"{result}: no law; discover finds one only where a mechanism explains a misfit")
     if law.mechanism not in load_mechanisms():
-        listed = f"the law is of the strength of {law.mechanism}, which is in the list of effects"
-        raise BadInput(f"{result}: {listed}; `adopt` tests it")
+        raise BadInput(f"{result}: the law is of {law.mechanism}, which is in the list of effects: adopt it")
     if set(PARTS.sub("", law.python)) - set(" +-*/(),"):
         raise BadInput(f"{result}: the law '{law.python}' is not one that discover writes")
     return law
 
 
-def names_of_study(path: Path | None) -> NamesOfStudy:
-    """What columns of a study are called by effects. Raises BadInput."""
-    if path is None:
-        return NamesOfStudy()
+def names_of_study(path: Path) -> tuple[Mapping[str, str], Mapping[str, float]]:
+    """Condition that each column of a study sets, "" for none, and units of conditions over those of SI.
+
+    Both are empty without a study file: then names mean themselves.
+    """
+    if not path.is_file():
+        return {}, {}
     from taichi_erosion.campaign.study_file import read_evidence_study
     from taichi_erosion.evidence.models.simulator import condition_name, dotted_paths
     from taichi_erosion.evidence.models.table_columns import declared_conditions
@@ -129,23 +100,26 @@ def names_of_study(path: Path | None) -> NamesOfStudy:
 
     file = read_evidence_study(path)
     if file.study.model is not None:
-        return NamesOfStudy(dict(file.conditions))
+        return dict(file.conditions), {}
     units = declared_conditions(file, path.parent)
-    factors = {name: parse_scale(unit).factor for name, unit in units.items()}
     set_by = {
         column: next(filter(None, map(condition_name, dotted_paths(paths))), "")
         for column, paths in file.conditions.items()
     }
-    return NamesOfStudy(set_by, factors)
+    return set_by, {name: parse_scale(unit).factor for name, unit in units.items()}
 
 
-def law_entries(law: "LawPart", names: NamesOfStudy) -> dict[str, Any]:
-    """Entries of `mechanism_law.txt`."""
+def law_entries(law: "LawPart", set_by: Mapping[str, str], factors: Mapping[str, float]) -> dict[str, Any]:
+    """Entries of `mechanism_law.txt`. Raises BadInput for a column that sets no condition."""
     from taichi_erosion.mechanisms.library import load_mechanisms
 
     mechanism = load_mechanisms()[law.mechanism]
-    read = {column: names.condition(column) for column in law.conditions}
-    columns = {column: (name, names.factors.get(name, 1.0)) for column, name in read.items()}
+    columns = {}
+    for column in law.conditions:
+        if not (name := set_by.get(column, column)):
+            told = f'{column} = "..., conditions.{column}", which [conditions.extra] of the scene declares'
+            raise BadInput(f"the law reads '{column}', which sets no condition; let it set one too: {told}")
+        columns[column] = name, factors.get(name, 1.0)
     written = re.sub(r'at\["(\w+)"\]|params\.|np\.', r"\1", law.python)
     return {
         "mechanism": law.mechanism,
@@ -154,43 +128,36 @@ def law_entries(law: "LawPart", names: NamesOfStudy) -> dict[str, Any]:
         "python": law.python,
         "share": f"{max(law.held_out_share, 0.0):.0%}",
         "columns": columns,
-        "numbers": [number_entries(key, each.value) for key, each in law.numbers.items()],
+        "numbers": [(key, each.value, *meaning_of(key, each.value)) for key, each in law.numbers.items()],
         "points": points(law, columns, mechanism),
     }
 
 
-def number_entries(key: str, value: float) -> tuple[str, float, str, float, float]:
-    """Name, value, meaning and range of one number of a law."""
-    low, high = sorted((value / WIDEST, value * WIDEST))
+def meaning_of(key: str, value: float) -> tuple[str, float, float]:
+    """Meaning and range of one number of a law."""
     if key in ("p", "q"):
-        low, high = -WIDEST, WIDEST
-    return key, value, MEANINGS.get(key, "rate"), low, high
+        return "exponent", -WIDEST, WIDEST
+    low, high = sorted((value / WIDEST, value * WIDEST))
+    return MEANINGS.get(key, "rate"), low, high
 
 
 def points(
     law: "LawPart", columns: Mapping[str, tuple[str, float]], mechanism: "Effect"
 ) -> list[tuple[dict[str, float], float, float]]:
-    """Conditions in SI units, dose of the law there, and response of a mechanism on the device."""
-    chosen = law.doses[:: -(-len(law.doses) // MOST_POINTS)]
-    stated = [
-        {columns[column][0]: value * columns[column][1] for column, value in at.items()} for at, _ in chosen
-    ]
-    doses = [dose.value for _, dose in chosen]
-    return list(zip(stated, doses, device_responses(mechanism, doses), strict=True))
-
-
-def device_responses(mechanism: "Effect", doses: list[float]) -> list[float]:
-    """What a mechanism does on the device in a typical situation at some doses; zeros for one of the host."""
+    """Conditions in SI units, dose of the law there, and response of a mechanism on the device, if any."""
     from taichi_erosion.core.device import start_device, stop_device
     from taichi_erosion.core.effect_probe import make_bench, probe_of
     from taichi_erosion.core.setup import Numerics
     from taichi_erosion.mechanisms.law import at_dose, device_response
 
-    if mechanism.constants is None:
-        return [0.0] * len(doses)
-    start_device(Numerics(threads=1))
-    try:
-        probe = probe_of(mechanism, make_bench())
-        return [device_response(mechanism, probe, at_dose(mechanism, dose), {}) for dose in doses]
-    finally:
-        stop_device()
+    chosen = law.doses[:: -(-len(law.doses) // MOST_POINTS)]
+    doses, responses = [dose.value for _, dose in chosen], [0.0] * len(chosen)
+    if mechanism.constants is not None:
+        start_device(Numerics(threads=1))
+        try:
+            probe = probe_of(mechanism, make_bench())
+            responses = [device_response(mechanism, probe, at_dose(mechanism, dose), {}) for dose in doses]
+        finally:
+            stop_device()
+    stated = [{columns[key][0]: value * columns[key][1] for key, value in at.items()} for at, _ in chosen]
+    return list(zip(stated, doses, responses, strict=True))

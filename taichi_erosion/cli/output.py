@@ -1,41 +1,32 @@
-"""Standard output of commands: one JSON document, or tables."""
+"""Standard output of commands: one JSON document, or sentences and tables."""
 
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import typer
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from taichi_erosion.cli.progress import LOG
+from taichi_erosion.evidence.data.number_words import counted, plain
+from taichi_erosion.evidence.words.shell import shell_command
+
+if TYPE_CHECKING:
+    from taichi_erosion.evidence.answers.files import Reply
+    from taichi_erosion.evidence.words.answer_lines import Answer
 
 Record = Mapping[str, Any]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
-EffectFiles = Annotated[
-    list[Path] | None,
-    typer.Option("--effect", metavar="FILE", help="Python file with an effect of your own; may be repeated."),
-]
-Force = Annotated[
-    bool, typer.Option("--force", help="Replace files of this name that this command did not write.")
-]
-Verbose = Annotated[bool, typer.Option("--verbose", help="Print notes, numbers and cost too.")]
-Arch = Annotated[
-    Literal["auto", "cpu", "cuda", "vulkan"] | None,
-    typer.Option(help="Device; default: cpu. auto: a graphics processor for large runs, if there is one."),
-]
-Decomposition = Annotated[
-    Literal["partitions", "grains"] | None,
-    typer.Option(help="What one thread advances; default: partitions on cpu, grains elsewhere."),
-]
 
-MARK_MISSING = "-"
 WARNING = "warning: "
 WIDEST = 1000  # width of a table in a file or pipe, where COLUMNS does not state another [characters]
 MOST_TOLD = 6  # comparisons and warnings of a run
+MOST_LINES = 8  # of an answer, the set-up included: a screen with its table
+CLAIM = ("id", "claim", "got", "want", "tolerance", "precision")
+LIMITS = ("candidate", "excluded above (95 %)", "could act unseen below", "imitated by calibration")
+NUMBERS = ("number", "start", "if nothing is missing", "now", "of its prior left")
 
 
 def print_json(document: Record) -> None:
@@ -50,90 +41,10 @@ def print_result(document: Record, as_json: bool, print_text: Callable[[Any], No
     (print_json if as_json else print_text)(document)
 
 
-def print_run(document: Record, verbose: bool = False) -> None:
-    """Print simulated beside measured values, what they say, warnings, and what follows."""
-    from taichi_erosion.evidence.words import run_words as words
-
-    repeats = len(document["replicas"])
-    typer.echo(f"{document['scene']}: {repeats} repeat{'s' * (repeats > 1)} in {document['wall_s']:.1f} s")
-    table = words.run_table(document)
-    print_table("", table.columns, table.rows)
-    told = [*words.comparisons(document), *(f"{WARNING}{line}" for line in words.run_warnings(document))]
-    if not verbose and len(told) > MOST_TOLD:
-        told = [*told[:MOST_TOLD], f"{len(told) - MOST_TOLD} more: --verbose"]
-    more = [f"note: {line}" for line in words.run_notes(document)] + [words.run_cost(document)]
-    for line in (*told, *(more if verbose else ()), *words.after_run(document)):
-        typer.echo(line)
-
-
-def log_run(document: Record) -> None:
-    """Write measures, warnings and recording of a run to the log."""
-    from taichi_erosion.evidence.words import run_words as words
-
-    for name, found in document["measures"].items():
-        LOG.info("%s = %s %s", name, words.spread(found), found["unit"])
-    for line in words.run_warnings(document):
-        LOG.warning(line)
-    if document.get("recording"):
-        LOG.info("recording: %s", document["recording"])
-
-
-def examined_effects(found: Sequence[Record]) -> Iterator[str]:
-    """Sentences on the check of effect files."""
-    if not found:
-        return
-    from taichi_erosion.verification.effect_contract import examined_words
-
-    yield from ((WARNING if each["breaches"] else "") + examined_words(each) for each in found)
-
-
-def print_measurement(record: Record) -> None:
-    """Print one measured value and its notes."""
-    from taichi_erosion.evidence.words.run_words import spread
-
-    typer.echo(f"{record['name']} = {spread(record)} {record['unit']}")
-    for note in record["notes"]:
-        typer.echo(f"note: {note}")
-    if "picture" in record:
-        typer.echo(f"what was detected: {record['picture']}")
-
-
-def print_claims(document: Record) -> None:
-    """Print the verification table."""
-    claims = document["claims"]
-    keys = ("id", "claim", "got", "want", "tolerance", "precision")
-    rows = (
-        (*(significant(claim[key]) for key in keys), verdict(claim["passed"]), f"{claim['wall_s']:.1f}")
-        for claim in claims
-    )
-    print_table("verification", (*keys, "", "s"), rows)
-    failed = sum(not claim["passed"] for claim in claims)
-    typer.echo(f"{len(claims) - failed} of {len(claims)} claims hold")
-    known = sum(claim["known_failure"] for claim in claims)
-    if known:
-        typer.echo(f"note: {known} of those that fail are known to; docs/trust.md says why")
-
-
-def verdict(passed: bool) -> str:
-    """Mark of a claim that holds, or of one that does not."""
-    return "ok" if passed else "FAILED"
-
-
-def print_cases(document: Record) -> None:
-    """Print measured speeds: one row per case, one column per key."""
-    cases = document["cases"]
-    keys = tuple(dict.fromkeys(key for case in cases for key in case))
-    print_table("speed", keys, ([cell(case.get(key)) for key in keys] for case in cases))
-    typer.echo(
-        f"Kernels compiled by {document['engine']} for {document['target']}; {document['cores']} cores."
-    )
-
-
-def cell(value: Any) -> str:
-    """Text of a number, a text, or a mapping (one line per entry)."""
-    if isinstance(value, Mapping):
-        return "\n".join(f"{name} {significant(share)}" for name, share in value.items())
-    return significant(value)
+def print_lines(sentences: Iterable[str], lead: str = "") -> None:
+    """Print one sentence per line, without repetitions."""
+    for sentence in dict.fromkeys(sentences):
+        typer.echo(f"{lead}{sentence}")
 
 
 def print_table(title: str, columns: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
@@ -150,8 +61,171 @@ def print_table(title: str, columns: Iterable[str], rows: Iterable[Iterable[str]
     console.print(table)
 
 
-def significant(value: Any) -> str:
-    """Number in six significant digits, a mark for None and NaN, any other value as text."""
+def significant(value: Any, form: str = ".6g") -> str:
+    """Number in six significant digits or another form, "-" for None and NaN, any other value as text."""
     if value is None or value != value:
-        return MARK_MISSING
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+        return "-"
+    return f"{value:{form}}" if isinstance(value, float) else str(value)
+
+
+def print_run(document: Record, verbose: bool = False) -> None:
+    """Print simulated beside measured values, what they say, warnings, and what follows."""
+    from taichi_erosion.evidence.words import run_words as words
+
+    repeats = counted(len(document["replicas"]), "repeat")
+    typer.echo(f"{document['scene']}: {repeats} in {document['wall_s']:.1f} s")
+    table = words.run_table(document)
+    print_table("", table.columns, table.rows)
+    told = [*words.comparisons(document), *(f"{WARNING}{line}" for line in words.run_warnings(document))]
+    if not verbose and len(told) > MOST_TOLD:
+        told = [*told[:MOST_TOLD], f"{len(told) - MOST_TOLD} more: --verbose"]
+    print_lines(told)
+    if verbose:
+        print_lines(words.run_notes(document), "note: ")
+        typer.echo(words.run_cost(document))
+    print_lines(words.after_run(document))
+
+
+def examined_effects(found: Sequence[Record]) -> Iterator[str]:
+    """Sentences on the check of effect files."""
+    if found:
+        from taichi_erosion.verification.effect_contract import examined_words
+
+        yield from ((WARNING if each["breaches"] else "") + examined_words(each) for each in found)
+
+
+def print_measurement(record: Record) -> None:
+    """Print a value measured in a photograph, its notes, and where it shows what was detected."""
+    from taichi_erosion.evidence.words.run_words import spread
+
+    typer.echo(f"{record['name']} = {spread(record)} {record['unit']}")
+    print_lines(record["notes"], "note: ")
+    typer.echo(f"what was detected: {record['picture']}")
+
+
+def print_claims(document: Record) -> None:
+    """Print the verification table."""
+    claims = document["claims"]
+    rows = (
+        (*(significant(claim[key]) for key in CLAIM), verdict(claim["passed"]), f"{claim['wall_s']:.1f}")
+        for claim in claims
+    )
+    print_table("verification", (*CLAIM, "", "s"), rows)
+    typer.echo(f"{sum(claim['passed'] for claim in claims)} of {len(claims)} claims hold")
+    if known := sum(claim["known_failure"] for claim in claims):
+        typer.echo(f"note: {known} of those that fail are known to; docs/trust.md says why")
+
+
+def verdict(passed: bool) -> str:
+    """Mark of a claim that holds, or of one that does not."""
+    return "ok" if passed else "FAILED"
+
+
+def print_cases(document: Record) -> None:
+    """Print measured speeds: one row per case, one column per key, one line per stage."""
+    cases = document["cases"]
+    keys = tuple(dict.fromkeys(key for case in cases for key in case))
+
+    def cell(value: Any) -> str:
+        if isinstance(value, Mapping):
+            return "\n".join(f"{name} {significant(share)}" for name, share in value.items())
+        return significant(value)
+
+    print_table("speed", keys, ([cell(case.get(key)) for key in keys] for case in cases))
+    made = f"{document['engine']} for {document['target']}; {document['cores']} cores"
+    typer.echo(f"Kernels compiled by {made}.")
+
+
+def print_answer(reply: "Reply", options: Sequence[str], verbose: bool) -> None:
+    """Print the set-up, the sentences with the table, and where asked all that the record has beyond.
+
+    `options` are those that the following commands need too.
+    """
+    answer = reply.answer(*options)
+    set_up, room = reply.about["set_up"], max(MOST_LINES - len(answer.lines), 1)
+    if not verbose and len(set_up) > room:
+        set_up = [*set_up[: room - 1], f"{counted(len(set_up) - room + 1, 'sentence')} more: --verbose"]
+    print_parts(set_up, answer)
+    if verbose:
+        print_details(reply)
+
+
+def print_parts(set_up: Iterable[str], answer: "Answer") -> None:
+    """Print what is wrong with the set-up, and the sentences of an answer with its table between them."""
+    print_lines((*set_up, *answer.missing, *answer.holds))
+    if answer.table is not None:
+        print_table(answer.table.title, answer.table.columns, answer.table.rows)
+    print_lines(answer.following)
+
+
+def print_details(reply: "Reply") -> None:
+    """Print limits of the candidates, calibrated numbers, notes, warnings and cost."""
+    from taichi_erosion.evidence.words.vocabulary import interval as told
+
+    about, found = reply.about, reply.record
+    number, share = partial(significant, form=".3g"), partial(significant, form=".0%")
+    limits = (
+        (name, number(part.limit), number(part.unseen_below), share(part.absorption))
+        for name, part in found.effects.items()
+    )
+    numbers = (
+        (path, plain(part.start), told(part.before, 3), told(part.now, 3), share(part.prior_share))
+        for path, part in found.numbers.items()
+    )
+    if found.effects:
+        print_table("limits of the strengths", LIMITS, limits)
+    if found.numbers:
+        print_table("calibrated numbers (90 %)", NUMBERS, numbers)
+    print_lines([*about["notes"], *about["warnings"]], "note: ")
+    print_lines(about.get("files", ()), "written: ")
+    settings, runs = counted(found.cost.settings, "setting"), counted(found.cost.runs, "run")
+    typer.echo(f"{settings} of the model, {runs}, {found.cost.seconds:.1f} s, seed {found.cost.seed}")
+    typer.echo(f"results in {about['results']}; {', '.join(map(' '.join, about['versions'].items()))}")
+
+
+def print_new_study(document: Record) -> None:
+    """Print what was understood, assumed, corrected and written, and what an answer costs."""
+    typer.echo(f"{document['table']}: {document['form']}")
+    if document["columns"]:
+        rows = ((c["column"], c["unit"], c["told"]) for c in document["columns"])
+        print_table("columns", ("column", "unit", "understood as"), rows)
+    print_lines(document["assumed"], "assumed: ")
+    if "changes" in document:
+        changed = ", ".join(map(str, document["changes"]["lines"])) or "none"
+        gone = f"{document['changes']['removed']} gone, the others stay held out or fitted"
+        typer.echo(f"{document['study']} is there already; new or corrected rows: {changed}; {gone}")
+        print_lines(document["kept"], "kept, and other in a new study (--anew): ")
+    print_content(document)
+    print_lines(document["written"], "written: ")
+    if document["written"]:
+        typer.echo(f"next: {shell_command('compare', document['study'])}")
+
+
+def print_check(document: Record) -> None:
+    """Print that a study is valid, what it holds, and what an answer costs."""
+    typer.echo(f"{document['study']}: valid; nothing was run")
+    if document["kind"] == "evidence":
+        print_lines(examined_effects(document["effects"]))
+        print_content(document)
+        if document["held_out"]:
+            typer.echo(f"held-out rows: drawn_from = {document['drawn_from']}")
+
+
+def print_content(document: Record) -> None:
+    """Print rows, conditions, candidates and cost."""
+    rows = ", ".join(f"{name} ({count} rows)" for name, count in document["observables"].items())
+    typer.echo(f"measured: {rows}; {document['held_out']} rows are held out until an effect is adopted")
+    for name, told in document["conditions"].items():
+        typer.echo(f"condition {name}: {told}")
+    typer.echo(f"calibrated: {', '.join(document['parameters']) or 'nothing'}")
+    typer.echo(f"candidates: {', '.join(document['candidates']) or 'none'}")
+    print_lines(document["notes"], "note: ")
+    for name, found in document["cost"].items():
+        typer.echo(cost_line(name, found))
+
+
+def cost_line(name: str, found: Record) -> str:
+    """What an answer costs, in one line."""
+    minutes = found.get("core_minutes")
+    cores = "" if minutes is None else f" ({plain(minutes)} core-minutes)"
+    return f"cost with --budget {name}: {found['sentence'].rstrip('.')}{cores}"

@@ -58,8 +58,11 @@ Report = Callable[[float, str], None]  # (share done [1], short text)
 
 
 @contextmanager
-def reporting(title: str) -> Iterator[Report]:
-    """Context with a progress function: a bar after SHOWN_AFTER seconds, or a line every LINE_INTERVAL."""
+def reporting(title: str, kept: str = "") -> Iterator[Report]:
+    """Context with a progress function: a bar after SHOWN_AFTER seconds, or a line every LINE_INTERVAL.
+
+    Ctrl-C ends the program with a line on what is kept.
+    """
     console = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
     bar = Progress(*columns, console=console, transient=True, speed_estimate_period=PACE_WINDOW)
@@ -73,8 +76,7 @@ def reporting(title: str) -> Iterator[Report]:
         if console.is_terminal and now - began > SHOWN_AFTER:
             bar.start()
         if now - last >= LINE_INTERVAL:
-            last = now
-            left = bar.tasks[task].time_remaining
+            last, left = now, bar.tasks[task].time_remaining
             line = f"{title}: {share:.0%}, {words}"
             line += "" if left is None else f", about {timedelta(seconds=round(left))} left"
             LOG.info(line)
@@ -83,24 +85,16 @@ def reporting(title: str) -> Iterator[Report]:
 
     try:
         yield report
+    except KeyboardInterrupt as interrupt:
+        text = str(interrupt) or kept
+        announce(f"interrupted; {text}" if text else "interrupted")
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
     finally:
         if console.is_terminal:
             bar.stop()
 
 
-@contextmanager
-def interruptible(title: str, kept: str = "") -> Iterator[Report]:
-    """Context of `reporting` in which Ctrl-C ends the program with a line on what is kept."""
-    try:
-        with reporting(title) as report:
-            yield report
-    except KeyboardInterrupt as interrupt:
-        text = str(interrupt) or kept
-        typer.echo(f"interrupted; {text}" if text else "interrupted", err=True)
-        raise typer.Exit(ExitCode.INTERRUPTED) from None
-
-
 def announce(line: str) -> None:
-    """Print a line before the work on stderr and write it to the log."""
+    """Print a line on stderr and write it to the log."""
     LOG.info(line)
     typer.echo(line, err=True)

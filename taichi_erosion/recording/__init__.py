@@ -1,4 +1,4 @@
-"""What leaves the process as bytes: recordings, pictures, checkpoints.
+"""What leaves the process to be looked at: recordings, pictures.
 
 Only this room imports rerun, as `rr` and `rrb`, at their first use: the import takes half a second.
 """

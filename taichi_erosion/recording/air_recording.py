@@ -28,7 +28,7 @@ def open_wind_recording(path: Path, name: str, scene_text: str, curves: Mapping[
 
     Raises BadInput where it cannot be written.
     """
-    recording = stream.open_stream(path, name, wind_blueprint(curves), path.stem)
+    recording = stream.open_stream(path, name, wind_blueprint(curves))
     stream.log_scene(recording, name, scene_text)
     for curve, legend in curves.items():
         stream.log_legend(recording, f"air/{curve}", legend, pictures.SAND)
@@ -71,9 +71,8 @@ def speed_slice(state: AirSnapshot) -> Picture:
     up = np.clip(np.searchsorted(state.faces_z, heights) - 1, 0, speed.shape[1] - 1)
     fastest = max(float(speed.max()), np.finfo(float).tiny)
     picture = Image.fromarray(wind_colours(speed[across[None, :], up[:, None]] / fastest))
-    if min(rows // 4, columns // 2) > pictures.COLOUR_BAR[1]:
-        bar = wind_colours(np.linspace(0.0, 1.0, pictures.COLOUR_BAR[0]))
-        pictures.draw_colour_bar(picture, (pictures.MARGIN, pictures.MARGIN), bar, (0.0, fastest))
+    bar = wind_colours(np.linspace(0.0, 1.0, pictures.COLOUR_BAR[0]))
+    pictures.draw_colour_bar(picture, (pictures.MARGIN, pictures.MARGIN), bar, (0.0, fastest))
     return picture
 
 

@@ -4,11 +4,21 @@ The file grows as PATH.part and takes its name when it is closed. A run killed a
 file that `readback` and the viewer can read; it lacks at most what was logged in the last FLUSH_INTERVAL.
 
 Grains at rest (static grains) are the bulk of a recording; they are written only now and then.
+
+rerun writes from a thread of its own. At the first byte that the disk refuses the thread ends, what is logged
+afterwards goes nowhere, and the program would wait for that thread for ever when it leaves. A recording is
+therefore closed, whole, while there still is room for the results; where the disk refuses even so, the wait
+is called off.
 """
 
+import atexit
+import ctypes
+import fcntl
 import os
+import shutil
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from io import BufferedWriter
 from math import log10
 from pathlib import Path
 from typing import Any, Literal
@@ -18,7 +28,7 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import make_parent, part_path
-from taichi_erosion.core.setup import Floats, Triple
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot, Totals
 from taichi_erosion.recording import pictures, rr, rrb
 from taichi_erosion.recording.blueprint import (
@@ -29,32 +39,32 @@ from taichi_erosion.recording.blueprint import (
     blueprint,
     choose_focus,
 )
-from taichi_erosion.recording.outputs import abandon_writer, lock_part_file
 from taichi_erosion.recording.wall_mesh import WallMesh
 
 APPLICATION = "taichi_erosion"
 FLUSH_INTERVAL = 1.0  # s of wall time between writes; more often costs 1 kB per entity and write
 FLUSH_LIMIT = 30.0  # s until a disk that takes nothing is an error
+FREE_SPACE_LEAST = 50e6  # bytes left free for documents, pictures and a checkpoint
 JPEG_QUALITY = 95  # of 100
 CURVE_WIDTH = 1.5  # points
 WALL_OPACITY = 48  # of 255
 FASTEST_COLOUR = 2.0  # m s-1, drawn in the last colour: the pouring speed of the published funnel test
 SUMS = "ledger"  # folder of the totals in a recording; older recordings have it too
-CURVES = {  # entries of the totals that are drawn: legend and colour
-    "kinetic_translation": ("translation", pictures.EMBER),
-    "kinetic_rotation": ("rotation", (240, 190, 80)),
-    "elastic": ("elastic", (110, 200, 190)),
-    "contacts": ("contacts", pictures.SAND),
-    "released": ("grains released", pictures.STEEL),
-    "overlap_largest": ("largest overlap / radius", pictures.EMBER),
-    "speed_largest": ("largest speed, m/s", (120, 220, 255)),
+CURVES = {  # of the totals: legend and colour
+    "decades/kinetic_translation": ("translation", pictures.EMBER),
+    "decades/kinetic_rotation": ("rotation", (240, 190, 80)),
+    "decades/elastic": ("elastic", (110, 200, 190)),
+    f"{SUMS}/contacts": ("contacts", pictures.SAND),
+    f"{SUMS}/released": ("grains released", pictures.STEEL),
+    f"{SUMS}/overlap_largest": ("largest overlap / radius", pictures.EMBER),
+    f"{SUMS}/speed_largest": ("largest speed, m/s", (120, 220, 255)),
 }
 # J, drawn as log10: coming to rest is a fall over decades
 DECADES = ("kinetic_translation", "kinetic_rotation", "elastic")
 TRANSPORT = {  # curves of grains under wind
-    "flux": ("flux, kg/(m s)", pictures.SAND),
-    "flying": ("share of the grains above the bed", pictures.EMBER),
-    "friction_velocity": ("friction velocity, m/s", (120, 220, 255)),
+    "transport/flux": ("flux, kg/(m s)", pictures.SAND),
+    "transport/flying": ("share of the grains above the bed", pictures.EMBER),
+    "transport/friction_velocity": ("friction velocity, m/s", (120, 220, 255)),
 }
 SCALE_SHARE = 0.8  # longest scale bar over the radius of what the camera frames [1]
 SCALE_WIDTH = 0.008  # half width of the scale bar over that radius [1]
@@ -66,7 +76,6 @@ CREEP = 0.02  # displacement of a resting grain that is not worth writing, over 
 class RunHeader:
     """Static content of the recording of a run."""
 
-    recording_id: str
     name: str
     kind: str
     scene_text: str  # the scene file, TOML
@@ -95,16 +104,40 @@ class Recording:
     path: Path
     stream: "rr.RecordingStream"
     static_grains: StaticGrains = field(default_factory=StaticGrains.empty)
-    lock: Any = None  # lock of the part file, held until the recording is closed
+    lock: BufferedWriter | None = None  # of the part file, held until the recording is closed
+
+
+def is_disk_nearly_full(path: Path) -> bool:
+    """Whether the disk of a file is so full that a recording should not grow on it."""
+    return shutil.disk_usage(path.parent).free < FREE_SPACE_LEAST
+
+
+def lock_part_file(part: Path) -> BufferedWriter:
+    """The right to write a part file, held while what is returned stays open. Raises BadInput.
+
+    A process that is killed holds nothing any more.
+    """
+    if is_disk_nearly_full(part):
+        raise BadInput(f"{part}: the disk is nearly full; make room, or give --no-record")
+    file = part.open("ab")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        raise BadInput(f"{part}: another process is writing it; give --record another FILE") from None
+    except OSError:
+        pass  # a file system without locks
+    return file
+
+
+def abandon_writer(stream: Any) -> None:
+    """Let the program leave without waiting for a writer that has ended: at exit, and with its stream."""
+    atexit.unregister(rr.rerun_shutdown)
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
 
 
 def open_stream(
-    path: Path,
-    name: str,
-    layout: "rrb.Blueprint",
-    recording_id: str,
-    application: str = APPLICATION,
-    viewer: str | None = None,
+    path: Path, name: str, layout: "rrb.Blueprint", application: str = APPLICATION, viewer: str | None = None
 ) -> Recording:
     """Begin PATH.part with its name and blueprint; `viewer` is the address of one that follows.
 
@@ -112,16 +145,13 @@ def open_stream(
     """
     make_parent(path)
     batches = rr.ChunkBatcherConfig(flush_tick=FLUSH_INTERVAL)
-    stream = rr.RecordingStream(application, recording_id=recording_id, batcher_config=batches)
+    stream = rr.RecordingStream(application, recording_id=path.stem, batcher_config=batches)
     try:
         lock = lock_part_file(part_path(path))
         sinks = [rr.FileSink(part_path(path)), *([rr.GrpcSink(viewer)] if viewer else [])]
         stream.set_sinks(*sinks, default_blueprint=layout)
     except OSError as error:
         raise BadInput(f"{path}: the recording cannot be written ({error.strerror})") from error
-    except RuntimeError as error:  # the disk takes not even the first bytes
-        abandon_writer(stream)
-        raise BadInput(f"{path}: the recording cannot be begun ({error})") from error
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     stream.send_recording_name(name)
@@ -132,13 +162,12 @@ def open_recording(path: Path, header: RunHeader, viewer: str | None = None) -> 
     """Begin the recording of a run with its scene, walls and names of curves. Raises BadInput."""
     focus = choose_focus(header.kind, header.radii, header.walls)
     layout = blueprint(header.kind, focus)
-    recording = open_stream(path, header.name, layout, header.recording_id, viewer=viewer)
+    recording = open_stream(path, header.name, layout, viewer=viewer)
     recording.stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     recording.stream.log("world", rr.Transform3D(scale=MAGNIFICATION), static=True)
     log_scene(recording, header.name, header.scene_text)
-    for entry, (legend, colour) in (CURVES | (TRANSPORT if header.kind in WIND_KINDS else {})).items():
-        folder = "decades" if entry in DECADES else "transport" if entry in TRANSPORT else SUMS
-        log_legend(recording, f"{folder}/{entry}", legend, colour)
+    for entity, (legend, colour) in (CURVES | (TRANSPORT if header.kind in WIND_KINDS else {})).items():
+        log_legend(recording, entity, legend, colour)
     set_time(recording, 0.0, 0)
     for wall in header.walls:
         log_wall(recording, wall)
@@ -293,13 +322,9 @@ def log_wall(recording: Recording, wall: WallMesh) -> None:
     recording.stream.log(wall_entity(wall.name), mesh, static=not wall.moving)
 
 
-def log_wall_pose(
-    recording: Recording, name: str, translation: Triple, quaternion: tuple[float, float, float, float]
-) -> None:
-    """Write the pose of a wall: rotated by `quaternion` (w, x, y, z), then shifted by `translation` [m]."""
-    w, x, y, z = quaternion
-    pose = rr.Transform3D(translation=translation, quaternion=rr.Quaternion(xyzw=(x, y, z, w)))
-    recording.stream.log(wall_entity(name), pose)
+def log_wall_pose(recording: Recording, name: str, rotation: Floats, translation: Floats) -> None:
+    """Write the pose of a wall: rotated by a matrix [3, 3], then shifted [m]."""
+    recording.stream.log(wall_entity(name), rr.Transform3D(translation=translation, mat3x3=rotation))
 
 
 def log_wall_removed(recording: Recording, name: str) -> None:

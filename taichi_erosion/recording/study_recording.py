@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import ceil, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from taichi_erosion.recording.stream import close, log_scale, open_stream, set_p
 APPLICATION = "taichi_erosion_study"  # apart from single runs, which have another layout
 DESIGN = "design"  # entity with one component for each column of the table of all runs
 MOST_FRAMES = 40  # of each run, evenly spread
-MOST_BESIDE = 4  # runs side by side
 RUN_DISTANCE = 1.35  # of the eye, over the radius that it frames: heaps are low and views wide [1]
 
 Films = Mapping[str, list[GrainFrame]]  # frames by run
@@ -52,7 +50,7 @@ def record_study(path: Path, page: StudyPage) -> Path:
         frames = read_grains(run.recording)
         kept = np.linspace(0, len(frames) - 1, min(MOST_FRAMES, len(frames))).round().astype(int)
         films[run.name] = [frames[k] for k in kept]
-    recording = open_stream(path, page.title, study_blueprint(page, films), path.stem, APPLICATION)
+    recording = open_stream(path, page.title, study_blueprint(page, films), APPLICATION)
     stream = recording.stream
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     stream.log("runs", rr.Transform3D(scale=blueprint.MAGNIFICATION), static=True)
@@ -84,19 +82,11 @@ def study_blueprint(page: StudyPage, films: Films) -> "rrb.Blueprint":
     if not films:
         return blueprint.with_time_panel(rrb.Horizontal(rrb.Tabs(*figures), texts, column_shares=[3, 2]))
     focus = common_focus(films)
+    above = rrb.Grid(
+        *(blueprint.grain_view(focus, run.caption, f"/runs/{run.name}", RUN_DISTANCE) for run in page.runs)
+    )
     below = rrb.Horizontal(rrb.Tabs(*figures), texts, column_shares=[1, 1])
-    return blueprint.with_time_panel(rrb.Vertical(run_views(page, focus), below, row_shares=[3, 2]))
-
-
-def run_views(page: StudyPage, focus: Focus) -> "rrb.Container":
-    """Runs side by side, few enough at once to be read on a small screen; the others in further tabs."""
-    views = [blueprint.grain_view(focus, run.caption, f"/runs/{run.name}", RUN_DISTANCE) for run in page.runs]
-    parts = [views[k : k + MOST_BESIDE] for k in range(0, len(views), MOST_BESIDE)]
-    grids = [
-        rrb.Grid(*part, grid_columns=ceil(sqrt(len(part))), name=f"runs {number * MOST_BESIDE + 1} on")
-        for number, part in enumerate(parts)
-    ]
-    return grids[0] if len(grids) == 1 else rrb.Tabs(*grids)
+    return blueprint.with_time_panel(rrb.Vertical(above, below, row_shares=[3, 2]))
 
 
 def common_focus(films: Films) -> Focus:

@@ -30,7 +30,6 @@ NOTICE_TIME = 6.0  # s after its start, in which the whole viewer shows a notice
 SHOTS = 5  # calls for a picture before it is given up
 ROUNDING = 1e-6  # of a time that the viewer counts in nanoseconds [1]
 END_LIMIT = 5.0  # s in which a viewer that has lost its connection ends
-STOP_LIMIT = 10.0  # s until a viewer that was asked to end is killed
 NO_RENDERER = (
     "no software renderer, the viewer did not start: on Debian install mesa-vulkan-drivers and libvulkan1"
 )
@@ -61,12 +60,8 @@ def viewer_process(port: int, *options: str | Path) -> Iterator[subprocess.Popen
     try:
         yield process
     finally:
-        process.terminate()
-        try:
-            process.wait(STOP_LIMIT)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        process.kill()  # it has nothing to put away
+        process.wait()
 
 
 def open_viewer(path: Path) -> int:
@@ -135,15 +130,13 @@ def render_picture(
     `view` names the one view to draw alone, such as Grains; `source` is what the recording was made from, by
     which the picture is marked.
     """
-    start = time.monotonic()
     with headless_viewer(path, size) as client:
         end = last_moment(client)
         wanted = end if moment is None else moment
         if not 0.0 <= wanted <= end * (1.0 + ROUNDING):
             raise BadInput(f"--time {wanted:g}: {path} runs from 0 to {end:.6g} s")
         client.set_time(TIMELINE, duration=wanted, play_state="paused")
-        notice = NOTICE_TIME - (time.monotonic() - start) if view is None else 0.0
-        time.sleep(max(DRAW_TIME, notice))
+        time.sleep(DRAW_TIME if view else NOTICE_TIME)
         views = {shown.name: shown.view_id for shown in client.get_state().views}
         if view is not None and view not in views:
             raise BadInput(f"{path}: no view '{view}', only {', '.join(sorted(views))}")

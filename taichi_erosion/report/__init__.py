@@ -1,12 +1,7 @@
 """Pages (HTML) and recordings (.rrd) of runs, calibrations and evidence studies."""
 
-import tomllib
 from pathlib import Path
-
-from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import read_text_file
-
-RUNS = (".json", ".rrd")
+from types import ModuleType
 
 
 def write_report(source: Path, to: Path | None = None, force: bool = False) -> Path:
@@ -14,25 +9,20 @@ def write_report(source: Path, to: Path | None = None, force: bool = False) -> P
 
     `force` replaces a file that is not the page of this study or run.
     """
-    from taichi_erosion.report import calibration_page, run_page, study_page
+    from taichi_erosion.report import run_page
 
-    if source.suffix in RUNS:
-        return run_page.write_report(source, to, force)
-    return (calibration_page if is_calibration(source) else study_page).write_report(source, to, force)
+    page = run_page if source.suffix in (".json", ".rrd") else page_of(source)
+    return page.write_report(source, to, force)
 
 
 def write_recording(study: Path) -> Path:
     """Write the recording of a study from the files in its folder. Raises BadInput where there are none."""
+    return page_of(study).write_recording(study)
+
+
+def page_of(study: Path) -> ModuleType:
+    """Pages of calibrations, whose study file has targets, or of evidence studies. Raises BadInput."""
+    from taichi_erosion.campaign.study_file import read_study_file
     from taichi_erosion.report import calibration_page, study_page
 
-    return (calibration_page if is_calibration(study) else study_page).write_recording(study)
-
-
-def is_calibration(study: Path) -> bool:
-    """Whether a study file has targets (calibration) instead of measurements (evidence)."""
-    try:
-        return "targets" in tomllib.loads(read_text_file(study))
-    except FileNotFoundError:
-        raise BadInput(f"{study}: no such file") from None
-    except (OSError, ValueError) as error:
-        raise BadInput(f"{study}: {error}") from None
+    return calibration_page if read_study_file(study, lambda _: iter(())).targets else study_page

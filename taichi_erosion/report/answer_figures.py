@@ -8,8 +8,9 @@ doses       doses of a mechanism with their law
 ladder      misfit per row of fitted and held-out rows
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -48,7 +49,7 @@ CAP = 5.0  # half length of the ends of an interval [pt]
 ARROW_POINTS = [(-0.7, 0), (0.7, 0), (0, 0), (0, -1.5), (-0.5, -1.4), (0.5, -1.4), (0, -2.2), (-0.5, -1.4)]
 BELOW = Outline(np.array(ARROW_POINTS), [1, 2, 1, 2, 1, 2, 2, 2])
 ABOVE = Outline(-np.asarray(BELOW.vertices), BELOW.codes)
-DOTS = {"marker": "o", "ms": 5.0, "color": INK, "mfc": INK}
+MARKS = {"marker": "o", "ms": 5.0, "ls": "", "mew": 1.1, "zorder": 5, "color": INK, "mfc": INK}
 LETTERS = 6.0  # of a label per inch of the figure
 LINE, MARGIN = 0.2, 0.55  # heights of a line of a chart, and of its axis [in]
 
@@ -69,7 +70,7 @@ def places(record: Record) -> list[tuple[str, str]]:
 def points_of(record: Record, voc: Vocabulary, observable: str, axis: str) -> pd.DataFrame:
     """Rows of an observable in order of a condition, in the units of the table; without one in their own."""
     rows, scale = record.rows, voc.scale(observable)
-    columns = {key: getattr(rows, key) for key in ("measured", "low", "high", "sd", "before", "after")}
+    columns = {key: getattr(rows, key) for key in ("measured", "low", "high", "sd", *MODELS)}
     columns |= {f"gap_{key}": rows.gap(columns[key]) for key in MODELS}
     table = pd.DataFrame({name: scale * column for name, column in columns.items()})
     table["limit"] = list(map(limit_of, rows.low, rows.high))
@@ -131,8 +132,7 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
         draw_points(values, points)
         residuals.axhline(0.0, color=SOFT, lw=0.8)
         for name, label in labels.items():
-            dash = {"ls": "", "marker": "_", "ms": 9.0, "mew": 1.8, "label": label}
-            values.plot(x, points[name], color=MODELS[name], gid=f"layer:{name}", **dash)
+            values.plot(x, points[name], "_", ms=9.0, mew=1.8, color=MODELS[name], label=label)
             residuals.plot(x, points[f"gap_{name}"], "o", ms=4.0, color=MODELS[name], gid=f"rows:{name}")
         for frame, title in ((values, quantity(observable)), (residuals, page_words.RESIDUAL)):
             scale_axis(frame, "x", x)
@@ -158,26 +158,14 @@ def draw_points(frame: Axes, points: pd.DataFrame) -> None:
     """Measured values: dots, arrows for limits, bars with ends for intervals."""
     for kind, own in marked(points):
         x, y, low, high = (own[name].to_numpy() for name in ("x", "measured", "low", "high"))
-        style = DOTS | {"label": "" if kind else page_words.MEASURED}
+        style: dict[str, Any] = MARKS | {"label": "" if kind else page_words.MEASURED}
         if kind in ("below", "above"):
             style |= {"marker": BELOW if kind == "below" else ABOVE, "ms": ARROW, "mfc": PAPER}
         elif kind == "between":
             style |= {"ms": MIDDLE}
-            draw_interval_bars(frame, x, low, high)
-        draw_marks(frame, x, y, style, f"rows:measured#{kind}")
-
-
-def draw_marks(frame: Axes, x: Floats, y: Floats, style: Mapping[str, object], gid: str) -> None:
-    """Marks at their places."""
-    frame.plot(x, y, ls="", mew=1.1, zorder=5, gid=gid, **style)  # type: ignore[arg-type]
-
-
-def draw_interval_bars(frame: Axes, x: Floats, low: Floats, high: Floats) -> None:
-    """Bars from end to end of intervals in which values lie; their ends tell them from error bars."""
-    style = {"fmt": "none", "ecolor": INK, "elinewidth": 1.4, "capsize": CAP, "capthick": 1.4}
-    bars = frame.errorbar(x, 0.5 * (low + high), 0.5 * (high - low), gid="layer:measured", **style)
-    for cap in bars[1]:
-        cap.set_gid("layer:measured")
+            ends: dict[str, Any] = {"elinewidth": 1.4, "capsize": CAP, "capthick": 1.4}
+            frame.errorbar(x, 0.5 * (low + high), 0.5 * (high - low), fmt="none", ecolor=INK, **ends)
+        frame.plot(x, y, gid=f"rows:measured#{kind}", **style)
 
 
 def chart(width: float, labels: list[str]) -> tuple[Figure, Axes, Floats]:
@@ -281,7 +269,8 @@ def dose_pictures(law: LawPart, voc: Vocabulary) -> Iterator[Picture]:
                 frame.fill_between(x, low, high, color=AFTER, alpha=0.16, lw=0.0)
             ends = np.maximum([value - low, high - value], 0.0)
             frame.errorbar(x, value, ends, fmt="none", ecolor=AFTER, elinewidth=0.9)
-            draw_marks(frame, x, value, DOTS | {"color": AFTER, "mfc": AFTER}, "rows:doses")
+            style: dict[str, Any] = MARKS | {"color": AFTER, "mfc": AFTER}
+            frame.plot(x, value, gid="rows:doses", **style)
             scale_axis(frame, "x", x)
             frame.set_xlabel(heading(axis, voc.units.condition_unit(axis)))
             counts = voc.doses.get(law.mechanism.partition(":")[0], "strength")

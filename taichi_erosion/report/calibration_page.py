@@ -9,19 +9,18 @@ import numpy as np
 import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markdown_it import MarkdownIt
-from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from taichi_erosion import __version__
 from taichi_erosion.campaign.calibration import PAGE, PICTURES, Calibration
 from taichi_erosion.campaign.calibration_steps import STAGES
 from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import ListedFolder, marked_html, refuse_foreign, write_atomic
+from taichi_erosion.core.files import ListedFolder
 from taichi_erosion.experiments.confirm import SIGNIFICANCE
 from taichi_erosion.recording.study_recording import RecordedRun, StudyPage, record_study
 from taichi_erosion.report import design_figures as figures
-from taichi_erosion.report.html import address_of, made, render
+from taichi_erosion.report.figure_style import raster
+from taichi_erosion.report.html import address_of, made, write_page
 from taichi_erosion.report.markdown import markdown_table, with_scatter_of, with_spread
 
 Row = Mapping[str, Any]
@@ -32,27 +31,40 @@ RECORDING = "study.rrd"
 LEAST_POWER = 0.5  # of a yes: below it a test more often misses a difference that matters than sees it [1]
 OPTIMA = 5  # listed on the page
 VARIANCE = ("sum_of_squares", "df", "mean_square", "f", "p")
+POWER = (
+    "The test sees a difference of {seen} {unit} with a power of 0.8, and one of {resolved} {unit} with a "
+    "power of {power:.2f}."
+)
+VERDICTS = {
+    "Yes.": "In the calibrated scene {name} agrees with the measurement (difference {far}). {power}",
+    "No.": "In the calibrated scene {name} differs from the measurement (by {far}). {power} Another range of "
+    "the surface (surface_half in [design]), then the same command, may come nearer.",
+    "Not refuted.": "In the calibrated scene no difference of {name} from the measurement is told ({far}), "
+    "but the test would more often miss one than see it. {power} More confirmation runs would tell.",
+    "Not known.": "The confirmation runs of {name} do not scatter, so no test is possible.",
+}
 PICTURE = re.compile(r'<img src="([^":]+)"')
 HEADING = re.compile("<h2>(.+?)</h2>")
-VERDICT = re.compile(r"<p><strong>(Yes\.|No\.|Not known\.)</strong>")
+VERDICT = re.compile(r"<p><strong>(Yes|No|Not \w+)\.</strong>")
 RESOLUTION = 130  # of pictures [dots per inch]
 MOST_RUNS = 9  # recorded runs side by side
 
 
 def publish(found: Calibration) -> Path:
     """Write page and pictures into the folder of a completed study."""
-    draw(found)
+    folder = ListedFolder(found.file.folder)
+    for name, figure in drawn(found):
+        folder.write(f"{PICTURES}/{name}.png", raster(figure, RESOLUTION))
     pages = Environment(loader=PackageLoader("taichi_erosion.report"), undefined=StrictUndefined)
     document, targets = found.document, found.file.study.targets
+    tests = document["confirm"]["tests"]
     text = pages.get_template(PAGE_TEMPLATE).render(
         file=found.file,
         study=found.file.study,
         document=document,
         leading=next(iter(targets)),
         design=surface_design_words(found),
-        verdicts={
-            name: verdict(document["confirm"]["tests"][name], name, targets[name].unit) for name in targets
-        },
+        verdicts={name: verdict(tests[name], name, target.unit) for name, target in targets.items()},
         scenes=[Path(path).name for path in document.get("calibrated_scenes", [])],
         scatter=with_scatter_of,
         symbols=symbols(found),
@@ -62,105 +74,73 @@ def publish(found: Calibration) -> Path:
         variance={name: markdown_table(*variance_table(found, name)) for name in targets},
         equations={name: equation(found, name) for name in targets},
         optima=markdown_table(*optimum_table(found)),
-        samples={name: samples(document["confirm"]["tests"][name]) for name in targets},
+        samples={name: samples(tests[name]) for name in targets},
     )
-    return ListedFolder(found.file.folder).write(PAGE, (text.rstrip() + "\n").encode())
+    return folder.write(PAGE, (text.rstrip() + "\n").encode())
 
 
-def draw(found: Calibration) -> None:
-    """Write all figures of the page."""
+def drawn(found: Calibration) -> Iterator[tuple[str, Figure]]:
+    """All figures of the page by their names."""
     assert found.climb is not None
-    targets = found.file.study.targets
-    for name in targets:
-        for kind, figure in response_figures(found, name).items():
-            save(found, figure, f"{kind}_{name}.png")
-    name, target = next(iter(targets.items()))
-    curve = figures.climb_curve(found.climb.design, name, found.climb.best, target)
-    save(found, curve, f"climb_{name}.png")
-
-
-def save(found: Calibration, figure: Figure, name: str) -> None:
-    """Write one figure, and list it."""
-    path = found.file.folder / PICTURES / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=RESOLUTION, metadata={"Software": None})  # equal figures give equal bytes
-    plt.close(figure)
-    ListedFolder(found.file.folder).record(f"{PICTURES}/{name}")
-
-
-def response_figures(found: Calibration, name: str) -> dict[str, Figure]:
-    """Figures of one response, by kind."""
     assert found.surface is not None
-    document, names, target = found.document, found.file.labels, found.file.study.targets[name]
-    analysed, fit = document["analyse"], found.surface.fits[name]
-    best, values = document["optimise"]["optima"][0], document["confirm"]["values"][name]
-    at = np.array([(best["settings"][f.path] - f.centre) / f.half for f in fit.factors])
-    return {
-        "effects": figures.effect_bars(analysed["responses"][name], analysed["kept"], target.unit),
-        "surface": figures.contours(fit, names, target.unit, at, target.value),
-        "hills": figures.response_surfaces(fit, names, target.unit, at),
-        "perturbation": figures.perturbation(fit, names, target.unit, at),
-        "fit": figures.predicted_against_actual(fit, target.unit),
-        "residuals": figures.residuals(fit, found.surface.design.run_order),
-        "confirm": figures.confirmation_runs(values, name, target, best["predicted"][name]),
-    }
-
-
-def effect_table(found: Calibration, name: str) -> Cells:
-    """Effects, largest first, with the published values where the study has any."""
-    rows, target = [], found.file.study.targets[name]
-    screened = found.document["analyse"]["responses"][name]
-    published = any(entry.published for entry in found.file.study.parameters.values())
-    for effect in screened["effects"]:
-        entry = found.file.study.parameters[effect["name"]]
-        label = f"{effect['label']} {entry.symbol}".strip()
-        limits = f"{entry.low:g} to {entry.high:g} {'' if entry.unit == '1' else entry.unit}".rstrip()
-        value = with_scatter_of(
-            effect["value"], standard_error(effect, screened["quality"]["sd"]), signed=True
-        )
-        rows.append((label, limits, value, f"{effect['p']:.2g}", *([entry.published] if published else [])))
-    header = ("parameter", "range", f"effect [{target.unit}]", "p", *(["published"] if published else []))
-    return header, rows
-
-
-def standard_error(effect: Mapping[str, float], scatter: float) -> float:
-    """Standard error of an effect; the scatter of single runs where the screening has no t."""
-    t = effect["t"]
-    return abs(effect["value"] / t) if t == t and t != 0.0 else scatter
+    document, names, targets = found.document, found.file.labels, found.file.study.targets
+    analysed, best = document["analyse"], document["optimise"]["optima"][0]
+    for name, target in targets.items():
+        fit, unit = found.surface.fits[name], target.unit
+        at = np.array([(best["settings"][f.path] - f.centre) / f.half for f in fit.factors])
+        yield f"effects_{name}", figures.effect_bars(analysed["responses"][name], analysed["kept"], unit)
+        yield f"surface_{name}", figures.contours(fit, names, unit, at, target.value)
+        yield f"hills_{name}", figures.response_surfaces(fit, names, unit, at)
+        yield f"perturbation_{name}", figures.perturbation(fit, names, unit, at)
+        yield f"fit_{name}", figures.predicted_against_actual(fit, unit)
+        yield f"residuals_{name}", figures.residuals(fit, found.surface.design.run_order)
+        values, predicted = document["confirm"]["values"][name], best["predicted"][name]
+        yield f"confirm_{name}", figures.confirmation_runs(values, name, target, predicted)
+    name, target = next(iter(targets.items()))
+    yield f"climb_{name}", figures.climb_curve(found.climb.design, name, found.climb.best, target)
 
 
 def surface_design_words(found: Calibration) -> str:
     """`Box-Behnken design of 17 runs, 5 of them at the centre`."""
     assert found.surface is not None
     design, sizes = found.surface.design, found.file.study.design
-    name = {
-        "box_behnken": "Box-Behnken design",
-        "central_composite": f"Central composite design ({sizes.surface_axial})",
-        "latin_hypercube": "Latin hypercube",
-    }[sizes.surface]
+    names = {"box_behnken": "Box-Behnken design", "latin_hypercube": "Latin hypercube"}
+    name = names.get(sizes.surface, f"Central composite design ({sizes.surface_axial})")
     return f"{name} of {len(design)} runs, {design.kinds.count('centre')} of them at the centre"
+
+
+def effect_table(found: Calibration, name: str) -> Cells:
+    """Effects, largest first, with the published values where the study has any."""
+    parameters, screened = found.file.study.parameters, found.document["analyse"]["responses"][name]
+    rows = []
+    for effect in screened["effects"]:
+        entry, t = parameters[effect["name"]], effect["t"]
+        # the scatter of single runs where the screening has no t
+        error = abs(effect["value"] / t) if t == t and t != 0.0 else screened["quality"]["sd"]
+        limits = f"{entry.low:g} to {entry.high:g} {'' if entry.unit == '1' else entry.unit}".rstrip()
+        value = with_scatter_of(effect["value"], error, signed=True)
+        label = f"{effect['label']} {entry.symbol}".strip()
+        rows.append((label, limits, value, f"{effect['p']:.2g}", entry.published))
+    unit = found.file.study.targets[name].unit
+    header = ("parameter", "range", f"effect [{unit}]", "p", "published")
+    shown = len(header) if any(entry.published for entry in parameters.values()) else len(header) - 1
+    return header[:shown], [row[:shown] for row in rows]
 
 
 def verdict(test: Mapping[str, Any], name: str, unit: str) -> str:
     """Yes or no to the question whether the calibrated scene reproduces the measurement, with the power."""
-    scatter = test["runs"]["sd"]
-    difference, seen = (with_scatter_of(test[key], scatter) for key in ("difference", "detectable"))
+    answer = "Yes."
     if test["p"] != test["p"]:
-        return f"**Not known.** The confirmation runs of {name} do not scatter, so no test is possible."
-    power = f"The test sees a difference of {seen} {unit} with a power of 0.8, and one of "
-    power += f"{with_scatter_of(test['resolve'], scatter)} {unit} with a power of {test['power']:.2f}."
-    if test["p"] < SIGNIFICANCE:
-        words = f"{name} differs by {difference} {unit} from the measurement (p = {test['p']:.2g})"
-        remedy = (
-            "Another range of the surface (surface_half in [design]), then the same command, may come nearer."
-        )
-        return f"**No.** In the calibrated scene {words}. {power} {remedy}"
-    if test["power"] < LEAST_POWER:
-        words = f"no difference of {name} from the measurement is told ({difference} {unit}, "
-        words += f"p = {test['p']:.2g}), but the test would more often miss one than see it"
-        return f"**Not refuted.** In the calibrated scene {words}. {power} More confirmation runs would tell."
-    words = f"{name} agrees with the measurement (difference {difference} {unit}, p = {test['p']:.2g})"
-    return f"**Yes.** In the calibrated scene {words}. {power}"
+        answer = "Not known."
+    elif test["p"] < SIGNIFICANCE:
+        answer = "No."
+    elif test["power"] < LEAST_POWER:
+        answer = "Not refuted."
+    keys = ("difference", "detectable", "resolve")
+    difference, seen, resolved = (with_scatter_of(test[key], test["runs"]["sd"]) for key in keys)
+    power = POWER.format(seen=seen, resolved=resolved, unit=unit, power=test["power"])
+    far = f"{difference} {unit}, p = {test['p']:.2g}"
+    return f"**{answer}** {VERDICTS[answer].format(name=name, far=far, power=power)}"
 
 
 def climb_table(found: Calibration) -> Cells:
@@ -209,8 +189,7 @@ def optimum_table(found: Calibration) -> Cells:
     paths = list(optima[0]["settings"])
     rows = []
     for one in optima:
-        predicted = (one["predicted"][name] for name in targets)
-        intervals = (interval_words(each) for each in predicted)
+        intervals = (interval_words(one["predicted"][name]) for name in targets)
         rows.append((*(number(one["settings"][path]) for path in paths), *intervals))
     header = (*(found.file.labels[path] for path in paths), *(f"{name}, predicted" for name in targets))
     return header, rows
@@ -242,21 +221,22 @@ def finished(study: Path) -> CalibrationStudy:
 def write_report(study: Path, to: Path | None = None, force: bool = False) -> Path:
     """Write the HTML page of a calibration. Raises BadInput where the calibration is not finished."""
     file = finished(study)
-    to = to or file.folder / f"{study.stem}.report.html"
-    refuse_foreign(to, study, force)
     title, _, text = (file.folder / PAGE).read_text(encoding="utf-8").partition("\n")
-    html = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
-    body = PICTURE.sub(lambda found: f'<img src="{address_of(file.folder / found[1])}"', html)
+    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+    body = PICTURE.sub(lambda found: f'<img src="{address_of(file.folder / found[1])}"', body)
     body = body.replace("<table>", '<div class="scroll"><table>').replace("</table>", "</table></div>")
-    body = VERDICT.sub(r'<p class="verdict"><strong>\1</strong>', body)
-    sections = [(f"part{place}", title) for place, title in enumerate(HEADING.findall(body))]
+    body = VERDICT.sub(r'<p class="verdict"><strong>\1.</strong>', body)
+    sections = [(f"part{place}", heading) for place, heading in enumerate(HEADING.findall(body))]
     for name, heading in sections:
         body = body.replace(f"<h2>{heading}</h2>", f'<h2 id="{name}">{heading}</h2>', 1)
-    about = f"{study}, calibrated by designed experiments"
-    when = made({"taichi_erosion": __version__}, f"first seed {file.study.study.seed}")
-    fields = {"title": title.removeprefix("# "), "about": about, "made": when}
-    page = render(TEMPLATE, fields | {"body": body, "sections": sections})
-    return write_atomic(to, marked_html(to, study, page))
+    fields = {
+        "title": title.removeprefix("# "),
+        "about": f"{study}, calibrated by designed experiments",
+        "made": made(f"first seed {file.study.study.seed}"),
+        "body": body,
+        "sections": sections,
+    }
+    return write_page(to or file.folder / f"{study.stem}.report.html", study, force, TEMPLATE, fields)
 
 
 def write_recording(study: Path) -> Path:

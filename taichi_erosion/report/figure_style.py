@@ -1,22 +1,18 @@
 """Figures of every page: style, panels, and SVG elements with colours by role and texts to hover.
 
-An artist whose `gid` is `layer:NAME` becomes an element with `data-layer="NAME"`, which a page can switch
-off. One whose `gid` is `rows:NAME` is a layer too, and its markers get the texts of the figure, in order.
+The markers of an artist whose `gid` is `rows:NAME` get the texts of this name, in order.
 """
 
 import io
 import re
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import partial
 from math import ceil
 from typing import Any, Literal
 from xml.etree import ElementTree as ET
 
 import matplotlib as mpl
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -55,8 +51,12 @@ WIDE_RANGE = 20.0  # largest over smallest value from which an axis is logarithm
 TICKS = 5  # most intervals on an axis
 SVG = "http://www.w3.org/2000/svg"
 LARGEST_SCALE = 1.65  # px of the page over points of the figure
-FONT = re.compile(r"font(?:-family)?: ?(\d+(?:\.\d+)?px)?[^;\"]*DejaVu[^;\"]*")
-NAME = re.compile(r'(\bid="|href="#|url\(#)([^":)]+)(?=["\)])')  # identifiers, but those of layers
+UNDATED = dict.fromkeys(
+    ("Creator", "Date", "Format", "Type")
+)  # metadata of an SVG, none of which are written
+NAME = re.compile(r'(\bid="|href="#|url\(#)([^":)]+)(?=["\)])')  # identifiers, but those of rows
+
+page_style = partial(mpl.rc_context, STYLE)  # context and decorator: the style of the figures of a page
 
 
 @dataclass(frozen=True)
@@ -71,99 +71,67 @@ class Picture:
     figure: Figure | None = field(default=None, compare=False)  # source of `svg`; None for a picture file
 
 
-def page_style() -> AbstractContextManager[None]:
-    """Style of the figures of a page."""
-    return mpl.rc_context(STYLE)
-
-
-def picture(
-    figure: Figure, description: str, name: str, texts: Mapping[str, Sequence[str]] | None = None
-) -> Picture:
-    """Figure as SVG element; equal figures give equal texts."""
-    svg = inline_svg(figure, name, texts or {})
-    plt.close(figure)
-    return Picture(description, svg=svg, name=name, figure=figure)
-
-
+@page_style()
 def responsive(
     draw: Callable[[float], Figure],
     description: str,
     name: str,
     texts: Mapping[str, Sequence[str]] | None = None,
 ) -> Picture:
-    """Figure drawn for the whole width of a page and for that of a phone."""
-    with page_style():
-        wide = picture(draw(WIDE), description, name, texts)
-        narrow = picture(draw(NARROW), description, f"{name}-narrow", texts)
-    return replace(wide, narrow=narrow.svg)
+    """Figure drawn for the whole width of a page and for that of a phone; equal figures give equal texts."""
+    figure = draw(WIDE)
+    narrow = inline_svg(draw(NARROW), f"{name}-narrow", texts or {})
+    return Picture(description, "", inline_svg(figure, name, texts or {}), narrow, name, figure)
 
 
+@page_style()
 def with_key(found: Picture) -> Figure:
     """Figure of a picture that stands alone, with the key that a page has beside it."""
     assert found.figure is not None
     handles, labels = found.figure.axes[0].get_legend_handles_labels()
     if labels:
-        with page_style():
-            found.figure.legend(handles, labels, loc="outside upper left", ncols=len(labels), fontsize=8.0)
+        found.figure.legend(handles, labels, loc="outside upper left", ncols=len(labels), fontsize=8.0)
     return found.figure
 
 
+@page_style()
 def curve_figure(time: Sequence[float], value: Sequence[float], name: str) -> Figure:
     """Figure of a number over the simulated time [s] of a live session."""
-    with page_style():
-        figure, frame = single(*CURVE)
-        frame.plot(time, value, lw=1.2)
-        frame.set(xlabel="simulated time [s]", ylabel=name)
-    plt.close(figure)  # no window and no notebook shows it by itself
+    figure, frame = single(*CURVE)
+    frame.plot(time, value, lw=1.2)
+    frame.set(xlabel="simulated time [s]", ylabel=name)
     return figure
 
 
-def raster(figure: Figure) -> bytes:
-    """Figure as PNG."""
+@page_style()
+def raster(figure: Figure, dots_per_inch: int = DOTS_PER_INCH) -> bytes:
+    """Figure as PNG; equal figures give equal bytes."""
     page = io.BytesIO()
-    with page_style():
-        figure.savefig(page, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+    figure.savefig(page, format="png", dpi=dots_per_inch, metadata={"Software": None})
     return page.getvalue()
 
 
 def inline_svg(figure: Figure, name: str, texts: Mapping[str, Sequence[str]]) -> str:
     """Figure as an SVG element; `name` keeps its identifiers apart from those of other figures."""
     page = io.StringIO()
-    figure.savefig(page, format="svg", transparent=True, metadata={"Date": None})
-    text = NAME.sub(rf"\g<1>{name}-\g<2>", FONT.sub(page_font, page.getvalue()))
+    figure.savefig(page, format="svg", transparent=True, metadata=UNDATED)
+    text = NAME.sub(rf"\g<1>{name}-\g<2>", page.getvalue())
     for colour, role in ROLES.items():
         text = text.replace(colour, f"var({role})")
     for prefix, space in (("", SVG), ("xlink", "http://www.w3.org/1999/xlink")):
         ET.register_namespace(prefix, space)
     root = ET.fromstring(text)
-    for key in ("width", "height"):
-        del root.attrib[key]
-    for child in list(root):
-        if child.tag == f"{{{SVG}}}metadata" or child.find(f"{{{SVG}}}style") is not None:
+    for child in root.findall(f"{{{SVG}}}defs"):  # a style of the figure is one of the whole page
+        if child.find(f"{{{SVG}}}style") is not None:
             root.remove(child)
     for group in list(root.iter(f"{{{SVG}}}g")):
-        mark(group, texts)
+        rows = texts.get(group.get("id", "").removeprefix("rows:"), ())
+        for point, row in zip(list(group.iter(f"{{{SVG}}}use")), rows, strict=False):
+            point.set("class", "row")
+            ET.SubElement(point, f"{{{SVG}}}title").text = row
     root.set("role", "img")
     root.set("style", f"max-width: {LARGEST_SCALE * 72.0 * figure.get_figwidth():.0f}px")
     return ET.tostring(root, encoding="unicode")
-
-
-def page_font(found: re.Match[str]) -> str:
-    """Font of the page in the size of the figure."""
-    return f"font: {found[1]} system-ui, sans-serif" if found[1] else "font-family: system-ui, sans-serif"
-
-
-def mark(group: ET.Element, texts: Mapping[str, Sequence[str]]) -> None:
-    """Turn the `gid` of an artist into a layer, and give its points their texts."""
-    kind, _, layer = (group.get("id") or "").partition(":")
-    if not layer:
-        return
-    del group.attrib["id"]
-    group.set("data-layer", layer.partition("#")[0])
-    if kind == "rows":
-        for point, text in zip(list(group.iter(f"{{{SVG}}}use")), texts.get(layer, ()), strict=False):
-            point.set("class", "row")
-            ET.SubElement(point, f"{{{SVG}}}title").text = text
 
 
 def panels(
@@ -171,22 +139,14 @@ def panels(
 ) -> tuple[Figure, list[Any]]:
     """Figure of `count` panels of a size [in], `columns` in a row."""
     across, down = min(count, columns), ceil(count / columns)
-    figure, frames = plt.subplots(
-        down,
-        across,
-        figsize=(size[0] * across, size[1] * down),
-        squeeze=False,
-        layout="constrained",
-        subplot_kw={"projection": projection},
-    )
-    for frame in frames.flat[count:]:
-        frame.set_visible(False)
-    return figure, list(frames.flat[:count])
+    figure = Figure(figsize=(size[0] * across, size[1] * down), layout="constrained")
+    return figure, [figure.add_subplot(down, across, k + 1, projection=projection) for k in range(count)]
 
 
 def single(width: float, height: float) -> tuple[Figure, Axes]:
     """Figure of one panel [in]."""
-    return plt.subplots(figsize=(width, height), layout="constrained")
+    figure, (frame,) = panels(1, 1, (width, height))
+    return figure, frame
 
 
 def scale_axis(frame: Axes, which: Literal["x", "y"], values: Floats) -> None:

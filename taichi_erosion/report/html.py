@@ -5,15 +5,22 @@ import re
 from collections.abc import Mapping
 from datetime import date
 from math import isfinite
+from mimetypes import guess_type
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from taichi_erosion import __version__
+from taichi_erosion.core.files import marked_html, refuse_foreign, write_atomic
 from taichi_erosion.evidence.data.number_words import plain
 
-MEDIA_TYPES = {".png": "image/png", ".gif": "image/gif", ".jpg": "image/jpeg", ".svg": "image/svg+xml"}
+
+def write_page(to: Path, source: Path, force: bool, template: str, fields: Mapping[str, Any]) -> Path:
+    """Write the page of a source; a file that is not its page stays unless forced. Raises BadInput."""
+    refuse_foreign(to, source, force)
+    return write_atomic(to, marked_html(to, source, render(template, fields)))
 
 
 def render(template: str, fields: Mapping[str, Any]) -> str:
@@ -28,9 +35,9 @@ def render(template: str, fields: Mapping[str, Any]) -> str:
     return environment.get_template(template).render(**fields)
 
 
-def made(versions: Mapping[str, str], seeds: str) -> str:
+def made(seeds: str, version: str = __version__) -> str:
     """When and with what a page was made."""
-    return f"Made on {date.today().isoformat()} with taichi_erosion {versions['taichi_erosion']}, {seeds}."
+    return f"Made on {date.today().isoformat()} with taichi_erosion {version}, {seeds}."
 
 
 def number(value: float | None) -> str:
@@ -45,4 +52,4 @@ def commands(line: str) -> Markup:
 
 def address_of(file: Path) -> str:
     """Picture file as data address."""
-    return f"data:{MEDIA_TYPES[file.suffix.lower()]};base64," + base64.b64encode(file.read_bytes()).decode()
+    return f"data:{guess_type(file)[0]};base64,{base64.b64encode(file.read_bytes()).decode()}"

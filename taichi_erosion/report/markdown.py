@@ -1,21 +1,7 @@
-"""Markdown tables, and pages with generated tables between `<!-- table: NAME -->` and `<!-- end -->`."""
+"""Markdown tables, and numbers with their scatter."""
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import isfinite
-
-MARKED = re.compile(
-    r"(?P<begin><!-- table: (?P<name>[\w ]+) -->\n)(?P<table>.*?)(?P<end><!-- end -->)", re.DOTALL
-)
-
-
-def fill_tables(page: str, tables: Mapping[str, str]) -> str:
-    """Page with the tables that it marks; others stay. Raises ValueError for a table without a mark."""
-    if lost := tables.keys() - {found["name"] for found in MARKED.finditer(page)}:
-        raise ValueError(f"the page does not mark {sorted(lost)}")
-    return MARKED.sub(
-        lambda found: found["begin"] + tables.get(found["name"], found["table"]) + found["end"], page
-    )
 
 
 def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

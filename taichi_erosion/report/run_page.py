@@ -10,18 +10,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import marked_html, read_text_file, refuse_foreign, write_atomic
+from taichi_erosion.core.files import read_text_file
 from taichi_erosion.evidence.data.number_words import counted, heading
 from taichi_erosion.evidence.words import run_words
 from taichi_erosion.evidence.words.vocabulary import quantity
 from taichi_erosion.report.figure_style import AFTER, BEFORE, WIDE, Picture, panels, responsive
-from taichi_erosion.report.html import address_of, made, render
+from taichi_erosion.report.html import address_of, made, write_page
 
 Document = Mapping[str, Any]
 
 TEMPLATE = "run.html"
 NEEDED = ("scene", "hash", "seed", "replicas", "measures", "measured", "versions")
-OURS, THEIRS = AFTER, BEFORE
 COLUMNS = 3  # panels side by side
 MOST_WIDE = 4.0  # of a panel [in]
 LARGEST_FILM = 8_000_000  # bytes; a larger film is not embedded
@@ -30,10 +29,8 @@ LARGEST_FILM = 8_000_000  # bytes; a larger film is not embedded
 def write_report(run: Path, to: Path | None = None, force: bool = False) -> Path:
     """Write the page of a run from its document or recording. Raises BadInput without a document."""
     source = run.with_suffix(".json")
-    to = to or run.with_suffix(".report.html")
-    refuse_foreign(to, source, force)
-    document = read_document(source)
-    return write_atomic(to, marked_html(to, source, render(TEMPLATE, page_fields(document, source))))
+    fields = page_fields(read_document(source), source)
+    return write_page(to or run.with_suffix(".report.html"), source, force, TEMPLATE, fields)
 
 
 def read_document(path: Path) -> Document:
@@ -56,7 +53,9 @@ def page_fields(document: Document, source: Path) -> dict[str, Any]:
     return {
         "title": document.get("title") or Path(document["scene"]).stem,
         "about": f"{document['scene']}, {counted(len(seeds), 'repeat')}",
-        "made": made(document["versions"], f"seed{'' if len(seeds) == 1 else 's'} {', '.join(seeds)}"),
+        "made": made(
+            f"seed{'s' * (len(seeds) > 1)} {', '.join(seeds)}", document["versions"]["taichi_erosion"]
+        ),
         "summary": list(run_words.comparisons(document)),
         "warnings": run_words.run_warnings(document),
         "table": run_words.run_table(document),
@@ -100,10 +99,10 @@ def draw_measure(frame: Axes, document: Document, name: str) -> None:
     values = [nan if value is None else value for value in seeds]
     if wanted:
         sd = wanted.get("sd") or 0.0
-        frame.axhspan(wanted["value"] - sd, wanted["value"] + sd, color=THEIRS, alpha=0.2, lw=0.0)
-        frame.axhline(wanted["value"], color=THEIRS, lw=1.0)
-    frame.plot([0.0] * len(values), values, "o", ms=3.5, color=OURS, alpha=0.6)
-    frame.errorbar([1.0], [pooled["value"]], [pooled["sd"] or 0.0], fmt="s", color=OURS, capsize=3)
+        frame.axhspan(wanted["value"] - sd, wanted["value"] + sd, color=BEFORE, alpha=0.2, lw=0.0)
+        frame.axhline(wanted["value"], color=BEFORE, lw=1.0)
+    frame.plot([0.0] * len(values), values, "o", ms=3.5, color=AFTER, alpha=0.6)
+    frame.errorbar([1.0], [pooled["value"]], [pooled["sd"] or 0.0], fmt="s", color=AFTER, capsize=3)
     frame.set(title=heading(quantity(name), pooled["unit"]), xlim=(-0.6, 1.6))
     frame.set_xticks([0.0, 1.0], ["seeds", "mean, sd"])
 

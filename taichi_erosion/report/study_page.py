@@ -1,49 +1,67 @@
 """Page and recording of an evidence study, from the answers in its results folder.
 
-Answers with the table of the newest one belong together; the others are left out and named.
+Answers with the table of the newest one belong together; the others are left out and named. The first screen
+holds what was found, in a sentence and in one figure. Then follow what is missing, does it hold, and what
+next, each with its lines, tables and figures; the method stands at the end.
 """
 
-from collections.abc import Iterator
-from dataclasses import replace
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import marked_html, refuse_foreign, write_atomic
 from taichi_erosion.evidence.answers.files import Command, Reply, document_file, read_reply
 from taichi_erosion.evidence.answers.predictions import read_prediction
 from taichi_erosion.evidence.models.load_study import results_folder
+from taichi_erosion.evidence.race.record import Record
 from taichi_erosion.evidence.words import page_words
+from taichi_erosion.evidence.words.answer_lines import Table
+from taichi_erosion.evidence.words.effect_words import acting
 from taichi_erosion.evidence.words.shell import shell_command
+from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.recording.study_recording import StudyPage, record_study
-from taichi_erosion.report.answer_figures import places, row_picture
-from taichi_erosion.report.answer_page import AnswerPage, Section, answer_page, html_page
-from taichi_erosion.report.figure_style import Figure, raster, with_key
+from taichi_erosion.report import answer_figures as figures
+from taichi_erosion.report.figure_style import Figure, Picture, raster, with_key
+from taichi_erosion.report.html import made, write_page
 from taichi_erosion.report.markdown import markdown_table
 
 COMMANDS: tuple[Command, ...] = ("adopt", "discover", "compare", "next")  # the first knows the written study
-RECORDING = "study.rrd"
+TEMPLATE, RECORDING = "answer.html", "study.rrd"
+FILES = ("study", "results", "written")  # of a vocabulary
+TABLES = (("discover",), ("compare", "adopt"), ("next",))  # of the sections, by command
 
-Replies = dict[Command, Reply]
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page."""
+
+    title: str
+    lines: Sequence[str]
+    tables: Sequence[Table]
+    pictures: Sequence[Picture]
 
 
 def write_report(study: Path, to: Path | None = None, force: bool = False) -> Path:
     """Write the HTML page of a study. Raises BadInput before its first answer."""
     page, _ = told(study)
-    to = to or folder_of(study) / f"{study.stem}.report.html"
-    refuse_foreign(to, study, force)
-    return write_atomic(to, marked_html(to, study, html_page(page)))
+    return write_page(to or folder_of(study) / f"{study.stem}.report.html", study, force, TEMPLATE, page)
 
 
 def write_recording(study: Path) -> Path:
     """Write the recording of a study. Raises BadInput before its first answer."""
     page, first = told(study)
-    about, seed = first.about, first.record.cost.seed
-    pictures = [page.first, *(picture for section in page.sections for picture in section.pictures)]
-    tables = [table for section in page.sections for table in section.tables]
+    about, seed, sections = first.about, first.record.cost.seed, page["sections"]
+    pictures = [page["first"], *(picture for section in sections for picture in section.pictures)]
+    tables = [table for section in sections for table in section.tables]
+    lines = [f"# {page['title']}", *page["warnings"], *page["lead"]]
+    for section in sections:
+        lines += [f"## {section.title}", *(f"- {line}" for line in section.lines)] if section.lines else []
     recorded = StudyPage(
-        title=page.title,
-        summary=summary(page),
+        title=page["title"],
+        summary="\n\n".join(lines),
         table="\n".join(f"## {each.title}\n\n{markdown_table(each.columns, each.rows)}" for each in tables),
         figures={each.name: raster(with_key(each)) for each in pictures},
         properties={"rows": about["rows_visible"], "held_out": about["rows_hidden"], "seed": seed},
@@ -51,30 +69,20 @@ def write_recording(study: Path) -> Path:
     return record_study(folder_of(study) / f"{study.stem}.{RECORDING}", recorded)
 
 
-def told(study: Path) -> tuple[AnswerPage, Reply]:
-    """Content of the page of a study, and one of its answers. Raises BadInput before the first one."""
+def told(study: Path) -> tuple[dict[str, Any], Reply]:
+    """Fields of the page of a study, and one of its answers. Raises BadInput before the first one."""
     replies, others = stored_replies(study)
-    first = next(iter(replies.values()))
-    found = replies.values()
+    found, first = replies.values(), next(iter(replies.values()))
     warnings = [*(line for each in found for line in each.about["set_up"]), page_words.left_out(others)]
     notes = [line for each in found for key in ("notes", "warnings") for line in each.about[key]]
     records = {name: reply.record for name, reply in replies.items()}
-    title = first.about["title"] or study.stem
-    warnings, notes = (list(filter(None, dict.fromkeys(lines))) for lines in (warnings, notes))
-    page = answer_page(title, records, first.vocabulary(), warnings, notes, first.about["model"])
-    return replace(page, sections=[*page.sections, *prediction_sections(study, first)]), first
+    page = answer_page(first.about["title"] or study.stem, records, first.vocabulary(), first.about["model"])
+    page["warnings"], page["notes"] = (list(filter(None, dict.fromkeys(each))) for each in (warnings, notes))
+    page["sections"] += prediction_sections(study, first)
+    return page, first
 
 
-def prediction_sections(study: Path, first: Reply) -> Iterator[Section]:
-    """The last predictions, of the adopted model where there is one, that rest on the table of the page."""
-    stems = dict.fromkeys((Path(first.about.get("written", study)).stem, study.stem))
-    stored = (read_prediction(folder_of(study), stem) for stem in stems)
-    for found in [each for each in stored if each and each.about["digest"] == first.about["digest"]][:1]:
-        answer = found.answer()
-        yield Section(page_words.PREDICTIONS, answer.lines, [answer.table] if answer.table else [], [])
-
-
-def stored_replies(study: Path) -> tuple[Replies, list[Command]]:
+def stored_replies(study: Path) -> tuple[dict[Command, Reply], list[Command]]:
     """Answers that belong together, and commands with an answer to another table.
 
     Raises BadInput where none says what is missing.
@@ -91,20 +99,80 @@ def stored_replies(study: Path) -> tuple[Replies, list[Command]]:
     return kept, [command for command in found if command not in kept]
 
 
-def first_figure(reply: Reply) -> Figure:
-    """Measured values, the model before and after, where it fails most."""
-    place = places(reply.record)[0]
-    return with_key(row_picture(reply.record, reply.vocabulary(), *place, 0))
-
-
 def folder_of(study: Path) -> Path:
     """Results folder."""
     return results_folder(study, read_evidence_study(study))
 
 
-def summary(page: AnswerPage) -> str:
-    """Lines of the page as Markdown."""
-    parts = [f"# {page.title}", *page.warnings, *page.lead]
-    for section in page.sections:
-        parts += [f"## {section.title}", *(f"- {line}" for line in section.lines)] if section.lines else []
-    return "\n\n".join(parts)
+def prediction_sections(study: Path, first: Reply) -> Iterator[Section]:
+    """The last predictions, of the adopted model where there is one, that rest on the table of the page."""
+    stems = dict.fromkeys((Path(first.about.get("written", study)).stem, study.stem))
+    stored = (read_prediction(folder_of(study), stem) for stem in stems)
+    for found in [each for each in stored if each and each.about["digest"] == first.about["digest"]][:1]:
+        answer = found.answer()
+        yield Section(page_words.PREDICTIONS, answer.lines, [answer.table] if answer.table else [], [])
+
+
+def first_figure(reply: Reply) -> Figure:
+    """Measured values, the model before and after, where it fails most."""
+    place = figures.places(reply.record)[0]
+    return with_key(figures.row_picture(reply.record, reply.vocabulary(), *place, 0))
+
+
+def answer_page(
+    title: str, records: Mapping[str, Record], vocabulary: Vocabulary, model: str = ""
+) -> dict[str, Any]:
+    """Fields of the page of a study, from its records by command."""
+    voc = portable(vocabulary)
+    leading = next(records[name] for name in page_words.LEADING if name in records)
+    found = page_words.answers(records, voc)
+    parts = page_words.page_lines(found)
+    shown = figures.places(leading)  # the worst first
+    first, *others = (figures.row_picture(leading, voc, *place, number) for number, place in enumerate(shown))
+    missing = missing_pictures(leading, voc) if "discover" in found else []
+    drawn = missing, [*holding_pictures(records.get("adopt", leading)), *others], []
+    lead = 1 + bool(leading.repeats)  # repeats that disagree stand before what was found
+    lines = parts[0][lead:], *parts[1:]
+    tables = ([found[key].table for key in keys if key in found] for keys in TABLES)
+    *titles, method_title = page_words.SECTIONS
+    return {
+        "title": title,
+        "about": voc.study,
+        "made": made(f"seed {leading.cost.seed}"),
+        "warnings": [],  # before everything else
+        "lead": parts[0][:lead],
+        "first": first,
+        "key": figures.key(leading),  # of the first picture: measured, both models
+        "sections": [
+            Section(name, own, [each for each in stated if each], pictures)
+            for name, own, stated, pictures in zip(titles, lines, tables, drawn, strict=True)
+        ],
+        "method_title": method_title,
+        "methods": page_words.methods(leading, model),
+        "notes": [],  # on table and runs
+        "acting": {name for names in acting(leading.decided) for name in names},
+    }
+
+
+def portable(voc: Vocabulary) -> Vocabulary:
+    """Files as seen from the folder of the study: a page is read on other machines."""
+    home, files = Path(voc.study).parent, {key: getattr(voc, key) for key in FILES}
+    return replace(
+        voc, **{key: os.path.relpath(file, home) for key, file in files.items() if os.path.isabs(file)}
+    )
+
+
+def missing_pictures(record: Record, voc: Vocabulary) -> list[Picture]:
+    """What explains the measurements."""
+    acts = {name for names in acting(record.decided) for name in names}
+    law = record.law if record.law and record.law.mechanism in acts else None
+    doses = figures.dose_pictures(law, voc) if law else ()
+    return [*doses, figures.posterior_picture(record), figures.strength_picture(record)]
+
+
+def holding_pictures(record: Record) -> Iterator[Picture]:
+    """Misfit before and after, and calibrated numbers."""
+    if page_words.added_words(record):
+        yield figures.ladder_picture(record)
+    if record.numbers:
+        yield figures.number_picture(record)

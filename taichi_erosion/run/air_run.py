@@ -20,12 +20,15 @@ from taichi_erosion.recording import stream
 from taichi_erosion.recording.air_recording import log_wind, open_wind_recording
 from taichi_erosion.run import RunOptions
 from taichi_erosion.run.checks import read_air_scene
-from taichi_erosion.run.result import run_document, write_document_or_warn
-from taichi_erosion.run.scene_run import deferred_signals, record_of, refuse_unwritable_outputs
-from taichi_erosion.scene.load import scene_hash
+from taichi_erosion.run.result import (
+    record_of,
+    refuse_unwritable_outputs,
+    run_document,
+    write_document_or_warn,
+)
+from taichi_erosion.run.scene_run import deferred_signals
 from taichi_erosion.scene.preparation.air import build_air
 from taichi_erosion.scene.schema.air import AirScene
-from taichi_erosion.scene.schema.fields import resolved
 
 CURVES = {
     "speed_largest": "largest speed, m/s",
@@ -53,7 +56,8 @@ def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     Raises BadInput before anything is written, SimulationStopped where the flow blows up.
     """
     started = time.perf_counter()
-    refuse_options(options)
+    if options.checkpoint or options.resume or options.precision == "f32" or options.arch == "vulkan":
+        raise BadInput("--checkpoint, --resume, --precision f32, --arch vulkan: not for a scene of air alone")
     scene = read_air_scene(path, options.overrides)
     first = scene.run.seed if options.seed is None else options.seed
     seeds = [first + k for k in range(options.replicas or 1)]
@@ -79,18 +83,6 @@ def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     return document
 
 
-def refuse_options(options: RunOptions) -> None:
-    """Raise BadInput for options that do not apply to air alone."""
-    if options.checkpoint or options.resume:
-        raise BadInput("--checkpoint and --resume: scenes of air alone start anew each time")
-    if options.precision == "f32":
-        raise BadInput("--precision f32: air is always followed in f64")
-    if options.arch == "vulkan":
-        raise BadInput(
-            "--arch vulkan: air alone needs functions of 64-bit floats that Vulkan lacks; use --arch cpu"
-        )
-
-
 def advance_to_end(
     run: AirRun, recording: stream.Recording | None, options: RunOptions, check: Callable[[], None]
 ) -> None:
@@ -101,8 +93,11 @@ def advance_to_end(
     for frame in range(1, settings.frames + 1):
         steps = total * frame // settings.frames - run.steps
         before = run.iterations
-        if steps:
-            advance(run, steps)
+        if steps and run.air.is_column and run.air.model.scheme == "euler":
+            advance_columns(steps, run.air)
+        elif steps:
+            run.iterations += advance_air(run.air, steps)
+        run.steps += steps
         check()
         states = [air_snapshot(run.air, replica) for replica in range(len(run.seeds))]
         if frame > settings.frames * (1.0 - settings.averaging) or frame == settings.frames:
@@ -117,15 +112,6 @@ def advance_to_end(
             log_wind(recording, states[0], run.steps, curves)
         if options.progress:
             options.progress(frame / settings.frames, f"{states[0].time:.3g} s simulated")
-
-
-def advance(run: AirRun, steps: int) -> None:
-    """Advance all replicas; a column alone stays on the device."""
-    if run.air.is_column and run.air.model.scheme == "euler":
-        advance_columns(steps, run.air)
-    else:
-        run.iterations += advance_air(run.air, steps)
-    run.steps += steps
 
 
 def air_document(path: Path, run: AirRun, threads: int, seconds: float) -> dict[str, Any]:
@@ -154,24 +140,20 @@ def air_document(path: Path, run: AirRun, threads: int, seconds: float) -> dict[
         scene,
         replicas,
         {name: pool([measurements[name] for measurements in measured]) for name in scene.measure},
-        hash=scene_hash(scene),
         grain_steps=0,
         cell_steps=len(run.seeds) * cells * run.steps,
         pressure_iterations_per_step=run.iterations / max(run.steps, 1),
         wall_s=seconds,
-        recording=None,
         numerics={"threads": threads, "precision": "f64", "time_step": run.step_length},
-        resolved=resolved(scene),
     )
 
 
 def finish_recording(recording: stream.Recording, document: dict[str, Any]) -> None:
     """Write properties, close the recording, write the document beside it; disk errors become warnings."""
-    result = {name: record["value"] for name, record in document["measures"].items()}
+    result = {name: measured["value"] for name, measured in document["measures"].items()}
     scene = {"hash": document["hash"], "seed": document["seed"]}
     try:
         document["recording"] = str(stream.close(recording, {"result": result, "scene": scene}))
     except BadInput as error:
         document["replicas"][0]["warnings"].insert(0, str(error))
-        return
     write_document_or_warn(recording.path, document)

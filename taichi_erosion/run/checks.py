@@ -72,20 +72,15 @@ def range_problems(scene: Scene, library: Mapping[str, Any]) -> Iterator[str]:
 
 
 def explained(scene: Scene) -> dict[str, Any]:
-    """Time step, limits and warnings of a scene with its effects; SI units."""
+    """Time step, limits and warnings of a scene; SI units."""
     found = explain(scene)
-    return found | {"warnings": [*found["warnings"], *effect_warnings(scene)]}
-
-
-def effect_warnings(scene: Scene) -> list[str]:
-    """Strengths of effects that are accepted, and larger than the literature supports."""
     if not scene.effects:
-        return []
+        return found
     from taichi_erosion.core.effect import STRENGTH, strength_warning
 
     library = library_of(scene)
-    found = [strength_warning(library[name], e.get(STRENGTH, 1.0)) for name, e in scene.effects.items()]
-    return [sentence for sentence in found if sentence is not None]
+    told = [strength_warning(library[name], e.get(STRENGTH, 1.0)) for name, e in scene.effects.items()]
+    return found | {"warnings": [*found["warnings"], *(line for line in told if line)]}
 
 
 def refuse_failing_effects(scene: Scene) -> None:

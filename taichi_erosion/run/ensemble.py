@@ -16,16 +16,9 @@ from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics, Setup
-from taichi_erosion.run import Report
 from taichi_erosion.run.checks import library_of
-from taichi_erosion.run.ensemble_loop import EnsembleRun, ProgressReporter, run_ensemble
-from taichi_erosion.run.recorder import (
-    Properties,
-    Recorder,
-    finish_recording_or_warn,
-    open_ensemble_recorder,
-    record_while_disk_has_room,
-)
+from taichi_erosion.run.ensemble_loop import EnsembleRun, run_ensemble
+from taichi_erosion.run.recorder import Properties, Recorder, finish_recording, open_recorder, record_replica
 from taichi_erosion.run.result import apply_instruments, replica_record, versions
 from taichi_erosion.run.stages import ReplicaState
 from taichi_erosion.scene import Scene, laws, resolved, scene_hash
@@ -43,86 +36,50 @@ class ReplicaRequest:
     record: Path | None = None  # recording file
     properties: Properties | None = None  # further columns of rerun's table of runs
 
-    @property
-    def title(self) -> str:
-        return f"{self.scene.scene.title or self.scene.scene.kind}, seed {self.seed}"
 
-
-@dataclass(frozen=True)
-class PreparedReplica:
-    """A replica that can start."""
-
-    index: int  # of its request
-    request: ReplicaRequest
-    setup: Setup
-    scene: Scene  # after the effects that change it
-
-
-def run_replicas(
-    requests: Sequence[ReplicaRequest],
-    numerics: Numerics,
-    on_result: OnResult,
-    progress: Report | None = None,
-) -> None:
+def run_replicas(requests: Sequence[ReplicaRequest], numerics: Numerics, on_result: OnResult) -> None:
     """Run all replicas in one ensemble; `on_result` receives the record of each as soon as it has ended.
 
     A record holds seed, measures, warnings, `stopped`, hash, versions, `wall_s` and `cpu_s` (equal shares of
     the ensemble's) and `failure`: None, or the reason of a missing result. A replica that cannot start fails
     alone.
     """
-    run_replicas_after(None, requests, numerics, on_result, progress)
+    run_replicas_after(None, requests, numerics, on_result)
     stop_device()
 
 
 def run_replicas_after(
-    previous: Simulation | None,
-    requests: Sequence[ReplicaRequest],
-    numerics: Numerics,
-    on_result: OnResult,
-    progress: Report | None = None,
+    previous: Simulation | None, requests: Sequence[ReplicaRequest], numerics: Numerics, on_result: OnResult
 ) -> Simulation | None:
     """The same in the buffers of an ensemble that has ended; returns the simulation for the next one.
 
     The device keeps running: after the last ensemble the caller stops it.
     """
     library = library_of(*(request.scene for request in requests))
-    prepared = prepare_replicas(requests, library, on_result)
-    if not prepared:
-        return previous
-    try:
-        setups = [replica.setup for replica in prepared]
-        sim = reuse_or_assemble(previous, setups, laws(prepared[0].scene), numerics)
-    except BadInput as error:
-        if len(prepared) == 1:
-            on_result(prepared[0].index, refusal_record(prepared[0].request, str(error)))
-            return None
-        for replica in prepared:
-            run_replicas(
-                [replica.request], numerics, lambda _, record, i=replica.index: on_result(i, record), progress
-            )
-        return None
-    states = [ReplicaState(replica.request.seed) for replica in prepared]
-    ensemble = EnsembleRun([replica.scene for replica in prepared], sim, states)
-    reporter = ResultReporter(prepared, library, on_result, recorders_of(prepared, ensemble))
-    recording = [partial(record_while_disk_has_room, recorder) for recorder in reporter.recorders.values()]
-    run_ensemble(ensemble, [*recording, *([ProgressReporter(progress)] if progress else []), reporter])
-    return sim
-
-
-def prepare_replicas(
-    requests: Sequence[ReplicaRequest], library: dict[str, Effect], on_result: OnResult
-) -> list[PreparedReplica]:
-    """Build the set-up of every replica; one that cannot be built is reported as failed."""
-    prepared = []
+    setups: dict[int, Setup] = {}
     for index, request in enumerate(requests):
         try:
-            setup = prepare(request.scene, request.seed, library)
+            setups[index] = prepare(request.scene, request.seed, library)
         except BadInput as error:
             on_result(index, refusal_record(request, str(error)))
-            continue
-        scene = effective_scene(request.scene, library)
-        prepared.append(PreparedReplica(index, request, setup, scene))
-    return prepared
+    if not setups:
+        return previous
+    scenes = [effective_scene(requests[index].scene, library) for index in setups]
+    try:
+        sim = reuse_or_assemble(previous, list(setups.values()), laws(scenes[0]), numerics)
+    except BadInput as error:
+        for index in setups:
+            if len(setups) == 1:
+                on_result(index, refusal_record(requests[index], str(error)))
+            else:
+                run_replicas([requests[index]], numerics, lambda _, record, i=index: on_result(i, record))
+        return None
+    ready = {index: requests[index] for index in setups}
+    ensemble = EnsembleRun(scenes, sim, [ReplicaState(request.seed) for request in ready.values()])
+    reporter = ResultReporter(ready, library, on_result, recorders_of(list(ready.values()), ensemble))
+    recording = [partial(record_replica, recorder) for recorder in reporter.recorders.values()]
+    run_ensemble(ensemble, [*recording, reporter])
+    return sim
 
 
 def refusal_record(request: ReplicaRequest, reason: str) -> dict[str, Any]:
@@ -132,19 +89,19 @@ def refusal_record(request: ReplicaRequest, reason: str) -> dict[str, Any]:
     return empty | cost | {"hash": scene_hash(request.scene), "failure": reason}
 
 
-def recorders_of(prepared: list[PreparedReplica], ensemble: EnsembleRun) -> dict[int, Recorder]:
+def recorders_of(requests: list[ReplicaRequest], ensemble: EnsembleRun) -> dict[int, Recorder]:
     """Recorders by replica; a recording that cannot be opened becomes a warning."""
     recorders = {}
-    for replica, request in enumerate(ready.request for ready in prepared):
+    for replica, request in enumerate(requests):
         if request.record is None:
             continue
+        scene = ensemble.scenes[replica]
         text = json.dumps(resolved(request.scene), indent=1)  # a run of a campaign has no scene file
+        title = f"{scene.scene.title or scene.scene.kind}, seed {request.seed}"
         try:
-            recorder = open_ensemble_recorder(request.record, request.title, text, ensemble, replica)
+            recorders[replica] = open_recorder(request.record, title, text, ensemble.sim, scene, replica)
         except BadInput as error:
             ensemble.states[replica].warn(str(error))
-        else:
-            recorders[replica] = recorder
     return recorders
 
 
@@ -152,7 +109,7 @@ def recorders_of(prepared: list[PreparedReplica], ensemble: EnsembleRun) -> dict
 class ResultReporter:
     """Callback that reports the record of every replica once, at the check at which it ends."""
 
-    prepared: list[PreparedReplica]
+    ready: dict[int, ReplicaRequest]  # by index, in the order of the replicas
     library: dict[str, Effect]  # empty where no scene names an effect
     on_result: OnResult
     recorders: dict[int, Recorder]
@@ -161,22 +118,22 @@ class ResultReporter:
     reported: set[int] = field(default_factory=set)
 
     def __call__(self, ensemble: EnsembleRun) -> None:
-        for replica, state in enumerate(ensemble.states):
-            if not state.active and replica not in self.reported:
+        for replica, (index, request) in enumerate(self.ready.items()):
+            if not ensemble.states[replica].active and replica not in self.reported:
                 self.reported.add(replica)
-                self.on_result(self.prepared[replica].index, self.record(ensemble, replica))
+                self.on_result(index, self.record(ensemble, replica, request))
 
-    def record(self, ensemble: EnsembleRun, replica: int) -> dict[str, Any]:
+    def record(self, ensemble: EnsembleRun, replica: int, request: ReplicaRequest) -> dict[str, Any]:
         """Record of one replica, its recording finished."""
-        request, state = self.prepared[replica].request, ensemble.states[replica]
+        state = ensemble.states[replica]
         state.measurements = apply_instruments(state.measurements, request.scene, self.library)
         record = replica_record(ensemble, replica)
         recorder, hashed = self.recorders.get(replica), scene_hash(request.scene)
         if recorder is not None:
             properties = {"scene": {"hash": hashed}} | dict(request.properties or {})
-            record |= finish_recording_or_warn(recorder, ensemble, record, properties)
+            record |= finish_recording(recorder, ensemble, record, properties)
         failure = record["warnings"][-1] if record["stopped"] is not None else None
-        count = len(self.prepared)
+        count = len(self.ready)
         wall, cpu = time.perf_counter() - self.wall_start, time.process_time() - self.cpu_start
         cost = {"wall_s": wall / count, "cpu_s": cpu / count, "versions": versions()}
         return record | cost | {"hash": hashed, "failure": failure}

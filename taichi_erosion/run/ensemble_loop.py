@@ -1,6 +1,8 @@
-"""Main loop of an ensemble: advance, check, end stages, until every replica is finished or has failed."""
+"""Main loop of an ensemble: advance, check, end stages, until every replica is finished or has failed.
 
-import time
+The checks: grains are all there, once, with their masses, at finite places; mechanical energy does not grow.
+"""
+
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -9,7 +11,6 @@ import numpy as np
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.run import Report
-from taichi_erosion.run.sanity_checks import count_failure
 from taichi_erosion.run.stages import (
     ROUNDING,
     ReplicaState,
@@ -21,10 +22,38 @@ from taichi_erosion.run.stages import (
     tilt_gravity,
 )
 from taichi_erosion.scene import Scene
-from taichi_erosion.simulation import Simulation, advance, energies, failure, statuses
+from taichi_erosion.simulation import Simulation, advance, energies, failure, snapshot, statuses
 
 ENERGY_RISE = 0.05  # of the mechanical energy above rest, in one check interval, that stops a replica [1]
-PROGRESS_INTERVAL = 0.2  # s of wall time
+MASS_ERROR = 1e-5  # of the sum of all masses; they are stored in single precision [1]
+
+FINDINGS = {  # of a check that stopped a replica, and the likely cause
+    Status.OVERLAP: (
+        "grain {grain} overlaps {partner} by {value:.3g} radii",
+        "the time step is too long, the material too soft, or grains start inside each other",
+    ),
+    Status.LOST: (
+        "grain {grain} left the domain at a coordinate of {value:.4g} m",
+        "a grain passed a gap in the walls or was shot away by an overlap",
+    ),
+    Status.NOT_FINITE: (
+        "grain {grain} has a coordinate that is not a number",
+        "a parameter is not a number, or forces grew without bound: shorten the time step",
+    ),
+    Status.ENERGY: (
+        "mechanical energy grew by {value:.3g} of itself between two checks",
+        "the time step is too long for the stiffest contact",
+    ),
+    Status.OVERFLOW: ("lists of contacts could not grow", "out of memory"),
+    Status.COUNT: (
+        "grain {grain} is missing, or not all mass is there ({value:.3g})",
+        "an error of this program: please report it",
+    ),
+    Status.AIR: (
+        "the pressure of the air was not found",
+        "the wind crosses more than a cell between two exchanges: lower wind.look_steps",
+    ),
+}
 
 Callback = Callable[["EnsembleRun"], None]  # called after each check interval
 
@@ -115,30 +144,41 @@ def energy_failure(ensemble: EnsembleRun, replica: int, state: ReplicaState) -> 
     return Failure(Status.ENERGY, ensemble.time, -1, -1, rise) if rise > ENERGY_RISE else None
 
 
-def share_done(ensemble: EnsembleRun) -> float:
-    """Rough share of the whole run that is done [1]; stages until rest usually end before their limit."""
-    shares = []
+def count_failure(sim: Simulation, replica: int, time: float) -> Failure | None:
+    """Failure where grains are missing or doubled, a coordinate is not finite, or mass was lost.
+
+    A grain that leaves the domain stops its replica at once, so the grains inside must be the released rows
+    of the GrainTable, each once, with their masses.
+    """
+    state, table = snapshot(sim, replica), sim.setups[replica].grains
+    if not np.array_equal(state.ident, np.arange(len(state.ident))):
+        missing = np.setdiff1d(np.arange(len(state.ident)), state.ident)
+        return Failure(Status.COUNT, time, int(missing[0]), -1, float(len(missing)))
+    if not np.isfinite(state.position).all() or not np.isfinite(state.velocity).all():
+        bad = ~np.isfinite(state.position + state.velocity).all(axis=1)
+        return Failure(Status.NOT_FINITE, time, int(np.flatnonzero(bad)[0]), -1, float("nan"))
+    weighed, listed = float(state.mass.sum()), float(table.mass[: len(state.mass)].sum())
+    if abs(weighed - listed) > MASS_ERROR * listed:
+        return Failure(Status.COUNT, time, 0, -1, weighed / listed - 1.0)
+    return None
+
+
+def failure_message(failure: Failure, seed: int) -> str:
+    """One line: seed, time, the violated check with its numbers, and the likely cause."""
+    partner = f"grain {failure.partner}" if failure.partner >= 0 else f"wall piece {-1 - failure.partner}"
+    finding, cause = FINDINGS[failure.status]
+    told = finding.format(grain=failure.grain, partner=partner, value=failure.value)
+    return f"seed {seed} stopped at {failure.time:.6g} s: {told}; likely cause: {cause}"
+
+
+def report_progress(report: Report, ensemble: EnsembleRun) -> None:
+    """Report the stage, its time and the rough share done; stages until rest usually end early."""
+    shares, names = [], []
     for scene, state in zip(ensemble.scenes, ensemble.states, strict=True):
-        limits = [stage.duration_max for stage in scene.stages]
-        stage = min(max(state.stage, 0), len(limits) - 1)
-        within = min((ensemble.time - state.began) / limits[stage], 1.0)
-        shares.append((sum(limits[:stage]) + within * limits[stage]) / sum(limits) if state.active else 1.0)
-    return min(shares) * (1.0 - ROUNDING)
-
-
-@dataclass
-class ProgressReporter:
-    """Callback that reports the stage, its time and the share done, at most every PROGRESS_INTERVAL."""
-
-    report: Report
-    last: float = 0.0  # s of the monotonic clock
-
-    def __call__(self, ensemble: EnsembleRun) -> None:
-        now = time.monotonic()
-        if now - self.last < PROGRESS_INTERVAL:
-            return
-        self.last = now
-        both = zip(ensemble.scenes, ensemble.states, strict=True)
-        active = [scene.stages[state.stage].name for scene, state in both if state.active]
-        name = active[0] if active else "measuring"
-        self.report(share_done(ensemble), f"{name}, {ensemble.time:.3f} s simulated")
+        if state.active:
+            limits = [stage.duration_max for stage in scene.stages]
+            within = min(ensemble.time - state.began, limits[state.stage])
+            shares.append((sum(limits[: state.stage]) + within) / sum(limits))
+            names.append(scene.stages[state.stage].name)
+    name, share = (names[0], min(shares)) if names else ("measuring", 1.0)
+    report(share * (1.0 - ROUNDING), f"{name}, {ensemble.time:.3f} s simulated")

@@ -7,17 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
 
 from taichi_erosion import simulation
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.setup import Floats, PrimitiveKind, Setup, Triple
+from taichi_erosion.core.setup import PrimitiveKind, Setup, Triple
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.silhouette import draw_silhouette, largest_body
-from taichi_erosion.measures.wind_bed import Patch, flux_of
+from taichi_erosion.measures.wind_bed import flux_of
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.air_recording import log_profile
-from taichi_erosion.recording.outputs import is_disk_nearly_full
 from taichi_erosion.recording.pictures import (
     Picture,
     SideView,
@@ -29,9 +27,9 @@ from taichi_erosion.recording.pictures import (
 from taichi_erosion.recording.wall_mesh import WallMesh, triangulate, wall_meshes
 from taichi_erosion.run.ensemble_loop import EnsembleRun
 from taichi_erosion.run.observables import patch_of
-from taichi_erosion.run.stages import ROUNDING, whole_intervals
+from taichi_erosion.run.stages import whole_intervals
 from taichi_erosion.scene import Scene
-from taichi_erosion.simulation import Simulation, WallPose
+from taichi_erosion.simulation import Simulation
 
 Properties = Mapping[str, Mapping[str, Any]]  # by group: columns of rerun's table of runs
 
@@ -51,12 +49,10 @@ class Recorder:
     view: SideView
     resting_speed: float  # m s-1
     interval: float  # s between frames; infinite once the recording is closed
-    frames: int = 0  # frames written
+    frames: int = 0  # intervals of which a frame is written
     stage: int = 0
     film: list[Picture] = field(default_factory=list)
     film_every: int = 1  # frames for one picture of the film
-    removed: set[str] = field(default_factory=set)  # walls cleared in the recording
-    poses: dict[str, tuple[Floats, Floats]] = field(default_factory=dict)  # rotation, translation [m] written
     is_rewritten: bool = False  # a session was restored: what was written for later times no longer holds
 
 
@@ -69,19 +65,10 @@ def open_recorder(
     """
     setup = sim.setups[replica]
     walls = meshes_of(scene, setup)
-    header = stream.RunHeader(path.stem, title, scene.scene.kind, text, setup.grains.radius, walls)
+    header = stream.RunHeader(title, scene.scene.kind, text, setup.grains.radius, walls)
     recording = stream.open_recording(path, header, viewer)
     stream.log_colours(recording, resting_speed(setup))
     return Recorder(replica, recording, walls, side_view(setup), resting_speed(setup), scene.record.every)
-
-
-def open_ensemble_recorder(
-    path: Path, title: str, text: str, ensemble: EnsembleRun, replica: int = 0
-) -> Recorder:
-    """Begin the recording of a replica of an ensemble, which may be one that resumes. Raises BadInput."""
-    recorder = open_recorder(path, title, text, ensemble.sim, ensemble.scenes[replica], replica)
-    recorder.frames = whole_intervals(ensemble.time, recorder.interval)
-    return recorder
 
 
 def resting_speed(setup: Setup) -> float:
@@ -119,26 +106,26 @@ def apparatus_box(setup: Setup) -> tuple[Triple, Triple]:
     return (low[0], low[1], low[2]), (high[0], high[1], high[2])
 
 
-def record_while_disk_has_room(recorder: Recorder, ensemble: EnsembleRun) -> None:
-    """Record what is due; on a nearly full disk close the recording whole, so that results still fit."""
-    if recorder.interval < inf and is_disk_nearly_full(recorder.recording.path):
-        warning = f"the disk is nearly full: the recording ends at {ensemble.time:.6g} s"
-        stream.log_text(recorder.recording, "WARN", warning)
-        stream.close(recorder.recording)
-        recorder.interval = inf
-        ensemble.states[recorder.replica].warn(warning)
-    if recorder.interval < inf:
-        record_replica(recorder, ensemble)
-
-
 def record_replica(recorder: Recorder, ensemble: EnsembleRun) -> None:
-    """Write stages that have begun, and a frame where one is due or the replica has ended."""
-    state = ensemble.states[recorder.replica]
+    """Write stages that have begun, and a frame where one is due or the replica has ended.
+
+    On a nearly full disk the recording is closed, whole, so that results still fit.
+    """
+    state, recording = ensemble.states[recorder.replica], recorder.recording
+    if recorder.interval == inf:
+        return
+    if stream.is_disk_nearly_full(recording.path):
+        warning = f"the disk is nearly full: the recording ends at {ensemble.time:.6g} s"
+        stream.log_text(recording, "WARN", warning)
+        stream.close(recording)
+        recorder.interval = inf
+        state.warn(warning)
+        return
     stages = ensemble.scenes[recorder.replica].stages
     while recorder.stage < min(state.stage, len(stages) - 1):
         recorder.stage += 1
-        stream.log_text(recorder.recording, "INFO", f"stage {stages[recorder.stage].name} begins")
-    if ensemble.time >= recorder.frames * recorder.interval * (1.0 - ROUNDING) or not state.active:
+        stream.log_text(recording, "INFO", f"stage {stages[recorder.stage].name} begins")
+    if whole_intervals(ensemble.time, recorder.interval) >= recorder.frames or not state.active:
         record_frame(recorder, ensemble)
         if not state.active:
             recorder.interval = inf
@@ -154,7 +141,7 @@ def record_frame(recorder: Recorder, ensemble: EnsembleRun) -> None:
     if len(recorder.film) > FILM_FRAMES:
         recorder.film = recorder.film[::2]
         recorder.film_every *= 2
-    recorder.frames += 1
+    recorder.frames = whole_intervals(ensemble.time, recorder.interval) + 1
 
 
 def log_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snapshot:
@@ -166,16 +153,14 @@ def log_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snapshot:
     if scene.wind is not None:
         air = simulation.air_profile(sim, recorder.replica)
         log_profile(recorder.recording, air.velocity[:, 0], air.face)
-        values = transport_values(now, patch_of(scene))
-        values["friction_velocity"] = simulation.friction_velocity(sim, recorder.replica)
+        patch = patch_of(scene)
+        values = {
+            "flux": flux_of(now, patch),
+            "flying": float((now.position[:, 2] > patch.clear).sum()) / max(len(now.position), 1),
+            "friction_velocity": simulation.friction_velocity(sim, recorder.replica),
+        }
         stream.log_values(recorder.recording, "transport", values)
     return now
-
-
-def transport_values(state: Snapshot, patch: Patch) -> dict[str, float]:
-    """Flux [kg m-1 s-1], and the share of the grains that fly, i.e. are above the bed [1]."""
-    flying = float(np.mean(state.position[:, 2] > patch.clear)) if len(state.position) else 0.0
-    return {"flux": flux_of(state, patch), "flying": flying}
 
 
 def present_walls(walls: tuple[WallMesh, ...], sim: Simulation, replica: int) -> tuple[WallMesh, ...]:
@@ -191,40 +176,17 @@ def present_walls(walls: tuple[WallMesh, ...], sim: Simulation, replica: int) ->
 
 
 def log_walls(recorder: Recorder, sim: Simulation) -> None:
-    """Write walls that have moved or were removed since the last call, at the present time."""
+    """Write the poses of walls that can move, and which of them are gone, at the present time."""
     movable = [wall for wall in recorder.walls if wall.moving]
     poses = simulation.wall_poses(sim, recorder.replica) if movable else {}
     for wall in movable:
-        if poses[wall.name].present:
-            log_present_wall(recorder, wall, poses[wall.name])
-        elif wall.name not in recorder.removed:
+        pose = poses[wall.name]
+        if not pose.present:
             stream.log_wall_removed(recorder.recording, wall.name)
-            recorder.removed.add(wall.name)
-
-
-def log_present_wall(recorder: Recorder, wall: WallMesh, pose: WallPose) -> None:
-    """Write the pose of a wall unless it is the one last written."""
-    rotation, translation = recorder.poses.get(wall.name, (np.eye(3), np.zeros(3)))
-    if recorder.is_rewritten:
-        stream.log_wall(recorder.recording, wall)
-        recorder.removed.discard(wall.name)
-    elif np.array_equal(rotation, pose.rotation) and np.array_equal(translation, pose.translation):
-        return
-    x, y, z, w = scipy.spatial.transform.Rotation.from_matrix(pose.rotation).as_quat().tolist()
-    along, across, up = pose.translation.tolist()
-    stream.log_wall_pose(recorder.recording, wall.name, (along, across, up), (w, x, y, z))
-    recorder.poses[wall.name] = (pose.rotation, pose.translation)
-
-
-def finish_recording_or_warn(
-    recorder: Recorder, ensemble: EnsembleRun, record: dict[str, Any], properties: Properties
-) -> dict[str, str]:
-    """`finish_recording`; files that cannot be written become a warning of the record."""
-    try:
-        return finish_recording(recorder, ensemble, record, properties)
-    except BadInput as error:
-        record["warnings"].insert(0, str(error))
-        return {}
+            continue
+        if recorder.is_rewritten:
+            stream.log_wall(recorder.recording, wall)
+        stream.log_wall_pose(recorder.recording, wall.name, pose.rotation, pose.translation)
 
 
 def finish_recording(
@@ -232,36 +194,46 @@ def finish_recording(
 ) -> dict[str, str]:
     """Write pictures, warnings and properties of a replica, then close; returns the files by kind.
 
-    `record` is that of the replica; `properties` are further columns of rerun's table of runs.
+    `record` is that of the replica, and is warned of files that cannot be written; `properties` are further
+    columns of rerun's table of runs.
     """
-    path, recording = recorder.recording.path, recorder.recording
-    state, files = ensemble.states[recorder.replica], {"recording": str(path)}
-    for name in ("repose_angle", "angle_of_repose"):
-        measurement = state.measurements.get(name)
-        if measurement is not None and measurement.details.get("lines"):
-            end = simulation.snapshot(ensemble.sim, recorder.replica)
-            image = silhouettes(end, measurement.details, base_height=0.0)
-            stream.log_image(recording, "silhouette", image, timeless=True)
-            files["silhouettes"] = str(write_png(path.with_suffix(".png"), image))
-    if recorder.film:
-        files["film"] = str(write_gif(path.with_suffix(".gif"), recorder.film, FILM_DURATION))
-    for warning in record["warnings"]:
-        stream.log_text(recording, "WARN", warning)
+    recording = recorder.recording
     result = {name: measured["value"] for name, measured in record["measures"].items()}
-    scene = {"seed": state.seed} | dict(properties.get("scene", {}))
-    stream.close(recording, {"result": result, "scene": scene, "doe": properties.get("doe", {})})
+    scene = {"seed": record["seed"]} | dict(properties.get("scene", {}))
+    try:
+        files = {"recording": str(recording.path)} | write_pictures(recorder, ensemble)
+        for warning in record["warnings"]:
+            stream.log_text(recording, "WARN", warning)
+        stream.close(recording, {"result": result, "scene": scene, "doe": properties.get("doe", {})})
+    except BadInput as error:
+        record["warnings"].insert(0, str(error))
+        return {}
     return files
 
 
-def silhouettes(state: Snapshot, details: dict[str, Any], base_height: float) -> Picture:
-    """Silhouettes of a heap from all measured azimuths, with the fitted flanks."""
+def write_pictures(recorder: Recorder, ensemble: EnsembleRun) -> dict[str, str]:
+    """Write silhouettes of the heap, where they were measured, and the film; returns the files by kind."""
+    path, files = recorder.recording.path, {}
+    for name in ("repose_angle", "angle_of_repose"):
+        measurement = ensemble.states[recorder.replica].measurements.get(name)
+        if measurement is not None and measurement.details.get("lines"):
+            image = silhouettes(simulation.snapshot(ensemble.sim, recorder.replica), measurement.details)
+            stream.log_image(recorder.recording, "silhouette", image, timeless=True)
+            files["silhouettes"] = str(write_png(path.with_suffix(".png"), image))
+    if recorder.film:
+        files["film"] = str(write_gif(path.with_suffix(".gif"), recorder.film, FILM_DURATION))
+    return files
+
+
+def silhouettes(state: Snapshot, details: dict[str, Any]) -> Picture:
+    """Silhouettes of a heap on z = 0 from all measured azimuths, with the fitted flanks."""
     grain = 2.0 * float(np.median(state.radius))
     masks, flanks, captions = [], [], []
     lines = np.array(details["lines"]).reshape(-1, 5)
-    above = state.position[:, 2] > base_height
+    above = state.position[:, 2] > 0.0
     for azimuth in np.unique(lines[:, 0]):
         turn = float(np.radians(azimuth))
-        drawn = draw_silhouette(state.position[above], state.radius[above], turn, base_height, grain)
+        drawn = draw_silhouette(state.position[above], state.radius[above], turn, 0.0, grain)
         mask = largest_body(drawn.image)
         columns = np.flatnonzero(mask.any(axis=0))
         ends = lines[lines[:, 0] == azimuth][:, 1:].reshape(-1, 2, 2)

@@ -23,6 +23,10 @@
     versions        of this package, Python and the libraries that a result depends on
 
 Numbers are SI; NaN and infinity become null. Exit codes: `core.errors.ExitCode`.
+
+A run of a scene replaces the recording, document, silhouettes and film of an earlier run of the same scene
+under the same name. The document names its scene and the other files; a recording without a document, which
+an interruption leaves, is known by the name of the program at its beginning.
 """
 
 import json
@@ -39,15 +43,71 @@ from taichi_erosion import __version__
 from taichi_erosion.core.effect_loading import checked_number, failures_of
 from taichi_erosion.core.engine.choice import engine_name
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import write_atomic
+from taichi_erosion.core.files import REMEDY, check_writable, write_atomic
 from taichi_erosion.measures.result import Measurement, as_record, json_value, without_nan
-from taichi_erosion.run.ensemble_loop import EnsembleRun
-from taichi_erosion.run.sanity_checks import failure_message
-from taichi_erosion.scene import Scene
+from taichi_erosion.run import RunOptions
+from taichi_erosion.run.checkpoint import is_checkpoint
+from taichi_erosion.run.ensemble_loop import EnsembleRun, failure_message
+from taichi_erosion.scene import Scene, resolved, scene_hash
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.simulation.scene_setup import Library, checked_params, circumstances_of, effective_scene
 
 RECORDINGS = Path("recordings")  # folder of results, unless the user names a file
+RECORDING = ".rrd"
+SUFFIXES = (RECORDING, ".json", ".png", ".gif")
+HEAD = 4096  # bytes of a recording in which the name of its program stands
+PROGRAM = b"taichi_erosion"
+
+
+def record_of(path: Path, scene: Scene | AirScene, seed: int, options: RunOptions) -> Path:
+    """Recording of a run: as named, or after scene, hash and seed."""
+    return options.record or RECORDINGS / f"{path.stem}-{scene_hash(scene)}-{seed}{RECORDING}"
+
+
+def refuse_unwritable_outputs(path: Path, options: RunOptions, record: Path) -> None:
+    """Raise BadInput where an output cannot be written, or would replace a file of others."""
+    if not options.no_record:
+        refuse_foreign_outputs(record, path, options.force)
+    if saved := options.checkpoint:
+        check_writable(saved)
+        if saved.resolve() == path.resolve():
+            raise BadInput(f"{saved}: is the scene itself; give the checkpoint another name")
+        if saved.exists() and not options.force and not is_checkpoint(saved):
+            raise BadInput(f"{saved}: exists, and is no checkpoint; {REMEDY}")
+
+
+def refuse_foreign_outputs(record: Path, scene: Path, force: bool = False) -> None:
+    """Raise BadInput where a run cannot write its files, or would replace what none of its scene wrote."""
+    check_writable(record)
+    if record.suffix != RECORDING:
+        raise BadInput(f"{record}: is no name of a recording, which ends in {RECORDING}")
+    present = [path for suffix in SUFFIXES if (path := record.with_suffix(suffix)).exists()]
+    for path in present:
+        check_writable(path)
+    own = written_before(record, scene)
+    for path in [] if force else present:
+        if path.name not in own and not is_recording(path):
+            raise BadInput(f"{path}: exists, and no run of {scene} wrote it; {REMEDY}")
+
+
+def written_before(record: Path, scene: Path) -> set[str]:
+    """Names of the files of an earlier run of a scene, if a document beside the recording tells of one."""
+    document = record.with_suffix(".json")
+    try:
+        told = json.loads(document.read_text(encoding="utf-8"))
+        is_own = Path(told["scene"]).name == scene.name and "taichi_erosion" in told["versions"]
+    except (OSError, ValueError, TypeError, KeyError):
+        return set()
+    files = (told.get(kind) for kind in ("recording", "silhouettes", "film"))
+    return {document.name, *(Path(file).name for file in files if file)} if is_own else set()
+
+
+def is_recording(path: Path) -> bool:
+    """Whether a file is a recording of this program."""
+    if path.suffix != RECORDING or not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return PROGRAM in file.read(HEAD)
 
 
 def apply_instruments(
@@ -95,12 +155,14 @@ def run_document(
     return {
         "scene": str(path),
         "title": scene.scene.title,
-        "hash": entries.pop("hash"),
+        "hash": scene_hash(scene),
         "seed": replicas[0]["seed"],
         "replicas": replicas,
         "measures": {name: as_record(measurement) for name, measurement in pooled.items()},
         "measured": {name: m.model_dump() for name, m in scene.measured.items()},
+        "recording": None,
         **entries,
+        "resolved": resolved(scene),
         "engine": engine_name(),
         "versions": versions(),
     }

@@ -15,35 +15,32 @@ from typing import Any
 from taichi_erosion.core.device import has_cuda
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-from taichi_erosion.core.files import REMEDY
 from taichi_erosion.core.setup import Arch, ArchChoice, Decomposition, Numerics
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
-from taichi_erosion.recording.checkpoint import is_checkpoint, load_checkpoint
-from taichi_erosion.recording.outputs import refuse_foreign_outputs, refuse_unwritable
 from taichi_erosion.run import RunOptions
+from taichi_erosion.run.checkpoint import Checkpointer, load_checkpoint, restore_run, seeds_of
 from taichi_erosion.run.checks import explained, idle_effects, library_of, named_effects, read_scene
-from taichi_erosion.run.ensemble_loop import Callback, EnsembleRun, ProgressReporter, run_ensemble
-from taichi_erosion.run.recorder import (
-    Recorder,
-    finish_recording_or_warn,
-    open_ensemble_recorder,
-    record_while_disk_has_room,
+from taichi_erosion.run.ensemble_loop import (
+    Callback,
+    EnsembleRun,
+    failure_message,
+    report_progress,
+    run_ensemble,
 )
+from taichi_erosion.run.recorder import Recorder, finish_recording, open_recorder, record_replica
 from taichi_erosion.run.result import (
-    RECORDINGS,
     apply_instruments,
+    record_of,
+    refuse_unwritable_outputs,
     replica_record,
     run_document,
     write_document_or_warn,
 )
-from taichi_erosion.run.resume import Checkpointer, restore_run, seeds_of
-from taichi_erosion.run.sanity_checks import failure_message
 from taichi_erosion.run.stages import ReplicaState, whole_intervals
-from taichi_erosion.scene import Scene, laws, resolved, scene_hash
-from taichi_erosion.scene.schema.air import AirScene
+from taichi_erosion.scene import Scene, laws, scene_hash
 from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare
-from taichi_erosion.simulation.capacities import GRIDS, has_grids
+from taichi_erosion.simulation.capacities import has_grids
 from taichi_erosion.simulation.team import mean_threads
 
 CROSSOVER = 50_000  # grains of all replicas from which `auto` takes a graphics processor: not measured yet
@@ -106,10 +103,12 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     recorder = None
     if not options.no_record:
         title = f"{scene.scene.title or path.stem}, seed {scene.run.seed}"
-        recorder = open_ensemble_recorder(record, title, scene_text(path, options.overrides), ensemble)
+        text = scene_text(path, options.overrides)
+        recorder = open_recorder(record, title, text, ensemble.sim, ensemble.scenes[0], 0)
     kept, interval = options.checkpoint or record.with_suffix(".checkpoint.npz"), options.checkpoint_interval
-    saved = whole_intervals(ensemble.time, interval)
-    checkpointer = Checkpointer(kept, interval, {"scene_hash": hashed}, saved)
+    checkpointer = Checkpointer(
+        kept, interval, {"scene_hash": hashed}, whole_intervals(ensemble.time, interval)
+    )
     run_with_outputs(ensemble, recorder, checkpointer, options)
     with deferred_signals():  # a signal that comes now acts once everything is written
         for state in ensemble.states:
@@ -118,7 +117,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
         document["replicas"][0]["warnings"][:0] = idle_effects(scene, named)
         if recorder:
             first, properties = document["replicas"][0], {"scene": {"hash": hashed}}
-            document |= finish_recording_or_warn(recorder, ensemble, first, properties)
+            document |= finish_recording(recorder, ensemble, first, properties)
             write_document_or_warn(record, document)
     failed = [(state.failure, state.seed) for state in ensemble.states if state.failure is not None]
     if len(failed) == len(ensemble.states):
@@ -139,48 +138,25 @@ def assemble_run(
     refuse_unwritable_outputs(path, options, record)
     effective = effective_scene(scene, library)
     grains = sum(len(setup.grains.radius) for setup in setups)
-    arch, note = arch_of(options.arch, options.decomposition, grains, has_grids(setups))
+    arch = arch_of(options.arch, options.decomposition, grains, has_grids(setups))
     numerics = Numerics(arch, options.threads, scene.run.precision, options.decomposition)
     sim = assemble(setups, laws(effective), numerics)
     ensemble = EnsembleRun([effective] * len(seeds), sim, [ReplicaState(seed) for seed in seeds])
     if resume:
         import_state(sim, resume[0])
         restore_run(ensemble, *resume)
-    if note:
-        ensemble.states[0].warn(note)
     return ensemble
 
 
-def arch_of(
-    arch: ArchChoice, decomposition: Decomposition | None, grains: int, on_grids: bool
-) -> tuple[Arch, str]:
-    """Device of a run, and a sentence where `auto` leaves out a graphics processor that cannot run it.
+def arch_of(arch: ArchChoice, decomposition: Decomposition | None, grains: int, on_grids: bool) -> Arch:
+    """Device of a run; `auto` takes a graphics processor where there is one and replicas have grains enough.
 
-    `auto` takes a graphics processor where there is one and all replicas have grains enough. `on_grids`: with
-    grids of air.
+    `on_grids`: with grids of air, which one thread per grain does not have.
     """
     if arch != "auto":
-        return arch, ""
-    if grains < CROSSOVER or not has_cuda():
-        return "cpu", ""
-    if on_grids and decomposition != "partitions":
-        return "cpu", f"--arch auto: on the CPU, since {GRIDS}"
-    return "cuda", ""
-
-
-def record_of(path: Path, scene: Scene | AirScene, seed: int, options: RunOptions) -> Path:
-    """Recording of a run: as named, or after scene, hash and seed."""
-    return options.record or RECORDINGS / f"{path.stem}-{scene_hash(scene)}-{seed}.rrd"
-
-
-def refuse_unwritable_outputs(path: Path, options: RunOptions, record: Path) -> None:
-    """Raise BadInput where an output cannot be written, or would replace the scene or a file of others."""
-    if not options.no_record:
-        refuse_foreign_outputs(record, path, options.force)
-    if saved := options.checkpoint:
-        refuse_unwritable(saved, path)
-        if saved.exists() and not options.force and not is_checkpoint(saved):
-            raise BadInput(f"{saved}: exists, and is no checkpoint; {REMEDY}")
+        return arch
+    runs_there = has_cuda() and not (on_grids and decomposition != "partitions")
+    return "cuda" if grains >= CROSSOVER and runs_there else "cpu"
 
 
 def scene_text(path: Path, overrides: tuple[str, ...]) -> str:
@@ -193,11 +169,11 @@ def run_with_outputs(
     ensemble: EnsembleRun, recorder: Recorder | None, checkpointer: Checkpointer, options: RunOptions
 ) -> None:
     """Run with recording, checkpoints and progress; on Ctrl-C close the recording and save a checkpoint."""
-    callbacks: list[Callback] = [partial(record_while_disk_has_room, recorder)] if recorder else []
+    callbacks: list[Callback] = [partial(record_replica, recorder)] if recorder else []
     if options.checkpoint:
         callbacks.append(checkpointer)
     if options.progress:
-        callbacks.append(ProgressReporter(options.progress))
+        callbacks.append(partial(report_progress, options.progress))
     try:
         with deferred_signals() as pending:
             run_ensemble(ensemble, [*callbacks, lambda _: pending.raise_pending()])
@@ -228,13 +204,10 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
         scene,
         [replica_record(ensemble, replica) for replica in range(len(ensemble.states))],
         pooled,
-        hash=scene_hash(scene),
         grain_steps=round(ensemble.grain_steps),
         wall_s=seconds,
-        recording=None,
         numerics=numerics | mean_threads(sim.team),
         limits=explained(scene),
         convention=SURFACE_ENERGY_CONVENTION,
-        resolved=resolved(scene),
         effect_digests=scene.effect_digests,
     )

@@ -1,4 +1,4 @@
-"""Interactive session: one replica of a scene, advanced by calls, with entries changed on the way.
+"""Interactive session: one replica of a scene, advanced, changed and asked by calls.
 
     from taichi_erosion.run.session import measure_now, open_session, run_for, set_entry
 
@@ -13,12 +13,13 @@ nothing compiled anew; an effect that was not there is compiled in, which takes 
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields, replace
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
 from taichi_erosion import simulation
-from taichi_erosion.core.effect import Effect
+from taichi_erosion.core.effect import STRENGTH, STRENGTH_MOST, Effect, parameter_names, reference
 from taichi_erosion.core.errors import BadInput, SimulationStopped, did_you_mean
 from taichi_erosion.core.files import marked_png, refuse_foreign, write_atomic
 from taichi_erosion.core.setup import Numerics
@@ -33,7 +34,9 @@ from taichi_erosion.run.checks import (
     library_of,
     named_effects,
     read_scene,
+    scene_effect_files,
 )
+from taichi_erosion.run.ensemble_loop import failure_message
 from taichi_erosion.run.observables import MeasureInput, measure
 from taichi_erosion.run.recorder import (
     Recorder,
@@ -44,31 +47,21 @@ from taichi_erosion.run.recorder import (
     resting_speed,
     side_view,
 )
-from taichi_erosion.run.sanity_checks import failure_message
 from taichi_erosion.run.scene_run import scene_text
-from taichi_erosion.run.stages import ROUNDING, at_rest, change_boundaries, lifting_energy, whole_intervals
-from taichi_erosion.scene import Scene, laws
+from taichi_erosion.run.stages import at_rest, change_boundaries, lifting_energy, whole_intervals
+from taichi_erosion.scene import Scene, laws, resolved
+from taichi_erosion.scene.paths import leaves, meaning_of
 from taichi_erosion.scene.preparation.contacts import contact_table
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.simulation import Simulation
 
+NOT_SET = "not set"  # an entry that a scene lacks
+STATUS_UNITS = {"time_s": "s", "kinetic_J": "J", "speed_largest_m_s": "m/s", "overlap_largest": "radii"}
 NO_PHYSICS = ("measured", "record", "measure")  # sections that do not act on grains
 LIVE = ("contact", "gravity", "wind", "effects", "conditions", *NO_PHYSICS)  # sections that may change
 LIVE_WIND = {"friction_velocity", "through_flow"}  # entries of the wind that may change
 MARGIN = 0.01  # m, half the width of a window without grains
 WINDOW = (480, 240)  # px: a line of a terminal is twice as high as a character is wide
-
-
-@dataclass(frozen=True)
-class SavedState:
-    """What a session returns to: the grains, and all that was set and kept until then."""
-
-    sim: Simulation  # whose state it is
-    state: dict[str, Any]
-    time: float  # s
-    stage: int
-    overrides: tuple[str, ...]
-    samples: tuple[dict[str, float], ...]
 
 
 @dataclass
@@ -84,7 +77,7 @@ class Session:
     time: float = 0.0  # s
     stage: int = 0
     history: list[str] = field(default_factory=list)
-    saved: dict[str, SavedState] = field(default_factory=dict)
+    saved: dict[str, tuple["Session", dict[str, Any]]] = field(default_factory=dict)  # and its grains
     callbacks: list[Callable[["Session"], object]] = field(default_factory=list)  # after each check interval
     samples: list[dict[str, float]] = field(default_factory=list)  # numbers by name, at each check so far
     watched: dict[str, str] = field(default_factory=dict)  # units of the numbers that are printed, by name
@@ -144,8 +137,8 @@ def run_for(session: Session, seconds: float) -> None:
     run_to(session, session.time + seconds)
 
 
-def step(session: Session, count: int = 1) -> None:
-    run_to(session, session.time + count * session.time_step)
+def step(session: Session, steps: int = 1) -> None:
+    run_to(session, session.time + steps * session.time_step)
 
 
 def run_until_rest(session: Session) -> bool:
@@ -229,28 +222,25 @@ def measure_now(session: Session) -> dict[str, Measurement]:
 
 
 def save(session: Session, name: str) -> None:
-    sim, kept = session.sim, tuple(session.samples)
-    state = simulation.export_state(sim)
-    session.saved[name] = SavedState(sim, state, session.time, session.stage, session.overrides, kept)
+    now = replace(session, samples=list(session.samples))
+    session.saved[name] = now, simulation.export_state(session.sim)
 
 
 def restore(session: Session, name: str) -> None:
     """Restore a saved state, its parameters and samples included. Raises BadInput for an unknown name."""
-    saved = saved_state(session, name)
-    scene = read_scene(session.path, saved.overrides, session.effect_files)
-    library = library_of(scene)
-    if session.sim is saved.sim:
-        apply_change(session, scene, library, {"wind", "effects"})
+    then, state = saved_state(session, name)
+    if session.sim is then.sim:
+        apply_change(session, then.scene, then.library, {"wind", "effects"})
     else:  # an effect has been built in since
-        session.sim = build(scene, session.seed, library)
-    simulation.import_state(session.sim, saved.state)
-    session.scene, session.library, session.overrides = scene, library, saved.overrides
-    session.time, session.stage = saved.time, saved.stage
-    session.samples[:] = saved.samples
+        session.sim = build(then.scene, session.seed, then.library)
+    simulation.import_state(session.sim, state)
+    session.scene, session.library, session.overrides = then.scene, then.library, then.overrides
+    session.time, session.stage = then.time, then.stage
+    session.samples[:] = then.samples
 
 
-def saved_state(session: Session, name: str) -> SavedState:
-    """The state saved under a name. Raises BadInput for an unknown one."""
+def saved_state(session: Session, name: str) -> tuple[Session, dict[str, Any]]:
+    """The session and its grains when they were saved. Raises BadInput for an unknown name."""
     if name not in session.saved:
         there = ", ".join(session.saved) or "nothing"
         raise BadInput(f"nothing is saved as '{name}'{did_you_mean(name, session.saved)}; there is {there}")
@@ -311,11 +301,128 @@ def record_session(session: Session, path: Path, viewer: str | None = None) -> R
     return recorder
 
 
+def unused_name(path: Path) -> Path:
+    """The path, or the first of PATH-2, PATH-3 and so on that does not exist."""
+    names = (path.with_name(f"{path.stem}-{number}{path.suffix}") for number in count(2))
+    return next(free for free in chain([path], names) if not free.exists())
+
+
 def log_session_frame(recorder: Recorder, session: Session) -> None:
     """Write a frame when one is due; after `restore` the frames of later times are written anew."""
-    due = recorder.frames * recorder.interval * (1.0 - ROUNDING)
-    was_restored = session.time < due - recorder.interval
-    recorder.is_rewritten |= was_restored
-    if session.time >= due or was_restored:
+    now = whole_intervals(session.time, recorder.interval) + 1
+    recorder.is_rewritten |= now < recorder.frames
+    if now != recorder.frames:
         log_frame(recorder, session.sim, session.scene)
-        recorder.frames = whole_intervals(session.time, recorder.interval) + 1
+        recorder.frames = now
+
+
+def entry(session: Session, path: str) -> Any:
+    """Value of an entry of the present scene, or the entries below it. Raises BadInput."""
+    found: Any = resolved(session.scene)
+    for key in path.split("."):
+        if not isinstance(found, dict) or key not in found:
+            entries = list(found) if isinstance(found, dict) else []
+            told = f"{did_you_mean(key, entries)}; entries there: {', '.join(entries) or 'none'}"
+            raise BadInput(f"no entry '{path}'{told}")
+        found = found[key]
+    return found
+
+
+def differences(session: Session, before: str | None = None, after: str | None = None) -> dict[str, Any]:
+    """Entries that differ, as (before, after) by path: from the scene file, or a saved state, to another.
+
+    Raises BadInput for an unknown state.
+    """
+    file = read_scene(session.path, (), session.effect_files)
+    old = file if before is None else saved_state(session, before)[0].scene
+    new = session.scene if after is None else saved_state(session, after)[0].scene
+    first, second = (dict(leaves(resolved(scene))) for scene in (old, new))
+    pairs = {
+        path: (first.get(path, NOT_SET), second.get(path, NOT_SET)) for path in sorted({*first, *second})
+    }
+    return {path: pair for path, pair in pairs.items() if pair[0] != pair[1]}
+
+
+def status_numbers(session: Session) -> dict[str, float]:
+    """Numbers of the status by name, in the units that the names end in."""
+    found = session_status(session).items()
+    return {name: float(value) for name, value in found if not isinstance(value, str)}
+
+
+def number_names(session: Session) -> list[str]:
+    """Names of the numbers that can be plotted and watched."""
+    return [*status_numbers(session), *session.scene.measure]
+
+
+def refuse_unknown_number(session: Session, name: str) -> None:
+    """Raise BadInput for a name that is no number of the status and no measure."""
+    known = number_names(session)
+    if name not in known:
+        raise BadInput(f"no number '{name}'{did_you_mean(name, known)}; there are {', '.join(known)}")
+
+
+def watch(session: Session, *names: str) -> None:
+    """Keep measures too at every check, beside the status. Raises BadInput for an unknown name."""
+    for name in names:
+        refuse_unknown_number(session, name)
+    units = {name: found.unit for name, found in measure_now(session).items()}
+    session.watched |= {name: units.get(name) or STATUS_UNITS.get(name, "") for name in names}
+
+
+def keep_sample(session: Session) -> dict[str, float]:
+    """Keep the numbers of this check; those of a later time, from before a return, go."""
+    now = status_numbers(session)
+    if not set(session.watched) <= set(now):
+        now |= {name: found.value for name, found in measure_now(session).items() if name in session.watched}
+    session.samples[:] = [each for each in session.samples if each["time_s"] < now["time_s"]]
+    session.samples.append(now)
+    return now
+
+
+def curve(session: Session, name: str) -> tuple[list[float], list[float]]:
+    """Times [s] and values of a number at the checks so far. Raises BadInput without any."""
+    refuse_unknown_number(session, name)
+    samples = [sample for sample in session.samples if name in sample]
+    if not samples:
+        raise BadInput(f"'{name}' has no samples: `watch {name}` before a run keeps them")
+    return [sample["time_s"] for sample in samples], [sample[name] for sample in samples]
+
+
+def meaning(session: Session, path: str) -> str:
+    """Meaning, unit, default and range of an entry of scenes, of effects too. Raises BadInput."""
+    section, _, rest = path.partition(".")
+    if section != "effects":
+        return meaning_of(path)
+    from taichi_erosion.effects import load_library
+
+    library = load_library((*scene_effect_files(session.scene), *session.effect_files))
+    if not rest:
+        return f"{path}: optional physics, effects.NAME.strength = 1 switches one on: {', '.join(library)}"
+    name, _, parameter = rest.partition(".")
+    if name not in library:
+        raise BadInput(f"no effect '{name}'{did_you_mean(name, library)}; `help effects` lists them")
+    effect = library[name]
+    if not parameter:
+        return f"{path}: {effect.title}; entries: {', '.join(parameter_names(effect))}{source(effect)}"
+    return f"{path}: {parameter_meaning(effect, parameter)}{source(effect)}"
+
+
+def parameter_meaning(effect: Effect, name: str) -> str:
+    """Meaning, unit, default and range of the strength or a parameter of an effect. Raises BadInput."""
+    if name == STRENGTH:
+        physical = f"to {effect.most:g} where its literature supports it, to {STRENGTH_MOST:g} at most"
+        return f"strength of '{effect.title}', 0: absent, 1: textbook [1] from 0 {physical}"
+    known = {f.name: f for f in fields(effect.params)}
+    if name not in known:
+        names = parameter_names(effect)
+        near = did_you_mean(name, names)
+        raise BadInput(f"effects.{effect.name} has no entry '{name}'{near}; there are {', '.join(names)}")
+    stated, about = known[name], known[name].metadata
+    default = "" if stated.default is MISSING else f", default {stated.default:g}"
+    return f"{about['meaning']} [{about['unit']}] from {about['low']:g} to {about['high']:g}{default}"
+
+
+def source(effect: Effect) -> str:
+    """`; source: ...` with the first reference of an effect."""
+    found = reference(effect)
+    return f"; source: {found}" if found else ""

@@ -11,13 +11,12 @@ from taichi_erosion.core.setup import Motion, Setup
 from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.run.observables import MeasureInput, measure
-from taichi_erosion.run.threshold_search import ThresholdSearch, advance_search, begin_search
+from taichi_erosion.run.threshold_search import ROUNDING, ThresholdSearch, advance_search, begin_search
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.schema.scene import Stage
 from taichi_erosion.simulation import Simulation
 
 GOALS = {"rest": "rest", "threshold": "all thresholds were found"}  # end of a stage by `until`
-ROUNDING = 1e-9  # of an interval: a time this close to its end counts as reached [1]
 
 
 @dataclass
@@ -81,19 +80,15 @@ def change_boundaries(sim: Simulation, replica: int, stage: Stage) -> None:
         simulation.set_through_flow(sim, replica, stage.through_flow)
 
 
-def tilt_of(stage: Stage, elapsed: float) -> float:
-    """Inclination of the apparatus [rad] after a time within the stage [s]."""
-    return radians(stage.tilt_rate) * elapsed
-
-
 def tilt_gravity(sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float) -> None:
     """Rotate gravity by minus the tilt of the apparatus: the frame of reference is that of the plate."""
     stage = scene.stages[state.stage]
     if stage.tilt_rate == 0.0:
         return
+    tilt = radians(stage.tilt_rate) * (time - state.began)
     axis = np.asarray(stage.tilt_axis) / np.linalg.norm(stage.tilt_axis)
     upright = np.asarray(sim.setups[replica].gravity)
-    turn = scipy.spatial.transform.Rotation.from_rotvec(-tilt_of(stage, time - state.began) * axis)
+    turn = scipy.spatial.transform.Rotation.from_rotvec(-tilt * axis)
     x, y, z = turn.apply(upright)
     simulation.set_gravity(sim, replica, (float(x), float(y), float(z)))
     state.energy = None
@@ -106,7 +101,7 @@ def store_frame(sim: Simulation, scene: Scene, replica: int, state: ReplicaState
     shortest = min((interval for interval in intervals if interval), default=None)
     if shortest and time - state.began >= len(state.frames) * shortest * (1.0 - ROUNDING):
         state.frames.append(replace(simulation.snapshot(sim, replica), force=None))  # no measure reads it
-        state.tilts.append(tilt_of(stage, time - state.began))
+        state.tilts.append(radians(stage.tilt_rate) * (time - state.began))
         if scene.wind is not None:
             state.airs.append(simulation.air_profile(sim, replica))
 
@@ -162,15 +157,6 @@ def measure_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaSta
     end = simulation.snapshot(sim, replica)
     air = simulation.air_profile(sim, replica) if scene.wind is not None else None
     thresholds = {} if state.search is None else state.search.found
+    kept = end, tuple(state.frames), tuple(state.tilts), air, tuple(state.airs), thresholds
     for name in names:
-        given = MeasureInput(
-            scene,
-            scene.measure[name],
-            end,
-            tuple(state.frames),
-            tuple(state.tilts),
-            air,
-            tuple(state.airs),
-            thresholds,
-        )
-        state.measurements[name] = measure(name, given)
+        state.measurements[name] = measure(name, MeasureInput(scene, scene.measure[name], *kept))

@@ -70,7 +70,7 @@ class ThresholdSearch:
     high: float | None = None  # m s-1, lowest wind from rest that moved it
     flux_at_start: float = 0.0  # kg m-1 s-1, flux from which the fall begins
     found: dict[str, Bracket] = field(default_factory=dict)
-    trials: list[dict[str, Any]] = field(default_factory=list)
+    blown: list[tuple[float, float]] = field(default_factory=list)  # friction velocity, flux: start and fall
 
     @property
     def period(self) -> Floats:
@@ -120,7 +120,6 @@ def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time:
     moved = trial_outcome(search, time, steady)
     if moved is None:
         return False
-    log_trial(search, moved, time)
     old = search.trial
     wind = NEXT_WIND[search.phase](search, moved)
     if wind is None:
@@ -170,22 +169,6 @@ def trial_outcome(search: ThresholdSearch, time: float, steady: bool) -> bool | 
     return True if over else None
 
 
-def log_trial(search: ThresholdSearch, outcome: bool, time: float) -> None:
-    """Append the result of a trial to the log."""
-    trial = search.trial
-    search.trials.append(
-        {
-            "phase": search.phase,
-            "friction_velocity": trial.friction_velocity,
-            "moved": outcome,
-            "duration": time - trial.began,
-            "rolled": int(np.count_nonzero(trial.rolled)),
-            "risen": int(np.count_nonzero(trial.risen)),
-            "flux": trial.late_flux,
-        }
-    )
-
-
 def after_ramp(search: ThresholdSearch, moved: bool) -> float:
     """A stronger wind; once grains roll the same one from rest, once they leave the bed a weaker one.
 
@@ -225,6 +208,7 @@ def after_hold(search: ThresholdSearch, moved: bool) -> float | None:
 def after_start(search: ThresholdSearch, moved: bool) -> float | None:
     """First wind of the fall; the flux of developed transport is stored."""
     search.flux_at_start = search.trial.late_flux
+    search.blown.append((search.trial.friction_velocity, search.flux_at_start))
     if search.flux_at_start <= 0.0:
         return None
     search.phase = "fall"
@@ -234,12 +218,11 @@ def after_start(search: ThresholdSearch, moved: bool) -> float | None:
 def after_fall(search: ThresholdSearch, moved: bool) -> float | None:
     """A weaker wind while transport goes on; at its end the impact threshold."""
     now, factor = search.trial.friction_velocity, 1.0 - search.scene.threshold.fall
+    search.blown.append((now, search.trial.late_flux))
     if moved:
         return now * factor
     search.found["impact_threshold"] = Bracket(now, now / factor)
-    blown = [trial for trial in search.trials if trial["phase"] in ("start", "fall")]
-    line = flux_intercept([(trial["friction_velocity"], trial["flux"]) for trial in blown])
-    if line is not None:
+    if (line := flux_intercept(search.blown)) is not None:
         search.found["impact_threshold_linear"] = line
     return None
 

@@ -54,7 +54,7 @@ def test_a_session_runs_changes_and_returns_bit_for_bit():
 
 def test_a_session_tells_entries_differences_and_curves():
     session = te.live(SCENE)
-    with pytest.raises(te.BadInput, match="nothing has run yet"):
+    with pytest.raises(te.BadInput, match="has no samples"):
         session.plot("kinetic_J")
     assert session.diff().empty
     session.run(1e-3).save("before").set("gravity.magnitude", 3.0).run(1e-3)

@@ -69,13 +69,8 @@ def test_sticky_grains_pull_each_other_with_two_weights_and_walls_with_nothing()
         assert set(energy.values()) == {0.0}
         assert scene.laws.normal == "jkr"
         law, *words = lammps_normal(column, 0.6).split()
-        assert law == "jkr"
-        assert list(map(float, words)) == [
-            soil.young,
-            0.6,
-            soil.poisson,
-            physics_column.surface_energy(column),
-        ]
+        told = [soil.young, 0.6, soil.poisson, physics_column.surface_energy(column)]
+        assert (law, list(map(float, words))) == ("jkr", told)
     assert physics_column.column_scene(physics_column.USUAL).laws.normal == "hertz"
     assert lammps_normal(physics_column.USUAL, 0.6).startswith("hertz/material")
 

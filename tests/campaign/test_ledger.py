@@ -89,7 +89,9 @@ def test_a_full_disk_is_named_and_a_second_call_goes_on(tmp_path, undisturbed):
         pages = store.database.connection.execute("PRAGMA page_count").fetchone()[0]
         # SQLite answers a file that may not grow with the error it gives for a disk that is full
         store.database.connection.execute(f"PRAGMA max_page_count = {pages + 1}")
-        with pytest.raises(BadInput, match=r"ledger\.sqlite: the disk is full; finished runs are kept"):
+        with pytest.raises(
+            BadInput, match=r"ledger\.sqlite: the ledger cannot be used \(database or disk is full"
+        ):
             execute(listed, store, workers=2, function="stand_in:without_ledger")
     assert_goes_on(tmp_path, undisturbed)
 
@@ -159,6 +161,6 @@ def test_a_database_of_another_program_is_refused_and_left_alone(tmp_path):
     foreign.execute("CREATE TABLE run (name TEXT, pace REAL)")
     foreign.close()
     before = (tmp_path / ledger.LEDGER).read_bytes()
-    with pytest.raises(BadInput, match="a database of another program, not the ledger"):
-        open_ledger(tmp_path)
+    with opened(tmp_path) as store, pytest.raises(BadInput, match="the ledger cannot be used"):
+        ledger.add_requests(store, requests(tmp_path, 1))
     assert (tmp_path / ledger.LEDGER).read_bytes() == before

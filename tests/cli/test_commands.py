@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 from taichi_erosion.cli import commands
-from taichi_erosion.cli.answers import cost_line
 from taichi_erosion.cli.main import main
+from taichi_erosion.cli.output import cost_line
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.evidence.models.reduced import EFFECTS
@@ -88,6 +88,7 @@ def test_words_of_run_arrive_as_options_and_only_those_that_were_typed(room, tmp
         "arch": "cpu",
         "record": target,
         "no_record": False,
+        "force": False,
         "effect_files": (),
     }
 
@@ -248,7 +249,7 @@ def test_repose_of_a_photograph_is_measured_within_the_crop(room, capsys, tmp_pa
     record["notes"] = ["left flank only"]
     calls = room("taichi_erosion.measures.photograph", "measure_photograph", record)
     picture = tmp_path / "heap.detected.png"
-    room("taichi_erosion.report.pictures.photograph", "draw_detection", picture)
+    room("taichi_erosion.report.photograph", "draw_detection", picture)
     assert main(["measure", "repose", str(image), "--crop", "0,10,200,100", "--background", "dark"]) == 0
     assert calls == [((image,), {"crop": (0, 10, 200, 100), "background": "dark"})]
     lines = capsys.readouterr().out.splitlines()

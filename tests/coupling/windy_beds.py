@@ -1,24 +1,23 @@
 """Small setups of grains in air for the tests of coupling."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from grain_worlds import GRAVITY, MASS, NONE, PLATE, RADIUS, grains, setup
+from grain_worlds import NONE, PLATE, RADIUS, grains, setup
 
 from taichi_erosion.core.air_setup import AirModel, AirSetup, AirSide, SideKind, bed_faces
 from taichi_erosion.core.setup import Coupling, Floats, Setup
 from taichi_erosion.simulation import Simulation, advance, spin_up_wind
-from tests.verification.small_scenes import box, sides
+from tests.verification.small_scenes import box, in_air, sides
 
 SIDE = 7e-3  # m, period of the patch
 ACROSS = 6  # grains along a period
-LID = 20e-3  # m
+LID, HEADROOM = 20e-3, 0.1  # m
 SURFACE = 3e-3  # m
 DENSITY, VISCOSITY = 1.225, 1.46e-5  # kg m-3, m2 s-1
 
 
-def air(faces: Floats, floor: SideKind = "wall", side: float = SIDE, **rest: Any) -> AirSetup:
+def air(faces: Floats, floor: SideKind = "wall", **rest: Any) -> AirSetup:
     words: dict[str, Any] = {
         "faces_z": faces,
         "sides": sides(z_low=AirSide(floor), z_high=AirSide("stress")),
@@ -28,15 +27,7 @@ def air(faces: Floats, floor: SideKind = "wall", side: float = SIDE, **rest: Any
         "model": AirModel("mixing_length", "none", "euler", exchange=True),
         "implicitness": 1.0,
     }
-    return box((1, 1, len(faces) - 1), (side, side, float(faces[-1])), **words | rest)
-
-
-def under(table: Setup, over: AirSetup, **coupling: Any) -> Setup:
-    high = (over.high[0], over.high[1], over.high[2] + 0.1)
-    period = (over.high[0], over.high[1], 0.0)
-    return replace(
-        table, air=over, domain=((0.0, 0.0, -0.01), high), period=period, coupling=Coupling(**coupling)
-    )
+    return box((1, 1, len(faces) - 1), (SIDE, SIDE, float(faces[-1])), **words | rest)
 
 
 def bed(seed: int, layers: int = 3, speed: float = 0.05) -> Setup:
@@ -47,20 +38,18 @@ def bed(seed: int, layers: int = 3, speed: float = 0.05) -> Setup:
     rows = [np.column_stack([x, y, np.full(ACROSS**2, (1.0 + 2.1 * k) * RADIUS)]) for k in range(layers)]
     place = np.concatenate(rows) + rng.uniform(-0.04, 0.04, (ACROSS**2 * layers, 3)) * RADIUS
     table = setup(grains(place, speed * rng.standard_normal(place.shape)), PLATE)
-    faces = bed_faces(0.0, SURFACE + 2.0 * RADIUS, LID, 0.5 * RADIUS, 1.3)
-    return under(table, air(faces), look_steps=5, surface=SURFACE, seed=seed)
+    over = air(bed_faces(0.0, SURFACE + 2.0 * RADIUS, LID, 0.5 * RADIUS, 1.3))
+    return in_air(table, over, Coupling(look_steps=5, surface=SURFACE, seed=seed), HEADROOM)
 
 
-def weightless(place: Any, velocity: Any, over: AirSetup, **coupling: Any) -> Setup:
-    """Grains without weight, far from each other and from walls, in a column of air.
+def weightless(place: Any, over: AirSetup, look_steps: int) -> Setup:
+    """Grains at rest without weight, far from each other and from walls, in a column of air.
 
     No plate lies under them: one grain is centred on the floor of the air, where a plate would have no
     direction to push it.
     """
-    return under(setup(grains(place, velocity), NONE, gravity=(0.0, 0.0, 0.0)), over, **coupling)
-
-
-__all__ = ["DENSITY", "GRAVITY", "MASS", "RADIUS", "SIDE", "VISCOSITY", "air", "bed", "under", "weightless"]
+    table = setup(grains(place), NONE, gravity=(0.0, 0.0, 0.0))
+    return in_air(table, over, Coupling(look_steps=look_steps), HEADROOM)
 
 
 def set_in(sim: Simulation, wind: float, begins: float, ends: float) -> None:

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from doe.common.pages import fill_tables
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.report.markdown import fill_tables
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

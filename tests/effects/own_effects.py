@@ -1,4 +1,4 @@
-"""The library of effects, with a constant pull and the scaffold's effect with a memory from outside of it."""
+"""The library of effects with two from outside: the constant pull of the scaffold, and that with a memory."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,9 +9,10 @@ from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.core.setup import Setup
 from taichi_erosion.effects import load_library
 
-CONSTANT_PULL = Path(__file__).with_name("constant_pull.py")
-AGEING_TEXT = rendered("stateful_effect").replace("NAME", "ageing_pull")
-OWN = [CONSTANT_PULL, EffectFile(Path(__file__).with_name("ageing_pull.py"), AGEING_TEXT)]
+OWN = [
+    EffectFile(Path(__file__).with_name(f"{name}.py"), rendered(scaffold).replace("NAME", name))
+    for scaffold, name in (("pair_effect", "constant_pull"), ("stateful_effect", "ageing_pull"))
+]
 LIBRARY = load_library(OWN)
 
 

@@ -3,9 +3,9 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from shutil import copy
 
 import pytest
+from own_effects import OWN
 from ten_records import DISCOVERIES
 
 from taichi_erosion.cli.main import main
@@ -62,10 +62,10 @@ def test_an_installed_package_adds_its_effects(here, monkeypatch):
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: dust\nVersion: 1.0\n", encoding="utf-8")
     (about / "entry_points.txt").write_text("[taichi_erosion.effects]\ndust = dust_pull\n", encoding="utf-8")
-    copy(Path(__file__).with_name("constant_pull.py"), here / "dust_pull.py")
+    (here / "dust_pull.py").write_text(OWN[0].text, encoding="utf-8")
     assert "constant_pull" not in load_library()
     monkeypatch.syspath_prepend(here)
-    assert load_library()["constant_pull"].title == "constant pull between touching grains"
+    assert load_library()["constant_pull"].params().pull_off == 1e-7
 
 
 def found_law(here: Path, law: LawPart) -> Effect:
@@ -88,8 +88,8 @@ def test_a_discovered_law_becomes_an_effect_that_gives_what_the_discovery_wrote(
     ("words", "sentence"),
     [
         (["new", "Pull"], "a name begins with a lower-case letter and has lower-case letters, digits and _"),
-        (["new", "dry_adhesion"], "the library has an effect of this name"),
-        (["new"], "is not in the library"),
+        (["new", "dry_adhesion"], "there is an effect or a file of this name"),
+        (["new"], "give one NAME, or new NAME"),
         (["dry_adhesion", "--from-discovery", "x.json"], "needs new NAME"),
         (["dry_adhesion", "--with-memory"], "needs new NAME"),
         (["dry_adhesion", "--place", "grain"], "needs new NAME"),

@@ -1,17 +1,14 @@
-"""Effects in the simulation: paired forces, replicas with and without, files from outside the package."""
+"""Effects in the simulation: paired forces, replicas with and without, scenes and results they change."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from math import sqrt
-from pathlib import Path
 
 import numpy as np
 import pytest
 from grain_worlds import MASS, NONE, RADIUS, TIME_STEP, YOUNG, contacts, fingerprint, grains, heap, setup
-from own_effects import CONSTANT_PULL, LIBRARY, acted_on
+from own_effects import LIBRARY, acted_on
 
-from taichi_erosion.cli.main import main
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.effect import replica_effect
 from taichi_erosion.core.errors import BadInput
@@ -22,6 +19,7 @@ from taichi_erosion.run.result import apply_instruments
 from taichi_erosion.scene import parse_scene
 from taichi_erosion.scene.change import SAMPLE
 from taichi_erosion.simulation import advance, assemble, export_state, prepare, snapshot
+from tests.verification.small_scenes import final_states
 
 WET = {"moisture": 0.02}
 NO_HEAP = no_measurement("pile_height", "m", "no heap")
@@ -35,13 +33,9 @@ def device() -> Iterator[None]:
 
 
 def with_effects(bare: Setup, **strengths: float) -> Setup:
-    """Pair and grain effects at their default parameters; those of strength 0 are left out."""
-    found = [
-        replica_effect(LIBRARY[name], LIBRARY[name].params(), strength, WET, RADIUS)
-        for name, strength in strengths.items()
-        if strength > 0.0
-    ]
-    return replace(bare, effects=tuple(found))
+    """Pair and grain effects at their default parameters."""
+    named = [(LIBRARY[name], strength) for name, strength in strengths.items()]
+    return replace(bare, effects=tuple(replica_effect(e, e.params(), s, WET, RADIUS) for e, s in named))
 
 
 def fallen() -> dict[str, Setup]:
@@ -50,7 +44,7 @@ def fallen() -> dict[str, Setup]:
     sticky = {"dry_adhesion": 100.0, "liquid_bridge": 30.0, "restitution_speed": 1.0}
     return {
         "wet heap": with_effects(bare, **sticky),
-        "dry heap": with_effects(bare, liquid_bridge=0.0),
+        "dry heap": bare,
         "wet heap again": with_effects(bare, **sticky),
         "damp heap": with_effects(bare, liquid_bridge=15.0),
     }
@@ -101,9 +95,8 @@ MEETING = [name for name, effect in LIBRARY.items() if effect.place == "pair" an
 def worlds() -> dict[str, Snapshot]:
     """How all these worlds end; one ensemble, because every set of effects is compiled anew."""
     # a strong pull that does not act between their materials
-    dry = replace(
-        with_effects(met(), liquid_bridge=50.0), contacts=replace(contacts(0.5), effects=np.zeros(3))
-    )
+    untouched = replace(contacts(0.5), effects=np.zeros(3))
+    dry = replace(with_effects(met(), liquid_bridge=50.0), contacts=untouched)
     setups = fallen() | {"met": met(), "bounced": bounced(), "held": hanging(0.8), "lost": hanging(1.2)}
     setups |= {"let go": hanging(0.8, acts=False), "met as if dry": dry}
     setups |= {"in the air": crossing(-0.1), "in the bed": crossing(0.0)}
@@ -129,9 +122,7 @@ def test_grains_that_have_not_touched_need_no_list_for_an_effect_after_touch():
 
 
 def test_a_replica_without_effects_moves_as_the_bare_model_beside_replicas_with_them(worlds):
-    sim = assemble([heap(60, 1)], LAWS, Numerics("cpu", 1, "f64"))
-    advance(sim, [0.02])
-    alone = fingerprint(snapshot(sim, 0))
+    alone = fingerprint(final_states([heap(60, 1)], 0.02, "f64", LAWS)[0])
     wet, dry, again, damp = (fingerprint(worlds[name]) for name in fallen())
     assert dry == alone
     assert wet == again
@@ -166,37 +157,6 @@ def test_a_grain_hangs_from_a_ceiling_up_to_its_pull_off_force(worlds):
 def test_effects_leave_a_contact_alone_that_says_so(worlds):
     assert worlds["let go"].position[0, 2] > RADIUS, "a lighter grain would have held"
     assert np.array_equal(worlds["met as if dry"].velocity, worlds["met"].velocity)
-
-
-@pytest.fixture
-def scene_file(tmp_path: Path) -> Path:
-    import tomli_w
-
-    path = tmp_path / "sample.toml"
-    stage = {"name": "settle", "until": "time", "duration_max": 2e-4}
-    measure = {"pile_height": {"plate": "plate"}}
-    path.write_text(tomli_w.dumps(SAMPLE | {"stages": [stage], "measure": measure}), encoding="utf-8")
-    return path
-
-
-ON = ["effects.constant_pull.strength=1.0", "effects.repose_method.strength=1.0"]
-SWITCHES = [word for order in ON for word in ("--set", order)]
-
-
-def test_an_effect_from_a_file_is_known_only_where_the_file_is_named(scene_file, capsys):
-    words = ["run", str(scene_file), "--check", *SWITCHES]
-    assert main(words) == 2
-    assert "effects.constant_pull is unknown" in capsys.readouterr().err
-    assert main([*words, "--effect", str(CONSTANT_PULL)]) == 0
-
-
-@pytest.mark.slow
-def test_a_file_from_outside_the_package_acts_in_a_run(scene_file, capsys):
-    words = ["run", str(scene_file), "--no-record", "--json", *SWITCHES, "--effect", str(CONSTANT_PULL)]
-    assert main(words) == 0
-    document = json.loads(capsys.readouterr().out)
-    assert document["resolved"]["effects"]["constant_pull"] == {"strength": 1.0}
-    assert "before repose_method" not in str(document["measures"]["pile_height"]["notes"])
 
 
 def test_what_an_instrument_shows_replaces_the_value_and_names_the_true_one():

@@ -86,8 +86,6 @@ def triangle() -> Setup:
 SETUPS = {
     "unlike": unlike(),
     "sticky": sticky(),
-    "bare": heap(GRAINS, 1),
-    "other": heap(GRAINS, 2),
     "lying": lying(),
     "beside": lying(2),
     "cemented": on(triangle(), CRUST, **STRONG),
@@ -107,9 +105,8 @@ def compiled() -> Iterator[Simulation]:
     stop_device()
 
 
-@pytest.fixture
-def sim(compiled: Simulation) -> Simulation:
-    """The ensemble at its start."""
+@pytest.fixture(name="sim")
+def at_its_start(compiled: Simulation) -> Simulation:
     return begun(compiled)
 
 
@@ -211,26 +208,10 @@ def test_a_cement_pulls_both_partners_alike(sim):
     assert np.abs(cemented - free).max() > 1e-3, "must have acted"
 
 
-# these two stop the device
-
-
-@pytest.mark.slow
-def test_a_replica_without_a_memory_moves_as_the_bare_model_beside_one_with_it():
-    found = []
-    for setups in ([heap(GRAINS, 1)], [sticky()], [heap(GRAINS, 1), sticky(), heap(GRAINS, 2)]):
-        sim = start(setups)
-        simulation.advance(sim, [HALF] * len(setups))
-        found.append([fingerprint(simulation.snapshot(sim, r)) for r in range(len(setups))])
-        if len(setups) != 1:
-            assert not state_of(sim, "ageing_pull.age", 2).any()
-        stop_device()
-    (bare,), (alone,), together = found
-    assert together[:2] == [bare, alone]
-    assert bare != alone, "must have acted"
-
-
 @pytest.mark.slow
 def test_workers_that_share_grains_with_a_memory_change_no_bit(in_teams):
+    """The last test: it stops the device."""
+
     def aged(sim: Simulation) -> tuple[str, list[float]]:
         simulation.advance(sim, [HALF])
         return fingerprint(simulation.snapshot(sim, 0)), list(state_of(sim, "ageing_pull.age"))

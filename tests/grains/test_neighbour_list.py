@@ -1,23 +1,23 @@
-"""Neighbour lists under wind, where a few fast or large grains are searched beyond adjacent cells."""
+"""Neighbour lists of a cloud, and of beds whose fast grains are searched beyond adjacent cells."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from windy_beds import RADIUS, bed
+from grain_worlds import NONE, RADIUS, TIME_STEP, grains, setup
+from windy_beds import bed
 
 from taichi_erosion.core.device import stop_device
-from taichi_erosion.core.setup import Laws, Numerics, Setup
+from taichi_erosion.core.setup import Floats, Laws, Numerics, Setup
 from taichi_erosion.simulation import advance, assemble, export_state
 
-LAWS = Laws(drag="two_limits")
-LAYERS = 6
+LAWS = Laws(rolling="elastic_plastic", drag="two_limits")
 FAST = 3.0  # m s-1, which takes a grain through several cells on one list
 
 
 def mixed(fast: int) -> Setup:
     """Loose layers of grains between half and the full radius, so many of which fly upwards."""
-    table = bed(1, layers=LAYERS)
+    table = bed(1, layers=6)
     rng = np.random.default_rng(2)
     velocity = table.grains.velocity.copy()
     velocity[rng.permutation(len(velocity))[:fast]] = (0.0, 0.0, FAST)
@@ -25,22 +25,47 @@ def mixed(fast: int) -> Setup:
     return replace(table, grains=replace(table.grains, velocity=velocity, radius=radius))
 
 
-@pytest.mark.parametrize(("fast", "crowded"), [(0, 0), (12, 0), (200, 1)])
-def test_every_pair_that_may_touch_before_the_next_rebuild_is_listed_once(fast: int, crowded: int):
-    table = mixed(fast)
+def cloud() -> Setup:
+    """Grains at random places in the void, that fly apart."""
+    rng = np.random.default_rng(2)
+    place = rng.uniform(0.0, 30.0 * RADIUS, (400, 3))
+    return setup(grains(place, 0.3 * rng.normal(size=place.shape)), NONE, gravity=(0.0, 0.0, 0.0))
+
+
+def distances(place: Floats, table: Setup) -> Floats:
+    """Of all grains to all, across periods along x and y [n, n]."""
+    apart = place[:, None] - place[None, :]
+    for axis in range(2):
+        if period := table.period[axis]:
+            apart[..., axis] -= period * np.round(apart[..., axis] / period)
+    return np.linalg.norm(apart, axis=-1)
+
+
+@pytest.mark.parametrize(
+    ("table", "until", "crowded", "wide"),
+    [
+        (mixed(0), TIME_STEP, 0, False),
+        (mixed(12), TIME_STEP, 0, True),
+        (mixed(200), TIME_STEP, 1, False),
+        (cloud(), 2e-3, 0, False),  # it has spread from where the scene put it
+    ],
+    ids=("all slow", "few fast", "many fast", "cloud"),
+)
+def test_every_pair_that_may_touch_before_the_next_rebuild_is_listed_once(table, until, crowded, wide):
     sim = assemble([table], LAWS, Numerics("cpu", 1, "f64"))
-    advance(sim, [table.time_step])
+    advance(sim, [until])
     assert int(sim.world.replicas.crowded[0]) == crowded
     state = {k.removeprefix("replica0_"): v for k, v in export_state(sim).items()}
     stop_device()
-    place, grasp = state["origin"], state["radius"] + np.sqrt(state["skin_squared"])
-    apart = place[:, None] - place[None, :]
-    period = np.asarray(table.period)[:2]
-    apart[..., :2] -= period * np.round(apart[..., :2] / period)
-    near = np.triu(np.linalg.norm(apart, axis=-1) < grasp[:, None] + grasp[None, :], 1)
+    apart, grasp = distances(state["origin"], table), state["radius"] + np.sqrt(state["skin_squared"])
+    near = np.triu(apart < grasp[:, None] + grasp[None, :], 1)
     listed = np.zeros(near.shape, dtype=int)
-    owner = np.repeat(np.arange(len(place)), state["pair_number"])
+    owner = np.repeat(np.arange(len(apart)), state["pair_number"])
     np.add.at(listed, (owner, state["pair_neighbour"].astype(int)), 1)
-    np.testing.assert_array_equal(np.triu(listed + listed.T, 1), near)
+    listed = np.triu(listed + listed.T, 1)
+    np.testing.assert_array_equal(listed, near)
+    now = distances(state["origin"] + state["shift"], table)
+    touching = np.triu(now < state["radius"][:, None] + state["radius"][None, :], 1)
+    assert np.all(listed[touching] == 1)
     # the case is what it says: with wide grains some pairs lie further apart than two cells allow
-    assert (np.linalg.norm(apart, axis=-1)[near].max() > 4.0 * RADIUS) == (fast == 12)
+    assert (apart[near].max() > 4.0 * RADIUS) == wide

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from grain_worlds import GRAVITY, TIME_STEP, contacts, fingerprint
-from windy_beds import DENSITY, RADIUS, SIDE, bed
+from grain_worlds import GRAVITY, RADIUS, TIME_STEP, contacts, fingerprint
+from windy_beds import DENSITY, SIDE, bed
 
 from taichi_erosion import simulation
 from taichi_erosion.core.device import stop_device
@@ -79,11 +79,12 @@ def nights() -> dict[str, Any]:
     return locals()
 
 
-def test_a_bed_at_rest_falls_asleep_and_lies_where_it_lay(nights):
+def test_a_bed_at_rest_falls_asleep_lies_where_it_lay_and_goes_on_bit_for_bit_when_resumed(nights):
     still = nights["still"] & nights["later"]
     assert still.mean() > 0.9
     assert np.array_equal(nights["after"].position[still], nights["before"].position[still])
     assert not nights["after"].velocity[still].any()
+    assert nights["again"] == nights["end"]
 
 
 def test_a_bed_lies_as_it_does_awake_and_sleeps_alike_in_company(nights):
@@ -128,18 +129,11 @@ def test_the_air_loses_what_sleepers_take_from_it(nights):
     assert nights["residual_momentum"] == pytest.approx(taken * SIDE**2 * interval, rel=0.02)
 
 
-def test_a_grain_that_falls_on_sleepers_wakes_those_it_hits_and_all_sleep_again(nights):
+def test_a_grain_that_falls_on_sleepers_wakes_those_it_hits_and_gravity_that_turns_wakes_all(nights):
     hit = nights["hit"]
     assert min(hit) < hit[0] - 3
-    assert np.count_nonzero(nights["calmed"]) >= hit[0]
-
-
-def test_gravity_that_turns_wakes_all(nights):
+    assert np.count_nonzero(nights["calmed"]) >= hit[0], "all sleep again"
     assert not nights["tilted"].any()
-
-
-def test_sleep_goes_on_bit_for_bit_when_resumed(nights):
-    assert nights["again"] == nights["end"]
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.measures.photograph import find_base_line, measure_photograph
 from taichi_erosion.measures.repose import repose_angle
 from taichi_erosion.measures.silhouette import draw_silhouette
-from taichi_erosion.report.pictures.photograph import WIDTH, draw_detection
+from taichi_erosion.report.photograph import WIDTH, draw_detection
 from tests.measures.heaps import DIAMETER, cone, snapshot_of
 
 ROWS, COLUMNS, BASE, LEVEL, HALF_WIDTH = 420, 640, 360, 330, 240  # px; two rows of a base line

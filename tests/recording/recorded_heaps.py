@@ -73,7 +73,7 @@ def totals(frame: int) -> Totals:
 
 def header(kind: str = "repose") -> RunHeader:
     """Header of the little heap."""
-    return RunHeader("test-run", "Little heap", kind, 'kind = "repose"', heap_snapshot().radius, (FLOOR,))
+    return RunHeader("Little heap", kind, 'kind = "repose"', heap_snapshot().radius, (FLOOR,))
 
 
 @contextmanager

@@ -9,21 +9,21 @@ import pytest
 from recorded_heaps import FLOOR, MOVING, heap_snapshot, recorded, write_elsewhere
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.recording import outputs
-from taichi_erosion.recording.checkpoint import load_checkpoint, save_checkpoint
+from taichi_erosion.recording import stream
 from taichi_erosion.recording.readback import read_grains
 from taichi_erosion.recording.stream import RunHeader, log_frame, open_recording
+from taichi_erosion.run.checkpoint import load_checkpoint, save_checkpoint
 
-HEADER = RunHeader("full", "a heap", "repose", "", np.full(205, 1e-3), (FLOOR,))
+HEADER = RunHeader("a heap", "repose", "", np.full(205, 1e-3), (FLOOR,))
 WRITER = """
 import resource, sys
 from pathlib import Path
 from recorded_heaps import heap_snapshot
-from taichi_erosion.recording import outputs, stream
+from taichi_erosion.recording import stream
 from test_disk_space import HEADER, MOVING
 
 limit, path = int(sys.argv[1]), Path(sys.argv[2])
-outputs.FREE_SPACE_LEAST = 0  # as if another program had filled the disk since
+stream.FREE_SPACE_LEAST = 0  # as if another program had filled the disk since
 stream.FLUSH_LIMIT = 1.0  # s
 if limit:
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
@@ -52,8 +52,8 @@ def test_a_recording_that_may_not_grow_is_told_and_keeps_its_beginning(tmp_path:
 
 
 def test_a_nearly_full_disk_is_told_before_anything_is_recorded(tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=outputs.FREE_SPACE_LEAST - 1))
-    with pytest.raises(BadInput, match="the disk is nearly full: a recording leaves 50 MB free"):
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=stream.FREE_SPACE_LEAST - 1))
+    with pytest.raises(BadInput, match="the disk is nearly full; make room, or give --no-record"):
         open_recording(tmp_path / "heap.rrd", HEADER)
     assert list(tmp_path.iterdir()) == []
 

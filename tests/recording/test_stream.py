@@ -1,7 +1,6 @@
 """Recordings as they are written: static and mobile grains, walls, texts, properties."""
 
 from dataclasses import replace
-from math import sqrt
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from taichi_erosion.recording.wall_mesh import WallMesh
 
 FRAMES = 20
 TUBE = WallMesh("lifting tube", heaps.FLOOR.vertices, heaps.FLOOR.triangles, moving=True)
+QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # about z
 ENTITY = "world/walls/lifting\\ tube"
 
 
@@ -28,7 +28,7 @@ def heap(tmp_path_factory) -> Path:
             stream.log_frame(recording, heaps.heap_snapshot(frame), heaps.MOVING)
             stream.log_totals(recording, heaps.totals(frame))
             if frame == 1:
-                stream.log_wall_pose(recording, TUBE.name, (0.0, 0.0, 0.01), (sqrt(0.5), 0.0, 0.0, sqrt(0.5)))
+                stream.log_wall_pose(recording, TUBE.name, QUARTER_TURN, np.array([0.0, 0.0, 0.01]))
             if frame == 2:
                 stream.log_wall_removed(recording, TUBE.name)
                 stream.log_text(recording, "WARN", "the heap is truncated by the plate")
@@ -66,17 +66,16 @@ def test_the_recording_carries_its_blueprint_names_properties_and_simulated_time
     assert heaps.read_properties(heap) == {"doe": factors, "result": found}
     reader = RrdReader(heap)
     (recording,) = reader.recordings()
-    assert (recording.application_id, recording.recording_id) == ("taichi_erosion", "test-run")
+    assert (recording.application_id, recording.recording_id) == ("taichi_erosion", "heap")
     assert len(reader.blueprints()) == 1
     timelines = {name for chunk in read_chunks(heap) for name in chunk.timeline_names}
     assert timelines == {"sim_time", "step"}
 
 
 def test_a_wall_is_turned_and_taken_away_at_its_times_and_texts_stand_at_the_frame_before(heap: Path):
-    ((_, pose),) = read_rows(heap, ENTITY, "Transform3D:quaternion")
-    # rerun stores x, y, z, w in single precision
-    quaternion = pose["Transform3D:quaternion"][0]
-    np.testing.assert_allclose(quaternion, [0.0, 0.0, sqrt(0.5), sqrt(0.5)], rtol=1e-7)
+    ((_, pose),) = read_rows(heap, ENTITY, "Transform3D:mat3x3")
+    # rerun stores column by column
+    np.testing.assert_array_equal(pose["Transform3D:mat3x3"][0].reshape(3, 3).T, QUARTER_TURN)
     written = {"log": "TextLog:text", "silhouette": "EncodedImage:blob", ENTITY: "Clear:is_recursive"}
     for entity, component in written.items():
         assert [time for time, _ in read_rows(heap, entity, component)] == [20_000_000]

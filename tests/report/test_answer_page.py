@@ -12,7 +12,8 @@ from ten_records import VOC, adopted, group, mechanism, null, single, typo
 
 from taichi_erosion.evidence.race.record import Interval, NumberPart, RowsPart
 from taichi_erosion.report.answer_figures import marked
-from taichi_erosion.report.answer_page import answer_page, html_page
+from taichi_erosion.report.html import render
+from taichi_erosion.report.study_page import TEMPLATE, answer_page
 from tests.report.browser import assert_readable
 
 HOME = Path("/home/somebody/soils")
@@ -47,7 +48,7 @@ def pages(tmp_path_factory) -> dict[str, Path]:
     voc = replace(VOC, study=str(HOME / "lab.toml"), results=str(HOME / VOC.results))
     files = {name: folder / f"{name}.html" for name in PAGES}
     for name, records in PAGES.items():
-        files[name].write_text(html_page(answer_page("Heaps", records, voc)), "utf-8")
+        files[name].write_text(render(TEMPLATE, answer_page("Heaps", records, voc)), "utf-8")
     return files
 
 

@@ -1,11 +1,9 @@
 """Figures of designed experiments show what the analysis says."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -18,7 +16,7 @@ from taichi_erosion.report import design_figures as figures
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "doe" / "hao2022"
 RANGES = (Factor("Ct", 0.64, 0.80), Factor("Gt", 0.15, 0.31), Factor("It", 3.1, 3.5, "J m-2"))
-RUN_ORDER = np.arange(1, 18)
+RUN_ORDER, CENTRE = np.arange(1, 18), np.zeros(3)
 
 
 @cache
@@ -29,15 +27,9 @@ def surface() -> Fit:
     return replace(fit, factors=RANGES)
 
 
-@pytest.fixture(autouse=True)
-def close_figures() -> Iterator[None]:
-    yield
-    plt.close("all")
-
-
 def test_every_pair_of_factors_has_its_surface_and_its_contours():
-    assert len(figures.response_surfaces(surface(), {}, "deg").axes) == 3
-    drawn = figures.contours(surface(), {}, "deg", target=25.0).axes
+    assert len(figures.response_surfaces(surface(), {}, "deg", CENTRE).axes) == 3
+    drawn = figures.contours(surface(), {}, "deg", CENTRE, 25.0).axes
     assert [(a.get_xlabel(), a.get_ylabel()) for a in drawn] == [("Ct", "Gt"), ("Ct", "It"), ("Gt", "It")]
     assert (*drawn[0].get_xlim(), *drawn[0].get_ylim()) == pytest.approx((0.64, 0.80, 0.15, 0.31))
 

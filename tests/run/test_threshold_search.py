@@ -29,7 +29,7 @@ def scene() -> Scene:
 def trial(friction_velocity: float, grains: int = 1) -> Trial:
     start = np.zeros((grains, 3))
     nothing = np.zeros(grains, dtype=bool)
-    return Trial(friction_velocity, 0.0, start, start, nothing, nothing, flux=[1.0])
+    return Trial(friction_velocity, 0.0, start, start, nothing, nothing, flux=[friction_velocity**2])
 
 
 def searched(scene: Scene, rolls: float, ramp: float, leaves: float, rests: float) -> ThresholdSearch:
@@ -70,8 +70,7 @@ def test_where_transport_is_named_only_its_end_is_looked_for(scene: Scene):
     while (next_wind := NEXT_WIND[search.phase](search, search.trial.friction_velocity >= 0.1)) is not None:
         winds.append(next_wind)
         search.trial = trial(next_wind)
-        told = {"friction_velocity": next_wind, "flux": next_wind**2 - 0.09**2}
-        search.trials.append({"phase": "fall"} | told)
+        search.trial.flux = [next_wind**2 - 0.09**2]
     assert winds == pytest.approx([0.2 * 0.95**k for k in range(1, len(winds) + 1)])
     assert set(search.found) == {"impact_threshold", "impact_threshold_linear"}
     assert search.found["impact_threshold"].low < 0.1 <= search.found["impact_threshold"].high

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from grain_worlds import fingerprint, heap
+from grain_worlds import ends, fingerprint, heap
 
 from taichi_erosion import simulation
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics, Setup
-from taichi_erosion.simulation import Simulation, capacities
+from taichi_erosion.simulation import capacities
 from taichi_erosion.simulation.assemble import reallocate
 
 LAWS = Laws(rolling="elastic_plastic")
@@ -18,13 +18,6 @@ HALF, WHOLE = 0.005, 0.01  # s
 PAIRS_TOO_FEW = 160  # entries; the heap wants more than these and fewer than twice as many
 WALL_PAIRS_TOO_FEW = 64
 PAIRS_FAR_TOO_FEW = 80  # fewer than the heap holds half way
-
-
-def ends(sim: Simulation, until: float) -> list[str]:
-    """Bits of all replicas at a time, none of which may fail."""
-    simulation.advance(sim, [until] * len(sim.setups))
-    assert all(simulation.failure(sim, r) is None for r in range(len(sim.setups)))
-    return [fingerprint(simulation.snapshot(sim, r)) for r in range(len(sim.setups))]
 
 
 def run(setups: list[Setup], threads: int, until: float) -> list[str]:

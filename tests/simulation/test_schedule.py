@@ -47,8 +47,3 @@ def test_no_schedule_could_end_sooner(steps, workers):
                 clocks[worker] = ended[replica, order] = begun + count
         assert sum(map(len, todo)) < before, "workers wait for each other"
     assert max(clocks) <= max(max(steps), -(-sum(steps) // workers))
-
-
-def test_equal_replicas_share_the_workers_equally():
-    assignment = assign_steps(np.full(3, 1000, np.int32), 2)
-    assert [sum(count for _, count, _ in part) for part in parts(assignment)] == [1500, 1500]

@@ -24,24 +24,19 @@ class Machine:
             judge(self.team, 1, size, most, late and size > free)
 
 
-def test_a_team_keeps_its_size_where_every_worker_has_a_core(monkeypatch):
+@pytest.mark.parametrize(
+    ("seconds", "free", "late", "left_out"),
+    [
+        (10.0, 2.0, True, 0),  # every worker has a core
+        (10.0, 1.0, False, 0),  # they end early because their share is done
+        # two that are complete for the share free - 1 of the time do 2 (free - 1) of what one does: 1.2, 0.8
+        *((LAUNCH, free, True, left_out) for free, left_out in ((1.6, 0), (1.4, 1), (1.0, 1), (0.2, 1))),
+    ],
+)
+def test_a_worker_is_left_out_where_two_do_less_than_one(seconds, free, late, left_out, monkeypatch):
     machine = Machine(monkeypatch)
-    machine.launches(10.0, free=2.0)
-    assert machine.team.left_out == 0
-
-
-@pytest.mark.parametrize(("free", "left_out"), [(1.6, 0), (1.4, 1), (1.0, 1), (0.2, 1)])
-def test_a_worker_is_left_out_where_two_do_less_than_one(free, left_out, monkeypatch):
-    # two that are complete for the share free - 1 of the time do 2 (free - 1) of what one does: 1.2 and 0.8
-    machine = Machine(monkeypatch)
-    machine.launches(LAUNCH, free)
+    machine.launches(seconds, free, late=late)
     assert machine.team.left_out == left_out
-
-
-def test_workers_that_end_early_because_their_share_is_done_are_not_missed(monkeypatch):
-    machine = Machine(monkeypatch)
-    machine.launches(10.0, free=1.0, late=False)
-    assert machine.team.left_out == 0
 
 
 def test_many_workers_are_left_out_at_once(monkeypatch):

@@ -5,7 +5,7 @@ effects must come back to rounding. With noise, a share k of N tables is binomia
 share p by four standard errors, 4 sqrt(p (1 - p) / N), which chance does once in 16,000 times.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from math import sqrt
 
 import numpy as np
@@ -18,7 +18,7 @@ from taichi_erosion.experiments.design import box_behnken, plackett_burman, stee
 from taichi_erosion.experiments.design_table import Design, Factor
 from taichi_erosion.experiments.fit import Fit, coefficient_table, fit_model
 from taichi_erosion.experiments.optimise import Goal, optimise
-from taichi_erosion.experiments.terms import Term, interaction_terms, linear_terms, model_matrix, model_terms
+from taichi_erosion.experiments.terms import interaction_terms, linear_terms, model_matrix, model_terms
 from taichi_erosion.verification.claims import Outcome, below
 
 SEED = 37
@@ -63,25 +63,19 @@ def recovered_effects() -> Iterator[Outcome]:
     yield from noisy_effects(screening, surface, lambda runs: NOISE * rng.normal(size=runs))
 
 
-def alias_matrix(coded: Floats, kept: Sequence[Term], left_out: Sequence[Term]) -> Floats:
-    """Bias of the kept terms by those left out, [1 + kept, left out], first that of the constant."""
-    inside, outside = model_matrix(coded, kept), model_matrix(coded, left_out)[:, 1:]
-    return np.asarray(np.linalg.lstsq(inside, outside, rcond=None)[0], dtype=float)
-
-
 def exact_effects(screening: Design, surface: Design) -> Iterator[Outcome]:
     """What must come back to rounding."""
     linear = fitted(screening, 20.0 + screening.coded @ SCREENED, "linear")
     yield below("Plackett-Burman: error of nine slopes", linear.coefficients[1:] - SCREENED, ROUNDING, "f64")
-    crossed = interaction_terms(9)
-    strengths = np.linspace(-1.0, 1.0, len(crossed))
-    mixed = fitted(screening, model_matrix(screening.coded, crossed)[:, 1:] @ strengths, "linear")
-    predicted = alias_matrix(screening.coded, linear_terms(9), crossed) @ strengths
+    kept = model_matrix(screening.coded, linear_terms(9))
+    left_out = model_matrix(screening.coded, interaction_terms(9))[:, 1:]
+    strengths = np.linspace(-1.0, 1.0, left_out.shape[1])
+    mixed = fitted(screening, left_out @ strengths, "linear")
+    predicted = np.linalg.lstsq(kept, left_out, rcond=None)[0] @ strengths
     name = "Plackett-Burman: bias by interactions less what the alias table says"
     yield below(name, mixed.coefficients - predicted, ROUNDING, "f64")
-    quadratic = fitted(
-        surface, model_matrix(surface.coded, model_terms(3, "quadratic")) @ CURVED, "quadratic"
-    )
+    bowl = model_matrix(surface.coded, model_terms(3, "quadratic")) @ CURVED
+    quadratic = fitted(surface, bowl, "quadratic")
     name = "Box-Behnken: error of ten coefficients"
     yield below(name, quadratic.coefficients - CURVED, 10.0 * ROUNDING, "f64")
     path = steepest_path(factors(9), list(SCREENED), steps=2).coded[1]

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from taichi_erosion.verification import closed_forms
 from taichi_erosion.verification.claims import Check, Claim, Ladder
-from tests.verification import designed_experiments, reproducibility
+from tests.verification import designed_experiments
 from tests.verification.air import channel, vortices
 from tests.verification.contact import (
     adhesion,
@@ -39,7 +39,7 @@ CHECKS: dict[str, Check] = {
     "V18": adhesion.sticking_speed,
     "V19": adhesion.vanishing_adhesion,
     "V20": adhesion.friction_caps,
-    "V22": reproducibility.single_and_double,
+    "V22": invariance.single_and_double,
     "V23": closed_forms.threads_and_ensembles,
     "V25": vortices.lid_cavity,
     "V26": vortices.taylor_green,

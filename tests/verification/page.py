@@ -16,8 +16,8 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
+from doe.common.pages import MARKED, fill_tables
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.report.markdown import MARKED, fill_tables
 from taichi_erosion.verification.claims import Claim, verify
 from tests.verification.contact.oblique_impact import OXIDE, impact_at, patch_angle, simulated
 from tests.verification.ladder import LADDER
@@ -27,7 +27,7 @@ from tests.verification.reference.contact import rebound
 PAGE = Path(__file__).with_name("README.md")
 FIGURE = Path(__file__).parents[2] / "docs" / "pictures" / "oblique_impact.png"
 POINT, LINE, FINE = "#c0392b", "#1f4e79", "#7f8c8d"
-HEADER = ("id", "claim", "of", "got", "want", "tolerance", "holds")
+HEAD = ("| id | claim | of | got | want | tolerance | holds |", "| --- | --- | --- | --- | --- | --- | --- |")
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 
 
@@ -58,8 +58,7 @@ def renewed(table: str, claims: Sequence[Claim]) -> str:
     checked = {claim.id for claim in claims}
     kept = [row for row in table.splitlines() if row.startswith("| V") and row.split()[1] not in checked]
     rows = sorted([*kept, *claim_rows(claims)], key=lambda row: row.split()[1])
-    head = ["| " + " | ".join(HEADER) + " |", "| " + " | ".join("---" for _ in HEADER) + " |"]
-    return "".join(f"{row}\n" for row in [*head, *rows])
+    return "".join(f"{row}\n" for row in [*HEAD, *rows])
 
 
 def draw_oblique_impact(file: Path) -> None:
@@ -72,15 +71,14 @@ def draw_oblique_impact(file: Path) -> None:
         "spin after impact [rad/s]": published.OBLIQUE_LITERATURE_SPIN,
         "rebound angle of the contact [deg]": published.OBLIQUE_LITERATURE_PATCH,
     }
+    shown = [
+        (found.tangential / impact.tangential, found.spin, patch_angle(impact, found))
+        for found in (fine, after)
+    ]
     figure, frames = plt.subplots(1, 3, figsize=(11.0, 3.6), layout="constrained")
-    for found, colour, width, title in (
-        (fine, FINE, 3.0, "same law, fine step"),
-        (after, LINE, 1.0, "simulator"),
-    ):
-        shown = found.tangential / impact.tangential, found.spin, patch_angle(impact, found)
-        for frame, values in zip(frames, shown, strict=True):
-            frame.plot(angle, values, color=colour, lw=width, label=title)
-    for frame, (label, literature) in zip(frames, panels.items(), strict=True):
+    for frame, same_law, simulator, (label, literature) in zip(frames, *shown, panels.items(), strict=True):
+        frame.plot(angle, same_law, color=FINE, lw=3.0, label="same law, fine step")
+        frame.plot(angle, simulator, color=LINE, lw=1.0, label="simulator")
         frame.plot(published.OBLIQUE_ANGLE, literature, "o", color=POINT, ms=4, label="Chung & Ooi (2011)")
         frame.set(xlabel="angle of incidence [deg]", ylabel=label)
     frames[0].legend(frameon=False, fontsize=8)

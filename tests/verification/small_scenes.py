@@ -5,7 +5,7 @@ Materials are grain (0) and wall (1); surfaces are named wall0, wall1, ... in th
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,8 +35,8 @@ from taichi_erosion.scene import Scene
 from taichi_erosion.scene import laws as laws_of
 from taichi_erosion.simulation import Simulation, advance, assemble, failure, prepare, snapshot
 from taichi_erosion.verification.claims import Precision
-from taichi_erosion.verification.closed_forms import HERTZ, sampled, sphere_mass
-from tests.verification.reference.contact import HeadOn, Solid, effective_moduli, series
+from taichi_erosion.verification.closed_forms import HERTZ, hertz_impact, sampled, sphere_mass
+from tests.verification.reference.contact import Solid, effective_moduli, series
 
 WALL = 1  # material
 NO_GRAVITY, GRAVITY = (0.0, 0.0, 0.0), (0.0, 0.0, -9.81)  # m s-2
@@ -70,16 +70,12 @@ def spheres(
     """Grains present from the start; vectors [n, 3], radius and mass one number or [n]."""
     place = np.atleast_2d(np.asarray(position, dtype=float))
     count = len(place)
-
-    def filled(values: ArrayLike, *shape: int) -> Floats:
-        return np.array(np.broadcast_to(np.asarray(values, dtype=float), shape))
-
     return GrainTable(
         position=place,
-        velocity=filled(velocity, count, 3),
-        spin=filled(spin, count, 3),
-        radius=filled(radius, count),
-        mass=filled(mass, count),
+        velocity=np.broadcast_to(velocity, (count, 3)).astype(float),
+        spin=np.broadcast_to(spin, (count, 3)).astype(float),
+        radius=np.broadcast_to(radius, count).astype(float),
+        mass=np.broadcast_to(mass, count).astype(float),
         material=np.zeros(count, dtype=np.int32),
         release_time=np.zeros(count),
     )
@@ -88,13 +84,10 @@ def spheres(
 def primitive_table(kind: PrimitiveKind, shapes: ArrayLike, surface: ArrayLike = 0) -> PrimitiveTable:
     """Primitives of one kind, their numbers in the order of PrimitiveKind, without padding."""
     numbers = np.atleast_2d(np.asarray(shapes, dtype=float))
-    padded = np.zeros((len(numbers), SHAPE_NUMBERS))
-    if numbers.size:
-        padded[:, : numbers.shape[1]] = numbers
     return PrimitiveTable(
         kind=np.full(len(numbers), int(kind), dtype=np.int32),
-        surface=np.array(np.broadcast_to(np.asarray(surface, dtype=np.int32), len(numbers))),
-        shape=padded,
+        surface=np.broadcast_to(surface, len(numbers)).astype(np.int32),
+        shape=np.pad(numbers, ((0, 0), (0, SHAPE_NUMBERS - numbers.shape[1]))),
     )
 
 
@@ -140,15 +133,24 @@ def sphere_setup(
     )
 
 
-def wall_impact(touch: Touch, radius: float, density: float, speed: float) -> HeadOn:
-    """A sphere that meets a rigid plane head-on."""
-    return HeadOn(touch.young_effective, radius, sphere_mass(radius, density), speed)
+class HeadOn(NamedTuple):
+    """An elastic head-on impact with the closed form of Hertz."""
+
+    mass: float  # m*, kg
+    speed: float  # of approach, m s-1
+    closed: tuple[float, float, float]  # K [N m^-1.5], deepest overlap [m], contact time [s]
+
+    @property
+    def duration(self) -> float:
+        """Contact time [s]."""
+        return self.closed[2]
 
 
-def pair_impact(touch: Touch, radii: tuple[float, float], density: float, speed: float) -> HeadOn:
-    """Two spheres that meet head-on with relative speed `speed`."""
+def head_on(touch: Touch, density: float, speed: float, *radii: float) -> HeadOn:
+    """A sphere that meets a rigid plane, or two spheres that meet, with relative speed `speed` [m s-1]."""
     masses = [sphere_mass(radius, density) for radius in radii]
-    return HeadOn(touch.young_effective, series(*radii), series(masses[0], masses[1]), speed)
+    radius, mass = (each[0] if len(radii) == 1 else series(*each) for each in (radii, masses))
+    return HeadOn(mass, speed, hertz_impact(touch.young_effective, radius, mass, speed))
 
 
 def in_air(setup: Setup, air: AirSetup, coupling: Coupling, headroom: float) -> Setup:

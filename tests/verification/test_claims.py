@@ -3,16 +3,16 @@
 import json
 from dataclasses import replace
 from math import nan
-from pathlib import Path
 
 import pytest
 
-from taichi_erosion.cli import source_tree
+from doe.common.pages import MARKED
+from taichi_erosion.cli import commands
 from taichi_erosion.cli.main import main
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.verification import closed_forms
 from taichi_erosion.verification.claims import Claim, Ladder, Outcome, as_claim, verify
 from tests.verification.ladder import CHECKS, KNOWN, LADDER, is_known
+from tests.verification.page import PAGE, claim_rows, renewed
 
 # normal and oblique impacts; free fall is part of both
 BRIEF = {"V04", "V05"}
@@ -35,15 +35,11 @@ def test_every_numbered_check_is_there() -> None:
     assert closed_forms.LADDER.checks.keys() <= CHECKS.keys()
 
 
-def test_an_unknown_check_is_refused_by_name() -> None:
-    with pytest.raises(BadInput, match="V99"):
-        verify(LADDER, ["V01", "V99"])
-
-
 def test_an_installed_program_names_its_short_list_and_where_the_rest_is(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(source_tree, "ROOT", tmp_path)
+    monkeypatch.setattr(commands, "ROOT", tmp_path)
     assert main(["verify", "V01"]) == 2
-    assert f"choose from {', '.join(closed_forms.LADDER.checks)}" in capsys.readouterr().err
+    wanted = f"V01 is unknown; choose from {', '.join(closed_forms.LADDER.checks)}"
+    assert wanted in capsys.readouterr().err
     assert main(["bench"]) == 2
     assert "in the source tree" in capsys.readouterr().err
 
@@ -76,7 +72,7 @@ def test_a_failure_is_known_as_far_as_it_was_found() -> None:
 
 
 def test_failed_rows_of_the_page_are_the_known_failures_and_have_a_reason() -> None:
-    text = (Path(__file__).parent / "README.md").read_text("utf-8")
+    text = PAGE.read_text("utf-8")
     failed = [line for line in text.splitlines() if "**NO**" in line]
     explained = [
         [row for row in failed if f"| {known.id} |" in row and known.words in row] for known in KNOWN
@@ -97,3 +93,19 @@ def test_known_failures_leave_exit_code_0_unless_strict(monkeypatch, capsys) -> 
     (claim,) = json.loads(capsys.readouterr().out)["claims"]
     assert (claim["passed"], claim["known_failure"]) == (False, True)
     assert main(["verify", "V33", "--strict"]) == 1
+
+
+@pytest.mark.docs
+def test_claims_that_differ_in_a_number_share_a_row_unless_they_fail() -> None:
+    got = {"a | b of 1 mm": 1.0, "a | b of 2 mm": 1.05, "a | b of 3 mm": 2.0}
+    claims = [as_claim("V01", Outcome(claim, value, 1.0, 0.1, "f64"), 0.5) for claim, value in got.items()]
+    assert claim_rows(claims) == [
+        r"| V01 | a \| b of 2 mm | 2 | 1.05 | 1 | 0.1 | yes |",
+        r"| V01 | a \| b of 3 mm | 1 | 2 | 1 | 0.1 | **NO** |",
+    ]
+
+
+@pytest.mark.docs
+def test_a_renewed_table_keeps_the_rows_of_other_checks() -> None:
+    (mark,) = MARKED.finditer(PAGE.read_text(encoding="utf-8"))
+    assert renewed(mark["table"], []) == mark["table"]

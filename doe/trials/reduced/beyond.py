@@ -24,7 +24,7 @@ from taichi_erosion.evidence.data.problem import (
     Problem,
     Vault,
 )
-from taichi_erosion.evidence.data.transforms import position_of
+from taichi_erosion.evidence.data.transforms import axis_position
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.prepared_problem import prepare
 
@@ -181,4 +181,5 @@ def ratio(problem: Problem, truth: Truth) -> float:
         own = {name: column[rows] for name, column in table.conditions.items()}
         value[rows] = exact(truth, observable, own)
     prepared = prepare(problem, replace(table, value=value), 0)
-    return root(least_misfit(prepared, position_of(prepared.axes, truth.parameters, {}), {}))
+    x = np.array([axis_position(axis, truth.parameters[axis.name]) for axis in prepared.axes])
+    return root(least_misfit(prepared, x, {}))

@@ -14,9 +14,8 @@ from scipy import optimize
 
 from doe.trials.reduced.clean import Case
 from doe.trials.reduced.laboratory import CaseModel
-from taichi_erosion.evidence.data.linear_algebra import censored_terms
 from taichi_erosion.evidence.data.problem import Candidate, Floats
-from taichi_erosion.evidence.data.transforms import position_of
+from taichi_erosion.evidence.data.transforms import axis_position, censored_terms
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, prepare
 from taichi_erosion.evidence.models.reduced import EFFECTS
 
@@ -66,7 +65,7 @@ def noise_free(case: Case) -> tuple[PreparedProblem, Floats]:
         ),
     )
     prepared = prepare(problem, problem.visible(), 0)
-    x = position_of(prepared.axes, case.truth.parameters, {})
+    x = np.array([axis_position(axis, case.truth.parameters[axis.name]) for axis in prepared.axes])
     exact = prepared.predictor.mean(x, case.truth.effects, prepared.seeds.fitting)
     return replace(prepared, rows=replace(prepared.rows, z=exact)), x
 

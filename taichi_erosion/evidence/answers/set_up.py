@@ -11,7 +11,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows, condition_numbers
 from taichi_erosion.evidence.data.number_words import plain
 from taichi_erosion.evidence.data.problem import Problem, SetUpFault
-from taichi_erosion.evidence.data.tables.spreadsheet import source_changed
+from taichi_erosion.evidence.data.tables.spreadsheet import source_digest
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import Study, first_study
 from taichi_erosion.evidence.race.fit import Race
@@ -45,7 +45,8 @@ def source_faults(study: Study) -> Iterator[SetUpFault]:
     path, first = first_study(study.path, study.file)
     same = first.study.measurements == study.file.study.measurements and path.parent == study.path.parent
     head = first.study if same else study.file.study
-    if head.made_from and source_changed(source := study.path.parent / head.made_from, head.made_from_digest):
+    source = study.path.parent / (head.made_from or "")
+    if source.is_file() and source_digest(source) != head.made_from_digest:
         words = f"{source.name} has changed since `study new`: run it again to take over the changes"
         yield SetUpFault("source_changed", "table", words, False)
 
@@ -81,9 +82,9 @@ def disagreements(problem: Problem) -> Iterator[SetUpFault]:
     table = problem.measurements
     rows = comparison_rows(problem, table)
     for name, noise in rows.noise.items():
-        if noise.stated_factor > UNLIKE and noise.p < FAMILYWISE:
+        if noise.scatter.factor > UNLIKE and noise.scatter.p < FAMILYWISE:
             words = (
-                f"{name}: repeats scatter {plain(noise.stated_factor, 2)} times as much as is stated: "
+                f"{name}: repeats scatter {plain(noise.scatter.factor, 2)} times as much as is stated: "
                 "a condition that the table lacks, or an sd stated too small"
             )
             yield SetUpFault("scatter", name, words, False)

@@ -2,15 +2,19 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from taichi_erosion.evidence.data.measurement_noise import (
+    LEAST_FREEDOM,
+    Disagreement,
     ObservableNoise,
     Scatter,
+    lack_of_fit,
     measurement_scatter,
-    unchecked_noise_sentence,
+    pure_error,
+    suspects,
 )
 from taichi_erosion.evidence.data.problem import (
     Bools,
@@ -22,11 +26,10 @@ from taichi_erosion.evidence.data.problem import (
     Problem,
     rows_picked,
 )
-from taichi_erosion.evidence.data.repeats import Disagreement, lack_of_fit, pure_error, suspects
 from taichi_erosion.evidence.data.tables.rows import source_names
 from taichi_erosion.evidence.data.transforms import slope, to_scale
 
-ROW_WISE = ("which", "z", "variance", "censored", "reach", "conditions", "group", "source", "slope", "stated")
+ROW_WISE = ("which", "z", "variance", "censored", "reach", "conditions", "group", "source", "slope")
 ROW_WISE += ("condition_sd", "heaps", "lines")  # fields with one entry for each row, beside shared errors
 
 
@@ -45,15 +48,12 @@ class ComparisonRows:
     group: tuple[str, ...]
     source: tuple[str, ...]  # the place of a row where it names none
     slope: Floats  # dz/dy at the measured value
-    stated: Bools  # an sd is stated, for the row or a repeat of it, or the value is censored
-    freedom: float  # degrees of freedom behind the noise level
+    heaps: tuple[Mapping[str, float], ...]  # of each row: heap -> repeats on it; '' where it is unknown
     noise: Mapping[str, ObservableNoise]
     warnings: tuple[str, ...]
     condition_sd: Conditions = field(default_factory=dict)  # of stated conditions; NaN: exact
-    heaps: tuple[Mapping[str, float], ...] = ()  # of each row: heap -> repeats on it; '' where it is unknown
     covariance: Floats | None = None  # (n, n), covariance of z of rows of one heap, diagonal 0; None: none
     lines: tuple[tuple[int, ...], ...] = ()  # rows of the table that each row merges
-    pure: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # `Scatter.pure` by observable
     apart: tuple[Disagreement, ...] = ()  # repeats that are not merged and tell nothing of the scatter
 
     @property
@@ -64,14 +64,6 @@ class ComparisonRows:
     def source_names(self) -> tuple[str, ...]:
         """Source of every row; the file of those that name none."""
         return source_names(self.source)
-
-    @property
-    def limits(self) -> tuple[Literal["", "below", "above", "between"], ...]:
-        """On which side of `z` the value of each row lies; empty for an ordinary row."""
-        return tuple(
-            "" if reach == 0.0 else "below" if reach == -np.inf else "above" if reach == np.inf else "between"
-            for reach in self.reach
-        )
 
     @property
     def suspect(self) -> Bools:
@@ -95,10 +87,6 @@ class ComparisonRows:
     def names(self) -> tuple[str, ...]:
         """Observable of every row by its name."""
         return tuple(self.observables[index].name for index in self.which)
-
-    def observable(self, name: str) -> Observable:
-        """An observable by its name."""
-        return next(each for each in self.observables if each.name == name)
 
     def index_of(self, names: Sequence[str]) -> Integers:
         """Index of the observable of every name."""
@@ -132,37 +120,32 @@ def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
         merged_rows(observables, index, table.rows(np.flatnonzero(named == name)))
         for index, name in enumerate(names)
     ]
-    rows = joined([part for part, _ in found])
-    freedom = joint_freedom([scatter for _, scatter in found])
-    note = unchecked_noise_sentence(freedom)
-    return replace(rows, freedom=freedom, warnings=(*rows.warnings, *([note] if note else [])))
-
-
-def joint_freedom(scatters: Sequence[Scatter]) -> float:
-    """Degrees of freedom behind the noise level as a whole.
-
-    Repeated rows check the same thing everywhere, the worth of a stated sd. Sample variances measure the
-    level of their own observable and of no other, so that the level is known as well as on average in one.
-    """
+    rows = joined(found)
+    scatters = [noise.scatter for noise in rows.noise.values()]
+    # repeats check the worth of stated sd everywhere, sample variances the level of their own observable
     own = [scatter.own_freedom for scatter in scatters if scatter.own_freedom > 0.0]
-    return sum(scatter.freedom for scatter in scatters) + (sum(own) / len(own) if own else 0.0)
+    if sum(scatter.freedom for scatter in scatters) + sum(own) / max(len(own), 1) >= LEAST_FREEDOM:
+        return rows
+    note = (
+        "The stated sd cannot be checked: no condition was repeated. At least 3 repeats at 4 or more "
+        "conditions would separate noise from a missing effect."
+    )
+    return replace(rows, warnings=(*rows.warnings, note))
 
 
-def merged_rows(
-    observables: tuple[Observable, ...], index: int, table: Measurements
-) -> tuple[ComparisonRows, Scatter]:
+def merged_rows(observables: tuple[Observable, ...], index: int, table: Measurements) -> ComparisonRows:
     """Rows of one observable, repeats merged by inverse variance."""
     observable = observables[index]
-    z, steepness = scaled(observable, table)[::2]
+    z, reach, steepness, value = scaled(observable, table)
     usable = np.isfinite(z) & np.isfinite(steepness)
     notes, table = row_notes(observable, table, usable), table.rows(usable)
-    z, reach, steepness, value = scaled(observable, table)
+    z, reach, steepness, value = (column[usable] for column in (z, reach, steepness, value))
     cell, exact = repeat_numbers(table), np.where(table.censored, np.nan, z)  # a limit is no repeat
     repeats, shapes = np.where(table.n >= 1.0, table.n, 1.0), scatter_shapes(observable, value, steepness)
     scatter = measurement_scatter(exact, np.abs(table.sd * steepness), repeats, cell, shapes)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
     first, mean, total = weighted_means(z, weight, keys := repeat_keys(table, cell, reach, scatter.off))
-    steep, own = steepness[first], table.rows(first)
+    steep, own, heaps = steepness[first], table.rows(first), np.array(heap_keys(table))
     numerical = (observable.sd_numerical * steep) ** 2
     if (unknown := ~np.isfinite(scatter.variance[first])).any():
         count = f"{int(unknown.sum())} of {unknown.size}"
@@ -170,7 +153,7 @@ def merged_rows(
     shared = np.hypot(observable.sd_shared, observable.sd_shared_relative * value[first]) * steep
     shared = shared[:, np.newaxis] * (np.arange(len(observables)) == index)
     variance = np.where(unknown, np.nan, 1.0 / np.where(total > 0, total, 1.0) + numerical)
-    rows = ComparisonRows(
+    return ComparisonRows(
         observables,
         which=np.full(first.size, index),
         z=mean,
@@ -182,16 +165,13 @@ def merged_rows(
         group=own.group,
         source=own.source,
         slope=steep,
-        stated=np.isin(keys[first], keys[(table.sd > 0.0) | table.censored]),
-        freedom=np.nan,
-        noise={observable.name: noise_budget(variance, shared, numerical, scatter)},
+        heaps=tuple(heap_repeats(heaps[keys == key], repeats[keys == key]) for key in keys[first]),
+        noise={observable.name: noise_budget(variance, numerical, scatter)},
         warnings=tuple(notes),
         lines=tuple(tuple(np.array(table.line)[keys == key].tolist()) for key in keys[first]),
-        pure={observable.name: scatter.pure},
         apart=tuple(disagreements(observable, table, exact, cell, scatter.off)),
         condition_sd={name: column[first] for name, column in table.condition_sd.items()},
     )
-    return with_heaps(rows, table, keys, keys[first]), scatter
 
 
 def scaled(observable: Observable, table: Measurements) -> tuple[Floats, Floats, Floats, Floats]:
@@ -201,13 +181,6 @@ def scaled(observable: Observable, table: Measurements) -> tuple[Floats, Floats,
     return z, reach, slope(observable, value), value
 
 
-def heaps_of(parts: Sequence[ComparisonRows]) -> tuple[Mapping[str, float], ...]:
-    """Heaps of the rows of all observables; none where they are unknown throughout."""
-    if not any(part.heaps for part in parts):
-        return ()
-    return tuple(each for part in parts for each in part.heaps or [{"": 1.0}] * part.size)
-
-
 def heap_keys(table: Measurements) -> list[str]:
     """Key of the heap of each row: its name, group, source and conditions; empty where it is unknown."""
     cells = zip(*table.conditions.values(), strict=True) if table.conditions else [()] * table.size
@@ -215,17 +188,9 @@ def heap_keys(table: Measurements) -> list[str]:
     return ["|".join(map(str, each)) if each[0] else "" for each in labels]
 
 
-def with_heaps(
-    rows: ComparisonRows, table: Measurements, keys: np.ndarray, merged: np.ndarray
-) -> ComparisonRows:
-    """Merged rows with the repeats on every heap behind them; `keys` are equal for rows that are merged."""
-    if not any(table.heap):
-        return rows
-    counts: dict[str, dict[str, float]] = {str(key): {} for key in merged}
-    for key, heap, n in zip(keys, heap_keys(table), table.n, strict=True):
-        own = counts[str(key)]
-        own[heap] = own.get(heap, 0.0) + (float(n) if n >= 1.0 else 1.0)
-    return replace(rows, heaps=tuple(counts.values()))
+def heap_repeats(heaps: np.ndarray, repeats: Floats) -> dict[str, float]:
+    """Number of repeats on every heap of some rows."""
+    return {str(heap): float(repeats[heaps == heap].sum()) for heap in dict.fromkeys(heaps)}
 
 
 def disagreements(
@@ -245,11 +210,11 @@ def tested_by_repeats(rows: ComparisonRows, variance: Floats, residual: Floats, 
     `residual` (n,) is over its sd, `variance` its square, `leverage` the shares that calibration removes.
     """
     cell, parts = repeat_numbers(rows), []
-    for name in rows.pure:
+    for name, noise in rows.noise.items():
         own = (np.array(rows.names) == name) & ~rows.censored & ~rows.suspect
         squares, within = pure_error(rows.z[own], 1.0 / variance[own], cell[own])
         left = float(np.sum(1.0 - leverage[own])) - within
-        parts.append((float(residual[own] @ residual[own]) - squares, left, *rows.pure[name]))
+        parts.append((float(residual[own] @ residual[own]) - squares, left, *noise.scatter.pure))
     return lack_of_fit(parts)
 
 
@@ -314,10 +279,6 @@ def row_notes(observable: Observable, table: Measurements, usable: Bools) -> lis
         )
     missing = int(np.sum(~np.isfinite(table.sd) & ~table.censored))
     uncounted = int(np.sum(~(table.n >= 1.0)))
-    settings = np.unique(condition_numbers(table)).size
-    if missing == uncounted == table.size and table.size >= 2 * settings:
-        told = f"{table.size} single measurements under {settings} sets of conditions; sd from these repeats"
-        return [*notes, f"{observable.name}: {told}"]
     if missing:
         notes.append(f"{observable.name}: {missing} of {table.size} rows have no sd")
     if uncounted:
@@ -325,18 +286,14 @@ def row_notes(observable: Observable, table: Measurements, usable: Bools) -> lis
     return notes
 
 
-def noise_budget(variance: Floats, shared: Floats, numerical: Floats, scatter: Scatter) -> ObservableNoise:
-    """Budget of one observable before the model has been run."""
+def noise_budget(variance: Floats, numerical: Floats, scatter: Scatter) -> ObservableNoise:
+    """Budget of one observable."""
     known = variance[np.isfinite(variance)]
     tolerance = float(np.sqrt(np.median(numerical))) if variance.size else 0.0
     return ObservableNoise(
         lab=float(np.sqrt(max(np.median(known) - tolerance**2, 0.0))) if known.size else np.nan,
-        simulator=0.0,
-        shared=float(np.median(np.abs(shared).sum(axis=1))) if variance.size else 0.0,
         numerical=tolerance,
-        repeats=int(scatter.freedom + scatter.own_freedom),
-        stated_factor=scatter.factor,
-        p=scatter.p,
+        scatter=scatter,
     )
 
 
@@ -355,7 +312,6 @@ def joined(parts: Sequence[ComparisonRows]) -> ComparisonRows:
     return replace(
         parts[0],
         **{name: all_of(name) for name in (*ROW_WISE, "warnings", "apart")}
-        | {"heaps": heaps_of(parts), "shared": shared[:, np.any(shared != 0.0, axis=0)]},
+        | {"shared": shared[:, np.any(shared != 0.0, axis=0)]},
         noise={name: noise for part in parts for name, noise in part.noise.items()},
-        pure={name: pure for part in parts for name, pure in part.pure.items()},
     )

@@ -6,15 +6,15 @@ N_j repeats of b, M_ij of them on the same heaps,
     cov(z_i, z_j) = rho_ab M_ij / sqrt(N_i N_j) s_i s_j,    s_i^2 = variance of z_i by scatter alone
 
 rho comes from the sample correlation r of nu repeats that the laboratory made of several observables at once,
-and from that of replicates of the model, t; without replicates t = 0, without repeats lambda = 1:
 
-    rho = (1 - lambda) (nu r + t) / (nu + 1) + lambda t,    lambda = sum (1 - r^2)^2 / nu / sum (r - t)^2
+    rho = (1 - lambda) nu r / (nu + 1),    lambda = sum (1 - r^2)^2 / nu / sum r^2
 
-with sums over all pairs of observables; rho is t where lambda is above MOST_CHANCE. The scatter of a model is
-that of its packings: where a laboratory scatters more, what is beyond is taken to be independent.
+with sums over all pairs of observables; it is 0 where lambda is above MOST_CHANCE. Observables without such
+repeats have the correlation of the model's runs, whose scatter is that of its packings: where a laboratory
+scatters more, what is beyond is taken to be independent.
 
-Reference: Schaefer & Strimmer (2005), Stat. Appl. Genet. Mol. Biol. 4(1), 32 (lambda); the one count of t
-stands for the uncertainty of rho.
+Reference: Schaefer & Strimmer (2005), Stat. Appl. Genet. Mol. Biol. 4(1), 32 (lambda); one count of 0 stands
+for the uncertainty of rho.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, condition_numbers, heap_keys
-from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Observable, Replicates
+from taichi_erosion.evidence.data.problem import Floats, Measurements, Observable, Replicates
 from taichi_erosion.evidence.data.transforms import to_scale
 
 LEAST_FREEDOM = 8.0  # degrees of freedom of repeats from which a correlation is estimated
@@ -38,8 +38,6 @@ class HeapCorrelation:
 
     names: tuple[str, ...]
     matrix: Floats
-    repeats: float = 0.0  # degrees of freedom of the laboratory's repeats behind it
-    replicates: float = 0.0  # of those of the model
 
     def of(self, names: Sequence[str]) -> Floats:
         """The correlation of some observables, 0 with those that it does not know."""
@@ -51,11 +49,9 @@ class HeapCorrelation:
     @property
     def sentences(self) -> tuple[str, ...]:
         """Every correlation that matters, in words."""
-        parts = ((self.repeats, "repeats of the laboratory"), (self.replicates, "replicates of the model"))
-        origin = " and ".join(words for freedom, words in parts if freedom > 0.0)
         return tuple(
             f"{self.names[i]} and {self.names[j]} of one heap scatter together: correlation "
-            f"{self.matrix[i, j]:.2f}, by {origin}."
+            f"{self.matrix[i, j]:.2f}."
             for i, j in zip(*np.triu_indices(len(self.names), 1), strict=True)
             if abs(self.matrix[i, j]) >= SEEN
         )
@@ -72,12 +68,10 @@ def heap_correlation(
     wrong = {(each.observable, line) for each in rows.apart for line in each.suspects}
     sound = [key not in wrong for key in zip(table.observable, table.lines, strict=True)]
     sample, freedom = sample_correlation(rows.observables, table.rows(np.array(sound)))
-    known = (freedom >= LEAST_FREEDOM) & ~np.eye(len(names), dtype=np.bool_)
-    found = shrunk(sample, freedom, known, target)
+    found = np.where(freedom >= LEAST_FREEDOM, shrunk(sample, freedom), target)
     if np.array_equal(found, np.eye(len(names))):
         return None
-    runs = 0.0 if replicates is None else replicates.freedom
-    return HeapCorrelation(names, found, float(np.max(freedom, where=known, initial=0.0)), runs)
+    return HeapCorrelation(names, valid_correlation(found))
 
 
 def correlated(rows: ComparisonRows, correlation: HeapCorrelation | None) -> ComparisonRows:
@@ -139,20 +133,15 @@ def model_correlation(rows: ComparisonRows, replicates: Replicates) -> Floats:
 
 def sample_correlation(observables: Sequence[Observable], table: Measurements) -> tuple[Floats, Floats]:
     """Correlation of repeats about the means of their conditions, and its degrees of freedom (k, k)."""
-    size, keys, cells = len(observables), heap_keys(table), condition_numbers(table)
-    places: dict[tuple[float, str], int] = {}
-    values, counts = np.full((table.size, size), np.nan), np.zeros((table.size, size))
+    size, names = len(observables), np.array(table.observable)
+    heaps, first, heap = np.unique(heap_keys(table), return_index=True, return_inverse=True)
+    cell, n = condition_numbers(table)[first], np.where(table.n >= 1.0, table.n, 1.0)
+    values, counts = np.zeros((heaps.size, size)), np.zeros((heaps.size, size))
     for k, observable in enumerate(observables):
         z = to_scale(observable, np.where(table.censored, np.nan, table.value))
-        for i in np.flatnonzero(np.array(table.observable) == observable.name):
-            if keys[i] and np.isfinite(z[i]):
-                heap, n = places.setdefault((cells[i], keys[i]), len(places)), max(table.n[i], 1.0)
-                n = n if np.isfinite(n) else 1.0
-                before = counts[heap, k]
-                values[heap, k] = (np.nan_to_num(values[heap, k]) * before + n * z[i]) / (before + n)
-                counts[heap, k] += n
-    cell = np.array([cell for cell, _ in places])
-    values, counts = values[: cell.size], counts[: cell.size]
+        own = (names == observable.name) & np.isfinite(z) & (heaps[heap] != "")
+        counts[:, k] = np.bincount(heap[own], n[own], heaps.size)
+        values[:, k] = np.bincount(heap[own], n[own] * z[own], heaps.size) / np.maximum(counts[:, k], 1.0)
     found, freedom = np.eye(size), np.zeros((size, size))
     for a, b in zip(*np.triu_indices(size, 1), strict=True):
         both = (counts[:, a] > 0.0) & (counts[:, b] > 0.0)
@@ -176,15 +165,15 @@ def pair_correlation(values: Floats, counts: Floats, cell: Floats) -> tuple[floa
     return float(products[0, 1] / np.sqrt(products[0, 0] * products[1, 1])), freedom
 
 
-def shrunk(sample: Floats, freedom: Floats, known: Bools, target: Floats) -> Floats:
-    """Sample correlation (k, k) drawn towards a target; the target alone for pairs that are not known."""
+def shrunk(sample: Floats, freedom: Floats) -> Floats:
+    """Sample correlation (k, k) drawn towards 0, which it is for pairs of too few degrees of freedom."""
+    known = freedom >= LEAST_FREEDOM
     nu = np.where(known, freedom, 1.0)
-    uncertain = float(np.sum(((1.0 - sample**2) ** 2 / nu)[known]))
-    apart = float(np.sum(((sample - target) ** 2)[known]))
-    share = uncertain / apart if apart > 0.0 else 1.0
-    share = 1.0 if share > MOST_CHANCE else share
-    mixed = (1.0 - share) * (nu * sample + target) / (nu + 1.0) + share * target
-    return valid_correlation(np.where(known, mixed, target))
+    uncertain, size = (float(np.sum(part[known])) for part in ((1.0 - sample**2) ** 2 / nu, sample**2))
+    if uncertain > MOST_CHANCE * size or size == 0.0:
+        return np.eye(len(sample))
+    drawn = (1.0 - uncertain / size) * (nu * sample) / (nu + 1.0)
+    return valid_correlation(np.where(known, drawn, np.eye(len(sample))))
 
 
 def valid_correlation(matrix: Floats) -> Floats:
@@ -195,42 +184,3 @@ def valid_correlation(matrix: Floats) -> Floats:
     found = (vectors * np.maximum(values, LEAST_EIGENVALUE)) @ vectors.T
     size = np.sqrt(np.diag(found))
     return np.asarray(found / np.outer(size, size), dtype=np.float64)
-
-
-def replicates_of(rows: ComparisonRows, values: Floats) -> Replicates | None:
-    """Scatter of a model's seeds (r, n) at the rows; None where no conditions have two observables."""
-    size, seeds = len(rows.observables), values.shape[0]
-    cell = condition_numbers(rows).astype(np.int64)
-    gaps = np.full((seeds, int(cell.max(initial=-1)) + 1, size), np.nan)
-    gaps[:, cell, rows.which] = values - values.mean(axis=0)
-    sd = np.sqrt(
-        np.nansum(gaps**2, axis=(0, 1)) / np.maximum(np.sum(np.isfinite(gaps[0]), axis=0), 1) / (seeds - 1)
-    )
-    found, freedom = np.eye(size), np.zeros((size, size))
-    for a, b in zip(*np.triu_indices(size, 1), strict=True):
-        both = np.all(np.isfinite(gaps[:, :, [a, b]]), axis=(0, 2))
-        first, second = gaps[:, both, a], gaps[:, both, b]
-        energy = float(np.sum(first**2)) * float(np.sum(second**2))
-        if energy > 0.0:
-            found[a, b] = found[b, a] = float(np.sum(first * second)) / np.sqrt(energy)
-            freedom[a, b] = freedom[b, a] = min(independent_count(each) for each in (first, second))
-    known = freedom >= LEAST_FREEDOM
-    if not known.any():
-        return None
-    names = tuple(each.name for each in rows.observables)
-    return Replicates(names, sd, shrunk(found, freedom, known, np.eye(size)), float(freedom.max()))
-
-
-def independent_count(gaps: Floats) -> float:
-    """Independent deviations (r, m) from the means of m columns: seeds may disturb all columns alike.
-
-    (r - 1) m / (1 + (m - 1) c^2), c^2 the mean squared correlation of two columns beyond that of chance.
-    """
-    seeds, count = gaps.shape
-    norm = np.linalg.norm(gaps, axis=0)
-    if count < 2 or not np.all(norm > 0.0):
-        return float((seeds - 1) * (count > 0))
-    chance, squares = 1.0 / (seeds - 1), ((gaps / norm).T @ (gaps / norm)) ** 2
-    mean = float((np.sum(squares) - count) / (count * (count - 1)))
-    common = min(max((mean - chance) / (1.0 - chance), 0.0), 1.0)
-    return (seeds - 1) * count / (1.0 + (count - 1) * common)

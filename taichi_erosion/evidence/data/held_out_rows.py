@@ -54,7 +54,7 @@ def split(
     inside = stated_rows(measurements, ranges, sources)
     counts = unit_counts(measurements, measurements.group, ~inside)
     by_group = bool(counts) and min(counts.values()) >= FEWEST_GROUPS
-    units = [unit_of(measurements, i, by_group) for i in range(measurements.size)]
+    units = hold_out_units(measurements, by_group)
     digest = content_digest(measurements)
     earlier = drawn_from not in (None, digest) and fraction > 0.0
     kept, settled = earlier_draw(measurements, units) if earlier else (np.zeros_like(inside), frozenset())
@@ -64,18 +64,17 @@ def split(
     if hidden.all():
         raise BadInput("vault: fraction, ranges and sources hold out every row; leave some to fit")
     held = {units[i] for i in np.flatnonzero((kept | among) & ~inside).tolist()}
-    named = range_words(measurements, ranges) + "".join(f", and all rows of {name}" for name in sources)
+    told = measurements.table_units.condition_text
+    spans = {name: " to ".join(told(name, end) for end in ends) for name, ends in ranges.items()}
+    named = "".join(f", and {name} from {span}" for name, span in spans.items())
+    named += "".join(f", and all rows of {name}" for name in sources)
     if earlier:
         named += "; rows of an earlier version of the table stay held out or fitted as they were drawn there"
     return np.flatnonzero(hidden), split_sentence(len(held), by_group, named, int(hidden.sum()), len(units))
 
 
 def earlier_draw(measurements: Measurements, units: Sequence[Unit]) -> tuple[Bools, frozenset[Unit]]:
-    """Rows that stay held out, and the units of all rows that were drawn among before.
-
-    A row that is new to a unit becomes what the unit was; rows of both kinds may meet in a unit by a
-    correction: then the new one is held out, and the others stay what they were.
-    """
+    """Rows that stay held out, with those new to their units, and the units that were drawn before."""
     drawn = measurements.drawn or ("",) * measurements.size
     hidden = {unit for unit, was in zip(units, drawn, strict=True) if was == "held out"}
     settled = frozenset(unit for unit, was in zip(units, drawn, strict=True) if was)
@@ -99,25 +98,25 @@ def stated_rows(
 
 
 def unit_counts(measurements: Measurements, units: Sequence[Unit | str], rows: Bools) -> Counter[str]:
-    """Units in which each observable was measured, among some rows."""
+    """Number of units in which each observable was measured, among some rows."""
     pairs = {(measurements.observable[i], units[i]) for i in np.flatnonzero(rows).tolist()}
     return Counter(observable for observable, _ in pairs)
 
 
-def unit_of(measurements: Measurements, row: int, by_group: bool) -> Unit:
-    """Unit of hold-out of a row: its group, or all that was measured under its conditions."""
+def hold_out_units(measurements: Measurements, by_group: bool) -> list[Unit]:
+    """Unit of hold-out of every row: its group, or all that was measured under its conditions."""
     if by_group:
-        return (measurements.group[row],)
-    return tuple(f"{column[row]:.{DIGITS}g}" for column in measurements.conditions.values())
+        return [(group,) for group in measurements.group]
+    columns = measurements.conditions.values()
+    return [tuple(f"{column[i]:.{DIGITS}g}" for column in columns) for i in range(measurements.size)]
 
 
 def drawn_units(measurements: Measurements, draw: Draw, fraction: float) -> set[Unit]:
     """New units for the vault: of every observable its fraction, as nearly as whole units allow.
 
-    A unit stays visible without which a condition would no longer vary among the visible rows of an
-    observable, or all of them would have some of it, or none: only dry heaps separate the effect of water
-    from effects that always act. So does one without which three levels of a condition would be one under
-    either of two others: the effect of water on grains of two sizes separates it from similar effects.
+    A unit stays visible without which a condition would no longer vary among the visible rows, or from 0:
+    only dry heaps separate the effect of water from effects that always act. So does one without which three
+    levels of a condition would be one under either of two others, such as water on grains of two sizes.
     """
     seen: dict[Unit, set[str]] = {}
     for i in np.flatnonzero(draw.open).tolist():
@@ -196,13 +195,6 @@ def content_digest(measurements: Measurements) -> str:
         for i in range(measurements.size)
     )
     return sha256("\n".join(lines).encode()).hexdigest()
-
-
-def range_words(measurements: Measurements, ranges: Mapping[str, Sequence[float]]) -> str:
-    """Ranges that are held out, in the units of the table."""
-    units = measurements.table_units
-    texts = {name: [units.condition_text(name, end) for end in ends] for name, ends in ranges.items()}
-    return "".join(f", and {name} from {low} to {high}" for name, (low, high) in texts.items())
 
 
 def split_sentence(drawn: int, by_group: bool, named: str, rows: int, among: int) -> str:

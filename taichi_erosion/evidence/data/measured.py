@@ -1,6 +1,5 @@
 """Measurements of a study: rows of its table in the units of the model, and sentences about the others."""
 
-import tomllib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -11,12 +10,11 @@ import numpy as np
 
 from taichi_erosion.campaign.study_file import ObservableEntry, StudyFile
 from taichi_erosion.core.errors import BadInput, did_you_mean
-from taichi_erosion.core.files import one_line_name, read_text_file
-from taichi_erosion.evidence.data.number_words import plain, with_unit
+from taichi_erosion.core.files import one_line_name
+from taichi_erosion.evidence.data.number_words import TableUnits, plain, set_up_name, with_unit
 from taichi_erosion.evidence.data.problem import Measurements
-from taichi_erosion.evidence.data.table_units import TableUnits, set_up_name
 from taichi_erosion.evidence.data.tables.column_roles import Told
-from taichi_erosion.evidence.data.tables.interview import Interview, scatter_is_error, understood, upright
+from taichi_erosion.evidence.data.tables.interview import Interview, understood, upright
 from taichi_erosion.evidence.data.tables.rows import (
     PLACE,
     Faults,
@@ -29,7 +27,6 @@ from taichi_erosion.evidence.data.tables.rows import (
 from taichi_erosion.evidence.data.tables.spreadsheet import read_cells
 from taichi_erosion.scene.schema.units import (
     EXAMPLES,
-    PURE,
     Scale,
     Unit,
     UnknownUnit,
@@ -46,7 +43,7 @@ def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Ta
     In a laboratory's own table the columns are what the study calls them, else what their headings mean.
     """
     faults = Faults()
-    found = faults.of(read_rows, path, one_line_name(file or path), told_by(study), no_questions(), faults)
+    found = faults.of(read_rows, path, one_line_name(file or path), told_by(study), Interview(), faults)
     faults.tell()
     assert found is not None
     return found
@@ -67,15 +64,12 @@ def read_rows(path: Path, name: str, told: Told, interview: Interview, faults: F
         raise BadInput(*faults or [f"{name}: has a heading but no measurement, no measured value"])
     cells, assumed = upright(cells, interview), len(interview.assumed)
     columns = understood(cells, told, interview, faults)
-    table = table_of(cells, columns, faults, scatter_is_error(cells, interview))
+    table = table_of(cells, columns, faults)
+    if any("±" in cell or "+-" in cell or "+/-" in cell for _, row in cells.lines for cell in row):
+        interview.assume("numbers behind ± are standard deviations of single repeats")
     if not any(column.role == "n" for column in columns):
         interview.assume("no column counts repeats: n is left empty, and a value counts as one measurement")
     return replace(table, notes=tuple(interview.assumed[assumed:]))
-
-
-def no_questions() -> Interview:
-    """An interview in which every guess is taken."""
-    return Interview(lambda _, guess: guess)
 
 
 def told_by(study: StudyFile | None) -> Told:
@@ -92,20 +86,6 @@ def told_by(study: StudyFile | None) -> Told:
     )
 
 
-def table_faults_of(path: Path) -> list[str]:
-    """Faults of the tidy table that a study file names, where the study itself cannot be used."""
-    try:
-        named = tomllib.loads(read_text_file(path))["study"]["measurements"]
-        cells = read_cells(path.parent / named, named, [])
-        if cells.rows and is_tidy(cells.heading):
-            read_table(path.parent / named, named)
-    except BadInput as error:
-        return list(error.faults)
-    except (OSError, ValueError, KeyError, TypeError):
-        pass
-    return []
-
-
 def study_measurements(
     table: Table, file: StudyFile, name: str, places: Mapping[str, str] | None = None
 ) -> tuple[Measurements, list[str]]:
@@ -117,17 +97,17 @@ def study_measurements(
     rows = [row for row in table.rows if row.observable in file.observables]
     scales = condition_scales(table, file, places or {})
     units = {name: model_unit(name, entry, rows, table.file) for name, entry in file.observables.items()}
-    factors = [unit_factor(row, units[row.observable], table.file) for row in rows]
+    factors = np.array([unit_factor(row, units[row.observable], table.file) for row in rows])
     limits = [
-        censoring_limit(row, s, file.observables[row.observable], table.file)
-        for row, s in zip(rows, factors, strict=True)
+        censoring_limit(row, float(factor), file.observables[row.observable], table.file)
+        for row, factor in zip(rows, factors, strict=True)
     ]
     stated = [dict(zip(table.conditions, row.conditions, strict=True)) for row in rows]
     used = [{name: scale.used(at[name]) for name, scale in scales.items()} for at in stated]
     measurements = Measurements(
         observable=tuple(row.observable for row in rows),
-        value=np.array([nan if r.censored else s * r.value for r, s in zip(rows, factors, strict=True)]),
-        sd=np.array([s * row.sd for row, s in zip(rows, factors, strict=True)]),
+        value=factors * np.array([nan if row.censored else row.value for row in rows]),
+        sd=factors * np.array([row.sd for row in rows]),
         n=np.array([nan if row.n is None else float(row.n) for row in rows]),
         group=tuple(r.group or set_up_name(at.values()) or "all" for r, at in zip(rows, used, strict=True)),
         unit=tuple(units[row.observable] for row in rows),
@@ -136,7 +116,7 @@ def study_measurements(
         limit=np.array(limits),
         source=tuple(row.source for row in rows),
         table_units=TableUnits(value_scales(rows, units), scales),
-        reach=np.array([s * row.reach for row, s in zip(rows, factors, strict=True)]),
+        reach=factors * np.array([row.reach for row in rows]),
         condition_sd=errors_of_conditions(rows, scales),
         condition_set=frozenset(table.set_conditions),
         drawn=tuple(row.drawn for row in rows),
@@ -149,22 +129,15 @@ def study_measurements(
 
 def refuse_absent(table: Table, file: StudyFile, name: str) -> None:
     """Refuse a study that names conditions or observables which the table has not."""
-    faults = []
-    for column in file.conditions:
-        if column not in table.conditions:
-            there = ", ".join(table.conditions) or "none"
-            faults.append(
-                f"{name}: conditions.{column} is no column of {table.file}; conditions there: {there}"
-                f"{did_you_mean(column, table.conditions)}"
-            )
     measured = list(dict.fromkeys(row.observable for row in table.rows))
-    for observable in file.observables:
-        if observable not in measured:
-            there = ", ".join(measured)
-            faults.append(
-                f"{name}: observables.{observable} has no row in {table.file}; there: {there}"
-                f"{did_you_mean(observable, measured)}"
-            )
+    named = (("conditions", file.conditions, table.conditions), ("observables", file.observables, measured))
+    faults = [
+        f"{name}: {section}.{each} is not in {table.file}; {section} there: {', '.join(there) or 'none'}"
+        f"{did_you_mean(each, there)}"
+        for section, names, there in named
+        for each in names
+        if each not in there
+    ]
     if faults:
         raise BadInput(*faults)
 
@@ -179,20 +152,16 @@ def column_scale(table: Table, column: str, place: str | None) -> Scale:
     written = table.units[table.conditions.index(column)]
     if written is None:
         return Scale(place or "")
-    target = Unit(1.0, parse_scale(written).kind) if place is None else place_unit(place, column, table.file)
+    try:
+        target = parse_unit(place) if place is not None else Unit(1.0, parse_scale(written).kind)
+    except UnknownUnit:
+        told = f"sets what is counted in {place}, not a number"
+        raise BadInput(f"{table.file}: column '{column}' {told}") from None
     scale = scale_between(written, target)
     if scale is None:
         told = f"it sets a number in {place}" if place != "1" else "it sets a pure number"
         raise BadInput(f"{table.file}: heading '{column} [{written}]': {told}; give it in that unit")
     return scale
-
-
-def place_unit(place: str, column: str, file: str) -> Unit:
-    """Unit of a place; raises BadInput for one that a column of numbers cannot set."""
-    try:
-        return PURE if place == "1" else parse_unit(place)
-    except UnknownUnit:
-        raise BadInput(f"{file}: column '{column}' sets what is counted in {place}, not a number") from None
 
 
 def errors_of_conditions(rows: Sequence[Row], scales: Mapping[str, Scale]) -> dict[str, np.ndarray]:
@@ -205,11 +174,7 @@ def errors_of_conditions(rows: Sequence[Row], scales: Mapping[str, Scale]) -> di
 
 
 def heaps_of(rows: Sequence[Row]) -> tuple[str, ...]:
-    """Heap on which each row was measured; rows of several observables with one name share a heap.
-
-    It is the repeat that a table names, else the line of a laboratory's table, which may stand in the source,
-    else the set-up; '' where nothing says so.
-    """
+    """Heap of each row: the repeat that is named, else the line of a laboratory's table, else the set-up."""
     lines = Counter(row.line for row in rows)
 
     def heap(row: Row) -> str:
@@ -284,13 +249,10 @@ def error_notes(measurements: Measurements) -> list[str]:
     notes = []
     for name, sd in measurements.condition_sd.items():
         scale = measurements.table_units.conditions.get(name, Scale())
-        ends = dict.fromkeys(plain(end / scale.factor) for end in (np.nanmin(sd), np.nanmax(sd)))
-        size = with_unit(" to ".join(ends), measurements.table_units.condition_unit(name))
-        count = int(np.sum(sd > 0.0))
-        notes.append(
-            f"{name}: {count} of {sd.size} rows state its sd, {size}; it enters their errors through "
-            "the slope of the model."
-        )
+        most = with_unit(plain(np.nanmax(sd) / scale.factor), measurements.table_units.condition_unit(name))
+        count = f"{int(np.sum(sd > 0.0))} of {sd.size} rows"
+        told = f"{count} state its sd, at most {most}; it enters their errors through the slope of the model."
+        notes.append(f"{name}: {told}")
     return notes
 
 

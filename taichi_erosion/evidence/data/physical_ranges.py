@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 
-from taichi_erosion.evidence.data.tables.rows import SOLO_ROWS, Row, Table
+from taichi_erosion.evidence.data.tables.rows import SOLO_ROWS, Table
 from taichi_erosion.scene.paths import number_at
 from taichi_erosion.scene.schema.units import Scale, UnknownUnit, parse_scale, parse_unit, scale_between
 
@@ -26,25 +26,20 @@ class PhysicalRange:
     low: float
     high: float
     usual: tuple[float, float] | None = None
-    above_low: bool = False  # the low end itself is impossible
 
     def possible(self, value: float) -> bool:
         """Whether a value can be."""
-        return self.low <= value <= self.high and not (self.above_low and value == self.low)
+        return self.low <= value <= self.high
 
     def is_usual(self, value: float) -> bool:
         """Whether a value is possible and, where a usual range is known, within it; zero always is."""
         low, high = self.usual or (self.low, self.high)
         return self.possible(value) and (low <= value <= high or value == 0.0)
 
-    def told(self) -> str:
-        """The possible range in words."""
-        return f"{'(' if self.above_low else '['}{self.low:g}, {self.high:g}]"
-
 
 ANGLE = PhysicalRange("deg", 0.0, 90.0, (5.0, 70.0))
-THRESHOLD = PhysicalRange("m/s", 0.0, 10.0, (0.03, 3.0), above_low=True)
-TUNNEL_WIND = PhysicalRange("m/s", 0.0, 100.0, (1.0, 60.0), above_low=True)
+THRESHOLD = PhysicalRange("m/s", 0.0, 10.0, (0.03, 3.0))
+TUNNEL_WIND = PhysicalRange("m/s", 0.0, 100.0, (1.0, 60.0))
 LENGTH = PhysicalRange("m", 0.0, 100.0)
 SHARE = PhysicalRange("1", 0.0, 1.0)
 OBSERVED: Mapping[str, PhysicalRange] = {
@@ -78,62 +73,38 @@ def place_range(path: str) -> PhysicalRange | None:
     return None if number is None else PhysicalRange(number.unit, number.low, number.high, USUAL.get(path))
 
 
-def condition_faults(
+def column_faults(
     table: Table, name: str, allowed: PhysicalRange | None, own: float = nan, usual: bool = True
 ) -> Iterator[str]:
-    """Impossible values of a condition, and a column whose unit seems mistaken, one line each.
+    """Impossible values of a condition or an observable, and a unit that seems mistaken, one line each.
 
     `own` is the scene's number at the place: a column near it is meant as it stands. `usual`: whether values
     that are possible but unusual are looked at. None is known of a place without a range.
     """
-    place = table.conditions.index(name)
-    cells = [(row, row.conditions[place], table.units[place]) for row in table.rows]
-    yield from column_faults(table.file, name, cells, allowed, own, usual)
-
-
-def observable_faults(table: Table, name: str, measure: str, usual: bool = True) -> Iterator[str]:
-    """Impossible values of an observable, and a column whose unit seems mistaken, one line each."""
-    cells = [(row, row.value, row.unit) for row in table.rows if row.observable == name]
-    yield from column_faults(table.file, name, cells, OBSERVED.get(measure), nan, usual)
-
-
-def column_faults(
-    file: str,
-    name: str,
-    cells: Sequence[tuple[Row, float, str | None]],
-    allowed: PhysicalRange | None,
-    own: float,
-    usual: bool,
-) -> Iterator[str]:
-    """Faults of the numbers of one column, given as (row, number, unit as written)."""
     if allowed is None:
         return
+    if name in table.conditions:
+        place = table.conditions.index(name)
+        cells = [(row, row.conditions[place], table.units[place]) for row in table.rows]
+    else:
+        cells = [(row, row.value, row.unit) for row in table.rows if row.observable == name]
     scaled = [(row, value, unit, scale_of(unit, allowed)) for row, value, unit in cells if isfinite(value)]
-    known = [(row, value, unit, scale) for row, value, unit, scale in scaled if scale is not None]
-    wrong = [each for each in known if not allowed.possible(each[3].used(each[1]))]
-    odd = [each for each in known if not allowed.is_usual(each[3].used(each[1]))]
-    if allowed.usual and not parse_unit(allowed.unit).kind:
-        # a large share whose unit is stated is meant as it stands: peat holds 300 % of water
-        odd = [each for each in odd if each[2] is None or each[3].used(each[1]) < allowed.usual[1]]
+    known = [(row, value, unit, scale.used(value)) for row, value, unit, scale in scaled if scale is not None]
+    wrong = [each for each in known if not allowed.possible(each[3])]
+    odd = [each for each in known if not allowed.is_usual(each[3])]
     meant = likely_units([value for _, value, _, _ in known], known[0][2] if known else None, allowed)
-    if not wrong and usual and meant and 2 * len(odd) > len(known) and not near_own(odd, own):
+    near_own = own > 0.0 and all(own / NEAR_SCENE <= used <= own * NEAR_SCENE for *_, used in odd)
+    if not wrong and usual and meant and 2 * len(odd) > len(known) and not near_own:
         wrong = odd
     hint = f": did you mean [{'] or ['.join(meant)}]?" if meant else ""
-    for row, value, unit, scale in wrong if len(wrong) <= SOLO_ROWS else wrong[:1]:
+    for row, value, unit, used in wrong if len(wrong) <= SOLO_ROWS else wrong[:1]:
         stated = f"{value:g} {unit}" if unit else f"{value:g} (no unit: {allowed.unit})"
-        used = scale.used(value)
-        outside = f"outside {allowed.told()}" if not allowed.possible(used) else "which is unusual"
+        span = f"outside [{allowed.low:g}, {allowed.high:g}]"
+        outside = "which is unusual" if allowed.possible(used) else span
         more = f"; {len(wrong) - 1} rows more" if len(wrong) > SOLO_ROWS else ""
         also = f" is {used:g} {allowed.unit}" if unit not in (None, "", allowed.unit) else ""
         told = f"{name} = {stated}{also}, {outside}{more}; check number and unit{hint}"
-        yield f"{file}: row {row.line}, {told}"
-
-
-def near_own(cells: Sequence[tuple[Row, float, str | None, Scale]], own: float) -> bool:
-    """Whether all numbers lie near the one of the scene."""
-    if not (isfinite(own) and own > 0.0):
-        return False
-    return all(own / NEAR_SCENE <= scale.used(value) <= own * NEAR_SCENE for _, value, _, scale in cells)
+        yield f"{table.file}: row {row.line}, {told}"
 
 
 def scale_of(unit: str | None, allowed: PhysicalRange) -> Scale | None:
@@ -146,13 +117,10 @@ def scale_of(unit: str | None, allowed: PhysicalRange) -> Scale | None:
 
 def likely_units(values: Sequence[float], unit: str | None, allowed: PhysicalRange) -> list[str]:
     """Other units that put all numbers of a column within the usual range."""
-    kind = parse_unit(allowed.unit).kind
-    written = parse_scale(unit or allowed.unit)
-    found = []
-    for other in UNITS:
-        target = parse_scale(other)
-        same = target.kind == kind and (target.factor, target.origin) != (written.factor, written.origin)
-        scale = scale_of(other, allowed) if same else None
-        if scale is not None and any(values) and all(allowed.is_usual(scale.used(v)) for v in values):
+    written, found = parse_scale(unit or allowed.unit), list[str]()
+    for other in UNITS if any(values) else ():
+        scale, target = scale_of(other, allowed), parse_scale(other)
+        another = (target.factor, target.origin) != (written.factor, written.origin)
+        if scale is not None and another and all(allowed.is_usual(scale.used(value)) for value in values):
             found.append(other)
     return found

@@ -17,7 +17,7 @@ from taichi_erosion.campaign.request import RunResult
 from taichi_erosion.core.effect import STRENGTH
 from taichi_erosion.core.effect_loading import failures_of
 from taichi_erosion.core.errors import SimulationStopped
-from taichi_erosion.evidence.data.heap_correlation import LEAST_FREEDOM, shrunk
+from taichi_erosion.evidence.data.heap_correlation import shrunk
 from taichi_erosion.evidence.data.problem import (
     Asked,
     Candidate,
@@ -230,11 +230,11 @@ def run_replicates(emulators: Mapping[str, ObservableEmulator]) -> Replicates | 
         if one.inputs.scene is other.inputs.scene:
             found[a, b], freedom[a, b] = scatter_correlation(one, other)
             found[b, a], freedom[b, a] = found[a, b], freedom[a, b]
-    matrix = shrunk(found, freedom, freedom >= LEAST_FREEDOM, np.eye(len(names)))
+    matrix = shrunk(found, freedom)
     if np.array_equal(matrix, np.eye(len(names))):
         return None
     sd = np.array([each.run_sd for each in emulators.values()])
-    return Replicates(names, sd, matrix, float(freedom.max()))
+    return Replicates(names, sd, matrix)
 
 
 def scatter_correlation(one: ObservableEmulator, other: ObservableEmulator) -> tuple[float, float]:

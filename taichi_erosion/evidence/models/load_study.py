@@ -17,7 +17,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import ArchChoice, Decomposition
 from taichi_erosion.evidence.data.held_out_rows import content_digest, openings, split
-from taichi_erosion.evidence.data.measured import read_table, study_measurements, table_faults_of
+from taichi_erosion.evidence.data.measured import read_table, study_measurements
 from taichi_erosion.evidence.data.problem import (
     Candidate,
     Measurements,
@@ -120,7 +120,7 @@ class StudyModel:
 
 def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     """Study of a file; reads everything that it names and simulates nothing. Raises BadInput."""
-    stated = read_with_table(path)
+    stated = read_evidence_study(path)
     file = with_options(stated, options)
     files = study_effect_files(path, file, options)
     measurements, notes = study_table(path, file, files)
@@ -159,14 +159,6 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
         fresh="" if file.study.seed == stated.study.seed else f"seed {file.study.seed}|",
         effect_files=files,
     )
-
-
-def read_with_table(path: Path) -> StudyFile:
-    """Validated study file; raises BadInput with its faults, and then with those of its table too."""
-    try:
-        return read_evidence_study(path)
-    except BadInput as error:
-        raise BadInput(*error.faults, *table_faults_of(path)) from None
 
 
 def study_table(path: Path, file: StudyFile, files: EffectFiles) -> tuple[Measurements, Sequence[str]]:

@@ -27,7 +27,7 @@ from taichi_erosion.evidence.data.problem import (
     Observable,
     Uncertainty,
 )
-from taichi_erosion.evidence.data.transforms import Axis, split_setting, strengths, to_scale
+from taichi_erosion.evidence.data.transforms import Axis, split_setting, to_scale
 
 Key = tuple[bytes, tuple[tuple[str, float], ...], bytes]
 NEGLIGIBLE = 1e-6  # share of the largest variance below which a common error is dropped
@@ -107,7 +107,7 @@ class Predictor:
     def setting(self, x: Floats, acting: Numbers) -> tuple[Numbers, Numbers]:
         """Parameters and strengths of all effects at calibrated numbers x, with some effects acting."""
         parameters, adopted = split_setting(self.axes, x)
-        return parameters, {**strengths(self.candidates, acting), **adopted}
+        return parameters, {c.name: float(acting.get(c.name, 0.0)) for c in self.candidates} | adopted
 
     def compute(
         self, x: Floats, acting: Numbers, seeds: Integers, doses: Mapping[str, Floats] | None = None

@@ -24,13 +24,7 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows, condition_numbers
-from taichi_erosion.evidence.data.heap_correlation import (
-    HeapCorrelation,
-    correlated,
-    heap_correlation,
-    replicates_of,
-)
-from taichi_erosion.evidence.data.linear_algebra import Whitening, Working, working
+from taichi_erosion.evidence.data.heap_correlation import HeapCorrelation, correlated, heap_correlation
 from taichi_erosion.evidence.data.problem import (
     MOST_SETTINGS,
     Bools,
@@ -42,7 +36,14 @@ from taichi_erosion.evidence.data.problem import (
     Observable,
     Problem,
 )
-from taichi_erosion.evidence.data.transforms import Axis, adopted_axis, parameter_axis
+from taichi_erosion.evidence.data.transforms import (
+    Axis,
+    Whitening,
+    Working,
+    adopted_axis,
+    parameter_axis,
+    working,
+)
 from taichi_erosion.evidence.models.predictor import Predictor, paired_change, seed_mean, seed_variance
 
 SLOPE_SEED = 1  # of the runs from which slopes along conditions are taken
@@ -162,8 +163,7 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
     variance = seed_variance(values, rows.which) if noisy else np.zeros(rows.size)
     seeds = Seeds(*(draw_seeds(generator, count) for count in seed_counts(problem, rows, variance, noisy)))
     failed = ~np.isfinite(seed_mean(values))
-    replicates = replicates_of(rows, values) if noisy and rows.heaps else problem.replicates
-    heaps = heap_correlation(rows, table, replicates)
+    heaps = heap_correlation(rows, table, problem.replicates)
     rows = correlated(rows, heaps)
     warnings = [*rows.warnings, *(heaps.sentences if heaps is not None else ())]
     if failed.all():

@@ -13,14 +13,13 @@ from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
 from taichi_erosion.core.foreign_code import EffectFile
-from taichi_erosion.evidence.data.measured import condition_scales, no_questions, told_by
-from taichi_erosion.evidence.data.physical_ranges import condition_faults, observable_faults, place_range
+from taichi_erosion.evidence.data.measured import condition_scales, told_by
+from taichi_erosion.evidence.data.physical_ranges import OBSERVED, column_faults, place_range
 from taichi_erosion.evidence.data.problem import Conditions, Measurements
-from taichi_erosion.evidence.data.tables.cell_numbers import is_missing
 from taichi_erosion.evidence.data.tables.column_roles import Column
-from taichi_erosion.evidence.data.tables.interview import understood
+from taichi_erosion.evidence.data.tables.interview import Interview, understood
 from taichi_erosion.evidence.data.tables.rows import Faults, Row, RowReader, Table
-from taichi_erosion.evidence.data.tables.spreadsheet import Cells, read_cells
+from taichi_erosion.evidence.data.tables.spreadsheet import Cells, is_missing, read_cells
 from taichi_erosion.evidence.data.transforms import effect_of
 from taichi_erosion.evidence.models.simulator import condition_name, dotted_paths
 from taichi_erosion.scene.load import toml_table
@@ -113,9 +112,9 @@ def study_value_faults(table: Table, file: StudyFile, folder: Path) -> Iterator[
         else:
             stated = table.units[table.conditions.index(name)]
             allowed, own = place_range(f"conditions.{path}") if stated else None, nan
-        yield from condition_faults(table, name, allowed, own, usual=bool(scenes))
+        yield from column_faults(table, name, allowed, own, usual=bool(scenes))
     for name, entry in file.observables.items():
-        yield from observable_faults(table, name, entry.measure or name, usual=False)
+        yield from column_faults(table, name, OBSERVED.get(entry.measure or name), usual=False)
 
 
 @dataclass(frozen=True)
@@ -174,7 +173,7 @@ def condition_columns(
 
     One without a unit has that of the study's table.
     """
-    found = understood(cells, told_by(file), no_questions(), faults, measured=False)
+    found = understood(cells, told_by(file), Interview(), faults, measured=False)
     columns = {c.title: c for c in found if c.role == "condition" and c.title in file.conditions}
     there = ", ".join(file.conditions)
     faults += [

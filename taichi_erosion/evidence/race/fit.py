@@ -115,7 +115,7 @@ def scatter_of(prepared: PreparedProblem) -> tuple[Integers, Scales]:
     used = np.unique(rows.which[~rows.censored])
     index = np.where(rows.censored, -1, np.searchsorted(used, rows.which))
     names = [rows.observables[k].name for k in used]
-    doubt = [(DOUBT**-2 + 2.0 * float(rows.noise[name].repeats)) ** -0.5 for name in names]
+    doubt = [(DOUBT**-2 + 2.0 * float(rows.noise[name].scatter.repeats)) ** -0.5 for name in names]
     parts = [scale(f"scatter {name}", doubt=sd) for name, sd in zip(names, doubt, strict=True)]
     return index.astype(np.int64), sum(parts, Scales.none())
 

@@ -24,9 +24,8 @@ from scipy import stats
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows, joined
 from taichi_erosion.evidence.data.heap_correlation import correlated
-from taichi_erosion.evidence.data.linear_algebra import working
 from taichi_erosion.evidence.data.problem import Bools, Floats
-from taichi_erosion.evidence.data.transforms import from_scale, slope
+from taichi_erosion.evidence.data.transforms import from_scale, slope, working
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, condition_errors
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.blocks import Block, dose_columns, nuisance, unlisted
@@ -76,7 +75,7 @@ def new_rows(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows
         condition_sd={name: np.full(m, np.nan) for name in rows.condition_sd},
         group=("",) * m,
         source=("",) * m,
-        heaps=(),
+        heaps=({},) * m,
         covariance=None,
     )
 

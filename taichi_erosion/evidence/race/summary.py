@@ -17,8 +17,8 @@ import numpy as np
 from scipy import stats
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, tested_by_repeats
+from taichi_erosion.evidence.data.number_words import set_up_name
 from taichi_erosion.evidence.data.problem import Floats
-from taichi_erosion.evidence.data.table_units import set_up_name
 from taichi_erosion.evidence.data.transforms import axis_value, from_scale
 from taichi_erosion.evidence.models.predictor import axis_scale
 from taichi_erosion.evidence.race.decision import Decision, decide

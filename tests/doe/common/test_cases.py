@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 from doe.common.cases import GUARDED, STOPPED, Case, Row, command, read_rows, settings, simulate, write_rows
+from doe.common.pages import fill_tables
 from doe.lab_c import page as lab_c
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.report.markdown import fill_tables, markdown_table
+from taichi_erosion.report.markdown import markdown_table
 
 ROOT = Path(__file__).parents[3]
 TABLES = {name: ROOT / "doe" / name / "results.csv" for name in ("lab_c", "repose_sensitivity")}

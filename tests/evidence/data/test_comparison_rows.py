@@ -35,7 +35,7 @@ def test_a_fit_to_limits_and_intervals_is_that_of_their_likelihood():
     limits = {0: (0.4, np.inf), 1: (-0.3, -np.inf), 2: (0.2, 0.15)}
     problem = censored(linear_problem({}, {}, sd=0.2, count=6), limits)
     found = raced(problem, 1)
-    assert sorted(found.race.prepared.rows.limits) == ["", "", "", "above", "below", "between"]
+    assert np.isinf(found.race.prepared.rows.reach).sum() == 2
 
     ends = [(0.4, np.inf), (-np.inf, -0.3), (0.05, 0.35)]
 

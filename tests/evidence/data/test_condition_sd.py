@@ -40,7 +40,7 @@ def test_the_sd_of_a_condition_is_no_condition(tmp_path):
             "no column 'moistur'; conditions there: moisture, diameter",
         ),
         ("sd of moisture [%]", "sd of moisture [mm]", "is in [mm]; moisture is in [%]: give it so"),
-        (",0.1,", ",-0.1,", "row 2, sd of moisture [%] = '-0.1' must not be below 0"),
+        (",0.1,", ",-0.1,", "row 2, sd of moisture [%] = '-0.1' must be above 0"),
     ],
 )
 def test_an_sd_of_no_condition_of_another_unit_or_below_0_is_refused(tmp_path, old, new, told):
@@ -57,6 +57,6 @@ def test_a_study_has_it_in_the_unit_of_the_model_and_tells_it(tmp_path):
     study = load_study(tmp_path / "heap.toml")
     assert study.problem.measurements.condition_sd["diameter"] == pytest.approx(np.full(len(lines), 2e-5))
     assert study.problem.measurements.condition_set == {"diameter"}
-    assert any("rows state its sd, 0.02 mm; it enters their errors" in note for note in study.notes)
+    assert any("rows state its sd, at most 0.02 mm; it enters their errors" in note for note in study.notes)
     errors = condition_errors(comparison_rows(study.problem, study.problem.visible()))
     assert errors.sd["diameter"] == pytest.approx(2e-5)

@@ -1,13 +1,28 @@
-"""Scatter of the laboratory out of few repeats: weights that neither trust chance nor lose what is known."""
+"""Scatter of the laboratory out of few repeats, wrong values among them, and what they say of a model."""
+
+from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from taichi_erosion.evidence.data.measurement_noise import likely_shape, moderated
+from doe.trials.reduced.families import FAMILIES
+from taichi_erosion.evidence.data.comparison_rows import comparison_rows
+from taichi_erosion.evidence.data.measurement_noise import (
+    gross,
+    lack_of_fit,
+    likely_shape,
+    measurement_scatter,
+    moderated,
+    pure_error,
+    repeated,
+)
+from taichi_erosion.evidence.data.problem import Bools, Floats, Problem
 
-ROWS, REPEATS = 12, 3
+ROWS, REPEATS, GROUPS = 12, 3, 8
 FREEDOM = np.full(ROWS, REPEATS - 1.0)
 EVEN = np.ones((1, ROWS))
+CELL = np.repeat(np.arange(float(GROUPS)), REPEATS)
 
 
 def sample_variances(random: np.random.Generator, sd: np.ndarray, repeats: int = REPEATS) -> np.ndarray:
@@ -49,3 +64,105 @@ def test_weights_out_of_three_repeats_make_no_outliers(spread):
         beyond += int(np.sum(np.abs(repeats.mean(axis=0)) > 3.0 * np.sqrt(variance / REPEATS)))
     # over its own sd of three repeats a residual lies beyond 3 sd in 9.5 % of rows: less than a third of that
     assert beyond < 0.03 * sets * ROWS
+
+
+def with_value(problem: Problem, row: int, value: float) -> Problem:
+    """A problem with another value in one cell of its table."""
+    values = problem.measurements.value.copy()
+    values[row] = value
+    return replace(problem, measurements=replace(problem.measurements, value=values))
+
+
+def disagreeing(z: Floats, cell: Floats, stated: bool) -> Bools:
+    """By cell, whether its repeats differ by more than chance."""
+    return gross(*repeated(z, np.ones(z.size), cell), stated)
+
+
+@pytest.fixture(scope="module")
+def laboratory() -> tuple[Problem, int]:
+    """A study with repeats of the angle of repose, and a visible row that repeats an earlier one."""
+    problem = FAMILIES["clean"](4242, 1).problem
+    table = problem.measurements
+    settings = pd.DataFrame({"observable": table.observable, **table.conditions})
+    again = settings.duplicated() & (settings["observable"] == "repose_angle")
+    return problem, int(np.setdiff1d(np.flatnonzero(again), problem.vault.rows)[-1])
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_sound_repeats_do_not_disagree(stated):
+    random, off = np.random.default_rng(5), 0
+    for _ in range(200):
+        off += int(disagreeing(random.standard_normal(CELL.size), CELL, stated).any())
+    assert off <= 1  # at a family-wise chance of 1e-4 each
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_two_wrong_values_do_not_hide_one_another(stated):
+    z = np.random.default_rng(6).standard_normal(CELL.size)
+    z[[0, 7]] += [60.0, -50.0]
+    assert np.flatnonzero(disagreeing(z, CELL, stated)).tolist() == [0, 2]
+
+
+def test_empty_traps_that_agree_exactly_are_no_standard_for_the_others():
+    """Values rounded to 0.1 without a stated sd; most pairs are equal, and half of them 0."""
+    z = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.1, 2.1, 3.0, 3.1, 4.0, 4.2])
+    shapes, cell = np.array([np.ones(z.size), z]), np.repeat(np.arange(6.0), 2)
+    found = measurement_scatter(z, np.full(z.size, np.nan), np.ones(z.size), cell, shapes)
+    assert not found.off.any()
+    assert found.own_freedom == 6.0
+
+
+def test_scatter_that_is_larger_everywhere_is_no_disagreement():
+    z = 4.0 * np.random.default_rng(7).standard_normal(CELL.size)
+    assert not disagreeing(z, CELL, True).any()
+
+
+def test_a_mistyped_cell_is_found_and_leaves_the_scatter_of_the_others(laboratory):
+    problem, row = laboratory
+    wrong = with_value(problem, row, problem.measurements.value[row] + 30.0)
+    before, after = (comparison_rows(each, each.measurements) for each in (problem, wrong))
+    (found,) = after.apart
+    assert not before.apart
+    assert found.suspects == (row + 2,)
+    assert found.gap == pytest.approx(30.0, abs=3.0)
+    # a row of its own; its sound repeats stay merged
+    assert [after.lines[k] for k in np.flatnonzero(after.suspect)] == [(row + 2,)]
+    same = {lines: variance for lines, variance in zip(before.lines, before.variance, strict=True)}
+    ratio = [
+        variance / same[lines]
+        for lines, variance in zip(after.lines, after.variance, strict=True)
+        if lines in same
+    ]
+    assert ratio == pytest.approx(np.ones(before.size - 1), abs=0.1)
+
+
+@pytest.mark.parametrize("off", [30.0, -15.0])
+def test_of_a_pair_the_row_far_from_its_neighbours_is_to_be_checked(laboratory, off):
+    problem, row = laboratory
+    table = problem.measurements
+    here = np.all([column == column[row] for column in table.conditions.values()], axis=0)
+    third = np.flatnonzero(here & (np.array(table.observable) == "repose_angle"))
+    left = np.delete(np.arange(table.size), next(each for each in third if each != row))
+    pair = replace(with_value(problem, row, table.value[row] + off).measurements.rows(left), line=())
+    (found,) = comparison_rows(problem, pair).apart
+    assert len(found.lines) == 2
+    assert found.suspects == (int(np.flatnonzero(left == row)[0]) + 2,)
+
+
+def test_lack_of_fit_has_the_size_of_its_level_and_sees_a_misfit():
+    random, chances = np.random.default_rng(8), []
+    for size in (0.0, 6.0):
+        p = []
+        for _ in range(400):
+            z = 3.0 * random.standard_normal(CELL.size) + size * np.sin(CELL)  # the model is 0
+            error, freedom = pure_error(z, np.ones(z.size), CELL)
+            squares = float(z @ z) - error
+            p.append(lack_of_fit([(squares, z.size - freedom, error, freedom)]))
+        chances.append(float(np.mean(np.array(p) < 0.05)))
+    assert chances[0] == pytest.approx(0.05, abs=3.0 * np.sqrt(0.05 * 0.95 / 400))
+    assert chances[1] > 0.9
+
+
+def test_one_of_five_pairs_without_a_stated_sd_is_told():
+    z = np.array([31.2, 31.9, 33.0, 32.6, 35.1, 65.2, 37.0, 36.6, 38.1, 38.9])
+    assert np.flatnonzero(disagreeing(z, np.repeat(np.arange(5.0), 2), False)).tolist() == [2]

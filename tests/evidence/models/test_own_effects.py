@@ -7,12 +7,13 @@ import pytest
 from small_study import write_study
 
 from taichi_erosion.campaign.request import request_of
+from taichi_erosion.cli.new_effect import rendered
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.models.load_study import StudyOptions, load_study
 from taichi_erosion.evidence.models.simulator import Simulator
 
 ROOT = Path(__file__).parents[3]
-PULL = (ROOT / "tests" / "effects" / "constant_pull.py").read_text(encoding="utf-8")
+PULL = rendered("pair_effect").replace("NAME", "constant_pull")
 READING = (ROOT / "taichi_erosion" / "effects" / "repose_method.py").read_text(encoding="utf-8")
 TABLE = """observable,value,sd,n,unit,group,roots [g/cm3],source
 pile_height,9.3,0.3,6,mm,a,0,made

@@ -6,7 +6,7 @@ of L^2/R*, forces in pi gamma R*.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,14 +31,6 @@ LONGEST_BOUNCE = 16  # times in which the pair moves by L^2/R* at its first spee
 NEAR, SPARSE = 0.06, 40  # L^2/R* around a landmark, and steps between samples elsewhere [1]
 
 
-@dataclass(frozen=True)
-class Bounce:
-    """Overlap [L^2/R*] and force [pi gamma R*] along one bounce"""
-
-    overlap: Floats
-    force: Floats
-
-
 def pair_scene(speed: float, steps_per_depth: float, overlap: float = -1e-3) -> Setup:
     """Two spheres along x that approach with relative speed `speed` from `overlap` [L^2/R*]."""
     step = PAIR.depth / speed / steps_per_depth
@@ -47,8 +39,11 @@ def pair_scene(speed: float, steps_per_depth: float, overlap: float = -1e-3) -> 
     return small.sphere_setup(small.spheres(place, velocity, 0.0, RADIUS, MASS), TOUCH, step)
 
 
-def bounce() -> Bounce:
-    """One bounce until after the tear, sampled at every step near landmarks and sparsely between."""
+def bounce() -> tuple[Floats, Floats]:
+    """Overlap [L^2/R*] and force [pi gamma R*] along one bounce until after the tear.
+
+    It is sampled at every step near landmarks and sparsely between.
+    """
     setup = pair_scene(SPEED, STEPS_PER_DEPTH)
     sim = small.simulation_of([setup], "f64", JKR)
     found: list[tuple[int, float]] = []
@@ -65,22 +60,22 @@ def bounce() -> Bounce:
     step, gap = np.array(found).T
     middle = np.flatnonzero((np.diff(step)[:-1] == 1) & (np.diff(step)[1:] == 1)) + 1
     pull = (gap[middle + 1] - 2.0 * gap[middle] + gap[middle - 1]) / setup.time_step**2
-    return Bounce((2.0 * RADIUS - gap[middle]) / PAIR.depth, PAIR.mass * pull / PAIR.force_scale)
+    return (2.0 * RADIUS - gap[middle]) / PAIR.depth, PAIR.mass * pull / PAIR.force_scale
 
 
 def landmarks() -> Iterator[Outcome]:
     """V17: 0.1 % of each landmark; forces in double precision, which their second differences need."""
-    yield from curve_outcomes(bounce())
+    yield from curve_outcomes(*bounce())
     for precision in PRECISIONS:
         yield from energy_outcomes(precision)
         yield from branch_outcomes(precision)
 
 
-def curve_outcomes(run: Bounce) -> Iterator[Outcome]:
+def curve_outcomes(overlap: Floats, force: Floats) -> Iterator[Outcome]:
     """Force at first touch and at zero overlap, pull-off, balance, tear, and the whole curve."""
-    acts = np.flatnonzero(np.abs(run.force) > 0.5)
-    parting = slice(int(np.argmax(np.diff(run.overlap) < 0.0)) + 1, int(acts[-1]) + 1)
-    d, f = run.overlap[parting], run.force[parting]
+    acts = np.flatnonzero(np.abs(force) > 0.5)
+    parting = slice(int(np.argmax(np.diff(overlap) < 0.0)) + 1, int(acts[-1]) + 1)
+    d, f = overlap[parting], force[parting]
     before = d > 0.5 * BALANCE_AT
     for name, got, want in (
         ("force at zero overlap [pi gamma R*]", np.interp(0.0, d[::-1], f[::-1]), -8.0 / 3.0),
@@ -90,7 +85,7 @@ def curve_outcomes(run: Bounce) -> Iterator[Outcome]:
         ("overlap at the tear [L^2/R*]", d[-1], TEAR_AT),
     ):
         yield relative(f"JKR: {name}", got, want, 1e-3, "f64")
-    error = (f - [jkr.branch_force(overlap) for overlap in d]) / 3.0
+    error = (f - [jkr.branch_force(one) for one in d]) / 3.0
     yield below("JKR: force while parting off the law, over the pull-off force", error, 1e-3, "f64")
 
 
@@ -159,12 +154,11 @@ def vanishing_adhesion() -> Iterator[Outcome]:
     """V19: with gamma -> 0 an oblique, damped impact under the JKR law is the one under Hertz, 1e-6."""
     energies = (0.0, 1e-15, 1e-12)
     bare = replace(TOUCH, restitution=0.7, friction_sliding=0.4, surface_energy=0.0)
-    impact = small.wall_impact(bare, RADIUS, DENSITY, 1.0)
+    impact = small.head_on(bare, DENSITY, 1.0, RADIUS)
     step = impact.duration / 500.0
     grain = small.spheres([[0.0, 0.0, RADIUS + 3.5 * step]], [[0.8, 0.0, -1.0]], 0.0, RADIUS, MASS)
-    setups = [
-        small.sphere_setup(grain, replace(bare, surface_energy=one), step, small.FLAT) for one in energies
-    ]
+    touches = [replace(bare, surface_energy=energy) for energy in energies]
+    setups = [small.sphere_setup(grain, touch, step, small.FLAT) for touch in touches]
     times = np.linspace(0.0, 2.0 * impact.duration, 101)[1:]
     for precision in PRECISIONS:
         hertz = small.trace(setups[:1], times, precision).velocity
@@ -182,7 +176,7 @@ def friction_caps() -> Iterator[Outcome]:
     for laws, factor in ((JKR, 6.0), (EDEM, 12.0)):
         wanted = friction * factor * stuck.force_scale
         speed = 2e-3 * wanted / MASS * 7.0 / 2.0  # rolls after 2 ms
-        step = small.wall_impact(touch, RADIUS, DENSITY, 0.1).duration / 100.0
+        step = small.head_on(touch, DENSITY, 0.1, RADIUS).duration / 100.0
         height = RADIUS - BALANCE_AT * stuck.depth
         grain = small.spheres([[0, 0, height]], [[speed, 0, 0]], 0.0, RADIUS, MASS)
         for precision in PRECISIONS:

@@ -2,13 +2,10 @@
 
 Grains are 2 mm glass with the shear modulus lowered to 5 MPa, so that 15 us is a fifth of the Rayleigh
 time; in beds of a few centimetres the overlap stays below 0.3 % of the radius, where flow and angle do not
-depend on stiffness.
-
-V34. Angles of repose rise with friction, rolling friction and adhesion; the angle of a plate heap is that
-of Zhou's formula. Heaps of a lifted tube, an ensemble of settings and seeds in one launch; the angle is
-measured on side silhouettes. They are small (a few hundred grains), so the angles are those of this
-apparatus, good for trends. The plate heap is the discharge apparatus of Zhou et al. (2002) in the limit of a
-thick container.
+depend on stiffness. Angles rise with friction, rolling friction and adhesion in heaps of a lifted tube, an
+ensemble of settings and seeds in one launch, measured on side silhouettes; they are so small that the angles
+are those of this apparatus, good for trends. The plate heap is the discharge apparatus of Zhou et al. (2002)
+in the limit of a thick container.
 """
 
 from collections.abc import Iterator, Sequence
@@ -83,11 +80,7 @@ def periodic(setup: Setup, width: float) -> Setup:
 
 
 def plate_scene(touch: small.Touch, seed: int) -> Setup:
-    """Grains on a plate between dams, periodic along y; wall0 plate, wall1 and wall2 dams, wall3 floor.
-
-    The front and back walls of the apparatus are left out: its formula is for containers so thick that they
-    do not matter.
-    """
+    """Grains on a plate between dams, periodic along y; wall0 plate, wall1 and wall2 dams, wall3 floor."""
     width, x = 5.0 * DIAMETER, PLATE_HALF
     dams = (-x, 0.0, 0.0, 1.0, 0.0, 0.0), (x, 0.0, 0.0, -1.0, 0.0, 0.0)
     plate = small.primitive_table(PrimitiveKind.TRIANGLE, strip(-x, x))

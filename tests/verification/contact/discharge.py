@@ -56,9 +56,8 @@ UNLIKELY = 0.01  # chance of a lack of fit below which the law is refuted [1]
 def touch() -> small.Touch:
     """Contact of two grains; walls are given the same."""
     stiff = bulk.soft_touch(FRICTION, FRICTION_ROLLING)
-    return replace(
-        stiff, young_effective=stiff.young_effective / SOFTER, shear_effective=stiff.shear_effective / SOFTER
-    )
+    young, shear = stiff.young_effective / SOFTER, stiff.shear_effective / SOFTER
+    return replace(stiff, young_effective=young, shear_effective=shear)
 
 
 def filling(count: int, half_width: tuple[float, float], round_base: bool, seed: int) -> GrainTable:
@@ -77,9 +76,8 @@ def silo_scene(count: int, width: float, hole: float, seed: int) -> Setup:
     grains = filling(count, (radius, radius), True, seed)
     ends = (radius, radius, 80.0 * DIAMETER), (reach, radius, 0.0), (0.0, reach, 0.0)
     walls = [bulk.revolved_segment((first, 0.0), (second, height)) for first, second, height in ends]
-    return small.sphere_setup(
-        grains, touch(), TIME_STEP, small.joined(*walls, small.planes(TRAY)), small.GRAVITY
-    )
+    whole = small.joined(*walls, small.planes(TRAY))
+    return small.sphere_setup(grains, touch(), TIME_STEP, whole, small.GRAVITY)
 
 
 def slot_scene(count: int, width: float, slot: float, seed: int) -> Setup:
@@ -125,8 +123,8 @@ SLOTS = Silos("slots", exact.SLOT_EXPONENT, SLOT, lambda w: SLOT_LENGTH * w, LEN
 
 def opening_flow() -> Iterator[Outcome]:
     """V33."""
-    for silos in (HOLES, SLOTS):
-        yield from discharged(silos)
+    yield from discharged(HOLES)
+    yield from discharged(SLOTS)
 
 
 def discharged(silos: Silos) -> Iterator[Outcome]:
@@ -136,7 +134,8 @@ def discharged(silos: Silos) -> Iterator[Outcome]:
     flow = discharge_rates(sim, silos)
     opening = silos.openings * DIAMETER
     exponent, error = exact.discharge_exponent(opening, DIAMETER, flow, exact.BEVERLOO_EDGE)
-    factors = exact.discharge_coefficient(flow / silos.length, density, opening, DIAMETER, silos.exponent)
+    open_width = opening - exact.BEVERLOO_EDGE * DIAMETER
+    factors = flow / silos.length / (density * np.sqrt(9.81) * open_width**silos.exponent)
     sizes = np.unique(silos.openings)
     means = ", ".join(f"{1e3 * flow[silos.openings == size].mean():.4g}" for size in sizes)
     listed = ", ".join(f"{size:g}" for size in sizes)

@@ -1,4 +1,4 @@
-"""V14, V15: energy is conserved or falls, and the laws do not depend on the frame of the observer.
+"""V14, V15, V22: energy stays or falls; ends depend neither on the observer nor on the precision.
 
 V15. A handful of grains collide with each other and a tilted wall, with friction, rolling resistance and
 damping. The same scene is seen from a moving frame, turned as a whole, in a mirror, and with its grains
@@ -11,6 +11,8 @@ sum of kinetic, gravitational and spring energy may only fall. The total-form ta
 the contact grows, so it is not conservative by itself: an impact with e = 1 and mu = 10 gains or loses a
 little. That is a property of the law; the simulator is compared with the fine-step integration of the law,
 and the figure is printed.
+
+V22. Single precision, as graphics processors have it, against double, for one contact and for a heap.
 """
 
 from collections.abc import Iterator
@@ -22,10 +24,12 @@ from scipy.spatial.transform import Rotation
 
 from taichi_erosion.core.setup import Floats, Laws, Setup
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.simulation import Simulation, totals
+from taichi_erosion.simulation import totals
 from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, relative
 from tests.verification import small_scenes as small
-from tests.verification.contact.oblique_impact import OXIDE, impact_at, simulated
+from tests.verification.contact import bulk
+from tests.verification.contact.normal_impact import hertz_cases
+from tests.verification.contact.oblique_impact import OXIDE, impact_at, scenes, simulated
 from tests.verification.reference.contact import Impact, Rebound, rebound
 
 RADIUS, DENSITY, SPEED = 1e-3, 2500.0, 1.0  # m, kg m-3, m s-1
@@ -55,7 +59,7 @@ def cluster(wall: bool) -> Setup:
     position = [0.0, 0.0, 4.5e-3] + 2.4 * RADIUS * directions + rng.uniform(-0.1, 0.1, (7, 3)) * RADIUS
     velocity = -0.5 * SPEED * directions + rng.normal(0.0, 0.1, (7, 3)) - np.array([0.0, 0.0, 0.6])
     spin = rng.normal(0.0, 0.2 * SPEED / RADIUS, (7, 3))
-    impact = small.pair_impact(TOUCH, (RADIUS, RADIUS), DENSITY, SPEED)
+    impact = small.head_on(TOUCH, DENSITY, SPEED, RADIUS, RADIUS)
     grains = small.spheres(position, velocity, spin, RADIUS, 2.0 * impact.mass)
     return small.sphere_setup(
         grains, TOUCH, impact.duration / 100.0, small.FLAT if wall else small.NONE, small.GRAVITY
@@ -124,21 +128,11 @@ def gas(touch: small.Touch, steps_per_contact: float, seed: int) -> Setup:
     position += rng.uniform(-0.3, 0.3, position.shape) * RADIUS
     velocity = rng.normal(0.0, SPEED / 4.0, position.shape)
     spin = rng.normal(0.0, SPEED / 4.0 / RADIUS, position.shape)
-    impact = small.pair_impact(touch, (RADIUS, RADIUS), DENSITY, SPEED)
+    impact = small.head_on(touch, DENSITY, SPEED, RADIUS, RADIUS)
     corners = np.repeat([[0.0], [spacing * SIDE]], 3, axis=0) * np.ones(3)
     grains = small.spheres(position, velocity, spin, RADIUS, 2.0 * impact.mass)
     walls = small.planes(*np.hstack([corners, np.vstack([np.eye(3), -np.eye(3)])]))
     return small.sphere_setup(grains, touch, impact.duration / steps_per_contact, walls, small.GRAVITY)
-
-
-def histories(sim: Simulation, times: Floats) -> Floats:
-    """Mechanical energy [J] of all replicas at `times` [s], [samples, replicas]."""
-    found = []
-    for time in times:
-        small.advance_all(sim, time)
-        parts = [totals(sim, replica) for replica in range(len(sim.setups))]
-        found.append([p.kinetic_translation + p.kinetic_rotation + p.potential + p.elastic for p in parts])
-    return np.array(found)
 
 
 def energy_balance() -> Iterator[Outcome]:
@@ -146,7 +140,14 @@ def energy_balance() -> Iterator[Outcome]:
     setups = [gas(STIFF, 50.0, seed=1), gas(ROUGH, 50.0, seed=2)]
     times = np.linspace(0.0, 0.05, 201)[1:]
     for precision in PRECISIONS:
-        conserved, lost = histories(small.simulation_of(setups, precision, LAWS), times).T
+        sim, found = small.simulation_of(setups, precision, LAWS), []
+        for time in times:
+            small.advance_all(sim, time)
+            parts = [totals(sim, replica) for replica in range(len(setups))]
+            found.append(
+                [p.kinetic_translation + p.kinetic_rotation + p.potential + p.elastic for p in parts]
+            )
+        conserved, lost = np.array(found).T
         error = conserved / conserved[0] - 1.0
         yield below("conservative gas: change of energy, relative", error, 1e-4, precision)
         rise = np.maximum(np.diff(lost), 0.0) / lost[0]
@@ -169,3 +170,30 @@ def sticking_outcomes(precision: Precision) -> Iterator[Outcome]:
 def energy_after(impact: Impact, after: Rebound) -> Floats:
     """Twice the kinetic energy per mass [m2 s-2]."""
     return after.normal**2 + after.tangential**2 + 0.4 * (impact.radius * after.spin) ** 2
+
+
+HEAP_SEEDS = (11, 12, 13, 14)
+
+
+def single_and_double() -> Iterator[Outcome]:
+    """V22: impacts to 1e-5 of the speed of approach, a heap within the scatter of its seeds."""
+    head_on = [case.setup for case in hertz_cases().values()]
+    oblique = scenes(impact_at(OXIDE, np.array([10.0, 30.0, 60.0])))
+    for name, setups, steps in (("head-on", head_on, 220), ("oblique", oblique, 2400)):
+        ends = [steps * setup.time_step for setup in setups]
+        double, single = (small.final_states(setups, ends, p) for p in PRECISIONS)
+        errors = [rebound_error(*pair) for pair in zip(double, single, setups, strict=True)]
+        yield below(f"{name} impacts: rebound f32 - f64, over the speed", errors, 1e-5, "f32")
+    angles = {p: bulk.heap_angles([(bulk.BASE, seed) for seed in HEAP_SEEDS], p) for p in PRECISIONS}
+    mean = {name: float(np.mean(found)) for name, found in angles.items()}
+    scatter = float(np.std(np.concatenate(list(angles.values())), ddof=1))
+    name = f"heap angle [deg], f32 against f64, mean of {len(HEAP_SEEDS)} seeds within their sd"
+    yield Outcome(name, mean["f32"], mean["f64"], scatter, "f32")
+
+
+def rebound_error(double: Snapshot, single: Snapshot, setup: Setup) -> float:
+    """Largest difference in velocity or in spin times radius, over the speed before the impact [1]."""
+    speed = np.linalg.norm(setup.grains.velocity, axis=1).max()
+    moving = np.abs(single.velocity - double.velocity).max()
+    turning = np.abs((single.spin - double.spin) * double.radius[:, None]).max()
+    return float(max(moving, turning) / speed)

@@ -4,7 +4,8 @@ V02 runs tests 1 and 2 of Chung & Ooi; the pairs of test 1 are in the short list
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from taichi_erosion.verification import closed_forms
 from taichi_erosion.verification.claims import PRECISIONS, Outcome, below
 from taichi_erosion.verification.closed_forms import AHEAD, PER_CONTACT, sphere_mass
 from tests.verification import small_scenes as small
-from tests.verification.reference.contact import HeadOn, Solid
+from tests.verification.reference.contact import Solid
 from tests.verification.reference.motion import hertz_motion
 
 GLASS = Solid(4.8e10, 0.20, 2800.0)
@@ -24,63 +25,55 @@ ALUMINIUM_OXIDE = Solid(3.8e11, 0.23, 4000.0)
 CAST_IRON = Solid(1.0e11, 0.25, 7000.0)
 
 
-@dataclass(frozen=True)
-class Case:
+class Case(NamedTuple):
     """A head-on impact and its closed form."""
 
     setup: Setup
-    impact: HeadOn
-    name: str = ""
+    impact: small.HeadOn
 
 
-def pair_case(
-    touch: small.Touch, radii: tuple[float, float], density: float, speed: float, name: str = ""
-) -> Case:
-    """Two spheres along x; each carries half the relative speed."""
-    impact = small.pair_impact(touch, radii, density, speed)
+def impact_case(touch: small.Touch, density: float, speed: float, *radii: float) -> Case:
+    """A sphere that falls on the rigid floor without gravity, or two spheres along x that share the speed."""
+    impact = small.head_on(touch, density, speed, *radii)
     step = impact.duration / PER_CONTACT
-    half = 0.5 * (sum(radii) + AHEAD * speed * step)
+    gap = AHEAD * speed * step
     masses = [sphere_mass(radius, density) for radius in radii]
-    velocity = [[speed / 2, 0, 0], [-speed / 2, 0, 0]]
+    if len(radii) == 1:
+        grain = small.spheres([[0, 0, radii[0] + gap]], [[0, 0, -speed]], 0.0, radii, masses)
+        return Case(small.sphere_setup(grain, touch, step, small.FLAT), impact)
+    half, velocity = 0.5 * (sum(radii) + gap), [[speed / 2, 0, 0], [-speed / 2, 0, 0]]
     grains = small.spheres([[-half, 0, 0], [half, 0, 0]], velocity, 0.0, radii, masses)
-    return Case(small.sphere_setup(grains, touch, step), impact, name)
+    return Case(small.sphere_setup(grains, touch, step), impact)
 
 
-def wall_case(touch: small.Touch, radius: float, density: float, speed: float, name: str = "") -> Case:
-    """A sphere that falls on the rigid floor without gravity."""
-    impact = small.wall_impact(touch, radius, density, speed)
-    step = impact.duration / PER_CONTACT
-    grain = small.spheres([[0, 0, radius + AHEAD * speed * step]], [[0, 0, -speed]], 0.0, radius, impact.mass)
-    return Case(small.sphere_setup(grain, touch, step, small.FLAT), impact, name)
-
-
-def hertz_cases() -> list[Case]:
+def hertz_cases() -> dict[str, Case]:
     """Tests 1 and 2 of Chung & Ooi (2011)."""
     glass, limestone = (small.touch_of(solid, solid) for solid in (GLASS, LIMESTONE))
-    return [
-        pair_case(glass, (0.01, 0.01), 2800.0, 20.0, "T1 glass"),
-        pair_case(limestone, (0.01, 0.01), 2500.0, 20.0, "T1 limestone"),
-        wall_case(small.touch_of(ALUMINIUM_ALLOY, None), 0.1, 2699.0, 0.2, "T2 aluminium alloy"),
-        wall_case(small.touch_of(MAGNESIUM_ALLOY, None), 0.1, 1800.0, 0.2, "T2 magnesium alloy"),
-    ]
+    aluminium, magnesium = (small.touch_of(solid, None) for solid in (ALUMINIUM_ALLOY, MAGNESIUM_ALLOY))
+    return {
+        "T1 glass": impact_case(glass, 2800.0, 20.0, 0.01, 0.01),
+        "T1 limestone": impact_case(limestone, 2500.0, 20.0, 0.01, 0.01),
+        "T2 aluminium alloy": impact_case(aluminium, 2699.0, 0.2, 0.1),
+        "T2 magnesium alloy": impact_case(magnesium, 1800.0, 0.2, 0.1),
+    }
 
 
 def hertz_peaks() -> Iterator[Outcome]:
     """V02."""
     yield from closed_forms.hertz_peaks()
-    cases = hertz_cases()[2:]
-    setups = [case.setup for case in cases]
+    cases = dict(list(hertz_cases().items())[2:])
+    setups = [case.setup for case in cases.values()]
     times = np.outer(np.arange(1.0, PER_CONTACT + 13.0), [setup.time_step for setup in setups])
     for precision in PRECISIONS:
         paths = closed_forms.sampled(setups, times, precision)
-        for case, path in zip(cases, paths, strict=True):
-            yield from closed_forms.peak_outcomes(case.name, case.impact.closed, path, precision)
+        for (name, case), path in zip(cases.items(), paths, strict=True):
+            yield from closed_forms.peak_outcomes(name, case.impact.closed, path, precision)
 
 
 def step_order() -> Iterator[Outcome]:
     """V03: error of the overlap 0.4 contact times after a touch at t = 0, for 20 to 320 steps on the way."""
     touch = small.touch_of(GLASS, None)
-    impact = small.wall_impact(touch, 0.01, 2800.0, 10.0)
+    impact = small.head_on(touch, 2800.0, 10.0, 0.01)
     duration = 0.4 * impact.duration
     exact = hertz_motion(impact.closed[0], impact.mass, impact.speed, duration)
     counts = np.array([20, 40, 80, 160, 320])
@@ -98,16 +91,18 @@ def step_order() -> Iterator[Outcome]:
 def restitution() -> Iterator[Outcome]:
     """V04: e out of an impact is the e that was asked for."""
     wanted = np.round(np.arange(0.1, 1.01, 0.1), 1)
-    oxide = [replace(small.touch_of(ALUMINIUM_OXIDE, None), restitution=e) for e in (*wanted, 0.5)]
-    iron = [replace(small.touch_of(CAST_IRON, CAST_IRON), restitution=e) for e in wanted]
     speeds = np.geomspace(0.01, 10.0, 10)
-    groups = {
-        "T3 aluminium oxide on a wall": [wall_case(e, 0.0025, 4000.0, 3.9) for e in oxide[:-1]],
-        "equal spheres": [pair_case(e, (0.0025, 0.0025), 7000.0, 3.9) for e in iron],
-        "spheres of 1 and 4 mm": [pair_case(e, (0.001, 0.004), 7000.0, 3.9) for e in iron],
-        "e = 0.5 at 0.01 to 10 m/s": [wall_case(oxide[-1], 0.0025, 4000.0, speed) for speed in speeds],
+    groups = {  # restitution, speed [m s-1], radii [m]
+        "T3 aluminium oxide on a wall": [(e, 3.9, 0.0025) for e in wanted],
+        "equal spheres": [(e, 3.9, 0.0025, 0.0025) for e in wanted],
+        "spheres of 1 and 4 mm": [(e, 3.9, 0.001, 0.004) for e in wanted],
+        "e = 0.5 at 0.01 to 10 m/s": [(0.5, speed, 0.0025) for speed in speeds],
     }
-    cases = [case for group in groups.values() for case in group]
+    oxide, iron = small.touch_of(ALUMINIUM_OXIDE, None), small.touch_of(CAST_IRON, CAST_IRON)
+    cases = []
+    for e, *impact in (each for group in groups.values() for each in group):
+        touch, density = (oxide, 4000.0) if len(impact) == 2 else (iron, 7000.0)
+        cases.append(impact_case(replace(touch, restitution=e), density, *impact))
     setups = [case.setup for case in cases]
     asked = np.array([setup.contacts.restitution[0] for setup in setups])
     for precision in PRECISIONS:

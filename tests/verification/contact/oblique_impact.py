@@ -126,14 +126,11 @@ def sliding_outcomes(name: str, impact: Impact, after: Rebound, precision: Preci
 def published_outcomes(impact: Impact, after: Rebound, precision: Precision) -> Iterator[Outcome]:
     """Aluminium oxide against Chung & Ooi from 15 deg (3 %)."""
     steep = published.OBLIQUE_ANGLE >= 15.0
-    ratios = {
-        "tangential restitution": (
-            after.tangential / impact.tangential,
-            published.OBLIQUE_LITERATURE_RESTITUTION,
-        ),
-        "spin": (after.spin, published.OBLIQUE_LITERATURE_SPIN),
-    }
-    for of, (got, want) in ratios.items():
+    ratio = after.tangential / impact.tangential
+    for of, got, want in (
+        ("tangential restitution", ratio, published.OBLIQUE_LITERATURE_RESTITUTION),
+        ("spin", after.spin, published.OBLIQUE_LITERATURE_SPIN),
+    ):
         error = (got[: len(want)] / want - 1.0)[steep]
         yield below(f"T4 Chung & Ooi from 15 deg: {of}, relative", error, 0.03, precision)
 
@@ -180,7 +177,7 @@ def across(direction: Floats) -> Floats:
 def equal_pair(solid: Solid, direction: Floats, spin: float) -> Setup:
     """Test 7: equal spheres, equal and opposite spins about a line at right angles to their centres."""
     touch = small.touch_of(solid, solid, SPHERE_RESTITUTION, SPHERE_FRICTION)
-    impact = small.pair_impact(touch, (SPHERE_RADIUS, SPHERE_RADIUS), solid.density, 2.0 * APPROACH)
+    impact = small.head_on(touch, solid.density, 2.0 * APPROACH, SPHERE_RADIUS, SPHERE_RADIUS)
     step = impact.duration / 200.0
     half = (SPHERE_RADIUS + 3.5 * APPROACH * step) * direction
     ahead, turn = APPROACH * direction, spin * across(direction)
@@ -241,9 +238,6 @@ def momentum() -> Iterator[Outcome]:
             yield below(f"T8: change of {kind} momentum, relative", lost, limits[precision], precision)
         for ratio, slip, (_, after) in zip(ratios[:3], slips, pairs[:3], strict=False):
             name = f"T8 alloy on nylon: beta at X = {ratio:g}"
-            yield relative(name, -slip_along_z(after) / slip, ratio - 1.0, 5e-3, precision)
-
-
-def slip_along_z(pair: Snapshot) -> float:
-    """Slip of two spheres that met along x, the first of which turned about -y [m s-1]."""
-    return float(pair.velocity[0, 2] - pair.velocity[1, 2] - pair.radius @ pair.spin[:, 1])
+            # they met along x, and the first turned about -y
+            left = after.velocity[0, 2] - after.velocity[1, 2] - after.radius @ after.spin[:, 1]
+            yield relative(name, -left / slip, ratio - 1.0, 5e-3, precision)

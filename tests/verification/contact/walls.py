@@ -58,7 +58,7 @@ def tiled_floor() -> PrimitiveTable:
 
 def thrown(walls: PrimitiveTable, place: tuple[float, float], sideways: float) -> Setup:
     """A grain that comes down at `place`, moving sideways, and bounces, slides and rolls on."""
-    impact = small.wall_impact(TOUCH, RADIUS, DENSITY, SPEED)
+    impact = small.head_on(TOUCH, DENSITY, SPEED, RADIUS)
     start, velocity = [[*place, RADIUS + 1e-6]], [[sideways, 0.37 * sideways, -SPEED]]
     grain = small.spheres(start, velocity, [[0.0, 0.0, 100.0]], RADIUS, impact.mass)
     return small.sphere_setup(grain, TOUCH, impact.duration / 100.0, walls, small.GRAVITY)
@@ -101,7 +101,7 @@ def revolved(frustum: Frustum) -> PrimitiveTable:
 
 def rolling_inside(frustum: Frustum, walls: PrimitiveTable) -> Setup:
     """A grain let go against the wall, which rolls down it; a cylinder lies on its side."""
-    impact = small.wall_impact(TOUCH, RADIUS, DENSITY, 0.1)
+    impact = small.head_on(TOUCH, DENSITY, 0.1, RADIUS)
     slope = (frustum.radius_high - frustum.radius_low) / frustum.height
     lean = np.array([-1.0, slope]) / np.hypot(1.0, slope)  # inward normal in (radial, axial)
     level = 0.8 * frustum.height

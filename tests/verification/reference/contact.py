@@ -37,7 +37,7 @@ import numpy as np
 from scipy.optimize import root_scalar
 
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.verification.closed_forms import DURATION_FACTOR, hertz_impact
+from taichi_erosion.verification.closed_forms import DURATION_FACTOR
 
 
 @dataclass(frozen=True)
@@ -61,26 +61,6 @@ def effective_moduli(*solids: Solid) -> tuple[float, float]:
     """
     normal = sum((1.0 - solid.poisson**2) / solid.young for solid in solids)
     return 1.0 / normal, 1.0 / sum((2.0 - solid.poisson) / solid.shear for solid in solids)
-
-
-@dataclass(frozen=True)
-class HeadOn:
-    """Two bodies that meet head-on; a rigid wall has infinite mass and radius."""
-
-    young: float  # E*, Pa
-    radius: float  # R*, m
-    mass: float  # m*, kg
-    speed: float  # of approach, m s-1
-
-    @property
-    def closed(self) -> tuple[float, float, float]:
-        """K [N m^-1.5], deepest overlap [m] and contact time [s] of the elastic impact."""
-        return hertz_impact(self.young, self.radius, self.mass, self.speed)
-
-    @property
-    def duration(self) -> float:
-        """Contact time of the elastic impact [s]."""
-        return self.closed[2]
 
 
 def damping_ratio(restitution: float) -> float:
@@ -134,11 +114,6 @@ class AdhesivePair:
         return sqrt(2.0 * self.work_lost / self.mass)
 
 
-def force_at(cube: float) -> float:
-    """F/(pi gamma R*) at s^3 = `cube`."""
-    return 4.0 / 3.0 * cube * (cube - 3.0)
-
-
 def overlap_at(cube: float) -> float:
     """D R*/L^2 at s^3 = `cube`."""
     root = cube ** (1.0 / 3.0)
@@ -152,7 +127,7 @@ def branch_force(reduced: float) -> float:
         return 0.0
     highest = 2.0 + abs(reduced)
     found = root_scalar(lambda s: s**4 - 2.0 * s - reduced, bracket=(lowest, highest), xtol=1e-15, rtol=1e-14)
-    return force_at(found.root**3)
+    return 4.0 / 3.0 * found.root**3 * (found.root**3 - 3.0)
 
 
 DAMPING_FACTOR = 2.0 * np.sqrt(5.0 / 6.0)  # makes e independent of speed for Hertz stiffness [1]

@@ -147,14 +147,6 @@ def discharge_edge(
     return float(found[1]), float(np.sqrt(covariance[1, 1])), float(fdtrc(*freedom, max(ratio, 0.0)))
 
 
-def discharge_coefficient(
-    flow: Floats, bulk_density: Floats, orifice: Floats, diameter: float, exponent: float
-) -> Floats:
-    """C of W = C rho_b sqrt(g) (D - k d)^n [1], W for a slot that per length; k = 1.4."""
-    open_width = orifice - BEVERLOO_EDGE * diameter
-    return flow / (bulk_density * np.sqrt(9.81) * open_width**exponent)
-
-
 def zhou_angle(
     friction: float, friction_wall: float, rolling: float, rolling_wall: float, diameter: float
 ) -> float:

@@ -76,19 +76,6 @@ def wind(friction: float, viscosity: float) -> WindProfile:
     return lambda z: float(np.interp(z, height, speed))
 
 
-@dataclass(frozen=True)
-class Touchdown:
-    """Event of `solve_ivp`: the height of the bed [m] is reached from above."""
-
-    bed: float
-    terminal: bool = True
-    direction: float = -1.0
-
-    def __call__(self, _: float, state: Floats) -> float:
-        """Height over the bed [m]."""
-        return float(state[0]) - self.bed
-
-
 def hop(sand: Sand, blow: WindProfile, forward: float, upward: float) -> tuple[float, float]:
     """Forward and downward speed [m s-1] at the end of a hop."""
     bed = CENTRE * sand.diameter
@@ -101,8 +88,13 @@ def hop(sand: Sand, blow: WindProfile, forward: float, upward: float) -> tuple[f
         drag = (sqrt(0.5) + sqrt(24.0 * sand.viscosity / (speed * sand.diameter))) ** 2
         return [rise, rate * drag * speed * slip[0], rate * drag * speed * slip[1] - GRAVITY]
 
+    def over_the_bed(_: float, state: Floats) -> float:
+        return float(state[0]) - bed
+
+    # the flight ends where the bed is reached from above
+    vars(over_the_bed).update(terminal=True, direction=-1.0)
     span = (0.0, LONGEST * upward / GRAVITY)
-    flown = solve_ivp(motion, span, (bed, forward, upward), events=Touchdown(bed), rtol=1e-4, atol=1e-9)
+    flown = solve_ivp(motion, span, (bed, forward, upward), events=over_the_bed, rtol=1e-4, atol=1e-9)
     _, ahead, rise = flown.y[:, -1]
     return float(ahead), -float(rise)
 

@@ -167,20 +167,12 @@ def stirred_setup() -> Setup:
 def patch_momentum(sim: Simulation) -> PatchMomentum:
     """Momenta one step of the grains after an exchange."""
     grains, air = grain_momentum(sim), sim.coupling.air
-    assert air is not None
     recorded = CELL * read(air.impulse)[0, 1:-1, 1:-1, 1:-1].sum(axis=(0, 1, 2))
     u, v, w = face_velocities(air, 0)
     wind = np.stack([u[:-1], v[:, :-1], w[:, :, :-1]])
     drag = grains.moving + grains.residual
     due = (PATCH_INTERVAL - 1) * STEP * grains.frozen_pressure
     return PatchMomentum(drag + due, drag, wind, recorded, grains.size)
-
-
-def face_void_fractions(sim: Simulation) -> Floats:
-    """Void fraction on the faces that carry the velocities along x and y [2, nx, ny, nz]."""
-    assert sim.coupling.air is not None
-    void = read(sim.coupling.air.void_fraction)[0, 1:-1, 1:-1, 1:-1]
-    return np.stack([0.5 * (void + np.roll(void, 1, axis)) for axis in range(2)])
 
 
 def patch_balance(precision: Precision) -> Iterator[Outcome]:
@@ -193,7 +185,9 @@ def patch_balance(precision: Precision) -> Iterator[Outcome]:
         pressed += last.grains - last.drag  # the rest of the frozen pressure force
         advance(sim, [STEP * (PATCH_INTERVAL * exchange + 1)])
         now = patch_momentum(sim)
-        gained += DENSITY * CELL * (face_void_fractions(sim) * (now.air - last.air)[:2]).sum(axis=(1, 2, 3))
+        void = read(sim.coupling.air.void_fraction)[0, 1:-1, 1:-1, 1:-1]
+        on_faces = np.stack([0.5 * (void + np.roll(void, 1, axis)) for axis in range(2)])
+        gained += DENSITY * CELL * (on_faces * (now.air - last.air)[:2]).sum(axis=(1, 2, 3))
         recorded += now.recorded
         pressed += (now.grains - now.drag) / (PATCH_INTERVAL - 1)  # one step of the force that is frozen now
         last = now
@@ -232,8 +226,10 @@ def bed_setup(columns: tuple[int, int]) -> Setup:
     return small.in_air(replace(setup, overlap_limit=2.0), air, Coupling(look_steps=1, surface=surface), LID)
 
 
-def same_wind() -> Iterator[Outcome]:
-    """The wind over a regular bed, on one column and on a grid."""
+def grid_momentum() -> Iterator[Outcome]:
+    """V38: momentum, and the wind over a regular bed on one column and on a grid."""
+    for precision in LIMIT:
+        yield from patch_balance(precision)
     winds = []
     for columns in ((1, 1), BED_COLUMNS):
         sim = small.simulation_of([bed_setup(columns)], "f64", LAWS)
@@ -241,10 +237,3 @@ def same_wind() -> Iterator[Outcome]:
         winds.append(air_profile(sim, 0).velocity[:, 0])
     off = (winds[1] - winds[0]) / winds[0].max()
     yield below("grid over a regular bed: wind off that of one column, over the fastest", off, 1e-4, "f64")
-
-
-def grid_momentum() -> Iterator[Outcome]:
-    """V38."""
-    for precision in LIMIT:
-        yield from patch_balance(precision)
-    yield from same_wind()

@@ -9,30 +9,24 @@ the stress that grains carry at the bed,
 
     tau_g = tau - rho u*_t^2,
 
-with tau [Pa] that of the wind: its line meets zero within a few percent, where that of the flux, whose means
-over seconds scatter by a tenth, leaves tau_t open. A wind that falls until the last grain rests needs more
-patience than a check has: where it is 5 to 15 percent too weak one grain hops on for a second or two, and a
-wind that falls faster reads too low a threshold. It goes with the root of the diameter where the bed stays
-as rough, faster where, as here, coarser grains stick out of the viscous sublayer; so it is judged too by that
-of one grain that hops by a measured law of bounces (`reference.hopping`) in the wind over the bed at rest
-(`bed_wind`), of which nothing is ejected or caught.
+with tau [Pa] that of the wind: its line meets zero within a few percent; the flux scatters by a tenth, and a
+wind that falls until the last grain rests reads too low a threshold unless it falls very slowly. The
+threshold goes with the root of the diameter where the bed stays as rough, faster where, as here, coarser
+grains stick out of the viscous sublayer; so it is judged too by that of one grain that hops by a measured law
+of bounces (`reference.hopping`) in the wind over the bed at rest (`bed_wind`), of which nothing is ejected or
+caught.
 
-Flux. Q = a (u*^2 - u_t^2) (u* + u_t)^m, with m = 0 in a law linear in the stress and 1 in Kawamura's with
-the cube of the wind (`doe.wind.flux_law`). Six winds tell them apart: the line must not be refuted, the cube
+Flux. Q = a (u*^2 - u_t^2) (u* + u_t)^m, with m = 0 in a law linear in the stress and 1 in Kawamura's with the
+cube of the wind (`doe.wind.flux_law`). Six winds tell them apart: the line must not be refuted, the cube
 must.
 
 Stress at the bed. Grains take from the air near the bed all but about the stress of the impact threshold
-(Owen), here of the hopping grain. Weak winds blow over larger patches, that some ten grains fly in each: of
-one or two, all may come to rest by chance, or one may gather the whole momentum of the wind high above.
+(Owen), here of the hopping grain. Patches are larger under weak winds, so that some ten grains fly in each.
 
 Fluid threshold. With drag near the wall, torque of the shear, lift and gusts at their published sizes, and
 without adhesion, beds start from rest: tunnels measured 0.22 to 0.28 m/s for such sand, laboratories differ
 by a tenth, so 0.20 to 0.32 m/s is asked for. The impact threshold over it was measured as 0.75 to 0.9 (Martin
 & Kok: 0.80 to 0.85); 0.70 to 0.95 is asked for, of the wind in which one grain goes on over such a bed.
-
-A bed of sand is smooth to a wind whose viscous sublayer covers its grains, and rough to one of which they
-stick out: at u* d / nu = 3 the wind differs little from that over a plane, at 10 it is slower by some u*.
-The wind over a bed at rest is that of the simulator, a column that the bed's own grains slow down.
 
 What these limits do not test: a ratio of impact thresholds within 10 % of the root of two holds for every
 power of the diameter between 0.35 and 0.64, and a stress within 20 % for every threshold within 10 %.

@@ -23,7 +23,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.evidence.answers.rounds import MOST_POINTS
 from taichi_erosion.evidence.answers.set_up import source_faults, table_faults
-from taichi_erosion.evidence.data.measured import read_table, study_measurements, table_faults_of
+from taichi_erosion.evidence.data.measured import read_table, study_measurements
 from taichi_erosion.evidence.data.problem import expected_strength
 from taichi_erosion.evidence.data.tables.rows import Faults, Table
 from taichi_erosion.evidence.emulator.design import inactive_reason
@@ -83,10 +83,7 @@ def read_any_study(path: Path) -> StudyFile:
         designed = bool(file.targets) and not file.study.measurements
         yield from (calibration_problems if designed else evidence_problems)(file)
 
-    try:
-        return read_study_file(path, problems)
-    except BadInput as error:
-        raise BadInput(*error.faults, *table_faults_of(path)) from None
+    return read_study_file(path, problems)
 
 
 def checked_table(path: Path, file: StudyFile, files: tuple[EffectFile, ...], faults: Faults) -> Table | None:

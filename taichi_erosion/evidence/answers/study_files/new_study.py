@@ -33,20 +33,21 @@ from taichi_erosion.evidence.answers.study_files.written_files import (
     written_files,
 )
 from taichi_erosion.evidence.data.measured import read_rows
-from taichi_erosion.evidence.data.physical_ranges import condition_faults, observable_faults, place_range
+from taichi_erosion.evidence.data.physical_ranges import OBSERVED, column_faults, place_range
 from taichi_erosion.evidence.data.tables.column_roles import Column, Told
-from taichi_erosion.evidence.data.tables.headings import read_heading, stated_number, unit_in
-from taichi_erosion.evidence.data.tables.interview import Ask, Interview
-from taichi_erosion.evidence.data.tables.rows import NAME, Faults, Table
-from taichi_erosion.evidence.data.tables.spreadsheet import source_digest
-from taichi_erosion.evidence.data.tables.vocabulary import (
+from taichi_erosion.evidence.data.tables.headings import (
     DIAMETER,
     FRICTION_VELOCITY,
     GRAIN_DENSITY,
     meaning_of,
     near_meaning,
     plain_words,
+    read_heading,
+    unit_in,
 )
+from taichi_erosion.evidence.data.tables.interview import Ask, Interview
+from taichi_erosion.evidence.data.tables.rows import NAME, Faults, Table
+from taichi_erosion.evidence.data.tables.spreadsheet import source_digest, stated_number
 from taichi_erosion.evidence.models.table_columns import declared_units
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene.load import toml_table
@@ -163,9 +164,9 @@ def value_faults(table: Table, places: Mapping[str, str], told: Told) -> Iterato
     """
     for name, place in places.items():
         allowed = place_range(place.split(",")[0].strip())
-        yield from condition_faults(table, name, allowed, usual=not told.units)
+        yield from column_faults(table, name, allowed, usual=not told.units)
     for name in dict.fromkeys(row.observable for row in table.rows):
-        yield from observable_faults(table, name, name, usual=not told.units)
+        yield from column_faults(table, name, OBSERVED.get(name), usual=not told.units)
 
 
 def condition_places(table: Table, told: Told) -> dict[str, str]:

@@ -11,7 +11,7 @@ from math import sqrt
 from typing import Any
 
 from taichi_erosion.campaign.study_file import set_comment
-from taichi_erosion.evidence.data.tables.vocabulary import (
+from taichi_erosion.evidence.data.tables.headings import (
     DIAMETER,
     FRICTION_VELOCITY,
     GRAIN_CONTACT,

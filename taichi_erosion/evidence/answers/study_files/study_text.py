@@ -10,8 +10,8 @@ import numpy as np
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.study_files.scene_templates import Calibrated
 from taichi_erosion.evidence.data.physical_ranges import ANGLE, OBSERVED
+from taichi_erosion.evidence.data.tables.headings import DIAMETER, GRAIN_DENSITY
 from taichi_erosion.evidence.data.tables.rows import Table
-from taichi_erosion.evidence.data.tables.vocabulary import DIAMETER, GRAIN_DENSITY
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.scene.schema.units import Unit, parse_scale, scale_between
 

@@ -9,35 +9,37 @@ velocity by the law of the wall.
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from math import isnan, log, nan
 
-from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.tables.cell_numbers import is_missing, is_quantity, plain_cell, reason
+from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.evidence.data.tables.headings import (
-    VOLUMETRIC,
-    Heading,
-    read_heading,
-    stated_number,
-    stated_unit,
-)
-from taichi_erosion.evidence.data.tables.spreadsheet import Cells
-from taichi_erosion.evidence.data.tables.vocabulary import (
     DIAMETER,
     SCATTER,
+    VOLUMETRIC,
+    Heading,
     Role,
     is_halved,
     meaning_of,
     near_meaning,
     plain_words,
+    read_heading,
+    stated_unit,
+)
+from taichi_erosion.evidence.data.tables.spreadsheet import (
+    Cells,
+    has_digit,
+    is_missing,
+    is_quantity,
+    plain_cell,
+    reason,
+    stated_number,
 )
 from taichi_erosion.measures.boundary_layer import KARMAN
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale, parse_unit
 
 NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of numbers
-MOISTURE = "conditions.moisture"
 HALF = 0.5  # from a diameter of a heap to its radius [1]
 NOTE = "note"  # first word of the heading of a column that is not used
 UNUSED = f"a column that is not used has a heading that begins with '{NOTE}'"
@@ -45,7 +47,7 @@ SHARES = {"": 0.01, "%": 0.01, "1": 1.0, "-": 1.0}  # of a coefficient of variat
 SYMBOLS = {  # single letters with such a unit
     "d": ("mm", DIAMETER),
     "T": ("K", "conditions.temperature"),
-    "w": ("%", MOISTURE),
+    "w": ("%", "conditions.moisture"),
 }
 WINDS = ("threshold_wind_speed", "conditions.wind_speed")
 SYMBOL = re.compile(r"\s*[uUvV](?![\w*])|\s*[uUvV]_?\d")  # of a speed; u* is none
@@ -88,10 +90,7 @@ class Told:
 
 
 def column_roles(cells: Cells, told: Told, faults: list[str]) -> list[Column]:
-    """Columns in their order; all that is wrong with their headings is added to `faults`.
-
-    A column with a fault is a remark.
-    """
+    """Columns in their order; what is wrong with headings is added to `faults`, and makes them remarks."""
     faults += heading_faults(cells)
     named = stated_names(cells, told, faults)
     columns = [with_unit(column_of(cells, place, named), told) for place in range(len(cells.heading))]
@@ -101,7 +100,7 @@ def column_roles(cells: Cells, told: Told, faults: list[str]) -> list[Column]:
         faults += wrong
         column = replace(column, title=told.titles.get(column.name) or tidy_name(column.name))
         found.append(replace(column, role="remark", sure=True) if wrong else column)
-    return with_partners(found)
+    return found
 
 
 def with_unit(column: Column, told: Told) -> Column:
@@ -129,18 +128,17 @@ def stated_names(cells: Cells, told: Told, faults: list[str]) -> dict[int, tuple
     known = {plain_words(text): place for place, text in reversed(list(enumerate(cells.heading)))}
     known |= {plain_words(read_heading(text).name): place for place, text in enumerate(cells.heading) if text}
     found: dict[int, tuple[Role, str]] = {}
-    stated: tuple[tuple[str, Mapping[str, str]], ...]
+    stated: tuple[tuple[Role, Mapping[str, str]], ...]
     stated = (("observable", told.observables), ("condition", told.conditions), ("unit", told.units))
     for role, names in stated:
         for text, name in names.items():
             place = known.get(plain_words(text))
             if place is not None and role != "unit":
-                found[place] = ("observable" if role == "observable" else "condition", name)
+                found[place] = (role, name)
             elif place is None and text not in told.optional:
-                near = get_close_matches(plain_words(text), known, n=1, cutoff=0.5)
                 there = ", ".join(filter(None, cells.heading))
-                hint = f"did you mean '{cells.heading[known[near[0]]]}'?" if near else f"there are: {there}"
-                faults.append(f"{cells.file}: --{role} {text}={name}: no column '{text}'; {hint}")
+                words = f"no column '{text}'; there are: {there}{did_you_mean(text, cells.heading)}"
+                faults.append(f"{cells.file}: --{role} {text}={name}: {words}")
     return found
 
 
@@ -155,12 +153,8 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
     if role == "unknown" or (role == "remark" and numeric and heading.unit):
         role, name = meaning_of_symbol(heading)  # a quantity, whatever word of remarks it has
     if not numeric:
-        digits = any(any(map(str.isdigit, cell)) for cell in content)
-        known = role in ("group", "source") or (role in ("observable", "condition") and digits)
+        known = role in ("group", "source") or (role in ("observable", "condition") and has_digit(content))
         return Column(place, heading, role if known else "remark", name if known else "", numeric=False)
-    counted = [plain_cell(cell).rstrip(".") for cell in content] == [str(k + 1) for k in range(len(content))]
-    if role == "group" or (role in ("unknown", "remark") and counted and len(content) > 2):
-        return Column(place, heading, "group" if role == "group" else "remark")
     height = wind_height(heading, name)
     if not isnan(height):
         return Column(place, heading, "remark", sure=False, height=height)
@@ -208,22 +202,6 @@ def unit_faults(cells: Cells, column: Column) -> Iterator[str]:
     if used and not column.numeric:
         first = next(row[column.place] for _, row in cells.lines if row[column.place])
         yield f"{where} has no numbers that can be read: '{first}' {reason(plain_cell(first))}; {UNUSED}"
-
-
-def with_partners(columns: Sequence[Column]) -> list[Column]:
-    """Scatter and repeats with their observable: the one named, else the last before them."""
-    measured = [column for column in columns if column.role == "observable"]
-    found = []
-    for column in columns:
-        if column.role in SCATTER and measured:
-            before = [each for each in measured if each.place < column.place]
-            words = plain_words(column.heading.name)
-            called = [each for each in measured if plain_words(each.heading.name) in words]
-            partner = (called or before[-1:] or measured[:1])[0]
-            shared = column.role == "n" and len(measured) > 1 and not called
-            column = replace(column, of=-1 if shared else partner.place)
-        found.append(column)
-    return found
 
 
 def wind_height(heading: Heading, name: str) -> float:

@@ -1,17 +1,39 @@
-"""Headings of columns as laboratories write them: `Korngröße [µm]`, `Feuchte in %`, `d / mm`."""
+"""Headings of columns as laboratories write them, `Korngröße [µm]` or `Feuchte in %`, and what they mean.
+
+The known words stand in `vocabulary.toml`. A heading means what its longest known word means. Words are
+compared without accents and capitals.
+"""
 
 import re
-from contextlib import suppress
+import tomllib
+import unicodedata
 from dataclasses import dataclass, replace
-from math import isfinite, nan
+from difflib import get_close_matches
+from functools import cache
+from importlib.resources import files
+from typing import Literal
 
-from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.tables.vocabulary import unit_words
-from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale, parse_unit
+from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale
+
+TidyRole = Literal["value", "unit", "vault", "repeat"]  # of columns that a tidy table alone has
+Kept = Literal["observable", "condition", "condition_sd", "group", "source", "remark", "unknown"]
+Role = Kept | Literal["sd", "se", "cv", "spread", "n"] | TidyRole
+SCATTER = ("sd", "se", "cv", "spread", "n")  # roles of columns that belong to another one
+FRICTION_VELOCITY = "conditions.friction_velocity"
+DIAMETER = "grains.size.diameter"  # place of the grain diameter in the scenes that `study new` writes
+GRAIN_DENSITY = "materials.soil.density"  # likewise; the material has the name that the scene gives it
+GRAIN_CONTACT = "contact.soil-soil."  # begin of the places of contacts of grains on each other, likewise
+IDEOGRAPHS = 0x2E80  # from here on a sign is a word, or half of one
+NEAR = 0.8  # similarity of two words from which one may be the other misspelt [1]
+COMPOUND = 5  # letters of a word that may be the part of a compound
+KINDS: dict[str, Role] = {  # of words for what is measured or set
+    "observables": "observable",
+    "halved": "observable",
+    "conditions": "condition",
+}
 
 BRACKETED = (
     re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]\s*(?P<rest>.*)"),
-    re.compile(r"(?P<name>.*?)\s*\{(?P<unit>[^{}]*)\}\s*(?P<rest>.*)"),
     re.compile(r"(?P<name>.*)\((?P<unit>[^()]*(?:\([^()]*\))?[^()]*)\)\s*(?P<rest>.*)"),
 )
 TRAILING = re.compile(r"(?P<name>.+?)(?:\s+in|\s*/|\s*,|\s*:|\s)\s*(?P<unit>\S+(?:\s*/\s*\S+)?)")
@@ -44,7 +66,10 @@ def read_heading(text: str) -> Heading:
     for form in BRACKETED:
         match = form.fullmatch(text)
         if match is not None:
-            return bracketed_heading(text, match, square=form is BRACKETED[0])
+            name = f"{match['name'].strip()} {match['rest'].strip()}".strip() or text
+            unit = unit_in(match["unit"])
+            wrong = unit is None and form is BRACKETED[0]  # round brackets may hold a remark
+            return Heading(text, name, unit or "", unreadable=match["unit"].strip() if wrong else "")
     name, mark, rest = text.rpartition(" / ")
     if mark and name.strip() and unit_in(rest):
         return Heading(text, name.strip(), unit_in(rest) or "")
@@ -62,16 +87,6 @@ def stated_unit(heading: Heading, text: str) -> Heading:
     return replace(heading, unit=unit or "", unreadable="" if unit else text)
 
 
-def bracketed_heading(text: str, match: re.Match[str], square: bool) -> Heading:
-    """Heading with brackets; round ones may hold a remark in place of a unit."""
-    before, after = match["name"].strip(), match["rest"].strip()
-    unit = unit_in(match["unit"])
-    name = f"{before} {after}".strip() or text
-    if unit is None and square and match["unit"].strip():
-        return Heading(text, name, unreadable=match["unit"])
-    return Heading(text, name, unit or "")
-
-
 def evident(unit: str, text: str) -> bool:
     """Whether a word behind a name can only be its unit."""
     stated = re.search(rf"(?:\sin\s|\s/\s|,\s){re.escape(unit)}$", text) is not None
@@ -83,7 +98,7 @@ def unit_in(text: str) -> str | None:
     plain = text.strip().strip("'\"").removeprefix("in ").strip()
     if not plain:
         return None
-    plain = unit_words().get(plain, plain)
+    plain = next((unit for unit, words in vocabulary()["units"].items() if plain in words), plain)
     if VOLUME_SHARE.fullmatch(plain):
         return VOLUMETRIC
     if MASS_SHARE.fullmatch(plain):
@@ -95,15 +110,106 @@ def unit_in(text: str) -> str | None:
     return plain
 
 
-def stated_number(text: str, unit: str, name: str, example: str) -> float:
-    """A number with its unit as the user states it, `0.03 mm`, in another unit; raises BadInput."""
-    number, _, behind = text.strip().replace(",", ".").partition(" ")
-    match = re.fullmatch(r"([\d.]+(?:[eE][+-]?\d+)?)([a-zµμ]*)", number)
-    value, wanted = nan, parse_unit(unit)
-    with suppress(UnknownUnit, ValueError):
-        scale = parse_scale(behind.strip() or (match[2] if match else "") or "?")
-        if match and scale.kind == wanted.kind:
-            value = float(match[1]) * scale.factor / wanted.factor
-    if not isfinite(value):
-        raise BadInput(f"{name} '{text}': write a number and its unit, such as '{example}'")
-    return value
+@cache
+def vocabulary() -> dict[str, dict[str, tuple[str, ...]]]:
+    """Known words by kind and meaning, plain but for those of units."""
+    text = (files("taichi_erosion.evidence.data.tables") / "vocabulary.toml").read_text(encoding="utf-8")
+    return {
+        kind: {
+            name: tuple(word if kind == "units" else plain_words(word) for word in words)
+            for name, words in meanings.items()
+        }
+        for kind, meanings in tomllib.loads(text).items()
+    }
+
+
+def plain_words(text: str) -> str:
+    """A heading without accents, capitals and signs between words."""
+    opened = unicodedata.normalize("NFKD", text.casefold().replace("ß", "ss"))
+    opened = opened.replace("+/-", "±").replace("+-", "±")
+    bare = "".join(sign for sign in opened if not unicodedata.combining(sign))
+    return " ".join(re.sub(r"[_\-./,:;]+", " ", bare).split())
+
+
+def found_length(word: str, heading: str) -> int:
+    """Length of a known word that a heading has; 0 where it has not.
+
+    A short word must stand alone; a longer one may be the part of a compound, at its beginning or its end.
+    """
+    if any(ord(sign) >= IDEOGRAPHS for sign in word):
+        return 3 * len(word) if word in heading else 0
+    alone = rf"(?<!\w){re.escape(word)}(?!\w)"
+    part = rf"(?<!\w){re.escape(word)}|{re.escape(word)}(?!\w)"
+    return len(word) if re.search(alone if len(word) < COMPOUND or "*" in word else part, heading) else 0
+
+
+def longest_word(heading: str, *kinds: str) -> tuple[int, str, str]:
+    """Length of the longest known word of some kinds in a heading, its kind, and its meaning."""
+    plain = plain_words(heading)
+    best = (0, "", "")
+    for kind in kinds:
+        for name, words in vocabulary()[kind].items():
+            length = max(found_length(word, plain) for word in words)
+            if kind in KINDS and heading.strip() == name.rpartition(".")[2]:
+                length = len(heading) + 1
+            if length > best[0]:
+                best = (length, kind, name)
+    return best
+
+
+def meaning_of(heading: str) -> tuple[Role, str]:
+    """Role of a column and what it measures or sets; unknown for a heading without known words.
+
+    A word for scatter or repeats at either end of a heading makes it one, whatever else is known in it:
+    `SD repose angle`. The sd of a condition is its error; any other scatter of it is a remark.
+    """
+    plain = plain_words(heading)
+    whole = next((role for role, words in vocabulary()["whole"].items() if plain in words), None)
+    if whole is not None:
+        return whole, ""  # pyright: ignore[reportReturnType]
+    length, kind, meant = longest_word(heading, *KINDS)
+    scatter = scatter_role(plain)
+    if scatter is not None and len(plain) > length:
+        if kind == "conditions":
+            return ("condition_sd", meant) if scatter == "sd" else ("remark", "")
+        return scatter, ""
+    other, _, role = longest_word(heading, "roles")
+    if other > length:
+        return role, ""  # pyright: ignore[reportReturnType]
+    return KINDS.get(kind, "unknown"), meant
+
+
+def is_halved(heading: str) -> bool:
+    """Whether a heading means twice an observable, such as the diameter of a heap."""
+    return longest_word(heading, *KINDS)[1] == "halved"
+
+
+def scatter_role(plain: str) -> Role | None:
+    """Kind of scatter, or repeats, of which a word stands at the beginning or the end of a heading."""
+    found: list[tuple[int, Role]] = []
+    for role in SCATTER:
+        for word in vocabulary()["roles"][role]:
+            if re.fullmatch(rf"{re.escape(word)}(?!\w).*|.*(?<!\w){re.escape(word)}", plain):
+                found.append((len(word), role))
+    return max(found)[1] if found else None
+
+
+def near_meaning(heading: str) -> str:
+    """Observable or condition that a heading seems to misspell, or may mean beside others; else empty."""
+    plain, words = plain_words(heading), vocabulary()
+    asked = [name for name, texts in words["asked"].items() if any(found_length(w, plain) for w in texts)]
+    known = {
+        word: name
+        for kind in ("observables", "conditions")
+        for name, texts in words[kind].items()
+        for word in (*texts, plain_words(name.rpartition(".")[2]))
+        if len(word) >= COMPOUND
+    }
+    parts = (plain, *(part for part in plain.split() if len(part) >= COMPOUND))
+    near = [word for part in parts for word in get_close_matches(part, known, n=1, cutoff=NEAR)]
+    return next(iter([*asked, *(known[word] for word in near)]), "")
+
+
+def is_summary(cell: str) -> bool:
+    """Whether a cell heads a row in which a spreadsheet sums up the others."""
+    return plain_words(cell) in vocabulary()["rows"]["summary"]

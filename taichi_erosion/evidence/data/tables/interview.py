@@ -5,20 +5,12 @@ is none: without an answer the question is a fault, with what would settle it.
 """
 
 import re
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import isnan, nan
-from statistics import median
+from math import isnan
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.physical_ranges import OBSERVED, likely_units, place_range
-from taichi_erosion.evidence.data.tables.cell_numbers import (
-    CellFault,
-    CellNumber,
-    is_missing,
-    is_quantity,
-    read_cell,
-)
 from taichi_erosion.evidence.data.tables.column_roles import (
     HALF,
     UNUSED,
@@ -28,27 +20,25 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     column_roles,
     friction_factor,
     roughness_length,
-    stated_names,
     tidy_name,
-    with_partners,
 )
-from taichi_erosion.evidence.data.tables.headings import VOLUMETRIC, read_heading, stated_unit, unit_in
-from taichi_erosion.evidence.data.tables.spreadsheet import Cells
-from taichi_erosion.evidence.data.tables.vocabulary import (
+from taichi_erosion.evidence.data.tables.headings import (
     FRICTION_VELOCITY,
-    GRAIN_CONTACT,
     SCATTER,
     meaning_of,
     plain_words,
+    read_heading,
+    stated_unit,
+    unit_in,
     vocabulary,
 )
+from taichi_erosion.evidence.data.tables.spreadsheet import CellFault, CellNumber, Cells, read_cell
 from taichi_erosion.scene.paths import unit_of_path
-from taichi_erosion.scene.schema.units import parse_scale, parse_unit, scale_between
+from taichi_erosion.scene.schema.units import parse_unit, scale_between
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 NOT_USED = "-"
-AGREED, REFUSED = ("yes", "y", "ja", "j", "oui", "o", "si", "sí"), ("no", "n", "nein", "non")
-MOST_APART = 2.0  # ratio of the medians of two columns up to which they may hold repeats [1]
+AGREED = ("y", "j", "o", "s")  # first letters of yes, ja, oui, si
 MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
 SPREADS = {
     "sd": "the standard deviation of single repeats",
@@ -57,21 +47,16 @@ SPREADS = {
 }
 TELLING = ("observable", "condition", *SCATTER)
 LEAST_KNOWN = 2  # headings that are known in the first column of a table that lies on its side
-
 BRACKETED_UNIT = re.compile(r"\[[^\]]*\]|\([^()\d]*\)")  # of what the column measures
-VALUE = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?)\s*([%‰°µμ]\w*|[^\W\d_]\w*)?")
-SHOWN = 3  # headings that are told
-REMEDY = (
-    "write one row for every measured value, with a column for each condition and one for the measured "
-    "quantity"
-)
+VALUE = re.compile(r"(?<![\w.,])\d+(?:[.,]\d+)?\s*([%‰°µμ]\w*|[^\W\d_]\w*)")  # a number and its unit
+CROSS_TABLE = "of a cross table write one row for every measured value, with a column for each condition"
 
 
 @dataclass
 class Interview:
     """Questions that were asked, and what was assumed where a guess was taken."""
 
-    ask: Ask
+    ask: Ask = lambda _, guess: guess
     assumed: list[str] = field(default_factory=list)
 
     def choice(self, question: str, guess: str, meaning: str) -> str:
@@ -82,11 +67,8 @@ class Interview:
         return answer
 
     def agreed(self, question: str, meaning: str) -> bool:
-        """Whether the user says yes; the guess is yes. Raises BadInput for another word."""
-        answer = self.choice(f"{question} (yes or no)", "yes", meaning).lower()
-        if answer not in AGREED + REFUSED:
-            raise BadInput(f"{question}: '{answer}' is not yes or no")
-        return answer in AGREED
+        """Whether the user says yes; the guess is yes."""
+        return self.choice(f"{question} (yes or no)", "yes", meaning).lower().startswith(AGREED)
 
     def assume(self, meaning: str) -> None:
         """Record what was assumed without a question."""
@@ -122,39 +104,22 @@ class Reading:
 def understood(
     cells: Cells, told: Told, interview: Interview, faults: list[str], measured: bool = True
 ) -> list[Column]:
-    """The columns of a table, all settled, with units; what is wrong with them is added to `faults`.
-
-    `measured`: whether the table must hold a measured quantity. Raises BadInput for a cross table, of which
-    no column means what its heading says.
-    """
+    """The columns of a table, settled, with units; `measured`: one of them must hold a measured quantity."""
     columns = column_roles(cells, told, faults)
-    if crossed := list(cross_table_faults(cells, columns, stated_names(cells, told, []))):
-        raise BadInput(*crossed)
     if faults:  # nobody is asked about a table that has to be corrected
-        interview = Interview(lambda _, guess: guess)
+        interview = Interview()
     reading = Reading(cells, told, interview, faults)
     measures = any(column.role == "observable" for column in columns)
     columns = repeats_side_by_side([settled(column, reading, measures) for column in columns], reading)
-    columns = with_partners(list(without_unknown(columns, reading)))
-    columns = list(without_foreign_scatter(columns, interview))
+    columns = list(with_partners(list(without_unknown(columns, reading)), interview))
     if measured and not any(column.role == "observable" for column in columns):
         known = ", ".join(told.measures or told.observables)
         faults.append(
             f"{cells.file}: no column is known as a measured quantity; say which one is: --observable "
-            f"'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME one of {known or 'its own'}"
+            f"'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME one of {known or 'its own'}; "
+            f"{CROSS_TABLE}"
         )
     return [with_asked_unit(column, reading) for column in columns]
-
-
-def scatter_is_error(cells: Cells, interview: Interview) -> bool:
-    """Whether standard errors stand behind ± in cells, and no standard deviations."""
-    if not any("±" in cell or "+-" in cell or "+/-" in cell for _, row in cells.lines for cell in row):
-        return False
-    question = f"Numbers behind ±: sd = {SPREADS['sd']}, se = {SPREADS['se']}"
-    answer = interview.choice(question, "sd", "numbers behind ± are standard deviations of single repeats")
-    if answer not in ("sd", "se"):
-        raise BadInput(f"{cells.file}: '{answer}' is not one of sd, se")
-    return answer == "se"
 
 
 def settled(column: Column, reading: Reading, measured: bool) -> Column:
@@ -164,10 +129,8 @@ def settled(column: Column, reading: Reading, measured: bool) -> Column:
         if column.factor == HALF:
             interview.assume(f"diameters of heaps are halved: {column.name} is a radius")
         if column.name in WINDS:
-            interview.assume(
-                f"column '{text}' is the free stream of the wind; where it was measured at a height, let the "
-                "heading say so: 'wind speed at 1 m'"
-            )
+            remedy = "let the heading say the height of a measured wind: 'wind speed at 1 m'"
+            interview.assume(f"column '{text}' is the free stream of the wind; {remedy}")
         return column
     if not isnan(column.height):
         return settled_wind(column, reading, measured)
@@ -245,11 +208,10 @@ def without_unknown(columns: Sequence[Column], reading: Reading) -> Iterator[Col
     """The columns without what no scene measures or has, and without a second one for one condition."""
     seen: dict[str, str] = {}
     for column in columns:
-        if column.role not in ("observable", "condition"):
-            yield column
-            continue
-        wrong = column_fault(column, seen, reading.told)
-        seen.setdefault(column.name, column.heading.text)
+        used = column.role in ("observable", "condition")
+        wrong = column_fault(column, seen, reading.told) if used else ""
+        if used:
+            seen.setdefault(column.name, column.heading.text)
         yield reading.fault(column, wrong) if wrong else column
 
 
@@ -278,7 +240,7 @@ def column_fault(column: Column, seen: Mapping[str, str], told: Told) -> str:
 def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Column]:
     """The columns; those whose headings differ in a number alone are repeats of one measurement, if agreed.
 
-    Columns of different size are none, such as value, scatter and number under one merged heading.
+    Columns of a cross table are none: their headings hold values of a condition.
     """
     families: dict[tuple[str, str], list[Column]] = {}
     for column in columns:
@@ -288,12 +250,8 @@ def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Co
     repeats: set[int] = set()
     for family in (each for each in families.values() if len(each) > 1):
         told = ", ".join(f"'{column.heading.text}'" for column in family)
-        middles = [abs(median([n.value for n in reading.numbers(c)] or [nan])) for c in family]
-        if not max(middles) <= MOST_APART * min(middles):
-            reading.faults.append(
-                f"{reading.cells.file}: columns {told} are of different size, so no repeats of one "
-                "measurement; give each its own heading, such as 'angle', 'SD' and 'n'"
-            )
+        if any(map(holds_value, family)):
+            reading.faults.append(f"{reading.cells.file}: columns {told}: {CROSS_TABLE}")
         elif not reading.interview.agreed(
             f"Columns {told}: repeats of one measurement", f"columns {told} are repeats of one measurement"
         ):
@@ -302,27 +260,39 @@ def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Co
     return [replace(column, is_repeat=column.place in repeats) for column in columns]
 
 
-def without_foreign_scatter(columns: Sequence[Column], interview: Interview) -> Iterator[Column]:
-    """The columns; scatter beside the repeats themselves, or of a quantity that is not used, is not used."""
-    names = {column.name for column in columns if column.is_repeat}
-    places = {column.place for column in columns if column.role == "observable" and column.name in names}
+def holds_value(column: Column) -> bool:
+    """Whether a heading holds a number with another unit than its own: `repose angle (0.5 mm)`."""
+    text = BRACKETED_UNIT.sub(" ", column.heading.text)
+    return any(unit_in(unit) not in (None, column.heading.unit) for unit in VALUE.findall(text))
+
+
+def with_partners(columns: Sequence[Column], interview: Interview) -> Iterator[Column]:
+    """Scatter and repeats with their observable: the one named, else the last before them.
+
+    Scatter beside the repeats themselves, or of a quantity that is not used, is not used.
+    """
+    measured = [column for column in columns if column.role == "observable"]
+    repeated = {column.name for column in measured if column.is_repeat}
     before: Column | None = None
     for column in columns:
-        if column.role not in SCATTER:
+        if column.role not in SCATTER or not measured:
             before = column
             yield column
             continue
-        measured = next((each for each in columns if each.place == column.of), None)
-        own = measured and plain_words(measured.heading.name) in plain_words(column.heading.name)
-        foreign = before and before.role == "remark" and before.numeric and before.heading.unit
+        words = plain_words(column.heading.name)
+        called = [each for each in measured if plain_words(each.heading.name) in words]
+        left = [each for each in measured if each.place < column.place]
+        partner = (called or left[-1:] or measured)[0]
+        shared = column.role == "n" and len(measured) > 1 and not called
         why = ""
-        if places and column.of in (*places, -1):
+        if repeated and (shared or partner.name in repeated):
             why = "the repeats stand beside it"
-        elif before and foreign and column.role != "n" and not own:
-            why = f"it stands behind '{before.heading.text}', which is not used"
+        elif before and before.role == "remark" and before.numeric and before.heading.unit:
+            of_another = column.role != "n" and not called
+            why = f"it stands behind '{before.heading.text}', which is not used" if of_another else ""
         if why:
             interview.assume(f"column '{column.heading.text}' is not used: {why}")
-        yield replace(column, role="remark") if why else column
+        yield replace(column, role="remark" if why else column.role, of=-1 if shared else partner.place)
 
 
 def with_asked_unit(column: Column, reading: Reading) -> Column:
@@ -350,8 +320,7 @@ def with_unit_of_place(column: Column, values: Sequence[float], reading: Reading
     if allowed is None or not values:
         return column
     if all(map(allowed.is_usual, values)):
-        pure = "a pure number" if column.name.startswith(GRAIN_CONTACT) else "a share: 1 is all"
-        told = pure if allowed.unit in ("1", "kg kg-1") else allowed.unit
+        told = "a pure number or share, 1 is all" if allowed.unit in ("1", "kg kg-1") else allowed.unit
         reading.interview.assume(
             f"'{text}' has no unit in its heading: taken as {told} (--unit '{text}=UNIT')"
         )
@@ -366,10 +335,7 @@ def with_unit_of_place(column: Column, values: Sequence[float], reading: Reading
 
 
 def upright(cells: Cells, interview: Interview) -> Cells:
-    """A table with its headings in the first row; one that lies on its side is set upright, if agreed.
-
-    Rows of the table that is set upright count from the first column of the file. Raises BadInput.
-    """
+    """A table with its headings in the first row; one that lies on its side is set upright, if agreed."""
     if not lies_on_its_side(cells):
         return cells
     question = (
@@ -392,55 +358,3 @@ def lies_on_its_side(cells: Cells) -> bool:
     )
     known = [role for role in down if role in TELLING]
     return len(known) >= LEAST_KNOWN and "observable" in known and not any(role in TELLING for role in across)
-
-
-def cross_table_faults(cells: Cells, columns: list[Column], stated: Container[int] = ()) -> Iterator[str]:
-    """Why a table seems to be a cross table; nothing for any other.
-
-    `stated`: columns of which the user says what they are.
-    """
-    families: dict[tuple[str, str], dict[str, Column]] = {}
-    for column in columns:
-        found = list(VALUE.finditer(text := BRACKETED_UNIT.sub(" ", column.heading.text)))
-        if len(found) == 1 and column.numeric and isnan(column.height) and column.place not in stated:
-            number, unit = found[0].groups()
-            rest = " ".join(f"{text[: found[0].start()]} {text[found[0].end() :]}".split())
-            families.setdefault((rest, (unit and unit_in(unit)) or ""), {})[number] = column
-    measured = any(column.role == "observable" for column in columns)
-    for (rest, unit), family in families.items():
-        if len(family) > 1 and holds_condition(next(iter(family.values())), rest, unit, measured):
-            texts = [f"'{column.heading.text}'" for column in family.values()]
-            told = ", ".join(texts[:SHOWN]) + (", ..." if len(texts) > SHOWN else "")
-            hint = "" if measured else "; repeats side by side are headed 'angle 1', 'angle 2'"
-            words = f"headings {told} seem to hold values of a condition (a cross table): {REMEDY}{hint}"
-            yield f"{cells.file}: {words}"
-            return
-    yield from second_row_faults(cells, columns)
-
-
-def holds_condition(column: Column, rest: str, unit: str, measured: bool) -> bool:
-    """Whether columns whose headings differ in a number alone hold one measured quantity at its values.
-
-    Where a table names its measured quantity elsewhere, such columns are remarks (sieve fractions).
-    """
-    if column.role == "observable":
-        allowed = OBSERVED.get(column.name)
-        own = allowed and unit not in ("", VOLUMETRIC) and parse_scale(unit).kind
-        return bool(unit) and not (allowed and own == parse_unit(allowed.unit).kind)  # `Winkel 1 °` is none
-    alone = len(rest.strip(" =:()")) <= 1  # `2`, `w = 2`
-    return not measured and column.role == "remark" and (alone or bool(unit))
-
-
-def second_row_faults(cells: Cells, columns: list[Column]) -> Iterator[str]:
-    """A row right below the headings with numbers in columns of one measured quantity and nowhere else."""
-    names = [column.name for column in columns if column.role == "observable"]
-    repeated = {column.place for column in columns if names.count(column.name) > 1}
-    if not repeated or not any(column.role == "condition" for column in columns) or not cells.lines:
-        return
-    line, row = cells.lines[0]
-    filled = {place for place, cell in enumerate(row) if not is_missing(cell)}
-    if len(filled) > 1 and filled <= repeated and all(is_quantity(row[place]) for place in filled):
-        yield (
-            f"{cells.file}: row {line} has numbers without any condition below headings of one measured "
-            f"quantity, as if they were values of a condition (a cross table): {REMEDY}"
-        )

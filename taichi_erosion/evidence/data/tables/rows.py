@@ -13,8 +13,6 @@ conditions are repeats of one another; `replicate` says which rows of several ob
 `vault` says whether a row was held out when rows were drawn (`held_out_rows.py`).
 """
 
-import csv
-import io
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -24,18 +22,17 @@ from typing import Any, TypeVar, get_args
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Drawn
-from taichi_erosion.evidence.data.tables.cell_numbers import (
-    NO_TRANSPORT,
+from taichi_erosion.evidence.data.tables.column_roles import SHARES, Column
+from taichi_erosion.evidence.data.tables.headings import VOLUMETRIC, Role, is_summary, read_heading
+from taichi_erosion.evidence.data.tables.spreadsheet import (
     CellFault,
     CellNumber,
+    Cells,
+    cell_word,
     is_missing,
-    plain_cell,
     read_cell,
+    reason,
 )
-from taichi_erosion.evidence.data.tables.column_roles import SHARES, Column
-from taichi_erosion.evidence.data.tables.headings import Heading
-from taichi_erosion.evidence.data.tables.spreadsheet import Cells
-from taichi_erosion.evidence.data.tables.vocabulary import Role, is_summary
 from taichi_erosion.scene.schema.units import (
     EXAMPLES,
     Scale,
@@ -52,7 +49,6 @@ ROLES: dict[str, Role] = {  # of the columns of a tidy table
     **{"source": "source", "vault": "vault", "replicate": "repeat", "repeat": "repeat", "date": "remark"},
     **dict.fromkeys(("note", "notes", "comment", "remark", "remarks"), "remark"),
 }
-HEADING = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
 SD_OF = re.compile(r"sd[ _]of[ _](?P<set>set )?(?P<name>[A-Za-z][A-Za-z0-9_]*)")
 PLACE = re.compile(r"(?P<file>.*), row (?P<line>\d+)")  # source of a row that names no other
@@ -122,36 +118,25 @@ def tidy_columns(cells: Cells) -> list[Column]:
     """Columns of a tidy table; raises BadInput with all faults of its heading."""
     columns, faults, file = list[Column](), Faults(), cells.file
     for place, text in enumerate(cells.heading):
-        match = HEADING.fullmatch(text)
-        error = SD_OF.fullmatch(match["name"]) if match else None
-        if match is None or not (error or NAME.fullmatch(match["name"])):
-            faults.append(f"{file}: heading {quoted(text)} is not a name of letters, digits and _")
+        heading, where = read_heading(text), f"{file}: heading {quoted(text)}"
+        error = SD_OF.fullmatch(heading.name)
+        if not (error or NAME.fullmatch(heading.name)):
+            faults.append(f"{where} is not a name of letters, digits and _")
             continue
-        name, unit = error["name"] if error else match["name"], match["unit"]
+        name = error["name"] if error else heading.name
         role: Role = "condition_sd" if error else ROLES.get(name, "condition")
-        if unit is not None and not error and name in ROLES and ROLES[name] != "remark":
-            faults.append(f"{file}: heading {quoted(text)}: the unit of values stands in column 'unit'")
-        elif unit is not None:
-            faults.of(known_unit, unit, f"{file}: heading {quoted(text)}: unknown unit")
+        if heading.unreadable or heading.unit == VOLUMETRIC:
+            faults.append(f"{where}: unknown unit; allowed: {EXAMPLES}")
+        elif heading.unit and role not in ("condition", "condition_sd", "remark"):
+            faults.append(f"{where}: the unit of values stands in column 'unit'")
         if any((name, role) == (each.title, each.role) for each in columns):
-            faults.append(f"{file}: column '{match['name']}' stands in the heading twice")
-        heading = Heading(text, match["name"], (unit or "").strip())
-        is_set = bool(error and error["set"])
-        columns.append(Column(place, heading, role, name, name, is_set=is_set))
+            faults.append(f"{file}: column '{heading.name}' stands in the heading twice")
+        columns.append(Column(place, heading, role, name, name, is_set=bool(error and error["set"])))
     faults += missing_columns([each.heading.name for each in columns], file)
     units = {each.title: each.heading.unit for each in columns if each.role == "condition"}
     faults += error_column_faults([each for each in columns if each.role == "condition_sd"], units, file)
     faults.tell()
     return columns
-
-
-def known_unit(text: str, where: str) -> str:
-    """A unit as it stands; raises BadInput for one that is not known."""
-    try:
-        parse_scale(text)
-    except UnknownUnit as error:
-        raise BadInput(f"{where}; {error.hint or f'allowed: {EXAMPLES}'}") from None
-    return text
 
 
 def missing_columns(names: Sequence[str], file: str) -> Iterator[str]:
@@ -173,23 +158,17 @@ def error_column_faults(errors: Sequence[Column], units: dict[str, str], file: s
         if column.title not in units:
             there = ", ".join(units) or "none"
             yield f"{where}: no column '{column.title}'; conditions there: {there}"
-        elif unit and unit != units[column.title]:
-            stated = units[column.title]
-            told = f"in [{stated}]: give it so" if stated else "without a unit: leave it out"
-            yield f"{where} is in [{unit}]; {column.title} is {told}"
+        elif unit not in ("", stated := units[column.title]):
+            yield f"{where} is in [{unit}]; {column.title} is in [{stated}]: give it so"
 
 
-def table_of(cells: Cells, columns: Sequence[Column], faults: list[str], se: bool = False) -> Table:
-    """Rows of a table with known columns; all faults of its cells are added to `faults`.
-
-    `se`: numbers behind ± are standard errors of the mean.
-    """
-    reader = RowReader(cells, columns, faults, se)
+def table_of(cells: Cells, columns: Sequence[Column], faults: list[str]) -> Table:
+    """Rows of a table with known columns; all faults of its cells are added to `faults`."""
+    reader = RowReader(cells, columns, faults)
     rows = [row for line, row in cells.lines for row in reader.rows(line, row)]
     faults += reader.cell_faults()
     if not rows and not faults:
         faults.append(f"{cells.file}: has a heading but no measurement, no measured value")
-    faults += copy_faults(cells, columns)
     return Table(
         cells.file,
         tuple(column.title for column in reader.of("condition")),
@@ -201,16 +180,6 @@ def table_of(cells: Cells, columns: Sequence[Column], faults: list[str], se: boo
     )
 
 
-def copy_faults(cells: Cells, columns: Sequence[Column]) -> Iterator[str]:
-    """Rows that stand twice; equal single values may be two repeats, equal means with their scatter not."""
-    telling = [column.place for column in columns if column.role in ("sd", "se", "cv", "repeat")]
-    seen: dict[tuple[str, ...], int] = {}
-    for line, row in cells.lines:
-        first = seen.setdefault(row, line)
-        if first != line and any(row[place] for place in telling):
-            yield f"{cells.file}: row {line} repeats row {first} cell by cell; remove one of them"
-
-
 @dataclass(frozen=True)
 class RowReader:
     """Cells with the meaning of their columns."""
@@ -218,7 +187,6 @@ class RowReader:
     cells: Cells
     columns: Sequence[Column]
     faults: list[str]
-    se: bool = False
     wrong: dict[tuple[int, str], list[str]] = field(default_factory=dict)  # cells by column and reason
 
     @property
@@ -243,14 +211,12 @@ class RowReader:
 
     def rows(self, line: int, row: Sequence[str]) -> Iterator[Row]:
         """What one row of the file says: in a laboratory's own table a row for each measured quantity."""
-        if not self.tidy and (summary := next((cell for cell in row if is_summary(cell)), None)):
-            told = f"'{summary}': the row sums up others; remove it"
-            self.faults.append(f"{self.cells.file}: row {line}, {told}")
+        if not self.tidy and (summary := next(filter(is_summary, row), None)):
+            told = f"row {line}, '{summary}': the row sums up others; remove it"
+            self.faults.append(f"{self.cells.file}: {told}")
             return
         conditions = [self.number(line, row, column).value for column in self.of("condition")]
-        errors = {
-            c.title: self.positive(line, row, c, "must not be below 0") for c in self.of("condition_sd")
-        }
+        errors = {each.title: self.positive(line, row, each) for each in self.of("condition_sd")}
         shared = Row(
             *(line, "", nan, False, nan, None, "", self.group(row), self.source(line, row)),
             conditions=tuple(conditions),
@@ -266,17 +232,15 @@ class RowReader:
     def measured(self, line: int, row: Sequence[str], column: Column, shared: Row) -> Row | None:
         """A row with its value, scatter and repeats; None where nothing was measured."""
         name, unit = (column.name, column.heading.unit) if not self.tidy else self.stated(line, row)
-        text = plain_cell(row[column.place]).lower()
-        unseen = text in NO_TRANSPORT or (self.tidy and not text)
+        text = row[column.place]
+        unseen = cell_word(text) == "no_transport" or (self.tidy and not text)
         found = CellNumber(nan, -inf) if unseen else self.number(line, row, column, single=False)
         if is_missing(text) and not unseen:
             if self.tidy:
-                self.fault(line, column, row, "must be a number, '<' or '>' and a number, '20..25', or empty")
+                self.fault(line, column, row, reason(text))
             return None
         n = next((self.count(line, row, each) for each in self.partners("n", column)), None)
-        sd = self.from_error(found.sd, n, line, column, row) if self.se else found.sd
-        if isnan(sd):
-            sd = self.scatter(line, row, column, found.value, n)
+        sd = self.scatter(line, row, column, found.value, n) if isnan(found.sd) else found.sd
         reach, unit = found.reach, unit or "1"
         return replace(
             shared,
@@ -296,11 +260,14 @@ class RowReader:
             self.fault(line, unit, row, f"is not known; {error.hint or f'allowed: {EXAMPLES}'}")
             return row[name.place], "1"
 
-    def number(self, line: int, row: Sequence[str], column: Column, single: bool = True) -> CellNumber:
-        """Number of a cell in the unit of its column; nothing, and a fault, where there is none."""
+    def number(
+        self, line: int, row: Sequence[str], column: Column, single: bool = True, unit: str | None = None
+    ) -> CellNumber:
+        """Number of a cell in a unit, else that of its column; nothing, and a fault, where there is none."""
+        own = column.heading.unit
         try:
             found = read_cell(row[column.place], self.cells.decimal_comma, single)
-            scale = self.scale(found.unit, column.heading.unit)
+            scale = self.scale(found.unit or own, own if unit is None else unit)
         except CellFault as fault:
             self.fault(line, column, row, fault)
             return CellNumber()
@@ -324,11 +291,11 @@ class RowReader:
             raise CellFault(f"is a number in {written} in {told}")
         return found
 
-    def positive(self, line: int, row: Sequence[str], column: Column, wrong: str, zero: bool = True) -> float:
-        """A number that is not negative, `zero`: nor 0; NaN, and a fault, for another one."""
-        found = self.number(line, row, column).value
-        if found < 0.0 or (found == 0.0 and not zero):
-            self.fault(line, column, row, wrong)
+    def positive(self, line: int, row: Sequence[str], column: Column, unit: str | None = None) -> float:
+        """A number that is not negative; NaN, and a fault, for another one."""
+        found = self.number(line, row, column, unit=unit).value
+        if found < 0.0 or (found == 0.0 and column.role in ("sd", "se")):
+            self.fault(line, column, row, "must be above 0; leave it empty where it is not known")
             return nan
         return found
 
@@ -338,38 +305,19 @@ class RowReader:
 
     def scatter(self, line: int, row: Sequence[str], column: Column, value: float, n: int | None) -> float:
         """Standard deviation of single repeats from a column of its own; NaN where none is given."""
-        wrong = "must be above 0; leave it empty where it is not known"
-        for other in (each for role in ("sd", "se", "cv") for each in self.partners(role, column)):
-            unit = column.heading.unit
-            if other.role != "cv" and not self.tidy:
-                if other.heading.unit == "%" != unit:
-                    told = f"is a scatter in percent; give it in {unit or 'its unit'}, or head it 'CV [%]'"
-                    self.fault(line, other, row, told)
-                    return nan
-                factor = column.factor * self.spread_factor(line, row, other, unit)
-                heading = replace(other.heading, unit=other.heading.unit or unit)
-                other = replace(other, heading=heading, factor=factor)
-            found = self.positive(line, row, other, wrong, zero=other.role == "cv")
-            if isnan(found):
-                continue
-            if other.role == "cv":
-                return SHARES.get(other.heading.unit, 0.01) * found * abs(value)
-            return self.from_error(found, n, line, column, row) if other.role == "se" else found
+        for other in (*self.partners("sd", column), *self.partners("se", column)):
+            found = self.positive(line, row, replace(other, factor=column.factor), column.heading.unit)
+            if other.role == "se" and isfinite(found):
+                if n is None:
+                    self.fault(line, column, row, "has a standard error: give n, the number of repeats")
+                return found * sqrt(n or nan)
+            if not isnan(found):
+                return found
+        for other in self.partners("cv", column):
+            found = SHARES.get(other.heading.unit, 0.01) * self.positive(line, row, other)
+            if not isnan(found):
+                return found * abs(value)
         return nan
-
-    def spread_factor(self, line: int, row: Sequence[str], column: Column, unit: str) -> float:
-        """Factor from the unit of a column of scatter to that of its observable."""
-        try:
-            return self.scale(column.heading.unit, unit).factor
-        except CellFault as fault:
-            self.fault(line, column, row, fault)
-            return nan
-
-    def from_error(self, error: float, n: int | None, line: int, column: Column, row: Sequence[str]) -> float:
-        """Standard deviation of single repeats from the standard error of their mean."""
-        if isfinite(error) and n is None:
-            self.fault(line, column, row, "has a standard error, which needs the number of repeats, n")
-        return error * sqrt(n or nan)
 
     def count(self, line: int, row: Sequence[str], column: Column) -> int | None:
         """Number of repeats; None where none is given."""
@@ -443,8 +391,6 @@ def shown(number: float) -> str:
 
 def tidy_text(table: Table) -> str:
     """The tidy form of a table as a CSV file."""
-    text, rows = io.StringIO(newline=""), tidy_fields(table)
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    import pandas as pd
+
+    return pd.DataFrame(tidy_fields(table)).to_csv(index=False, lineterminator="\n")

@@ -1,30 +1,30 @@
-"""Cells of a table as spreadsheets export it: text with any usual separator and code page, or a workbook.
+"""Cells of a table as spreadsheets export it, text with any usual separator and code page or a workbook.
 
 What the export leaves open is found out: the code page (UTF-8, else by `charset_normalizer`), the separator
-(semicolon, tab or comma), the decimal mark, and the row of the heading, above which titles may stand. Second
-rows of headings, rows of units, and headings of merged cells are put into one heading for each column.
+(semicolon, tab or comma), the decimal mark, and the row of the heading, above which titles may stand. A row
+of units and a second row of headings below merged cells are put into one heading for each column.
+
+Numbers stand in cells as laboratories write them: `31,2 ± 0,8`, `2 %`, `<0.02`, `> 40`, `20..25`, `1 250 µm`.
+A file has one decimal mark. What has two readings, or is no number, is refused with its remedy.
 """
 
 import csv
 import io
 import re
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import zip_longest
+from math import inf, isfinite, isnan, nan
 from pathlib import Path
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import digest_of, regular_file
-from taichi_erosion.evidence.data.tables.cell_numbers import (
-    NUMBER,
-    has_decimal_comma,
-    is_missing,
-    is_quantity,
-)
-from taichi_erosion.evidence.data.tables.headings import read_heading, unit_in
-from taichi_erosion.evidence.data.tables.vocabulary import meaning_of
+from taichi_erosion.evidence.data.tables.headings import plain_words, read_heading, unit_in, vocabulary
 from taichi_erosion.scene.file_kind import refuse_other_kind
+from taichi_erosion.scene.schema.units import UnknownUnit, parse_unit, scale_between
 
 LARGEST_FILE = 20_000_000  # bytes; no table of measurements is larger
 SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
@@ -32,7 +32,23 @@ WESTERN = frozenset("°µ±²³·–—…„“”‘’«»×½¼€§ÄÖÜä
 CODE_PAGES = ["cp1252", "cp1250", "cp1251", "cp1253", "cp1254", "mac_roman", "gb18030", "big5", "shift_jis"]
 WORKBOOK, OLD_WORKBOOK = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # first bytes
 MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}  # of an encoding
+GROUPED = r"\d{1,3}(?:[ '\u2019]\d{3})+(?:[.,]\d+)?"  # thousands set apart
+NUMBER = rf"[+-]?(?:{GROUPED}|\d+(?:[.,]\d+)*|[.,]\d+)(?:[eE][+-]?\d{{1,3}})?"
+UNIT = r"[^\W\d_%‰°][^\s±<>=;]*(?:[ /·*][^\s±<>=;]+)*|[%‰°][^\s±<>=;]*"
+QUANTITY = re.compile(
+    rf"(?P<limit>[<>]?)\s*(?P<number>{NUMBER})\s*(?P<unit>{UNIT})?"
+    rf"(?:\s*(?:±|\+/-|\+-)\s*(?P<sd>{NUMBER})\s*(?P<sd_unit>{UNIT})?)?"
+)
+TO = r"\s*(?:\.\.\.?|…|\bto\b|\bbis\b)\s*"
+INTERVAL = re.compile(rf"(?P<low>{NUMBER}){TO}(?P<high>{NUMBER})\s*(?P<unit>{UNIT})?")
+MONTH = r"(?:jan|feb|m[aä]r|mrz|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[cz])[a-zé]*\.?"
 ONE_COLUMN = re.compile(rf"[^,;\t\n]+(?:\n{NUMBER})+", re.ASCII)  # of numbers with decimal commas
+DATE = re.compile(
+    r"\d{1,2}[./-]\d{1,2}[./-]\d{2,4}.*|\d{4}-\d{2}-\d{2}.*"
+    rf"|\d{{1,2}}\.?[ -]?{MONTH}.*|{MONTH}[ -]\d{{2,4}}",
+    re.IGNORECASE,
+)
+SIGNS = str.maketrans({"\N{MINUS SIGN}": "-", "\N{ARABIC DECIMAL SEPARATOR}": ".", "≤": "<", "≥": ">"})
 Lines = list[tuple[int, list[str]]]  # row in the file from 1, cells
 
 
@@ -62,11 +78,8 @@ def read_cells(path: Path, name: str, faults: list[str]) -> Cells:
     content = file_bytes(path, name)
     if content.startswith(OLD_WORKBOOK) or path.suffix.lower() in (".xls", ".ods", ".numbers"):
         raise BadInput(f"{name}: this kind of workbook is not read; save it as .xlsx or .csv")
-    if content.startswith(WORKBOOK):
+    if content.startswith(WORKBOOK) or path.suffix.lower() in (".xlsx", ".xlsm"):
         rows, comma, form = workbook_rows(content, name)
-        separator = ""
-    elif path.suffix.lower() in (".xlsx", ".xlsm"):
-        raise BadInput(f"{name}: is no workbook; save it again as .xlsx or .csv")
     else:
         text, encoding = decoded(content, name)
         separator = separator_of(text)
@@ -75,9 +88,7 @@ def read_cells(path: Path, name: str, faults: list[str]) -> Cells:
         mark = "decimal commas" if comma else "decimal points"
         form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
     start = next((k for k, (_, cells) in enumerate(rows) if sum(map(bool, cells)) > 1), 0)  # below titles
-    rows, again = one_table(rows[start:])
-    lines = rectangular(with_one_heading(rows), name, separator, faults)
-    return Cells(name, tuple(lines), comma, form + again)
+    return Cells(name, tuple(rectangular(with_one_heading(rows[start:]), name, faults)), comma, form)
 
 
 def file_bytes(path: Path, name: str) -> bytes:
@@ -154,13 +165,10 @@ def workbook_rows(content: bytes, name: str) -> tuple[Lines, bool, str]:
     sheets = [(title, rows) for title, rows in sheets_of(content, name) if rows]
     if not sheets:
         raise BadInput(f"{name}: its sheets are empty")
-    tables = [sheet for sheet in sheets if holds_table(sheet[1])]
-    title, rows = (tables or sheets)[0]
+    title, rows = next((sheet for sheet in sheets if holds_table(sheet[1])), sheets[0])
     comma = has_decimal_comma((v for _, row in rows for v in row if isinstance(v, str)), "")
-    form = f"workbook, sheet '{title}'"
-    if others := [repr(other) for other, _ in sheets if other != title]:
-        remedy = f"; to use a table there, put its rows below those of '{title}'" if tables[1:] else ""
-        form += f" (not read: {', '.join(others)}{remedy})"
+    others = ", ".join(repr(other) for other, _ in sheets if other != title)
+    form = f"workbook, sheet '{title}'" + (f" (not read: {others})" if others else "")
     mark = "," if comma else "."
     return [(line, [cell_text(value, mark) for value in row]) for line, row in rows], comma, form
 
@@ -168,7 +176,7 @@ def workbook_rows(content: bytes, name: str) -> tuple[Lines, bool, str]:
 def holds_table(rows: Sequence[tuple[int, list[Any]]]) -> bool:
     """Whether a sheet has two numbers or more in a row, in two rows or more."""
     texts = ([cell_text(value, ".") for value in values] for _, values in rows)
-    return sum(sum(is_quantity(text) for text in row if any(map(str.isdigit, text))) > 1 for row in texts) > 1
+    return sum(sum(is_quantity(text) for text in row if has_digit([text])) > 1 for row in texts) > 1
 
 
 def sheets_of(content: bytes, name: str) -> Iterator[tuple[str, list[tuple[int, list[Any]]]]]:
@@ -182,17 +190,15 @@ def sheets_of(content: bytes, name: str) -> Iterator[tuple[str, list[tuple[int, 
                 openpyxl.load_workbook(io.BytesIO(content), data_only=values) for values in (True, False)
             )
     except Exception as error:
-        raise BadInput(
-            f"{name}: cannot be read as a workbook ({type(error).__name__}); save it again"
-        ) from None
+        told = f"cannot be read as a workbook ({type(error).__name__}); save it again as .xlsx or .csv"
+        raise BadInput(f"{name}: {told}") from None
     for sheet in (each for each in book.worksheets if each.sheet_state == "visible"):
         for cell in (cell for row in formulas[sheet.title].iter_rows() for cell in row):
             value = sheet[cell.coordinate]
             # an empty text that was computed has the type of a text
             if cell.data_type == "f" and value.value is None and value.data_type == "n":
-                place, remedy = f"sheet '{sheet.title}', cell {cell.coordinate}", "open the workbook in a"
-                told = f"a formula that was never computed; {remedy} spreadsheet program, and save it there"
-                raise BadInput(f"{name}: {place}: {told}")
+                told = "a formula that was never computed; save the workbook in a spreadsheet program"
+                raise BadInput(f"{name}: sheet '{sheet.title}', cell {cell.coordinate}: {told}")
         rows = [(k, [cell_value(cell) for cell in row]) for k, row in enumerate(sheet.iter_rows(), 1)]
         yield sheet.title, [(k, row) for k, row in rows if any(v not in (None, "") for v in row)]
 
@@ -214,113 +220,59 @@ def cell_text(value: Any, mark: str) -> str:
     return str(value)
 
 
-def one_table(rows: Lines) -> tuple[Lines, str]:
-    """The rows without titles, headings and units that stand again above more rows, and what is told."""
-    plain = [cells[: last_filled(cells)] for _, cells in rows]
-    again = [k for k in range(1, len(plain)) if plain[k] == plain[0]]
-    left_out = set(again)
-    for k in again:
-        if k > 1 and sum(map(bool, plain[k - 1])) == 1:
-            left_out.add(k - 1)
-        if plain[k + 1 : k + 2] == plain[1:2] and not has_digit(plain[1]):
-            left_out.add(k + 1)
-    told = f", headings again in row {', '.join(str(rows[k][0]) for k in again)}" if again else ""
-    return [row for k, row in enumerate(rows) if k not in left_out], told
-
-
 def last_filled(cells: Sequence[str]) -> int:
     """Number of cells up to the last one with content."""
     return max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
 
 
-def has_digit(cells: Sequence[str]) -> bool:
+def has_digit(cells: Iterable[str]) -> bool:
     """Whether any cell holds a digit."""
     return any(sign.isdigit() for cell in cells for sign in cell)
 
 
 def with_one_heading(rows: Lines) -> Lines:
-    """The rows with one row of headings, units in brackets; cells without a heading above numbers are named.
+    """The rows with one row of headings, units in brackets.
 
-    A merged heading arrives as one with blanks to the right of it: it stands above these columns too. A
-    second row of headings belongs to them; without one the columns of a measured quantity are numbered.
+    A row of units below the headings belongs to them, and so does a second row of headings. A merged heading
+    arrives as one with blanks to the right of it: it stands above these columns too.
     """
-    if len(rows) < 2:
+    if len(rows) < 3:
         return rows
-    (line, first), *others = rows
-    width = max(len(cells) for _, cells in rows)
-    heading, second = first + [""] * (width - len(first)), [cell.strip("[]() ") for cell in others[0][1]]
-    second += [""] * (width - len(second))
-    filled = [cell for cell in second if cell]
-    units = len(filled) > 1 and len(others) > 1 and not has_digit(filled) and all(map(unit_in, filled))
-    if units:
-        others = others[1:]
-    elif len(filled) > 1 and not has_digit(filled) and any(map(lambda a, b: b and not a, heading, second)):
-        heading, others = list(joined_headings(heading, others[0][1])), others[1:]
-        units, second = False, [""] * width
-    heading = numbered(heading, second if units else [""] * width, others)
-    return [(line, heading[: last_filled(heading)]), *others]
+    (line, above), (_, below), *others = rows
+    filled = [cell for cell in below if cell]
+    units = all(unit_in(cell.strip("[]() ")) for cell in filled)
+    merged = any(under and not text for text, under in zip_longest(above, below, fillvalue=""))
+    if len(filled) < 2 or has_digit(filled) or not (units or merged):
+        return rows
+    return [(line, list(joined_headings(above, below))), *others]
 
 
 def joined_headings(above: Sequence[str], below: Sequence[str]) -> Iterator[str]:
     """Heading of each column from two rows: `repose angle` above `SD [deg]`; a lone unit gets brackets."""
     last = ""
-    for place, text in enumerate(above):
-        under = below[place] if place < len(below) else ""
+    for text, under in zip_longest(above, below, fillvalue=""):
         last = text or last
-        name = last if under else text
-        yield bracketed(name, under) if name and unit_in(under.strip("[]() ")) else f"{name} {under}".strip()
+        name, unit = last if under else text, under.strip("[]() ")
+        if name and unit_in(unit):
+            yield name if read_heading(name).unit else f"{name} [{unit}]"
+        else:
+            yield f"{name} {under}".strip()
 
 
-def bracketed(name: str, unit: str) -> str:
-    """A heading with its unit in brackets, where it has none yet."""
-    unit = unit.strip("[]() ")
-    return f"{name} [{unit}]" if name and unit and not read_heading(name).unit else name
-
-
-def numbered(heading: Sequence[str], units: Sequence[str], rows: Lines) -> list[str]:
-    """Headings with units; blank ones right of a measured quantity, above numbers, are numbered as it is."""
-    found, first, count = list(map(bracketed, heading, units)), 0, 1
-    for k in range(1, len(heading)):
-        measured = meaning_of(read_heading(heading[first]).name)[0] == "observable"
-        if heading[k] or not measured or not numbered_column(rows, k):
-            first, count = k, 1
-            continue
-        count += 1
-        if count == 2:
-            found[first] = bracketed(f"{heading[first]} 1", units[first])
-        found[k] = bracketed(f"{heading[first]} {count}", units[k] or units[first])
-    return found
-
-
-def numbered_column(rows: Lines, place: int) -> bool:
-    """Whether most cells with content of a column are numbers."""
-    content = [row[place] for _, row in rows if place < len(row) and not is_missing(row[place])]
-    numbers = [cell for cell in content if has_digit(cell) and is_quantity(cell)]
-    return len(numbers) > 0.5 * len(content)
-
-
-def rectangular(
-    rows: Lines, name: str, separator: str, faults: list[str]
-) -> Iterator[tuple[int, tuple[str, ...]]]:
-    """Rows as wide as the heading, others are faults; empty columns behind the last heading are cut off."""
-    if not rows:
-        return
-    width = last_filled(rows[0][1])
-    hint = "; put text with commas into quotes, write decimals with a point" if separator == "," else ""
-    if len(rows) > 2 and all(last_filled(cells) > width for _, cells in rows[1:]):
+def rectangular(rows: Lines, name: str, faults: list[str]) -> Iterator[tuple[int, tuple[str, ...]]]:
+    """Rows as wide as the heading, without columns behind it; of the others the first is a fault."""
+    width = last_filled(rows[0][1]) if rows else 0
+    wrong = [(line, cells) for line, cells in rows if not last_filled(cells) <= width <= len(cells)]
+    if wrong:
+        line, cells = wrong[0]
+        more = f" ({len(wrong) - 1} rows more are not as wide)" if len(wrong) > 1 else ""
         faults.append(
-            f"{name}: row {rows[0][0]} has {width} headings, the rows below it more cells: write one "
-            "heading in one row above every column, without merged cells"
+            f"{name}: row {line} has {max(last_filled(cells), len(cells))} cells, the heading {width}{more}; "
+            "write one heading above every column, one table in a file, and text with separators in quotes"
         )
-        return
     for line, cells in rows:
-        filled = last_filled(cells)
-        if width >= filled and len(cells) >= width:
+        if last_filled(cells) <= width <= len(cells):
             yield line, tuple(cells[:width])
-            continue
-        second = not has_digit(cells) and filled > 1
-        remedy = "; a second table? keep one table in a file" if second else hint
-        faults.append(f"{name}: row {line} has {max(filled, len(cells))} cells, the heading {width}{remedy}")
 
 
 def source_digest(table: Path) -> str:
@@ -332,6 +284,108 @@ def source_digest(table: Path) -> str:
     return digest_of(repr([cells for _, cells in rows]).encode())
 
 
-def source_changed(table: Path, digest: str) -> bool:
-    """Whether a table is there and has other cells than those of a digest."""
-    return table.is_file() and source_digest(table) != digest
+class CellFault(ValueError):
+    """A cell that cannot be used: reason and remedy."""
+
+
+@dataclass(frozen=True)
+class CellNumber:
+    """What a cell says."""
+
+    value: float = nan  # the limit of a limit, the middle of an interval; NaN: nothing was measured
+    reach: float = 0.0  # 0; of '<' -inf, of '>' +inf, h of an interval from value - h to value + h
+    sd: float = nan  # behind ±
+    unit: str = ""  # as written behind the number
+
+
+def plain_cell(text: str) -> str:
+    """A cell with one kind of minus and of limits."""
+    return text.strip().translate(SIGNS)
+
+
+def cell_word(cell: str) -> str:
+    """What the words of a cell say, `missing`, `unseen` or `no_transport`; empty for other words."""
+    plain = plain_words(cell)
+    return next((meaning for meaning, words in vocabulary()["cells"].items() if plain in words), "")
+
+
+def is_missing(cell: str) -> bool:
+    """Whether a cell says that nothing was measured."""
+    return cell_word(cell) == "missing"
+
+
+def has_decimal_comma(cells: Iterable[str], separator: str) -> bool:
+    """Whether the numbers of a table have decimal commas.
+
+    Between columns that commas separate, groups of three digits behind a comma are thousands.
+    """
+    numbers = [match["number"] for cell in cells if (match := QUANTITY.fullmatch(plain_cell(cell)))]
+    commas, points = (sum(mark in number for number in numbers) for mark in ",.")
+    fractions = any(re.search(r",(?!\d{3}\b)", number) for number in numbers)
+    return commas > points and (separator != "," or fractions)
+
+
+def is_quantity(cell: str) -> bool:
+    """Whether a cell holds a number, or says that it has none."""
+    plain = plain_cell(cell)
+    return bool(cell_word(cell) or QUANTITY.fullmatch(plain) or INTERVAL.fullmatch(plain))
+
+
+def read_cell(text: str, comma: bool, single: bool = False) -> CellNumber:
+    """Number of a cell; raises CellFault. `single`: a limit or an interval is none."""
+    plain = plain_cell(text)
+    if is_missing(plain):
+        return CellNumber()
+    match, between = QUANTITY.fullmatch(plain), INTERVAL.fullmatch(plain)
+    if DATE.fullmatch(plain) or not (match or between):
+        raise CellFault(reason(plain))
+    if single and (between or (match and match["limit"])):
+        raise CellFault("is no single number; write the likeliest")
+    if between is not None:
+        low, high = decimal(between["low"], comma), decimal(between["high"], comma)
+        if not low < high:
+            raise CellFault("is no interval: the first number must be below the second")
+        return CellNumber(0.5 * (low + high), 0.5 * (high - low), unit=between["unit"] or "")
+    assert match is not None
+    if match["sd_unit"] and match["sd_unit"] != match["unit"] and (match["unit"] or match["sd_unit"] == "%"):
+        raise CellFault("has two units, of the value and its scatter; give the scatter a column of its own")
+    reach = {"<": -inf, ">": inf}.get(match["limit"], 0.0)
+    sd = decimal(match["sd"], comma) if match["sd"] else nan
+    return CellNumber(decimal(match["number"], comma), reach, sd, match["unit"] or match["sd_unit"] or "")
+
+
+def reason(plain: str) -> str:
+    """Why a text is no number, and what to do."""
+    if cell_word(plain) == "unseen":
+        return "is not seen: leave the cell empty, or write '<' and the least value that the instrument sees"
+    if DATE.fullmatch(plain):
+        return "is a date; if the spreadsheet made it of a number, set the column to text and type it again"
+    return (
+        "must be a number (a measured one also 31.2 ± 0.8, <0.02 or 20..25); words belong into another column"
+    )
+
+
+def decimal(number: str, comma: bool) -> float:
+    """Value of a number; raises CellFault for one with the other mark, or with two readings."""
+    digits = re.sub(r"(?<=\d)[ '\u2019](?=\d{3})", "", number)
+    wrong, right = (".", ",") if comma else (",", ".")
+    if wrong in digits:
+        marks = "decimal commas" if comma else "decimal points"
+        raise CellFault(f"has a '{wrong}', the other numbers of the file {marks}; no sign between thousands")
+    if digits.count(right) > 1:
+        raise CellFault(f"has two '{right}'; no sign between thousands")
+    value = float(digits.replace(",", "."))
+    if not isfinite(value):
+        raise CellFault("must be a finite number")
+    return value
+
+
+def stated_number(text: str, unit: str, name: str, example: str) -> float:
+    """A number with its unit as the user states it, `0.03 mm`, in another unit; raises BadInput."""
+    found, scale = CellNumber(), None
+    with suppress(CellFault, UnknownUnit):
+        found = read_cell(text.replace(",", "."), comma=False, single=True)
+        scale = scale_between(found.unit, parse_unit(unit))
+    if scale is None or isnan(found.value):
+        raise BadInput(f"{name} '{text}': write a number and its unit, such as '{example}'")
+    return scale.used(found.value)

@@ -8,7 +8,6 @@ from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.study_files import check_study as module
 from taichi_erosion.evidence.answers.study_files.check_study import check_study
-from taichi_erosion.evidence.models.load_study import load_study
 
 ROOT = Path(__file__).parents[4]
 TABLE = "observable,value,sd,n,unit,group,slope [deg],moisture [%],source\nflux,1,0.1,5,g/(m s),a,5,1,me\n"
@@ -82,13 +81,3 @@ def test_a_laboratorys_own_table_works_in_a_study_directly(tmp_path):
     document = check_study(tmp_path / "t.toml")
     assert document["observables"] == {"flux": 2}
     assert document["conditions"] == {"slope": "5.5 to 7 °", "moisture": "1 to 2 %"}
-
-
-@pytest.mark.parametrize("read", [check_study, load_study])
-def test_faults_of_a_study_and_of_its_table_are_told_at_once(tmp_path, read):
-    faulty = STUDY.replace("[candidates]", "[candidates]\nefects = 1")
-    path = written(tmp_path, faulty, TABLE.replace(",g/(m s),", ",gg/(m s),"))
-    with pytest.raises(BadInput) as caught:
-        read(path)
-    assert any("candidates.efects" in fault for fault in caught.value.faults), caught.value.faults
-    assert any("row 2, unit = 'gg/(m s)'" in fault for fault in caught.value.faults), caught.value.faults

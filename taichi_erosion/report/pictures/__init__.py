@@ -1,1 +1,0 @@
-"""PNG pictures that commands write, and how measured values are marked in figures."""
