@@ -24,7 +24,7 @@ from taichi_erosion.evidence.answers.commands import adopt_study, discover_recor
 from taichi_erosion.evidence.answers.rounds import RacedStudy
 from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.models.load_study import BudgetName, StudyOptions
-from taichi_erosion.evidence.models.new_conditions import NewConditions
+from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.outlook import elsewhere, forecast, held_out_part, new_rows
 from taichi_erosion.evidence.race.posterior import Posterior, given, raced

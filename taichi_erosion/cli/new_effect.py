@@ -94,8 +94,8 @@ def names_of_study(path: Path) -> tuple[Mapping[str, str], Mapping[str, float]]:
     if not path.is_file():
         return {}, {}
     from taichi_erosion.campaign.study_file import read_evidence_study
-    from taichi_erosion.evidence.models.column_units import declared_conditions
     from taichi_erosion.evidence.models.simulator import condition_name, dotted_paths
+    from taichi_erosion.evidence.models.table_columns import declared_conditions
     from taichi_erosion.scene.schema.units import parse_scale
 
     file = read_evidence_study(path)

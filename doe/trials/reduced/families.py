@@ -7,7 +7,7 @@ from typing import Any
 from doe.trials.reduced import beyond, clean, disturbed, smooth
 from doe.trials.reduced.oracle import difficulty
 from taichi_erosion.evidence.data.problem import Problem
-from taichi_erosion.evidence.models.new_conditions import NewConditions
+from taichi_erosion.evidence.models.table_columns import NewConditions
 
 LEAST_RATIO, TRIES = 7.0, 500  # of every effect in `several`; draws until one is as clear
 SEVERAL = ("pair", "triple", "four")

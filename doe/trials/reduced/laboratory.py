@@ -100,7 +100,9 @@ class CaseModel:
                 law = self.aliases.get(name, name)
                 acting[law] = acting.get(law, 0.0) + strength
         place = self.place(observable, conditions)
-        value = reduced.expected_at(observable, place.count, place.at, parameters, acting)
+        shifts = [reduced.EFFECTS[name](psi, place.at) for name, psi in acting.items() if psi != 0.0]
+        known = {**reduced.PARAMETERS, **parameters}
+        value = reduced.shifted(observable, place.count, place.at, known, shifts)
         if self.scatter == 0.0:
             return np.repeat(value[np.newaxis], seeds.size, axis=0)
         kick = sqrt(1.0 - self.chaos) * place.kick(seeds)

@@ -94,7 +94,7 @@ def least_misfit(prepared: PreparedProblem, x: Floats, acting: Mapping[str, floa
 def whole_residual(prepared: PreparedProblem, x: Floats, acting: dict[str, float]) -> Floats:
     """Whitened residual; of a censored row the root of its deviance."""
     mean = prepared.predictor.mean(x, acting, prepared.seeds.fitting)
-    found, reach = prepared.white(prepared.rows.z - mean), prepared.white_reach
+    found, reach = prepared.white(prepared.rows.z - mean), prepared.rows.reach / prepared.sd
     own = reach != 0.0
     if own.any():
         found[own] = np.sqrt(-2.0 * censored_terms(found[own], reach[own])[0])

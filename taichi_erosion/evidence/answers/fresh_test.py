@@ -28,7 +28,8 @@ from math import sqrt
 import numpy as np
 
 from taichi_erosion.evidence.data.problem import Floats, Progress
-from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, Request, Setting
+from taichi_erosion.evidence.emulator.design import Setting
+from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, Request
 from taichi_erosion.evidence.race.decision import Decision
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race

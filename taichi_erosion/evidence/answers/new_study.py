@@ -40,7 +40,7 @@ from taichi_erosion.evidence.data.tables.interview import Ask, Interview
 from taichi_erosion.evidence.data.tables.rows import NAME, Faults, Table
 from taichi_erosion.evidence.data.tables.spreadsheet import source_digest, stated_number
 from taichi_erosion.evidence.models import reduced
-from taichi_erosion.evidence.models.column_units import declared_units
+from taichi_erosion.evidence.models.table_columns import declared_units
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene.paths import unit_of_path
 from taichi_erosion.scene.schema.grains import Monodisperse

@@ -23,7 +23,6 @@ from taichi_erosion.evidence.data.held_out_rows import COUNTER, openings, read_c
 from taichi_erosion.evidence.data.number_words import TableUnits
 from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Progress
 from taichi_erosion.evidence.data.transforms import from_scale
-from taichi_erosion.evidence.models.column_units import place_units
 from taichi_erosion.evidence.models.load_study import (
     LONGEST_CHAIN,
     NO_OPTIONS,
@@ -31,7 +30,7 @@ from taichi_erosion.evidence.models.load_study import (
     StudyOptions,
     load_study,
 )
-from taichi_erosion.evidence.models.new_conditions import NewConditions, read_new_conditions
+from taichi_erosion.evidence.models.table_columns import NewConditions, place_units, read_new_conditions
 from taichi_erosion.evidence.race.outlook import below, elsewhere, forecast, held_out_rows, left_out, new_rows
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.record import CheckPart, PredictedPart, PredictionPart

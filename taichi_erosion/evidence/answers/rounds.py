@@ -22,9 +22,8 @@ from taichi_erosion.evidence.answers.set_up import blocked
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.data.transforms import effect_of, is_strength
 from taichi_erosion.evidence.emulator import training_runs
-from taichi_erosion.evidence.emulator.design import RefinementPoint
+from taichi_erosion.evidence.emulator.design import Setting
 from taichi_erosion.evidence.emulator.fresh_runs import FreshSimulator, fresh_count
-from taichi_erosion.evidence.emulator.mechanism_runs import with_mechanisms
 from taichi_erosion.evidence.emulator.plan_cost import WORTH_TELLING, function_cost, plan_cost, shares
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns
 from taichi_erosion.evidence.models.load_study import BudgetName, Study
@@ -41,7 +40,7 @@ from taichi_erosion.scene.load import file_text
 MOST_POINTS = 3  # explanations about which a round simulates
 MOST_REQUIRED = 4  # rounds beyond the planned ones, about points that an answer requires
 FRESH = "seed "  # first word of the names of rounds with other seeds than the study's
-Points = list[RefinementPoint]
+Points = list[Setting]
 Rounds = dict[str, list[Points]]  # command and budget -> its rounds
 
 
@@ -53,13 +52,13 @@ class RacedStudy:
     decision: Decision
     fresh: FreshPart | None = None  # None: nothing that fresh runs can test
 
-    def about(self, fit: Fit) -> RefinementPoint:
+    def about(self, fit: Fit) -> Setting:
         """The setting of a fit as the centre of a round; adopted effects may stand among its numbers."""
         setting = setting_of(self.posterior.race, fit)
         acting = {name: strength for name, strength in setting.effects.items() if strength > 0.0}
         numbers = setting.parameters.items()
         acting |= {str(effect_of(path)): value for path, value in numbers if is_strength(path)}
-        return RefinementPoint({path: value for path, value in numbers if not is_strength(path)}, acting)
+        return Setting({path: value for path, value in numbers if not is_strength(path)}, acting)
 
     def about_doses(self, fit: Fit) -> Points:
         """Two settings of the mechanism of a fit: with its largest dose, and with half of it."""
@@ -72,7 +71,7 @@ class RacedStudy:
         ]
 
     @property
-    def about_bare(self) -> RefinementPoint:
+    def about_bare(self) -> Setting:
         """The calibrated model as the centre of a round."""
         return self.about(self.posterior.race.bare)
 
@@ -217,7 +216,7 @@ def wider_runs(
     asked = question.missing and not runs.mechanisms and not blocked(ready.faults)
     if not asked or not strained(found.posterior.race):
         return None
-    wider = with_mechanisms(runs)
+    wider = training_runs.with_mechanisms(runs)
     return wider if wider.mechanisms and training_runs.room_left(wider) >= 0 else None
 
 
@@ -268,7 +267,7 @@ def replayed(runs: TrainingRuns, key: str) -> tuple[TrainingRuns, list[Points], 
         for number, about in enumerate(made):
             spent = name.rpartition(" ")[2]
             if not runs.mechanisms and any(set(point.effects) - set(known) for point in about):
-                runs = with_mechanisms(runs)
+                runs = training_runs.with_mechanisms(runs)
             runs = training_runs.refined_training_runs(runs, about, f"{name}|{number}", spent)
     tests = {run for entry in stored(study)["fresh"].values() for run in entry["runs"]}
     runs = replace(runs, elsewhere=runs.elsewhere + len(tests))
@@ -301,7 +300,7 @@ def is_of(study: Study, name: str) -> bool:
     return name.startswith(study.fresh) if study.fresh else not name.startswith(FRESH)
 
 
-def acting(point: RefinementPoint) -> frozenset[str]:
+def acting(point: Setting) -> frozenset[str]:
     """Effects and mechanisms that act at a point."""
     return frozenset(name for name, strength in point.effects.items() if strength != 0.0)
 
@@ -316,7 +315,7 @@ def stored(study: Study) -> Mapping[str, Any]:
 def read_rounds(study: Study) -> Rounds:
     """Points of earlier rounds."""
     return {
-        name: [[RefinementPoint(**entry) for entry in about] for about in made]
+        name: [[Setting(**entry) for entry in about] for about in made]
         for name, made in stored(study)["rounds"].items()
     }
 

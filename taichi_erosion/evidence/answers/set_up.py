@@ -1,6 +1,6 @@
 """The set-up before physics: what has to be right before a misfit says anything about missing effects.
 
-Faults of runs come from `emulator/run_faults.py`. Where a fault blocks, nothing is named.
+Faults of runs come from `emulator/training_runs.py`. Where a fault blocks, nothing is named.
 """
 
 from collections.abc import Iterator, Sequence

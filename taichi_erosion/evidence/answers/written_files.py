@@ -24,12 +24,13 @@ from taichi_erosion.evidence.answers.scene_templates import Calibrated
 from taichi_erosion.evidence.data.held_out_rows import stated_rows
 from taichi_erosion.evidence.data.measured import read_table
 from taichi_erosion.evidence.data.physical_ranges import ANGLE, OBSERVED
-from taichi_erosion.evidence.data.problem import Drawn
+from taichi_erosion.evidence.data.problem import Drawn, expected_strength
 from taichi_erosion.evidence.data.tables.rows import Row, Table, tidy_fields, tidy_text
-from taichi_erosion.evidence.emulator.training_runs import inactive_reason, study_scenes
+from taichi_erosion.evidence.emulator.design import inactive_reason
+from taichi_erosion.evidence.emulator.training_runs import study_scenes
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.load_study import Study, load_study
-from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths
+from taichi_erosion.evidence.models.simulator import dotted_paths
 from taichi_erosion.scene.load import file_text
 
 Document = dict[str, Any]
@@ -275,8 +276,8 @@ def acting_candidates(study: Study) -> list[str]:
     Where the literature does not say which observables an effect changes, it is a candidate if the table
     holds a condition that it reads. Where that leaves none, all that can act are candidates.
     """
-    simulator = study.problem.model.model  # pyright: ignore[reportAttributeAccessIssue]
-    assert isinstance(simulator, Simulator)
+    simulator = study.simulator
+    assert simulator is not None
     scenes, measured = study_scenes(study, simulator), study.file.observables
     known = {*measured, *(EXPECTED_AS[name] for name in measured if name in EXPECTED_AS)}
     for paths in study.file.conditions.values():
@@ -285,7 +286,9 @@ def acting_candidates(study: Study) -> list[str]:
     able = [
         candidate.name
         for candidate in study.problem.candidates
-        if any(inactive_reason(scene, candidate) is None for scene in scenes)
+        if any(
+            inactive_reason(scene, candidate.name, expected_strength(candidate)) is None for scene in scenes
+        )
     ]
     effects = {name: simulator.library[name] for name in able}
     expected = [n for n, each in effects.items() if n in own or {*(each.expected or each.reads)} & known]

@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import qmc
 
+from taichi_erosion.core.effect import read_params
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Candidate, Floats, Mechanism, Numbers, expected_strength
 from taichi_erosion.evidence.data.transforms import Axis, axis_value
 from taichi_erosion.evidence.models.simulator import (
@@ -22,6 +24,7 @@ from taichi_erosion.evidence.models.simulator import (
     parameter_matters,
 )
 from taichi_erosion.mechanisms.library import dose_at, dose_position
+from taichi_erosion.simulation.scene_setup import circumstances_of, effective_scene
 
 REACH = 2.0  # prior sd to either side over which calibrated numbers are spread
 LEAST_STRENGTH = 0.3  # of the expected one, at which an effect is tried
@@ -60,8 +63,8 @@ class StudyScene:
 
 
 @dataclass(frozen=True)
-class RefinementPoint:
-    """Calibrated numbers and strengths about which a later round simulates."""
+class Setting:
+    """Calibrated numbers and strengths of one explanation."""
 
     parameters: Mapping[str, float]
     effects: Mapping[str, float]  # strengths of effects, and the dose of a mechanism; 0: none
@@ -84,13 +87,12 @@ PLAN_SIZES = {"quick": PlanSize(8, 8, 2, 8, 1, 2), "full": PlanSize(20, 20, 6, 1
 
 def distinct_conditions(scene: StudyScene, effects: Sequence[str]) -> list[Row]:
     """Distinct conditions that a run with some effects can depend on, where all of them can act."""
-    path, library = scene.measure.scene, scene.simulator.library
-    read = {
-        name for effect in {*effects, *scene.simulator.acting_effects(path)} for name in library[effect].reads
-    }
+    path, simulator = scene.measure.scene, scene.simulator
+    present = {*effects, *simulator.acting_effects(path)}
+    read = {name for effect in present for name in simulator.library[effect].reads}
     found: dict[tuple[tuple[str, float], ...], Row] = {}
     for row in scene.rows:
-        if all(scene.simulator.can_act(effect, path, row) for effect in effects):
+        if all(simulator.can_act(effect, path, row) for effect in effects):
             kept = {p: value for p, value in row.items() if np.isfinite(value) and condition_matters(p, read)}
             found.setdefault(tuple(sorted(kept.items())), kept)
     return list(found.values())
@@ -102,32 +104,72 @@ def relevant_axes(scene: StudyScene, effects: Sequence[str]) -> list[Axis]:
     return [axis for axis in scene.axes if parameter_matters(axis.name, present)]
 
 
-def base_runs(scene: StudyScene, size: PlanSize, tag: str = "") -> list[TrainingRun]:
-    """Runs of the bare model; designs of another tag are other runs."""
-    return spread_runs(scene, None, size.bare * (len(relevant_axes(scene, ())) + 1), tag)
+def inactive_reason(scene: StudyScene, name: str, strength: float) -> str | None:
+    """Why an effect of some strength changes nothing that a scene measures, None where it may."""
+    rows = distinct_conditions(scene, (name,))
+    if not rows:
+        return "none of the conditions lets it act"
+    try:
+        inactive = all(leaves_readings(scene, name, strength, row) for row in rows)
+    except BadInput as error:
+        return str(error)
+    return f"{scene.measure.scene.name} does not depend on it" if inactive else None
 
 
-def effect_runs(scene: StudyScene, candidate: Candidate, size: PlanSize, tag: str = "") -> list[TrainingRun]:
-    """Runs with one effect, at strengths from weak to strong."""
-    names = (candidate.name,)
-    varying = varying_count(scene, names)
-    own = len(relevant_axes(scene, names)) - len(relevant_axes(scene, ()))
-    return spread_runs(scene, candidate, size.effect + size.condition * (varying + own), tag)
+def leaves_readings(scene: StudyScene, name: str, strength: float, row: Row) -> bool:
+    """Whether an effect leaves the scene and all readings as they are."""
+    simulator, effect = scene.simulator, scene.simulator.library[name]
+    if effect.place not in ("scene", "instrument"):
+        return False
+    words = simulator.overrides(scene.measure, row, {}, {name: strength})
+    changed = simulator.scene(scene.measure.scene, words)
+    after = effective_scene(changed, simulator.library)
+    if effect.place == "scene":
+        return after is changed
+    params, _ = read_params(effect, changed.effects[name])
+    conditions = circumstances_of(after)
+    measures = [simulator.measures[each].measure for each in scene.observables]
+    return all(effect.act(params, strength, conditions, measure, 1.0) == 1.0 for measure in measures)
 
 
-def mechanism_runs(
-    scene: StudyScene, mechanism: Mechanism, size: PlanSize, tag: str = ""
+def spread_runs(
+    scene: StudyScene, acting: Candidate | Mechanism | None, size: PlanSize, tag: str
 ) -> list[TrainingRun]:
-    """Runs along the dose of one mechanism, from the least to the largest; they serve any law of it."""
-    names = (mechanism.name,)
-    low, high = dose_position(mechanism.low), dose_position(mechanism.high)
+    """Runs of the bare model, with one effect, or along the dose of a mechanism: these serve any law of it.
 
-    def dose(_: str, share: float) -> float:
+    They spread over the reach of the priors, the conditions and strengths. Another tag makes other runs.
+    """
+    names = () if acting is None else (acting.name,)
+
+    def strength(_: str, share: float) -> float:
+        assert acting is not None
+        return strength_at(acting, share)
+
+    key = f"{scene.measure.scene.name}|{'+'.join(names)}|{tag}"
+    return sampled_runs(scene, names, run_count(scene, acting, size), key, (spread_parameter, strength), 2)
+
+
+def run_count(scene: StudyScene, acting: Candidate | Mechanism | None, size: PlanSize) -> int:
+    """Runs of a design: more where more conditions or calibrated numbers can enter."""
+    bare = len(relevant_axes(scene, ()))
+    if acting is None:
+        return size.bare * (bare + 1)
+    names = (acting.name,)
+    rows = distinct_conditions(scene, names)
+    columns = {tuple(row.get(path) for row in rows) for path in {path for row in rows for path in row}}
+    varying = sum(len(set(column)) > 1 for column in columns)
+    least = round(BOTH_SIDES * size.effect) if isinstance(acting, Mechanism) else size.effect
+    return least + size.condition * (varying + len(relevant_axes(scene, names)) - bare)
+
+
+def strength_at(acting: Candidate | Mechanism, share: float) -> float:
+    """A strength from weak to strong, or a dose from the least to the largest."""
+    if isinstance(acting, Mechanism):
+        low, high = dose_position(acting.low), dose_position(acting.high)
         return dose_at(low + (high - low) * share)
-
-    count = round(BOTH_SIDES * size.effect) + size.condition * varying_count(scene, names)
-    key = f"{scene.measure.scene.name}|{mechanism.name}|{tag}"
-    return sampled_runs(scene, names, count, key, (spread_parameter, dose), 2)
+    unit = expected_strength(acting)
+    low, high = LEAST_STRENGTH * unit, min(acting.maximum, MOST_STRENGTH * unit)
+    return low + (high - low) * share**WARP
 
 
 def spread_parameter(axis: Axis, share: float) -> float:
@@ -136,29 +178,8 @@ def spread_parameter(axis: Axis, share: float) -> float:
     return axis_value(axis, low + (high - low) * share)
 
 
-def varying_count(scene: StudyScene, names: Sequence[str]) -> int:
-    """Conditions that vary among those on which a run with some effects can depend."""
-    rows = distinct_conditions(scene, names)
-    columns = {tuple(row.get(path) for row in rows) for path in dict.fromkeys(p for row in rows for p in row)}
-    return sum(len(set(column)) > 1 for column in columns)
-
-
-def spread_runs(scene: StudyScene, candidate: Candidate | None, count: int, tag: str) -> list[TrainingRun]:
-    """Runs spread over the reach of the priors, the conditions, and the strengths of at most one effect."""
-    names = () if candidate is None else (candidate.name,)
-
-    def strength(_: str, share: float) -> float:
-        assert candidate is not None
-        unit = expected_strength(candidate)
-        low, high = LEAST_STRENGTH * unit, min(candidate.maximum, MOST_STRENGTH * unit)
-        return low + (high - low) * share**WARP
-
-    key = f"{scene.measure.scene.name}|{'+'.join(names)}|{tag}"
-    return sampled_runs(scene, names, count, key, (spread_parameter, strength), 2)
-
-
 def refinement_runs(
-    scene: StudyScene, limits: Mapping[str, tuple[float, float]], about: RefinementPoint, count: int, key: str
+    scene: StudyScene, limits: Mapping[str, tuple[float, float]], about: Setting, count: int, key: str
 ) -> list[TrainingRun]:
     """Runs about one explanation, within limits of strengths and doses, with fresh seeds."""
     names = tuple(name for name, strength in about.effects.items() if strength != 0.0)
@@ -170,10 +191,7 @@ def refinement_runs(
     def parameter(axis: Axis, share: float) -> float:
         value, shift = about.parameters[axis.name], axis.scale * JITTER_NUMBERS * (2.0 * share - 1.0)
         moved = value * float(np.exp(shift)) if axis.logarithmic else value + shift
-        low, high = (
-            axis_value(axis, x) for x in (max(axis.low, -10.0 * REACH), min(axis.high, 10.0 * REACH))
-        )
-        return min(max(moved, low), high)
+        return float(np.clip(moved, axis_value(axis, axis.low), axis_value(axis, axis.high)))
 
     return sampled_runs(scene, names, count, f"{key}|{names}", (parameter, strength), len(names) + 1)
 

@@ -5,7 +5,7 @@ hundred runs answers all of them without scatter; its own uncertainty enters eve
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from math import isfinite
@@ -28,6 +28,7 @@ from taichi_erosion.evidence.data.problem import (
     Observable,
     Replicates,
     expected_strength,
+    row_count,
 )
 from taichi_erosion.evidence.data.transforms import EFFECTS, Axis, axis_position, from_scale, slope, to_scale
 from taichi_erosion.evidence.emulator.design import StudyScene, TrainingRun
@@ -41,7 +42,7 @@ from taichi_erosion.evidence.emulator.gaussian_process import (
     slices,
 )
 from taichi_erosion.evidence.models import simulator
-from taichi_erosion.evidence.models.predictor import LOG_SPAN, AxisScale
+from taichi_erosion.evidence.models.predictor import AxisScale, axis_scale
 from taichi_erosion.mechanisms.library import dose_position
 
 LEAST_RUNS = 4  # with a value; fewer make no emulator
@@ -73,16 +74,15 @@ class EmulatorInputs:
         """Effects and mechanisms in the order of their inputs."""
         return (*(candidate.name for candidate in self.candidates), *self.mechanisms)
 
-    def points(self, at: Conditions, parameters: Columns, effects: Columns) -> Points:
+    def points(self, size: int, at: Conditions, parameters: Columns, effects: Columns) -> Points:
         """Standardised inputs of rows; everything is a column."""
-        size = len(next(iter([*at.values(), *parameters.values()]), (0,)))
+        none = np.full(size, np.nan)
+        known = at or {"": none}
         x = [[axis_position(axis, float(v)) for v in parameters[axis.name]] for axis in self.axes]
-        c = [scale(at.get(path, np.full(size, np.nan))) for path, scale in self.scales.items()]
-        psi = [
-            self.strength(candidate, at, parameters, np.broadcast_to(effects.get(candidate.name, 0.0), size))
-            for candidate in self.candidates
-        ]
-        psi += [dose_position(np.broadcast_to(effects.get(n, 0.0), size)) for n in self.mechanisms]
+        c = [scale(known.get(path, none)) for path, scale in self.scales.items()]
+        acting = {name: np.broadcast_to(effects.get(name, 0.0), size) for name in self.names}
+        psi = [self.strength(each, known, parameters, acting[each.name]) for each in self.candidates]
+        psi += [dose_position(acting[name]) for name in self.mechanisms]
         return Points(*(np.array(part, dtype=float).reshape(-1, size).T for part in (x, c, psi)))
 
     def strength(
@@ -103,29 +103,14 @@ class EmulatorInputs:
 
     def active(self) -> ActiveInputs:
         """Which conditions and calibrated numbers enter the bare model, and which every effect."""
-        library, present = (
-            self.scene.simulator.library,
-            self.scene.simulator.acting_effects(self.scene.measure.scene),
-        )
-        names = self.names
-
-        def conditions(*effects: str) -> list[bool]:
-            read = {name for effect in {*present, *effects} for name in library[effect].reads}
-            return [simulator.condition_matters(path, read) for path in self.scales]
-
-        def numbers(*effects: str) -> list[bool]:
-            return [simulator.parameter_matters(axis.name, {*present, *effects}) for axis in self.axes]
-
-        return ActiveInputs(
-            bare=np.array(conditions(), bool),
-            effects=np.array([conditions(name) for name in names], bool).reshape(
-                len(names), len(self.scales)
-            ),
-            bare_numbers=np.array(numbers(), bool),
-            effect_numbers=np.array([numbers(name) for name in names], bool).reshape(
-                len(names), len(self.axes)
-            ),
-        )
+        library = self.scene.simulator.library
+        bare = self.scene.simulator.acting_effects(self.scene.measure.scene)
+        conditions, numbers = list[list[bool]](), list[list[bool]]()
+        for present in (bare, *({*bare, name} for name in self.names)):
+            read = {name for effect in present for name in library[effect].reads}
+            conditions.append([simulator.condition_matters(path, read) for path in self.scales])
+            numbers.append([simulator.parameter_matters(axis.name, present) for axis in self.axes])
+        return ActiveInputs(np.array(conditions, bool), np.array(numbers, bool))
 
 
 @dataclass(frozen=True)
@@ -186,14 +171,17 @@ class Emulator:
 
 
 def request_points(
-    inputs: EmulatorInputs, conditions: Conditions, parameters: Numbers, effects: Mapping[str, float | Floats]
+    inputs: EmulatorInputs,
+    conditions: Conditions,
+    parameters: Mapping[str, float],
+    effects: Mapping[str, float | Floats],
 ) -> Points:
     """Inputs of a request, in which numbers are the same for all rows; so are strengths, but for doses."""
-    rows = simulator.row_count(conditions)
+    rows = row_count(conditions)
     at = {path: column for name, column in conditions.items() for path in simulator.dotted_paths(name)}
     numbers = {axis.name: np.full(rows, parameters[axis.name]) for axis in inputs.axes}
     strengths = {name: np.broadcast_to(each, rows) for name, each in effects.items() if np.any(each)}
-    return inputs.points(at or {"": np.full(rows, np.nan)}, numbers, strengths)
+    return inputs.points(rows, at, numbers, strengths)
 
 
 def fit_emulators(
@@ -207,7 +195,7 @@ def fit_emulators(
     at = {path: np.array([run.at.get(path, np.nan) for run in runs]) for path in paths}
     numbers = {axis.name: np.array([run.parameters[axis.name] for run in runs]) for axis in inputs.axes}
     effects = {name: np.array([run.effects.get(name, 0.0) for run in runs]) for name in inputs.names}
-    points = inputs.points(at or {"": np.full(len(runs), np.nan)}, numbers, effects)
+    points = inputs.points(len(runs), at, numbers, effects)
     found = {}
     for name in inputs.scene.observables:
         measure = inputs.scene.simulator.measures[name]
@@ -216,7 +204,10 @@ def fit_emulators(
         z = to_scale(scale, values)
         good = np.isfinite(z)
         if good.sum() < LEAST_RUNS:
-            raise SimulationStopped(few_values(name, int(good.sum()), results))
+            failures = [result.failure for result in results if result.failure]
+            why = f"; {len(failures)} stopped, the first: {failures[0]}" if failures else ""
+            count = f"{good.sum()} of {len(results)} runs gave a value"
+            raise SimulationStopped(f"{name}: {count}, {LEAST_RUNS} are needed{why}")
         training = Points(points.x[good], points.c[good], points.psi[good])
         process = fit_gaussian_process(training, z[good], inputs.active())
         typical = np.median(values[good], keepdims=True)
@@ -264,13 +255,6 @@ def scatter_correlation(one: ObservableEmulator, other: ObservableEmulator) -> t
     return (float(a @ b) / np.sqrt(energy) if energy > 0.0 else 0.0), float(a.size)
 
 
-def few_values(name: str, count: int, results: Sequence[RunResult]) -> str:
-    """Why there is no emulator."""
-    failures = [result.failure for result in results if result.failure]
-    why = f"; {len(failures)} stopped, the first: {failures[0]}" if failures else ""
-    return f"{name}: {count} of {len(results)} runs gave a value, {LEAST_RUNS} are needed{why}"
-
-
 def emulator_scale(observable: Observable, values: Floats) -> Observable:
     """The comparison scale; the logarithm for an identity whose values all lie above 0."""
     known = values[np.isfinite(values)]
@@ -285,13 +269,10 @@ def condition_scales(rows: Sequence[Mapping[str, float]], accepted: frozenset[st
     seen: set[tuple[float, ...]] = set()
     for path in dict.fromkeys(path for row in rows for path in row):
         column = tuple(row.get(path, np.nan) for row in rows)
-        values = np.array(sorted({value for value in column if isfinite(value)}))
-        if values.size < 2 or path not in accepted or column in seen:
+        scale = axis_scale(np.array(sorted({value for value in column if isfinite(value)})))
+        if scale is None or path not in accepted or column in seen:
             continue
         seen.add(column)  # one column of a table may set several paths
-        logarithmic = bool(values[0] > 0.0 and values[-1] > LOG_SPAN * values[0])
-        values = np.log(values) if logarithmic else values
-        centre = float(values.mean())
-        middle = float(np.exp(centre)) if logarithmic else centre
-        found[path] = AxisScale(middle, centre, float(values.std()), logarithmic)
+        middle = float(np.exp(scale.centre)) if scale.logarithmic else scale.centre
+        found[path] = replace(scale, middle=middle)
     return found

@@ -75,12 +75,13 @@ class Points:
 
 @dataclass(frozen=True)
 class ActiveInputs:
-    """Conditions and calibrated numbers that enter each part."""
+    """Conditions and calibrated numbers that enter the bare model (first row) and each effect.
 
-    bare: Bools  # (q,) conditions
-    effects: Bools  # (effects, q)
-    bare_numbers: Bools  # (p,) calibrated numbers; an effect's own ones do nothing without it
-    effect_numbers: Bools  # (effects, p)
+    Numbers of an effect itself do nothing without it.
+    """
+
+    conditions: Bools  # (1 + effects, q)
+    numbers: Bools  # (1 + effects, p)
 
 
 @dataclass(frozen=True)
@@ -159,14 +160,14 @@ def rbf_kernel(one: Floats, other: Floats, length: float) -> Floats:
 
 def kernel_parts(one: Points, other: Points, reads: ActiveInputs) -> Floats:
     """Plane, bend, every effect and two together at amplitude 1: (effects + 3, n, m)."""
-    bare_one, bare_other = one.c[:, reads.bare], other.c[:, reads.bare]
-    x_one, x_other = one.x[:, reads.bare_numbers], other.x[:, reads.bare_numbers]
+    bare, own = reads.conditions[0], reads.numbers[0]
+    bare_one, bare_other, x_one, x_other = one.c[:, bare], other.c[:, bare], one.x[:, own], other.x[:, own]
     shape = (one.x.shape[0], other.x.shape[0])
-    parts = np.zeros((reads.effects.shape[0] + 3, *shape))
+    parts = np.zeros((len(reads.conditions) + 2, *shape))
     parts[0] = TREND**2 * (1.0 + x_one @ x_other.T + bare_one @ bare_other.T)
     parts[1] = rbf_kernel(x_one, x_other, LENGTH) * rbf_kernel(bare_one, bare_other, LENGTH_CONDITION)
     total, squares = np.zeros(shape), np.zeros(shape)
-    for k, (read, numbers) in enumerate(zip(reads.effects, reads.effect_numbers, strict=True)):
+    for k, (read, numbers) in enumerate(zip(reads.conditions[1:], reads.numbers[1:], strict=True)):
         product = np.outer(one.psi[:, k], other.psi[:, k])
         if not product.any():
             continue
@@ -187,7 +188,7 @@ def fit_gaussian_process(training: Points, values: Floats, reads: ActiveInputs) 
     width = max(float(values.std()), 1e-9 * abs(centre), 1e-300)
     standard = (values - centre) / width
     parts = kernel_parts(training, training, reads)
-    count = reads.effects.shape[0]
+    count = len(reads.conditions) - 1
     middle, spread = np.array(
         [PRIOR_LOG["bend"], *[PRIOR_LOG["effect"]] * count, PRIOR_LOG["together"], PRIOR_LOG["scatter"]]
     ).T

@@ -31,23 +31,14 @@ class PlanCost:
     first: int  # to be made at once
     later: int  # at most, in rounds about the answers
     rounds: int
-    first_s: float
-    round_s: float  # of one round
-    answer_s: float  # of the statistics after each
+    fresh: int  # at most, that test the answer
     workers: int
-    fresh: int = 0  # at most, that test the answer
-    fresh_s: float = 0.0
+    phases: tuple[float, ...]  # expected seconds of runs and statistics in turn
 
     @property
     def seconds(self) -> float:
         """All of it."""
         return sum(self.phases)
-
-    @property
-    def phases(self) -> list[float]:
-        """Expected seconds of runs and statistics in turn."""
-        rounds = [self.round_s, self.answer_s] * self.rounds
-        return [self.first_s, self.answer_s, *rounds, *([self.fresh_s] if self.fresh else [])]
 
     @property
     def sentence(self) -> str:
@@ -73,23 +64,18 @@ def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) 
         workers = 1  # holds the device
     second = pace(wanted, done) / workers
     room = max(room_left(training), 0)
-    size = training.plan_size.round * points * len(training.scenes)
+    ensembles = points * len(training.scenes)
+    size = training.plan_size.round * ensembles
     rounds = min(rounds, room // size) if size else 0
     fresh = min(fresh, room - rounds * size)
     mean = sum(request.work for request in wanted.values()) / max(len(wanted), 1)
-    return PlanCost(
-        kept=len(done),
-        first=len(left),
-        later=rounds * size,
-        rounds=rounds,
-        first_s=second * sum(request.work for request in left)
-        + starts_s(len({request.group for request in left}), workers),
-        round_s=second * mean * size + starts_s(points * len(training.scenes), workers),
-        answer_s=ANSWER * len(wanted),
-        workers=min(workers, max(len(left), size, 1)),
-        fresh=fresh,
-        fresh_s=second * mean * fresh + START if fresh else 0.0,
-    )
+    groups, answer = len({request.group for request in left}), ANSWER * len(wanted)
+    first = second * sum(request.work for request in left) + START * ceil(groups / workers)
+    round_s = second * mean * size + START * ceil(ensembles / workers)
+    phases = [first, answer, *[round_s, answer] * rounds]
+    phases += [second * mean * fresh + START] if fresh else []
+    used = min(workers, max(len(left), size, 1))
+    return PlanCost(len(done), len(left), rounds * size, rounds, fresh, used, tuple(phases))
 
 
 def function_cost(study: Study, candidates: int) -> str:
@@ -106,11 +92,6 @@ def function_cost(study: Study, candidates: int) -> str:
     more = f"; up to {MORE} times as many where something acts" * bool(candidates)
     runs = f"{settings} settings of {counted(rows, 'row')} ({settings * rows * seeds.size:,} runs)"
     return f"About {runs}, {span(seconds)}{more}."
-
-
-def starts_s(groups: int, workers: int) -> float:
-    """Seconds that the starts of ensembles take: runs of each group need one of their own."""
-    return START * ceil(groups / workers)
 
 
 def span(seconds: float) -> str:

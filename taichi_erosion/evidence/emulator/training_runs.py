@@ -6,16 +6,16 @@ answered again. All runs stand in a ledger; a command that was stopped goes on w
 scene cannot show is known from the scene itself, before a run is spent on it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
 from taichi_erosion.campaign.execute import execute
 from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
-from taichi_erosion.core.effect import read_params
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.data.problem import (
     Asked,
@@ -30,7 +30,7 @@ from taichi_erosion.evidence.data.problem import (
 )
 from taichi_erosion.evidence.data.transforms import parameter_axis
 from taichi_erosion.evidence.emulator import design
-from taichi_erosion.evidence.emulator.design import PlanSize, RefinementPoint, Row, StudyScene, TrainingRun
+from taichi_erosion.evidence.emulator.design import PlanSize, Row, Setting, StudyScene, TrainingRun
 from taichi_erosion.evidence.emulator.emulator import (
     Emulator,
     EmulatorInputs,
@@ -39,16 +39,18 @@ from taichi_erosion.evidence.emulator.emulator import (
     fit_emulators,
     run_replicates,
 )
-from taichi_erosion.evidence.emulator.run_faults import run_faults
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.plugin import NameMapping
-from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths
-from taichi_erosion.simulation.scene_setup import circumstances_of, effective_scene
+from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths, row_at, value_in_unit
+from taichi_erosion.mechanisms.library import dose_range, load_mechanisms, physical_mechanisms
 
 LEVELS = 3  # of every condition that could be set
 LEAST_BARE, LEAST_EFFECT = 4, 4  # runs that a small budget leaves, per number and of every effect
 LARGEST = "full"  # budget whose plan contains those of the others
+SPREAD = ("bare", "effect", "condition")  # numbers of a plan that say how many runs spread
 RESERVED = 0.2  # of a small budget, for a closer look before something outside the list is blamed
+SIZE_FLAGS = ("small_heap", "growing_angle")  # no fault where the laboratory's heap is as small
+COMMON = 0.5  # share of the runs from which a fault is one of the set-up [1]
 SURE = 3.0  # sd of a left-out value beyond which it counts as missed
 
 
@@ -71,61 +73,65 @@ def initial_training_runs(
 ) -> TrainingRuns | None:
     """The first design of a study with some of its effects; None for a study that no scene answers.
 
-    `proposed` adds conditions that the laboratory could measure.
+    `proposed` adds conditions that the laboratory could measure. Every plan lies within the largest one that
+    the study's cap allows, so that runs of all budgets together keep it.
     """
-    model = study.problem.model
-    simulator = model.model if isinstance(model, NameMapping) else model
-    if not isinstance(simulator, Simulator):
+    simulator = study.simulator
+    if simulator is None:
         return None
     scenes = study_scenes(study, simulator)
     wider = tuple(replace(scene, proposed=proposed_rows(study, scene)) for scene in scenes)
     largest = affordable(TrainingRuns(study, simulator, wider, design.PLAN_SIZES[LARGEST]))
-    every = list(known_effects(study.problem))
-    whole = len(first_runs(largest, every)) + len(ahead_runs(largest, every))
-    start = within(largest, design.PLAN_SIZES[budget])
-    proposed = proposed and start.ahead_size is not None
+    every, wanted, ahead = known_effects(study.problem), design.PLAN_SIZES[budget], largest.ahead_size
+    proposed = proposed and ahead is not None
+    start = replace(
+        largest,
+        plan_size=smaller(wanted, largest.plan_size),
+        ahead_size=None if ahead is None else smaller(wanted, ahead),
+    )
     runs = first_runs(start, effects) + (ahead_runs(start, effects) if proposed else [])
-    start = replace(start, scenes=wider if proposed else scenes)
-    return replace(start, runs=tuple(runs), elsewhere=whole - len(runs))
+    elsewhere = len(first_runs(largest, every)) + len(ahead_runs(largest, every)) - len(runs)
+    return replace(start, scenes=wider if proposed else scenes, runs=tuple(runs), elsewhere=elsewhere)
 
 
 def affordable(training: TrainingRuns) -> TrainingRuns:
     """The plan within the study's cap: every question of a study has the same bare runs. Raises BadInput."""
-    size, most = training.plan_size, run_cap(training.study)
-    every = list(known_effects(training.study.problem))
-    whole = len(first_runs(training, every))
-    if whole > most:
-        training = replace(training, plan_size=scaled_down(size, (1.0 - RESERVED) * most / whole))
-        whole = len(first_runs(training, every))
+    most, every = run_cap(training.study), known_effects(training.study.problem)
+    size, whole = scaled_to(
+        most, training.plan_size, lambda size: first_runs(replace(training, plan_size=size), every)
+    )
     if whole > most:
         raise BadInput(
             f"{training.study.path}: a budget of {most} runs is too small; the study needs at least {whole}: "
             "raise it, or list fewer candidates"
         )
-    wider = replace(training, ahead_size=training.plan_size)
-    planned = len(ahead_runs(wider, every))
-    if whole + planned > most:
-        share = (1.0 - RESERVED) * (most - whole) / planned
-        wider = replace(training, ahead_size=scaled_down(training.plan_size, share))
-        planned = len(ahead_runs(wider, every))
-    return wider if whole + planned <= most else training
-
-
-def within(largest: TrainingRuns, size: PlanSize) -> TrainingRuns:
-    """A plan whose runs are among those of the largest one: runs of all budgets together keep the cap."""
-    ahead = largest.ahead_size
-    return replace(
-        largest,
-        plan_size=smaller(size, largest.plan_size),
-        ahead_size=None if ahead is None else smaller(size, ahead),
+    ahead, planned = scaled_to(
+        most - whole, size, lambda size: ahead_runs(replace(training, ahead_size=size), every)
     )
+    return replace(training, plan_size=size, ahead_size=ahead if whole + planned <= most else None)
+
+
+def scaled_to(
+    most: int, size: PlanSize, runs: Callable[[PlanSize], list[TrainingRun]]
+) -> tuple[PlanSize, int]:
+    """A plan and its number of runs; where they pass `most`, a smaller one of its shape, without rounds."""
+    planned = len(runs(size))
+    if planned <= most:
+        return size, planned
+    share = (1.0 - RESERVED) * most / planned
+    size = replace(
+        size,
+        bare=max(LEAST_BARE, int(size.bare * share)),
+        effect=max(LEAST_EFFECT, int(size.effect * share)),
+        condition=int(size.condition * share),
+        rounds=0,
+    )
+    return size, len(runs(size))
 
 
 def smaller(size: PlanSize, limit: PlanSize) -> PlanSize:
     """The plan with no number above those of a limit; without rounds where it has less than it wants."""
-    numbers = {
-        name: min(getattr(size, name), getattr(limit, name)) for name in ("bare", "effect", "condition")
-    }
+    numbers = {name: min(getattr(size, name), getattr(limit, name)) for name in SPREAD}
     whole = all(getattr(size, name) == number for name, number in numbers.items())
     return replace(size, **numbers, rounds=size.rounds if whole else 0)
 
@@ -141,12 +147,8 @@ def study_scenes(study: Study, simulator: Simulator) -> tuple[StudyScene, ...]:
     for names in grouped.values():
         rows: dict[tuple[tuple[str, float], ...], Row] = {}
         for i in (i for i in range(table.size) if table.observable[i] in names):
-            row = {
-                path: float(column[i])
-                for name, column in table.conditions.items()
-                for path in dotted_paths(columns[name])
-                if isfinite(column[i])
-            }
+            at = row_at({columns[name]: column for name, column in table.conditions.items()}, i)
+            row = {path: value for path, value in at.items() if isfinite(value)}
             rows.setdefault(tuple(sorted(row.items())), row)
         measure = simulator.measures[names[0]]
         found.append(StudyScene(measure, tuple(names), tuple(rows.values()), axes, simulator))
@@ -173,84 +175,62 @@ def run_cap(study: Study) -> int:
     return 10**9 if runs is None else runs
 
 
-def scaled_down(size: PlanSize, share: float) -> PlanSize:
-    """A smaller design of the same shape, for a budget that leaves no rounds to every question."""
-    return replace(
-        size,
-        bare=max(LEAST_BARE, int(size.bare * share)),
-        effect=max(LEAST_EFFECT, int(size.effect * share)),
-        condition=int(size.condition * share),
-        rounds=0,
-    )
-
-
 def known_effects(problem: Problem) -> dict[str, Candidate]:
     """Candidates and adopted effects by name."""
     return {candidate.name: candidate for candidate in (*problem.candidates, *problem.adopted)}
 
 
-def first_runs(training: TrainingRuns, effects: Sequence[str]) -> list[TrainingRun]:
+def first_runs(training: TrainingRuns, effects: Iterable[str]) -> list[TrainingRun]:
     """Runs of the bare model and of every effect, of adopted ones too."""
-    size, tag = training.plan_size, training.study.fresh
-    return [run for scene in training.scenes for run in spread_over(training, scene, effects, size, tag)]
+    return spread_over(training, training.scenes, effects, training.plan_size, training.study.fresh)
 
 
-def ahead_runs(training: TrainingRuns, effects: Sequence[str]) -> list[TrainingRun]:
+def ahead_runs(training: TrainingRuns, effects: Iterable[str]) -> list[TrainingRun]:
     """The same at conditions that the laboratory could measure."""
-    size, tag = training.ahead_size, f"{training.study.fresh}ahead"
-    if size is None:
+    if training.ahead_size is None:
         return []
     wider = [replace(scene, rows=scene.proposed, proposed=()) for scene in training.scenes if scene.proposed]
-    return [run for scene in wider for run in spread_over(training, scene, effects, size, tag)]
+    return spread_over(training, wider, effects, training.ahead_size, f"{training.study.fresh}ahead")
 
 
 def spread_over(
-    training: TrainingRuns, scene: StudyScene, effects: Sequence[str], size: PlanSize, tag: str
+    training: TrainingRuns, scenes: Sequence[StudyScene], effects: Iterable[str], size: PlanSize, tag: str
 ) -> list[TrainingRun]:
-    """Runs of one scene, of the bare model and of every effect."""
-    problem = training.study.problem
-    known = known_effects(problem)
-    names = dict.fromkeys([*effects, *(candidate.name for candidate in problem.adopted)])
-    runs = design.base_runs(scene, size, tag)
-    for name in names:
-        if inactive_reason(scene, known[name]) is None:
-            runs += design.effect_runs(scene, known[name], size, tag)
+    """Runs of scenes, of the bare model and of every effect."""
+    problem, runs = training.study.problem, []
+    known, adopted = known_effects(problem), [candidate.name for candidate in problem.adopted]
+    for scene in scenes:
+        runs += design.spread_runs(scene, None, size, tag)
+        for each in (known[name] for name in dict.fromkeys([*effects, *adopted])):
+            if design.inactive_reason(scene, each.name, expected_strength(each)) is None:
+                runs += design.spread_runs(scene, each, size, tag)
     return runs
 
 
-def inactive_reason(scene: StudyScene, candidate: Candidate) -> str | None:
-    """Why an effect changes nothing that a scene measures, None where it may."""
-    rows = design.distinct_conditions(scene, (candidate.name,))
-    if not rows:
-        return "none of the conditions lets it act"
-    try:
-        inactive = all(leaves_readings(scene, candidate, row) for row in rows)
-    except BadInput as error:
-        return str(error)
-    return f"{scene.measure.scene.name} does not depend on it" if inactive else None
+def with_mechanisms(training: TrainingRuns) -> TrainingRuns:
+    """The runs with those along the dose of every mechanism that a scene of the study shows.
 
-
-def leaves_readings(scene: StudyScene, candidate: Candidate, row: Row) -> bool:
-    """Whether an effect leaves the scene and all readings as they are."""
-    simulator, strength = scene.simulator, expected_strength(candidate)
-    effect = simulator.library[candidate.name]
-    if effect.place not in ("scene", "instrument"):
-        return False
-    changed = simulator.scene(
-        scene.measure.scene, simulator.overrides(scene.measure, row, {}, {effect.name: strength})
-    )
-    after = effective_scene(changed, simulator.library)
-    if effect.place == "scene":
-        return after is changed
-    params, _ = read_params(effect, changed.effects[effect.name])
-    measures = [simulator.measures[name].measure for name in scene.observables]
-    conditions = circumstances_of(after)
-    readings = [effect.act(params, strength, conditions, measure, 1.0) for measure in measures]
-    return all(reading == 1.0 for reading in readings)
+    A mechanism reads no condition: what moisture or angularity would do to its dose is left to inference.
+    """
+    wanted, tried = training.study.file.candidates.mechanisms, list[list[str]]()
+    for scene in training.scenes:
+        able = physical_mechanisms(training.simulator.scene(scene.measure.scene).wind is not None)
+        tried.append([name for name in able if wanted is None or name in wanted])
+    names = list(dict.fromkeys(name for own in tried for name in own))
+    simulator = training.simulator.with_mechanisms(names)
+    scenes = tuple(replace(scene, simulator=simulator) for scene in training.scenes)
+    known = {name: Mechanism(name, *dose_range(load_mechanisms()[name])) for name in names}
+    runs = list(training.runs)
+    for scene, own in zip(scenes, tried, strict=True):
+        for each in (known[name] for name in own):
+            if design.inactive_reason(scene, each.name, 0.5 * each.high) is None:
+                runs += design.spread_runs(scene, each, training.plan_size, training.study.fresh)
+    mechanisms = tuple(known.values())
+    return replace(training, simulator=simulator, scenes=scenes, mechanisms=mechanisms, runs=tuple(runs))
 
 
 def refined_training_runs(
-    training: TrainingRuns, about: Sequence[RefinementPoint], key: str, budget: str | None = None
+    training: TrainingRuns, about: Sequence[Setting], key: str, budget: str | None = None
 ) -> TrainingRuns:
     """The runs with a further round about some explanations; rounds of other keys have other seeds.
 
@@ -266,7 +246,7 @@ def refined_training_runs(
     return replace(training, runs=(*training.runs, *more))
 
 
-def within_budget(training: TrainingRuns, about: Sequence[RefinementPoint]) -> bool:
+def within_budget(training: TrainingRuns, about: Sequence[Setting]) -> bool:
     """Whether the study's cap has room for a further round."""
     return training.plan_size.round * len(about) * len(training.scenes) <= room_left(training)
 
@@ -278,35 +258,87 @@ def room_left(training: TrainingRuns) -> int:
 
 def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
     """The study with an emulator in place of its scenes; simulates what is not in the ledger."""
-    study = training.study
+    study, problem = training.study, training.study.problem
     runs, requests, refused = requested(training)
     results = executed(training, requests, progress)
     emulators: dict[str, ObservableEmulator] = {}
     faults: list[SetUpFault] = []
     for scene in training.scenes:
-        own = [k for k, run in enumerate(runs) if run.scene == scene.measure.scene]
-        inputs = emulator_inputs(study.problem, scene, [each.name for each in training.mechanisms])
-        trained = [(runs[k], results[k]) for k in own]
+        accepted = scene.measure.accepted_paths
+        inputs = EmulatorInputs(
+            scene,
+            axes=tuple(axis for axis in scene.axes if axis.name in accepted),
+            scales=condition_scales((*scene.rows, *scene.proposed), accepted),
+            candidates=tuple(known_effects(problem).values()),
+            mechanisms=tuple(each.name for each in training.mechanisms),
+        )
+        trained = [each for each in zip(runs, results, strict=True) if each[0].scene == scene.measure.scene]
         faults += run_faults(study, scene, trained)
         try:
-            emulators |= fit_emulators(inputs, trained, study.problem.observables)
+            emulators |= fit_emulators(inputs, trained, problem.observables)
         except SimulationStopped as error:
             told = [fault.sentence for fault in faults if fault.blocks]
             raise SimulationStopped("; ".join([*told, str(error)])) from None
     count = len({request.key for request in requests})
     told = f"{count} runs train the emulator that answers."
-    notes = (told, *inactive_notes(training), *refused, *emulator_notes(emulators))
     return replace(
         study,
         problem=replace(
-            emulated_problem(study.problem, Emulator(emulators)),
+            emulated_problem(problem, Emulator(emulators)),
             mechanisms=training.mechanisms,
             replicates=run_replicates(emulators),
         ),
-        notes=(*study.notes, *notes),
+        notes=(*study.notes, told, *inactive_notes(training), *refused, *emulator_notes(emulators)),
         simulations=count,
         faults=(*study.faults, *faults),
     )
+
+
+def run_faults(
+    study: Study, scene: StudyScene, trained: Sequence[tuple[TrainingRun, RunResult]]
+) -> Iterator[SetUpFault]:
+    """Faults that the runs of one scene show, those of the bare model where there are any."""
+    results = [result for _, result in trained]
+    failures = [result.failure for result in results if result.failure]
+    if failures:
+        name, count = scene.measure.scene.name, f"{len(failures)} of {len(results)}"
+        words = f"{name}: {count} runs stopped and are left out; the first: {failures[0]}"
+        yield SetUpFault("failed_runs", name, words, len(failures) > COMMON * len(results))
+    bare = [result for run, result in trained if not run.effects] or results
+    ended = [result for result in bare if not result.failure]
+    for name in scene.observables:
+        yield from measure_faults(scene, name, ended, study.file.observables[name].same_size)
+
+
+def measure_faults(
+    scene: StudyScene, name: str, ended: Sequence[RunResult], same_size: bool
+) -> Iterator[SetUpFault]:
+    """What most runs lack for one observable, in the words of the run in the middle; why they have no value.
+
+    A measure itself says what it lacks (`measures/shortfalls.py`); here its runs are counted.
+    """
+    measure, blocked = scene.simulator.measures[name], False
+    records = [result.record.get("measures", {}).get(measure.measure, {}) for result in ended]
+    by_flag: dict[str, list[Any]] = {}
+    for each in (each for record in records for each in record.get("shortfalls", ())):
+        by_flag.setdefault(each["flag"], []).append(each)
+    for flag, found in by_flag.items():
+        if len(found) >= COMMON * len(records):
+            middle = sorted(found, key=lambda each: each["found"])[(len(found) - 1) // 2]
+            blocks = bool(middle["blocks"])
+            blocked = blocked or blocks
+            if flag not in SIZE_FLAGS or not same_size:
+                kind = "too_small" if blocks else "not_converged"
+                yield SetUpFault(kind, name, f"{name}: {middle['sentence']}", blocks)
+    missing = sum(not np.isfinite(value_in_unit(result, measure)) for result in ended)
+    if missing > COMMON * len(records) and not blocked:
+        notes = [
+            note for record in records if record.get("value") is None for note in record.get("notes", ())
+        ]
+        why = f"; the first: {notes[0]}" if notes else ""
+        yield SetUpFault(
+            "no_value", name, f"{name}: {missing} of {len(records)} runs have no value{why}", True
+        )
 
 
 def executed(training: TrainingRuns, requests: Sequence[RunRequest], progress: Progress) -> list[RunResult]:
@@ -339,18 +371,6 @@ def requested(training: TrainingRuns) -> tuple[list[TrainingRun], list[RunReques
     return kept, requests, [f"{name} cannot act here: {reason}" for name, reason in refused.items()]
 
 
-def emulator_inputs(problem: Problem, scene: StudyScene, mechanisms: Sequence[str]) -> EmulatorInputs:
-    """Inputs of the emulators of one scene."""
-    accepted = scene.measure.accepted_paths
-    return EmulatorInputs(
-        scene=scene,
-        axes=tuple(axis for axis in scene.axes if axis.name in accepted),
-        scales=condition_scales((*scene.rows, *scene.proposed), accepted),
-        candidates=tuple(known_effects(problem).values()),
-        mechanisms=tuple(mechanisms),
-    )
-
-
 def emulated_problem(problem: Problem, emulator: Emulator) -> Problem:
     """The problem with an emulator for a model, and the covariance of its errors."""
     model = problem.model
@@ -368,10 +388,11 @@ def emulated_problem(problem: Problem, emulator: Emulator) -> Problem:
 def inactive_notes(training: TrainingRuns) -> list[str]:
     """Candidates that no scene of the study can show."""
     notes = []
-    for candidate in training.study.problem.candidates:
-        reasons = [inactive_reason(scene, candidate) for scene in training.scenes]
+    for each in training.study.problem.candidates:
+        strength = expected_strength(each)
+        reasons = [design.inactive_reason(scene, each.name, strength) for scene in training.scenes]
         if all(reason is not None for reason in reasons):
-            notes.append(f"{candidate.name} was not simulated: {reasons[0]}.")
+            notes.append(f"{each.name} was not simulated: {reasons[0]}.")
     return notes
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 
 from taichi_erosion.campaign.study_file import (
     ALL,
@@ -22,7 +22,6 @@ from taichi_erosion.evidence.data.problem import (
     Candidate,
     Measurements,
     Mechanism,
-    Model,
     Observable,
     Parameter,
     Problem,
@@ -30,10 +29,18 @@ from taichi_erosion.evidence.data.problem import (
     Vault,
     with_stated,
 )
-from taichi_erosion.evidence.models.column_units import place_units, study_value_faults
-from taichi_erosion.evidence.models.own_effects import function_candidate, function_effects, with_effects
-from taichi_erosion.evidence.models.plugin import ModelErrorCovariance, NameMapping, Plugin, load_plugin
+from taichi_erosion.evidence.models import simulator
+from taichi_erosion.evidence.models.plugin import (
+    ModelErrorCovariance,
+    ModelWithEffects,
+    NameMapping,
+    function_candidate,
+    function_effects,
+    load_plugin,
+)
 from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
+from taichi_erosion.evidence.models.simulator import Simulator
+from taichi_erosion.evidence.models.table_columns import place_units, study_value_faults
 from taichi_erosion.mechanisms.library import load_mechanisms
 
 BudgetName = Literal["quick", "full"]
@@ -62,12 +69,11 @@ NO_OPTIONS = StudyOptions()
 
 def stated_budget(budget: str | int | None) -> tuple[BudgetName | None, int | None]:
     """Size of the plan and cap on the runs that a user states; raises BadInput for what is neither."""
+    stated = str(budget)
     if budget is None:
         return None, None
-    for name in get_args(BudgetName):
-        if budget == name:
-            return name, None
-    stated = str(budget)
+    if stated in PLANS:
+        return PLANS[PLANS.index(stated)], None
     if stated.isascii() and stated.isdigit() and int(stated) > 0:
         return None, int(stated)
     raise BadInput(f"--budget {stated}: give quick, full, or the most runs, a whole number above 0")
@@ -85,6 +91,7 @@ class Study:
     model: str  # name and version of the model
     store: RunStore
     notes: tuple[str, ...]  # sentences of the report about the table and the vault
+    simulator: Simulator | None = None  # scenes that answer; None for a model function
     simulations: int | None = None  # that trained the emulator; None for a model function
     options: StudyOptions = NO_OPTIONS
     fresh: str = ""  # mark of runs with other seeds than those of the file; "" for the file's own
@@ -101,12 +108,14 @@ class Study:
 class StudyModel:
     """The model of a study, and the effects that may be missing in it."""
 
-    model: Model
+    model: NameMapping
     identity: str  # name and version
     candidates: Sequence[Candidate]
     adopted: tuple[Candidate, ...]
     parameters: tuple[Parameter, ...] = ()  # of effects, to be calibrated with those of the study
-    plugin: Plugin | None = None  # the model function, if it is one
+    uncertainty: ModelErrorCovariance | None = None
+    mechanisms: tuple[Mechanism, ...] = ()  # that a function declares
+    simulator: Simulator | None = None
 
 
 def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
@@ -114,10 +123,7 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     stated = read_evidence_study(path)
     file = with_options(stated, options)
     files = study_effect_files(path, file, options)
-    table = read_table(path.parent / file.study.measurements, file.study.measurements, file)
-    measurements, notes = study_measurements(table, file, str(path), place_units(file, path, files))
-    if impossible := list(study_value_faults(table, file, path.parent)):
-        raise BadInput(*impossible)
+    measurements, notes = study_table(path, file, files)
     vault = file.vault
     hidden, vault_note = split(measurements, vault.fraction, vault.ranges, vault.drawn_from, vault.sources)
     results, digest = results_folder(path, file), content_digest(measurements)
@@ -126,28 +132,42 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
         found = function_model(path, file, store, files)
     else:
         found = scene_model(path, file, results, measurements, files)
-    # a model function may have another name for an observable; a simulator maps its measures itself
-    named = {n: (entry.measure or n) if found.plugin else n for n, entry in file.observables.items()}
-    model, uncertainty = NameMapping(found.model, dict(file.conditions), named), None
-    if found.plugin is not None and found.plugin.covariance is not None:
-        uncertainty = ModelErrorCovariance(found.plugin, model, file.study.seed)
     own = [Parameter(n, p.start, p.low, p.high, p.prior_sd_log) for n, p in file.parameters.items()]
     problem = Problem(
         measurements=measurements,
         observables={name: observable_of(name, entry) for name, entry in file.observables.items()},
         parameters=(*own, *found.parameters),
         candidates=tuple(found.candidates),
-        model=model,
+        model=found.model,
         runs=file.budget.runs,
         vault=Vault(hidden, openings(results, vault.drawn_from or digest)),
         adopted=found.adopted,
-        uncertainty=uncertainty,
-        mechanisms=wanted_mechanisms(path, file, () if found.plugin is None else found.plugin.mechanisms),
+        uncertainty=found.uncertainty,
+        mechanisms=wanted_mechanisms(path, file, found.mechanisms),
     )
-    fresh = "" if file.study.seed == stated.study.seed else f"seed {file.study.seed}|"
-    notes = (*notes, vault_note)
-    found_at = (path, file, problem, results, digest, found.identity, store, notes)
-    return Study(*found_at, options=options, fresh=fresh, effect_files=files)
+    return Study(
+        path,
+        file,
+        problem,
+        results,
+        digest,
+        found.identity,
+        store,
+        (*notes, vault_note),
+        found.simulator,
+        options=options,
+        fresh="" if file.study.seed == stated.study.seed else f"seed {file.study.seed}|",
+        effect_files=files,
+    )
+
+
+def study_table(path: Path, file: StudyFile, files: EffectFiles) -> tuple[Measurements, Sequence[str]]:
+    """Measurements of a study, and what is to be told of them. Raises BadInput."""
+    table = read_table(path.parent / file.study.measurements, file.study.measurements, file)
+    found = study_measurements(table, file, str(path), place_units(file, path, files))
+    if impossible := list(study_value_faults(table, file, path.parent)):
+        raise BadInput(*impossible)
+    return found
 
 
 def wanted_mechanisms(path: Path, file: StudyFile, declared: tuple[Mechanism, ...]) -> tuple[Mechanism, ...]:
@@ -190,27 +210,33 @@ def function_model(path: Path, file: StudyFile, store: RunStore, files: EffectFi
     adopted = tuple(candidate_of(name, entry, own.get(name)) for name, entry in file.adopted.items())
     candidates = candidates_of(file, str(path), own)
     cached = CachedModel(plugin, identity, store, file.budget.runs)
-    model = with_effects(cached, added)
+    # the function may have another name for an observable
+    observables = {name: entry.measure or name for name, entry in file.observables.items()}
+    answering = ModelWithEffects(cached, added) if added else cached
+    model = NameMapping(answering, dict(file.conditions), observables)
+    uncertainty = plugin.covariance and ModelErrorCovariance(plugin, model, file.study.seed)
     named = ", ".join([identity, *(f"{each.path.name} {each.digest}" for each in files)])
-    return StudyModel(model, named, candidates, adopted, plugin=plugin)
+    return StudyModel(
+        model, named, candidates, adopted, uncertainty=uncertainty, mechanisms=plugin.mechanisms
+    )
 
 
 def scene_model(
     path: Path, file: StudyFile, results: Path, measurements: Measurements, files: EffectFiles
 ) -> StudyModel:
-    """Simulator of scenes; its runs stand in the ledger of a campaign."""
-    from taichi_erosion.evidence.models import simulator as scenes
-
+    """Scenes that answer; their runs stand in the ledger of a campaign."""
     runs = results if file.study.runs is None else path.parent / file.study.runs
-    simulator = scenes.study_simulator(path, file, measurements, runs, files)
-    candidates = scenes.library_candidates(file, simulator, str(path))
+    found = simulator.study_simulator(path, file, measurements, runs, files)
+    candidates = simulator.library_candidates(file, found, str(path))
     adopted = tuple(
-        scenes.library_candidate(simulator, name, entry, file.conditions)
+        simulator.library_candidate(found, name, entry, file.conditions)
         for name, entry in file.adopted.items()
     )
-    parameters = scenes.uncertain_parameters(file, simulator, measurements, (*candidates, *adopted))
-    simulator = scenes.accepting(simulator, parameters)
-    return StudyModel(simulator, scenes.scene_identity(simulator), candidates, adopted, parameters)
+    parameters = simulator.uncertain_parameters(file, found, measurements, (*candidates, *adopted))
+    found = simulator.accepting(found, parameters)
+    identity = simulator.scene_identity(found)
+    model = NameMapping(None, dict(file.conditions), {name: name for name in file.observables})
+    return StudyModel(model, identity, candidates, adopted, parameters, simulator=found)
 
 
 def observable_of(name: str, entry: ObservableEntry) -> Observable:

@@ -1,6 +1,10 @@
 """Model function of the user, `module:function`, beside the study file or in an installed package.
 
-Beside it the adapter that maps the study's column and observable names to the model's.
+With it what stands around it: the adapter that maps the study's column and observable names to the model's,
+and effects of the user's own files. A model function has its own effects inside; two kinds of files can be
+added to it: effects of the place `instrument`, which change readings, and laws of a mechanism that the
+function declares, which give it the dose of that mechanism row by row. Any other place acts within a
+simulation, which a function hides.
 """
 
 import contextlib
@@ -9,23 +13,27 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
+from math import isfinite
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 from scipy import linalg
 
+from taichi_erosion.core.effect import Effect
+from taichi_erosion.core.effect_loading import checked_number, effect_in, failures_of
 from taichi_erosion.core.errors import BadInput, SimulationStopped
-from taichi_erosion.core.foreign_code import tell_execution
+from taichi_erosion.core.foreign_code import EffectFile, tell_execution
 from taichi_erosion.evidence.data.problem import (
     Asked,
+    Bools,
+    Candidate,
     Conditions,
     Floats,
     Integers,
     Mechanism,
     Model,
     Numbers,
-    Observable,
     row_count,
 )
 from taichi_erosion.evidence.data.transforms import slope
@@ -79,7 +87,7 @@ def writable_copies(conditions: Conditions) -> Conditions:
 def failures_named(name: str, observable: str) -> Iterator[None]:
     """An error in a user's function becomes SimulationStopped with the function's name."""
     try:
-        with stdout_to_stderr():
+        with contextlib.redirect_stdout(sys.stderr):  # stdout holds the result and nothing else
             yield
     except KeyError as error:
         raise BadInput(f"model {name} does not know {error}: check [candidates] and [parameters]") from error
@@ -97,13 +105,6 @@ def checked_array(found: object, shape: tuple[int, int], meant: str, where: str)
     if values.shape != shape:
         raise BadInput(f"{where}: returned shape {values.shape}; {shape} is needed: {meant}")
     return np.where(np.isfinite(values), values, np.nan)
-
-
-@contextlib.contextmanager
-def stdout_to_stderr() -> Iterator[None]:
-    """Output of a user's function on stderr: stdout holds the result and nothing else."""
-    with contextlib.redirect_stdout(sys.stderr):
-        yield
 
 
 def load_plugin(name: str, folder: Path, file: str) -> Plugin:
@@ -137,7 +138,7 @@ def load_module(name: str, folder: Path, study: str, where: str) -> ModuleType:
     beside = folder.joinpath(*name.split(".")).with_suffix(".py")
     package = name.partition(".")[0]
     try:
-        with stdout_to_stderr(), importable(folder):
+        with contextlib.redirect_stdout(sys.stderr), importable(folder):
             if beside.is_file():
                 tell_execution(beside, study)
                 return module_of_file(name, beside)
@@ -192,7 +193,7 @@ def source_digest(module: ModuleType, where: str) -> str:
 class NameMapping:
     """Adapter that maps the study's names to the model's; conditions that no row states are left out."""
 
-    model: Model
+    model: Model | None  # None: scenes, until an emulator stands for them
     names: dict[str, str]  # column -> what the model calls it
     observables: dict[str, str]  # likewise
 
@@ -200,6 +201,7 @@ class NameMapping:
         self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
     ) -> Floats:
         """Predictions [seed, row]."""
+        assert self.model is not None
         known = self.known(conditions)
         return self.model(self.observables[observable], known, parameters, effects, seeds)
 
@@ -218,15 +220,112 @@ class ModelErrorCovariance:
 
     def __call__(self, asked: Sequence[Asked], parameters: Numbers, effects: Numbers) -> Floats:
         """Covariance [row, row]; those of two observables are apart, and a dose changes none."""
-        parts = [self.own(observable, at, parameters, effects) for observable, at, _ in asked]
+        parts = []
+        for observable, conditions, _ in asked:
+            name, known = self.mapped.observables[observable.name], self.mapped.known(conditions)
+            value = self.mapped(observable.name, conditions, parameters, effects, np.array([self.seed]))[0]
+            steepness = slope(observable, value)
+            own = self.plugin.own_covariance(name, known, parameters, effects)
+            parts.append(own * np.outer(steepness, steepness))
         return np.asarray(linalg.block_diag(*parts), dtype=np.float64)
 
-    def own(
-        self, observable: Observable, conditions: Conditions, parameters: Numbers, effects: Numbers
+
+@dataclass(frozen=True)
+class ModelWithEffects:
+    """A model function with effects of files: laws for the doses of its mechanisms, then instruments.
+
+    One of strength 0 is not called.
+    """
+
+    model: Model
+    effects: Mapping[str, Effect]
+
+    def __call__(
+        self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
     ) -> Floats:
-        """Covariance [row, row] of one observable."""
-        name, known = self.mapped.observables[observable.name], self.mapped.known(conditions)
-        value = self.mapped(observable.name, conditions, parameters, effects, np.array([self.seed]))[0]
-        steepness = slope(observable, value)
-        own = self.plugin.own_covariance(name, known, parameters, effects)
-        return own * np.outer(steepness, steepness)
+        """Values [seed, row], instruments in order of name; rows of the same doses are asked together."""
+        acting = {name: effects[name] for name in sorted(self.effects) if effects.get(name, 0.0) != 0.0}
+        inside = {name: strength for name, strength in effects.items() if name not in self.effects}
+        doses: dict[str, Floats] = {}
+        for law, strength in ((self.effects[name], strength) for name, strength in acting.items()):
+            if law.place != "instrument":
+                before = doses.get(law.mechanism, np.zeros(row_count(conditions)))
+                doses[law.mechanism] = before + strength * row_doses(law, conditions)
+        if doses:
+            table = np.column_stack(list(doses.values()))
+            _, kinds = np.unique(table, axis=0, return_inverse=True)
+            values = np.empty((seeds.size, row_count(conditions)))
+            for kind in np.unique(kinds):
+                rows = np.flatnonzero(kinds.reshape(-1) == kind)
+                own = {name: column[rows] for name, column in conditions.items()}
+                dosed = inside | {name: float(column[rows[0]]) for name, column in doses.items()}
+                values[:, rows] = self.model(observable, own, parameters, dosed, seeds)
+        else:
+            values = self.model(observable, conditions, parameters, inside, seeds)
+        for name, strength in acting.items():
+            if self.effects[name].place == "instrument":
+                values = read_through(self.effects[name], strength, conditions, observable, values)
+        return values
+
+
+def row_doses(law: Effect, conditions: Conditions) -> Floats:
+    """Dose of strength 1 in every row."""
+    params, doses = law.params(), np.zeros(row_count(conditions))
+    with failures_of(law, "dose"):
+        for row in range(doses.size):
+            doses[row] = law.dose(params, known_at(conditions, row))
+    return doses
+
+
+def read_through(
+    effect: Effect, strength: float, conditions: Conditions, observable: str, values: Floats
+) -> Floats:
+    """Values [seed, row] as one instrument shows them."""
+    params, read = effect.params(), values.copy()
+    with failures_of(effect, "act"):
+        for seed, row in np.ndindex(values.shape):
+            known, value = known_at(conditions, row), float(values[seed, row])
+            read[seed, row] = checked_number(effect, effect.act(params, strength, known, observable, value))
+    return read
+
+
+def known_at(conditions: Conditions, row: int) -> Numbers:
+    """Conditions that one row states."""
+    return {name: float(column[row]) for name, column in conditions.items() if isfinite(column[row])}
+
+
+def function_effects(
+    path: Path, files: tuple[EffectFile, ...], mechanisms: tuple[Mechanism, ...]
+) -> dict[str, Effect]:
+    """Effects of some files by name. Raises BadInput for one that a model function cannot take."""
+    found: dict[str, Effect] = {}
+    places = {mechanism.name for mechanism in mechanisms}
+    for file in files:
+        effect = effect_in(file)
+        if effect.place != "instrument" and effect.mechanism not in places:
+            raise BadInput(
+                f"{path}: effect '{effect.name}' of {file} has place '{effect.place}', which acts inside a "
+                "simulation; a study with model = ... takes effects of place 'instrument', and laws of the "
+                "mechanisms that its function declares"
+            )
+        if effect.name in found:
+            raise BadInput(f"{file}: effect '{effect.name}' exists already in another file")
+        found[effect.name] = effect
+    return found
+
+
+def function_candidate(effect: Effect, columns: Mapping[str, str]) -> Candidate:
+    """An effect of a file as a candidate with its priors; `columns` are names of the model by the study."""
+
+    def by_model(conditions: Conditions) -> Conditions:
+        return {columns[name]: column for name, column in conditions.items()}
+
+    def acts(conditions: Conditions) -> Bools:
+        able = np.asarray(effect.can_act(by_model(conditions)), dtype=np.bool_)
+        return np.broadcast_to(able, row_count(conditions))
+
+    def dose(conditions: Conditions) -> Floats:
+        return row_doses(effect, by_model(conditions))
+
+    signs, law = tuple(effect.expected.items()), dose if effect.mechanism else None
+    return Candidate(effect.name, effect.prior_scale, effect.most, acts, law, signs)

@@ -51,7 +51,6 @@ class ModelCost:
     """Cost of a model so far."""
 
     runs: int = 0  # a run is one set-up, evaluated with one seed
-    failures: int = 0  # values that could not be computed
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,6 @@ class Predictor:
     axes: tuple[Axis, ...]
     candidates: tuple[Candidate, ...]
     uncertainty: Uncertainty | None = None
-    offset: Floats | None = None  # (n,), added to every value
     cost: ModelCost = field(default_factory=ModelCost)
     cache: dict[Key, Floats] = field(default_factory=dict)
     spectra: dict[bytes, Spectrum] = field(default_factory=dict)  # of smooth functions over some rows
@@ -74,15 +72,8 @@ class Predictor:
         self, observables: tuple[Observable, ...], which: Integers, conditions: Conditions
     ) -> "Predictor":
         """The same model and cost counter with other rows."""
-        return replace(
-            self,
-            observables=observables,
-            which=which,
-            conditions=conditions,
-            offset=None,
-            cache={},
-            spectra={},
-        )
+        rows = {"observables": observables, "which": which, "conditions": conditions}
+        return replace(self, **rows, cache={}, spectra={})
 
     def at_conditions(self, conditions: Conditions) -> "Predictor":
         """The same rows with other values of some conditions."""
@@ -90,15 +81,12 @@ class Predictor:
 
     @cached_property
     def requests(self) -> tuple[tuple[Observable, Integers, Conditions], ...]:
-        """Every observable that has rows, these rows, and their conditions as read-only arrays."""
-        parts = []
-        for observable, rows in zip(self.observables, self.rows, strict=True):
-            if rows.size:
-                chosen = {name: column[rows] for name, column in self.conditions.items()}
-                for column in chosen.values():
-                    column.setflags(write=False)
-                parts.append((observable, rows, chosen))
-        return tuple(parts)
+        """Every observable that has rows, these rows, and their conditions."""
+        return tuple(
+            (observable, rows, {name: column[rows] for name, column in self.conditions.items()})
+            for observable, rows in zip(self.observables, self.rows, strict=True)
+            if rows.size
+        )
 
     @cached_property
     def rows(self) -> tuple[Integers, ...]:
@@ -131,14 +119,8 @@ class Predictor:
             own: dict[str, Any] = effects | {name: dose[rows] for name, dose in (doses or {}).items()}
             answer = self.model(observable.name, dict(chosen), dict(parameters), dict(own), seeds)
             result[:, rows] = to_scale(observable, np.asarray(answer, dtype=float))
-        if self.offset is not None:
-            result += self.offset
         self.cost.runs += int(seeds.size * self.which.size)
-        failed = ~np.isfinite(result)
-        if failed.any():
-            self.cost.failures += int(failed.sum())
-            result[failed] = np.nan
-        return result
+        return np.where(np.isfinite(result), result, np.nan)
 
     def model_errors(self, x: Floats, acting: Numbers, doses: Mapping[str, Floats] | None = None) -> Floats:
         """Factor F (n, r) of the covariance F F^T of the model's own errors at one setting.
@@ -162,11 +144,6 @@ class Predictor:
 
 def seed_mean(values: Floats) -> Floats:
     """Mean over the seeds that succeeded."""
-    if values.shape[0] == 1:
-        return values[0]
-    mean = np.add.reduce(values, axis=0) / values.shape[0]
-    if np.isfinite(np.add.reduce(mean)):  # all succeeded
-        return mean
     good = np.isfinite(values)
     count = good.sum(axis=0)
     total = np.where(good, values, 0.0).sum(axis=0)

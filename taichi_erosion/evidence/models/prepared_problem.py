@@ -2,6 +2,18 @@
 
 Seeds for fitting and for scoring are disjoint: settings are compared with few seeds that they share, and the
 mean of many others says where they all lie.
+
+Errors of stated conditions are propagated through the slope of the model (effective variance). A row says
+that a condition was c; in truth it was c + s u, with u ~ N(0, 1) and s the `sd of` that condition:
+
+    z = m(c + s u) + e ~ m(c) + F u + e,    F = s dm/dc
+
+The columns of F are errors that rows share: the rows of one set-up under the same conditions share one u.
+This is right for a condition that was set to c and then differs from it (Berkson). One that was measured,
+with an error, is taken so too: a law along it comes out too flat (regression dilution).
+
+Reference: Orear (1982), Am. J. Phys. 50, 912 (effective variance); Carroll, Ruppert, Stefanski & Crainiceanu
+(2006), Measurement Error in Nonlinear Models, chapter 1 (Berkson and classical errors).
 """
 
 from collections.abc import Iterator, Mapping
@@ -11,14 +23,16 @@ from functools import cached_property
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows, condition_numbers
 from taichi_erosion.evidence.data.heap_correlation import HeapCorrelation, correlated, heap_correlation
 from taichi_erosion.evidence.data.problem import (
     MOST_SETTINGS,
     Bools,
+    Conditions,
     Floats,
     Integers,
     Measurements,
+    Numbers,
     Observable,
     Problem,
 )
@@ -30,9 +44,9 @@ from taichi_erosion.evidence.data.transforms import (
     parameter_axis,
     working,
 )
-from taichi_erosion.evidence.models.condition_errors import ConditionErrors, condition_errors, error_columns
-from taichi_erosion.evidence.models.predictor import Predictor, seed_mean, seed_variance
+from taichi_erosion.evidence.models.predictor import Predictor, paired_change, seed_mean, seed_variance
 
+SLOPE_SEED = 1  # of the runs from which slopes along conditions are taken
 PROBE_SEEDS = 4  # enough to see whether the model has noise at all, and how much
 NOISE_SHARE = 0.1  # of the laboratory's variance that the simulator's own may reach
 SCORING_FACTOR = 4  # scoring seeds per fitting seed: scored once, fitted many times
@@ -40,6 +54,14 @@ BARE, EACH = 25, 9  # settings of an answer without candidates, and for each can
 MOST_FITTING = 16
 NO_VALUE = "the model gives no value at"  # first words of a warning on conditions that are left out
 UNKNOWN_NOISE = 1e-12  # variance where neither side has noise: keeps divisions finite
+
+
+@dataclass(frozen=True)
+class ConditionErrors:
+    """Standard deviations of stated conditions, and the rows that share an error."""
+
+    sd: Conditions  # (n,) by condition, 0 where the condition is exact
+    cell: Integers  # (n,), number of the set-up and its conditions
 
 
 @dataclass(frozen=True)
@@ -88,17 +110,12 @@ class PreparedProblem:
         return Whitening(self.sd, root=(vectors / np.sqrt(values)) @ vectors.T)
 
     @cached_property
-    def white_reach(self) -> Floats:
-        """Reach of censored values, in sd of each row."""
-        return self.rows.reach / self.sd
-
-    @cached_property
     def noisy(self) -> bool:
         return bool(np.any(self.seed_variance > 0.0))
 
     def working(self, mean: Floats) -> Working:
         """Whitened residual of a predicted mean (n,), censored rows as ordinary ones."""
-        return working(self.white(self.rows.z - mean), self.white_reach)
+        return working(self.white(self.rows.z - mean), self.rows.reach / self.sd)
 
     def model_errors(
         self, x: Floats, acting: dict[str, float], doses: Mapping[str, Floats] | None = None
@@ -159,17 +176,8 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
     rows, variance = rows.rows(known), variance[known]
     predictor = predictor.over(rows.observables, rows.which, rows.conditions)
     total = rows.variance + variance / seeds.scoring.size + UNKNOWN_NOISE
-    errors = condition_errors(rows)
     return PreparedProblem(
-        problem,
-        rows,
-        predictor,
-        seeds,
-        variance,
-        total,
-        tuple(warnings),
-        condition_errors=errors,
-        heaps=heaps,
+        problem, rows, predictor, seeds, variance, total, tuple(warnings), condition_errors(rows), heaps
     )
 
 
@@ -196,3 +204,41 @@ def seed_counts(problem: Problem, rows: ComparisonRows, variance: Floats, noisy:
         most = settings / usual_settings(numbers, len(problem.candidates))
         count = int(np.clip(np.ceil(share / NOISE_SHARE), 2, max(2, min(most, MOST_FITTING))))
     return count, count * SCORING_FACTOR if noisy else 1
+
+
+def condition_errors(rows: ComparisonRows) -> ConditionErrors | None:
+    """Errors of the conditions of some rows; None where every condition is exact."""
+    stated = {name: np.nan_to_num(column) for name, column in rows.condition_sd.items()}
+    stated = {name: column for name, column in stated.items() if np.any(column > 0.0)}
+    if not stated:
+        return None
+    cells = zip(rows.group, rows.source, condition_numbers(rows), strict=True)
+    keys = ["|".join(map(str, each)) for each in cells]
+    cell = np.unique(keys, return_inverse=True)[1].astype(np.int64)
+    return ConditionErrors(stated, cell)
+
+
+def error_columns(errors: ConditionErrors, predictor: Predictor, x: Floats, acting: Numbers) -> Floats:
+    """Change of the mean (n, q) by one sd of the condition of each set-up: F above."""
+    parts = [np.zeros((predictor.which.size, 0))]
+    for name, sd in errors.sd.items():
+        change = change_along(predictor, name, sd, x, acting)
+        column = errors.cell[:, np.newaxis] == np.unique(errors.cell[sd > 0.0])
+        parts.append(np.where(column, change[:, np.newaxis], 0.0))
+    return np.hstack(parts)
+
+
+def change_along(predictor: Predictor, name: str, sd: Floats, x: Floats, acting: Numbers) -> Floats:
+    """Half the difference of the mean one sd above and below; 0 where the model fails.
+
+    A condition that is nowhere negative is not taken below 0.
+    """
+    stated = predictor.conditions[name]
+    least = 0.0 if np.nanmin(stated) >= 0.0 else -np.inf
+    ends = [np.maximum(stated - sd, least), stated + sd]
+    seeds = draw_seeds(np.random.default_rng(SLOPE_SEED), PROBE_SEEDS)
+    runs = [predictor.at_conditions({name: end}).predict(x, acting, seeds) for end in ends]
+    width = ends[1] - ends[0]
+    change = paired_change(runs[1], runs[0], predictor)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.nan_to_num(np.where(width > 0.0, change * sd / width, 0.0))

@@ -18,7 +18,6 @@ Reference: Bagnold (1941) for the threshold, Ungar & Haff (1987), Sedimentology 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite
 
 import numpy as np
 from scipy.special import ndtri
@@ -187,11 +186,7 @@ PARAMETERS = {
     "friction_sliding": 0.5,
     "friction_rolling": 0.1,
 }
-SCATTER = {
-    "threshold_u_star": 0.02,
-    "flux": 0.08,
-    "repose_angle": 0.5,
-}  # of one seed: relative, relative, deg
+SCATTER = {"threshold_u_star": 0.02, "flux": 0.08, "repose_angle": 0.5}  # of one seed; relative, or deg
 DEFAULT_COLUMNS: Conditions = {name: np.asarray(value) for name, value in DEFAULTS.items()}
 GOLDEN, LAST_SHIFT = np.uint64(0x9E3779B97F4A7C15), np.uint64(31)  # of splitmix64
 MIXERS = ((np.uint64(30), np.uint64(0xBF58476D1CE4E5B9)), (np.uint64(27), np.uint64(0x94D049BB133111EB)))
@@ -210,13 +205,8 @@ def predict(
 def expected(observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers) -> Floats:
     """The model without its scatter."""
     at = complete_conditions(conditions)
-    return expected_at(observable, row_count(conditions), at, parameters, effects)
-
-
-def expected_at(observable: str, count: int, at: Conditions, parameters: Numbers, effects: Numbers) -> Floats:
-    """The same in `count` rows under complete conditions."""
-    shifts = [EFFECTS[k](v, at) for k, v in effects.items() if v != 0.0]
-    return shifted(observable, count, at, {**PARAMETERS, **parameters}, shifts)
+    shifts = [EFFECTS[name](psi, at) for name, psi in effects.items() if psi != 0.0]
+    return shifted(observable, row_count(conditions), at, {**PARAMETERS, **parameters}, shifts)
 
 
 def shifted(observable: str, count: int, at: Conditions, given: Numbers, shifts: list[Shift]) -> Floats:
@@ -239,12 +229,11 @@ def shifted(observable: str, count: int, at: Conditions, given: Numbers, shifts:
 
 def complete_conditions(conditions: Conditions) -> Conditions:
     """Conditions with the default where one is not given or not known; a default alone stays one number."""
-    if isfinite(np.add.reduce(sum(conditions.values()), axis=None)):  # one pass, where most are complete
-        return DEFAULT_COLUMNS | conditions
-    complete = dict(DEFAULT_COLUMNS)
-    for name, column in conditions.items():
-        complete[name] = np.where(np.isfinite(column), column, DEFAULTS.get(name, 0.0))
-    return complete
+    known = {
+        name: np.where(np.isfinite(column), column, DEFAULTS.get(name, 0.0))
+        for name, column in conditions.items()
+    }
+    return DEFAULT_COLUMNS | known
 
 
 def disturbance(observable: str, conditions: Conditions, seeds: Integers) -> Floats:

@@ -17,7 +17,6 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Model, Numbers, row_count
 
 FILE = "runs.sqlite"
-MOST_ASKED = 500  # keys of one query; SQLite takes 999 and more
 COMMIT_INTERVAL = 1.0  # s; what a kill may lose
 TABLE = "CREATE TABLE IF NOT EXISTS run (key BLOB PRIMARY KEY, result BLOB NOT NULL)"
 
@@ -36,11 +35,9 @@ class RunStore:
         known = {key: self.pending[key] for key in keys if key in self.pending}
         asked = [key for key in dict.fromkeys(keys) if key not in known]
         if asked and (self.database is not None or self.file.exists()):
-            for first in range(0, len(asked), MOST_ASKED):
-                some = asked[first : first + MOST_ASKED]
-                marks = ", ".join("?" * len(some))
-                rows = self.opened().rows(f"SELECT key, result FROM run WHERE key IN ({marks})", some)
-                known |= {key: np.frombuffer(result, dtype="<f8") for key, result in rows}
+            marks = ", ".join("?" * len(asked))
+            rows = self.opened().rows(f"SELECT key, result FROM run WHERE key IN ({marks})", asked)
+            known |= {key: np.frombuffer(result, dtype="<f8") for key, result in rows}
         return known
 
     def put(self, key: bytes, values: Floats) -> None:

@@ -1,32 +1,28 @@
-"""Simulator as a study's model: conditions, parameters and effect strengths become entries of scene files.
+"""Scenes that answer a study: conditions, parameters and effect strengths become entries of scene files.
 
-Every (condition, seed) of a request is one replica of a campaign; what stands in the ledger of the results
-folder is not run again. A seed fixes packing and every random number, so that runs with and without an effect
-are paired. A condition that nothing in a run reads does not enter it: the bare model is run once for all
-moistures, and where an effect cannot act the run is that of the bare model.
+A condition that nothing in a run reads does not enter it: the bare model is run once for all moistures, and
+where an effect cannot act the run is that of the bare model.
 """
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from math import isfinite
 from pathlib import Path
 
 import numpy as np
 
-from taichi_erosion.campaign.execute import execute
 from taichi_erosion.campaign.ledger import Ledger, open_ledger
-from taichi_erosion.campaign.request import CPU, RunRequest, RunResult, request_of
+from taichi_erosion.campaign.request import CPU, RunResult
 from taichi_erosion.campaign.study_file import ALL, AdoptedEntry, CandidateEntry, StudyFile, WorkersEntry
 from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.effect_loading import effect_in, failures_of
-from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import (
     Bools,
     Candidate,
     Conditions,
     Floats,
-    Integers,
     Measurements,
     Numbers,
     Parameter,
@@ -70,23 +66,6 @@ class Simulator:
     device: WorkersEntry = CPU
     ledger: Ledger | None = field(default=None, repr=False)
 
-    def __call__(
-        self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
-    ) -> Floats:
-        """Predictions [seed, row]; NaN where a run failed. Raises SimulationStopped where all did."""
-        measure = self.measures[observable]
-        requests: list[RunRequest] = []
-        for row in range(row_count(conditions)):
-            at = {
-                path: float(column[row]) for name, column in conditions.items() for path in dotted_paths(name)
-            }
-            scene = self.scene(measure.scene, self.overrides(measure, at, parameters, effects))
-            requests += [request_of(scene, int(seed), device=self.device) for seed in seeds]
-        results = execute(requests, self.opened())
-        refuse_if_all_failed(results, observable)
-        values = np.array([value_in_unit(result, measure) for result in results])
-        return values.reshape(-1, len(seeds)).T
-
     def overrides(
         self,
         measure: SceneMeasure,
@@ -100,16 +79,14 @@ class Simulator:
         }
         present = {*acting, *self.acting_effects(measure.scene)}
         read = {name for effect in present for name in self.library[effect].reads}
-        kept = {
-            path: value for path, value in at.items() if isfinite(value) and condition_matters(path, read)
-        }
-        numbers = {
+        known = {path: each for path, each in at.items() if isfinite(each) and condition_matters(path, read)}
+        entries = {
             path: value
-            for path, value in {**kept, **parameters}.items()
+            for path, value in (known | dict(parameters)).items()
             if path in measure.accepted_paths and parameter_matters(path, present)
         }
-        sizes = {name: DOSE if name in self.mechanisms else STRENGTH for name in acting}
-        entries = numbers | {f"effects.{name}.{sizes[name]}": psi for name, psi in acting.items()}
+        for name, psi in acting.items():
+            entries[f"effects.{name}.{DOSE if name in self.mechanisms else STRENGTH}"] = psi
         return tuple(f"{path}={float(value)!r}" for path, value in entries.items())
 
     def with_mechanisms(self, names: Sequence[str]) -> "Simulator":
@@ -198,6 +175,11 @@ def dotted_paths(name: str) -> list[str]:
     return [path.strip() for path in name.split(",")]
 
 
+def row_at(conditions: Conditions, row: int) -> Numbers:
+    """Conditions of one row by dotted path."""
+    return {path: float(column[row]) for name, column in conditions.items() for path in dotted_paths(name)}
+
+
 def value_in_unit(result: RunResult, measure: SceneMeasure) -> float:
     """Measured value in the study's unit, NaN where there is none."""
     unit = result.record.get("measures", {}).get(measure.measure, {}).get("unit")
@@ -211,30 +193,25 @@ def value_in_unit(result: RunResult, measure: SceneMeasure) -> float:
     return factor * result.value(measure.measure)
 
 
-def refuse_if_all_failed(results: Sequence[RunResult], observable: str) -> None:
-    """Raise SimulationStopped where no run came to its end."""
-    failures = [result.failure for result in results if result.failure]
-    if results and len(failures) == len(results):
-        raise SimulationStopped(f"{observable}: all {len(results)} runs stopped; the first: {failures[0]}")
-
-
 def study_simulator(
     path: Path, file: StudyFile, table: Measurements, folder: Path, effect_files: EffectFiles = ()
 ) -> Simulator:
     """Simulator of the scenes of a study; raises BadInput where a scene cannot answer."""
     from taichi_erosion.effects import load_library
 
-    scenes = {(path.parent / str(entry.scene)).resolve() for entry in file.observables.values()}
-    files = all_effect_files(sorted(scenes), effect_files)
+    scenes = {name: (path.parent / str(each.scene)).resolve() for name, each in file.observables.items()}
+    read = [cached_scene(scene, (), effect_files) for scene in sorted({*scenes.values()})]
+    files = tuple(
+        dict.fromkeys((*effect_files, *(each for scene in read for each in scene_effect_files(scene))))
+    )
     own = tuple(effect_in(each).name for each in effect_files)
     simulator = Simulator({}, load_library(files), folder, files, own, device=file.campaign)
     numbers = scene_numbers(file, table)
     units = dict(zip(table.observable, table.unit, strict=True))
     measures, refusals = {}, {}
     for name, entry in file.observables.items():
-        assert entry.scene is not None
-        scene = (path.parent / entry.scene).resolve()
-        measure, there = entry.measure or name, simulator.scene(scene).measure
+        scene, measure = scenes[name], entry.measure or name
+        there = simulator.scene(scene).measure
         if measure not in there:
             found = f"{entry.scene} measures {', '.join(there) or 'nothing'}, not {measure}"
             raise BadInput(f"{path}: observables.{name}: {found}")
@@ -247,22 +224,13 @@ def study_simulator(
     return replace(simulator, measures=measures)
 
 
-def all_effect_files(scenes: Sequence[Path], effect_files: EffectFiles) -> EffectFiles:
-    """Effect files of a study and those that its scenes name."""
-    named = [each for scene in scenes for each in scene_effect_files(cached_scene(scene, (), effect_files))]
-    return tuple(dict.fromkeys((*effect_files, *named)))
-
-
 def scene_numbers(file: StudyFile, table: Measurements) -> Numbers:
     """Numbers that the study sets in scenes, each with a value that it will have."""
-    measured = {
-        path: column[np.isfinite(column)]
-        for name, paths in file.conditions.items()
-        for path in dotted_paths(paths)
-        for column in (table.conditions[name],)
-    }
-    conditions = {path: float(known[0]) for path, known in measured.items() if known.size}
-    return conditions | {name: entry.start for name, entry in file.parameters.items()}
+    found: Numbers = {}
+    for name, paths in file.conditions.items():
+        known = table.conditions[name][np.isfinite(table.conditions[name])]
+        found |= {path: float(known[0]) for path in dotted_paths(paths) if known.size}
+    return found | {name: entry.start for name, entry in file.parameters.items()}
 
 
 def refusal(simulator: Simulator, scene: Path, number: str, value: float) -> str | None:
@@ -287,9 +255,8 @@ def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list
     An effect that acts in a scene of the study is part of its model, and no candidate.
     """
     wanted, library = file.candidates, simulator.library
-    acting = {
-        each for measure in simulator.measures.values() for each in simulator.acting_effects(measure.scene)
-    }
+    scenes = {measure.scene for measure in simulator.measures.values()}
+    acting = {each for scene in scenes for each in simulator.acting_effects(scene)}
     names = list(library) if wanted.effects == (ALL,) else list(wanted.effects or wanted.tables)
     if wanted.effects != (ALL,) and (twice := acting.intersection(names) - set(file.adopted)):
         raise BadInput(f"{name}: candidates.{min(twice)} acts in a scene already: it is part of the model")
@@ -308,23 +275,25 @@ def library_candidate(
     simulator: Simulator, name: str, entry: CandidateEntry | AdoptedEntry, columns: Mapping[str, str]
 ) -> Candidate:
     """One effect; the study overrides the library."""
-    effect = simulator.library[name]
-    acts = partial(can_act, simulator, effect, dict(columns))
-    dose = partial(law_doses, simulator, effect, dict(columns)) if effect.mechanism else None
-    known = Candidate(name, effect.prior_scale, effect.most, acts, dose, tuple(effect.expected.items()))
+    effect, scenes = simulator.library[name], {measure.scene for measure in simulator.measures.values()}
+    first = next(iter(simulator.measures.values())).scene
+
+    def by_path(conditions: Conditions) -> Conditions:
+        return {path: each for name, each in conditions.items() for path in dotted_paths(columns[name])}
+
+    def acts(conditions: Conditions) -> Bools:
+        """Rows in which it can act in some scene of the study."""
+        return np.any([simulator.effect_mask(effect, by_path(conditions), scene) for scene in scenes], axis=0)
+
+    def dose(conditions: Conditions) -> Floats:
+        """Dose of a law of a mechanism at strength 1 in every row, in the first scene of the study."""
+        with failures_of(effect, "dose"):
+            doses = effect.dose(effect.params(), simulator.known_conditions(by_path(conditions), first))
+        return np.broadcast_to(np.asarray(doses, dtype=np.float64), row_count(conditions))
+
+    law, signs = dose if effect.mechanism else None, tuple(effect.expected.items())
+    known = Candidate(name, effect.prior_scale, effect.most, acts, law, signs)
     return with_stated(known, prior_scale=entry.prior_scale, maximum=entry.max)
-
-
-def law_doses(
-    simulator: Simulator, effect: Effect, columns: Mapping[str, str], conditions: Conditions
-) -> Floats:
-    """Dose of a law of a mechanism at strength 1 in every row of a table, in the first scene of the study."""
-    by_path = {path: column for name, column in conditions.items() for path in dotted_paths(columns[name])}
-    scene = next(iter(simulator.measures.values())).scene
-    known = simulator.known_conditions(by_path, scene)
-    with failures_of(effect, "dose"):
-        doses = effect.dose(effect.params(), known)
-    return np.broadcast_to(np.asarray(doses, dtype=np.float64), row_count(conditions))
 
 
 def uncertain_parameters(
@@ -338,25 +307,20 @@ def uncertain_parameters(
     found = []
     for candidate in candidates:
         effect = simulator.library[candidate.name]
-        ranges = {f.name: f.metadata for f in fields(effect.params)}
-        if effect.uncertain and level_count(file, table, candidate, effect) > 1:
-            for name, sd in effect.uncertain.items():
-                path = f"effects.{effect.name}.{name}"
-                start, low, high = (
-                    stated_value(simulator, effect, name),
-                    ranges[name]["low"],
-                    ranges[name]["high"],
-                )
-                found.append(Parameter(path, start, low, high, sd))
-    return tuple(number for number in found if number.path not in file.parameters)
+        ranges = {each.name: each.metadata for each in fields(effect.params)}
+        if not effect.uncertain or level_count(file, table, candidate, effect) < 2:
+            continue
+        for name, sd in effect.uncertain.items():
+            path, start = f"effects.{effect.name}.{name}", stated_value(simulator, effect, name)
+            if path not in file.parameters:
+                found.append(Parameter(path, start, ranges[name]["low"], ranges[name]["high"], sd))
+    return tuple(found)
 
 
 def level_count(file: StudyFile, table: Measurements, candidate: Candidate, effect: Effect) -> int:
     """Different values of the conditions that an effect reads, among the rows where it can act."""
     read = {f"{CONDITIONS}{name}" for name in effect.reads}
-    columns = [
-        table.conditions[name] for name, paths in file.conditions.items() if read & {*dotted_paths(paths)}
-    ]
+    columns = [table.conditions[name] for name, p in file.conditions.items() if read & {*dotted_paths(p)}]
     mask = np.ones(table.size, bool) if candidate.mask is None else candidate.mask(table.conditions)
     return len({tuple(f"{column[i]:.9g}" for column in columns) for i in np.flatnonzero(mask)})
 
@@ -378,12 +342,3 @@ def accepting(simulator: Simulator, numbers: Sequence[Parameter]) -> Simulator:
         for name, measure in simulator.measures.items()
     }
     return replace(simulator, measures=measures)
-
-
-def can_act(
-    simulator: Simulator, effect: Effect, columns: Mapping[str, str], conditions: Conditions
-) -> Bools:
-    """Rows of a table in which an effect can act in some scene of the study."""
-    by_path = {path: column for name, column in conditions.items() for path in dotted_paths(columns[name])}
-    scenes = {measure.scene for measure in simulator.measures.values()}
-    return np.any([simulator.effect_mask(effect, by_path, scene) for scene in scenes], axis=0)

@@ -25,9 +25,8 @@ from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, compari
 from taichi_erosion.evidence.data.heap_correlation import correlated
 from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.data.transforms import from_scale, slope, working
-from taichi_erosion.evidence.models.condition_errors import condition_errors
-from taichi_erosion.evidence.models.new_conditions import NewConditions
-from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, condition_errors
+from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.blocks import Block, dose_columns, nuisance, unlisted
 from taichi_erosion.evidence.race.doses import dosings, from_axis
 from taichi_erosion.evidence.race.expansion import RaceModel

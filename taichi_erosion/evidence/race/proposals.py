@@ -22,8 +22,8 @@ from scipy.stats import norm
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.problem import Floats, Integers, Laboratory
 from taichi_erosion.evidence.data.transforms import from_scale
-from taichi_erosion.evidence.models.new_conditions import NewConditions
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis
 from taichi_erosion.evidence.race.outlook import Elsewhere, elsewhere, kappa, new_rows, outlook
 from taichi_erosion.evidence.race.posterior import Posterior

@@ -9,7 +9,7 @@ import pytest
 from taichi_erosion.evidence.answers.commands import adopt_study, no_progress
 from taichi_erosion.evidence.answers.predictions import predict_study, prediction, read_prediction
 from taichi_erosion.evidence.data.problem import Vault
-from taichi_erosion.evidence.models.new_conditions import NewConditions
+from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.outlook import elsewhere, forecast, left_out, new_rows
 from taichi_erosion.evidence.race.posterior import raced
 from tests.evidence.linear_study import linear_problem

@@ -9,8 +9,8 @@ import pytest
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.data.measured import read_table
-from taichi_erosion.evidence.models.condition_errors import condition_errors
 from taichi_erosion.evidence.models.load_study import load_study
+from taichi_erosion.evidence.models.prepared_problem import condition_errors
 from tests.evidence.small_study import study_text, table_text
 
 TIDY = "observable,value,n,unit,group,moisture [%],sd of moisture [%],diameter,sd of set diameter\n"

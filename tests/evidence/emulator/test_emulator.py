@@ -24,7 +24,7 @@ def emulators(rho: float, seed: int, one_scene: bool = True) -> dict[str, Observ
     smooth = 0.6 * x[:, 0] - 0.3 * x[:, 1] + 0.4 * c[:, 0] + 0.1 * x[:, 0] * c[:, 0]
     errors = random.standard_normal((RUNS, 2)) @ np.linalg.cholesky([[1.0, rho], [rho, 1.0]]).T
     points = Points(x, c, np.zeros((RUNS, 0)))
-    active = ActiveInputs(np.ones(1, bool), np.zeros((0, 1), bool), np.ones(2, bool), np.zeros((0, 2), bool))
+    active = ActiveInputs(conditions=np.ones((1, 1), bool), numbers=np.ones((1, 2), bool))
     scene, found = cast(Any, object()), {}
     for k, (name, sign) in enumerate((("height", 1.0), ("width", -0.7))):
         process = fit_gaussian_process(points, sign * smooth + SCATTER * errors[:, k], active)

@@ -8,10 +8,7 @@ from taichi_erosion.evidence.emulator.emulator import strength_position
 from taichi_erosion.evidence.emulator.gaussian_process import ActiveInputs, Points, fit_gaussian_process
 
 READS = ActiveInputs(
-    bare=np.array([True, False]),
-    effects=np.array([[True, True], [True, False]]),
-    bare_numbers=np.array([True, True]),
-    effect_numbers=np.array([[True, True], [True, True]]),
+    conditions=np.array([[True, False], [True, True], [True, False]]), numbers=np.ones((3, 2), bool)
 )
 SCATTER = 0.2
 
@@ -41,7 +38,7 @@ def joined(*parts: Points) -> Points:
 
 
 def test_a_number_of_an_effect_moves_nothing_without_it_and_is_learnt_with_it():
-    own = replace(READS, bare_numbers=np.array([True, False]))
+    own = replace(READS, numbers=np.array([[True, False], [True, True], [True, True]]))
     generator = np.random.default_rng(9)
     known = joined(drawn(generator, 40, None), drawn(generator, 40, 0))
 
@@ -114,11 +111,11 @@ def test_an_effect_that_saturates_is_predicted_within_the_stated_errors():
         return 0.6 * (1.0 - np.exp(-strength / 0.42)) + 0.03 * strength
 
     asked, off = np.array([0.15, 0.6, 0.9, 1.2, 1.8, 2.4]), []
-    none, own = np.zeros(0, bool), np.zeros((1, 0), bool)
+    nothing = ActiveInputs(np.zeros((2, 0), bool), np.zeros((2, 0), bool))
     for _ in range(8):
         known = np.concatenate([np.zeros(24), tried])
         values = rise(known) + 0.03 * random.standard_normal(known.size)
-        process = fit_gaussian_process(along(known), values, ActiveInputs(none, own, none, own))
+        process = fit_gaussian_process(along(known), values, nothing)
         sd = np.sqrt(np.diag(process.uncertainty(along(asked))))
         off.append((process.mean(along(asked)) - rise(asked)) / sd)
     # 48 errors, of which six hang together: on strengths themselves the mean square is above 2

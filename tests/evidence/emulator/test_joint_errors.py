@@ -13,7 +13,7 @@ from taichi_erosion.evidence.emulator.gaussian_process import (
 )
 
 RUNS, SCATTER, DRAWS = 40, 0.15, 20000
-READS = ActiveInputs(np.ones(1, bool), np.ones((1, 1), bool), np.ones(1, bool), np.ones((1, 1), bool))
+READS = ActiveInputs(np.ones((2, 1), bool), np.ones((2, 1), bool))
 ASKED = Points(np.array([[0.3], [-1.2]]), np.array([[0.5], [-0.4]]), np.array([[1.5], [3.0]]))
 
 

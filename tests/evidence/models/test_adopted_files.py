@@ -71,5 +71,4 @@ def test_a_chain_names_every_step(tmp_path):
     assert second.name == "moist_with_liquid_bridge_with_dry_adhesion.toml"
     text = second.read_text("utf-8")
     assert text.count("made by taichi_erosion") == 1
-    assert text.count("# Written by `adopt`") == 1
     assert "# my study" in text

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.models.column_units import place_units
 from taichi_erosion.evidence.models.load_study import load_study
-from taichi_erosion.evidence.models.new_conditions import read_new_conditions
+from taichi_erosion.evidence.models.table_columns import place_units, read_new_conditions
 from tests.evidence.small_study import write_study
 
 

@@ -53,9 +53,9 @@ def heap(tmp_path) -> Path:
 
 
 def simulator_of(path: Path) -> Simulator:
-    model = load_study(path).problem.model.model  # pyright: ignore[reportAttributeAccessIssue]
-    assert isinstance(model, Simulator)
-    return model
+    found = load_study(path).simulator
+    assert found is not None
+    return found
 
 
 def test_an_effect_whose_file_is_named_is_a_candidate(heap):

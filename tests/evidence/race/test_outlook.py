@@ -8,8 +8,8 @@ import pytest
 from doe.trials.reduced.families import FAMILIES
 from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.data.problem import Floats, Parameter, Problem, Vault
-from taichi_erosion.evidence.models.new_conditions import NewConditions
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
+from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.outlook import elsewhere, forecast, held_out_part, new_rows, outlook
 from taichi_erosion.evidence.race.posterior import raced

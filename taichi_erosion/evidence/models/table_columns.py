@@ -1,24 +1,120 @@
-"""Table of new conditions: read as a laboratory's table is, in the user's units."""
+"""Columns of tables as a study takes them: units and ranges of what they set; tables of new conditions."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from math import nan
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from taichi_erosion.campaign.study_file import StudyFile
+from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
+from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.evidence.data.measured import condition_scales, told_by
+from taichi_erosion.evidence.data.physical_ranges import OBSERVED, column_faults, place_range
 from taichi_erosion.evidence.data.problem import Conditions, Measurements
 from taichi_erosion.evidence.data.tables.column_roles import Column
 from taichi_erosion.evidence.data.tables.interview import Interview, understood
 from taichi_erosion.evidence.data.tables.rows import Faults, Row, RowReader, Table
 from taichi_erosion.evidence.data.tables.spreadsheet import Cells, is_missing, read_cells
-from taichi_erosion.evidence.models.column_units import study_value_faults
+from taichi_erosion.evidence.data.transforms import effect_of
+from taichi_erosion.evidence.models.simulator import condition_name, dotted_paths
+from taichi_erosion.scene.load import toml_table
+from taichi_erosion.scene.paths import unit_of_path
 from taichi_erosion.scene.schema.units import Scale, conversion, parse_scale
 
 OBSERVABLE = "observable"  # heading of a column that says what is to be predicted; without it: everything
+
+
+def place_units(file: StudyFile, path: Path, effect_files: tuple[EffectFile, ...] = ()) -> dict[str, str]:
+    """Unit of what every condition of a study sets; empty for a model function, which counts in SI.
+
+    A place that no scene has is left out: the scenes of the study refuse it. Raises BadInput where the places
+    of a column count in several units.
+    """
+    if file.study.model is not None:
+        return {}
+    columns = {name: dotted_paths(paths) for name, paths in file.conditions.items()}
+    declared, library = declared_conditions(file, path.parent), dict[str, Effect]()
+    if any(effect_of(each) for paths in columns.values() for each in paths):
+        from taichi_erosion.effects import load_library
+
+        library |= load_library(effect_files)
+    found: dict[str, str] = {}
+    for name, paths in columns.items():
+        units = {each: unit_of_place(each, library, declared) for each in paths}
+        known = {unit for unit in units.values() if unit is not None}
+        if len(known) > 1:
+            told = ", ".join(f"{each} in {unit}" for each, unit in units.items())
+            raise BadInput(f"{path}: conditions.{name} sets places of several units: {told}")
+        if known:
+            found[name] = known.pop()
+    return found
+
+
+def unit_of_place(path: str, library: Mapping[str, Effect], declared: Mapping[str, str]) -> str | None:
+    """Unit of the number at a dotted path, None where there is none."""
+    name = condition_name(path)
+    if name is not None and name in declared:
+        return declared[name]
+    effect, _, number = path.removeprefix("effects.").partition(".")
+    if effect_of(path) is None or effect not in library:
+        return unit_of_path(path)
+    units = {field.name: str(field.metadata["unit"]) for field in fields(library[effect].params)}
+    return "1" if number == STRENGTH else units.get(number)
+
+
+def declared_conditions(file: StudyFile, folder: Path) -> dict[str, str]:
+    """Units of the conditions under [conditions.extra] of the study's scenes."""
+    scenes = dict.fromkeys(entry.scene for entry in file.observables.values() if entry.scene)
+    return {name: unit for scene in scenes for name, unit in declared_units(folder / scene).items()}
+
+
+def declared_units(scene: Path) -> dict[str, str]:
+    """Units of the conditions under [conditions.extra] of a scene."""
+    extra = at_path(readable_table(scene), "conditions.extra")
+    entries = extra.items() if isinstance(extra, dict) else ()
+    units = {str(name): at_path(entry, "unit") for name, entry in entries}
+    return {name: unit for name, unit in units.items() if isinstance(unit, str)}
+
+
+def readable_table(scene: Path) -> dict[str, object]:
+    """Raw table of a scene; empty for one that cannot be read, whose fault the validation reports."""
+    try:
+        return toml_table(scene)
+    except BadInput:
+        return {}
+
+
+def at_path(table: Any, path: str) -> Any:
+    """What stands at a dotted path of a raw table; None where there is nothing."""
+    for key in path.split("."):
+        table = table.get(key) if isinstance(table, dict) else None
+    return table
+
+
+def study_value_faults(table: Table, file: StudyFile, folder: Path) -> Iterator[str]:
+    """Impossible values of a table, and columns whose unit seems mistaken, one line each.
+
+    A model function may count in any unit: of its table only impossible values with a stated unit are told.
+    """
+    scenes = [readable_table(folder / e.scene) for e in file.observables.values() if e.scene is not None]
+    for name, paths in file.conditions.items():
+        if name not in table.conditions:
+            continue
+        path = dotted_paths(paths)[0]
+        if scenes:
+            stated = (at_path(scene, path) for scene in scenes)
+            allowed, own = place_range(path), next((float(n) for n in stated if type(n) in (int, float)), nan)
+        else:
+            stated = table.units[table.conditions.index(name)]
+            allowed, own = place_range(f"conditions.{path}") if stated else None, nan
+        yield from column_faults(table, name, allowed, own, usual=bool(scenes))
+    for name, entry in file.observables.items():
+        yield from column_faults(table, name, OBSERVED.get(entry.measure or name), usual=False)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.effects import load_library
 from taichi_erosion.evidence.data.measured import read_table, study_measurements
-from taichi_erosion.evidence.models.column_units import place_units
+from taichi_erosion.evidence.models.table_columns import place_units
 from taichi_erosion.scene.paths import options, scene_schema, unit_of_path
 
 # unit of a place -> three columns of a table: their unit, the number there, and the number at the place
