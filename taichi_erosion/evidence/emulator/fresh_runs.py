@@ -160,9 +160,10 @@ class FreshSimulator:
         """Runs of one point; their seeds follow from it. None where the scene refuses it."""
         scene, words = point
         key = f"{self.training.study.fresh}fresh|{scene.name}|{'|'.join(words)}"
+        simulator = self.training.simulator
         try:
-            built = self.training.simulator.scene(scene, words)
-            return [request_of(built, seed_of(key, number)) for number in range(seeds)]
+            built = simulator.scene(scene, words)
+            return [request_of(built, seed_of(key, n), device=simulator.device) for n in range(seeds)]
         except BadInput:
             return []
 

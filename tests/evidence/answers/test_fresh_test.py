@@ -2,20 +2,25 @@
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
+from taichi_erosion.campaign.study_file import WorkersEntry
 from taichi_erosion.evidence.answers.fresh_test import fresh_test, is_true, kinds_of
 from taichi_erosion.evidence.answers.rounds import RacedStudy, settled
 from taichi_erosion.evidence.data.transforms import to_scale
-from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, GapTest
+from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, FreshSimulator, GapTest
 from taichi_erosion.evidence.race.decision import Decision, decide
 from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.posterior import Posterior, raced
 from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.race.record import FreshPart
+from taichi_erosion.scene.load import SOURCE, load_scene
 
 SINGLE = 33  # case of one strong effect
 SEEDS = 2
@@ -117,3 +122,12 @@ def test_the_rival_contradicts_the_answer_and_the_bare_model_has_no_effect():
     assert not is_true(decision, Hypothesis(rival.names))
     assert bare.names == ()
     assert {fit.hypothesis.names for fit in bare.fits} == {()}
+
+
+def test_fresh_runs_are_made_by_the_device_of_the_study():
+    scene, device = load_scene(SOURCE / "column_collapse.toml"), WorkersEntry(decomposition="grains")
+    simulator = SimpleNamespace(device=device, scene=lambda *_: scene)
+    training = SimpleNamespace(study=SimpleNamespace(fresh=""), simulator=simulator)
+    fresh = FreshSimulator(cast("Any", training), cast("Any", None), frozenset(), SEEDS)
+    made = fresh.requests((Path("heap.toml"), ()), SEEDS)
+    assert [request.payload["decomposition"] for request in made] == ["grains"] * SEEDS

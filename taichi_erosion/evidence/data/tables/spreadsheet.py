@@ -22,7 +22,13 @@ from typing import Any
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import digest_of, regular_file
-from taichi_erosion.evidence.data.tables.headings import plain_words, read_heading, unit_in, vocabulary
+from taichi_erosion.evidence.data.tables.headings import (
+    meaning_of,
+    plain_words,
+    read_heading,
+    unit_in,
+    vocabulary,
+)
 from taichi_erosion.scene.load import refuse_other_kind
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_unit, scale_between
 
@@ -88,7 +94,8 @@ def read_cells(path: Path, name: str, faults: list[str]) -> Cells:
         mark = "decimal commas" if comma else "decimal points"
         form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
     start = next((k for k, (_, cells) in enumerate(rows) if sum(map(bool, cells)) > 1), 0)  # below titles
-    return Cells(name, tuple(rectangular(with_one_heading(rows[start:]), name, faults)), comma, form)
+    rows = with_repeats(with_one_heading(rows[start:]))
+    return Cells(name, tuple(rectangular(rows, name, faults)), comma, form)
 
 
 def file_bytes(path: Path, name: str) -> bytes:
@@ -257,6 +264,29 @@ def joined_headings(above: Sequence[str], below: Sequence[str]) -> Iterator[str]
             yield name if read_heading(name).unit else f"{name} [{unit}]"
         else:
             yield f"{name} {under}".strip()
+
+
+def with_repeats(rows: Lines) -> Lines:
+    """The rows; blank headings above numbers, right of a measured quantity, are those of its repeats.
+
+    `angle [deg]` with a blank one becomes `angle 1 [deg]` and `angle 2 [deg]`.
+    """
+    if not rows:
+        return rows
+    (line, heading), *others = rows
+    first, width = 0, max(last_filled(cells) for _, cells in rows)
+    heading = [*heading, *[""] * (width - len(heading))]
+    found = list(heading)
+    for k in range(1, width):
+        own = read_heading(heading[first])
+        content = [row[k] for _, row in others if k < len(row) and not is_missing(row[k])]
+        numeric = bool(content) and all(map(is_quantity, content))
+        if heading[k] or not numeric or meaning_of(own.name)[0] != "observable":
+            first = k
+            continue
+        for place in (first, k):
+            found[place] = f"{own.name} {place - first + 1}" + (f" [{own.unit}]" if own.unit else "")
+    return [(line, found), *others]
 
 
 def rectangular(rows: Lines, name: str, faults: list[str]) -> Iterator[tuple[int, tuple[str, ...]]]:

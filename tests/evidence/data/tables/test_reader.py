@@ -94,6 +94,17 @@ FOREIGN = {
             ("runout_radius", 110.0, 4.0, 6, "mm"),
         ],
     ),
+    "a merged heading above repeats": (
+        workbook(
+            (
+                ("sample", "moisture", "angle of repose", None),
+                (None, "%", "deg", None),
+                *(("A", 0, 31, 32), ("B", 1, 33, 34)),
+            ),
+            merged=("C1:D1",),
+        ),
+        [("repose_angle", value, nan, None, "deg") for value in (31.0, 32.0, 33.0, 34.0)],
+    ),
     "repeats side by side": (
         "moisture [%];angle of repose 1 [deg];angle of repose 2 [deg];SD;n\n0;31;32.5;0.7;2\n1;33;34;0.8;2\n",
         [("repose_angle", value, nan, None, "deg") for value in (31.0, 32.5, 33.0, 34.0)],
