@@ -115,6 +115,7 @@ def run_all(campaign: Campaign) -> None:
             ledgers.renew_leases(campaign.ledger)
             ledgers.release_stale_leases(campaign.ledger)
         report_progress(campaign, list(left))
+    report_progress(campaign, [])
 
 
 def submit_batches(campaign: Campaign, left: dict[str, tuple[str, int]]) -> None:

@@ -14,6 +14,7 @@ stands behind the response, other responses or the same levels in other units, i
 import io
 import re
 import tomllib
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import nan
@@ -137,8 +138,9 @@ def read_columns(path: Path) -> dict[str, list[str]]:
     """Cells of a CSV table by heading, as text. Raises BadInput."""
     try:
         text = io.StringIO(read_text_file(path, "utf-8-sig"))
-        table = pd.read_csv(text, dtype=str, index_col=False, keep_default_na=False).fillna("")
-    except (OSError, ValueError) as error:
+        with warnings.catch_warnings(action="error"):  # of cells beyond the heading
+            table = pd.read_csv(text, dtype=str, index_col=False, keep_default_na=False).fillna("")
+    except (OSError, ValueError, pd.errors.ParserWarning) as error:
         raise BadInput(f"{path}: cannot be read as a CSV table: {str(error).strip()}") from None
     return {str(heading).strip(): column.tolist() for heading, column in table.items()}
 

@@ -10,7 +10,7 @@ from ten_records import ADOPTIONS, DISCOVERIES, UNITS
 from taichi_erosion.cli.main import main
 from taichi_erosion.cli.output import MOST_LINES, print_answer
 from taichi_erosion.evidence.answers.files import Command, Reply
-from taichi_erosion.evidence.data.number_words import KEY
+from taichi_erosion.evidence.data.table_units import KEY
 from taichi_erosion.evidence.race.record import Record
 from taichi_erosion.evidence.words import NAME_SWITCH
 

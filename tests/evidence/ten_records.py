@@ -5,7 +5,7 @@ from math import nan
 
 import numpy as np
 
-from taichi_erosion.evidence.data.number_words import TableUnits
+from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.race import record
 from taichi_erosion.evidence.race.record import (
     Decided,

@@ -67,6 +67,7 @@ def test_where_transport_is_named_only_its_end_is_looked_for(scene: Scene):
     named = scene.threshold.model_copy(update={"transport": 0.2})
     search = ThresholdSearch(scene.model_copy(update={"threshold": named}), {}, trial(0.2))
     search.phase, winds = "start", []
+    search.trial.flux = [0.2**2 - 0.09**2]
     while (next_wind := NEXT_WIND[search.phase](search, search.trial.friction_velocity >= 0.1)) is not None:
         winds.append(next_wind)
         search.trial = trial(next_wind)

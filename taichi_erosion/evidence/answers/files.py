@@ -19,7 +19,7 @@ from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file, write_atomic
 from taichi_erosion.effects import load_library
-from taichi_erosion.evidence.data.number_words import KEY, TableUnits
+from taichi_erosion.evidence.data.table_units import KEY, TableUnits
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.record import EffectPart, HeldOutPart, Interval, Record

@@ -20,8 +20,8 @@ from taichi_erosion.evidence.answers.commands import framed, open_study
 from taichi_erosion.evidence.answers.files import Document
 from taichi_erosion.evidence.answers.rounds import Question, answered, last_plan
 from taichi_erosion.evidence.data.held_out_rows import COUNTER, openings, read_counter, record_opening
-from taichi_erosion.evidence.data.number_words import TableUnits
 from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Progress
+from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import (
     LONGEST_CHAIN,

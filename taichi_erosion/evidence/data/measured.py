@@ -11,8 +11,9 @@ import numpy as np
 from taichi_erosion.campaign.study_file import ObservableEntry, StudyFile
 from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.core.files import one_line_name
-from taichi_erosion.evidence.data.number_words import TableUnits, plain, set_up_name, with_unit
+from taichi_erosion.evidence.data.number_words import plain, set_up_name, with_unit
 from taichi_erosion.evidence.data.problem import Measurements
+from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.tables.column_roles import Told
 from taichi_erosion.evidence.data.tables.interview import Interview, understood, upright
 from taichi_erosion.evidence.data.tables.rows import (

@@ -10,7 +10,7 @@ from typing import Any, Literal, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from taichi_erosion.evidence.data.number_words import TableUnits
+from taichi_erosion.evidence.data.table_units import TableUnits
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

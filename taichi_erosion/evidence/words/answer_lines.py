@@ -9,7 +9,8 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
-from taichi_erosion.evidence.data.number_words import TableUnits, counted, heading, plain, with_unit
+from taichi_erosion.evidence.data.number_words import counted, heading, plain, with_unit
+from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.race.record import (
     CheckPart,
     ExperimentPart,

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isnan
 
-from taichi_erosion.evidence.data.number_words import TableUnits, plain, with_unit
+from taichi_erosion.evidence.data.number_words import plain, with_unit
+from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.race.record import Interval
 
 ADEQUATE = 0.01  # chance of a misfit from which it is none: of sound tables, one in a hundred is said to fail

@@ -153,7 +153,7 @@ def test_a_table_of_another_file_and_one_that_the_study_does_not_fit_are_refused
     table = written(folder / "other", LINES)
     with pytest.raises(BadInput, match=r"is a study of another table; .*--out"):
         new_study(table, replace(WISHES, folder=folder / "sand"), lambda _, guess: guess)
-    with pytest.raises(BadInput, match=r"conditions\.moisture is no column"):
+    with pytest.raises(BadInput, match=r"conditions\.moisture is not in sand_tidy"):
         again(folder, LINES, HEAD.replace(";moisture [%]", ";note"))
     assert files_of(folder) == files
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from taichi_erosion.evidence.data.number_words import TableUnits
+from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.scene.schema.units import Scale
 
 UNITS = TableUnits(
