@@ -43,7 +43,8 @@ def read_table(path: Path, kind: type[Record]) -> list[Record]:
     """Rows of a table that `write_table` wrote; none where it has not been made yet."""
     kinds = {f.name: f.type for f in fields(kind)}
     return [
-        kind(**{name: parsed(kinds[name], text) for name, text in line.items()}) for line in lines_of(path)
+        kind(**{k: nan if kinds[k] is float and not text else kinds[k](text) for k, text in line.items()})
+        for line in lines_of(path)
     ]
 
 
@@ -61,8 +62,3 @@ def update_table(
     """Write rows in place of those that stand there already under the same key; `form` is `write_table`'s."""
     done = {key(row) for row in rows}
     write_table(path, kind, [*(r for r in read_table(path, kind) if key(r) not in done), *rows], **form)
-
-
-def parsed(kind: Any, text: str) -> Any:
-    """A cell as its field wants it."""
-    return nan if kind is float and not text else kind(text)
