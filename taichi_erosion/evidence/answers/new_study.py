@@ -25,7 +25,7 @@ from taichi_erosion.evidence.answers.scene_templates import (
 from taichi_erosion.evidence.answers.written_files import Content, StudyFiles, written_files
 from taichi_erosion.evidence.data.measured import read_rows
 from taichi_erosion.evidence.data.physical_ranges import OBSERVED, column_faults, place_range
-from taichi_erosion.evidence.data.tables.column_roles import Column, Told
+from taichi_erosion.evidence.data.tables.column_roles import NOT_USED, Column, Told
 from taichi_erosion.evidence.data.tables.headings import (
     DIAMETER,
     FRICTION_VELOCITY,
@@ -159,7 +159,7 @@ def refuse_unused(asked: Asked) -> None:
     ready |= {"--density": (wishes.density, GRAIN_DENSITY), "--grains": (wishes.grains, "")}
     for option, (said, place) in ready.items():
         if said is not None and (wishes.closed_form or wishes.scene is not None):
-            raise BadInput(f"{option}: is of a ready scene; leave it out with --closed-form and --scene")
+            raise BadInput(f"{option}: has no use with --closed-form or --scene; leave it out")
         if said is not None and place in stated:
             raise BadInput(f"{option}: a column of {asked.table.file} states it; leave it out")
 
@@ -214,6 +214,8 @@ def closed_form_content(asked: Asked) -> Content:
         raise BadInput(f"{asked.table.file}: {words}; {remedy}")
     known = CLOSED_FORM_CONDITIONS
     for name, place in asked.places.items():
+        if place in asked.told.conditions.values() and place not in known:
+            raise BadInput(f"--condition: the closed form does not read '{name}'; leave out --closed-form")
         if place not in known:
             asked.interview.assume(f"column '{name}' is not used: the closed form does not read it")
     return Content(
@@ -353,7 +355,7 @@ def told_of(wishes: Wishes) -> Told:
     optional = {*conditions, *known} - said_of.observables.keys() - said_of.conditions.keys()
     for text, said in said_of.conditions.items():
         name, unit = plain_words(read_heading(text).name).replace(" ", "_"), unit_in(said)
-        if unit is None or unit_of_path(said) is not None:
+        if unit is None or unit_of_path(said) is not None or said == NOT_USED:
             conditions[text] = said
             continue
         if not NAME.fullmatch(name):

@@ -177,9 +177,10 @@ def condition_columns(
     columns = {c.title: c for c in found if c.role == "condition" and c.title in file.conditions}
     there = ", ".join(file.conditions)
     faults += [
-        f"{cells.file}: {c.title} is no condition of the study, which has {there}; leave the column out"
+        f"{cells.file}: {c.heading.text} is no condition of the study, which has {there}; leave the column out"
         for c in found
-        if c.role == "condition" and c.title not in file.conditions
+        if (c.role == "condition" and c.title not in file.conditions)
+        or (c.role == "remark" and c.numeric and c.heading.unit)
     ]
     for name, column in columns.items():
         usual, unit = known.table_units.conditions.get(name, Scale()).unit, column.heading.unit

@@ -125,7 +125,7 @@ def test_what_is_wrong_with_a_strangers_table_is_told_with_its_place_and_remedy(
         ("other.csv", r"other\.csv.*no such file"),
         ("heap.csv --out taken", "taken/heap_tidy.csv: its folder cannot be made"),
         ("heap.csv --out taken/below", "taken/below/heap_tidy.csv: its folder cannot be made"),
-        ("heap.csv --closed-form --grains 9", "--grains: is of a ready scene"),
+        ("heap.csv --closed-form --grains 9", "--grains: has no use"),
     ],
 )
 def test_a_wrong_word_on_the_command_line_is_told_with_what_is_allowed(

@@ -41,6 +41,7 @@ from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale, parse_un
 
 NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of numbers
 HALF = 0.5  # from a diameter of a heap to its radius [1]
+NOT_USED = "-"  # in place of a name
 NOTE = "note"  # first word of the heading of a column that is not used
 UNUSED = f"a column that is not used has a heading that begins with '{NOTE}'"
 SHARES = {"": 0.01, "%": 0.01, "1": 1.0, "-": 1.0}  # of a coefficient of variation in such a unit
@@ -134,7 +135,7 @@ def stated_names(cells: Cells, told: Told, faults: list[str]) -> dict[int, tuple
         for text, name in names.items():
             place = known.get(plain_words(text))
             if place is not None and role != "unit":
-                found[place] = (role, name)
+                found[place] = ("remark", "") if name == NOT_USED else (role, name)
             elif place is None and text not in told.optional:
                 there = ", ".join(filter(None, cells.heading))
                 words = f"no column '{text}'; there are: {there}{did_you_mean(text, cells.heading)}"

@@ -13,6 +13,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.physical_ranges import OBSERVED, likely_units, place_range
 from taichi_erosion.evidence.data.tables.column_roles import (
     HALF,
+    NOT_USED,
     UNUSED,
     WINDS,
     Column,
@@ -37,7 +38,6 @@ from taichi_erosion.scene.paths import unit_of_path
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
-NOT_USED = "-"
 AGREED = ("y", "j", "o", "s")  # first letters of yes, ja, oui, si
 MOST_SHARE = 0.6  # largest coefficient of variation that is taken for a share [1]; above, numbers are percent
 SPREADS = {
@@ -155,8 +155,12 @@ def settled_unknown(column: Column, reading: Reading) -> Column:
     if column.near:
         answer = reading.interview.choice(question, "", "")
         if not answer:
-            option, name = "condition" if "." in column.near else "observable", column.heading.name
-            said = f"say --{option} '{name}={column.near}', or in a study [columns] '{text}'"
+            option = "condition" if "." in column.near else "observable"
+            said = f"say --{option} '{column.heading.name}={column.near}'"
+            if not reading.told.measures:  # a study says itself what there is
+                said = (
+                    f"head it '{reading.told.titles.get(column.near, column.near)}', or name it in [columns]"
+                )
             return reading.fault(column, f"did you mean {column.near}? {said}; {UNUSED}")
     else:
         meaning = f"column '{text}' is not used: its heading says nothing known"
@@ -230,7 +234,8 @@ def column_fault(column: Column, seen: Mapping[str, str], told: Told) -> str:
     path = column.name.split(",")[0].strip()
     unit = told.own_units.get(path) or unit_of_path(path)
     if unit is None:
-        return f"no scene has a place '{column.name}'; known: {', '.join(vocabulary()['conditions'])}"
+        own = f"'{column.name}' is no unit and no place of a scene (a condition of your own: COLUMN=g/kg)"
+        return f"{own}; places: {', '.join(vocabulary()['conditions'])}"
     if not column.heading.unit or scale_between(column.heading.unit, parse_unit(unit)) is not None:
         return ""
     slope = " (a slope in % is a tangent: write its angle)" if column.name.endswith("slope") else ""
@@ -330,7 +335,7 @@ def with_unit_of_place(column: Column, values: Sequence[float], reading: Reading
     question = f"Unit of column '{text}' ({span}; likely {' or '.join(units) or 'none'})"
     if answer := reading.interview.choice(question, "", ""):
         return replace(column, heading=stated_unit(column.heading, answer))
-    hint = f"{span} {allowed.unit}; say its unit: --unit '{text}={units[0]}'" if units else ""
+    hint = f"{span} {allowed.unit}; write its unit there: '{text} [{units[0]}]'" if units else ""
     return reading.fault(column, f"has no unit in its heading: {hint}") if hint else column
 
 
