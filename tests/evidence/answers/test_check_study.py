@@ -51,12 +51,6 @@ def test_a_shipped_study_is_valid(study, capsys, monkeypatch):
             ],
         ),
         (TABLE, STUDY.replace('"bed_slope"', '"moonlight"'), ["candidates.moonlight is not in the library"]),
-        (TABLE.replace("[deg]", "[%]"), STUDY, ["heading 'slope [%]': it sets a number in deg"]),
-        (
-            TABLE,
-            STUDY.replace("saltation", "wind_threshold"),
-            ["measures rolling_onset, threshold_u_star, threshold_wind_speed, not flux"],
-        ),
         (
             TABLE.replace("slope [deg]", "diameter [mm]").replace(",5,1,me", ",25,1,me"),
             STUDY.replace('slope = "conditions.slope"', 'diameter = "grains.size.diameter"'),

@@ -8,7 +8,6 @@ import pytest
 
 from taichi_erosion.evidence.answers.commands import adopt_study, no_progress
 from taichi_erosion.evidence.answers.predictions import predict_study, prediction, read_prediction
-from taichi_erosion.evidence.data.problem import Vault
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.outlook import elsewhere, forecast, left_out, new_rows
 from taichi_erosion.evidence.race.posterior import raced
@@ -57,14 +56,6 @@ def test_a_setting_beyond_the_measured_ones_is_told_and_less_certain():
     assert found.fitted.inside / found.fitted.n == pytest.approx(0.9, abs=3.0 * (0.9 * 0.1 / 24) ** 0.5)
 
 
-def test_held_out_rows_check_the_intervals_only_where_the_vault_is_open():
-    posterior = linear_race(1, vault=Vault(np.arange(3, 24, 5)))
-    assert prediction(posterior, at(NEW)).held_out is None
-    check = prediction(posterior, at(NEW), opened=True).held_out
-    assert check.n == 5
-    assert check.inside >= 3, "as few or fewer by chance in 8 of 1000"
-
-
 @pytest.fixture(scope="module")
 def study(tmp_path_factory) -> Path:
     return write_study(tmp_path_factory.mktemp("study"), {"liquid_bridge": 1.0})
@@ -84,7 +75,7 @@ def test_the_adopted_model_answers_until_the_table_changes(study):
     adopt_study(study, ["liquid_bridge"], no_progress)
     after = asked(study)
     assert after.about["adopted"] == ["liquid_bridge"]
-    assert after.record.held_out.n > 0
+    assert 0 < after.record.held_out.n < 2 * after.record.held_out.inside
     assert [asked(study).about["vault_opened"] for _ in range(2)] == [2, 2], "one opening for one model"
     assert read_prediction(Path(after.about["results"]), Path(after.about["study"]).stem) is not None
     assert asked(study, bare=True).about["adopted"] == []

@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
@@ -18,8 +16,7 @@ from taichi_erosion.evidence.models.load_study import PLANS, BudgetName
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.posterior import raced, strained
 from taichi_erosion.evidence.race.record import Decided
-from tests.evidence.emulator import test_training_runs as made_up
-from tests.evidence.emulator.test_training_runs import SCATTER, STUDY, executing, heights, keys, write
+from tests.evidence.emulator.test_training_runs import STUDY, executing, keys, write
 
 NAME = "rolling_resistance"
 STRONG, WEAK, OPEN = 1.5, 0.1, 0.06  # strengths of a name that is sure at once, and of two that are not
@@ -130,27 +127,3 @@ def test_mechanisms_are_asked_only_where_no_listed_effect_suffices():
     closest, *several = rounds.required(outside)
     assert tuple(closest.effects) == single.decision.named
     assert all(len(point.effects) > 1 for point in several)
-
-
-def with_a_dose(payload: dict) -> tuple[float, float]:
-    """A run in which rolling friction has a dose, and no other mechanism does anything."""
-    scene, noise = payload["scene"], np.random.default_rng(payload["seed"]).normal(0.0, SCATTER, 2)
-    dose = scene["effects"].get("rolling_friction", {}).get("dose", 0.0)
-    pull = scene["effects"].get("dry_adhesion", {}).get("strength", 0.0)
-    friction = scene["contact"]["grain-grain"]["friction_rolling"] * (1.0 + dose)
-    pile, centroid = heights(scene["grains"]["size"]["diameter"], friction, 0.0, pull) * np.exp(noise)
-    return pile, centroid
-
-
-@pytest.mark.slow
-def test_what_no_list_holds_is_simulated_as_mechanisms_and_found_among_them(tmp_path, monkeypatch):
-    monkeypatch.setattr(made_up, "simulated", with_a_dose)
-    path = write(tmp_path, STRONG, text=STUDY.replace('"rolling_resistance", ', ""))
-    table = pd.read_csv(tmp_path / "heap.csv", dtype=str)
-    table["group"] = "h" + table["angularity"] + table["diameter [mm]"]  # an angularity would be a batch
-    table.to_csv(tmp_path / "heap.csv", index=False)
-    answer = told(path)
-    first, closest, mechanisms = map(set, answer.runs)
-    assert first < closest < mechanisms, "the closest single effect before, then doses"
-    assert answer.found.decision.mechanisms == ("rolling_friction",)
-    assert answer.found.fresh is None

@@ -7,19 +7,10 @@ import pytest
 from scipy import optimize, stats
 
 from taichi_erosion.evidence.data.comparison_rows import censored_scale
-from taichi_erosion.evidence.data.problem import Observable, Problem
+from taichi_erosion.evidence.data.problem import Observable
 from taichi_erosion.evidence.race.posterior import raced
 from taichi_erosion.evidence.race.summary import summary
 from tests.evidence.linear_study import LEVEL_SD, linear_problem
-
-
-def censored(problem: Problem, limits: dict[int, tuple[float, float]]) -> Problem:
-    """Some rows known only by a limit and a reach."""
-    table = problem.measurements
-    flags, limit, reach = np.zeros(table.size, dtype=bool), np.full(table.size, np.nan), np.zeros(table.size)
-    for row, (value, span) in limits.items():
-        flags[row], limit[row], reach[row] = True, value, span
-    return replace(problem, measurements=replace(table, censored=flags, limit=limit, reach=reach))
 
 
 def test_an_interval_on_a_logarithmic_scale_keeps_its_ends():
@@ -32,9 +23,11 @@ def test_an_interval_on_a_logarithmic_scale_keeps_its_ends():
 
 
 def test_a_fit_to_limits_and_intervals_is_that_of_their_likelihood():
-    limits = {0: (0.4, np.inf), 1: (-0.3, -np.inf), 2: (0.2, 0.15)}
-    problem = censored(linear_problem({}, {}, sd=0.2, count=6), limits)
-    found = raced(problem, 1)
+    problem = linear_problem({}, {}, sd=0.2, count=6)
+    limit = np.array([0.4, -0.3, 0.2, np.nan, np.nan, np.nan])
+    reach = np.array([np.inf, -np.inf, 0.15, 0.0, 0.0, 0.0])
+    table = replace(problem.measurements, censored=np.isfinite(limit), limit=limit, reach=reach)
+    found = raced(replace(problem, measurements=table), 1)
     assert np.isinf(found.race.prepared.rows.reach).sum() == 2
 
     ends = [(0.4, np.inf), (-np.inf, -0.3), (0.05, 0.35)]

@@ -181,6 +181,31 @@ def test_a_null_stays_a_null_and_starts_from_the_same_runs(tmp_path, loop, asked
     assert set(asked[0]) <= keys(loop.runs["discover"]), "a plan never follows from a measured value"
 
 
+LACKING = dict(flag="small_heap", sentence="small", found=1.2, needed=3.0, blocks=True, grains=900)
+
+
+def test_runs_that_stop_and_heaps_that_are_too_small_are_told_before_any_effect(tmp_path, monkeypatch):
+    make = executing([])
+
+    def execute(wanted, store, **options):
+        results = make(wanted, store)
+        for made in results:
+            for measure in made.record["measures"].values():
+                measure["shortfalls"] = [LACKING]
+        stopped = replace(results[0], record={}, failure="grains overlap")
+        return [stopped if place % 4 == 0 else made for place, made in enumerate(results)]
+
+    monkeypatch.setattr(training_runs, "execute", execute)
+    text = STUDY.replace("[observables.centroid_height]", "[observables.centroid_height]\nsame_size = true")
+    found = ask("discover", write(tmp_path, 1.5, text), options=QUICK)
+    stops, small = found.about["faults"]
+    assert (stops["kind"], small["kind"]) == ("failed_runs", "too_small")
+    assert stops["sentence"].endswith("runs stopped and are left out; the first: grains overlap")
+    assert found.about["set_up"][0] == f"error: pile_height: {LACKING['sentence']}"
+    assert found.record.decided.verdict == "not_testable"
+    assert found.answer().lines[0] == "No effect is named before the errors above are mended."
+
+
 RANGES = "[laboratory]\nranges = { angularity = [0.0, 1.0] }\n"
 
 

@@ -57,11 +57,6 @@ def test_conditions_parameters_and_effects_become_entries_of_the_scene(tmp_path)
     assert large == ("grains.size.diameter=0.003", f"{FRICTION}=0.2")
 
 
-def test_the_bare_model_is_run_once_for_all_conditions_that_nothing_reads(tmp_path):
-    plain, angular, large = overrides(tmp_path)
-    assert plain == angular != large, "moisture and angularity change nothing"
-
-
 def test_the_mask_of_a_candidate_says_where_it_can_act(tmp_path):
     problem = study(tmp_path).problem
     masks = {c.name: c.mask(problem.measurements.conditions).tolist() for c in problem.candidates if c.mask}
@@ -75,7 +70,6 @@ def test_the_mask_of_a_candidate_says_where_it_can_act(tmp_path):
         ("observables.pile_height]", "observables.pile_height]\nmeasure = 'flux'", "not flux"),
         ("conditions.angularity", "conditions.colour", "conditions.colour fits no scene of the study"),
         ("friction_rolling", "friction_of_mind", "fits no scene of the study"),
-        ('"dry_adhesion"', '"moonlight"', "candidates.moonlight is not in the library"),
         (str(SCENE), "nowhere.toml", "no such file"),
     ],
 )

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from doe.trials.reduced import beyond
 from taichi_erosion.evidence.answers.commands import discover_record
@@ -11,18 +10,13 @@ from taichi_erosion.evidence.answers.rounds import RacedStudy
 from taichi_erosion.evidence.models.prepared_problem import prepare
 from taichi_erosion.evidence.race.blocks import dose_columns
 from taichi_erosion.evidence.race.decision import decide
-from taichi_erosion.evidence.race.doses import from_axis, to_axis
+from taichi_erosion.evidence.race.doses import from_axis
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.posterior import raced
 from taichi_erosion.evidence.words.answer_lines import discover_answer
 from tests.evidence.ten_records import VOC
 
 CASE = 5058  # restitution that grows with moisture
-
-
-@pytest.mark.parametrize("dose", [-0.9, -0.2, 0.0, 0.3, 7.0])
-def test_the_axis_of_doses_and_back(dose):
-    assert from_axis(np.array([to_axis(dose)]))[0] == pytest.approx(dose)
 
 
 def test_a_mechanism_is_told_with_its_doses():

@@ -134,12 +134,6 @@ def test_rows_of_one_heap_are_whitened_together():
     np.testing.assert_allclose(whole, np.eye(len(white)), atol=1e-8)
 
 
-def test_heaps_of_one_row_each_change_no_bit():
-    problem = heaps(3, named=False)
-    lone = tuple(f"lone {k}" for k in range(problem.measurements.size))
-    assert told(problem).decided == told(problem, heap=lone).decided
-
-
 def test_an_effect_of_single_heaps_is_found():
     assert told(heaps(1)).decided.named == ()
     assert told(heaps(1, strength=0.5)).decided.named == ("bend",)

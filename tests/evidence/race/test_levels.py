@@ -53,7 +53,6 @@ def test_an_offset_of_the_laboratory_is_told_as_a_level_and_along_no_condition()
         (10.0, "(another unit?)"),
         (57.3, "(degrees for radians?)"),
         (100.0, "(percent for a share?)"),
-        (1e-3, "(another unit?)"),
         (3.0, "at all conditions."),
     ],
 )

@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 
 from doe.trials.reduced.families import FAMILIES, Drawn
 from taichi_erosion.evidence.data.problem import Candidate, Numbers
@@ -26,12 +27,14 @@ def answered(number: int) -> tuple[Posterior, Decision]:
     return posterior, decide(posterior)
 
 
-def test_nothing_is_named_where_nothing_is_missing():
-    posterior, found = answered(NULL)
+@pytest.mark.parametrize("number", [NULL, NOISY])
+def test_nothing_is_named_where_nothing_is_missing(number):
+    posterior, found = answered(number)
     assert found.verdict == "none_detected"
     assert found.named == found.group == found.mechanisms == ()
     assert found.none > 0.5
     assert posterior.race.model.settings <= 600
+    assert posterior.race.model.noisy == (number == NOISY), "which takes many seeds"
 
 
 def test_the_effect_that_acts_is_named_with_its_strength():
@@ -79,12 +82,6 @@ def test_a_number_that_repeats_leave_to_a_level_keeps_its_width():
     for axis, column in zip(posterior.race.prepared.axes, values.T, strict=True):
         low, _, high = quantiles(column, weight, (0.005, 0.5, 0.995))
         assert low < truth[axis.name] < high
-
-
-def test_a_noisy_model_is_scored_with_many_seeds():
-    posterior, found = answered(NOISY)
-    assert posterior.race.model.noisy
-    assert found.verdict == "none_detected"
 
 
 def test_a_strength_beyond_the_limit_of_the_list_lies_in_its_interval():
