@@ -23,14 +23,6 @@ def table(folder: Path, text: str):
     return read_table(file, "heap.csv")
 
 
-def test_the_sd_of_a_condition_is_no_condition(tmp_path):
-    for heading in ("sd of moisture [%]", "sd of moisture"):
-        found = table(tmp_path, (TIDY + ROWS).replace("sd of moisture [%]", heading))
-        assert found.conditions == ("moisture", "diameter")
-        assert [dict(row.condition_sd) for row in found.rows] == [{"moisture": 0.1, "diameter": 1e-5}, {}]
-        assert found.set_conditions == ("diameter",)
-
-
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
@@ -50,7 +42,7 @@ def test_an_sd_of_no_condition_of_another_unit_or_below_0_is_refused(tmp_path, o
 
 def test_a_study_has_it_in_the_unit_of_the_model_and_tells_it(tmp_path):
     head, *lines = table_text({"liquid_bridge": 1.0}, 1).splitlines()
-    head = head.replace("diameter [mm]", "diameter [mm],sd of set diameter [mm]")
+    head = head.replace("diameter [mm]", "diameter [mm],sd of set diameter")
     rows = [",".join([*line.split(",")[:7], "0.02", *line.split(",")[7:]]) for line in lines]
     (tmp_path / "heap.csv").write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
     (tmp_path / "heap.toml").write_text(study_text(), encoding="utf-8")

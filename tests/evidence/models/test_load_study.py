@@ -7,7 +7,7 @@ import pytest
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.models.load_study import load_study
-from tests.evidence.small_study import LIBRARY, MODEL, study_text, write_study
+from tests.evidence.small_study import MODEL, study_text, write_study
 
 GOOD = study_text()
 OWN_MODEL = """
@@ -41,17 +41,6 @@ def ask(path: Path):
     return load_study(path).problem.model(
         "repose_angle", {"moisture": rows, "diameter": rows}, {}, {}, np.arange(2)
     )
-
-
-def test_a_study_becomes_a_problem(tmp_path):
-    study = load_study(write_study(tmp_path, {}))
-    problem = study.problem
-    assert tuple(c.name for c in problem.candidates) == LIBRARY
-    assert problem.observables["threshold_u_star"].transform == "log"
-    assert problem.measurements.size == 96
-    assert set(problem.measurements.conditions) == {"moisture", "diameter"}
-    assert study.results == tmp_path / "heap-results"
-    assert not study.results.exists(), "reading a study writes nothing"
 
 
 def test_a_model_beside_the_study_is_found_with_its_neighbours_and_may_talk(own_study, tmp_path, capsys):
@@ -117,6 +106,7 @@ def test_values_are_converted_to_the_unit_in_which_the_model_speaks(tmp_path):
         for text in (said, GOOD)
     )
     assert angles == pytest.approx(np.radians(degrees))
+    assert not (tmp_path / "heap-results").exists(), "reading a study writes nothing"
 
 
 def test_a_censored_value_without_a_limit_needs_the_floor_of_its_instrument(tmp_path):

@@ -8,7 +8,6 @@ from small_study import write_study
 
 from taichi_erosion.campaign.request import request_of
 from taichi_erosion.cli.new_effect import rendered
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.models.load_study import StudyOptions, load_study
 from taichi_erosion.evidence.models.simulator import Simulator
 
@@ -91,12 +90,6 @@ def test_a_column_sets_a_declared_condition_in_its_unit_and_effects_read_it_in_s
     at = {"conditions.root_density": 4.0}
     assert simulator.overrides(measure, at, {}, {}) == (), "nothing in the bare model reads roots"
     assert "conditions.root_density=4.0" in simulator.overrides(measure, at, {}, {"constant_pull": 1.0})
-
-
-def test_a_column_that_the_scene_does_not_declare_is_refused_with_a_remedy(heap):
-    heap.write_text(STUDY.replace("conditions.root_density", "conditions.root_densty"), encoding="utf-8")
-    with pytest.raises(BadInput, match=r"root_densty.*did you mean 'root_density'\?"):
-        load_study(heap)
 
 
 def test_a_model_function_is_read_through_an_instrument_of_ones_own(tmp_path):

@@ -57,14 +57,10 @@ def study(tmp_path: Path):
     return read
 
 
-def own_covariance(problem):
-    assert problem.uncertainty is not None
-    at = {"diameter": np.array([1e-4, 2e-4])}
-    return problem.uncertainty([(Observable("threshold_u_star", "log"), at, {})], {}, {})
-
-
 def test_errors_are_carried_to_the_scale_of_the_comparison(study):
-    assert own_covariance(study("predict").problem) == pytest.approx(np.full((2, 2), SHARE**2))
+    at = {"diameter": np.array([1e-4, 2e-4])}
+    found = study("predict").problem.uncertainty([(Observable("threshold_u_star", "log"), at, {})], {}, {})
+    assert found == pytest.approx(np.full((2, 2), SHARE**2))
 
 
 def test_a_misfit_that_the_own_errors_of_a_model_can_be_is_none(study):

@@ -8,15 +8,6 @@ from taichi_erosion.evidence.models.run_store import CachedModel, RunStore
 from tests.evidence.asking import ask as asked
 from tests.evidence.small_study import study_text, write_study
 
-COUNTING_LAB = """
-from pathlib import Path
-from taichi_erosion.evidence.models.reduced import predict as fast
-
-def predict(observable, conditions, parameters, effects, seeds):
-    with Path(__file__).with_name("calls.txt").open("a") as log:
-        log.write(f"{len(seeds) * conditions['moisture'].size}\\n")
-    return fast(observable, conditions, parameters, effects, seeds)
-"""
 ROWS = {"moisture": np.array([0.0, 0.01])}
 
 
@@ -77,12 +68,9 @@ def test_a_cap_on_runs_holds_and_counts_every_seed_of_every_row_once(counted):
 
 
 def test_no_answer_of_a_function_passes_its_budget(tmp_path):
-    lab = tmp_path / "counting_lab.py"
-    lab.write_text(COUNTING_LAB, encoding="utf-8")
-    text = study_text(model="counting_lab:predict") + "[budget]\nruns = 5000\n"
-    path = write_study(tmp_path, {"liquid_bridge": 1.0}, study=text)
-    found = asked("discover", path)
+    text = study_text() + "[budget]\nruns = 5000\n"
+    found = asked("discover", write_study(tmp_path, {"liquid_bridge": 1.0}, study=text))
     assert found.record.cost.stopped == found.document["stopped"] == "budget"
     assert found.record.decided.named == ("liquid_bridge",), "what is known so far"
     assert found.answer().lines[-2].startswith("Stopped at the budget")
-    assert 4000 < sum(map(int, (tmp_path / "calls.txt").read_text("utf-8").split())) <= 5000
+    assert 4000 < found.record.cost.runs <= 5000

@@ -7,31 +7,25 @@ import pytest
 
 from doe.trials.reduced.families import FAMILIES
 from doe.trials.reduced.laboratory import Readings, table_of
-from taichi_erosion.evidence.data.problem import Floats, Parameter, Problem, Vault
+from taichi_erosion.evidence.data.problem import Floats, Parameter, Problem
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.fit import Hypothesis
-from taichi_erosion.evidence.race.outlook import elsewhere, forecast, held_out_part, new_rows, outlook
+from taichi_erosion.evidence.race.outlook import elsewhere, forecast, new_rows, outlook
 from taichi_erosion.evidence.race.posterior import raced
-from tests.evidence.linear_study import linear_problem
 
 PRIOR_SD, SD = 0.7, 0.1
 
 
-def three_rows() -> Problem:
+def test_closed_form_with_one_level():
     """y = v x, v ~ N(0, PRIOR_SD^2): too few rows for any block but a level."""
-    x, y = np.array([0.2, 0.5, 1.0]), np.array([0.21, 0.33, 0.81])
+    x, y = np.array([0.2, 0.5, 1.0, 0.7, 2.0]), np.array([0.21, 0.33, 0.81])
 
     def model(observable, conditions, parameters, effects, seeds):
         return np.tile(np.log(parameters["a"]) * conditions["x"], (seeds.size, 1))
 
-    table = table_of([Readings("y", {"x": x}, y, np.full(3, SD), ("a", "b", "c"))])
-    return Problem(table, {}, (Parameter("a", 1.0, 0.0, np.inf, PRIOR_SD),), (), model)
-
-
-def test_closed_form_with_one_level():
-    found = raced(three_rows(), 1)
-    race, x = found.race, np.array([0.2, 0.5, 1.0, 0.7, 2.0])
+    table = table_of([Readings("y", {"x": x[:3]}, y, np.full(3, SD), ("a", "b", "c"))])
+    race = raced(Problem(table, {}, (Parameter("a", 1.0, 0.0, np.inf, PRIOR_SD),), (), model), 1).race
     fit = race.fits[Hypothesis(())]
     told = outlook(elsewhere(race, new_rows(race.prepared, NewConditions(("y",) * 2, {"x": x[3:]}))), fit)
     assert [block.kind for block in fit.blocks] == ["level"]
@@ -80,13 +74,3 @@ def test_intervals_hold_what_they_say():
     mean, measured = np.mean(held[::2]), np.mean(held[1::2])
     assert 0.84 - 3.0 * 0.13 / 3.4 < mean < 0.97
     assert abs(measured - 0.9) < 3.0 * 0.07 / 3.4
-
-
-def test_held_out_misfit_falls_with_the_right_effect_alone():
-    shapes = {"right": lambda x: x**2, "wrong": lambda x: np.sin(4.0 * x)}
-    problem = replace(linear_problem(shapes, {"right": 0.8}), vault=Vault(np.arange(3, 24, 5)))
-    found = held_out_part(raced(problem, 1), ["right"], 1)
-    assert (found.n, found.opened) == (5, 1)
-    assert found.after < 0.3 * found.before
-    assert found.wrong > 0.7 * found.before
-    assert found.p_after > 0.05

@@ -61,7 +61,6 @@ def values(table: Table) -> list[float]:
         (RUSSIAN, "utf-8"),
         (RUSSIAN, "cp1251"),
         (CHINESE, "utf-8"),
-        (CHINESE, "utf-16"),
         ("Korngröße;Wassergehalt;Böschungswinkel\n;;\nµm;%;°\n250;1,6;33,5\n500;0,5;31,2\n", "cp1252"),
         ("Durchmesser;Feuchte;Böschungswinkel\n250 µm;1,6 %;33,5 °\n500 µm;0,5 %;31,2 °\n", "cp1252"),
     ],
