@@ -14,16 +14,6 @@ from taichi_erosion.evidence.race.posterior import raced
 from tests.evidence.linear_study import linear_problem
 from tests.evidence.small_study import write_study
 
-NEW = np.linspace(-0.95, 0.95, 12)
-
-
-def at(x: np.ndarray) -> NewConditions:
-    return NewConditions(("y",) * x.size, {"x": x})
-
-
-def linear_race(seed: int, **changes):
-    return raced(replace(linear_problem({}, {}, seed=seed), **changes), 1)
-
 
 def test_a_row_is_predicted_from_the_others_as_if_it_had_not_been_measured():
     """The closed form against a race without the row; every row is a batch of its own."""
@@ -32,7 +22,9 @@ def test_a_row_is_predicted_from_the_others_as_if_it_had_not_been_measured():
     shares = left_out(raced(problem, 1, table))
     for i in (0, 9, 12, 21):
         rest = raced(problem, 1, table.rows(np.delete(np.arange(table.size), i)))
-        place = elsewhere(rest.race, new_rows(rest.race.prepared, at(table.conditions["x"][[i]])))
+        place = elsewhere(
+            rest.race, new_rows(rest.race.prepared, NewConditions(("y",), {"x": table.conditions["x"][[i]]}))
+        )
         told = forecast(rest, place)
         share = told.weight @ (told.measured[:, 0] < table.value[i]) / told.weight.sum()
         assert shares[i] == pytest.approx(share, abs=0.04)
@@ -40,7 +32,7 @@ def test_a_row_is_predicted_from_the_others_as_if_it_had_not_been_measured():
 
 def test_a_setting_beyond_the_measured_ones_is_told_and_less_certain():
     wanted = NewConditions(("y", "y", "z"), {"x": np.array([0.5, 2.0, 0.0])})
-    found = prediction(linear_race(1), wanted)
+    found = prediction(raced(linear_problem({}, {}, seed=1), 1), wanted)
     near, far = found.rows
     assert near.outside == {}
     assert far.outside == {"x": 1.0}

@@ -16,13 +16,12 @@ from taichi_erosion.evidence.models.load_study import PLANS, BudgetName
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.posterior import raced, strained
 from taichi_erosion.evidence.race.record import Decided
-from tests.evidence.emulator.test_training_runs import STUDY, executing, keys, write
+from tests.evidence.emulator.test_training_runs import executing, keys, write
 
 NAME = "rolling_resistance"
 STRONG, WEAK, OPEN = 1.5, 0.1, 0.06  # strengths of a name that is sure at once, and of two that are not
 NULL, SINGLE, UNLISTED = 1, 33, 113  # cases of one seed of clean ones
 OFF = 0.2  # sd of the training values, by which a wrong emulator overstates the effect at strength 1
-MOST = 26  # runs of a budget that the training takes
 
 
 @dataclass(frozen=True)
@@ -92,15 +91,6 @@ def test_a_name_by_a_wrong_emulator_is_contradicted_and_more_runs_come_first(tmp
     assert len(set(training) - before) == fresh.more_runs
     assert not set(tests) & before
     assert again.decided.verdict == "unstable", "the emulator is as wrong as before"
-
-
-@pytest.mark.slow
-def test_without_room_for_fresh_runs_the_name_is_told_untested(tmp_path):
-    answer = told(write(tmp_path, STRONG, text=f"{STUDY}[budget]\nruns = {MOST}\n"))
-    fresh = answer.found.fresh
-    assert fresh.outcome == "not_made"
-    assert fresh.needed > MOST - len(keys(answer.runs))
-    assert answer.found.decision.named == (NAME,)
 
 
 def test_points_are_the_settings_of_likely_sets_the_bare_model_first():

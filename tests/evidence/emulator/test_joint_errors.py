@@ -23,12 +23,13 @@ def points(random: np.random.Generator) -> Points:
     return Points(*columns)
 
 
-def scene(rho: float) -> JointErrors:
+@pytest.fixture(scope="module")
+def joint() -> JointErrors:
     """Two observables that an effect moves in opposite senses, with correlated scatter; one lacks runs."""
     random = np.random.default_rng(5)
     at = points(random)
     smooth = 0.5 * at.x[:, 0] + 0.8 * np.tanh(at.psi[:, 0]) * (1.0 + 0.3 * at.c[:, 0])
-    errors = random.standard_normal((RUNS, 2)) @ np.linalg.cholesky([[1.0, rho], [rho, 1.0]]).T
+    errors = random.standard_normal((RUNS, 2)) @ np.linalg.cholesky([[1.0, 0.9], [0.9, 1.0]]).T
     known = [np.arange(RUNS), np.delete(np.arange(RUNS), [3, 30, 35])]
     values = [smooth + SCATTER * errors[:, 0], -0.6 * smooth + SCATTER * errors[:, 1]]
     processes = [
@@ -36,11 +37,6 @@ def scene(rho: float) -> JointErrors:
         for own, value in zip(known, values, strict=True)
     ]
     return joint_errors(processes, known)
-
-
-@pytest.fixture(scope="module")
-def joint() -> JointErrors:
-    return scene(0.9)
 
 
 def test_observables_that_move_alike_have_errors_that_hang_together(joint):

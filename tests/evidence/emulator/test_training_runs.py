@@ -219,9 +219,12 @@ def test_no_command_and_not_all_of_them_together_pass_the_budget(tmp_path, asked
     path = write(tmp_path, 1.5, text=f"{STUDY}{RANGES}[budget]\nruns = {most}\n")
     commands = [("compare", ()), ("discover", ()), ("adopt", (NAME,)), ("next", ())]
     for command, effects in commands if most > 24 else commands[:2]:
-        ask(command, path, *effects)
+        found = ask(command, path, *effects).record
         assert 0 < len(keys(asked)) <= most
     assert len(keys(asked)) > 0.6 * most, "most of what may be spent is spent"
+    if most == 24:
+        assert (found.decided.named, found.fresh.outcome) == ((NAME,), "not_made")
+        assert found.fresh.needed > most - len(keys(asked))
 
 
 def test_a_budget_that_is_too_small_is_refused_before_the_first_run(tmp_path, asked):
