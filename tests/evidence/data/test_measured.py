@@ -10,6 +10,10 @@ from taichi_erosion.evidence.data.measured import read_table
 
 ROOT = Path(__file__).parents[3]
 HEAD = "observable,value,sd,n,unit,group,moisture [%],source\n"
+WITH_SD = """observable,value,n,unit,group,moisture [%],sd of moisture [%]
+repose_angle,33,3,deg,a,1.5,0.1
+repose_angle,31,3,deg,b,0,
+"""
 GOOD = HEAD + "repose_angle,33.5,0.7,10,deg,heap,1.65,Hao\nrepose_angle,31.2,,,deg,heap,0,Hao\n"
 
 
@@ -46,6 +50,15 @@ def test_repeated_rows_stay_single_repeats(tmp_path):
         (GOOD.replace("unit,", "kind,"), "heap.csv: column 'unit' is missing"),
         (GOOD.replace("group", "value"), "heap.csv: column 'value' stands in the heading twice"),
         (GOOD.replace("repose_angle,33", "repose angle,33"), "observable = 'repose angle' must be a name"),
+        (
+            WITH_SD.replace("sd of moisture", "sd of moistur"),
+            "no column 'moistur'; conditions there: moisture",
+        ),
+        (
+            WITH_SD.replace("sd of moisture [%]", "sd of moisture [mm]"),
+            "is in [mm]; moisture is in [%]: give",
+        ),
+        (WITH_SD.replace(",0.1", ",-0.1"), "row 2, sd of moisture [%] = '-0.1' must be above 0"),
     ],
 )
 def test_what_is_wrong_is_told_with_row_column_and_value(tmp_path, text, told):

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.models.load_study import load_study
-from tests.evidence.small_study import MODEL, study_text, write_study
+from taichi_erosion.evidence.models.prepared_problem import condition_errors
+from tests.evidence.small_study import MODEL, study_text, table_text, write_study
 
 GOOD = study_text()
 OWN_MODEL = """
@@ -121,3 +123,17 @@ def test_a_censored_value_without_a_limit_needs_the_floor_of_its_instrument(tmp_
     measurements = load_study(path).problem.measurements
     assert measurements.censored[-1]
     assert measurements.limit[-1] == 0.05
+
+
+def test_an_sd_of_a_condition_is_in_the_unit_of_the_model_and_told(tmp_path):
+    head, *lines = table_text({"liquid_bridge": 1.0}, 1).splitlines()
+    head = head.replace("diameter [mm]", "diameter [mm],sd of set diameter")
+    rows = [",".join([*line.split(",")[:7], "0.02", *line.split(",")[7:]]) for line in lines]
+    (tmp_path / "heap.csv").write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    (tmp_path / "heap.toml").write_text(study_text(), encoding="utf-8")
+    study = load_study(tmp_path / "heap.toml")
+    assert study.problem.measurements.condition_sd["diameter"] == pytest.approx(np.full(len(lines), 2e-5))
+    assert study.problem.measurements.condition_set == {"diameter"}
+    assert any("rows state its sd, at most 0.02 mm; it enters their errors" in note for note in study.notes)
+    errors = condition_errors(comparison_rows(study.problem, study.problem.visible()))
+    assert errors.sd["diameter"] == pytest.approx(2e-5)
