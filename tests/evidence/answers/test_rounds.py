@@ -1,7 +1,7 @@
 """Rounds of a race on scenes: about what is undecided, never made twice; tests of answers by fresh runs."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,7 +24,7 @@ from taichi_erosion.evidence.race.decision import Decision, decide
 from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.posterior import Posterior, raced, strained
 from taichi_erosion.evidence.race.priors import SURE
-from taichi_erosion.evidence.race.record import Decided, FreshPart
+from taichi_erosion.evidence.race.record import FreshPart
 from taichi_erosion.scene.load import SOURCE, load_scene
 from tests.evidence.emulator.test_training_runs import executing, keys, write
 
@@ -34,17 +34,8 @@ NULL, SINGLE, UNLISTED = 1, 33, 113  # cases of one seed of clean ones
 OFF = 0.2  # sd of the training values, by which a wrong emulator overstates the effect at strength 1
 
 
-@dataclass(frozen=True)
-class Told:
-    """An answer and the runs that it asked for, batch by batch."""
-
-    found: RacedStudy
-    runs: list[list[str]]
-    plan: str | None  # that decided
-    decided: Decided  # as it is said
-
-
-def told(path: Path, wrong: bool = False, plans: Sequence[BudgetName] = ("quick",)) -> Told:
+def told(path: Path, wrong: bool = False, plans: Sequence[BudgetName] = ("quick",)) -> SimpleNamespace:
+    """An answer, as it is said, the plan that decided, and the runs that it asked for, batch by batch."""
     runs: list[list[str]] = []
     process = gaussian_process.GaussianProcess
     with pytest.MonkeyPatch.context() as patch, open_study(path) as study:
@@ -55,7 +46,7 @@ def told(path: Path, wrong: bool = False, plans: Sequence[BudgetName] = ("quick"
         question = discovery_question(study, whole)
         found, ready = answered(study, plans, question, lambda words, share: None)
         decided = discover_record(found).decided
-    return Told(found, runs, ready.options.budget, decided)
+    return SimpleNamespace(found=found, runs=runs, plan=ready.options.budget, decided=decided)
 
 
 @cache

@@ -26,17 +26,13 @@ READS = ActiveInputs(np.ones((2, 1), bool), np.ones((2, 1), bool))
 ASKED = Points(np.array([[0.3], [-1.2]]), np.array([[0.5], [-0.4]]), np.array([[1.5], [3.0]]))
 
 
-def points(random: np.random.Generator) -> Points:
-    psi = np.where(np.arange(RUNS) < RUNS // 2, 0.0, random.uniform(0.5, 4.0, RUNS))
-    columns = random.uniform(-2.0, 2.0, (RUNS, 1)), random.uniform(-1.5, 1.5, (RUNS, 1)), psi[:, np.newaxis]
-    return Points(*columns)
-
-
 @pytest.fixture(scope="module")
 def joint() -> JointErrors:
     """Two observables that an effect moves in opposite senses, with correlated scatter; one lacks runs."""
     random = np.random.default_rng(5)
-    at = points(random)
+    psi = np.where(np.arange(RUNS) < RUNS // 2, 0.0, random.uniform(0.5, 4.0, RUNS))
+    x, c = random.uniform(-2.0, 2.0, (RUNS, 1)), random.uniform(-1.5, 1.5, (RUNS, 1))
+    at = Points(x, c, psi[:, np.newaxis])
     smooth = 0.5 * at.x[:, 0] + 0.8 * np.tanh(at.psi[:, 0]) * (1.0 + 0.3 * at.c[:, 0])
     errors = random.standard_normal((RUNS, 2)) @ np.linalg.cholesky([[1.0, 0.9], [0.9, 1.0]]).T
     known = [np.arange(RUNS), np.delete(np.arange(RUNS), [3, 30, 35])]

@@ -105,10 +105,7 @@ def value(observable, conditions, parameters, effects, seeds):
 
 
 def law(exponent: float, seed: int, apart: bool = False) -> tuple[LawPart, int]:
-    """The law of rows made with an exponent, and the settings of the model that it took.
-
-    `apart`: no row has both conditions.
-    """
+    """The law of rows made with an exponent, and the settings that it took; `apart`: no row has both."""
     random = np.random.default_rng(seed)
     x, z = np.exp(random.uniform(-0.7, 0.9, COUNT)), random.uniform(0.5, 1.5, COUNT)
     if apart:

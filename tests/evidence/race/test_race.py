@@ -107,14 +107,11 @@ def answer(problem: Problem, seed: int = 1) -> Record:
     return summary(raced(problem, seed))
 
 
-def names(record: Record) -> set[str]:
-    return {*record.decided.named, *record.decided.group}
-
-
 @pytest.mark.slow
 def test_hardly_any_name_is_false_and_none_where_nothing_is_missing():
     cases = {number: FAMILIES["clean"](WATCHED, number) for number in (*NULLS, *ACTING)}
-    told = {number: names(answer(drawn.problem, number)) for number, drawn in cases.items()}
+    found = {number: answer(drawn.problem, number).decided for number, drawn in cases.items()}
+    told = {number: {*each.named, *each.group} for number, each in found.items()}
     assert not any(told[number] for number in NULLS)
     assert sum(bool(told[number]) for number in ACTING) >= 3
     true = {number: set(drawn.truth["effects"]) for number, drawn in cases.items()}
