@@ -36,14 +36,6 @@ class Laboratory:
     orders: tuple[str, ...]
     study: str  # numbers and candidates
 
-    def text(self, name: str) -> str:
-        """The study file."""
-        observables = "".join(
-            f'[observables.{each}]\nscene = "{SCENE}"\ntransform = "log"\n' for each in self.observables
-        )
-        head = f'[study]\nmeasurements = "{name}.csv"\nruns = "runs"\n{observables}[conditions]\n'
-        return f'{head}moisture = "conditions.moisture"\n{self.study}[vault]\nfraction = 0.3\n'
-
     def rows(self, folder: Path, strength: float, drawn: random.Random) -> list[str]:
         """Rows of the table, every run with a seed that is drawn."""
         moistures = [w for w in self.moistures for _ in range(REPEATS)]
@@ -114,7 +106,12 @@ def make(folder: Path, names: tuple[str, ...]) -> None:
     for name, lab in made.items():
         rows = ["observable,value,n,unit,group,moisture,source", *lab.rows(folder, truth[name], drawn)]
         (folder / f"{name}.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
-        (folder / f"{name}.toml").write_text(lab.text(name), encoding="utf-8")
+        entries = [
+            f'[observables.{each}]\nscene = "{SCENE}"\ntransform = "log"\n' for each in lab.observables
+        ]
+        head = f'[study]\nmeasurements = "{name}.csv"\nruns = "runs"\n{"".join(entries)}[conditions]\n'
+        study = f'{head}moisture = "conditions.moisture"\n{lab.study}[vault]\nfraction = 0.3\n'
+        (folder / f"{name}.toml").write_text(study, encoding="utf-8")
 
 
 if __name__ == "__main__":

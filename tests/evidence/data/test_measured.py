@@ -1,4 +1,4 @@
-"""A tidy table is read cell by cell; whatever is wrong with it is told in one line with its place."""
+"""A tidy table is read cell by cell and told in its units; whatever is wrong is told in one line."""
 
 from math import inf, nan
 from pathlib import Path
@@ -7,6 +7,8 @@ import pytest
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.measured import read_table
+from taichi_erosion.evidence.data.table_units import TableUnits
+from taichi_erosion.scene.schema.units import Scale
 
 ROOT = Path(__file__).parents[3]
 HEAD = "observable,value,sd,n,unit,group,moisture [%],source\n"
@@ -75,3 +77,14 @@ def test_what_is_wrong_is_told_with_row_column_and_value(tmp_path, text, told):
 )
 def test_every_shipped_table_can_be_read_and_names_its_sources(table_file):
     assert all(row.source for row in read_table(table_file).rows)
+
+
+def test_values_and_conditions_are_told_in_the_units_of_the_table_also_from_a_stored_document():
+    at = {"diameter": Scale("um", 1e-6), "temperature": Scale("°C", 1.0, 273.15), "roughness": Scale("1")}
+    units = TableUnits({"threshold": Scale("cm/s", 0.01)}, at)
+    assert units.value_text("threshold", 0.253) == "25.3 cm/s"
+    assert units.value("threshold", 0.02) == pytest.approx(2.0)
+    told = units.setting_text({"diameter": 2.3e-4, "temperature": 303.15, "roughness": 0.1, "slope": nan})
+    assert told == "diameter = 230 um, temperature = 30 °C, roughness = 0.1"
+    assert TableUnits.of({"table_units": units.record()}) == units
+    assert TableUnits.of({"units": {"threshold": "m/s"}}).value_text("threshold", 0.253) == "0.253 m/s"

@@ -52,19 +52,15 @@ def heights(diameter: float, friction: float, rolling: float, sticking: float) -
     return diameter * (5.0 + 4.0 * steep), diameter * (1.4 + 1.0 * steep + 0.1 * pull)
 
 
-def water_share(scene: dict) -> float:
-    """What water does to grains, over what 1 % of it does."""
-    water = scene["conditions"].get("moisture", 0.0)
-    return (water / 0.01) ** scene["effects"]["liquid_bridge"].get("exponent", 0.68) if water else 0.0
-
-
 def simulated(payload: dict) -> tuple[float, float]:
     """What a run would measure, with its seed's scatter."""
     scene = payload["scene"]
     effects = {name: entry["strength"] for name, entry in scene["effects"].items()}
     rolling = 0.28 * effects.get("rolling_resistance", 0.0) * scene["conditions"]["angularity"]
     friction = scene["contact"]["grain-grain"]["friction_rolling"]
-    sticking = effects.get("dry_adhesion", 0.0) + effects.get("liquid_bridge", 0.0) * water_share(scene)
+    water = scene["conditions"].get("moisture", 0.0) / 0.01  # over 1 %
+    wet = water ** scene["effects"]["liquid_bridge"].get("exponent", 0.68) if water else 0.0
+    sticking = effects.get("dry_adhesion", 0.0) + effects.get("liquid_bridge", 0.0) * wet
     pair = heights(scene["grains"]["size"]["diameter"], friction, rolling, sticking)
     noise = np.random.default_rng(payload["seed"]).normal(0.0, SCATTER, 2)
     return pair[0] * np.exp(noise[0]), pair[1] * np.exp(noise[1])
