@@ -32,11 +32,6 @@ def test_what_the_instrument_did_not_see_limits_and_intervals_are_censored(tmp_p
         assert (row.value, row.reach) == pytest.approx(wanted, nan_ok=True)
 
 
-def test_repeated_rows_stay_single_repeats(tmp_path):
-    text = HEAD + "repose_angle,33.5,,,deg,heap,1.65,me\n" * 2 + "repose_angle,33.9,,,deg,heap,1.65,me\n"
-    assert [row.value for row in table(tmp_path, text).rows] == [33.5, 33.5, 33.9]
-
-
 @pytest.mark.parametrize(
     ("text", "told"),
     [

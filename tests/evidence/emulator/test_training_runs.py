@@ -245,7 +245,6 @@ def test_how_an_effect_grows_with_its_condition_is_calibrated_with_it(tmp_path, 
     found = ask("discover", path, options=QUICK).record
     assert found.decided.named == ("liquid_bridge",)
     fitted = found.numbers["effects.liquid_bridge.exponent"].now
-    # the 90 % interval misses one time in ten, three times its half-width once in a million
     assert abs(fitted.value - power) < 1.5 * (fitted.high - fitted.low)
     assert found.fit.chi2_after < 0.05 * found.fit.chi2_before
 
