@@ -81,7 +81,6 @@ def test_a_model_that_breaks_its_contract_is_told(own_study, function, error, to
         ('"heap.csv"', '"none.csv"', "none.csv: no such file"),
         (MODEL, "no_such_module_anywhere:f", "and no installed package of that name"),
         ('"log"', '"log_floor"', "transform = 'log_floor' needs floor"),
-        ("[observables.repose_angle]", "[observables.angle]", "observables.angle is not in heap.csv"),
         ("moisture = ", "wetness = ", "conditions.wetness is not in heap.csv; conditions there: moist"),
         ("high = 0.2", "high = 0.01", "parameters.threshold_coefficient: low = 0.05 is not below high"),
         ("start = 0.5", "start = 5.0", "parameters.friction_sliding: start = 5 lies outside [0.2, 1]"),
@@ -154,8 +153,8 @@ def predict(observable, conditions, parameters, effects, seeds):
 def predict_covariance(observable, conditions, parameters, effects):
     return np.full(2 * (len(conditions["diameter"]),), ({SHARE} * {VALUE}) ** 2)
 
-def sure(observable, conditions, parameters, effects, seeds):
-    return predict(observable, conditions, parameters, effects, seeds)
+def sure(*asked):
+    return predict(*asked)
 """
 SANDS = """
 [study]

@@ -103,14 +103,10 @@ ACTING = (26, 29, 33, 34, 42, 46, 12, 16, 25, 40)  # the last four: no list hold
 STRONG = (7, 15)  # seed and number of a case with one strong effect
 
 
-def answer(problem: Problem, seed: int = 1) -> Record:
-    return summary(raced(problem, seed))
-
-
 @pytest.mark.slow
 def test_hardly_any_name_is_false_and_none_where_nothing_is_missing():
     cases = {number: FAMILIES["clean"](WATCHED, number) for number in (*NULLS, *ACTING)}
-    found = {number: answer(drawn.problem, number).decided for number, drawn in cases.items()}
+    found = {number: summary(raced(drawn.problem, number)).decided for number, drawn in cases.items()}
     told = {number: {*each.named, *each.group} for number, each in found.items()}
     assert not any(told[number] for number in NULLS)
     assert sum(bool(told[number]) for number in ACTING) >= 3
@@ -127,7 +123,7 @@ def exact() -> Problem:
 
 @cache
 def plain() -> Record:
-    return answer(exact())
+    return summary(raced(exact(), 1))
 
 
 def reordered(problem: Problem) -> Problem:
@@ -158,7 +154,7 @@ def renamed(problem: Problem) -> Problem:
 @pytest.mark.parametrize("change", [reordered, in_kilometres, renamed])
 def test_order_units_and_names_do_not_matter(change: Callable[[Problem], Problem]):
     problem = change(exact())
-    one, other = plain(), answer(problem)
+    one, other = plain(), summary(raced(problem, 1))
     assert one.decided.verdict == other.decided.verdict == "present"
     (name,), (told,) = one.decided.named, other.decided.named
     assert told == (f"effect {10 + exact().candidate_names.index(name)}" if change is renamed else name)
