@@ -1,7 +1,4 @@
-"""Hidden effects in the simulator itself: another process makes the data, commands alone find what acts.
-
-In every run of the gates a stand-in for the simulator goes the same way (test_training_runs.py).
-"""
+"""Hidden effects in the simulator itself: another process makes the data, commands alone find what acts."""
 
 import json
 import subprocess
