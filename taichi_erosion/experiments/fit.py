@@ -186,9 +186,12 @@ def fit_model(design: Design, response: str, terms: Sequence[Term] | Order) -> F
 def coefficient_table(fit: Fit) -> pd.DataFrame:
     """Constant and terms in coded units, with errors, 95 % intervals, t and p; NaN without an error."""
     found = fit.results
-    low, high = np.asarray(found.conf_int()).T
-    columns = {"name": ("Intercept", *fit.names), "value": found.params, "standard_error": found.bse}
-    return pd.DataFrame(columns | {"low": low, "high": high, "t": found.tvalues, "p": found.pvalues})
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low, high = np.asarray(found.conf_int()).T
+        columns = {"name": ("Intercept", *fit.names), "value": found.params, "standard_error": found.bse}
+        columns |= {"low": low, "high": high, "t": found.tvalues, "p": found.pvalues}
+    table = pd.DataFrame(columns)
+    return table if fit.df_error else table.assign(standard_error=nan, low=nan, high=nan, t=nan, p=nan)
 
 
 Polynomial = dict[Term, float]  # coefficient of every term; the constant is the term of zeros

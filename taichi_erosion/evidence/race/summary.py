@@ -217,11 +217,10 @@ def error_parts(fit: Fit, race: Race) -> Iterator[ErrorPart]:
         if block.kind in ("source", "batch"):
             yield from shared_parts(block.kind, fit, index, race)
     for row in sorted(fit.evidence.bad):
-        gap = float((rows.z[row] - fit.mean[row]) / max(rows.slope[row], 1e-300))
-        width = ONE_SIDED * float(race.prepared.sd[row] / max(rows.slope[row], 1e-300))
-        yield ErrorPart(
-            "row", rows.names[row], str(rows.lines[row][0]), Interval(gap, gap - width, gap + width)
-        )
+        half = ONE_SIDED * float(race.prepared.sd[row])
+        scale, expected = rows.observables[rows.which[row]], fit.mean[row] + np.array([0.0, half, -half])
+        gap = from_scale(scale, rows.z[row]) - from_scale(scale, expected)
+        yield ErrorPart("row", rows.names[row], str(rows.lines[row][0]), Interval(*gap.tolist()))
     _, curvature = now.derivatives()
     spread = np.sqrt(np.diag(np.linalg.inv(curvature)))
     for j in range(now.rows.blocks, now.u.size):

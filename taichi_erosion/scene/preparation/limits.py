@@ -20,6 +20,7 @@ from taichi_erosion.scene.preparation.sizes import (
     template_spheres,
 )
 from taichi_erosion.scene.preparation.walls import wall_bounds
+from taichi_erosion.scene.schema.geometry import Funnel
 from taichi_erosion.scene.schema.grains import Positions, Pour
 from taichi_erosion.scene.schema.scene import Scene
 
@@ -30,6 +31,7 @@ TEAR_OFF = 1.19055  # separation at which a JKR contact breaks, in L^2 / R* [1]
 WORK_OF_SEPARATION = 3.34129  # from first touch to tear-off, in pi gamma L^2 [1]
 BOND_WARNED = 50.0  # Bond number above which adhesion outweighs any weight here [1]
 STRESS_WARNED = 0.3  # cohesion over the stress at the base of the heap [1]
+OUTLET_LEAST = 5.0  # largest grains that the outlet of a funnel should be wide [1]
 RAYLEIGH_REFUSED = 0.3  # larger shares of the Rayleigh time are refused unless forced [1]
 HERTZ_SHARE = 0.1  # of the duration of an impact at the expected speed: ten steps in a contact [1]
 NECK_SHARE = 0.1  # of the time in which grains cross the range of adhesion [1]
@@ -98,6 +100,18 @@ def adhesion_warnings(scene: Scene, sticking: dict[str, float] | None) -> Iterat
     if scene.scene.kind in ("repose", "collapse", "lifting") and stress > STRESS_WARNED:
         told = f"above {STRESS_WARNED:g}: a heap of this size need not fail at any angle"
         yield f"cohesion is {stress:.3g} of the stress under the heap, {told}"
+
+
+def outlet_warnings(scene: Scene) -> Iterator[str]:
+    """Sentences about funnels in which grains may arch; the widest orifice that spheres jam has 4.94 diameters.
+
+    Reference: Zuriguel et al. (2005), Phys. Rev. E 71, 051303.
+    """
+    largest = size_range(scene.grains.size)[1]
+    for name, wall in sorted(scene.geometry.items()):
+        if isinstance(wall, Funnel) and (ratio := 2.0 * wall.outlet_radius / largest) < OUTLET_LEAST:
+            told = f"below {OUTLET_LEAST:g} grains may arch, and the funnel does not empty"
+            yield f"geometry.{name}: the outlet is {ratio:.2g} of the largest grains wide; {told}"
 
 
 def rayleigh_time(radius: float, density: float, shear: float, poisson: float) -> float:
@@ -272,7 +286,11 @@ def explain(scene: Scene) -> dict[str, Any]:
         "softening": softening_lines(scene),
         "rolling": rolling_lines(scene),
         "adhesion": sticking,
-        "warnings": [*time_step_warnings(chosen, limit), *adhesion_warnings(scene, sticking)],
+        "warnings": [
+            *time_step_warnings(chosen, limit),
+            *adhesion_warnings(scene, sticking),
+            *outlet_warnings(scene),
+        ],
     }
 
 

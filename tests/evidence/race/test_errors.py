@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from doe.trials.reduced.families import FAMILIES
 from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.answers.commands import adopt_record
 from taichi_erosion.evidence.data.problem import (
@@ -77,6 +78,15 @@ def test_rows_that_are_off_do_not_change_the_answer():
     found: dict[str, ErrorPart] = {each.label: each for each in record.errors if each.kind == "row"}
     assert set(found) == {"19", "32"}  # line 1 is the head
     assert found["19"].size.value == pytest.approx(9.0 * SD, abs=3.0 * SD)
+
+
+def test_a_row_that_is_off_on_a_logarithmic_scale_is_told_in_its_unit():
+    problem = FAMILIES["clean"](4242, 33).problem
+    value = problem.measurements.value.copy()
+    value[5] *= 2.0
+    (found,) = (each for each in told(problem, value=value).errors if each.kind == "row")
+    assert found.label == str(problem.measurements.lines[5])
+    assert found.size.value == pytest.approx(0.5 * value[5], rel=0.1)
 
 
 def test_scatter_that_is_understated_is_told_and_names_nothing():

@@ -10,6 +10,7 @@ from scipy.integrate import quad
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import explain, parse_scene
+from taichi_erosion.scene.load import SOURCE, load_scene
 from taichi_erosion.scene.preparation import limits
 
 POISSON, DENSITY, GAMMA = 0.3, 2650.0, 3.3  # surface energy of the study, quartz
@@ -104,3 +105,12 @@ def test_softening_is_told_with_its_rule_and_its_factor():
     table = changed("materials.soil.softening", {"rule": "bond_number", "true_modulus": 2e10})
     (line,) = explain(parse_scene(table))["softening"]
     assert line == "soil: stiffness divided by 2e+03, bond number kept (rule 'bond_number')"
+
+
+@pytest.mark.parametrize(("width", "warned"), [(5.1, False), (4.9, True)])
+def test_a_funnel_in_which_grains_may_arch_is_warned_of(width: float, warned: bool):
+    largest = explain(load_scene(SOURCE / "funnel_repose.toml"))["diameter"]["high"]
+    scene = load_scene(
+        SOURCE / "funnel_repose.toml", [f"geometry.funnel.outlet_radius={width * largest / 2}"]
+    )
+    assert any("geometry.funnel" in line for line in explain(scene)["warnings"]) == warned
