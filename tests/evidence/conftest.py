@@ -8,6 +8,5 @@ from threadpoolctl import threadpool_limits
 
 @pytest.fixture(scope="session", autouse=True)
 def one_thread() -> Iterator[None]:
-    """Matrices are multiplied on one thread, as in the commands."""
     with threadpool_limits(1, user_api="blas"):
         yield

@@ -1,4 +1,4 @@
-"""`predict`: rows against a refitted race, and which model of a study answers."""
+"""Rows that a race has not seen: closed forms, seeded truths, and which model of a study `predict` asks."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,24 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from doe.trials.reduced.families import FAMILIES
+from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.answers.commands import adopt_study, no_progress
 from taichi_erosion.evidence.answers.predictions import predict_study, prediction, read_prediction
-from taichi_erosion.evidence.data.problem import Vault
+from taichi_erosion.evidence.data.problem import Parameter, Problem
 from taichi_erosion.evidence.models.table_columns import NewConditions
-from taichi_erosion.evidence.race.outlook import elsewhere, forecast, left_out, new_rows
+from taichi_erosion.evidence.race.fit import Hypothesis
+from taichi_erosion.evidence.race.outlook import elsewhere, forecast, left_out, new_rows, outlook
 from taichi_erosion.evidence.race.posterior import raced
 from tests.evidence.linear_study import linear_problem
 from tests.evidence.small_study import write_study
-
-NEW = np.linspace(-0.95, 0.95, 12)
-
-
-def at(x: np.ndarray) -> NewConditions:
-    return NewConditions(("y",) * x.size, {"x": x})
-
-
-def linear_race(seed: int, **changes):
-    return raced(replace(linear_problem({}, {}, seed=seed), **changes), 1)
 
 
 def test_a_row_is_predicted_from_the_others_as_if_it_had_not_been_measured():
@@ -33,21 +26,17 @@ def test_a_row_is_predicted_from_the_others_as_if_it_had_not_been_measured():
     shares = left_out(raced(problem, 1, table))
     for i in (0, 9, 12, 21):
         rest = raced(problem, 1, table.rows(np.delete(np.arange(table.size), i)))
-        place = elsewhere(rest.race, new_rows(rest.race.prepared, at(table.conditions["x"][[i]])))
+        place = elsewhere(
+            rest.race, new_rows(rest.race.prepared, NewConditions(("y",), {"x": table.conditions["x"][[i]]}))
+        )
         told = forecast(rest, place)
         share = told.weight @ (told.measured[:, 0] < table.value[i]) / told.weight.sum()
         assert shares[i] == pytest.approx(share, abs=0.04)
 
 
-def test_a_gross_error_lies_outside_its_interval():
-    problem = linear_problem({}, {}, seed=3)
-    problem.measurements.value[7] += 2.0
-    assert left_out(raced(problem, 1))[7] > 0.999
-
-
 def test_a_setting_beyond_the_measured_ones_is_told_and_less_certain():
     wanted = NewConditions(("y", "y", "z"), {"x": np.array([0.5, 2.0, 0.0])})
-    found = prediction(linear_race(1), wanted)
+    found = prediction(raced(linear_problem({}, {}, seed=1), 1), wanted)
     near, far = found.rows
     assert near.outside == {}
     assert far.outside == {"x": 1.0}
@@ -55,14 +44,6 @@ def test_a_setting_beyond_the_measured_ones_is_told_and_less_certain():
     assert near.measured_high - near.measured_low > near.high - near.low
     assert found.lost == ("z",), "an observable without a fitted row"
     assert found.fitted.inside / found.fitted.n == pytest.approx(0.9, abs=3.0 * (0.9 * 0.1 / 24) ** 0.5)
-
-
-def test_held_out_rows_check_the_intervals_only_where_the_vault_is_open():
-    posterior = linear_race(1, vault=Vault(np.arange(3, 24, 5)))
-    assert prediction(posterior, at(NEW)).held_out is None
-    check = prediction(posterior, at(NEW), opened=True).held_out
-    assert check.n == 5
-    assert check.inside >= 3, "as few or fewer by chance in 8 of 1000"
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +65,7 @@ def test_the_adopted_model_answers_until_the_table_changes(study):
     adopt_study(study, ["liquid_bridge"], no_progress)
     after = asked(study)
     assert after.about["adopted"] == ["liquid_bridge"]
-    assert after.record.held_out.n > 0
+    assert 0 < after.record.held_out.n < 2 * after.record.held_out.inside
     assert [asked(study).about["vault_opened"] for _ in range(2)] == [2, 2], "one opening for one model"
     assert read_prediction(Path(after.about["results"]), Path(after.about["study"]).stem) is not None
     assert asked(study, bare=True).about["adopted"] == []
@@ -103,3 +84,61 @@ def test_the_adopted_model_answers_until_the_table_changes(study):
     assert any(line.startswith("Left out: liquid_bridge, adopted before") for line in found.answer().lines)
     assert read_prediction(Path(found.about["results"]), study.stem) == found, "as it was given"
     assert len(found.answer().lines) <= 8
+
+
+PRIOR_SD, SD = 0.7, 0.1
+
+
+def test_closed_form_with_one_level():
+    """y = v x, v ~ N(0, PRIOR_SD^2): too few rows for any block but a level."""
+    x, y = np.array([0.2, 0.5, 1.0, 0.7, 2.0]), np.array([0.21, 0.33, 0.81])
+
+    def model(observable, conditions, parameters, effects, seeds):
+        return np.tile(np.log(parameters["a"]) * conditions["x"], (seeds.size, 1))
+
+    table = table_of([Readings("y", {"x": x[:3]}, y, np.full(3, SD), ("a", "b", "c"))])
+    race = raced(Problem(table, {}, (Parameter("a", 1.0, 0.0, np.inf, PRIOR_SD),), (), model), 1).race
+    fit = race.fits[Hypothesis(())]
+    told = outlook(elsewhere(race, new_rows(race.prepared, NewConditions(("y",) * 2, {"x": x[3:]}))), fit)
+    assert [block.kind for block in fit.blocks] == ["level"]
+    level, factor = np.exp(fit.evidence.solved.u)
+    prior = PRIOR_SD**2 * np.outer(x, x) + (level * SD) ** 2
+    gain = prior[3:, :3] @ np.linalg.inv(prior[:3, :3] + (factor * SD) ** 2 * np.eye(3))
+    assert told.mean() == pytest.approx(gain @ race.prepared.rows.z, rel=1e-6)
+    assert told.covariance() == pytest.approx(prior[3:, 3:] - gain @ prior[:3, 3:], rel=1e-6)
+
+
+@pytest.mark.parametrize(("family", "seed", "number"), [("beyond", 5008, 0), ("disturbed", 777, 5)])
+def test_fitted_conditions_are_told_as_they_were_fitted(family: str, seed: int, number: int):
+    """Every block carries over: doses, levels, zeros, sources, batches, smooth functions."""
+    found = raced(FAMILIES[family](seed, number).problem, number)
+    race, rows, p = found.race, found.race.prepared.rows, found.race.prepared
+    again = new_rows(p, NewConditions(rows.names, rows.conditions))
+    place = elsewhere(race, replace(again, group=rows.group, source=rows.source))
+    for fit in race.likely(0.05):
+        now = fit.evidence.solved
+        left = now.rows.y - now.rows.columns @ (now.tau * now.centre)
+        if p.white.root is not None:
+            left = np.linalg.solve(p.white.root, left)
+        gap = np.abs(outlook(place, fit).mean() - (rows.z - p.sd * left)) / p.sd
+        assert gap[~rows.censored].max() < 0.2, fit.hypothesis
+
+
+def test_intervals_hold_what_they_say():
+    """Shares of 320 true means and new measurements within 90 % intervals, over four sizes of a discrepancy.
+
+    Rows of a case share their errors: the sd of the share of a case is about 0.13 and 0.07. A discrepancy as
+    large as the standard error of a row is held in 0.73 to 0.86 of the rows, so that 0.9 is not reached.
+    """
+    held = []
+    for number in range(12):
+        drawn = FAMILIES["intervals"](64000 + number, number)
+        assert drawn.asked is not None
+        found = raced(drawn.problem, number)
+        told = forecast(found, elsewhere(found.race, new_rows(found.race.prepared, drawn.asked)))
+        for values, key in ((told.mean, "mean"), (told.measured, "measured")):
+            ends = zip(told.intervals(values), drawn.truth[key], strict=True)
+            held.append(np.mean([each.low <= truth <= each.high for each, truth in ends]))
+    mean, measured = np.mean(held[::2]), np.mean(held[1::2])
+    assert 0.84 - 3.0 * 0.13 / 3.4 < mean < 0.97
+    assert abs(measured - 0.9) < 3.0 * 0.07 / 3.4

@@ -1,44 +1,41 @@
-"""Rounds of a race on scenes: about what is undecided, never made twice, and tested by fresh runs."""
+"""Rounds of a race on scenes: about what is undecided, never made twice; tests of answers by fresh runs."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
+from taichi_erosion.campaign.study_file import WorkersEntry
 from taichi_erosion.evidence.answers import rounds
 from taichi_erosion.evidence.answers.commands import discover_record, open_study, whole
-from taichi_erosion.evidence.answers.rounds import RacedStudy, answered, discovery_question
+from taichi_erosion.evidence.answers.fresh_test import fresh_test, is_true, kinds_of
+from taichi_erosion.evidence.answers.rounds import RacedStudy, answered, discovery_question, settled
+from taichi_erosion.evidence.data.transforms import to_scale
 from taichi_erosion.evidence.emulator import gaussian_process, training_runs
+from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, FreshSimulator, GapTest
 from taichi_erosion.evidence.models.load_study import PLANS, BudgetName
-from taichi_erosion.evidence.race.decision import decide
-from taichi_erosion.evidence.race.posterior import raced, strained
-from taichi_erosion.evidence.race.record import Decided
-from tests.evidence.emulator import test_training_runs as made_up
-from tests.evidence.emulator.test_training_runs import SCATTER, STUDY, executing, heights, keys, write
+from taichi_erosion.evidence.race.decision import Decision, decide
+from taichi_erosion.evidence.race.fit import Hypothesis
+from taichi_erosion.evidence.race.posterior import Posterior, raced, strained
+from taichi_erosion.evidence.race.priors import SURE
+from taichi_erosion.evidence.race.record import FreshPart
+from taichi_erosion.scene.load import SOURCE, load_scene
+from tests.evidence.emulator.test_training_runs import executing, keys, write
 
 NAME = "rolling_resistance"
 STRONG, WEAK, OPEN = 1.5, 0.1, 0.06  # strengths of a name that is sure at once, and of two that are not
 NULL, SINGLE, UNLISTED = 1, 33, 113  # cases of one seed of clean ones
 OFF = 0.2  # sd of the training values, by which a wrong emulator overstates the effect at strength 1
-MOST = 26  # runs of a budget that the training takes
 
 
-@dataclass(frozen=True)
-class Told:
-    """An answer and the runs that it asked for, batch by batch."""
-
-    found: RacedStudy
-    runs: list[list[str]]
-    plan: str | None  # that decided
-    decided: Decided  # as it is said
-
-
-def told(path: Path, wrong: bool = False, plans: Sequence[BudgetName] = ("quick",)) -> Told:
+def told(path: Path, wrong: bool = False, plans: Sequence[BudgetName] = ("quick",)) -> SimpleNamespace:
+    """An answer, as it is said, the plan that decided, and the runs that it asked for, batch by batch."""
     runs: list[list[str]] = []
     process = gaussian_process.GaussianProcess
     with pytest.MonkeyPatch.context() as patch, open_study(path) as study:
@@ -49,7 +46,7 @@ def told(path: Path, wrong: bool = False, plans: Sequence[BudgetName] = ("quick"
         question = discovery_question(study, whole)
         found, ready = answered(study, plans, question, lambda words, share: None)
         decided = discover_record(found).decided
-    return Told(found, runs, ready.options.budget, decided)
+    return SimpleNamespace(found=found, runs=runs, plan=ready.options.budget, decided=decided)
 
 
 @cache
@@ -97,15 +94,6 @@ def test_a_name_by_a_wrong_emulator_is_contradicted_and_more_runs_come_first(tmp
     assert again.decided.verdict == "unstable", "the emulator is as wrong as before"
 
 
-@pytest.mark.slow
-def test_without_room_for_fresh_runs_the_name_is_told_untested(tmp_path):
-    answer = told(write(tmp_path, STRONG, text=f"{STUDY}[budget]\nruns = {MOST}\n"))
-    fresh = answer.found.fresh
-    assert fresh.outcome == "not_made"
-    assert fresh.needed > MOST - len(keys(answer.runs))
-    assert answer.found.decision.named == (NAME,)
-
-
 def test_points_are_the_settings_of_likely_sets_the_bare_model_first():
     found = on_function(NULL)
     doubtful = replace(found, decision=replace(found.decision, none=0.5))
@@ -132,26 +120,111 @@ def test_mechanisms_are_asked_only_where_no_listed_effect_suffices():
     assert all(len(point.effects) > 1 for point in several)
 
 
-def with_a_dose(payload: dict) -> tuple[float, float]:
-    """A run in which rolling friction has a dose, and no other mechanism does anything."""
-    scene, noise = payload["scene"], np.random.default_rng(payload["seed"]).normal(0.0, SCATTER, 2)
-    dose = scene["effects"].get("rolling_friction", {}).get("dose", 0.0)
-    pull = scene["effects"].get("dry_adhesion", {}).get("strength", 0.0)
-    friction = scene["contact"]["grain-grain"]["friction_rolling"] * (1.0 + dose)
-    pile, centroid = heights(scene["grains"]["size"]["diameter"], friction, 0.0, pull) * np.exp(noise)
-    return pile, centroid
+SEEDS = 2
+SIMILAR = {"o": GapTest(0.5, 0, 1.0, 0.1, 1.0, 0.1)}
 
 
-@pytest.mark.slow
-def test_what_no_list_holds_is_simulated_as_mechanisms_and_found_among_them(tmp_path, monkeypatch):
-    monkeypatch.setattr(made_up, "simulated", with_a_dose)
-    path = write(tmp_path, STRONG, text=STUDY.replace('"rolling_resistance", ', ""))
-    table = pd.read_csv(tmp_path / "heap.csv", dtype=str)
-    table["group"] = "h" + table["angularity"] + table["diameter [mm]"]  # an angularity would be a batch
-    table.to_csv(tmp_path / "heap.csv", index=False)
-    answer = told(path)
-    batches = list(map(set, answer.runs))
-    assert all(map(set.issubset, batches, batches[1:])), "the closest single effects before, then doses"
-    assert len(batches) > 2
-    assert answer.found.decision.mechanisms == ("rolling_friction",)
-    assert answer.found.fresh is None
+def named() -> tuple[Posterior, Decision]:
+    """An answer that names one strong effect."""
+    found = on_function(SINGLE)
+    return found.posterior, found.decision
+
+
+def asked(
+    share: float = 1.0, noise: float = 0.1, fails: float = 0.0, tests=SIMILAR, seed: int = 1
+) -> FreshPart:
+    """The test by a simulator in which every effect has a share of its strength and a run scatters by so many
+    sd of a row."""
+    posterior, decision = named()
+    prepared, model = posterior.race.prepared, posterior.race.prepared.problem.model
+    sd, random = prepared.sd * noise, np.random.default_rng(seed)
+
+    def simulate(settings, requests, weight, progress):
+        assert weight.max() > 1.0
+        made = []
+        for setting in settings:
+            weaker = {name: share * strength for name, strength in setting.effects.items()}
+            values = np.full((SEEDS, sd.size), np.nan)
+            for observable, rows, at in requests:
+                exact = model(observable.name, dict(at), dict(setting.parameters), weaker, np.arange(1, 200))
+                values[:, rows] = np.mean(to_scale(observable, np.asarray(exact)), axis=0)
+            values += sd * random.standard_normal(values.shape)
+            made.append(FreshRuns(values, np.diag(sd / np.sqrt(SEEDS)), tests))
+        keys = frozenset(map(str, range(SEEDS * len(settings))))
+        return FreshCampaign(tuple(made), keys, SEEDS, round(fails * len(keys)))
+
+    part, keys = fresh_test(posterior, decision, simulate, lambda words, share: None)
+    assert len(keys) == part.runs
+    return part
+
+
+def test_runs_that_agree_confirm_the_name():
+    part = asked()
+    assert (part.outcome, part.effects) == ("confirmed", named()[1].named)
+    assert part.emulated == pytest.approx(named()[1].inclusion[part.effects[0]], abs=0.02)
+    assert part.simulated > SURE
+    assert part.agreement == 1.0
+    assert part.p > 0.05
+
+
+def test_runs_in_which_the_effect_does_nothing_contradict_it():
+    part = asked(share=0.0)
+    assert part.outcome == "contradicted"
+    assert part.simulated < 0.1 < SURE < part.emulated
+    assert part.agreement == 0.0
+    assert part.p < 0.01
+
+
+@pytest.mark.parametrize(("share", "never"), [(1.0, "contradicted"), (0.0, "confirmed")])
+def test_runs_that_scatter_say_less_but_nothing_wrong(share, never):
+    assert never not in [asked(share, noise=6.0, seed=seed).outcome for seed in range(3)]
+
+
+@pytest.mark.parametrize(
+    ("world", "outcome"),
+    [
+        ({"share": 0.5}, "confirmed"),  # it is still the right name
+        ({"fails": 0.6}, "undecided"),
+        ({"tests": {"o": replace(SIMILAR["o"], p=0.004)}}, "confirmed"),
+    ],
+)
+def test_an_effect_half_as_strong_runs_that_fail_and_a_gap_by_chance(world, outcome):
+    assert asked(**world).outcome == outcome
+
+
+def test_only_a_confirmed_name_of_the_small_plan_is_settled():
+    found = [RacedStudy(*named(), asked(fails=share)) for share in (0.0, 0.6)]
+    assert [settled(each) for each in found] == [True, False]
+
+
+def test_an_emulator_that_is_off_by_more_than_its_errors_is_believed_nowhere():
+    off = {"o": replace(SIMILAR["o"], p=1e-4, simulated=2.0)}
+    part = asked(tests=off)
+    assert part.outcome == "contradicted"
+    assert part.gap.p == pytest.approx(3 * 1e-4), "one test in each of three explanations"
+
+
+def test_without_room_for_runs_nothing_is_said():
+    part, keys = fresh_test(
+        *named(), lambda *_: FreshCampaign((), frozenset("abc"), 0), lambda words, share: None
+    )
+    assert (part.outcome, part.needed, keys) == ("not_made", 3, frozenset())
+
+
+def test_the_rival_contradicts_the_answer_and_the_bare_model_has_no_effect():
+    posterior, decision = named()
+    told, rival, bare = kinds_of(posterior.race, decision)
+    assert told.names == decision.named
+    assert rival.names
+    assert not is_true(decision, Hypothesis(rival.names))
+    assert bare.names == ()
+    assert {fit.hypothesis.names for fit in bare.fits} == {()}
+
+
+def test_fresh_runs_are_made_by_the_device_of_the_study():
+    scene, device = load_scene(SOURCE / "column_collapse.toml"), WorkersEntry(decomposition="grains")
+    simulator = SimpleNamespace(device=device, scene=lambda *_: scene)
+    training = SimpleNamespace(study=SimpleNamespace(fresh=""), simulator=simulator)
+    fresh = FreshSimulator(cast("Any", training), cast("Any", None), frozenset(), SEEDS)
+    made = fresh.requests((Path("heap.toml"), ()), SEEDS)
+    assert [request.payload["decomposition"] for request in made] == ["grains"] * SEEDS

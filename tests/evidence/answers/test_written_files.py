@@ -5,7 +5,6 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-import pandas as pd
 import pytest
 
 from taichi_erosion.cli.main import main
@@ -156,12 +155,6 @@ def test_a_table_of_another_file_and_one_that_the_study_does_not_fit_are_refused
     with pytest.raises(BadInput, match=r"conditions\.moisture is not in sand_tidy"):
         again(folder, LINES, HEAD.replace(";moisture [%]", ";note"))
     assert files_of(folder) == files
-
-
-def test_the_tidy_table_says_which_rows_are_held_out(folder):
-    rows = pd.read_csv(folder / "sand" / "sand_tidy.csv").set_index(["diameter [um]", "moisture [%]"])
-    assert set(rows.index[rows["vault"] == "held out"]) == held_out(folder)
-    assert set(rows["vault"]) == {"held out", "fitted"}
 
 
 @pytest.mark.parametrize("name", ["heap.toml", "cylinder.toml"])

@@ -1,35 +1,15 @@
 """Files of an adoption: named by study and effects, never written over those of others."""
 
 import tomllib
-from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.problem import Candidate
 from taichi_erosion.evidence.models.adopted_files import Adopted, write_adopted_files
+from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.evidence.race.record import Interval
 from taichi_erosion.run.checks import read_scene
-
-SCENE = Path(__file__).resolve().parents[3] / "scenes" / "column_collapse.toml"
-FRICTION = "contact.grain-grain.friction_rolling"
-STUDY = """# my study
-[study]
-measurements = "heap.csv"  # from March
-[observables.repose_angle]
-scene = "heap.toml"
-"""
-
-
-def study_in(folder: Path) -> Any:
-    path = folder / "moist.toml"
-    path.write_text(STUDY, encoding="utf-8")
-    (folder / "heap.toml").write_text(SCENE.read_text("utf-8"), "utf-8")
-    problem = SimpleNamespace(candidates=(Candidate("liquid_bridge"), Candidate("dry_adhesion")))
-    file = SimpleNamespace(observables={"repose_angle": SimpleNamespace(scene="heap.toml")})
-    return SimpleNamespace(path=path, problem=problem, file=file, effect_files=())
+from tests.evidence.models.test_simulator import FRICTION, STUDY, study
 
 
 def adoption(*effects: str, friction: float = 0.2) -> Adopted:
@@ -38,37 +18,33 @@ def adoption(*effects: str, friction: float = 0.2) -> Adopted:
 
 
 def test_study_and_scenes_are_named_by_the_study_and_all_effects(tmp_path):
-    written = write_adopted_files(study_in(tmp_path), adoption("liquid_bridge", "dry_adhesion"))
-    assert [path.name for path in written] == [
-        "moist_with_liquid_bridge_and_dry_adhesion.toml",
-        "heap_moist_with_liquid_bridge_and_dry_adhesion.toml",
-    ]
-    study, scene = (tomllib.loads(path.read_text("utf-8")) for path in written)
-    assert study["study"] == {"measurements": "heap.csv", "follows": "moist.toml"}
-    assert set(study["adopted"]) == {"liquid_bridge", "dry_adhesion"}
+    written = write_adopted_files(study(tmp_path), adoption("liquid_bridge", "dry_adhesion"))
+    name = "study_with_liquid_bridge_and_dry_adhesion.toml"
+    assert [path.name for path in written] == [name, f"heap_{name}"]
+    after, scene = (tomllib.loads(path.read_text("utf-8")) for path in written)
+    assert (after["study"]["measurements"], after["study"]["follows"]) == ("heap.csv", "study.toml")
+    assert set(after["adopted"]) == {"liquid_bridge", "dry_adhesion"}
     assert scene["effects"]["liquid_bridge"]["strength"] == 1.25
     assert "soil-steel" not in scene["contact"], "a number that this scene has not stays out"
     assert read_scene(written[1], ()).contact["grain-grain"].friction_rolling == 0.2
 
 
 def test_a_calibrated_scene_that_the_user_edited_is_not_replaced(tmp_path):
-    study = study_in(tmp_path)
-    _, scene = write_adopted_files(study, adoption("liquid_bridge"))
+    found = study(tmp_path)
+    _, scene = write_adopted_files(found, adoption("liquid_bridge"))
     edited = scene.read_text("utf-8") + "# my remark\n"
     scene.write_text(edited, "utf-8")
     with pytest.raises(BadInput, match="was changed after this program wrote it"):
-        write_adopted_files(study, adoption("liquid_bridge", friction=0.25))
+        write_adopted_files(found, adoption("liquid_bridge", friction=0.25))
     assert scene.read_text("utf-8") == edited
-    write_adopted_files(study, adoption("liquid_bridge", friction=0.25), force=True)
+    write_adopted_files(found, adoption("liquid_bridge", friction=0.25), force=True)
     assert "my remark" not in scene.read_text("utf-8")
 
 
 def test_a_chain_names_every_step(tmp_path):
-    study = study_in(tmp_path)
-    first, _ = write_adopted_files(study, adoption("liquid_bridge"))
-    then = SimpleNamespace(**{**vars(study), "path": first})
-    second, _ = write_adopted_files(then, adoption("dry_adhesion"))
-    assert second.name == "moist_with_liquid_bridge_with_dry_adhesion.toml"
+    first, _ = write_adopted_files(study(tmp_path, f"# my study{STUDY}"), adoption("liquid_bridge"))
+    second, _ = write_adopted_files(load_study(first), adoption("dry_adhesion"))
+    assert second.name == "study_with_liquid_bridge_with_dry_adhesion.toml"
     text = second.read_text("utf-8")
     assert text.count("made by taichi_erosion") == 1
     assert "# my study" in text

@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.evidence.data.comparison_rows import comparison_rows
+from taichi_erosion.evidence.data.problem import Observable
+from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.load_study import load_study
-from tests.evidence.small_study import LIBRARY, MODEL, study_text, write_study
+from taichi_erosion.evidence.models.prepared_problem import condition_errors
+from taichi_erosion.evidence.race.posterior import raced
+from taichi_erosion.evidence.race.summary import summary
+from tests.evidence.small_study import MODEL, study_text, table_text, write_study
 
 GOOD = study_text()
 OWN_MODEL = """
@@ -43,17 +49,6 @@ def ask(path: Path):
     )
 
 
-def test_a_study_becomes_a_problem(tmp_path):
-    study = load_study(write_study(tmp_path, {}))
-    problem = study.problem
-    assert tuple(c.name for c in problem.candidates) == LIBRARY
-    assert problem.observables["threshold_u_star"].transform == "log"
-    assert problem.measurements.size == 96
-    assert set(problem.measurements.conditions) == {"moisture", "diameter"}
-    assert study.results == tmp_path / "heap-results"
-    assert not study.results.exists(), "reading a study writes nothing"
-
-
 def test_a_model_beside_the_study_is_found_with_its_neighbours_and_may_talk(own_study, tmp_path, capsys):
     path = own_study("predict")
     assert np.all(ask(path) == 30.0)
@@ -86,7 +81,6 @@ def test_a_model_that_breaks_its_contract_is_told(own_study, function, error, to
         ('"heap.csv"', '"none.csv"', "none.csv: no such file"),
         (MODEL, "no_such_module_anywhere:f", "and no installed package of that name"),
         ('"log"', '"log_floor"', "transform = 'log_floor' needs floor"),
-        ("[observables.repose_angle]", "[observables.angle]", "observables.angle is not in heap.csv"),
         ("moisture = ", "wetness = ", "conditions.wetness is not in heap.csv; conditions there: moist"),
         ("high = 0.2", "high = 0.01", "parameters.threshold_coefficient: low = 0.05 is not below high"),
         ("start = 0.5", "start = 5.0", "parameters.friction_sliding: start = 5 lies outside [0.2, 1]"),
@@ -117,6 +111,7 @@ def test_values_are_converted_to_the_unit_in_which_the_model_speaks(tmp_path):
         for text in (said, GOOD)
     )
     assert angles == pytest.approx(np.radians(degrees))
+    assert not (tmp_path / "heap-results").exists(), "reading a study writes nothing"
 
 
 def test_a_censored_value_without_a_limit_needs_the_floor_of_its_instrument(tmp_path):
@@ -131,3 +126,95 @@ def test_a_censored_value_without_a_limit_needs_the_floor_of_its_instrument(tmp_
     measurements = load_study(path).problem.measurements
     assert measurements.censored[-1]
     assert measurements.limit[-1] == 0.05
+
+
+def test_an_sd_of_a_condition_is_in_the_unit_of_the_model_and_told(tmp_path):
+    head, *lines = table_text({"liquid_bridge": 1.0}, 1).splitlines()
+    head = head.replace("diameter [mm]", "diameter [mm],sd of set diameter")
+    rows = [",".join([*line.split(",")[:7], "0.02", *line.split(",")[7:]]) for line in lines]
+    (tmp_path / "heap.csv").write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    (tmp_path / "heap.toml").write_text(study_text(), encoding="utf-8")
+    study = load_study(tmp_path / "heap.toml")
+    assert study.problem.measurements.condition_sd["diameter"] == pytest.approx(np.full(len(lines), 2e-5))
+    assert study.problem.measurements.condition_set == {"diameter"}
+    assert any("rows state its sd, at most 0.02 mm; it enters their errors" in note for note in study.notes)
+    errors = condition_errors(comparison_rows(study.problem, study.problem.visible()))
+    assert errors.sd["diameter"] == pytest.approx(2e-5)
+
+
+VALUE, SHARE = 0.3, 0.1  # m/s; error that all rows share, over the value [1]
+UNSURE_MODEL = f"""
+import numpy as np
+READS = ("level.txt",)
+
+def predict(observable, conditions, parameters, effects, seeds):
+    return np.full((len(seeds), len(conditions["diameter"])), {VALUE})
+
+def predict_covariance(observable, conditions, parameters, effects):
+    return np.full(2 * (len(conditions["diameter"]),), ({SHARE} * {VALUE}) ** 2)
+
+def sure(*asked):
+    return predict(*asked)
+"""
+SANDS = """
+[study]
+measurements = "sands.csv"
+model = "table:{function}"
+[observables.threshold_u_star]
+transform = "log"
+[conditions]
+diameter = "diameter"
+[vault]
+fraction = 0.0
+"""
+MEASURED = 1.1 * VALUE * np.array([0.99, 1.01, 1.0, 0.98, 1.02, 1.0])  # a tenth above the model
+
+
+@pytest.fixture
+def sands(tmp_path: Path):
+    """Function that reads a study on one of the functions."""
+    (tmp_path / "table.py").write_text(UNSURE_MODEL, encoding="utf-8")
+    (tmp_path / "level.txt").write_text("0.3\n", encoding="utf-8")
+    lines = ["observable,value,sd,n,unit,diameter [mm]"]
+    for size, value in enumerate(MEASURED, 1):
+        lines.append(f"threshold_u_star,{value:.6g},{0.02 * value:.6g},1,m/s,{0.1 * size}")
+    (tmp_path / "sands.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+    def read(function: str):
+        path = tmp_path / f"{function}.toml"
+        path.write_text(SANDS.format(function=function), encoding="utf-8")
+        return load_study(path)
+
+    return read
+
+
+def test_errors_are_carried_to_the_scale_of_the_comparison(sands):
+    at = {"diameter": np.array([1e-4, 2e-4])}
+    found = sands("predict").problem.uncertainty([(Observable("threshold_u_star", "log"), at, {})], {}, {})
+    assert found == pytest.approx(np.full((2, 2), SHARE**2))
+
+
+def test_a_misfit_that_the_own_errors_of_a_model_can_be_is_none(sands):
+    # every row a tenth too high: one sd of the shared error, five of every laboratory
+    sure, unsure = (summary(raced(sands(name).problem, 1)) for name in ("sure", "predict"))
+    assert sure.fit.p_before < 1e-6
+    assert [level.observable for level in sure.levels] == ["threshold_u_star"]
+    assert unsure.fit.p_before > 0.1
+    assert unsure.levels == ()
+
+
+def test_a_model_whose_file_has_changed_is_another_model(sands, tmp_path):
+    before = sands("predict").model
+    (tmp_path / "level.txt").write_text("0.4\n", encoding="utf-8")
+    assert sands("predict").model != before
+    (tmp_path / "level.txt").unlink()
+    with pytest.raises(BadInput, match=r"READS names .*level.txt: no such file"):
+        sands("predict")
+
+
+def test_the_threshold_grows_with_the_root_of_the_submerged_weight():
+    density = np.array([1050.0, reduced.GRAIN_DENSITY, 4000.0])
+    given = reduced.expected("threshold_u_star", {"grain_density": density}, {}, {})
+    usual = reduced.expected("threshold_u_star", {"diameter": np.full(3, reduced.MEDIAN_DIAMETER)}, {}, {})
+    submerged = (density - reduced.AIR_DENSITY) / (reduced.GRAIN_DENSITY - reduced.AIR_DENSITY)
+    assert given / usual == pytest.approx(np.sqrt(submerged))

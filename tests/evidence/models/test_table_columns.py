@@ -1,43 +1,32 @@
-"""A condition is converted to the unit of the place that it sets, whatever unit its column has."""
+"""Columns of tables as a study takes them: units of the places that they set, and new conditions."""
 
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from math import pi
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from taichi_erosion.campaign.study_file import StudyFile
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.effects import load_library
 from taichi_erosion.evidence.data.measured import read_table, study_measurements
-from taichi_erosion.evidence.models.table_columns import place_units
+from taichi_erosion.evidence.models.load_study import load_study
+from taichi_erosion.evidence.models.table_columns import place_units, read_new_conditions
 from taichi_erosion.scene.paths import options, scene_schema, unit_of_path
+from tests.evidence.small_study import write_study
 
-# unit of a place -> three columns of a table: their unit, the number there, and the number at the place
-COLUMNS: dict[str, tuple[tuple[str, float, float], ...]] = {
-    "1": (("1", 0.25, 0.25), ("%", 25.0, 0.25), ("‰", 250.0, 0.25)),
-    "kg kg-1": (("kg/kg", 0.02, 0.02), ("%", 2.0, 0.02), ("g/kg", 20.0, 0.02)),
-    "m": (("m", 0.5, 0.5), ("µm", 250.0, 2.5e-4), ("inch", 2.0, 0.0508)),
-    "s": (("s", 3.0, 3.0), ("ms", 5.0, 5e-3), ("min", 2.0, 120.0)),
-    "s-1": (("s-1", 3.0, 3.0), ("1/min", 120.0, 2.0), ("kHz", 2.0, 2e3)),
-    "K": (("K", 290.0, 290.0), ("°C", 20.0, 293.15), ("degF", 50.0, 283.15)),
-    "Pa": (("Pa", 3.0, 3.0), ("hPa", 1013.0, 101300.0), ("bar", 2.0, 2e5)),
-    "Pa m-1": (("Pa/m", 3.0, 3.0), ("hPa/km", 3.0, 0.3), ("kPa m-1", 2.0, 2e3)),
-    "deg": (("deg", 10.0, 10.0), ("rad", pi / 6.0, 30.0), ("°", -5.0, -5.0)),
-    "rad": (("rad", 0.5, 0.5), ("deg", 90.0, pi / 2.0), ("mrad", 20.0, 0.02)),
-    "deg s-1": (("deg/s", 10.0, 10.0), ("rad/s", pi, 180.0), ("rpm", 1.0, 6.0)),
-    "rad s-1": (("rad/s", 3.0, 3.0), ("deg s-1", 180.0, pi), ("rpm", 30.0, pi)),
-    "m s-1": (("m/s", 3.0, 3.0), ("km/h", 36.0, 10.0), ("cm s^-1", 45.0, 0.45)),
-    "m s-2": (("m/s2", 9.81, 9.81), ("cm s-2", 981.0, 9.81), ("mm/s^2", 500.0, 0.5)),
-    "m2 s-1": (("m2/s", 1.5e-5, 1.5e-5), ("mm2/s", 15.0, 1.5e-5), ("cm^2 s^-1", 0.15, 1.5e-5)),
-    "kg m-3": (("kg/m3", 2650.0, 2650.0), ("g/cm3", 2.65, 2650.0), ("t m-3", 2.65, 2650.0)),
-    "J m-2": (("J/m2", 0.1, 0.1), ("mJ/m^2", 72.0, 0.072), ("N/m", 0.07, 0.07)),
-    "N m-1": (("N/m", 0.07, 0.07), ("mN/m", 72.8, 0.0728), ("dyn/cm", 72.8, 0.0728)),
-    "C kg-1": (("C/kg", 6e-5, 6e-5), ("µC/kg", 60.0, 6e-5), ("nC/g", 60.0, 6e-5)),
-    "V m-1": (("V/m", 1e5, 1e5), ("kV/m", 100.0, 1e5), ("V/cm", 1e3, 1e5)),
-    "s m-1": (("s/m", 3.0, 3.0), ("ms/mm", 2.0, 2.0), ("s mm-1", 0.01, 10.0)),
+# unit of a place -> unit of a column, the number there, and the number at the place
+COLUMNS: dict[str, tuple[str, float, float]] = {
+    "1": ("%", 25.0, 0.25),
+    "kg kg-1": ("g/kg", 20.0, 0.02),
+    "m": ("µm", 250.0, 2.5e-4),
+    "K": ("°C", 20.0, 293.15),
+    "deg": ("rad", pi / 6.0, 30.0),
+    "rad s-1": ("rpm", 30.0, pi),
+    "J m-2": ("mN/m", 72.0, 0.072),
 }
 NO_NUMBER = ("unit of the observable", "m, m, any mass", "m per file unit", "unit")  # no column can set these
 KEYS = {"contact": "soil-steel", "effects": "liquid_bridge"}  # names that stand for any key of a table
@@ -86,17 +75,12 @@ def converted(folder: Path, heading: str, number: float, place: str) -> float:
     return float(rows.conditions["x"][0])
 
 
-def test_the_schema_has_paths_of_every_kind_of_unit():
+def test_every_path_is_set_in_its_own_unit(tmp_path):
     assert len(PLACES) > 250
-    assert {unit for _, unit in PLACES} == set(COLUMNS), "a unit of the schema without columns to test it"
-
-
-@pytest.mark.parametrize("unit", COLUMNS)
-def test_every_path_is_set_in_its_own_unit_from_a_column_in_any_of_three(tmp_path, unit):
-    for path in (path for path, own in PLACES if own == unit):
-        for heading, number, wanted in COLUMNS[unit]:
-            found = converted(tmp_path, f"x [{heading}]", number, path)
-            assert found == pytest.approx(wanted, rel=1e-9), path
+    assert {unit for _, unit in PLACES} > set(COLUMNS)
+    for path, unit in PLACES:
+        heading, number, wanted = COLUMNS.get(unit, (unit, 2.5, 2.5))
+        assert converted(tmp_path, f"x [{heading}]", number, path) == pytest.approx(wanted, rel=1e-9), path
 
 
 @pytest.mark.parametrize(
@@ -123,6 +107,61 @@ def test_a_condition_that_a_scene_declares_has_the_unit_it_is_declared_in(tmp_pa
         converted(tmp_path, "x [mm]", 2.5, "conditions.roots")
 
 
-def test_a_model_function_gets_si_units(tmp_path):
-    file = study(x="slope").model_copy(update={"study": study().study.model_copy(update={"model": "m:f"})})
-    assert place_units(file, Path("study.toml")) == {}
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    return load_study(write_study(tmp_path_factory.mktemp("study"), {}))
+
+
+@pytest.fixture
+def read(small, tmp_path):
+    """Function that reads a table of new conditions of the study."""
+
+    def found(text, measurements=small.problem.measurements):
+        (tmp_path / "at.csv").write_text(text, encoding="utf-8")
+        places = place_units(small.file, small.path)
+        return read_new_conditions(tmp_path / "at.csv", small.file, places, measurements, tmp_path)
+
+    return found
+
+
+def test_numbers_are_read_in_the_units_of_their_headings_else_in_those_of_the_study(read):
+    found = read("Moisture [%];diameter [um]\n1,5;250\n2;300\n")
+    assert found.conditions["moisture"] == pytest.approx([0.015, 0.015, 0.02, 0.02])
+    assert found.conditions["diameter"] == pytest.approx([2.5e-4, 2.5e-4, 3e-4, 3e-4])
+    assert found.observable == ("repose_angle", "threshold_u_star") * 2
+    plain = read("moisture,diameter\n0.015,0.25\n")
+    assert plain.conditions["diameter"] == pytest.approx([2.5e-4] * 2)  # the study's table has millimetres
+    assert plain.scales["diameter"].unit == "mm"
+
+
+def test_a_column_of_observables_says_what_is_wanted(read):
+    found = read("observable,moisture,diameter [mm]\nrepose_angle,0.01,0.2\n,0.02,0.2\n")
+    assert found.observable == ("repose_angle", "repose_angle", "threshold_u_star")
+
+
+@pytest.mark.parametrize(
+    ("text", "faults"),
+    [
+        ("observable,moisture,diameter [mm]\nflux,0.01,0.2\n", ["row 2, observable = 'flux'; the study has"]),
+        ("diameter [mm]\n0.2\n", ["no column sets moisture, which the study varies from 0 to 0.04"]),
+        ("moisture,diameter [mm]\n,0.2\n0.01,fine\n0.02,\n", ["row 2", "row 3", "row 4"]),
+        ("moisture,diameter [mm]\n", ["holds no conditions"]),
+        ("moisture [%],diameter [mm]\n600,0.2\n", ["row 2, moisture = 600 % is 6 kg kg-1, outside [0, 5]"]),
+        (
+            "moisture [%],diameter [mm],grain density [g/cm3]\n1,0.2,4\n",
+            ["density is no condition of the study, which has moisture, diameter"],
+        ),
+    ],
+)
+def test_conditions_that_cannot_be_asked_are_refused_all_at_once(read, text, faults):
+    with pytest.raises(BadInput) as told:
+        read(text)
+    assert len(told.value.faults) == len(faults)
+    assert all(words in fault for words, fault in zip(faults, told.value.faults, strict=True))
+
+
+def test_one_column_of_decimal_commas_is_one_column(small, read):
+    table = small.problem.measurements
+    constant = replace(table, conditions=table.conditions | {"diameter": np.full(table.size, 2e-4)})
+    found = read("moisture [%]\n1,5\n2,25\n", constant)
+    assert found.conditions["moisture"] == pytest.approx([0.015, 0.015, 0.0225, 0.0225])

@@ -1,28 +1,33 @@
-"""A mechanism whose dose grows with a condition: it is found, with the doses that act."""
+"""Mechanisms whose dose grows with a condition: found with their doses, and laws of doses in a closed form.
+
+y = 30 + level + 4 d z,   f = 5 + level / 2 + 3 ln(1 + d),   d = a (x / 1.2)^p, or a
+"""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from doe.trials.reduced import beyond
+from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.answers.commands import discover_record
 from taichi_erosion.evidence.answers.rounds import RacedStudy
+from taichi_erosion.evidence.data.problem import Mechanism, Parameter, Problem
 from taichi_erosion.evidence.models.prepared_problem import prepare
 from taichi_erosion.evidence.race.blocks import dose_columns
 from taichi_erosion.evidence.race.decision import decide
-from taichi_erosion.evidence.race.doses import from_axis, to_axis
+from taichi_erosion.evidence.race.dose_forms import forms_of
+from taichi_erosion.evidence.race.dose_laws import law_of
+from taichi_erosion.evidence.race.doses import dosings, from_axis
 from taichi_erosion.evidence.race.expansion import RaceModel
+from taichi_erosion.evidence.race.fit import Race
 from taichi_erosion.evidence.race.posterior import raced
+from taichi_erosion.evidence.race.record import LawPart
 from taichi_erosion.evidence.words.answer_lines import discover_answer
 from tests.evidence.ten_records import VOC
 
 CASE = 5058  # restitution that grows with moisture
-
-
-@pytest.mark.parametrize("dose", [-0.9, -0.2, 0.0, 0.3, 7.0])
-def test_the_axis_of_doses_and_back(dose):
-    assert from_axis(np.array([to_axis(dose)]))[0] == pytest.approx(dose)
 
 
 def test_a_mechanism_is_told_with_its_doses():
@@ -85,3 +90,101 @@ def test_a_dose_is_zero_where_its_condition_is():
     assert dry.any()
     np.testing.assert_allclose(kernels["moisture"][dry], 0.0, atol=1e-6)
     assert np.max(np.abs(kernels["diameter"][dry])) > 0.1
+
+
+COUNT, SD, DOSE = 20, 0.3, 0.8
+MOST_SETTINGS = 120  # that a law may take
+
+
+def value(observable, conditions, parameters, effects, seeds):
+    """The model."""
+    level, dose = parameters["level"], effects.get("pull", 0.0)
+    pulled = 30.0 + level + 4.0 * dose * conditions["z"]
+    found = pulled if observable == "y" else 5.0 + 0.5 * level + 3.0 * np.log1p(dose) + 0.0 * conditions["z"]
+    return np.repeat(found[np.newaxis], seeds.size, axis=0)
+
+
+def law(exponent: float, seed: int, apart: bool = False) -> tuple[LawPart, int]:
+    """The law of rows made with an exponent, and the settings that it took; `apart`: no row has both."""
+    random = np.random.default_rng(seed)
+    x, z = np.exp(random.uniform(-0.7, 0.9, COUNT)), random.uniform(0.5, 1.5, COUNT)
+    if apart:
+        x[::2], z[1::2] = 0.0, 0.0
+    dose = DOSE * (x / 1.2) ** exponent
+    parts, group = [], tuple(f"g{k}" for k in range(COUNT))
+    for name in ("y", "f"):
+        exact = value(name, {"z": z}, {"level": 0.7}, {"pull": dose}, np.zeros(1))[0]
+        noisy = exact + SD * random.standard_normal(COUNT)
+        parts.append(Readings(name, {"x": x, "z": z}, noisy, np.full(COUNT, SD), group))
+    table = table_of(parts)
+    level = Parameter("level", 0.0, -10.0, 10.0)
+    problem = Problem(table, {}, (level,), (), value, mechanisms=(Mechanism("pull", -0.9, 10.0),))
+    prepared = prepare(problem, table, seed)
+    race = Race(prepared, RaceModel(prepared))
+    bare = race.calibrated(0.0)
+    kernels = dose_columns(prepared.rows, np.ones(prepared.rows.size, dtype=np.bool_))
+    pull = dosings(race, kernels)[0]
+    fit = pull.fitted(bare, bare.w)
+    before = race.model.settings
+    found = law_of(race, fit)
+    assert found is not None
+    assert law_of(race, bare) is None
+    return found, race.model.settings - before
+
+
+@pytest.mark.parametrize("exponent", [1.3, -0.8])
+def test_power_with_its_exponent_is_found_within_few_settings(exponent: float) -> None:
+    inside = 0
+    for seed in range(3):
+        found, settings = law(exponent, seed)
+        assert (found.form, found.conditions) == ("power", ("x",))
+        assert settings <= MOST_SETTINGS
+        assert found.held_out_share > 0.8
+        told = found.exponents["x"]
+        assert told.value == pytest.approx(exponent, abs=0.25)
+        assert told.high - told.low < 0.5
+        inside += told.low <= exponent <= told.high
+    assert inside >= 2
+
+
+def test_conditions_that_never_go_together_make_no_law_of_both() -> None:
+    found, _ = law(1.3, 0, apart=True)
+    assert found.conditions == ("x",)
+
+
+def test_doses_are_those_of_the_expression_within_their_intervals() -> None:
+    found, _ = law(1.3, 3)
+    params = SimpleNamespace(**{name: number.value for name, number in found.numbers.items()})
+    for at, dose in found.doses:
+        told = eval(found.python, {"np": np, "at": at, "params": params})
+        assert told == pytest.approx(dose.value)
+        assert dose.low < dose.value < dose.high
+    inside = [dose.low <= DOSE * (at["x"] / 1.2) ** 1.3 <= dose.high for at, dose in found.doses]
+    assert np.mean(inside) > 0.7
+
+
+def test_same_dose_everywhere_is_told_as_constant() -> None:
+    found, _ = law(0.0, 0)
+    assert found.form == "constant"
+    ((at, dose),) = found.doses
+    assert not at
+    assert dose.low < DOSE < dose.high
+
+
+@pytest.mark.parametrize("least", [0.0, 1e-4])
+def test_every_form_is_its_expression_and_nothing_without_its_condition(least: float) -> None:
+    conditions = {
+        "diameter": np.linspace(1e-4, 6e-4, 9),
+        "u_star": np.linspace(0.3, 0.8, 9)[::-1],
+        "water": np.linspace(least, 0.04, 9),
+    }
+    forms = list(forms_of(conditions))
+    for form in forms:
+        numbers = np.array([0.7, *form.starts[0]])
+        values = {name: repr(float(x)) for name, x in zip(("a", *form.names), numbers, strict=True)}
+        dose = form.dose(conditions, numbers)
+        told = eval(form.python.format(**values), {"np": np, "at": conditions})
+        np.testing.assert_allclose(dose, told * np.ones(9), rtol=1e-12)
+        if "water" in form.conditions and least == 0.0:
+            assert dose[0] == 0.0
+    assert ("exponential", ("water",)) not in [(form.name, form.conditions) for form in forms] or least > 0.0

@@ -153,10 +153,6 @@ def test_a_comparison_asks_for_an_effect_where_it_fails_as_a_whole_or_in_a_place
         assert ("fails" in first) == ("discover" in last)
 
 
-def test_a_spent_budget_is_told_before_the_last_line():
-    assert "budget" in discover_answer(DISCOVERIES["stopped"], VOC).lines[-2]
-
-
 def test_proposals_are_told_in_the_units_of_the_table_or_as_none():
     answer = next_answer(group, VOC)
     assert answer.table.rows[1][:2] == (
