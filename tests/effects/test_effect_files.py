@@ -1,11 +1,9 @@
 """Files that users begin: from the scaffold, and from a law that a discovery proposed."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from own_effects import OWN
 from ten_records import DISCOVERIES
 
 from taichi_erosion.cli.main import main
@@ -57,17 +55,6 @@ def test_the_scaffold_keeps_the_contract_as_it_is(words, here, bench, capsys):
     assert (effect.grain_state is None) == (words != ["--with-memory"])
 
 
-def test_an_installed_package_adds_its_effects(here, monkeypatch):
-    about = here / "dust-1.0.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: dust\nVersion: 1.0\n", encoding="utf-8")
-    (about / "entry_points.txt").write_text("[taichi_erosion.effects]\ndust = dust_pull\n", encoding="utf-8")
-    (here / "dust_pull.py").write_text(OWN[0].text, encoding="utf-8")
-    assert "constant_pull" not in load_library()
-    monkeypatch.syspath_prepend(here)
-    assert load_library()["constant_pull"].params().pull_off == 1e-7
-
-
 def found_law(here: Path, law: LawPart) -> Effect:
     """The effect that is written of a discovered law."""
     assert main(["effects", "new", "found", "--from-discovery", discovery(here, law)]) == 0
@@ -91,7 +78,6 @@ def test_a_discovered_law_becomes_an_effect_that_gives_what_the_discovery_wrote(
         (["new", "dry_adhesion"], "there is an effect or a file of this name"),
         (["new"], "give one NAME, or new NAME"),
         (["dry_adhesion", "--from-discovery", "x.json"], "needs new NAME"),
-        (["dry_adhesion", "--with-memory"], "needs new NAME"),
         (["dry_adhesion", "--place", "grain"], "needs new NAME"),
         (["new", "found", "--from-discovery", "x.json"], "is not a result of discover"),
     ],
@@ -122,15 +108,6 @@ def test_a_law_may_read_a_condition_that_only_its_study_has(here, bench):
     strange = replace(LAW, conditions=("colour",), python=python, numbers=numbers, doses=tuple(doses))
     effect = found_law(here, strange)
     assert (effect.reads, breaches(effect, usable_probe(effect, bench))) == (("colour",), [])
-
-
-def test_the_library_is_listed_with_what_was_measured_of_each_effect(capsys):
-    assert main(["effects", "--json"]) == 0
-    listed = json.loads(capsys.readouterr().out)["effects"]
-    assert set(listed) == set(load_library())
-    assert all(page["reference"] for page in listed.values())
-    moved = {row["observable"] for row in listed["rolling_resistance"]["measured"]}
-    assert "angle_of_repose" in moved
 
 
 def test_a_law_of_a_force_keeps_the_contract_too(here, capsys):

@@ -40,10 +40,7 @@ def pair_scene(speed: float, steps_per_depth: float, overlap: float = -1e-3) -> 
 
 
 def bounce() -> tuple[Floats, Floats]:
-    """Overlap [L^2/R*] and force [pi gamma R*] along one bounce until after the tear.
-
-    It is sampled at every step near landmarks and sparsely between.
-    """
+    """Overlap [L^2/R*] and force [pi gamma R*] along one bounce, at every step near landmarks."""
     setup = pair_scene(SPEED, STEPS_PER_DEPTH)
     sim = small.simulation_of([setup], "f64", JKR)
     found: list[tuple[int, float]] = []

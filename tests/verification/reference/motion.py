@@ -1,13 +1,11 @@
 """Bouncing grains and a stacked pair, integrated by SciPy.
 
 MFiX-DEM's cases DEM02 (a bouncing grain) and DEM03 (two stacked grains between walls) use a linear spring;
-here the same scenes have the Hertz spring with the damping of this program (restitution independent of
-speed),
+here they have the Hertz spring with a damping whose restitution does not depend on speed,
 
     F = (4/3) E* sqrt(R*) d^1.5 + 2 sqrt(5/6) beta sqrt(2 E* a m*) dd/dt,    d > 0, a = sqrt(R* d),
 
-so DEM02's heights h_k = (h_0 - r) e^(2k) + r stay exact for an infinitely stiff grain, and DEM03's pair of
-linear equations becomes a pair of nonlinear ones without a closed form.
+so DEM02's heights h_k = (h_0 - r) e^(2k) + r stay exact for an infinitely stiff grain.
 
 Reference: LAMMPS `unittest/granular` analytic models; MFiX-DEM verification manual, cases DEM02, DEM03 and
 DEM04; Garg et al. (2012), Powder Technology 220, 122; Zhou et al. (2002), Powder Technology 125, 45 (constant
@@ -64,16 +62,8 @@ def stacked_motion(
         return [low_speed, high_speed, lower, upper]
 
     # contacts open and close: a short longest step keeps the step control from stepping over them
-    solution = integrate(
-        rates,
-        (0.0, times[-1]),
-        [*start, 0.0, 0.0],
-        t_eval=times,
-        rtol=1e-9,
-        atol=1e-13,
-        max_step=times[-1] / 2000.0,
-    )
-    return solution.y[:2].T
+    fine = {"rtol": 1e-9, "atol": 1e-13, "max_step": times[-1] / 2000.0}
+    return integrate(rates, (0.0, times[-1]), [*start, 0.0, 0.0], t_eval=times, **fine).y[:2].T
 
 
 def rebound_speed(spring: Spring, speed: float) -> float:
@@ -84,27 +74,17 @@ def rebound_speed(spring: Spring, speed: float) -> float:
 
     # the elastic contact lasts 2.87 of this unit, the damped one (e >= 0.5) less than twice as long
     unit = (spring.mass**2 / (spring.radius * spring.young**2 * speed)) ** 0.2
-    solution = integrate(
-        rates,
-        (0.0, 8.0 * unit),
-        [0.0, speed],
-        events=lambda _, state: state[0],
-        rtol=1e-9,
-        atol=1e-14,
-        max_step=unit / 50.0,
-    )
+    fine = {"rtol": 1e-9, "atol": 1e-14, "max_step": unit / 50.0}
+    solution = integrate(rates, (0.0, 8.0 * unit), [0.0, speed], events=lambda _, state: state[0], **fine)
     crossings = np.asarray(solution.y_events[0])
     return float(-crossings[crossings[:, 1] < 0.0][0, 1])
 
 
 def hertz_motion(stiffness: float, mass: float, speed: float, duration: float) -> float:
     """Overlap [m] that an undamped Hertz contact has reached `duration` after touching at `speed`."""
-    solution = integrate(
-        lambda _, state: [state[1], -stiffness / mass * max(state[0], 0.0) ** 1.5],
-        (0.0, duration),
-        [0.0, speed],
-        rtol=1e-13,
-        atol=1e-18,
-        max_step=duration / 500.0,
-    )
-    return float(solution.y[0, -1])
+
+    def rates(_: float, state: Floats) -> list[float]:
+        return [state[1], -stiffness / mass * max(state[0], 0.0) ** 1.5]
+
+    fine = {"rtol": 1e-13, "atol": 1e-18, "max_step": duration / 500.0}
+    return float(integrate(rates, (0.0, duration), [0.0, speed], **fine).y[0, -1])
