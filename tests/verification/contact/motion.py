@@ -11,7 +11,7 @@ where tan < mu_r. Type C (elastic-plastic) rests without drift. The torque of ty
 sign of the spin: only that the rattling stays small and does not grow is asked of it.
 
 V12, V13. MFiX-DEM's bouncing grain (DEM02) and stacked pair (DEM03) with the Hertz spring of this program,
-see `reference.motion`. The dip into the floor, by which apex heights miss their limit, falls as E*^(-2/5).
+see `reference.contact`. The dip into the floor, by which apex heights miss their limit, falls as E*^(-2/5).
 The apex is read in flight as height + v^2/(2 g).
 """
 
@@ -26,8 +26,7 @@ from taichi_erosion.simulation import advance
 from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, holds, relative
 from taichi_erosion.verification.closed_forms import crossing, hertz_impact, sphere_mass
 from tests.verification import small_scenes as small
-from tests.verification.reference.contact import series
-from tests.verification.reference.motion import GRAVITY, Spring, rebound_speed, stacked_motion
+from tests.verification.reference.contact import GRAVITY, Spring, rebound_speed, series, stacked_motion
 
 OBLIQUE_GRAVITY = (0.3, -0.4, -9.81)  # m s-2
 FALL_START = np.array([0.01, -0.02, 1.0])  # m
