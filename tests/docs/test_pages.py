@@ -13,6 +13,7 @@ import pytest
 import typer
 from device_code import device_functions
 
+from doe.beyond import laboratory
 from doe.common.cases import read_rows
 from doe.common.pages import RESULTS, filled
 from doe.effects import page as effects
@@ -164,6 +165,4 @@ def test_pictures_are_small_and_used():
 
 
 def test_the_committed_table_is_the_one_of_its_laboratory():
-    from doe.beyond.laboratory import table
-
-    assert (DOE / "beyond" / "rolling_wet.csv").read_text(encoding="utf-8") == table()
+    assert (DOE / "beyond" / "rolling_wet.csv").read_text(encoding="utf-8") == laboratory.table()

@@ -27,7 +27,7 @@ def test_asking_for_the_design_again_keeps_the_responses_of_its_runs(tmp_path: P
         shutil.copy(ROOT / name, tmp_path / name)
     words = ["doe", "design", str(tmp_path / STUDY), "--json"]
     assert main(words) == 0
-    table = tmp_path / "doe" / "first_calibration" / "screen.csv"
+    table = (tmp_path / STUDY).with_suffix("") / "screen.csv"
     planned = pd.read_csv(table)
     assert "centroid_height" not in planned
     planned.assign(centroid_height=np.arange(len(planned), dtype=float)).to_csv(table, index=False)

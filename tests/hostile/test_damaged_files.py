@@ -128,8 +128,7 @@ def test_a_level_beyond_all_integers_is_audited(tmp_path: Path) -> None:
 def test_a_damaged_mesh(example: tuple[str, bytes], folder: Path, capsys: Any) -> None:
     name, content = example
     put(folder, name, content)
-    scene = (files.ROOT / "scenes" / "incline.toml").read_text(encoding="utf-8")
-    path = put(folder, "scene.toml", scene.encode())
+    path = put(folder, "scene.toml", files.SCENES["scenes/incline.toml"])
     wall = f'geometry.wall={{ shape = "mesh", material = "steel", file = "{name}" }}'
     command_ends_well(["run", str(path), "--check", "--set", wall], folder, capsys)
 

@@ -59,8 +59,7 @@ def test_a_page_has_measured_beside_simulated_values_and_words_of_the_run_as_tex
 
 def test_pictures_of_the_run_are_inside_the_page(tmp_path):
     iio.imwrite(tmp_path / "heap.png", np.zeros((4, 4, 3), np.uint8))
-    run = written(tmp_path, silhouettes="recordings/heap.png", film="recordings/gone.gif")
-    page = page_of(run)
+    page = page_of(written(tmp_path, silhouettes="recordings/heap.png", film="recordings/gone.gif"))
     assert page.count("data:image/png;base64,") == 1
     assert not re.search(r"""(?:src|href)=["'](?!data:|#)""", page)
 

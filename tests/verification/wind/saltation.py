@@ -186,8 +186,7 @@ def steady(size: float, patch: Patch) -> Scene:
 def measured(scenes: Sequence[Scene]) -> pd.DataFrame:
     """Final measurements of every scene, run as one ensemble; NaN where there is none.
 
-    The stress of the wind is that of air and grains together at the bed. In the mean over many seconds it is
-    that of the lid; in between the air above stores momentum and gives it back.
+    In the mean over many seconds the stress of air and grains together at the bed is that of the lid.
     """
     replicas = run_to_end(scenes, [SEED] * len(scenes)).states
     rows = [{name: m.value for name, m in replica.measurements.items()} for replica in replicas]
