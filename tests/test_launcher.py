@@ -17,6 +17,8 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from taichi_erosion.core.engine import ENGINES
+
 ROOT = Path(__file__).parent.parent
 LAUNCHER = ROOT / "erosion"
 UV = """#!/bin/sh
@@ -198,10 +200,9 @@ def test_every_gate_runs_and_the_first_failure_is_the_exit_code(tree):
         "pytest -m not slow and not gpu -n logical --dist worksteal",
         "pytest -m engine --engine quadrants",
     ]
-    ends = [line.split()[1:3] for line in answer.stderr.splitlines() if line[9:15] in ("passed", "FAILED")]
-    failed = [" ".join(end) for end in ends]
-    assert failed[:4] == ["FAILED ruff", "FAILED ruff", "passed basedpyright", "FAILED lint-imports"]
-    assert failed[4:] == ["passed pytest", "passed pytest"]
+    ends = re.findall(r"(passed|FAILED)  (\S+)", answer.stderr)
+    assert [gate for end, gate in ends if end == "FAILED"] == ["ruff", "ruff", "lint-imports"]
+    assert [gate for end, gate in ends if end == "passed"] == ["basedpyright", "pytest", "pytest"]
     assert tree.call("test").returncode == 0
     # on the other engine when it is named
     answer = tree.call("test", "--engine", "quadrants")
@@ -241,6 +242,9 @@ def test_the_launcher_is_read_by_an_old_python_and_continuous_integration_runs_w
     assert script.splitlines()[-1] == "exec ./erosion test"
     assert not re.search(r"secret|token|password|sudo", script, re.IGNORECASE)
     assert "\n./erosion test\n" in (ROOT / "README.md").read_text(encoding="utf-8")
+    workflows = {path.stem: path.read_text("utf-8") for path in ROOT.glob(".github/workflows/*.yml")}
+    assert workflows.keys() == {"release", "tests"}
+    assert all("run: bash .ci/run" in text for text in workflows.values())
 
 
 def test_every_requirement_is_pinned_within_its_bounds_and_every_python_gets_one_engine():
@@ -260,8 +264,7 @@ def test_every_requirement_is_pinned_within_its_bounds_and_every_python_gets_one
             (version,) = (specifier.version for specifier in pin.specifier)
             # a pin of older Pythons may lie below a bound for newer ones
             assert version in wanted.specifier or (wanted.marker and pin.marker), text
-    asked = [Requirement(text) for text in project["dependencies"]]
-    engines = [one for one in asked if one.name in ("taichi", "quadrants") and one.marker]
+    engines = [one for one in map(Requirement, project["dependencies"]) if one.name in ENGINES and one.marker]
     for python, engine in (("3.11", "taichi"), ("3.13", "taichi"), ("3.14", "quadrants")):
         taken = [one.name for one in engines if one.marker.evaluate({"python_version": python})]
         assert taken == [engine], python

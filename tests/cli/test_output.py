@@ -81,15 +81,10 @@ def test_the_next_command_names_the_effect_files_again_but_for_a_study_that_stat
     assert f"`./erosion effects new NAME --from-discovery {result}`" in capsys.readouterr().out
 
 
-def test_a_study_is_answered_in_few_lines_and_as_one_document(tmp_path: Path, capsys, tables):
+def test_a_study_is_answered_as_one_document(tmp_path: Path, capsys):
     study = str(write_study(tmp_path, {"liquid_bridge": 1.0}, 3))
-    for command in ("compare", "discover", "adopt", "next"):
-        words = [command, study, *(["liquid_bridge"] * (command == "adopt"))]
-        assert main(words) == 0
-        assert len(capsys.readouterr().out.splitlines()) <= MOST_LINES
-        assert len(tables) <= 1
-        tables.clear()
-        assert main([*words, "--json"]) == 0
+    for words in (["compare"], ["discover"], ["adopt", "liquid_bridge"], ["next"]):
+        assert main([words[0], study, *words[1:], "--json"]) == 0
         document = json.loads(capsys.readouterr().out)
         assert "record" not in document
         assert "rows" not in document

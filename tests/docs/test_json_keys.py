@@ -3,7 +3,7 @@
 import json
 import re
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -94,23 +94,14 @@ def checked(reply: Reply) -> dict[str, Any]:
 
 
 @pytest.fixture
-def study_of(tmp_path: Path) -> Callable[[str], Path]:
-    """A study of doe/ in a folder of its own."""
-
-    def copied(name: str) -> Path:
-        source = ROOT / "doe" / name
-        for folder in ("measured", "wind"):
-            shutil.copytree(ROOT / "doe" / folder, tmp_path / folder)
-        for file in source.parent.iterdir():
-            if file.is_file():
-                shutil.copy(file, tmp_path)
-        return tmp_path / source.name
-
-    return copied
+def studies(tmp_path: Path) -> Path:
+    """A copy of doe/ without results."""
+    ignore = shutil.ignore_patterns("*-results", "__pycache__")
+    return shutil.copytree(ROOT / "doe", tmp_path / "doe", ignore=ignore)
 
 
-def test_every_command_prints_the_keys_of_the_page(study_of, capsys):
-    study = study_of("my_lab.toml")
+def test_every_command_prints_the_keys_of_the_page(studies, capsys):
+    study = studies / "my_lab.toml"
     checked(commands.compare_study(study, commands.no_progress))
     assert checked(commands.discover_study(study, commands.no_progress))["named"] == ["cohesion"]
     adopted = checked(commands.adopt_study(study, ["cohesion"], commands.no_progress))
@@ -121,13 +112,13 @@ def test_every_command_prints_the_keys_of_the_page(study_of, capsys):
     check_record(json.loads(capsys.readouterr().out), TABLES[COMMON] | TABLES["predict"], "predict")
 
 
-def test_proposed_experiments_have_the_keys_of_the_page(study_of):
-    found = checked(commands.next_study(study_of("impact_threshold.toml"), commands.no_progress))
+def test_proposed_experiments_have_the_keys_of_the_page(studies):
+    found = checked(commands.next_study(studies / "impact_threshold.toml", commands.no_progress))
     assert found["next_experiments"]
 
 
-def test_an_answer_beyond_the_list_prints_the_keys_of_the_page(study_of):
-    found = checked(commands.discover_study(study_of("beyond/rolling_wet.toml"), commands.no_progress))
+def test_an_answer_beyond_the_list_prints_the_keys_of_the_page(studies):
+    found = checked(commands.discover_study(studies / "beyond/rolling_wet.toml", commands.no_progress))
     assert found["mechanisms"]["rolling_friction"]["law"] is not None
 
 

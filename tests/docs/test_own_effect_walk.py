@@ -11,10 +11,13 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
+from hatchling.builders.wheel import WheelBuilder
 
 from taichi_erosion.cli.main import main
+from taichi_erosion.effects import load_library
 from taichi_erosion.evidence.answers.files import read_reply
 
 ROOT = Path(__file__).parents[2]
@@ -23,7 +26,7 @@ FILE = r"<!-- file: (?P<file>\S+) -->\n```\w+\n(?P<text>.*?)```"
 STEP = re.compile(rf"{FILE}|```sh\n(?P<commands>.*?)```", re.DOTALL)
 NAME, STUDY = "pores", "doe/own_effect/pores.toml"
 ONE_WORKER = ("--workers", "1")  # a second one would compile the same kernels again
-pytestmark = [pytest.mark.docs, pytest.mark.slow]
+pytestmark = pytest.mark.docs
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +53,7 @@ def steps() -> list[tuple[str, str]]:
     return found
 
 
+@pytest.mark.slow
 def test_an_own_effect_goes_from_a_scaffold_to_a_falling_error(reader, monkeypatch):
     monkeypatch.chdir(reader)
     for file, text in steps():
@@ -71,12 +75,6 @@ def test_an_own_effect_goes_from_a_scaffold_to_a_falling_error(reader, monkeypat
 
 
 def test_the_package_that_the_page_shows_offers_its_effect(tmp_path, monkeypatch):
-    from zipfile import ZipFile
-
-    from hatchling.builders.wheel import WheelBuilder
-
-    from taichi_erosion.effects import load_library
-
     package = tmp_path / "package"
     package.mkdir()
     for file, text in (step for step in steps() if step[0]):

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pytest
 
 from taichi_erosion.campaign.request import scene_request
 from taichi_erosion.campaign.study_file import read_calibration_study
@@ -16,25 +15,19 @@ STUDY = Path("doe") / "first_calibration.toml"
 GRAIN_STEPS = 2.5e7  # most that a run may take: some seconds of one core
 
 
-@pytest.fixture
-def tree(tmp_path: Path) -> Path:
-    """A copy of the study and of its scene."""
-    for name in ("scenes/column_collapse.toml", str(STUDY)):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(ROOT / name, tmp_path / name)
-    return tmp_path
-
-
-def test_a_run_takes_seconds(tree: Path) -> None:
-    file = read_calibration_study(tree / STUDY)
+def test_a_run_takes_seconds() -> None:
+    file = read_calibration_study(ROOT / STUDY)
     request = scene_request(file.scene("centroid_height"), file.study.study.settings, 1)
     assert request.work < GRAIN_STEPS
 
 
-def test_asking_for_the_design_again_keeps_the_responses_of_its_runs(tree: Path, capsys) -> None:
-    words = ["doe", "design", str(tree / STUDY), "--json"]
+def test_asking_for_the_design_again_keeps_the_responses_of_its_runs(tmp_path: Path, capsys) -> None:
+    for name in ("scenes/column_collapse.toml", str(STUDY)):
+        (tmp_path / name).parent.mkdir()
+        shutil.copy(ROOT / name, tmp_path / name)
+    words = ["doe", "design", str(tmp_path / STUDY), "--json"]
     assert main(words) == 0
-    table = tree / "doe" / "first_calibration" / "screen.csv"
+    table = (tmp_path / STUDY).with_suffix("") / "screen.csv"
     planned = pd.read_csv(table)
     assert "centroid_height" not in planned
     planned.assign(centroid_height=np.arange(len(planned), dtype=float)).to_csv(table, index=False)

@@ -168,13 +168,10 @@ def test_what_an_instrument_shows_replaces_the_value_and_names_the_true_one():
     assert shown["pile_height"] is NO_HEAP
 
 
-def test_effects_that_contradict_each_other_are_refused_in_one_line():
+def test_effects_that_contradict_each_other_or_make_a_scene_impossible_are_refused_like_a_file():
     both = {name: {"strength": 1.0} for name in ("sheltering", "size_distribution")}
     with pytest.raises(BadInput, match=r"effects\.size_distribution: grains\.size has a distribution"):
         prepare(parse_scene(SAMPLE | {"effects": both}), 1, LIBRARY)
-
-
-def test_a_scene_that_its_effects_make_impossible_is_refused_like_a_file():
     shaped = {"grain_shape": {"strength": 1.0}, "side_walls": {"width": 9.0}}
     assert prepare(parse_scene(SAMPLE | {"effects": shaped}), 1, LIBRARY).clumps is not None
     wide = {"run": {"time_step": 9e-6}, "effects": {"size_distribution": {"spread": 3.0, "cut": 3.0}}}

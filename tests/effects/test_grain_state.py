@@ -94,14 +94,10 @@ SETUPS = {
 PLACE = {name: replica for replica, name in enumerate(SETUPS)}
 
 
-def start(setups: list[Setup]) -> Simulation:
-    return simulation.assemble(setups, LAWS, Numerics("cpu", 1, "f64"))
-
-
 @pytest.fixture(scope="module")
 def compiled() -> Iterator[Simulation]:
     """All setups in one ensemble: kernels compile once."""
-    yield start(list(SETUPS.values()))
+    yield simulation.assemble(list(SETUPS.values()), LAWS, Numerics("cpu", 1, "f64"))
     stop_device()
 
 

@@ -5,6 +5,7 @@ all code that is executed. A hook cannot be taken away again, so it sleeps while
 """
 
 import os
+import platform
 import signal
 import sys
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ from typing import Any
 import taichi_erosion
 
 PATIENCE = 20.0  # s of this process's own time that one file may take
+AWAITED = 300  # s of wall time: a pipe that nobody fills takes none of the process's own
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 CHANGES = ("os.remove", "os.rename", "os.mkdir", "os.rmdir", "os.link", "os.symlink", "shutil.rmtree")
 BEGINNINGS = ("os.system", "os.exec", "os.fork", "os.posix_spawn", "subprocess.Popen", "socket.connect")
@@ -49,21 +51,16 @@ def note(event: str, arguments: tuple[Any, ...]) -> None:
     elif event == "exec" and isinstance(arguments[0], CodeType):
         if not arguments[0].co_filename.startswith(OWN_CODE):
             watch.trespasses.append(f"executed {arguments[0].co_filename}")
-    elif event == "open" and isinstance(arguments[2], int) and arguments[2] & WRITING:
-        note_change(watch, event, arguments[0])
-    elif event in CHANGES:
-        note_change(watch, event, arguments[0])
-
-
-def note_change(watch: Watch, event: str, place: object) -> None:
-    """Whether a place that is changed lies outside the folder; compiled Python of a first import may."""
-    if isinstance(place, str | bytes):
-        path = os.path.abspath(os.fsdecode(place))
-        if not path.startswith(watch.folder) and "__pycache__" not in path and path != os.devnull:
+    elif event in CHANGES or (event == "open" and isinstance(arguments[2], int) and arguments[2] & WRITING):
+        path = os.path.abspath(os.fsdecode(arguments[0])) if isinstance(arguments[0], str | bytes) else ""
+        # compiled Python of a first import may lie outside the folder
+        allowed = path.startswith(watch.folder) or "__pycache__" in path or path in ("", os.devnull)
+        if not allowed:
             watch.trespasses.append(f"{event} {path}")
 
 
 import_module("matplotlib.font_manager")  # makes folders of its own when it is first imported
+platform.processor()  # starts uname when libraries first ask for it
 sys.addaudithook(note)
 
 
@@ -71,15 +68,18 @@ sys.addaudithook(note)
 def watched(folder: Path) -> Iterator[Watch]:
     """Nothing but the folder may be changed, nothing be begun, and the patience not be used up."""
     watch = Watch(os.path.abspath(folder))
-    before = signal.signal(signal.SIGVTALRM, interrupt)
+    before = {alarm: signal.signal(alarm, interrupt) for alarm in (signal.SIGVTALRM, signal.SIGALRM)}
     signal.setitimer(signal.ITIMER_VIRTUAL, PATIENCE)
+    signal.alarm(AWAITED)
     WATCHES.append(watch)
     try:
         yield watch
     finally:
         WATCHES.pop()
         signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
-        signal.signal(signal.SIGVTALRM, before)
+        signal.alarm(0)
+        for alarm, handler in before.items():
+            signal.signal(alarm, handler)
 
 
 def interrupt(_number: int, _frame: FrameType | None) -> None:

@@ -47,26 +47,21 @@ def page_of(path: Path) -> str:
     return write_report(path).read_text(encoding="utf-8")
 
 
-def test_the_measured_value_stands_beside_the_simulated_one_with_their_distance(tmp_path):
+def test_a_page_has_measured_beside_simulated_values_and_words_of_the_run_as_text(tmp_path):
+    page = page_of(written(tmp_path, title="<script>alert(1)</script>"))
     # (33 - 31) / sqrt(1 / 3 + 0.81 / 9) = 3.07
-    page = page_of(written(tmp_path))
     assert "The angle of repose is 2 deg lower than measured: 3.1 standard errors." in page
     assert "<td>31.0 ± 1.0</td><td>33.00 ± 0.90 (n = 9)</td>" in page
+    assert "alert(1)</script>" not in page
+    assert "&lt;script&gt;alert(1)" in page
+    assert "flank &lt;not&gt; straight" in page
 
 
 def test_pictures_of_the_run_are_inside_the_page(tmp_path):
     iio.imwrite(tmp_path / "heap.png", np.zeros((4, 4, 3), np.uint8))
-    run = written(tmp_path, silhouettes="recordings/heap.png", film="recordings/gone.gif")
-    page = page_of(run)
+    page = page_of(written(tmp_path, silhouettes="recordings/heap.png", film="recordings/gone.gif"))
     assert page.count("data:image/png;base64,") == 1
     assert not re.search(r"""(?:src|href)=["'](?!data:|#)""", page)
-
-
-def test_words_of_a_run_cannot_become_part_of_the_page(tmp_path):
-    page = page_of(written(tmp_path, title="<script>alert(1)</script>"))
-    assert "alert(1)</script>" not in page
-    assert "&lt;script&gt;alert(1)" in page
-    assert "flank &lt;not&gt; straight" in page
 
 
 def test_a_measure_without_a_value_is_told_and_a_recording_leads_to_the_document_beside_it(tmp_path):

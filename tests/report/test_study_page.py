@@ -80,13 +80,6 @@ def test_a_page_of_somebody_else_is_not_replaced(study):
     assert write_report(study, page, force=True) == write_report(study, page)
 
 
-def test_there_is_no_page_before_the_first_answer(tmp_path):
-    fresh = write_study(tmp_path, {})
-    for write in (write_report, write_recording):
-        with pytest.raises(BadInput, match=r"heap\.toml: has no answer yet; .*compare"):
-            write(fresh)
-
-
 def test_a_recording_holds_the_lines_the_tables_and_the_figures(study):
     chunks = read_chunks(write_recording(study))
     entities = {str(chunk.entity_path) for chunk in chunks}

@@ -59,10 +59,7 @@ CHECKS: dict[str, Check] = {
 
 
 class KnownFailure(NamedTuple):
-    """Claims of one check that fail, with the range in which they were found.
-
-    It is told in every run; it is no news, and a larger one is.
-    """
+    """Claims of one check that fail, with the range in which they were found; a larger failure is news."""
 
     id: str
     words: str  # in the claim

@@ -44,13 +44,8 @@ def cells(alike: Sequence[Claim]) -> tuple[str, ...]:
     """One row of the table, the claim whose distance over its tolerance is the largest."""
     claim = max(alike, key=lambda one: abs(one.got - one.want) / (one.tolerance or 1.0))
     words, verdict = claim.claim.replace("|", "\\|"), "yes" if claim.passed else "**NO**"
-    numbers = number(claim.got), number(claim.want), number(claim.tolerance, digits=2)
-    return (claim.id, words, str(len(alike)), *numbers, verdict)
-
-
-def number(value: float, digits: int = 7) -> str:
-    """A number with as many digits as carry meaning."""
-    return f"{value:.{digits}g}" if isfinite(value) else "none"
+    got = f"{claim.got:.7g}" if isfinite(claim.got) else "none"
+    return (claim.id, words, str(len(alike)), got, f"{claim.want:.7g}", f"{claim.tolerance:.2g}", verdict)
 
 
 def renewed(table: str, claims: Sequence[Claim]) -> str:

@@ -139,18 +139,15 @@ class HeadOn(NamedTuple):
     mass: float  # m*, kg
     speed: float  # of approach, m s-1
     closed: tuple[float, float, float]  # K [N m^-1.5], deepest overlap [m], contact time [s]
-
-    @property
-    def duration(self) -> float:
-        """Contact time [s]."""
-        return self.closed[2]
+    duration: float  # s
 
 
 def head_on(touch: Touch, density: float, speed: float, *radii: float) -> HeadOn:
     """A sphere that meets a rigid plane, or two spheres that meet, with relative speed `speed` [m s-1]."""
     masses = [sphere_mass(radius, density) for radius in radii]
     radius, mass = (each[0] if len(radii) == 1 else series(*each) for each in (radii, masses))
-    return HeadOn(mass, speed, hertz_impact(touch.young_effective, radius, mass, speed))
+    closed = hertz_impact(touch.young_effective, radius, mass, speed)
+    return HeadOn(mass, speed, closed, closed[2])
 
 
 def in_air(setup: Setup, air: AirSetup, coupling: Coupling, headroom: float) -> Setup:
@@ -195,11 +192,7 @@ def box(cells: tuple[int, int, int], size: Triple, **words: Any) -> AirSetup:
 
 
 def still_air(faces: Floats, patch: tuple[float, float], density: float, viscosity: float) -> AirSetup:
-    """A column of air at rest that only grains can move; `viscosity` is dynamic [Pa s].
-
-    `patch` holds the periods downwind and across [m]. The floor is smooth and the lid without stress: what
-    the air gains, grains have lost.
-    """
+    """A column of air at rest over a patch [m], without stress at floor and lid; viscosity in Pa s."""
     return box(
         (1, 1, len(faces) - 1),
         (*patch, float(faces[-1])),
@@ -232,9 +225,8 @@ def run_to_end(scenes: Sequence[Scene], seeds: Sequence[int]) -> EnsembleRun:
     """Scenes of one law, each with its effects and seed, run to their ends on the CPU in single precision."""
     library = load_library()
     setups = [prepare(scene, seed, library) for scene, seed in zip(scenes, seeds, strict=True)]
-    whole = EnsembleRun(
-        list(scenes), assemble(setups, laws_of(scenes[0]), Numerics()), [ReplicaState(seed) for seed in seeds]
-    )
+    sim = assemble(setups, laws_of(scenes[0]), Numerics())
+    whole = EnsembleRun(list(scenes), sim, list(map(ReplicaState, seeds)))
     run_ensemble(whole, [])
     return whole
 

@@ -4,19 +4,15 @@ V27. Flow between plates, driven by a pressure gradient (Poiseuille) or by the u
 
     Poiseuille:  u = G z (H - z) / (2 nu),      Couette:  u = U z / H
 
-Couette flow is linear, which the grid holds exactly. Poiseuille's parabola is found with an error of dz^2:
-with half a cell to the wall the discrete solution lies above it by G dz^2 / (8 nu) everywhere. Plates normal
-to y work through ghosts and explicit diffusion, plates normal to z through the implicit scheme; both are
-tried. Replicas of one ensemble are Couette and Poiseuille flow on equal and on stretched cells.
+The grid holds linear flow exactly. With half a cell to the wall the discrete parabola lies above Poiseuille's
+by G dz^2 / (8 nu) everywhere. Plates normal to y work through ghosts and explicit diffusion, plates normal to
+z through the implicit scheme.
 
-V28. A logarithmic wind survives an empty tunnel. Wind enters with
-u = (u*/kappa) ln((z + z0) / z0)  over a rough floor, under a lid with the stress rho u*^2: nothing may change
-over the fetch.
+V28. A logarithmic wind u = (u*/kappa) ln((z + z0) / z0) over a rough floor, under a lid with the stress
+rho u*^2, survives an empty tunnel: nothing may change over the fetch.
 
-V29. Air is neither made nor lost, whatever the grid; the pressure solve costs the same on every grid. A gusty
-wind blows through a box with rough floor, slip lid and walls beside. What remains of div u in a cell is the
-tolerance of the solve; what enters leaves. The number of iterations is counted for a random flow that is
-projected on grids from 8 x 8 to 64 x 64 columns, with cells stretched by 100 from floor to lid.
+V29. Air is neither made nor lost: what remains of div u in a cell is the tolerance of the solve. Iterations
+are counted for a random flow on grids from 8 x 8 to 64 x 64 columns, with cells stretched by 100.
 
 Reference: Richards & Hoxey (1993), J. Wind Eng. Ind. Aerodyn. 46-47, 145-153.
 """
@@ -58,10 +54,7 @@ def plates(layers: int, lid: AirSide, gradient: float, stretched: bool) -> AirSe
 
 
 def steady_errors(layers: int, whole_grid: bool) -> list[float]:
-    """Largest error of the steady u(z) [m s-1]: Couette on equal and stretched cells, Poiseuille likewise.
-
-    Poiseuille flow has a largest speed of 1 m/s.
-    """
+    """Largest error of the steady u(z) [m s-1]: Couette on equal and stretched cells, Poiseuille likewise."""
     flows = ((LID, 0.0), (WALL, -8.0))
     setups = [plates(layers, *flow, stretched) for flow in flows for stretched in (False, True)]
     air = air_of(setups)

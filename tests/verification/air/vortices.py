@@ -1,18 +1,17 @@
 """V25, V26: the lid-driven cavity and decaying vortices.
 
-V25. The cavity against the tables of Ghia, Ghia & Shin. All Reynolds numbers run as one ensemble. The steady
-state is approached on a coarse grid, carried to the next finer one and left to settle there: the slow turning
-of the core is over before the cells are small. The gates are those of 128 x 128 cells: 0.01 at Re 100 and
-400, 0.02 at 1000.
+V25. The cavity against the tables of Ghia, Ghia & Shin. The steady state is approached on a coarse grid and
+carried to the next finer one: the slow turning of the core is over before the cells are small. The gates are
+those of 128 x 128 cells.
 
 V26. Decaying vortices of Taylor and Green, in a vertical plane between slip walls.
 
     u = sin x cos z e^(-2 nu t),    w = -cos x sin z e^(-2 nu t)
 
 Space: grids are refined together with the step, whose own error is of the same order. Time: on one grid, each
-step against one eight times shorter than the shortest. These errors are 1e-8 to 1e-7 of the velocity, and the
-pressure of ordinary runs is found to 1e-9, which leaves 1e-8 of it; here it is found to 1e-12. Without
-viscosity, kinetic energy must not grow: the central scheme gives none and three stages take a little.
+step against one eight times shorter than the shortest; these errors are 1e-8 to 1e-7 of the velocity, so the
+pressure is found to 1e-12. Without viscosity, kinetic energy must not grow: the central scheme gives none and
+three stages take a little.
 """
 
 from collections.abc import Iterator

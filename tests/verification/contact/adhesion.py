@@ -40,10 +40,7 @@ def pair_scene(speed: float, steps_per_depth: float, overlap: float = -1e-3) -> 
 
 
 def bounce() -> tuple[Floats, Floats]:
-    """Overlap [L^2/R*] and force [pi gamma R*] along one bounce until after the tear.
-
-    It is sampled at every step near landmarks and sparsely between.
-    """
+    """Overlap [L^2/R*] and force [pi gamma R*] along one bounce, at every step near landmarks."""
     setup = pair_scene(SPEED, STEPS_PER_DEPTH)
     sim = small.simulation_of([setup], "f64", JKR)
     found: list[tuple[int, float]] = []
@@ -76,25 +73,19 @@ def curve_outcomes(overlap: Floats, force: Floats) -> Iterator[Outcome]:
     acts = np.flatnonzero(np.abs(force) > 0.5)
     parting = slice(int(np.argmax(np.diff(overlap) < 0.0)) + 1, int(acts[-1]) + 1)
     d, f = overlap[parting], force[parting]
-    before = d > 0.5 * BALANCE_AT
+    before, near = d > 0.5 * BALANCE_AT, np.abs(d - PULL_OFF_AT) < NEAR
+    cubic = np.polynomial.Polynomial.fit(d[near], f[near], 3)
+    turns = np.real(np.asarray(cubic.deriv().roots()))
     for name, got, want in (
         ("force at zero overlap [pi gamma R*]", np.interp(0.0, d[::-1], f[::-1]), -8.0 / 3.0),
         ("pull-off force [pi gamma R*]", f.min(), -3.0),
-        ("overlap at pull-off [L^2/R*]", fitted_minimum(d, f), PULL_OFF_AT),
+        ("overlap at pull-off [L^2/R*]", turns[np.argmin(np.abs(turns - PULL_OFF_AT))], PULL_OFF_AT),
         ("overlap of zero force [L^2/R*]", np.interp(0.0, f[before][::-1], d[before][::-1]), BALANCE_AT),
         ("overlap at the tear [L^2/R*]", d[-1], TEAR_AT),
     ):
         yield relative(f"JKR: {name}", got, want, 1e-3, "f64")
     error = (f - [jkr.branch_force(one) for one in d]) / 3.0
     yield below("JKR: force while parting off the law, over the pull-off force", error, 1e-3, "f64")
-
-
-def fitted_minimum(overlap: Floats, force: Floats) -> float:
-    """Overlap at the lowest force, from a cubic through its neighbourhood."""
-    near = np.abs(overlap - PULL_OFF_AT) < NEAR
-    fit = np.polynomial.Polynomial.fit(overlap[near], force[near], 3)
-    turns = np.real(np.asarray(fit.deriv().roots()))
-    return float(turns[np.argmin(np.abs(turns - PULL_OFF_AT))])
 
 
 def energy_outcomes(precision: Precision) -> Iterator[Outcome]:

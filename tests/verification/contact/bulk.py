@@ -1,11 +1,9 @@
 """V34: angles of repose of a few hundred to a few thousand soft glass grains.
 
-Grains are 2 mm glass with the shear modulus lowered to 5 MPa, so that 15 us is a fifth of the Rayleigh
-time; in beds of a few centimetres the overlap stays below 0.3 % of the radius, where flow and angle do not
-depend on stiffness. Angles rise with friction, rolling friction and adhesion in heaps of a lifted tube, an
-ensemble of settings and seeds in one launch, measured on side silhouettes; they are so small that the angles
-are those of this apparatus, good for trends. The plate heap is the discharge apparatus of Zhou et al. (2002)
-in the limit of a thick container.
+Grains are 2 mm glass with the shear modulus lowered to 5 MPa, so that 15 us is a fifth of the Rayleigh time;
+the overlap stays below 0.3 % of the radius, where flow and angle do not depend on stiffness. Angles of small
+heaps of a lifted tube, on side silhouettes, show trends. The plate heap is the discharge apparatus of Zhou et
+al. (2002) in the limit of a thick container.
 """
 
 from collections.abc import Iterator, Sequence
@@ -171,11 +169,7 @@ def plate_outcomes() -> Iterator[Outcome]:
 
 
 def plate_angle(state: Snapshot) -> float:
-    """Mean slope of the two flanks of the heap on the plate [deg].
-
-    Height of the highest grain in bins of one diameter along x; a line through the bins from 20 % to 80 %
-    of the way from the edge of the plate to the ridge.
-    """
+    """Mean slope of the two flanks of the heap on the plate, without its edge and its ridge [deg]."""
     on_plate = (np.abs(state.position[:, 0]) < PLATE_HALF) & (state.position[:, 2] > 0.0)
     x, top = state.position[on_plate, 0], state.position[on_plate, 2] + state.radius[on_plate]
     bins = binned_statistic(x, top, "max", round(2.0 * PLATE_HALF / DIAMETER), (-PLATE_HALF, PLATE_HALF))

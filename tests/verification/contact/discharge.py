@@ -6,14 +6,12 @@
 with D the diameter of the hole or the width of the slot [m], d that of the grain [m], rho_b the density of
 the filling [kg m-3]; C is near 0.6 for holes and near 1 for slots, k is Beverloo's 1.4. The law is stated for
 openings of six grains and more, in silos wider than 2.5 D and filled higher than 1.2 times their width.
-Silos are 2.5 D wide; what is let out comes on top of a filling of 1.2 widths; reading begins when as many
-grains have left as a prism over the opening, D high, holds. Slots are periodic along their length.
+Reading begins when as many grains have left as a prism over the opening, D high, holds.
 
-Flows scatter from filling to filling, so several fillings flow through every opening, and three numbers, c,
-k and the exponent, are not fitted together: they follow only with one another. Judged are
+Flows scatter from filling to filling, and c, k and the exponent follow only with one another. Judged are
 
-    exponent    slope of ln W against ln(D - k d) with Beverloo's k; its standard error is judged too, and
-                must be at most half of the tolerance, or the check could not tell
+    exponent    slope of ln W against ln(D - k d) with Beverloo's k; its standard error must be at most half
+                of the tolerance, or the check could not tell
     law         with its exponent given, c and k are fitted, and the mean flows of the openings scatter about
                 it no more than fillings of one opening do among themselves (F-test of the lack of fit)
 
@@ -68,10 +66,7 @@ def filling(count: int, half_width: tuple[float, float], round_base: bool, seed:
 
 
 def silo_scene(count: int, width: float, hole: float, seed: int) -> Setup:
-    """A flat-bottomed round silo with a round hole [m].
-
-    wall0 tube, wall1 bottom, wall2 plug, wall3 tray below.
-    """
+    """A flat-bottomed round silo with a round hole [m]; walls are tube, bottom, plug and a tray below."""
     radius, reach = width / 2.0, hole / 2.0
     grains = filling(count, (radius, radius), True, seed)
     ends = (radius, radius, 80.0 * DIAMETER), (reach, radius, 0.0), (0.0, reach, 0.0)
@@ -81,10 +76,7 @@ def silo_scene(count: int, width: float, hole: float, seed: int) -> Setup:
 
 
 def slot_scene(count: int, width: float, slot: float, seed: int) -> Setup:
-    """A flat-bottomed silo with a slot [m], periodic along it.
-
-    wall0 and wall1 sides, wall2 plug, wall3 bottom, wall4 tray below.
-    """
+    """A flat-bottomed silo, periodic along its slot [m]; walls are two sides, plug, bottom and a tray."""
     half, reach, length = width / 2.0, slot / 2.0, SLOT_LENGTH * DIAMETER
     plug, bottom = bulk.strip(-reach, reach), bulk.strip(-half, -reach) + bulk.strip(reach, half)
     walls = small.joined(

@@ -1,16 +1,13 @@
 """V14, V15, V22: energy stays or falls; ends depend neither on the observer nor on the precision.
 
-V15. A handful of grains collide with each other and a tilted wall, with friction, rolling resistance and
-damping. The same scene is seen from a moving frame, turned as a whole, in a mirror, and with its grains
-numbered backwards; transformed back, the ends must agree. Rounding of 1e-16 (6e-8) grows about a hundredfold
-in each of the few collisions on the way.
+V14. Without friction and damping the springs give back what they took: 1e-4 of the energy at 50 steps per
+contact. With them the sum of kinetic, gravitational and spring energy may only fall. The total-form
+tangential spring stiffens as the contact grows: an impact with e = 1 and mu = 10 gains or loses a little, as
+the fine-step integration of the law does.
 
-V14. Mechanical energy of a gas in a box, and of single impacts that stick. Without friction and damping the
-springs give back what they took: 1e-4 of the energy at 50 steps per contact. With friction and damping the
-sum of kinetic, gravitational and spring energy may only fall. The total-form tangential spring stiffens as
-the contact grows, so it is not conservative by itself: an impact with e = 1 and mu = 10 gains or loses a
-little. That is a property of the law; the simulator is compared with the fine-step integration of the law,
-and the figure is printed.
+V15. Grains collide with each other and a floor, with friction, rolling resistance and damping; ends seen in
+another way and transformed back must agree. Rounding of 1e-16 (6e-8) grows about a hundredfold in each of the
+few collisions on the way.
 
 V22. Single precision, as graphics processors have it, against double, for one contact and for a heap.
 """

@@ -1,26 +1,18 @@
 """V01, V09-V13: free fall, sliding, rolling and bouncing of one grain, and a stacked pair.
 
-V01. A grain in free fall follows the parabola. A leapfrog step reproduces uniform acceleration exactly, so
-only rounding is left: 1e-12 of the path in double precision. In single precision a thousand additions, each
-off by up to half a unit in the last place, leave up to 5e-5; 1e-4 is asked.
+V01. A leapfrog step reproduces uniform acceleration exactly: rounding is left, 1e-12 of the path in double
+precision, and 5e-5 in single after a thousand additions that are off by up to half a unit in the last place.
 
-V09, V10. A sphere slides and rolls on a floor, and down an incline. It rests on a soft floor (its weight
-dips it by 1e-5 of its radius); the lever arm of friction is the radius, so rigid-body mechanics holds exactly
-apart from the tangential spring, which takes up a slip of about 1e-9 m. Gravity is tilted instead of the
-floor.
+V09-V11. A sphere dips by 1e-5 of its radius into its floor; the lever arm of friction is the radius, so
+rigid-body mechanics holds exactly apart from a slip of about 1e-9 m that the tangential spring takes up.
+Gravity is tilted instead of the floor. The torque mu_r R N of rolling resistance alone stops a sphere that
+spins on a smooth floor; on a rough incline it rolls with (5/7) g (sin - mu_r cos) where tan > mu_r and rests
+where tan < mu_r. Type C (elastic-plastic) rests without drift. The torque of type A (constant) jumps with the
+sign of the spin: only that the rattling stays small and does not grow is asked of it.
 
-V11. Rolling resistance, type A (constant torque) and type C (elastic-plastic). A sphere that spins in place
-on a smooth floor is stopped by the torque mu_r R N alone. On a rough incline it rolls with
-(5/7) g (sin - mu_r cos) where tan > mu_r and rests where tan < mu_r. Type C rests without drift; type A has
-no state at rest, its torque jumps with the sign of the spin: only that the rattling stays small and does not
-grow is asked of it.
-
-V12, V13. MFiX-DEM's bouncing grain (DEM02) and stacked pair (DEM03), with the Hertz spring of this program.
-DEM02 varies a linear stiffness and asks that the apex heights approach (h_0 - r) e^(2k) + r. Here the
-restitution of the Hertz spring does not depend on speed, so the same limit holds; what remains is the dip
-into the floor, which falls as E*^(-2/5). The apex is read in flight as height + v^2/(2 g). DEM03 keeps its
-geometry and densities; E* is chosen so that the Hertz force at the start equals that of the linear spring
-of 1000 N/m at the floor.
+V12, V13. MFiX-DEM's bouncing grain (DEM02) and stacked pair (DEM03) with the Hertz spring of this program,
+see `reference.contact`. The dip into the floor, by which apex heights miss their limit, falls as E*^(-2/5).
+The apex is read in flight as height + v^2/(2 g).
 """
 
 from collections.abc import Iterator
@@ -34,8 +26,7 @@ from taichi_erosion.simulation import advance
 from taichi_erosion.verification.claims import PRECISIONS, Outcome, Precision, below, holds, relative
 from taichi_erosion.verification.closed_forms import crossing, hertz_impact, sphere_mass
 from tests.verification import small_scenes as small
-from tests.verification.reference.contact import series
-from tests.verification.reference.motion import GRAVITY, Spring, rebound_speed, stacked_motion
+from tests.verification.reference.contact import GRAVITY, Spring, rebound_speed, series, stacked_motion
 
 OBLIQUE_GRAVITY = (0.3, -0.4, -9.81)  # m s-2
 FALL_START = np.array([0.01, -0.02, 1.0])  # m

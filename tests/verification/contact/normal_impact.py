@@ -14,8 +14,7 @@ from taichi_erosion.verification import closed_forms
 from taichi_erosion.verification.claims import PRECISIONS, Outcome, below
 from taichi_erosion.verification.closed_forms import AHEAD, PER_CONTACT, sphere_mass
 from tests.verification import small_scenes as small
-from tests.verification.reference.contact import Solid
-from tests.verification.reference.motion import hertz_motion
+from tests.verification.reference.contact import Solid, hertz_motion
 
 GLASS = Solid(4.8e10, 0.20, 2800.0)
 LIMESTONE = Solid(2.0e10, 0.25, 2500.0)

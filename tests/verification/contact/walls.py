@@ -1,9 +1,8 @@
 """V16: walls made of triangles act as the surfaces that they approximate.
 
-A flat floor cut into triangles is a plane, wherever the grain meets it: on a face, on an edge shared by
-two, on a corner shared by six, and while it slides and rolls across them. A cone or cylinder cut into n
-facets lies inside the true one by at most R (1 - cos(pi/n)); the path of a grain that rolls down inside
-must approach that on the true wall as n^-2.
+A flat floor cut into triangles is a plane, wherever the grain meets it and while it slides and rolls across.
+A cone or cylinder cut into n facets lies inside the true one by at most R (1 - cos(pi/n)); the path of a
+grain that rolls down inside must approach that on the true wall as n^-2.
 """
 
 from collections.abc import Iterator
@@ -71,7 +70,9 @@ def mesh_and_plane() -> Iterator[Outcome]:
     places = [(place, sideways) for sideways in falls.values() for place in LANDINGS.values()]
     setups = [thrown(walls, *place) for walls in (tiled_floor(), small.FLAT) for place in places]
     for frustum in FRUSTUMS:
-        walls = (*(faceted(frustum, facets) for facets in FACETS), revolved(frustum))
+        ends = (frustum.radius_low, 0.0, frustum.radius_high, frustum.height)
+        true = small.primitive_table(PrimitiveKind.REVOLVED, (*small.FLOOR, *ends))
+        walls = (*(faceted(frustum, facets) for facets in FACETS), true)
         setups += [rolling_inside(frustum, wall) for wall in walls]
     for precision, limit in LIMIT.items():
         path = small.trace(setups, np.linspace(0.001, 0.03, 30), precision, LAWS).position[:, :, 0]
@@ -91,12 +92,6 @@ def faceted(frustum: Frustum, facets: int) -> PrimitiveTable:
     first = np.concatenate([low[:-1], low[1:], high[1:]], axis=1)
     second = np.concatenate([low[:-1], high[1:], high[:-1]], axis=1)
     return small.primitive_table(PrimitiveKind.TRIANGLE, np.concatenate([first, second]))
-
-
-def revolved(frustum: Frustum) -> PrimitiveTable:
-    """The frustum itself."""
-    ends = (frustum.radius_low, 0.0, frustum.radius_high, frustum.height)
-    return small.primitive_table(PrimitiveKind.REVOLVED, (*small.FLOOR, *ends))
 
 
 def rolling_inside(frustum: Frustum, walls: PrimitiveTable) -> Setup:

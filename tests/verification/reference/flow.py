@@ -1,13 +1,9 @@
-"""Drag on spheres and the pressure that air needs to rise through a bed, written a second time in NumPy.
+"""Drag on spheres, pressure of air that rises through a bed, discharge of grains and their heap, in NumPy.
 
 Reference: Schiller & Naumann (1935), Z. VDI 77, 318; Di Felice (1994), Int. J. Multiphase Flow 20, 153;
 Ferguson & Church (2004), J. Sediment. Res. 74, 933; Gidaspow (1994), Multiphase Flow and Fluidization, ch. 2;
-Ergun (1952), Chem. Eng. Prog. 48, 89.
-
-Correlations for flowing grains: discharge through an opening and the angle of a discharged heap.
-
-Reference: Beverloo, Leniger & van de Velde (1961), Chem. Eng. Sci. 15, 260; Zhou, Xu, Yu & Zulli (2002),
-Powder Technology 125, 45.
+Ergun (1952), Chem. Eng. Prog. 48, 89; Beverloo, Leniger & van de Velde (1961), Chem. Eng. Sci. 15, 260; Zhou,
+Xu, Yu & Zulli (2002), Powder Technology 125, 45.
 """
 
 from collections.abc import Callable

@@ -1,26 +1,23 @@
 """V30, V32, V38: drag on falling grains, and the momentum that grains and air exchange.
 
-V30. Quartz spheres of 50 um to 2 mm fall through still air at their terminal velocities. The step is a fifth
-to a ten-thousandth of the drag's response, and drag is taken implicitly: what is left is rounding and the lag
-of the rate by one exchange.
+V30. The step is a fifth to a ten-thousandth of the drag's response, and drag is taken implicitly: what is
+left is rounding and the lag of the rate by one exchange.
 
-V32. Momentum that air gives to grains it loses, and a grain's volume is distributed over its layers without
-rest. Grains of two sizes fly through sheared air, along and across it, each level with a velocity of its own,
-and reach through many layers each; some reach below the floor and above the lid. Floor and lid exert no
-stress, so the momentum of air, grains and residual is that of the start. Its change is taken over all that
-was exchanged. In single precision the drag on a grain is the change of its rounded velocity, so that the
-balance is as exact as the sum over one interval.
+V32. Grains of two sizes fly through sheared air, along and across it, each level with a velocity of its own,
+through many layers each; some reach below the floor and above the lid. Floor and lid exert no stress, so the
+momentum of air, grains and residual is that of the start. Its change is taken over all that was exchanged. In
+single precision the drag on a grain is the change of its rounded velocity, so that the balance is as exact as
+the sum over one interval.
 
-V38. The same on a grid of air over a patch. Grains without weight fly through stirred air between a floor and
-a lid without stress. The air advects nothing, so that its momentum changes by grains and by their share of
-the pressure alone,
+V38. The same on a grid of stirred air that advects nothing, so that its momentum changes by grains and by
+their share of the pressure alone,
 
     sum over exchanges of  rho eps V (u' - u)  + m v + residual + due = const  along x and y,
 
 with u and u' before and after a step of the air, eps the void fraction that it found, V the volume of a cell,
-`residual` the drag not yet applied to the grains, `due` the rest of the frozen pressure force. Along z floor
-and lid take part; there the impulse recorded by the air is compared with the drag on the grains. Over a
-regular bed whose grains hardly move, all columns are alike: the wind is that of a single column.
+`residual` the drag not yet applied to the grains, `due` the rest of the frozen pressure force. Along z, where
+floor and lid take part, the impulse recorded by the air is compared with the drag on the grains. Over a
+regular bed all columns are alike: the wind is that of a single column.
 """
 
 from collections.abc import Iterator

@@ -1,10 +1,9 @@
 """V31: air that rises through a bed loses pressure as in Ergun's equation, until it fluidises the bed.
 
-The fixed bed is a lattice with the published void fraction, looked at before its grains have moved: what is
-tested is the chain from superficial velocity through drag on single grains to pressure. The bed that is
-fluidised was poured and pressed together by air from above. Its velocity of fluidisation is where the
+The fixed bed is a lattice with the published void fraction, looked at before its grains have moved. The bed
+that is fluidised was poured and pressed together by air from above. Its velocity of fluidisation is where the
 parabola a U + b U^2 through its pressures while it is packed meets its weight; it is held against Ergun's
-equation with the void fraction that the bed itself has from layer to layer.
+equation with the void fraction of its layers.
 
 Reference: Ergun (1952), Chem. Eng. Prog. 48, 89; numbers of the public case ErgunTestMPI of CFDEMcoupling.
 """

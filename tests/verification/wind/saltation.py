@@ -1,32 +1,25 @@
 """V36, V39: sand of one material and two diameters blows and comes to rest as saltation does; and starts.
 
-V36. Patches of sand without adhesion under steady winds, six over one diameter and four over another that
-is twice as large, in one ensemble. V39. Beds at rest, under winds that grow, with the forces that the air has
-on a grain at rest. Nothing is fitted.
+V36. Patches of sand without adhesion under steady winds, over two diameters. V39. Beds at rest, under winds
+that grow, with the forces that the air has on a grain at rest. Nothing is fitted.
 
-Impact threshold. That of saturated transport, extrapolated to none. What vanishes there and is known best is
-the stress that grains carry at the bed,
-
-    tau_g = tau - rho u*_t^2,
-
-with tau [Pa] that of the wind: its line meets zero within a few percent; the flux scatters by a tenth, and a
-wind that falls until the last grain rests reads too low a threshold unless it falls very slowly. The
-threshold goes with the root of the diameter where the bed stays as rough, faster where, as here, coarser
-grains stick out of the viscous sublayer; so it is judged too by that of one grain that hops by a measured law
-of bounces (`reference.hopping`) in the wind over the bed at rest (`bed_wind`), of which nothing is ejected or
-caught.
+Impact threshold. That of saturated transport, extrapolated to none: the line of the stress that grains carry
+at the bed, tau_g = tau - rho u*_t^2, meets zero within a few percent; the flux scatters by a tenth, and a
+wind that falls until the last grain rests reads too low a threshold. It goes with the root of the diameter
+where the bed stays as rough, faster where, as here, coarser grains stick out of the viscous sublayer; so it
+is judged too by that of one grain that hops by a measured law of bounces (`reference.hopping`) in the wind
+over the bed at rest (`bed_wind`).
 
 Flux. Q = a (u*^2 - u_t^2) (u* + u_t)^m, with m = 0 in a law linear in the stress and 1 in Kawamura's with the
-cube of the wind (`doe.wind.flux_law`). Six winds tell them apart: the line must not be refuted, the cube
-must.
+cube of the wind (`doe.wind.flux_law`). The line must not be refuted, the cube must.
 
 Stress at the bed. Grains take from the air near the bed all but about the stress of the impact threshold
 (Owen), here of the hopping grain. Patches are larger under weak winds, so that some ten grains fly in each.
 
-Fluid threshold. With drag near the wall, torque of the shear, lift and gusts at their published sizes, and
-without adhesion, beds start from rest: tunnels measured 0.22 to 0.28 m/s for such sand, laboratories differ
-by a tenth, so 0.20 to 0.32 m/s is asked for. The impact threshold over it was measured as 0.75 to 0.9 (Martin
-& Kok: 0.80 to 0.85); 0.70 to 0.95 is asked for, of the wind in which one grain goes on over such a bed.
+Fluid threshold. With drag near the wall, torque of the shear, lift and gusts at their published sizes beds
+start from rest: tunnels measured 0.22 to 0.28 m/s for such sand, laboratories differ by a tenth, so 0.20 to
+0.32 m/s is asked for. The impact threshold over it was measured as 0.75 to 0.9 (Martin & Kok: 0.80 to 0.85);
+0.70 to 0.95 is asked for, of the wind in which one grain goes on over such a bed.
 
 What these limits do not test: a ratio of impact thresholds within 10 % of the root of two holds for every
 power of the diameter between 0.35 and 0.64, and a stress within 20 % for every threshold within 10 %.
@@ -72,10 +65,7 @@ def roughness(blow: WindProfile, friction: float, height: float) -> float:
 
 
 def landing_heights(bed: Snapshot, extent: Floats, diameter: float) -> Floats:
-    """Heights of the centre of a grain laid down at random places of a periodic bed [m].
-
-    `extent` [2] and `diameter` in metres.
-    """
+    """Heights of the centre of a grain laid down at random places of a bed with periods `extent` [2] [m]."""
     places = np.random.default_rng(SEED).uniform(size=(DROPS, 2)) * extent
     apart = bed.position[:, :2] - places[:, None]
     apart -= extent * np.round(apart / extent)
@@ -143,10 +133,7 @@ REFUTED = 0.05  # chance below which a law of the flux is refuted [1]
 
 
 def sand(size: float, patch: Patch, stages: list[dict[str, Any]], more: dict[str, Any]) -> Scene:
-    """A periodic patch of sand under wind; times and winds of its stages are for the smallest grains.
-
-    Winds and the times of hops go with the root of the size.
-    """
+    """A patch of sand under wind; stages are for size 1, winds and times go with the root of the size."""
     diameter = size * SMALLEST
     sizes = {"median": diameter, "low": 0.8 * diameter, "high": 1.25 * diameter}
     solid = {"density": DENSITY, "shear_modulus": MODULUS * size, "poisson_ratio": 0.25}
@@ -199,8 +186,7 @@ def steady(size: float, patch: Patch) -> Scene:
 def measured(scenes: Sequence[Scene]) -> pd.DataFrame:
     """Final measurements of every scene, run as one ensemble; NaN where there is none.
 
-    The stress of the wind is that of air and grains together at the bed. In the mean over many seconds it is
-    that of the lid; in between the air above stores momentum and gives it back.
+    In the mean over many seconds the stress of air and grains together at the bed is that of the lid.
     """
     replicas = run_to_end(scenes, [SEED] * len(scenes)).states
     rows = [{name: m.value for name, m in replica.measurements.items()} for replica in replicas]
