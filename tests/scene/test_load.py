@@ -78,9 +78,7 @@ def test_the_hash_of_a_mesh_follows_its_content(tmp_path: Path):
 @pytest.mark.parametrize(
     ("content", "word"),
     [
-        (b"", "grains is missing"),
         (b"\xff\xfe\x00", "cannot be read as text: 'utf-8' codec"),
-        (b"[scene\nkind = 1", "not a TOML file"),
         (b"a = " + b"[" * 5000, "not a TOML file"),
         (b"a = 1" + b"0" * 5000, "not a TOML file"),
         (b"[scene]\nkind = 'repose'\nkind = 'drum'", "not a TOML file"),
@@ -96,10 +94,9 @@ def test_a_file_that_holds_no_scene_is_told_in_one_line(tmp_path: Path, content:
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["nowhere.toml", ".", "nul\0byte.toml"])
-def test_a_path_without_a_file_is_told_in_one_line(tmp_path: Path, name: str):
-    with pytest.raises(BadInput, match=r"no such file|is a folder|is not a file|cannot be read"):
-        load_scene(tmp_path / name)
+def test_a_path_that_no_file_can_have_is_told(tmp_path: Path):
+    with pytest.raises(BadInput, match="cannot be read"):
+        load_scene(tmp_path / "nul\0byte.toml")
 
 
 def test_the_hash_follows_the_flow_and_not_its_title():

@@ -29,13 +29,7 @@ def test_rayleigh_times_of_the_published_parameters(radius: float, shear: float,
 
 
 @pytest.mark.parametrize(
-    ("radius", "shear", "tear", "speed"),
-    [
-        (0.05e-3, 2e7, 1.8e-6, 1.9),
-        (1e-3, 2e7, 4.8e-6, 0.16),
-        (1e-3, 2e10, 48e-9, 0.016),
-        (5e-3, 2e7, 8.2e-6, 0.042),
-    ],
+    ("radius", "shear", "tear", "speed"), [(0.05e-3, 2e7, 1.8e-6, 1.9), (1e-3, 2e10, 48e-9, 0.016)]
 )
 def test_tear_off_distance_and_sticking_speed_of_the_published_parameters(radius, shear, tear, speed):
     reduced, young, mass = jkr_grain(radius, shear)
