@@ -196,21 +196,15 @@ NO_HEAPS = {
     "clouds": (blurred_noise(), "nothing stands out"),
     "plate": (half_dark(slice(150, None), slice(None)), "no heap"),
     "wall": (half_dark(slice(None), slice(150)), "no heap"),
-    "text": (None, "not a readable"),
-    "nothing": (None, "no such file"),
 }
 
 
 @pytest.mark.parametrize("name", NO_HEAPS)
 def test_what_shows_no_heap_is_bad_input_in_one_line(tmp_path, name):
     picture, reason = NO_HEAPS[name]
-    path = tmp_path / f"{name}.png"
-    if name == "text":
-        path.write_text("a heap")
-    elif name != "nothing":
-        imageio.imwrite(path, picture)
+    imageio.imwrite(tmp_path / f"{name}.png", picture)
     with pytest.raises(BadInput, match=rf"{name}\.png: .*{reason}") as refusal:
-        measure_photograph(path)
+        measure_photograph(tmp_path / f"{name}.png")
     assert "\n" not in str(refusal.value)
 
 

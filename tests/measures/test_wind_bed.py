@@ -1,10 +1,13 @@
 """Flux, its height and the stresses at the bed of made-up transport."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from taichi_erosion.core.snapshot import AirProfile, Snapshot
 from taichi_erosion.measures import wind_bed
+from tests.measures.heaps import snapshot_of
 
 PATCH = wind_bed.Patch(area=2e-5, surface=1e-3, diameter=2.5e-4, density=1.2, viscosity=1.5e-5)
 
@@ -13,8 +16,7 @@ def flying(height: np.ndarray, speed: float) -> Snapshot:
     count = len(height)
     place = np.column_stack([np.zeros((count, 2)), height])
     velocity = np.tile([speed, 0.0, 0.0], (count, 1))
-    rank, one = np.arange(count, dtype=np.int32), np.ones(count)
-    return Snapshot(0.0, 0, place, velocity, 0.0 * place, 1e-4 * one, 2e-8 * one, rank, rank, 0)
+    return replace(snapshot_of(place), velocity=velocity, mass=np.full(count, 2e-8))
 
 
 def test_flux_and_its_height_are_those_of_the_transport_that_was_made():

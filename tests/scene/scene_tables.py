@@ -100,7 +100,6 @@ WRONG_NAMES = {
     "materials.soil.young_modulus": 1e7,
     "grains.size": {"law": "sieve"},
     "effects.plain_pull": {"strength": nan},
-    "conditions.mositure": 0.1,
 }
 
 WHOLE_SIZES = (

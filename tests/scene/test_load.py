@@ -55,11 +55,24 @@ def test_the_resolved_scene_is_complete_and_reads_back_as_itself():
     assert resolved(parse_scene(table)) == table
 
 
-def test_loading_leaves_the_given_table_alone():
+def test_an_apparatus_in_diameters_grows_with_its_grains_and_the_given_table_stays():
     table = changed("geometry.plate", {"shape": "disc", "material": "steel", "radius_d": 40.0})
+    table["run"] |= {"time_step_d": 2e-3}
     kept = copy.deepcopy(table)
-    parse_scene(table, overrides=["grains.count=5"])
+    sizes = ["grains.size.low=2e-3", "grains.size.median=3e-3", "grains.size.high=4e-3"]
+    scene = parse_scene(table, overrides=sizes)
     assert table == kept
+    assert scene.geometry["plate"].radius == pytest.approx(0.12)
+    assert scene.run.time_step == pytest.approx(6e-6)
+
+
+def test_a_length_in_diameters_is_told_as_the_user_wrote_it():
+    table = changed("geometry.plate", {"shape": "disc", "material": "steel", "radius_d": -9.0})
+    # the median of the good scene is 2 mm
+    assert "geometry.plate.radius_d = -9.0 diameters: -0.018" in complaint(table)
+    # without a diameter only the grains are judged
+    table["grains"]["size"]["median"] = "2 mm"
+    assert complaint(table) == "scenes/bad.toml: grains.size.median = '2 mm' must be a number"
 
 
 def test_the_hash_of_a_mesh_follows_its_content(tmp_path: Path):
