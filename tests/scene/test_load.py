@@ -122,11 +122,9 @@ def test_the_hash_follows_the_flow_and_not_its_title():
 ROOT = Path(__file__).parents[2]
 STUDY, SCENE = str(ROOT / "doe" / "my_lab.toml"), str(ROOT / "scenes" / "saltation.toml")
 MISTAKEN = {
-    "a table for a study": (("compare", "t.csv"), "./erosion study new t.csv"),
     "a scene for a study": (("discover", SCENE), f"./erosion run {SCENE}"),
     "a folder for a study": (("adopt", str(ROOT / "doe"), "gusts"), "is a folder; name a study"),
     "a study for a scene": (("run", STUDY), f"./erosion compare {STUDY}"),
-    "a table for a scene": (("run", "t.csv"), "./erosion study new t.csv"),
     "a study for a table": (("study", "new", STUDY), f"./erosion study check {STUDY}"),
     "a folder for a table": (("study", "new", "."), "is a folder; name a table"),
     "a scene to validate as a study": (("study", "check", SCENE), f"./erosion run {SCENE}"),

@@ -176,9 +176,9 @@ def test_random_orientations_favour_no_direction():
 def test_an_explicitly_placed_clump_lies_as_its_template():
     placed = {"position": [0.0, 0.0, 0.01], "spin": [0.0, 0.0, 2.0]}
     table = changed("fill", {"law": "positions", "grains": [placed]})
-    table["grains"] |= {"count": 1, "clump": {"template": "tripod"}}
+    table["grains"] |= {"count": 1, "clump": {"template": "tetrahedron"}}
     grains = build_setup(parse_scene(table), 1).grains
-    centres, radii = map(np.array, zip(*template_spheres(Clump(template="tripod")), strict=True))
+    centres, radii = map(np.array, zip(*template_spheres(Clump(template="tetrahedron")), strict=True))
     arm = grains.position - [0.0, 0.0, 0.01]
-    assert arm == pytest.approx(centres * (grains.radius / radii)[:, None], abs=1e-7)
+    assert arm == pytest.approx(centres * (grains.radius / radii)[:, None], abs=2e-7)
     assert grains.velocity == pytest.approx(np.cross([0.0, 0.0, 2.0], arm), abs=1e-6)
