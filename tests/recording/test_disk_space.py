@@ -22,7 +22,8 @@ from taichi_erosion.recording import stream
 
 stream.FREE_SPACE_LEAST = 0  # as if another program had filled the disk since
 stream.FLUSH_LIMIT = 1.0  # s
-resource.setrlimit(resource.RLIMIT_FSIZE, (120_000, 120_000))
+if limit := int(sys.argv[2]):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 try:
     recording = stream.open_recording(Path(sys.argv[1]), header())
     for frame in range(60):
@@ -34,13 +35,21 @@ except stream.BadInput as error:
 """
 
 
-def test_a_recording_that_may_not_grow_is_told_and_keeps_its_beginning(tmp_path: Path):
-    path = tmp_path / "heap.rrd"
-    ended = write_elsewhere(WRITER, path)
+def write_until_refused(path: Path, limit: int) -> None:
+    """Record under a limit of the file's size [byte]; the refusal is told and the beginning kept."""
+    ended = write_elsewhere(WRITER, path, limit)
     told = [line for line in ended.stderr.splitlines() if line.startswith("told: ")]
     assert told == [f"told: {path}: cannot be written to its end; {path}.part holds the beginning"]
     assert not path.exists()
     assert 1 <= len(read_grains(path.with_name("heap.rrd.part"))) < 60
+
+
+def test_a_recording_that_may_not_grow_is_told_and_keeps_its_beginning(tmp_path: Path):
+    write_until_refused(tmp_path / "heap.rrd", limit=120_000)
+
+
+def test_a_recording_on_a_full_disk_is_told_keeps_its_beginning_and_lets_the_program_end(mounted):
+    write_until_refused(mounted("size=120k") / "heap.rrd", limit=0)
 
 
 def test_a_nearly_full_disk_is_told_before_anything_is_recorded(tmp_path: Path, monkeypatch):
