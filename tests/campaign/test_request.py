@@ -2,7 +2,7 @@
 
 import pytest
 from recorded_heaps import read_properties
-from run.small_scene import WET, write_scene
+from run.small_scene import TAPPED, WET, write_scene
 from stand_in import opened
 
 from taichi_erosion.campaign.execute import execute
@@ -31,7 +31,7 @@ def results(folder):
     doe = {"doe": {"friction_sliding": 0.9}}
     requests = [
         scene_request(scene, (), 3),
-        scene_request(scene, (ROUGH, *WET), 4, record=folder / "rough.rrd", properties=doe),
+        scene_request(scene, (ROUGH, *WET, *TAPPED), 4, record=folder / "rough.rrd", properties=doe),
         scene_request(scene, (STIFF,), 3),
         scene_request(scene, HASTY, 3),
     ]
@@ -39,7 +39,7 @@ def results(folder):
         return execute(requests, store, workers=1)
 
 
-@pytest.mark.parametrize(("place", "orders", "seed"), [(0, (), 3), (1, (ROUGH, *WET), 4)])
+@pytest.mark.parametrize(("place", "orders", "seed"), [(0, (), 3), (1, (ROUGH, *WET, *TAPPED), 4)])
 def test_a_scene_gives_the_same_bits_beside_others_as_alone(results, folder, place, orders, seed):
     options = RunOptions(overrides=orders, seed=seed, replicas=1, threads=1, no_record=True)
     single = run_scene(write_scene(folder), options)
