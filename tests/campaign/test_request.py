@@ -2,7 +2,7 @@
 
 import pytest
 from recorded_heaps import read_properties
-from run.small_scene import write_scene
+from run.small_scene import TAPPED, WET, write_scene
 from stand_in import opened
 
 from taichi_erosion.campaign.execute import execute
@@ -31,7 +31,7 @@ def results(folder):
     doe = {"doe": {"friction_sliding": 0.9}}
     requests = [
         scene_request(scene, (), 3),
-        scene_request(scene, (ROUGH,), 4, record=folder / "rough.rrd", properties=doe),
+        scene_request(scene, (ROUGH, *WET, *TAPPED), 4, record=folder / "rough.rrd", properties=doe),
         scene_request(scene, (STIFF,), 3),
         scene_request(scene, HASTY, 3),
     ]
@@ -39,15 +39,15 @@ def results(folder):
         return execute(requests, store, workers=1)
 
 
-def test_a_scene_gives_the_same_bits_in_a_campaign_as_alone(results, folder):
-    options = RunOptions(overrides=(ROUGH,), seed=4, replicas=1, threads=1, no_record=True)
+@pytest.mark.parametrize(("place", "orders", "seed"), [(0, (), 3), (1, (ROUGH, *WET, *TAPPED), 4)])
+def test_a_scene_gives_the_same_bits_beside_others_as_alone(results, folder, place, orders, seed):
+    options = RunOptions(overrides=orders, seed=seed, replicas=1, threads=1, no_record=True)
     single = run_scene(write_scene(folder), options)
     stop_device()
-    assert results[1].record["measures"] == single["replicas"][0]["measures"]
-    assert results[1].record["hash"] == single["hash"]
+    assert results[place].record["measures"] == single["replicas"][0]["measures"]
+    assert results[place].record["hash"] == single["hash"]
     assert [result.failure for result in results[:3]] == [None] * 3
-    heights = [result.value("pile_height") for result in results[:3]]
-    assert len(set(heights)) == 3
+    assert len({result.value("pile_height") for result in results[:3]}) == 3
 
 
 def test_a_stopped_run_is_kept_with_its_reason_and_a_recording_holds_factors_and_results(results, folder):
@@ -73,17 +73,6 @@ def test_the_key_follows_scene_seed_and_what_moves_bits_and_nothing_else(folder)
     assert scene_request(scene, (), 3, device=WorkersEntry(decomposition="partitions")).key == usual.key
     # no graphics processor here, and too few grains for one
     assert scene_request(scene, (), 3, device=AUTO).key == usual.key
-
-
-@pytest.mark.slow
-def test_one_thread_per_grain_makes_the_runs_of_a_campaign_too(results, folder):
-    with opened(folder / "by grain") as store:
-        (by_grain,) = execute([scene_request(write_scene(folder), (), 3, device=BY_GRAIN)], store, workers=1)
-    usual = results[0]
-    assert by_grain.failure is None
-    # single precision, the same grains, forces summed in another order: heaps of a few grains stay alike
-    assert by_grain.value("column_height") == pytest.approx(usual.value("column_height"), rel=0.02)
-    assert by_grain.key != usual.key
 
 
 def test_what_the_device_cannot_run_is_refused_or_left_to_the_cpu(folder, monkeypatch):

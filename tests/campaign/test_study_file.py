@@ -62,7 +62,6 @@ def test_one_file_is_a_calibration_and_an_evidence_study(tmp_path):
     ("old", "new", "said"),
     [
         ("[vault]", "[volt]", "volt is unknown; did you mean 'vault'?"),
-        ("[design]", "[desing]", "desing is unknown; did you mean 'design'?"),
         ("fraction = 0.2", "fractoin = 0.2", "vault.fractoin is unknown; did you mean 'fraction'?"),
         ("least = 0.1", "least = 0.7", "parameters.c: the limits (0.7, 2.0) must hold [0.5, 2]"),
     ],
@@ -100,7 +99,6 @@ def changed_lines(before: str, after: str) -> list[str]:
     ("path", "line"),
     [
         (("contact", "grain-grain", "friction_rolling"), "friction_rolling = 0.25"),
-        (("materials", "grain", "density"), "density = 0.25"),
         (("grains", "size", "diameter"), 'size = { law = "monodisperse", diameter = 0.25 }'),
     ],
 )
@@ -139,13 +137,3 @@ def test_the_schema_beside_the_studies_is_fresh(tmp_path):
 @pytest.mark.parametrize("study", STUDIES, ids=lambda path: path.stem)
 def test_a_shipped_study_has_the_form_of_the_schema(study):
     jsonschema.validate(json.loads(json.dumps(tomllib.loads(study.read_text("utf-8")))), study_schema())
-
-
-@pytest.mark.parametrize(
-    ("section", "entry"),
-    [("vault", {"fraktion": 0.3}), ("budget", {"runs": "many"}), ("candidates", {"effects": 3})],
-)
-def test_a_slip_in_a_study_is_seen_by_the_schema(section, entry):
-    study = tomllib.loads((ROOT / "doe" / "my_lab.toml").read_text("utf-8")) | {section: entry}
-    with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate(study, study_schema())

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taichi_erosion.core import transfer
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import field_view
@@ -70,27 +69,6 @@ def test_padded_cells_leave_64_bit_numbers_at_multiples_of_their_size(cells, pla
     for sizes in cells:
         misaligned = any(offset % 8 for offset in offsets([sizes, [8]], places))
         assert transfer.needs_padding(sizes, places) == misaligned
-
-
-@pytest.mark.gpu
-@pytest.mark.slow
-def test_fields_on_vulkan_do_not_lie_over_each_other(start_device):
-    try:
-        start_device(Numerics("vulkan", 1))
-    except BadInput as missing:
-        pytest.skip(str(missing))
-    one, two, real, last = ti.field(ti.i32), ti.Vector.field(3, ti.f64), ti.field(ti.f32), ti.field(ti.i32)
-    ti.root.dense(ti.i, 3).place(one, two)
-    ti.root.dense(ti.i, 3).place(real)
-    chosen = [transfer.aligned(one), two, transfer.aligned(real), transfer.aligned(ti.field(ti.i32, shape=3))]
-    chosen.append(ti.field(ti.f64, shape=3))
-    ti.root.dense(ti.i, 3).place(last)
-    shapes = [(3, 3) if field is two else (3,) for field in chosen]
-    wanted = [7.0 + k + np.arange(np.prod(shape)).reshape(shape) for k, shape in enumerate(shapes)]
-    for field, numbers in zip(chosen, wanted, strict=True):
-        transfer.upload([(field, numbers)])
-    for field, numbers in zip(chosen, wanted, strict=True):
-        assert transfer.download([field], 0, 3)[0] == pytest.approx(numbers, rel=0.0)
 
 
 @pytest.mark.parametrize("name", ["whole", "place", "real", "ghosts", "turn", "table", "member"])

@@ -20,21 +20,8 @@ from taichi_erosion.experiments.design import (
     to_natural,
 )
 
-# Plackett & Burman (1946) as printed, for example, in Plasun (1999), table 3.6
-TWELVE = """
-+ + - + + + - - - + -
-- + + - + + + - - - +
-+ - + + - + + + - - -
-- + - + + - + + + - -
-- - + - + + - + + + -
-- - - + - + + - + + +
-+ - - - + - + + - + +
-+ + - - - + - + + - +
-+ + + - - - + - + + -
-- + + + - - - + - + +
-+ - + + + - - - + - +
-- - - - - - - - - - -
-"""
+# Plackett & Burman (1946); printed, for example, in Plasun (1999), table 3.6
+FIRST_OF_TWELVE = np.array([1.0, 1.0, -1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, 1.0, -1.0])
 
 
 def same_points(ours: np.ndarray, theirs: np.ndarray) -> bool:
@@ -42,7 +29,8 @@ def same_points(ours: np.ndarray, theirs: np.ndarray) -> bool:
 
 
 def test_the_twelve_runs_of_plackett_and_burman_stand_as_printed():
-    printed = [[1.0 if sign == "+" else -1.0 for sign in line.split()] for line in TWELVE.split("\n")[1:-1]]
+    # each row is the one above, turned to the right; the last has low levels alone
+    printed = [*(np.roll(FIRST_OF_TWELVE, turn) for turn in range(11)), -np.ones(11)]
     assert np.array_equal(design.plackett_burman(unit_factors("ABCDEFGHIJK"), centre_points=0).coded, printed)
 
 

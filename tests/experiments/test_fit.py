@@ -34,9 +34,6 @@ def test_johns_odour_has_the_analysis_that_sas_prints():
     assert rows["Lack of fit"].f == textbook.printed(40.75, 2)
     assert rows["Lack of fit"].p == textbook.printed(0.0240, 4)
     assert rows["Residual"].mean_square == textbook.printed(505.283333, 6)
-    coded = coefficient_table(fit).set_index("name")["value"]
-    assert coded["Intercept"] == textbook.printed(-30.666667, 6)
-    assert coded["R^2"] == textbook.printed(47.833333, 6)
 
 
 @pytest.mark.parametrize("seed", range(5))

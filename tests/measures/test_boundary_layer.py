@@ -24,21 +24,13 @@ def test_a_log_layer_gives_its_friction_velocity_and_roughness():
     assert fit.roughness_length == pytest.approx(1e-5, rel=1e-5)
 
 
-def snapshot(z: np.ndarray, speed: np.ndarray) -> AirSnapshot:
-    """Two columns of air, the second one half as fast."""
-    velocity = np.zeros((2, 1, len(z), 3))
-    velocity[0, 0, :, 0], velocity[1, 0, :, 0] = speed, 0.5 * speed
-    faces = np.append(0.0, z + 0.05)
-    nothing = np.zeros((2, 1, len(z)))
-    eddies = np.zeros((2, 1, len(z) + 1))
-    friction = np.array([[0.2], [0.1]])
-    return AirSnapshot(
-        0.0, np.array([1.0, 2.0]), np.zeros(1), z, faces, velocity, nothing, eddies, friction, 1.2, 1e-5
-    )
-
-
 def test_a_profile_between_cells_is_interpolated_along_the_wind():
-    state = snapshot(np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 3.0]))
+    """Two columns of air, the second one half as fast."""
+    z, velocity = np.array([0.1, 0.2, 0.3]), np.zeros((2, 1, 3, 3))
+    velocity[:, 0, :, 0] = [[1.0, 2.0, 3.0], [0.5, 1.0, 1.5]]
+    faces, nothing, eddies = np.append(0.0, z + 0.05), np.zeros((2, 1, 3)), np.zeros((2, 1, 4))
+    fields = (velocity, nothing, eddies, np.array([[0.2], [0.1]]))
+    state = AirSnapshot(0.0, np.array([1.0, 2.0]), np.zeros(1), z, faces, *fields, 1.2, 1e-5)
     middle = boundary_layer.profile_at(state, 1.5)
     assert middle.speed == pytest.approx([0.75, 1.5, 2.25])
     assert middle.friction_velocity == pytest.approx(0.15)

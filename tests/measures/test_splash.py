@@ -1,5 +1,6 @@
 """Landings, rebounds and ejecta of made-up hops."""
 
+from dataclasses import replace
 from math import atan2, degrees, hypot
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures import splash, wind_bed
+from tests.measures.heaps import snapshot_of
 
 PATCH = wind_bed.Patch(area=2e-5, surface=1e-3, diameter=2.5e-4, density=1.2, viscosity=1.5e-5)
 GRAVITY, EVERY, LENGTH = 9.81, 4e-3, 2.0  # m s-2; s between frames; s of the whole series
@@ -34,26 +36,18 @@ def state(moments: list[tuple[float, float, float]], time: float) -> tuple[float
 def frames(grains: list[list[tuple[float, float, float]]]) -> list[Snapshot]:
     """Snapshots of grains whose throws are known."""
     series = []
-    for step, time in enumerate(np.arange(0.0, LENGTH, EVERY)):
-        states = np.array([state(moments, time) for moments in grains])
-        nought, count = np.zeros(len(grains)), len(grains)
-        position = np.stack([nought, nought, states[:, 0]], axis=1)
-        velocity = np.stack([states[:, 1], nought, states[:, 2]], axis=1)
-        whole = np.arange(count, dtype=np.int32)
-        flat = np.full(count, 1.25e-4)
-        series.append(Snapshot(time, step, position, velocity, 0 * velocity, flat, flat, whole, whole, 0))
+    nought = np.zeros(len(grains))
+    for time in np.arange(0.0, LENGTH, EVERY):
+        height, ahead, up = np.transpose([state(moments, time) for moments in grains])
+        still = snapshot_of(np.stack([nought, nought, height], axis=1), PATCH.diameter, time)
+        series.append(replace(still, velocity=np.stack([ahead, nought, up], axis=1)))
     return series
 
 
-def found(bouncers: int = 12, singles: int = 3) -> splash.Splash:
-    """Grains that hop twice and are caught, and grains that are thrown out once."""
-    twice = [throws(0.2 + 0.0371 * k, list(HOPS)) for k in range(bouncers)]
-    once = [throws(0.5 + 0.0123 * k, [(0.5, 0.6)]) for k in range(singles)]
-    return splash.splash(frames([*twice, *once, []]), PATCH, GRAVITY)
-
-
 def test_landings_of_known_hops_are_rebounds_or_catches_with_the_speeds_of_the_throws():
-    landed = found()
+    twice = [throws(0.2 + 0.0371 * k, list(HOPS)) for k in range(12)]
+    once = [throws(0.5 + 0.0123 * k, [(0.5, 0.6)]) for k in range(3)]
+    landed = splash.splash(frames([*twice, *once, []]), PATCH, GRAVITY)
     # each of 12 grains lands twice and bounces once, each of 3 lands once; all 15 were thrown out of the bed
     assert len(landed.impacts) == 27
     assert splash.rebound_share(landed).value == pytest.approx(12 / 27)

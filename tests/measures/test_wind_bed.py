@@ -1,10 +1,13 @@
 """Flux, its height and the stresses at the bed of made-up transport."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from taichi_erosion.core.snapshot import AirProfile, Snapshot
 from taichi_erosion.measures import wind_bed
+from tests.measures.heaps import snapshot_of
 
 PATCH = wind_bed.Patch(area=2e-5, surface=1e-3, diameter=2.5e-4, density=1.2, viscosity=1.5e-5)
 
@@ -13,8 +16,7 @@ def flying(height: np.ndarray, speed: float) -> Snapshot:
     count = len(height)
     place = np.column_stack([np.zeros((count, 2)), height])
     velocity = np.tile([speed, 0.0, 0.0], (count, 1))
-    rank, one = np.arange(count, dtype=np.int32), np.ones(count)
-    return Snapshot(0.0, 0, place, velocity, 0.0 * place, 1e-4 * one, 2e-8 * one, rank, rank, 0)
+    return replace(snapshot_of(place), velocity=velocity, mass=np.full(count, 2e-8))
 
 
 def test_flux_and_its_height_are_those_of_the_transport_that_was_made():
@@ -38,18 +40,13 @@ def test_the_error_of_a_mean_counts_that_neighbours_in_time_are_alike():
     assert wind_bed.blocked("flux", [1.0] * 5, "kg m-1 s-1").n == 0
 
 
-def shear_flow(stress: float) -> AirProfile:
+def test_stresses_at_the_bed_are_those_of_the_profile():
     """Air without eddies under one stress, from which grains take 30 Pa m-1 below 2 mm."""
     face = np.linspace(0.0, 4e-3, 41)
-    centre = 0.5 * (face[1:] + face[:-1])
-    velocity = np.column_stack([stress / (1.2 * 1.5e-5) * centre, 0.0 * centre])
-    drag = np.column_stack([np.where(centre < 2e-3, -30.0, 0.0), 0.0 * centre])
-    one = np.ones(40)
-    return AirProfile(face, velocity, one, 0.0 * one, drag, 0.0 * one)
-
-
-def test_stresses_at_the_bed_are_those_of_the_profile():
-    airs = [shear_flow(0.05)] * 16
+    centre, nought = 0.5 * (face[1:] + face[:-1]), np.zeros(40)
+    velocity = np.column_stack([0.05 / (1.2 * 1.5e-5) * centre, nought])
+    drag = np.column_stack([np.where(centre < 2e-3, -30.0, 0.0), nought])
+    airs = [AirProfile(face, velocity, np.ones(40), nought, drag, nought)] * 16
     assert wind_bed.bed_stress(airs, PATCH).value == pytest.approx(0.05)
     # the drag reaches to 2 mm, and only what lies a diameter of 0.25 mm over the bed of 1 mm counts
     assert wind_bed.grain_stress(airs, PATCH).value == pytest.approx(30.0 * 0.75e-3)

@@ -6,29 +6,26 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from recorded_heaps import FLOOR, MOVING, heap_snapshot, recorded, write_elsewhere
+from recorded_heaps import MOVING, header, heap_snapshot, recorded, write_elsewhere
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.readback import read_grains
-from taichi_erosion.recording.stream import RunHeader, log_frame, open_recording
+from taichi_erosion.recording.stream import log_frame, open_recording
 from taichi_erosion.run.checkpoint import load_checkpoint, save_checkpoint
 
-HEADER = RunHeader("a heap", "repose", "", np.full(205, 1e-3), (FLOOR,))
 WRITER = """
 import resource, sys
 from pathlib import Path
-from recorded_heaps import heap_snapshot
+from recorded_heaps import MOVING, header, heap_snapshot
 from taichi_erosion.recording import stream
-from test_disk_space import HEADER, MOVING
 
-limit, path = int(sys.argv[1]), Path(sys.argv[2])
 stream.FREE_SPACE_LEAST = 0  # as if another program had filled the disk since
 stream.FLUSH_LIMIT = 1.0  # s
-if limit:
+if limit := int(sys.argv[2]):
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 try:
-    recording = stream.open_recording(path, HEADER)
+    recording = stream.open_recording(Path(sys.argv[1]), header())
     for frame in range(60):
         stream.log_frame(recording, heap_snapshot(frame), MOVING)
         stream.flush(recording)
@@ -40,37 +37,37 @@ except stream.BadInput as error:
 
 def write_until_refused(path: Path, limit: int) -> None:
     """Record under a limit of the file's size [byte]; the refusal is told and the beginning kept."""
-    ended = write_elsewhere(WRITER, limit, path)
+    ended = write_elsewhere(WRITER, path, limit)
     told = [line for line in ended.stderr.splitlines() if line.startswith("told: ")]
     assert told == [f"told: {path}: cannot be written to its end; {path}.part holds the beginning"]
     assert not path.exists()
-    assert 1 <= len(read_grains(path.with_name(path.name + ".part"))) < 60
+    assert 1 <= len(read_grains(path.with_name("heap.rrd.part"))) < 60
 
 
 def test_a_recording_that_may_not_grow_is_told_and_keeps_its_beginning(tmp_path: Path):
     write_until_refused(tmp_path / "heap.rrd", limit=120_000)
 
 
+def test_a_recording_on_a_full_disk_is_told_keeps_its_beginning_and_lets_the_program_end(mounted):
+    write_until_refused(mounted("size=120k") / "heap.rrd", limit=0)
+
+
 def test_a_nearly_full_disk_is_told_before_anything_is_recorded(tmp_path: Path, monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=stream.FREE_SPACE_LEAST - 1))
     with pytest.raises(BadInput, match="the disk is nearly full; make room, or give --no-record"):
-        open_recording(tmp_path / "heap.rrd", HEADER)
+        open_recording(tmp_path / "heap.rrd", header())
     assert list(tmp_path.iterdir()) == []
 
 
 def test_two_runs_do_not_write_one_recording(tmp_path: Path):
     path = tmp_path / "heap.rrd"
-    with recorded(path, HEADER) as first:
+    with recorded(path, header()) as first:
         with pytest.raises(BadInput, match=r"heap\.rrd\.part: another process is writing it"):
-            open_recording(path, HEADER)
+            open_recording(path, header())
         log_frame(first, heap_snapshot(), MOVING)
     assert len(read_grains(path)) == 1
-    with recorded(path, HEADER):
+    with recorded(path, header()):
         pass  # the right to write ends with the recording
-
-
-def test_a_recording_on_a_full_disk_is_told_keeps_its_beginning_and_lets_the_program_end(mounted):
-    write_until_refused(mounted("size=120k") / "heap.rrd", limit=0)
 
 
 def test_a_full_disk_leaves_the_checkpoint_before_and_nothing_beside_it(mounted):

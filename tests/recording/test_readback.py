@@ -24,9 +24,8 @@ for frame in range(30):
     log_frame(recording, heap_snapshot(frame), MOVING)
     if frame == 24:
         flush(recording)
-{end}
+os.kill(os.getpid(), signal.SIGKILL)
 """
-DEATHS = {"SIGKILL": "os.kill(os.getpid(), signal.SIGKILL)", "os._exit": "os._exit(3)"}
 
 
 def test_grains_are_read_back_as_they_were_written_to_single_precision(tmp_path: Path):
@@ -47,11 +46,9 @@ def test_grains_are_read_back_as_they_were_written_to_single_precision(tmp_path:
         np.testing.assert_array_equal(frames[-1].state[name][-1], column[-1].astype(np.float32))
 
 
-@pytest.mark.parametrize("death", DEATHS)
-def test_a_killed_run_leaves_everything_up_to_its_last_flush(tmp_path: Path, death: str):
+def test_a_killed_run_leaves_everything_up_to_its_last_flush(tmp_path: Path):
     path = tmp_path / "heap.rrd"
-    code = write_elsewhere(WRITER.format(end=DEATHS[death]), path).returncode
-    assert code == (-signal.SIGKILL if death == "SIGKILL" else 3)
+    assert write_elsewhere(WRITER, path).returncode == -signal.SIGKILL
     assert not path.exists()
     frames = read_grains(part_path(path))
     assert 25 <= len(frames) <= 30
@@ -73,8 +70,6 @@ def test_a_recording_cut_anywhere_is_read_up_to_the_cut(tmp_path: Path):
         assert len(read_grains(path)) == frame
         path.write_bytes(whole[: size - 1])
         assert len(read_grains(path)) in (frame, frame + 1), "the last message may be another than the grains"
-    path.write_bytes(whole[:100])
-    assert read_grains(path) == []
 
 
 def test_a_recording_damaged_within_is_refused_by_its_name(tmp_path: Path):
@@ -104,6 +99,5 @@ def test_every_frame_is_written_with_its_time_and_its_grains(tmp_path: Path) -> 
     last = meshio.read(listing.parent / entries[-1].attrib["file"])
     np.testing.assert_array_equal(last.points, frames[-1].position)
     np.testing.assert_array_equal(last.point_data["radius"], frames[-1].radius)
-    assert {"velocity", "spin", "force", "contacts"} <= set(last.point_data)
     for name, values in frames[-1].state.items():
         np.testing.assert_array_equal(last.point_data[name], values)

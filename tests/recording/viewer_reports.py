@@ -28,11 +28,7 @@ def drawing() -> Iterator[None]:
 
 
 def view_reports(path: Path) -> list[str]:
-    """What the views of the blueprint failed to draw at the end of the recording; empty without a report.
-
-    A damaged compressed picture shows only in the viewer's log, so its errors are listed too. The viewer is
-    silent about a mesh whose triangles name missing corners: an empty list does not prove that it is seen.
-    """
+    """What the views failed to draw at the end of the recording, and errors of the viewer's log."""
     with drawing(), viewer.headless_viewer(path, REPORT_SIZE) as client:
         # a view behind a tab is not drawn and so has nothing to report
         client.set_blueprint(without_tabs(client.get_blueprint("recording").blueprint), "recording")

@@ -12,17 +12,12 @@ from taichi_erosion.run.session import unused_name
 SCENE = Path("scenes/heap.toml")
 
 
-def earlier_run(folder: Path) -> Path:
-    record = folder / "heap.rrd"
+def test_an_earlier_run_of_the_scene_is_replaced_and_of_another_refused(tmp_path):
+    record = tmp_path / "heap.rrd"
     record.write_bytes(b"RRF2\0taichi_erosion\0")
     document = {"scene": str(SCENE), "versions": {"taichi_erosion": "1"}, "film": "elsewhere/heap.gif"}
     record.with_suffix(".json").write_text(json.dumps(document))
     record.with_suffix(".gif").write_bytes(b"GIF")
-    return record
-
-
-def test_an_earlier_run_of_the_scene_is_replaced_and_of_another_refused(tmp_path):
-    record = earlier_run(tmp_path)
     refuse_foreign_outputs(record, SCENE)
     refuse_foreign_outputs(tmp_path / "new.rrd", SCENE)
     with pytest.raises(BadInput, match=r"heap\.json: exists, and no run of scenes/drum\.toml wrote it"):

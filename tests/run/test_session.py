@@ -89,7 +89,6 @@ def test_entries_that_are_built_in_are_refused_with_what_may_change(session) -> 
 
 
 def test_an_effect_can_be_added_strengthened_and_taken_away(session) -> None:
-    live.run_for(session, 0.02)
     assert "after building" in live.set_entry(session, "effects.dry_adhesion.strength", "1.0")
     world = session.sim.world
     assert live.set_entry(session, "effects.dry_adhesion.strength", "2.0").endswith("at once")

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from measures.heaps import snapshot_of
 
-from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.run.threshold_search import (
     NEXT_WIND,
     ThresholdSearch,
@@ -78,26 +78,18 @@ def test_where_transport_is_named_only_its_end_is_looked_for(scene: Scene):
     assert search.found["impact_threshold_linear"].middle == pytest.approx(0.09, rel=1e-6)
 
 
-def state(position: np.ndarray, speed: float = 0.0) -> Snapshot:
-    count = len(position)
-    velocity = np.tile([speed, 0.0, 0.0], (count, 1))
-    zero, one = np.zeros((count, 3)), np.ones(count)
-    rank = np.arange(count, dtype=np.int32)
-    return Snapshot(0.0, 0, position, velocity, zero, one, one, rank, rank, 0)
-
-
 def test_a_grain_that_crosses_the_edge_of_the_patch_has_not_rolled(scene: Scene):
     search = ThresholdSearch(scene, {}, trial(0.2, grains=2))
     search.trial.start = search.trial.last = np.array([[1e-6, 0.0, 0.0], [1e-4, 0.0, 0.0]])
     far = 1.1 * search.diameter
     moved = np.array([[scene.wind.length - 1e-6, 0.0, 0.0], [1e-4, far, 0.0]])
-    record_motion(search, state(moved))
+    record_motion(search, snapshot_of(moved))
     assert search.trial.rolled.tolist() == [False, True]
     assert not search.trial.risen.any()
-    record_motion(search, state(moved + np.array([[0.0, 0.0, far], [0.0, 0.0, 0.0]])))
+    record_motion(search, snapshot_of(moved + np.array([[0.0, 0.0, far], [0.0, 0.0, 0.0]])))
     assert search.trial.risen.tolist() == [True, False]
     # what once rolled has rolled, also after the wind has brought it back
-    record_motion(search, state(search.trial.start))
+    record_motion(search, snapshot_of(search.trial.start))
     assert search.trial.rolled.tolist() == [False, True]
 
 

@@ -55,11 +55,24 @@ def test_the_resolved_scene_is_complete_and_reads_back_as_itself():
     assert resolved(parse_scene(table)) == table
 
 
-def test_loading_leaves_the_given_table_alone():
+def test_an_apparatus_in_diameters_grows_with_its_grains_and_the_given_table_stays():
     table = changed("geometry.plate", {"shape": "disc", "material": "steel", "radius_d": 40.0})
+    table["run"] |= {"time_step_d": 2e-3}
     kept = copy.deepcopy(table)
-    parse_scene(table, overrides=["grains.count=5"])
+    sizes = ["grains.size.low=2e-3", "grains.size.median=3e-3", "grains.size.high=4e-3"]
+    scene = parse_scene(table, overrides=sizes)
     assert table == kept
+    assert scene.geometry["plate"].radius == pytest.approx(0.12)
+    assert scene.run.time_step == pytest.approx(6e-6)
+
+
+def test_a_length_in_diameters_is_told_as_the_user_wrote_it():
+    table = changed("geometry.plate", {"shape": "disc", "material": "steel", "radius_d": -9.0})
+    # the median of the good scene is 2 mm
+    assert "geometry.plate.radius_d = -9.0 diameters: -0.018" in complaint(table)
+    # without a diameter only the grains are judged
+    table["grains"]["size"]["median"] = "2 mm"
+    assert complaint(table) == "scenes/bad.toml: grains.size.median = '2 mm' must be a number"
 
 
 def test_the_hash_of_a_mesh_follows_its_content(tmp_path: Path):
@@ -78,9 +91,7 @@ def test_the_hash_of_a_mesh_follows_its_content(tmp_path: Path):
 @pytest.mark.parametrize(
     ("content", "word"),
     [
-        (b"", "grains is missing"),
         (b"\xff\xfe\x00", "cannot be read as text: 'utf-8' codec"),
-        (b"[scene\nkind = 1", "not a TOML file"),
         (b"a = " + b"[" * 5000, "not a TOML file"),
         (b"a = 1" + b"0" * 5000, "not a TOML file"),
         (b"[scene]\nkind = 'repose'\nkind = 'drum'", "not a TOML file"),
@@ -96,10 +107,9 @@ def test_a_file_that_holds_no_scene_is_told_in_one_line(tmp_path: Path, content:
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["nowhere.toml", ".", "nul\0byte.toml"])
-def test_a_path_without_a_file_is_told_in_one_line(tmp_path: Path, name: str):
-    with pytest.raises(BadInput, match=r"no such file|is a folder|is not a file|cannot be read"):
-        load_scene(tmp_path / name)
+def test_a_path_that_no_file_can_have_is_told(tmp_path: Path):
+    with pytest.raises(BadInput, match="cannot be read"):
+        load_scene(tmp_path / "nul\0byte.toml")
 
 
 def test_the_hash_follows_the_flow_and_not_its_title():
@@ -112,11 +122,9 @@ def test_the_hash_follows_the_flow_and_not_its_title():
 ROOT = Path(__file__).parents[2]
 STUDY, SCENE = str(ROOT / "doe" / "my_lab.toml"), str(ROOT / "scenes" / "saltation.toml")
 MISTAKEN = {
-    "a table for a study": (("compare", "t.csv"), "./erosion study new t.csv"),
     "a scene for a study": (("discover", SCENE), f"./erosion run {SCENE}"),
     "a folder for a study": (("adopt", str(ROOT / "doe"), "gusts"), "is a folder; name a study"),
     "a study for a scene": (("run", STUDY), f"./erosion compare {STUDY}"),
-    "a table for a scene": (("run", "t.csv"), "./erosion study new t.csv"),
     "a study for a table": (("study", "new", STUDY), f"./erosion study check {STUDY}"),
     "a folder for a table": (("study", "new", "."), "is a folder; name a table"),
     "a scene to validate as a study": (("study", "check", SCENE), f"./erosion run {SCENE}"),

@@ -3,14 +3,13 @@
 from math import atan, degrees
 from pathlib import Path
 
-import numpy as np
 import pytest
 from scene_tables import SCENES
 
 from taichi_erosion.evidence.words.run_words import run_warnings
 from taichi_erosion.run import RunOptions, run_scene
 from taichi_erosion.run.checks import check_scene
-from taichi_erosion.scene import build_setup, load_scene
+from taichi_erosion.scene import load_scene
 
 
 @pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
@@ -24,12 +23,7 @@ def test_a_run_of_a_shipped_scene_prints_no_warning(path: Path):
     assert run_warnings(run_scene(path, RunOptions(no_record=True))) == []
 
 
-def test_the_incline_lets_go_at_the_friction_angle_before_it_tips():
+def test_the_incline_lets_go_at_the_friction_angle():
     scene = load_scene(SCENES / "incline.toml")
     friction = scene.contact["soil-steel"].friction_sliding
     assert scene.measured["sliding_angle"].value == pytest.approx(degrees(atan(friction)), abs=0.01)
-    assert friction < 1.0 / np.sqrt(3.0)
-    grains = build_setup(scene, 1).grains
-    assert np.all((grains.position[:, 2] > grains.radius) & (grains.position[:, 2] < 1.02 * grains.radius))
-    tilt = scene.stages[1]
-    assert tilt.tilt_rate * tilt.duration_max > scene.measured["sliding_angle"].value

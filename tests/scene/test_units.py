@@ -6,31 +6,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taichi_erosion.scene.schema.units import UnknownUnit, conversion, parse_scale, parse_unit, scale_between
+from taichi_erosion.scene.schema.units import UnknownUnit, conversion, parse_unit, scale_between
 
-NO_UNITS = "grad|C|MM|wet|kg/m s|m/|(m|m)|()|m--2|m99|/|€"
+NO_UNITS = {"grad": "deg", "F": "degF", "MM": "'mm'", "kg/m s": "kg/(m s)", "m" * 61: ""}
+# a temperature that does not count from absolute zero has no factor
+NO_UNITS |= dict.fromkeys("degC wet m/ (m m) () m--2 m99 / €".split(), "")
 
 
 @pytest.mark.parametrize(
     ("source", "target", "factor"),
     [
         ("mm", "m", 1e-3),
-        ("µm", "um", 1.0),
         ("deg", "rad", pi / 180.0),
         ("°", "deg", 1.0),
         ("%", "kg/kg", 0.01),
         ("g/(m s)", "kg m-1 s-1", 1e-3),
-        ("kg m⁻¹ s⁻¹", "kg/m/s", 1.0),
-        ("g/cm3", "kg m^-3", 1e3),
-        ("km/h", "m/s", 1.0 / 3.6),
-        ("hPa", "Pa", 100.0),
+        ("kg m^-1 s⁻¹", "kg/m/s", 1.0),
         ("mJ/m2", "N/m", 1e-3),
         ("1", "-", 1.0),
-        ("kV/cm", "V m-1", 1e5),
         ("µC/kg", "C kg-1", 1e-6),
         ("deg", "1", None),  # another kind
-        ("m/s", "m", None),
-        ("Pa", "N", None),
         ("kg/(m s)", "kg/m", None),
     ],
 )
@@ -40,10 +35,11 @@ def test_a_unit_is_converted_by_its_factor_where_the_kind_is_the_same(source, ta
     assert conversion(parse_unit(source), parse_unit(target)) == wanted
 
 
-@pytest.mark.parametrize("text", [*NO_UNITS.split("|"), "m" * 61])
-def test_what_is_no_unit_or_could_mean_two_is_refused(text):
-    with pytest.raises(UnknownUnit):
+@pytest.mark.parametrize(("text", "hint"), NO_UNITS.items())
+def test_what_is_no_unit_or_could_mean_two_is_refused_with_what_may_have_been_meant(text, hint):
+    with pytest.raises(UnknownUnit) as caught:
         parse_unit(text)
+    assert hint in caught.value.hint
 
 
 @given(st.text(alphabet="mkgsPaN%/() -^*·0123456789°µ⁻¹", max_size=20))
@@ -57,30 +53,10 @@ def test_any_text_is_a_unit_or_refused(text):
 
 @pytest.mark.parametrize(
     ("text", "number", "kelvin"),
-    [
-        ("degC", 20.0, 293.15),
-        ("°C", -5.0, 268.15),
-        ("℃", 0.0, 273.15),
-        ("degF", 50.0, 283.15),
-        ("°F", 50.0, 283.15),
-        ("K", 3.0, 3.0),
-    ],
+    [("degC", 20.0, 293.15), ("℃", 0.0, 273.15), ("°F", 50.0, 283.15), ("K", 3.0, 3.0)],
 )
 def test_a_temperature_is_counted_from_the_zero_of_its_scale(text, number, kelvin):
     scale = scale_between(text, parse_unit("K"))
     assert scale is not None
     assert scale.used(number) == pytest.approx(kelvin, rel=1e-12)
     assert scale.written(kelvin) == pytest.approx(number, abs=1e-10)
-
-
-def test_a_temperature_with_a_zero_of_its_own_is_no_factor():
-    with pytest.raises(UnknownUnit):
-        parse_unit("degC")
-    assert parse_scale("degC").kind == parse_unit("K").kind
-
-
-@pytest.mark.parametrize(("text", "hint"), [("MM", "'mm'"), ("grad", "deg"), ("F", "degF")])
-def test_a_refusal_says_what_may_have_been_meant(text, hint):
-    with pytest.raises(UnknownUnit) as caught:
-        parse_unit(text)
-    assert hint in caught.value.hint

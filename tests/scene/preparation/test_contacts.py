@@ -1,4 +1,4 @@
-"""Contact parameters follow from materials and pairs."""
+"""Contact parameters follow from materials and pairs; laws and gravity from their sections."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from scene_tables import changed, good_table, softened
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import pair_row
 from taichi_erosion.effects import load_library
-from taichi_erosion.scene import build_setup, parse_scene, scene_hash
+from taichi_erosion.scene import build_setup, laws, parse_scene, scene_hash
 from taichi_erosion.scene.change import with_contacts
 from taichi_erosion.scene.preparation.contacts import contact_table, young_effective
 from taichi_erosion.scene.preparation.limits import explain
@@ -89,3 +89,10 @@ def test_an_effect_adds_the_same_rolling_friction_in_either_convention():
     )
     assert after[0] - before[0] == pytest.approx(0.14)
     assert after[1] - before[1] == pytest.approx(0.14)
+
+
+def test_gravity_starts_along_its_direction_and_laws_are_those_of_the_scene():
+    table = changed("gravity", {"magnitude": 1.62, "direction": [0.0, 3.0, -4.0]})
+    assert build_setup(parse_scene(table), 1).gravity == pytest.approx((0.0, 0.6 * 1.62, -0.8 * 1.62))
+    chosen = laws(parse_scene(softened("bond_number", 0.02)))
+    assert (chosen.normal, chosen.rolling, chosen.friction_cap) == ("jkr", "elastic_plastic", "thornton")

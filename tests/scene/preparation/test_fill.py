@@ -11,7 +11,6 @@ from scipy.spatial import KDTree
 
 from taichi_erosion.core.setup import GrainTable
 from taichi_erosion.scene import build_setup, parse_scene
-from taichi_erosion.scene.preparation.fill import stream
 
 RAIN = {"law": "rain", "pitch_d": 1.15, "jitter_d": 0.05, "radius_d": 8.4}
 RAIN |= {"first_height_d": 0.7, "speed_sd": 0.5}
@@ -144,11 +143,3 @@ def test_changing_the_sizes_leaves_the_places_of_rain_alone():
     first, other = (grains_of(table | {"grains": table["grains"] | {"size": size}}) for size in sizes)
     assert np.array_equal(first.position, other.position)
     assert not np.array_equal(first.radius, other.radius)
-
-
-def test_streams_of_neighbouring_seeds_are_independent():
-    samples = np.array([stream(seed, "places").random(1000) for seed in range(40)])
-    correlation = np.corrcoef(samples)[np.triu_indices(40, 1)]
-    # 780 correlations with standard deviation 1 / sqrt(1000): the largest of them lies near 3.2 of these
-    assert np.abs(correlation).max() < 5.0 / sqrt(1000)
-    assert samples.mean() == pytest.approx(0.5, abs=4.0 / sqrt(12 * samples.size))

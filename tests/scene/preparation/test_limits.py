@@ -16,12 +16,6 @@ from taichi_erosion.scene.preparation import limits
 POISSON, DENSITY, GAMMA = 0.3, 2650.0, 3.3  # surface energy of the study, quartz
 
 
-def jkr_grain(radius: float, shear: float) -> tuple[float, float, float]:
-    """R* [m], E* [Pa] and m* [kg] of two equal grains."""
-    young = 2.0 * shear * (1.0 + POISSON) / (2.0 * (1.0 - POISSON**2))
-    return 0.5 * radius, young, 0.5 * DENSITY * 4.0 / 3.0 * pi * radius**3
-
-
 @pytest.mark.parametrize(
     ("radius", "shear", "time"), [(0.05e-3, 2e7, 1.95e-6), (0.5e-3, 2e10, 6.2e-7), (1e-3, 2e13, 3.9e-8)]
 )
@@ -30,16 +24,11 @@ def test_rayleigh_times_of_the_published_parameters(radius: float, shear: float,
 
 
 @pytest.mark.parametrize(
-    ("radius", "shear", "tear", "speed"),
-    [
-        (0.05e-3, 2e7, 1.8e-6, 1.9),
-        (1e-3, 2e7, 4.8e-6, 0.16),
-        (1e-3, 2e10, 48e-9, 0.016),
-        (5e-3, 2e7, 8.2e-6, 0.042),
-    ],
+    ("radius", "shear", "tear", "speed"), [(0.05e-3, 2e7, 1.8e-6, 1.9), (1e-3, 2e10, 48e-9, 0.016)]
 )
 def test_tear_off_distance_and_sticking_speed_of_the_published_parameters(radius, shear, tear, speed):
-    reduced, young, mass = jkr_grain(radius, shear)
+    reduced, young = 0.5 * radius, shear * (1.0 + POISSON) / (1.0 - POISSON**2)
+    mass = 0.5 * DENSITY * 4.0 / 3.0 * pi * radius**3
     assert limits.tear_off_distance(GAMMA, reduced, young) == pytest.approx(tear, rel=0.03)
     assert limits.sticking_speed(GAMMA, reduced, young, mass) == pytest.approx(speed, rel=0.03)
 
