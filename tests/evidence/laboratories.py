@@ -1,12 +1,16 @@
-"""A heap small enough for a test, and laboratories in whose world an effect acts, each with its own seeds.
+"""A heap small enough for a test, and laboratories in whose world an effect acts.
 
-python -m tests.evidence.laboratories FOLDER NAME...
+A laboratory has its own seeds, and some have their own time step, packing and friction. Of grains that stick
+when wet, two studies list no effect of water. A laboratory is run as a program of its own:
+
+    python -m tests.evidence.laboratories FOLDER NAME...
 """
 
 import json
 import random
 import sys
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 
 from taichi_erosion.core.setup import Numerics
@@ -35,6 +39,14 @@ class Laboratory:
     strengths: tuple[float, ...]  # range of that of liquid bridges; empty: 0, without a draw
     orders: tuple[str, ...]
     study: str  # numbers and candidates
+
+    def text(self, name: str) -> str:
+        """The study file."""
+        observables = "".join(
+            f'[observables.{each}]\nscene = "{SCENE}"\ntransform = "log"\n' for each in self.observables
+        )
+        head = f'[study]\nmeasurements = "{name}.csv"\nruns = "runs"\n{observables}[conditions]\n'
+        return f'{head}moisture = "conditions.moisture"\n{self.study}[vault]\nfraction = 0.3\n'
 
     def rows(self, folder: Path, strength: float, drawn: random.Random) -> list[str]:
         """Rows of the table, every run with a seed that is drawn."""
@@ -93,11 +105,11 @@ SEEDS = {("heap_moist", "heap_plain"): 7, ("wet", "plain"): 3}  # of laboratorie
 
 
 def make(folder: Path, names: tuple[str, ...]) -> None:
-    """The truth, a scene, studies and tables."""
+    """Scene, studies and tables; the digest of the truth is written before all measurements."""
     made, drawn = {name: LABORATORIES[name] for name in names}, random.Random(SEEDS[names])
     truth = {name: drawn.uniform(*lab.strengths) if lab.strengths else 0.0 for name, lab in made.items()}
-    (folder / "truth.json").write_text(json.dumps(truth))
-    drawn.random()  # the seeds of the runs are those behind it
+    sealed = json.dumps({"strengths": truth, "salt": drawn.random()})
+    (folder / "truth.sha256").write_text(sha256(sealed.encode()).hexdigest())
     text = SHIPPED.read_text("utf-8")
     for old, new in SMALLER.items():
         assert old in text, f"{SHIPPED.name} does not say {old}"
@@ -106,12 +118,9 @@ def make(folder: Path, names: tuple[str, ...]) -> None:
     for name, lab in made.items():
         rows = ["observable,value,n,unit,group,moisture,source", *lab.rows(folder, truth[name], drawn)]
         (folder / f"{name}.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
-        entries = [
-            f'[observables.{each}]\nscene = "{SCENE}"\ntransform = "log"\n' for each in lab.observables
-        ]
-        head = f'[study]\nmeasurements = "{name}.csv"\nruns = "runs"\n{"".join(entries)}[conditions]\n'
-        study = f'{head}moisture = "conditions.moisture"\n{lab.study}[vault]\nfraction = 0.3\n'
-        (folder / f"{name}.toml").write_text(study, encoding="utf-8")
+        (folder / f"{name}.toml").write_text(lab.text(name), encoding="utf-8")
+    (folder / "sealed").mkdir()
+    (folder / "sealed" / "truth.json").write_text(sealed)
 
 
 if __name__ == "__main__":

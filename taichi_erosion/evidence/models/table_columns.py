@@ -177,7 +177,7 @@ def condition_columns(
     columns = {c.title: c for c in found if c.role == "condition" and c.title in file.conditions}
     there = ", ".join(file.conditions)
     faults += [
-        f"{cells.file}: {c.heading.text} is no condition of the study, which has {there}; leave the column out"
+        f"{cells.file}: {c.heading.text} is no condition of the study, which has {there}; leave it out"
         for c in found
         if (c.role == "condition" and c.title not in file.conditions)
         or (c.role == "remark" and c.numeric and c.heading.unit)

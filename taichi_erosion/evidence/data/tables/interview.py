@@ -158,9 +158,8 @@ def settled_unknown(column: Column, reading: Reading) -> Column:
             option = "condition" if "." in column.near else "observable"
             said = f"say --{option} '{column.heading.name}={column.near}'"
             if not reading.told.measures:  # a study says itself what there is
-                said = (
-                    f"head it '{reading.told.titles.get(column.near, column.near)}', or name it in [columns]"
-                )
+                own = reading.told.titles.get(column.near, column.near)
+                said = f"head it '{own}', or name it in [columns] of the study"
             return reading.fault(column, f"did you mean {column.near}? {said}; {UNUSED}")
     else:
         meaning = f"column '{text}' is not used: its heading says nothing known"
