@@ -249,6 +249,8 @@ def with_one_heading(rows: Lines) -> Lines:
     filled = [cell for cell in below if cell]
     units = all(unit_in(cell.strip("[]() ")) for cell in filled)
     merged = any(under and not text for text, under in zip_longest(above, below, fillvalue=""))
+    if merged and filled == [str(k + 1) for k in range(len(filled))]:
+        return [(line, above), *others]  # numbers of repeats
     if len(filled) < 2 or has_digit(filled) or not (units or merged):
         return rows
     return [(line, list(joined_headings(above, below))), *others]
@@ -267,9 +269,9 @@ def joined_headings(above: Sequence[str], below: Sequence[str]) -> Iterator[str]
 
 
 def with_repeats(rows: Lines) -> Lines:
-    """The rows; blank headings above numbers, right of a measured quantity, are those of its repeats.
+    """The rows; right of a measured quantity, blank headings above numbers and its own again are its repeats.
 
-    `angle [deg]` with a blank one becomes `angle 1 [deg]` and `angle 2 [deg]`.
+    `angle [deg]` and a blank one become `angle 1 [deg]` and `angle 2 [deg]`.
     """
     if not rows:
         return rows
@@ -281,7 +283,7 @@ def with_repeats(rows: Lines) -> Lines:
         own = read_heading(heading[first])
         content = [row[k] for _, row in others if k < len(row) and not is_missing(row[k])]
         numeric = bool(content) and all(map(is_quantity, content))
-        if heading[k] or not numeric or meaning_of(own.name)[0] != "observable":
+        if heading[k] not in ("", heading[first]) or not numeric or meaning_of(own.name)[0] != "observable":
             first = k
             continue
         for place in (first, k):

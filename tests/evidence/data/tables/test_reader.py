@@ -100,6 +100,17 @@ FOREIGN = {
         ),
         [("repose_angle", value, nan, None, "deg") for value in (31.0, 32.0, 33.0, 34.0)],
     ),
+    **{
+        f"a merged heading, below it {below}": (
+            f"w [%];Böschungswinkel [°];\n{below}\n0;31;32\n1;33;34\n",
+            [("repose_angle", value, nan, None, "°") for value in (31.0, 32.0, 33.0, 34.0)],
+        )
+        for below in (";°;°", ";1;2", ";;")
+    },
+    "one row like numbers of repeats": (
+        "w [%];Böschungswinkel [°]\n1;2\n1;20\n2;21\n",
+        [("repose_angle", value, nan, None, "°") for value in (2.0, 20.0, 21.0)],
+    ),
     "repeats side by side": (
         "moisture [%];angle of repose 1 [deg];angle of repose 2 [deg];SD;n\n0;31;32.5;0.7;2\n1;33;34;0.8;2\n",
         [("repose_angle", value, nan, None, "deg") for value in (31.0, 32.5, 33.0, 34.0)],
