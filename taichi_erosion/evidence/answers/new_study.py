@@ -4,7 +4,7 @@ What the table does not say is asked; every question has a guess, which counts w
 """
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
@@ -24,7 +24,13 @@ from taichi_erosion.evidence.answers.scene_templates import (
 )
 from taichi_erosion.evidence.answers.written_files import Content, StudyFiles, written_files
 from taichi_erosion.evidence.data.measured import read_rows
-from taichi_erosion.evidence.data.physical_ranges import OBSERVED, column_faults, place_range
+from taichi_erosion.evidence.data.physical_ranges import (
+    OBSERVED,
+    PhysicalRange,
+    column_faults,
+    place_range,
+    unusual_cells,
+)
 from taichi_erosion.evidence.data.tables.column_roles import NOT_USED, Column, Told
 from taichi_erosion.evidence.data.tables.headings import (
     DIAMETER,
@@ -168,24 +174,19 @@ def read_laboratory_table(table: Path, told: Told, interview: Interview) -> Tabl
     """Rows of a table; raises BadInput with all faults of its cells, headings, units and ranges."""
     faults = Faults()
     measured = read_rows(table, table.name, told, interview, faults)
+    ranges: list[tuple[str, PhysicalRange | None]] = []
     if measured is not None:
         places = faults.of(condition_places, measured, told) or {}
-        faults += value_faults(measured, places, told)
+        ranges += [(name, place_range(place.split(",")[0].strip())) for name, place in places.items()]
+        ranges += [(name, OBSERVED.get(name)) for name in dict.fromkeys(r.observable for r in measured.rows)]
+        for name, allowed in ranges:
+            faults += column_faults(measured, name, allowed, usual=not told.units)  # a stated unit counts
     faults.tell()
     assert measured is not None
+    for name, allowed in ranges:
+        for words in unusual_cells(measured, name, allowed):
+            interview.assume(words)
     return measured
-
-
-def value_faults(table: Table, places: Mapping[str, str], told: Told) -> Iterator[str]:
-    """Impossible values of conditions and observables, and units that seem mistaken.
-
-    A unit that the user states counts.
-    """
-    for name, place in places.items():
-        allowed = place_range(place.split(",")[0].strip())
-        yield from column_faults(table, name, allowed, usual=not told.units)
-    for name in dict.fromkeys(row.observable for row in table.rows):
-        yield from column_faults(table, name, OBSERVED.get(name), usual=not told.units)
 
 
 def condition_places(table: Table, told: Told) -> dict[str, str]:

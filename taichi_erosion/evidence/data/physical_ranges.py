@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 
-from taichi_erosion.evidence.data.tables.rows import SOLO_ROWS, Table
+from taichi_erosion.evidence.data.tables.rows import SOLO_ROWS, Row, Table
 from taichi_erosion.scene.paths import number_at
 from taichi_erosion.scene.schema.units import Scale, UnknownUnit, parse_scale, parse_unit, scale_between
 
@@ -83,13 +83,7 @@ def column_faults(
     """
     if allowed is None:
         return
-    if name in table.conditions:
-        place = table.conditions.index(name)
-        cells = [(row, row.conditions[place], table.units[place]) for row in table.rows]
-    else:
-        cells = [(row, row.value, row.unit) for row in table.rows if row.observable == name]
-    scaled = [(row, value, unit, scale_of(unit, allowed)) for row, value, unit in cells if isfinite(value)]
-    known = [(row, value, unit, scale.used(value)) for row, value, unit, scale in scaled if scale is not None]
+    known = known_cells(table, name, allowed)
     wrong = [each for each in known if not allowed.possible(each[3])]
     odd = [each for each in known if not allowed.is_usual(each[3])]
     meant = likely_units([value for _, value, _, _ in known], known[0][2] if known else None, allowed)
@@ -105,6 +99,26 @@ def column_faults(
         also = f" is {used:g} {allowed.unit}" if unit not in (None, "", allowed.unit) else ""
         told = f"{name} = {stated}{also}, {outside}{more}; check number and unit{hint}"
         yield f"{table.file}: row {row.line}, {told}"
+
+
+def known_cells(
+    table: Table, name: str, allowed: PhysicalRange
+) -> list[tuple[Row, float, str | None, float]]:
+    """Rows of a condition or an observable with their values, as written and in the unit of a range."""
+    if name in table.conditions:
+        place = table.conditions.index(name)
+        cells = [(row, row.conditions[place], table.units[place]) for row in table.rows]
+    else:
+        cells = [(row, row.value, row.unit) for row in table.rows if row.observable == name]
+    scaled = [(row, value, unit, scale_of(unit, allowed)) for row, value, unit in cells if isfinite(value)]
+    return [(row, value, unit, scale.used(value)) for row, value, unit, scale in scaled if scale is not None]
+
+
+def unusual_cells(table: Table, name: str, allowed: PhysicalRange | None) -> Iterator[str]:
+    """Values that can be and are not usual, in words: they may be slips."""
+    for row, value, unit, used in known_cells(table, name, allowed) if allowed else ():
+        if allowed and not allowed.is_usual(used):
+            yield f"row {row.line}, {name} = {value:g} {unit or ''} stands as written, which is unusual"
 
 
 def scale_of(unit: str | None, allowed: PhysicalRange) -> Scale | None:

@@ -142,9 +142,11 @@ def test_a_unit_that_the_user_states_counts(tmp_path):
 def test_a_condition_without_a_unit_is_refused_and_one_that_the_closed_form_does_not_read_is_told(tmp_path):
     (fault,) = faults_of(tmp_path, changed("Feuchte in %", "Feuchte"))
     assert "has no unit in its heading: its numbers are 0 to 3.1" in fault
-    told = Told(conditions={"Wurzeln": "g/kg"})
-    document, _ = made(tmp_path, GOOD.replace("Feuchte in %", "Wurzeln"), Wishes(told, closed_form=True))
-    assert "column 'wurzeln' is not used: the closed form does not read it" in document["assumed"]
+    document, _ = made(tmp_path, GOOD.replace("Feuchte in %", "Temperatur [°C]"), Wishes(closed_form=True))
+    assert "column 'temperature' is not used: the closed form does not read it" in document["assumed"]
+    told = Told(conditions={"Temperatur": "g/kg"})
+    with pytest.raises(BadInput, match="--condition: the closed form does not read 'temperatur'"):
+        made(tmp_path, GOOD.replace("Feuchte in %", "Temperatur"), Wishes(told, closed_form=True))
 
 
 def test_a_wind_at_a_height_becomes_a_friction_velocity_by_the_law_of_the_wall(tmp_path):

@@ -149,7 +149,7 @@ def test_a_column_of_observables_says_what_is_wanted(read):
         ("moisture [%],diameter [mm]\n600,0.2\n", ["row 2, moisture = 600 % is 6 kg kg-1, outside [0, 5]"]),
         (
             "moisture [%],diameter [mm],grain density [g/cm3]\n1,0.2,4\n",
-            ["density is no condition of the study, which has moisture, diameter"],
+            ["grain density [g/cm3] is no condition of the study, which has moisture, diameter"],
         ),
     ],
 )

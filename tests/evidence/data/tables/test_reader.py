@@ -163,6 +163,15 @@ def test_a_foreign_table_comes_to_these_rows(tmp_path, name):
         assert row == pytest.approx(expected, nan_ok=True)
 
 
+def test_a_value_that_is_possible_and_unusual_is_told(tmp_path):
+    interview = Interview(lambda asked, guess: guess)
+    (tmp_path / "heap.csv").write_text("w [%];Böschungswinkel [°]\n1;31\n150;32\n2;33\n", encoding="utf-8")
+    read_laboratory_table(tmp_path / "heap.csv", told_of(Wishes()), interview)
+    assert [words for words in interview.assumed if "unusual" in words] == [
+        "row 3, moisture = 150 % stands as written, which is unusual"
+    ]
+
+
 def test_limits_and_intervals_are_censored_values(tmp_path):
     text = "Feuchte (%);Sandfluss [g/(m s)]\n0;12,5\n1;< 0,02\n2;no transport\n3;0,1..0,4\n4;>40\n"
     found = [each for row in read(tmp_path, text).rows for each in (row.value, row.reach, row.censored)]
