@@ -180,7 +180,12 @@ def condition_columns(
         f"{cells.file}: {c.heading.text} is no condition of the study, which has {there}; leave it out"
         for c in found
         if (c.role == "condition" and c.title not in file.conditions)
-        or (c.role == "remark" and c.numeric and c.heading.unit)
+        or (
+            c.role == "remark"
+            and c.numeric
+            and c.heading.unit
+            and f"'{c.heading.text}'" not in "".join(faults)
+        )
     ]
     for name, column in columns.items():
         usual, unit = known.table_units.conditions.get(name, Scale()).unit, column.heading.unit

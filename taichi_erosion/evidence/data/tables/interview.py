@@ -158,7 +158,7 @@ def settled_unknown(column: Column, reading: Reading) -> Column:
             option = "condition" if "." in column.near else "observable"
             said = f"say --{option} '{column.heading.name}={column.near}'"
             if not reading.told.measures:  # a study says itself what there is
-                own = reading.told.titles.get(column.near, column.near)
+                own = reading.told.titles.get(column.near, column.near.rpartition(".")[2])
                 said = f"head it '{own}', or name it in [columns] of the study"
             return reading.fault(column, f"did you mean {column.near}? {said}; {UNUSED}")
     else:
