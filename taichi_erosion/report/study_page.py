@@ -165,7 +165,8 @@ def missing_pictures(record: Record, voc: Vocabulary) -> list[Picture]:
     acts = {name for names in acting(record.decided) for name in names}
     law = record.law if record.law and record.law.mechanism in acts else None
     doses = figures.dose_pictures(law, voc) if law else ()
-    return [*doses, figures.posterior_picture(record), figures.strength_picture(record)]
+    strengths = [figures.strength_picture(record)] if record.effects else []
+    return [*doses, figures.posterior_picture(record), *strengths]
 
 
 def holding_pictures(record: Record) -> Iterator[Picture]:

@@ -39,6 +39,7 @@ PAGES = {
     "law": {"compare": mechanism, "discover": replace(mechanism, rows=many_rows())},
     "typo": {"discover": typo},
     "compared": {"compare": single},
+    "unlisted": {"discover": replace(mechanism, effects={})},
 }
 
 
@@ -78,6 +79,7 @@ def test_every_figure_that_the_record_allows_is_there(pages):
     assert drawn("adopted") == {"rows", "posterior", "strengths", "ladder", "numbers"}
     assert drawn("typo") == {"rows", "posterior", "strengths", "numbers"}
     assert drawn("compared") == {"rows", "ladder", "numbers"}
+    assert "strengths" not in drawn("unlisted")
 
 
 def test_headline_and_marked_rows_of_the_table_name_the_same(pages):
