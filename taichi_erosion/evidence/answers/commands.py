@@ -80,7 +80,10 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
     with open_study(path, options) as study:
         question = Question("compare", bare, lambda found: [found.about_bare], most=1)
         found, ready = answer_of(study, last_plan(study), question, progress)
-        return stored(ready, "compare", found, compare_record(found), start)
+        record = compare_record(found)
+        if blocked(ready.faults):
+            record = replace(record, decided=waiting(record.decided))
+        return stored(ready, "compare", found, record, start)
 
 
 def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTIONS) -> Reply:
