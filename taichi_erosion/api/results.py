@@ -90,7 +90,7 @@ class RaceResult(Result):
 
     @property
     def rows(self) -> pd.DataFrame:
-        """Fitted rows in the units of the table: measured, and the model before and after."""
+        """Fitted rows in the units of the table: measured mean, its error `sd`, model before and after."""
         rows, units = self.record.rows, self.units
         columns = {"observable": rows.observable, "unit": [unit_of(units, name) for name in rows.observable]}
         for key in ("measured", "sd", "before", "after"):
