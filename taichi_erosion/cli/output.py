@@ -194,7 +194,7 @@ def print_new_study(document: Record) -> None:
         changed = ", ".join(map(str, document["changes"]["lines"])) or "none"
         gone = f"{document['changes']['removed']} gone, the others stay held out or fitted"
         typer.echo(f"{document['study']} was there already; new or corrected rows: {changed}; {gone}")
-        typer.echo("Its other entries are as before, whatever the options say, unless --anew is one of them.")
+        typer.echo("Its other entries stay as they are; --anew writes the whole study again.")
     print_content(document)
     print_lines(document["written"], "written: ")
     typer.echo(f"next: {shell_command('compare', document['study'])}")

@@ -116,9 +116,11 @@ def known_cells(
 
 def unusual_cells(table: Table, name: str, allowed: PhysicalRange | None) -> Iterator[str]:
     """Values that can be and are not usual, in words: they may be slips."""
-    for row, value, unit, used in known_cells(table, name, allowed) if allowed else ():
-        if allowed and not allowed.is_usual(used):
-            yield f"row {row.line}, {name} = {value:g} {unit or ''} stands as written, which is unusual"
+    if allowed is None:
+        return
+    for row, value, unit, used in known_cells(table, name, allowed):
+        if not allowed.is_usual(used):
+            yield f"row {row.line}, {name} = {value:g} {unit or ''} is unusual, and taken as written"
 
 
 def scale_of(unit: str | None, allowed: PhysicalRange) -> Scale | None:

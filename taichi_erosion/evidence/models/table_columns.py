@@ -175,17 +175,14 @@ def condition_columns(
     """
     found = understood(cells, told_by(file), Interview(), faults, measured=False)
     columns = {c.title: c for c in found if c.role == "condition" and c.title in file.conditions}
+    own = ("condition",) if faults else ("condition", "remark")  # a column with a fault is a remark too
     there = ", ".join(file.conditions)
     faults += [
         f"{cells.file}: {c.heading.text} is no condition of the study, which has {there}; leave it out"
         for c in found
-        if (c.role == "condition" and c.title not in file.conditions)
-        or (
-            c.role == "remark"
-            and c.numeric
-            and c.heading.unit
-            and f"'{c.heading.text}'" not in "".join(faults)
-        )
+        if c.role in own
+        and c.title not in columns
+        and (c.role == "condition" or (c.numeric and c.heading.unit))
     ]
     for name, column in columns.items():
         usual, unit = known.table_units.conditions.get(name, Scale()).unit, column.heading.unit

@@ -103,7 +103,7 @@ def adhesion_warnings(scene: Scene, sticking: dict[str, float] | None) -> Iterat
 
 
 def outlet_warnings(scene: Scene) -> Iterator[str]:
-    """Sentences about funnels in which grains may arch: spheres jam orifices up to 4.94 diameters wide.
+    """Sentences about funnels in which grains may arch: spheres jam orifices up to five diameters wide.
 
     Reference: Zuriguel et al. (2005), Phys. Rev. E 71, 051303.
     """
