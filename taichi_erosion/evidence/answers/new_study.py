@@ -32,7 +32,15 @@ from taichi_erosion.evidence.data.physical_ranges import (
     unusual_cells,
 )
 from taichi_erosion.evidence.data.tables.column_roles import NOT_USED, Column, Told
-from taichi_erosion.evidence.data.tables.headings import (
+from taichi_erosion.evidence.data.tables.interview import Ask, Interview
+from taichi_erosion.evidence.data.tables.rows import NAME, Faults, Table
+from taichi_erosion.evidence.models import reduced
+from taichi_erosion.evidence.models.table_columns import declared_units
+from taichi_erosion.run.checks import read_scene
+from taichi_erosion.scene.paths import unit_of_path
+from taichi_erosion.scene.schema.grains import Monodisperse
+from taichi_erosion.scene.schema.units import parse_unit, scale_between
+from taichi_erosion.tables.headings import (
     DIAMETER,
     FRICTION_VELOCITY,
     GRAIN_DENSITY,
@@ -42,15 +50,7 @@ from taichi_erosion.evidence.data.tables.headings import (
     read_heading,
     unit_in,
 )
-from taichi_erosion.evidence.data.tables.interview import Ask, Interview
-from taichi_erosion.evidence.data.tables.rows import NAME, Faults, Table
-from taichi_erosion.evidence.data.tables.spreadsheet import source_digest, stated_number
-from taichi_erosion.evidence.models import reduced
-from taichi_erosion.evidence.models.table_columns import declared_units
-from taichi_erosion.run.checks import read_scene
-from taichi_erosion.scene.paths import unit_of_path
-from taichi_erosion.scene.schema.grains import Monodisperse
-from taichi_erosion.scene.schema.units import parse_unit, scale_between
+from taichi_erosion.tables.spreadsheet import source_digest, stated_number
 
 Document = dict[str, Any]
 CONDITION = "conditions."

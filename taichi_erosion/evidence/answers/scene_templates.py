@@ -14,16 +14,11 @@ from typing import Any
 import tomlkit
 
 from taichi_erosion.campaign.study_file import set_comment
-from taichi_erosion.evidence.data.tables.headings import (
-    DIAMETER,
-    FRICTION_VELOCITY,
-    GRAIN_CONTACT,
-    GRAIN_DENSITY,
-)
 from taichi_erosion.measures.shortfalls import LEAST_ROWS, POURED_LEAST, grains_for
 from taichi_erosion.scene.checks import LID_LEAST, REST_LEAST
 from taichi_erosion.scene.load import SCENES, toml_table
 from taichi_erosion.scene.schema.scene import Gravity
+from taichi_erosion.tables.headings import DIAMETER, FRICTION_VELOCITY, GRAIN_CONTACT, GRAIN_DENSITY
 
 LID = 1.5 * LID_LEAST  # height of the lid in largest diameters: a bed of up to ten, and hops above it [1]
 REST = 1.5 * REST_LEAST  # of sqrt(d / g) of the largest grains, at rest for so long before they sleep [1]

@@ -25,7 +25,6 @@ from taichi_erosion.evidence.data.tables.rows import (
     table_of,
     tidy_columns,
 )
-from taichi_erosion.evidence.data.tables.spreadsheet import read_cells
 from taichi_erosion.scene.schema.units import (
     EXAMPLES,
     Scale,
@@ -36,6 +35,7 @@ from taichi_erosion.scene.schema.units import (
     parse_unit,
     scale_between,
 )
+from taichi_erosion.tables.spreadsheet import read_cells
 
 
 def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Table:

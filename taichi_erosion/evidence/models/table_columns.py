@@ -19,12 +19,12 @@ from taichi_erosion.evidence.data.problem import Conditions, Measurements
 from taichi_erosion.evidence.data.tables.column_roles import Column
 from taichi_erosion.evidence.data.tables.interview import Interview, understood
 from taichi_erosion.evidence.data.tables.rows import Faults, Row, RowReader, Table
-from taichi_erosion.evidence.data.tables.spreadsheet import Cells, is_missing, read_cells
 from taichi_erosion.evidence.data.transforms import effect_of
 from taichi_erosion.evidence.models.simulator import condition_name, dotted_paths
 from taichi_erosion.scene.load import toml_table
 from taichi_erosion.scene.paths import unit_of_path
 from taichi_erosion.scene.schema.units import Scale, conversion, parse_scale
+from taichi_erosion.tables.spreadsheet import Cells, is_missing, read_cells
 
 OBSERVABLE = "observable"  # heading of a column that says what is to be predicted; without it: everything
 

@@ -12,8 +12,8 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.commands import open_study
 from taichi_erosion.evidence.answers.new_study import Wishes, new_study
 from taichi_erosion.evidence.data.held_out_rows import record_opening
-from taichi_erosion.evidence.data.tables.spreadsheet import source_digest
 from taichi_erosion.evidence.models.load_study import load_study
+from taichi_erosion.tables.spreadsheet import source_digest
 
 HEAD = "Sample;diameter [um];moisture [%];threshold friction velocity [cm/s];SD;n\n"
 WISHES = Wishes(closed_form=True)

@@ -14,7 +14,9 @@ from dataclasses import dataclass, field, replace
 from math import isnan, log, nan
 
 from taichi_erosion.core.errors import BadInput, did_you_mean
-from taichi_erosion.evidence.data.tables.headings import (
+from taichi_erosion.measures.boundary_layer import KARMAN
+from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale, parse_unit
+from taichi_erosion.tables.headings import (
     DIAMETER,
     SCATTER,
     VOLUMETRIC,
@@ -27,7 +29,7 @@ from taichi_erosion.evidence.data.tables.headings import (
     read_heading,
     stated_unit,
 )
-from taichi_erosion.evidence.data.tables.spreadsheet import (
+from taichi_erosion.tables.spreadsheet import (
     Cells,
     has_digit,
     is_missing,
@@ -36,8 +38,6 @@ from taichi_erosion.evidence.data.tables.spreadsheet import (
     reason,
     stated_number,
 )
-from taichi_erosion.measures.boundary_layer import KARMAN
-from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale, parse_unit
 
 NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of numbers
 HALF = 0.5  # from a diameter of a heap to its radius [1]

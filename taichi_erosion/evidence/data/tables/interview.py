@@ -23,7 +23,9 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     roughness_length,
     tidy_name,
 )
-from taichi_erosion.evidence.data.tables.headings import (
+from taichi_erosion.scene.paths import unit_of_path
+from taichi_erosion.scene.schema.units import parse_unit, scale_between
+from taichi_erosion.tables.headings import (
     FRICTION_VELOCITY,
     SCATTER,
     meaning_of,
@@ -33,9 +35,7 @@ from taichi_erosion.evidence.data.tables.headings import (
     unit_in,
     vocabulary,
 )
-from taichi_erosion.evidence.data.tables.spreadsheet import CellFault, CellNumber, Cells, read_cell
-from taichi_erosion.scene.paths import unit_of_path
-from taichi_erosion.scene.schema.units import parse_unit, scale_between
+from taichi_erosion.tables.spreadsheet import CellFault, CellNumber, Cells, read_cell
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 AGREED = ("y", "j", "o", "s")  # first letters of yes, ja, oui, si

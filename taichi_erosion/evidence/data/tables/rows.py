@@ -23,16 +23,6 @@ from typing import Any, TypeVar, get_args
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Drawn
 from taichi_erosion.evidence.data.tables.column_roles import SHARES, Column
-from taichi_erosion.evidence.data.tables.headings import VOLUMETRIC, Role, is_summary, read_heading
-from taichi_erosion.evidence.data.tables.spreadsheet import (
-    CellFault,
-    CellNumber,
-    Cells,
-    cell_word,
-    is_missing,
-    read_cell,
-    reason,
-)
 from taichi_erosion.scene.schema.units import (
     EXAMPLES,
     Scale,
@@ -40,6 +30,16 @@ from taichi_erosion.scene.schema.units import (
     parse_scale,
     parse_unit,
     scale_between,
+)
+from taichi_erosion.tables.headings import VOLUMETRIC, Role, is_summary, read_heading
+from taichi_erosion.tables.spreadsheet import (
+    CellFault,
+    CellNumber,
+    Cells,
+    cell_word,
+    is_missing,
+    read_cell,
+    reason,
 )
 
 Found = TypeVar("Found")

@@ -22,15 +22,9 @@ from typing import Any
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import digest_of, regular_file
-from taichi_erosion.evidence.data.tables.headings import (
-    meaning_of,
-    plain_words,
-    read_heading,
-    unit_in,
-    vocabulary,
-)
 from taichi_erosion.scene.load import refuse_other_kind
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_unit, scale_between
+from taichi_erosion.tables.headings import meaning_of, plain_words, read_heading, unit_in, vocabulary
 
 LARGEST_FILE = 20_000_000  # bytes; no table of measurements is larger
 SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}

@@ -113,7 +113,7 @@ def unit_in(text: str) -> str | None:
 @cache
 def vocabulary() -> dict[str, dict[str, tuple[str, ...]]]:
     """Known words by kind and meaning, plain but for those of units."""
-    text = (files("taichi_erosion.evidence.data.tables") / "vocabulary.toml").read_text(encoding="utf-8")
+    text = (files("taichi_erosion.tables") / "vocabulary.toml").read_text(encoding="utf-8")
     return {
         kind: {
             name: tuple(word if kind == "units" else plain_words(word) for word in words)
