@@ -6,7 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taichi_erosion.scene.schema.units import UnknownUnit, conversion, parse_unit, scale_between
+from taichi_erosion.scene.schema.units import (
+    USUAL,
+    UnknownUnit,
+    conversion,
+    dictionary_entry,
+    parse_unit,
+    scale_between,
+)
 
 NO_UNITS = {"grad": "deg", "F": "degF", "MM": "'mm'", "kg/m s": "kg/(m s)", "m" * 61: ""}
 # a temperature that does not count from absolute zero has no factor
@@ -40,6 +47,12 @@ def test_what_is_no_unit_or_could_mean_two_is_refused_with_what_may_have_been_me
     with pytest.raises(UnknownUnit) as caught:
         parse_unit(text)
     assert hint in caught.value.hint
+
+
+def test_units_that_need_no_dictionary_are_those_of_the_dictionary(monkeypatch):
+    known = dict(USUAL)
+    monkeypatch.setattr("taichi_erosion.scene.schema.units.USUAL", {"1": known["1"]})
+    assert {name: dictionary_entry.__wrapped__(name) for name in known} == known
 
 
 @given(st.text(alphabet="mkgsPaN%/() -^*·0123456789°µ⁻¹", max_size=20))

@@ -12,7 +12,7 @@ from time import perf_counter
 
 import numpy as np
 from pydantic import TypeAdapter
-from scipy import stats
+from scipy import special
 
 from taichi_erosion.evidence.answers import files
 from taichi_erosion.evidence.answers.commands import bare as without_candidates
@@ -196,4 +196,4 @@ def check_of(below: Floats, counted: Bools) -> CheckPart:
     """Count of measured values inside their intervals, from the share of the prediction below each."""
     own = below[counted & np.isfinite(below)]
     inside = int(np.sum(np.abs(own - 0.5) <= 0.5 * SHARE))
-    return CheckPart(own.size, inside, float(stats.binom.cdf(inside, own.size, SHARE)) if own.size else nan)
+    return CheckPart(own.size, inside, float(special.bdtr(inside, own.size, SHARE)) if own.size else nan)

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from math import exp, log, nan, sqrt
 
 import numpy as np
-from scipy import optimize, special, stats
+from scipy import optimize, special
 
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 
@@ -150,7 +150,7 @@ def uneven_p(variance: Floats, freedom: Floats) -> float:
     pooled = log(float(np.sum(freedom * variance)) / total)
     statistic = total * pooled - float(np.sum(freedom * np.log(variance)))
     correction = 1.0 + (float(np.sum(1.0 / freedom)) - 1.0 / total) / (3.0 * (variance.size - 1))
-    return float(stats.chi2.sf(statistic / correction, variance.size - 1))
+    return float(special.chdtrc(variance.size - 1, max(statistic, 0.0) / correction))
 
 
 def measurement_scatter(z: Floats, sd: Floats, repeats: Floats, cell: Floats, shapes: Floats) -> Scatter:
@@ -183,7 +183,7 @@ def corrected_by_repeats(variance: Floats, squares: float, between: int, own: fl
     if between == 0:
         return Scatter(variance, 0.0, own, nan, nan, (0.0, 0.0), off)
     factor = sqrt(squares / between)
-    tail = float(stats.chi2.sf(squares, between))
+    tail = float(special.chdtrc(between, squares))
     grid, share = factors(squares, between)
     scale = exp(2.0 * float(share @ grid))  # of exp E[ln f]
     p, pure = min(1.0, 2.0 * min(tail, 1.0 - tail)), (squares / scale, float(between))
@@ -270,7 +270,8 @@ def suspects(z: Floats, rows: Integers, off: Bools, conditions: Sequence[Floats]
     sound = np.flatnonzero(~off & np.isfinite(z))
     if not off[rows].all() or not sound.size:
         return rows[off[rows]]
-    ranks = [stats.rankdata(np.nan_to_num(column)) for column in conditions]
+    columns = [np.nan_to_num(column) for column in conditions]
+    ranks = [np.searchsorted(np.sort(x), x) + np.searchsorted(np.sort(x), x, "right") for x in columns]
     far = np.sum([(rank[sound] - rank[rows[0]]) ** 2 for rank in ranks], axis=0) + np.zeros(sound.size)
     return farthest(z, rows, sound[np.argsort(far, kind="stable")[:NEAREST]])
 
@@ -285,4 +286,4 @@ def lack_of_fit(parts: Iterable[tuple[float, float, float, float]]) -> float:
         return nan
     squares, dof, error, repeats = np.sum(tested, axis=0)
     ratio = max(squares, 0.0) / dof / max(error / repeats, 1e-300)
-    return float(stats.f.sf(ratio, dof, repeats))
+    return float(special.fdtrc(dof, repeats, ratio))

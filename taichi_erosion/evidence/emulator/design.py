@@ -11,7 +11,6 @@ from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import qmc
 
 from taichi_erosion.core.effect import read_params
 from taichi_erosion.core.errors import BadInput
@@ -24,7 +23,6 @@ from taichi_erosion.evidence.models.simulator import (
     parameter_matters,
 )
 from taichi_erosion.mechanisms.library import dose_at, dose_position
-from taichi_erosion.simulation.scene_setup import circumstances_of, effective_scene
 
 REACH = 2.0  # prior sd to either side over which calibrated numbers are spread
 LEAST_STRENGTH = 0.3  # of the expected one, at which an effect is tried
@@ -118,6 +116,8 @@ def inactive_reason(scene: StudyScene, name: str, strength: float) -> str | None
 
 def leaves_readings(scene: StudyScene, name: str, strength: float, row: Row) -> bool:
     """Whether an effect leaves the scene and all readings as they are."""
+    from taichi_erosion.simulation.scene_setup import circumstances_of, effective_scene
+
     simulator, effect = scene.simulator, scene.simulator.library[name]
     if effect.place not in ("scene", "instrument"):
         return False
@@ -223,6 +223,8 @@ def sampled_runs(
 
 def sobol_points(key: str, count: int, dimensions: int) -> Floats:
     """Evenly spread points (count, dimensions) in the unit cube, the same for the same key."""
+    from scipy.stats import qmc  # takes long to import
+
     start = int.from_bytes(sha256(key.encode()).digest()[:4], "little")
     power = int(np.ceil(np.log2(max(count, 2))))
     return qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(start)).random_base2(power)[:count]

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.core.errors import BadInput
@@ -269,7 +269,7 @@ class SettingRows:
         emulated, own = found.process.mean(inputs), found.process.uncertainty(inputs)
         gap, total = mean - emulated, own + np.diag(error**2)
         statistic = float(gap @ np.linalg.solve(total, gap)) / gap.size
-        p = float(stats.f.sf(statistic, gap.size, self.scatter[kept[0].measure.scene].freedom))
+        p = float(special.fdtrc(gap.size, self.scatter[kept[0].measure.scene].freedom, statistic))
         worst = int(np.argmax(np.abs(gap) / np.sqrt(np.diag(total))))
         told = from_scale(found.scale, np.array([emulated[worst], mean[worst]]))
         sd = np.array([np.sqrt(max(own[worst, worst], 0.0)), error[worst]]) / slope(found.scale, told)

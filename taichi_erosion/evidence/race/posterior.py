@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.linalg import LinAlgError
-from scipy import stats
+from scipy import special
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import MOST_SETTINGS, Floats, Measurements, Problem, Progress
@@ -187,4 +187,4 @@ def strained(race: Race) -> bool:
         return True
     rows = listed[0].evidence.solved.rows
     residual, _ = rows.solved(rows.scales.start).precision
-    return bool(stats.chi2.sf(rows.y @ residual, rows.y.size) < FAMILYWISE)
+    return bool(special.chdtrc(rows.y.size, rows.y @ residual) < FAMILYWISE)

@@ -16,8 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import hadamard
-from scipy.special import logsumexp
-from scipy.stats import norm
+from scipy.special import logsumexp, ndtri
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.problem import Floats, Integers, Laboratory
@@ -110,7 +109,7 @@ def experiment(
     """One measurement with what every explanation expects of it."""
     expected, observable = {}, rows.observable_at(at)
     for each in rivals:
-        z = each.mean[at] + np.sqrt(each.covariance[at, at]) * norm.ppf([0.5, 0.05, 0.95])
+        z = each.mean[at] + np.sqrt(each.covariance[at, at]) * ndtri([0.5, 0.05, 0.95])
         ends = np.maximum(from_scale(observable, z), 0.0 if observable.transform == "log_floor" else -np.inf)
         expected[name_of(each.hypothesis)] = Interval(*map(float, ends))
     stated = {name: value for name, value in rows.conditions_at(at).items() if np.isfinite(value)}

@@ -14,7 +14,7 @@ from math import nan
 from typing import Literal
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from taichi_erosion.evidence.data.comparison_rows import tested_by_repeats
 from taichi_erosion.evidence.data.number_words import set_up_name
@@ -42,7 +42,7 @@ from taichi_erosion.evidence.race.record import (
     Stop,
 )
 
-ONE_SIDED = float(stats.norm.ppf(0.95))  # sd beyond which 5 % of a normal distribution lie
+ONE_SIDED = float(special.ndtri(0.95))  # sd beyond which 5 % of a normal distribution lie
 
 
 def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
@@ -118,7 +118,8 @@ def misfit(fit: Fit, told: bool = False) -> tuple[float, float]:
     stated = now.rows.y - now.rows.columns @ best
     shared = [told and name.startswith(("level", "source", "batch")) for name in now.rows.scales.names]
     residual, _ = now.rows.solved(np.where(shared, now.u, now.rows.scales.start)).precision
-    return float(now.rows.weight @ stated**2), float(stats.chi2.sf(now.rows.y @ residual, now.rows.y.size))
+    chi2 = max(float(now.rows.y @ residual), 0.0)
+    return float(now.rows.weight @ stated**2), float(special.chdtrc(now.rows.y.size, chi2))
 
 
 def interval(values: Floats, weight: Floats) -> Interval:
@@ -275,7 +276,7 @@ def places(race: Race, bare: Fit) -> Iterator[PlacePart]:
             column = race.prepared.white(np.where(own, axis(values), 0.0))
             along, gram = solved.against(column[:, np.newaxis])
             z = float(along[0] / np.sqrt(max(gram[0, 0], 1e-12)))
-            found.append((2.0 * float(stats.norm.sf(abs(z))), observable.name, name, 1 if z > 0.0 else -1))
+            found.append((2.0 * float(special.ndtr(-abs(z))), observable.name, name, 1 if z > 0.0 else -1))
     least = 0.0  # an adjusted p is no smaller than those before it
     for rank, (p, observable, name, sign) in enumerate(sorted(found)):
         least = max(least, min(1.0, p * (len(found) - rank)))

@@ -9,7 +9,7 @@ import re
 import unicodedata
 from dataclasses import dataclass
 from functools import cache
-from math import isclose, isfinite
+from math import isclose, isfinite, pi
 from typing import Any
 
 Kind = tuple[tuple[str, int], ...]  # base units in the order of their names, with their powers
@@ -63,6 +63,18 @@ class Unit:
 
 
 PURE = Unit(1.0)
+PRESSURE: Kind = (("kilogram", 1), ("meter", -1), ("second", -2))
+SIZES: dict[Kind, dict[str, float]] = {
+    (): {"1": 1.0, "percent": 0.01},
+    (("meter", 1),): {"m": 1.0, "cm": 0.01, "mm": 1e-3, "um": 1e-6},
+    (("kilogram", 1),): {"kg": 1.0, "g": 1e-3},
+    (("second", 1),): {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0},
+    (("radian", 1),): {"rad": 1.0, "deg": pi / 180.0},
+    (("kelvin", 1),): {"K": 1.0},
+    PRESSURE: {"Pa": 1.0, "hPa": 100.0, "kPa": 1000.0},
+}
+# the units of most tables: they need no dictionary, which takes long to load
+USUAL = {name: Unit(size, kind) for kind, sizes in SIZES.items() for name, size in sizes.items()}
 
 
 @cache
@@ -124,8 +136,8 @@ def named_unit(symbol: str, text: str) -> Unit:
 @cache
 def dictionary_entry(name: str) -> Unit | None:
     """Unit of the dictionary, None where it has none; a temperature with a zero of its own is none."""
-    if name == "1":
-        return PURE
+    if name in USUAL:
+        return USUAL[name]
     if name in TEMPERATURES or (len(name) == 1 and name not in SINGLE_LETTERS):
         return None
     try:
