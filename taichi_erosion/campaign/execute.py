@@ -24,9 +24,8 @@ from taichi_erosion.campaign import ledger as ledgers
 from taichi_erosion.campaign.ledger import Ledger, finished_runs, unfinished
 from taichi_erosion.campaign.pool import Batch, Ended, Pool, join_cluster, refuse_missing_devices, start_pool
 from taichi_erosion.campaign.request import START, WORTH_A_START, RunRequest, RunResult
-from taichi_erosion.core.device import usable_cores
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.setup import Arch
+from taichi_erosion.core.setup import Arch, usable_cores
 from taichi_erosion.run import Report
 
 WORK_MOST = 3e9  # grain-steps of a batch: about ten minutes of one core

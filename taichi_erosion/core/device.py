@@ -27,7 +27,7 @@ import numpy as np
 from taichi_erosion.core.engine import engine_mark, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import check_writable
-from taichi_erosion.core.setup import Numerics
+from taichi_erosion.core.setup import Numerics, usable_cores
 from taichi_erosion.core.ti import LOCK, OPTIONS, core, impl, ti
 from taichi_erosion.core.transfer import is_host
 
@@ -154,11 +154,6 @@ def remove_stale_lock(folder: Path) -> None:
     with contextlib.suppress(OSError):
         if time.time() - lock.stat().st_mtime > LOCK_SECONDS:
             lock.unlink()
-
-
-def usable_cores() -> int:
-    """Cores that this process may run on."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def start_device(numerics: Numerics, pool_least: int = 1) -> int:

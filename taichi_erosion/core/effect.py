@@ -33,7 +33,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.ti import ti
 
 Conditions = Mapping[str, float]  # stated beside a measurement, in SI units
 Constants = dict[str, float]  # numbers that the device reads, by name
@@ -217,6 +216,8 @@ def initial_state(effect: Effect, params: Any, strength: float, conditions: Cond
 
 def pair_type() -> Any:
     """Struct that a pair effect reads: two grains, or a grain and a wall."""
+    from taichi_erosion.core.ti import ti  # most of what knows effects needs no compiler
+
     real3 = ti.types.vector(3, float)
     return ti.types.struct(
         gap=float,  # surface distance [m]; negative where they overlap
@@ -236,6 +237,8 @@ def pair_type() -> Any:
 
 def first_contact_type() -> Any:
     """Struct that a first-contact effect reads: two grains that begin to overlap."""
+    from taichi_erosion.core.ti import ti
+
     return ti.types.struct(
         height=float,  # of the centre of the lower one, in the coordinates of the scene [m]
         depth=float,  # overlap over the effective radius [1]
@@ -250,6 +253,8 @@ def compile_grain_type(drag_law: Any) -> Any:
     factors of effects. The law:
     ti.func (slip speed, radius, mass, air density, kinematic viscosity, void fraction) -> drag rate [s-1].
     """
+    from taichi_erosion.core.ti import ti
+
     real3 = ti.types.vector(3, float)
 
     @ti.func

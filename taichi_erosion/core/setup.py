@@ -4,6 +4,7 @@
 masses in kg, times in s, angles in rad. Nothing here knows Taichi.
 """
 
+import os
 from dataclasses import dataclass, field
 from enum import IntEnum
 from math import inf
@@ -168,6 +169,11 @@ class Motion:
     velocity: Triple = (0.0, 0.0, 0.0)  # m s-1
     spin: Triple = (0.0, 0.0, 0.0)  # rad s-1
     centre: Triple = (0.0, 0.0, 0.0)  # m, a point of the spin axis
+
+
+def usable_cores() -> int:
+    """Cores that this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @dataclass(frozen=True)

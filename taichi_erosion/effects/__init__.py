@@ -5,6 +5,7 @@ as a file that a scene, a study or the command line names. A file is executed on
 """
 
 import inspect
+import re
 import sys
 from collections.abc import Iterable, Mapping
 from functools import cache, lru_cache
@@ -20,6 +21,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import DIGITS, EffectFile, read_effect_file
 
 GROUP = "taichi_erosion.effects"  # of entry points
+TITLE = re.compile(r'\btitle="(.+?)",')  # in the file of an effect
 
 
 def load_library(files: Iterable[Path | EffectFile] = ()) -> dict[str, Effect]:
@@ -31,6 +33,14 @@ def load_library(files: Iterable[Path | EffectFile] = ()) -> dict[str, Effect]:
     for file in dict.fromkeys(files):
         add(library, effect_in(file if isinstance(file, EffectFile) else read_effect_file(file)), str(file))
     return dict(sorted(library.items()))
+
+
+def effect_titles(files: Iterable[Path] = ()) -> dict[str, str]:
+    """Titles of the library by name. Those of this folder are in its text, which needs no compiler."""
+    if (files := tuple(files)) or entry_points(group=GROUP):
+        return {name: effect.title for name, effect in load_library(files).items()}
+    texts = {name: Path(__path__[0], f"{name}.py").read_text(encoding="utf-8") for name in shipped()}
+    return {name: title[1] for name, text in texts.items() if (title := TITLE.search(text))}
 
 
 @lru_cache(maxsize=4)

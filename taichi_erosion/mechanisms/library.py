@@ -17,8 +17,6 @@ import numpy as np
 from taichi_erosion.core.effect import Effect, quantity
 from taichi_erosion.core.effect_loading import MEMBER
 from taichi_erosion.core.foreign_code import EffectFile
-from taichi_erosion.mechanisms.factors import FACTORS, PARTNERS
-from taichi_erosion.mechanisms.forces import FORCES
 
 TABLE = Path(__file__).with_name("table.toml")
 DOSE = "dose"  # parameter of every mechanism
@@ -26,26 +24,41 @@ OF_WIND = ("bed_stress", "drag", "gustiness", "lift")  # that act through wind a
 
 
 @cache
-def load_mechanisms() -> dict[str, Effect]:
-    """All mechanisms by name."""
-    table = tomllib.loads(TABLE.read_text(encoding="utf-8"))
-    pairs = [(name, walls) for name, row in table.items() for walls in (False, "walls" in row)]
-    found = {one.name: one for one in (mechanism(name, table[name], walls) for name, walls in pairs)}
+def mechanism_rows() -> dict[str, dict[str, Any]]:
+    """Rows of the table by the name of the mechanism; of contacts, one on each other and one on walls."""
+    found: dict[str, dict[str, Any]] = {}
+    for name, row in tomllib.loads(TABLE.read_text(encoding="utf-8")).items():
+        found[name] = row | {"walls": False}
+        if "walls" in row:
+            found[f"wall_{name}"] = row | {"walls": True, "title": f"{row['title']} on walls"}
     return dict(sorted(found.items()))
 
 
-def mechanism(name: str, row: Mapping[str, Any], walls: bool) -> Effect:
-    """The effect of one row; of contacts, for grains on walls or on each other."""
-    full, last = (f"wall_{name}", " on walls") if walls else (name, "")
+def dose_meaning(name: str) -> str:
+    """What the dose of a mechanism counts."""
+    return mechanism_rows()[name][DOSE][-1]
+
+
+@cache
+def load_mechanisms() -> dict[str, Effect]:
+    """All mechanisms by name, with their device functions: it imports the compiler."""
+    return {name: mechanism(name, row) for name, row in mechanism_rows().items()}
+
+
+def mechanism(name: str, row: Mapping[str, Any]) -> Effect:
+    """The effect of one row."""
+    from taichi_erosion.mechanisms.factors import FACTORS, PARTNERS
+    from taichi_erosion.mechanisms.forces import FORCES
+
     numbers = {DOSE: row[DOSE], **row.get("numbers", {})}
     declared = [
         (key, float, quantity(default, unit, meaning, low=low, high=high))
         for key, (default, unit, low, high, meaning) in numbers.items()
     ]
     params = make_dataclass("Params", declared, frozen=True)
-    act, checks, more = (FACTORS | FORCES)[full]
-    text = row["help"].format(partner=PARTNERS[walls])
-    return Effect(full, row["title"] + last, text, row["place"], params, act, partial(checks, params), **more)
+    act, checks, more = (FACTORS | FORCES)[name]
+    text = row["help"].format(partner=PARTNERS[row["walls"]])
+    return Effect(name, row["title"], text, row["place"], params, act, partial(checks, params), **more)
 
 
 def mechanism_file(name: str) -> EffectFile:
@@ -72,14 +85,5 @@ def dose_at(position: float) -> float:
 
 def dose_range(mechanism: Effect) -> tuple[float, float]:
     """Least and largest dose for which a mechanism is meant [1]."""
-    return declared_dose(mechanism)["low"], declared_dose(mechanism)["high"]
-
-
-def dose_meaning(mechanism: Effect) -> str:
-    """What the dose of a mechanism counts."""
-    return declared_dose(mechanism)["meaning"]
-
-
-def declared_dose(mechanism: Effect) -> Mapping[str, Any]:
-    """Unit, meaning and range of the dose."""
-    return next(f for f in fields(mechanism.params) if f.name == DOSE).metadata
+    declared = next(f for f in fields(mechanism.params) if f.name == DOSE).metadata
+    return declared["low"], declared["high"]

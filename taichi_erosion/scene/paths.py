@@ -5,8 +5,9 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, reduce
 from math import inf
+from operator import or_
 from pathlib import Path
 from typing import Any
 
@@ -130,14 +131,24 @@ class NumberEntry:
 
 
 @cache
+def section_schema(name: str) -> dict[str, Any]:
+    """Schema of one section of scenes, quicker than the whole; empty where no scene has it."""
+    kinds: list[Any] = [
+        kind.model_fields[name].annotation for kind in (Scene, AirScene) if name in kind.model_fields
+    ]
+    return TypeAdapter[Any](reduce(or_, kinds)).json_schema() if kinds else {}
+
+
+@cache
 def number_at(path: str) -> NumberEntry | None:
     """The number that a dotted path sets; None where no scene has the path, or it is no number.
 
     A component has unit and range of its vector. What is counted in nominal diameters is a pure number.
     """
-    schema = scene_schema()
-    nodes, found = [schema], None
-    for key in path.split("."):
+    section, *keys = path.split(".")
+    schema, found = section_schema(section), None
+    nodes = [schema]
+    for key in keys:
         nodes = [below for node in nodes for below in entries_below(schema, node, key)]
         numbers = (option for node in nodes for option in options(schema, node) if "unit" in option)
         found = next(numbers, found) if nodes else None

@@ -4,8 +4,15 @@ from dataclasses import fields
 
 import pytest
 
-from taichi_erosion.effects import load_library
-from taichi_erosion.mechanisms.library import DOSE, dose_range, load_mechanisms, mechanism_file
+from taichi_erosion.effects import effect_titles, load_library
+from taichi_erosion.mechanisms.library import (
+    DOSE,
+    dose_meaning,
+    dose_range,
+    load_mechanisms,
+    mechanism_file,
+    mechanism_rows,
+)
 
 BASIS = load_mechanisms()
 
@@ -26,3 +33,11 @@ def test_mechanisms_are_not_listed_as_effects_and_share_no_name_with_them():
 def test_a_file_of_a_mechanism_is_an_effect_file():
     path = mechanism_file("rolling_friction")
     assert load_library([path])["rolling_friction"].title == "a factor of rolling friction"
+
+
+def test_titles_and_doses_that_are_read_without_the_compiler_are_those_of_the_records():
+    assert effect_titles() == {name: effect.title for name, effect in load_library().items()}
+    titles = {name: row["title"] for name, row in mechanism_rows().items()}
+    assert titles == {name: each.title for name, each in BASIS.items()}
+    doses = {name: fields(each.params)[0].metadata["meaning"] for name, each in BASIS.items()}
+    assert {name: dose_meaning(name) for name in BASIS} == doses

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from grain_worlds import heap
 
+from taichi_erosion.cli.main import main
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Laws, Numerics
 from taichi_erosion.core.snapshot import Failure, Status
@@ -19,6 +20,8 @@ from taichi_erosion.simulation import assemble
 ROOT = Path(__file__).parents[2]
 DEAR = ["scipy." + name for name in ("special", "ndimage", "spatial", "optimize", "stats")]
 DEAR += ["rerun", "matplotlib"]
+COMPILER = ["taichi", "quadrants"]
+CLOSED = [*COMPILER, "pint", "pandas", "scipy.stats", "scipy.optimize"]  # what no closed form needs
 HEAVY = ["taichi", "rerun", "statsmodels", "scipy", "matplotlib", "numpy"]
 QUESTION = """
 import sys
@@ -44,6 +47,18 @@ DAMAGES = [  # how a snapshot differs, and what is noticed
     ids=["help", "check", "run before its first step"],
 )
 def test_no_dear_library_is_loaded_before_it_is_needed(code, forbidden, printed):
+    assert_not_loaded(code, forbidden, printed)
+
+
+def test_no_command_on_a_closed_form_loads_what_only_scenes_need(tmp_path):
+    table = str(ROOT / "doe/windkanal.csv")
+    assert main(["study", "new", table, "--yes", "--closed-form", "--out", str(tmp_path)]) == 0
+    study = str(tmp_path / "windkanal.toml")
+    assert_not_loaded(f"main(['compare', {study!r}]), main(['discover', {study!r}])", CLOSED, "Missing")
+
+
+def assert_not_loaded(code, forbidden, printed):
+    """A fresh interpreter runs the code, prints something, and has loaded none of some modules."""
     words = [sys.executable, "-c", QUESTION.format(code=code, forbidden=forbidden)]
     told = subprocess.run(words, capture_output=True, text=True, check=True, cwd=ROOT)
     assert printed in told.stdout

@@ -50,7 +50,7 @@ from taichi_erosion.evidence.race.record import Decided, Record
 from taichi_erosion.evidence.race.summary import decided, summary
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.part_words import set_up_lines
-from taichi_erosion.mechanisms.library import load_mechanisms
+from taichi_erosion.mechanisms.library import mechanism_rows
 
 
 def no_progress(_: str, __: float) -> None:
@@ -219,7 +219,7 @@ def known_effects(effects: Sequence[str], names: Sequence[str], path: Path) -> t
     """Effects to adopt in the order of the candidates, each once; raises BadInput for one that is none."""
     if missing := [effect for effect in effects if effect not in names]:
         own = "one of your own: --effect FILE, or effect_files under [study]"
-        if missing[0] in load_mechanisms():
+        if missing[0] in mechanism_rows():
             own = f"{shell_command('effects', 'new', 'NAME', '--from-discovery', path)} makes an effect of it"
         known = ", ".join(names) or "none"
         raise BadInput(f"{path}: {missing[0]} is no candidate; there are: {known}; {own}")

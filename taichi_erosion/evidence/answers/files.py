@@ -18,7 +18,7 @@ from pydantic import TypeAdapter, ValidationError
 from taichi_erosion import __version__
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file, write_atomic
-from taichi_erosion.effects import load_library
+from taichi_erosion.effects import effect_titles
 from taichi_erosion.evidence.data.table_units import KEY, TableUnits
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.race.posterior import Posterior
@@ -27,7 +27,7 @@ from taichi_erosion.evidence.words import answer_lines as lines
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.measures.result import without_nan
-from taichi_erosion.mechanisms.library import dose_meaning, load_mechanisms
+from taichi_erosion.mechanisms.library import dose_meaning, mechanism_rows
 
 Command = Literal["compare", "discover", "adopt", "next", "predict", "rounds"]
 Document = dict[str, Any]
@@ -58,20 +58,20 @@ class Reply:
 
         A study that `adopt` wrote states its effect files itself.
         """
-        about, mechanisms = self.about, load_mechanisms()
+        about, rows = self.about, mechanism_rows()
         written = about.get("written", "")
 
         def command(*words: str) -> str:
             alone = words[0] == "effects" or written in words
             return call(*words, *(() if alone else options))
 
-        known = {**mechanisms, **load_library(map(Path, about["effect_files"]))}
+        titles = {name: row["title"] for name, row in rows.items()}
         return Vocabulary(
             about["study"],
             command,
             TableUnits.of(about),
-            {name: effect.title for name, effect in known.items()},
-            {name: dose_meaning(each) for name, each in mechanisms.items()},
+            titles | effect_titles(map(Path, about["effect_files"])),
+            {name: dose_meaning(name) for name in rows},
             str(document_file(Path(about["results"]), Path(about["study"]).stem, "discover")),
             written,
         )

@@ -23,7 +23,8 @@ from dataclasses import dataclass
 from math import exp, log, nan, sqrt
 
 import numpy as np
-from scipy import optimize, special
+import scipy
+from scipy import special
 
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 
@@ -82,7 +83,7 @@ def prior_freedom(excess: float) -> float:
     """Degrees of freedom nu_0 of the common level: trigamma(nu_0 / 2) = excess, from LEAST_PRIOR up."""
     low, high = 0.5 * LEAST_PRIOR, MOST_PRIOR
     wanted = min(max(excess, float(special.polygamma(1, high))), float(special.polygamma(1, low)))
-    found = optimize.root_scalar(lambda y: float(special.polygamma(1, y)) - wanted, bracket=(low, high))
+    found = scipy.optimize.root_scalar(lambda y: float(special.polygamma(1, y)) - wanted, bracket=(low, high))
     return 2.0 * float(found.root)
 
 

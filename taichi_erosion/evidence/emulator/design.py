@@ -11,6 +11,7 @@ from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
+import scipy
 
 from taichi_erosion.core.effect import read_params
 from taichi_erosion.core.errors import BadInput
@@ -223,11 +224,10 @@ def sampled_runs(
 
 def sobol_points(key: str, count: int, dimensions: int) -> Floats:
     """Evenly spread points (count, dimensions) in the unit cube, the same for the same key."""
-    from scipy.stats import qmc  # takes long to import
-
     start = int.from_bytes(sha256(key.encode()).digest()[:4], "little")
     power = int(np.ceil(np.log2(max(count, 2))))
-    return qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(start)).random_base2(power)[:count]
+    points = scipy.stats.qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(start))
+    return points.random_base2(power)[:count]
 
 
 def seed_of(key: str, number: int) -> int:

@@ -42,7 +42,8 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
-from scipy import linalg, optimize
+import scipy
+from scipy import linalg
 
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 
@@ -192,7 +193,7 @@ def fit_gaussian_process(training: Points, values: Floats, reads: ActiveInputs) 
     middle, spread = np.array(
         [PRIOR_LOG["bend"], *[PRIOR_LOG["effect"]] * count, PRIOR_LOG["together"], PRIOR_LOG["scatter"]]
     ).T
-    found = optimize.minimize(
+    found = scipy.optimize.minimize(
         negative_log_evidence,
         middle,
         args=(parts, standard, middle, spread),
@@ -348,7 +349,7 @@ def pair_correlations(
 
     bounds = [(-FARTHEST, FARTHEST)] * shared.shape[0]
     start = np.zeros(shared.shape[0])
-    found = optimize.minimize(negative_log_evidence, start, jac=True, method="L-BFGS-B", bounds=bounds)
+    found = scipy.optimize.minimize(negative_log_evidence, start, jac=True, method="L-BFGS-B", bounds=bounds)
     return np.tanh(found.x)
 
 

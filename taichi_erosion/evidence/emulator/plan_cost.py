@@ -10,7 +10,7 @@ import numpy as np
 from taichi_erosion.campaign.execute import pace
 from taichi_erosion.campaign.ledger import finished_runs
 from taichi_erosion.campaign.request import START
-from taichi_erosion.core.device import usable_cores
+from taichi_erosion.core.setup import usable_cores
 from taichi_erosion.evidence.data.number_words import counted
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, requested, room_left
 from taichi_erosion.evidence.models.load_study import Study

@@ -41,7 +41,7 @@ from taichi_erosion.evidence.models.plugin import (
 from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
 from taichi_erosion.evidence.models.simulator import Simulator
 from taichi_erosion.evidence.models.table_columns import place_units, study_value_faults
-from taichi_erosion.mechanisms.library import load_mechanisms
+from taichi_erosion.mechanisms.library import mechanism_rows
 
 BudgetName = Literal["quick", "full"]
 PLANS: tuple[BudgetName, ...] = ("quick", "full")  # of plans: each has the runs of the one before
@@ -172,7 +172,7 @@ def study_table(path: Path, file: StudyFile, files: EffectFiles) -> tuple[Measur
 
 def wanted_mechanisms(path: Path, file: StudyFile, declared: tuple[Mechanism, ...]) -> tuple[Mechanism, ...]:
     """Mechanisms of a model that the study asks for. Raises BadInput for one that does not exist."""
-    wanted, known = file.candidates.mechanisms, load_mechanisms()
+    wanted, known = file.candidates.mechanisms, mechanism_rows()
     if missing := [name for name in wanted or () if name not in known]:
         told = f"candidates.mechanisms: '{missing[0]}' is not one of {', '.join(known)}"
         raise BadInput(f"{path}: {told}")

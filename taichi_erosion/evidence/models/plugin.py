@@ -37,7 +37,7 @@ from taichi_erosion.evidence.data.problem import (
     row_count,
 )
 from taichi_erosion.evidence.data.transforms import slope
-from taichi_erosion.mechanisms.library import load_mechanisms
+from taichi_erosion.mechanisms.library import mechanism_rows
 
 COVARIANCE = "_covariance"  # after a function's name: the function that gives the covariance of its errors
 MECHANISMS = "_mechanisms"  # after a function's name: mechanism -> least and largest dose of the function
@@ -122,7 +122,7 @@ def load_plugin(name: str, folder: Path, file: str) -> Plugin:
 
 def declared_mechanisms(stated: object, where: str) -> tuple[Mechanism, ...]:
     """Mechanisms of a model function with their doses. Raises BadInput."""
-    known = load_mechanisms()
+    known = mechanism_rows()
     if not isinstance(stated, Mapping):
         raise BadInput(f"{where}: is not a table from mechanism to (least, largest) dose")
     for name, ends in stated.items():

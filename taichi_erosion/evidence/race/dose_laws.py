@@ -19,10 +19,10 @@ Ann. Stat. 6, 461 (price of a number); Stone (1974), J. R. Stat. Soc. B 36, 111 
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
-from scipy import interpolate, linalg, optimize
+import scipy
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers
@@ -57,7 +57,7 @@ class LawRows:
 
     conditions: Conditions
     folds: Integers  # (n,)
-    curve: interpolate.PPoly  # M of w
+    curve: "scipy.interpolate.PPoly"  # M of w
     offset: Floats  # (n, 1 + p), of M, so that it is exact about these numbers and doses
     y: Floats
     gain: Floats  # G (n, n)
@@ -79,8 +79,8 @@ class LawRows:
 
 def log_density(r: Floats, variance: Floats) -> Floats:
     """Ln of a normal density, and r^T V^-1 r."""
-    root = linalg.cholesky(variance, lower=True)
-    misfit = float(np.sum(linalg.solve_triangular(root, r, lower=True) ** 2))
+    root = scipy.linalg.cholesky(variance, lower=True)
+    misfit = float(np.sum(scipy.linalg.solve_triangular(root, r, lower=True) ** 2))
     return np.array([-0.5 * misfit - float(np.sum(np.log(np.diag(root)))), misfit])
 
 
@@ -99,7 +99,7 @@ class FittedForm:
     def root(self) -> Floats:
         """Inverse root of the variance of the rows."""
         variance = self.rows.variance[np.ix_(self.chosen, self.chosen)]
-        return np.linalg.inv(linalg.cholesky(variance, lower=True))
+        return np.linalg.inv(scipy.linalg.cholesky(variance, lower=True))
 
     @property
     def price(self) -> float:
@@ -121,14 +121,14 @@ class FittedForm:
         """Best v for some numbers, and the residual with its prior."""
         white = self.root @ self.rows.linear(self.doses(numbers))[self.chosen]
         r, slopes = white[:, 0], white[:, 1:]
-        v = linalg.solve(slopes.T @ slopes + np.eye(slopes.shape[1]), slopes.T @ r)
+        v = scipy.linalg.solve(slopes.T @ slopes + np.eye(slopes.shape[1]), slopes.T @ r)
         return v, np.concatenate([r - slopes @ v, v])
 
     def fitted(self, starts: Sequence[Floats]) -> "FittedForm":
         """The form with least misfit, from the best of some starts."""
         ends, enough = self.ends, 1e-5  # relative change of misfit and numbers, far below their errors
-        options = {"bounds": ends, "x_scale": "jac", "ftol": enough, "xtol": enough}
-        fits = [optimize.least_squares(lambda a: self.solved(a)[1], x.clip(*ends), **options) for x in starts]
+        fit = partial(scipy.optimize.least_squares, lambda a: self.solved(a)[1], bounds=ends, x_scale="jac")
+        fits = [fit(start.clip(*ends), ftol=enough, xtol=enough) for start in starts]
         best = min(fits, key=lambda each: each.cost)
         covariance = np.linalg.pinv(best.jac.T @ best.jac, hermitian=True)
         return replace(self, numbers=best.x, misfit=2.0 * best.cost, covariance=covariance)
@@ -173,7 +173,7 @@ def law_of(race: Race, fit: Fit) -> LawPart | None:
     return told(dosing.name, settled[best], float(1.0 - misfits[best] / nothing))
 
 
-def tabulated(dosing: Dosing, v: Floats, w: Floats) -> interpolate.PPoly:
+def tabulated(dosing: Dosing, v: Floats, w: Floats) -> "scipy.interpolate.PPoly":
     """M along one dose for all rows, with slopes at the ends of the range, of doses and at 0."""
     low, top = dosing.ends
     ends = np.unique(np.clip([low, w.min(), 0.0, w.max(), top], low, top).round(2))
@@ -184,12 +184,12 @@ def tabulated(dosing: Dosing, v: Floats, w: Floats) -> interpolate.PPoly:
     nodes, table = nodes[good], table[good]
     ends = ends[np.isin(ends, nodes)]
     bent = [dosing.slopes(v, np.full(w.size, end), table[nodes == end][0]) for end in ends]
-    bent = interpolate.PchipInterpolator(ends, bent, axis=0)(nodes)
+    bent = scipy.interpolate.PchipInterpolator(ends, bent, axis=0)(nodes)
     both = np.concatenate([(table - bent @ v)[..., np.newaxis], bent], axis=2)
-    return interpolate.PchipInterpolator(nodes, both, axis=0)
+    return scipy.interpolate.PchipInterpolator(nodes, both, axis=0)
 
 
-def along(curve: interpolate.PPoly, w: Floats) -> Floats:
+def along(curve: "scipy.interpolate.PPoly", w: Floats) -> Floats:
     """M (n, 1 + p) of rows with a dose of its own each, held within the table."""
     held = np.clip(w, curve.x[0], curve.x[-1])
     piece = np.clip(np.searchsorted(curve.x, held, side="right") - 1, 0, curve.x.size - 2)
@@ -206,7 +206,7 @@ def fold_numbers(rows: ComparisonRows) -> Integers:
     return np.unique(labels, return_inverse=True)[1] % FOLDS
 
 
-def rows_about(race: Race, fit: Fit, curve: interpolate.PPoly, place: Place) -> LawRows:
+def rows_about(race: Race, fit: Fit, curve: "scipy.interpolate.PPoly", place: Place) -> LawRows:
     """Rows with M exact at a place, and the scales and bad rows of the evidence of a fit."""
     p, now = race.prepared, fit.evidence.solved
     work, root = p.working(place.mean), np.sqrt(now.row_share)
