@@ -18,6 +18,7 @@ from time import process_time
 from typing import Any
 
 from doe.common.cases import method_commit
+from doe.trials.tables.solve import table_answer
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.commands import adopt_study, discover_record, discover_study, no_progress
@@ -46,7 +47,8 @@ def answer_all(tasks: Sequence[Path], processes: int = 1) -> None:
 def answer_file(task: Path, answer: Path, method: str) -> None:
     """Answer of one file, which is all that the solver is given; an answer that is there already is kept."""
     if not answer.exists():
-        found = study_answer(task) if task.suffix == ".toml" else problem_answer(task)
+        solve = table_answer if task.is_dir() else study_answer if task.suffix == ".toml" else problem_answer
+        found = solve(task)
         write_atomic(answer, json.dumps({"method": method, **found}, default=float).encode())
 
 

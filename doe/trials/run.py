@@ -7,19 +7,19 @@
     python -m doe.trials.run again TRIAL SET --cases 200        stored cases by this method, as `SET, again`
 
 TRIAL is reduced (the closed-form model: disturbed, beyond, clean and several in turn, each a trial too, as is
-intervals), same_laws or other_laws (heaps of our own simulator), or lammps (heaps of that code); of heaps
-`make TRIAL SET SECRET` measures the tables after `seal`. SECRET is a folder outside the tree that no solving
-process is given; there lie 128 random bits of the operating system for every case, out of which it follows.
+intervals), tables (as laboratories write them), same_laws or other_laws (heaps of our own simulator), or
+lammps (heaps of that code); of heaps `make TRIAL SET SECRET` measures the tables after `seal`. SECRET is a
+folder outside the tree that no solving process is given; there lie 128 random bits of the operating system
+for every case, out of which it follows.
 Nothing is solved before the digests are committed; every row names the commit that answered it.
 """
 
 import json
 import os
-import pickle
 import random
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from hashlib import sha256
@@ -33,13 +33,16 @@ import typer
 
 from doe.common.cases import ROOT, method_commit
 from doe.trials import heaps, lammps
-from doe.trials.answers import answer_all, answered
+from doe.trials.answers import answer_all
 from doe.trials.reduced.families import FAMILIES, Drawn
 from doe.trials.score import scores
 from doe.trials.table import HERE, Row, add_rows, read_rows, table_of
+from doe.trials.tables.draw import TableCase, draw
 from taichi_erosion.core.files import write_atomic
 
 LABORATORIES = {"same_laws": heaps.SAME_LAWS, "other_laws": heaps.OTHER_LAWS, "lammps": lammps.DRAWN}
+SeededCase = Drawn | TableCase
+SEEDED: Mapping[str, Callable[[int, int], SeededCase]] = {**FAMILIES, "tables": draw}
 SEED_BITS = 128  # too many to try
 Secret = Annotated[Path, typer.Argument(help="Folder of truths, outside the tree.")]
 app = typer.Typer(add_completion=False)
@@ -66,7 +69,8 @@ class SealedSet:
     @property
     def tasks(self) -> list[Path]:
         """Files that the solver is given, in the order of their numbers."""
-        return sorted([*self.folder.glob("case_*.toml"), *self.folder.glob("case_*.pickle")])
+        files = [*self.folder.glob("case_*.toml"), *self.folder.glob("case_*.pickle")]
+        return sorted([*files, *(place for place in self.folder.glob("case_*") if place.is_dir())])
 
 
 def truth_text(seed: int, number: int, truth: Any) -> str:
@@ -85,13 +89,12 @@ def seal(place: SealedSet, secret: Path, cases: int) -> None:
         raise FileExistsError(f"{place.seals}: this set is sealed already")
     for folder in (place.folder, secret, place.tables):
         folder.mkdir(parents=True, exist_ok=True)
-    if place.trial in FAMILIES:
+    if place.trial in SEEDED:
         seeds = [randbits(SEED_BITS) for _ in range(cases)]
         truths = []
         for number, seed in enumerate(seeds):
-            drawn = FAMILIES[place.trial](seed, number)
-            task = pickle.dumps((drawn.problem, drawn.asked))
-            write_atomic(place.folder / f"case_{number:05d}.pickle", task)
+            drawn = SEEDED[place.trial](seed, number)
+            drawn.write(place.folder / f"case_{number:05d}")
             truths.append(drawn.truth)
     else:
         laboratory, seed = LABORATORIES[place.trial], randbits(SEED_BITS)
@@ -113,14 +116,14 @@ def opened(place: SealedSet, secret: Path) -> list[tuple[int, str, Any]]:
     """Seed, digest and case of every number; raises ValueError where a truth is not the one sealed."""
     file = secret / f"{place.trial}_{place.name}.json"
     seeds = [int(seed, 16) for seed in json.loads(file.read_text(encoding="utf-8"))]
-    if place.trial in FAMILIES:
-        cases: Sequence[Any] = [FAMILIES[place.trial](seed, k) for k, seed in enumerate(seeds)]
+    if place.trial in SEEDED:
+        cases: Sequence[Any] = [SEEDED[place.trial](seed, k) for k, seed in enumerate(seeds)]
     else:
         cases = LABORATORIES[place.trial].draw(random.Random(seeds[0]))
     lines = place.seals.read_text(encoding="utf-8").split()[1:]
     found = []
     for k, (seed, case, line) in enumerate(zip(seeds, cases, lines, strict=True)):
-        text = truth_text(seed, k, case.truth if isinstance(case, Drawn) else case)
+        text = truth_text(seed, k, case.truth if isinstance(case, SeededCase) else case)
         if line != f"{k},{digest(text)}":
             raise ValueError(f"{place.name}, case {k}: the truth is not the one that was sealed")
         found.append((seed, digest(text), case))
@@ -129,11 +132,13 @@ def opened(place: SealedSet, secret: Path) -> list[tuple[int, str, Any]]:
 
 def answered_again(trial: str, row: Row, method: str) -> Row:
     """A stored case drawn again from its seed. Raises ValueError where that gives another one."""
-    case = FAMILIES[trial](int(row["seed"], 16), row["case"])
+    case = SEEDED[trial](int(row["seed"], 16), row["case"])
     if plain(case.truth) != plain(row["truth"]):
         raise ValueError(f"{trial}, {row['set']}, case {row['case']} is drawn otherwise than it was")
-    found = answered(case.problem, row["case"], case.asked)
-    return row | {"set": f"{row['set']}, again", "method": method, "answer": found}
+    head = {"set": f"{row['set']}, again", "method": method}
+    return (
+        row | head | case.row(case.answer(row["case"])) | {key: row[key] for key in ("truth", "difficulty")}
+    )
 
 
 def plain(truth: Mapping[str, Any]) -> tuple[Any, ...]:
@@ -150,10 +155,8 @@ def rows(place: SealedSet, secret: Path) -> list[Row]:
             continue
         answer = json.loads(file.read_text(encoding="utf-8"))
         head = {"set": place.name, "case": number, "sha256": sealed, "method": answer.pop("method")}
-        truth = {"truth": case}
-        if isinstance(case, Drawn):
-            truth = {"truth": case.truth, "difficulty": case.difficulty()}
-        found.append({**head, "seed": f"{seed:x}", **truth, "answer": answer})
+        told = case.row(answer) if isinstance(case, SeededCase) else {"truth": case, "answer": answer}
+        found.append({**head, "seed": f"{seed:x}", **told})
     return found
 
 

@@ -32,6 +32,7 @@ from doe.trials.metrics import (
     share,
 )
 from doe.trials.table import read_rows, table_of
+from doe.trials.tables.outcome import table_metrics
 from taichi_erosion.report.markdown import markdown_table
 
 BINS = 10  # of probabilities
@@ -233,6 +234,7 @@ SHARED: dict[str, Callable[[Cases], Iterator[Metric]]] = {
     "other_laws": laboratory_metrics,
     "lammps": laboratory_metrics,
     "published": published_metrics,
+    "tables": table_metrics,
 }
 TRIALS = {name: reduced_metrics for name in ("reduced", "clean", "disturbed", "several", "beyond")} | SHARED
 

@@ -1,11 +1,15 @@
 """Trials on the reduced model by name: a seed and a number make a case."""
 
+import pickle
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
+from doe.trials.answers import answered
 from doe.trials.reduced import beyond, clean, disturbed, smooth
 from doe.trials.reduced.oracle import difficulty
+from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.models.table_columns import NewConditions
 
@@ -24,6 +28,18 @@ class Drawn:
     truth: dict[str, Any]
     difficulty: Callable[[], dict[str, Any]] = dict
     asked: NewConditions | None = None  # where values are asked
+
+    def write(self, place: Path) -> None:
+        """The file that the solver is given."""
+        write_atomic(place.with_suffix(".pickle"), pickle.dumps((self.problem, self.asked)))
+
+    def answer(self, number: int) -> dict[str, Any]:
+        """What the program says of it now."""
+        return answered(self.problem, number, self.asked)
+
+    def row(self, answer: dict[str, Any]) -> dict[str, Any]:
+        """Truth and difficulty beside an answer."""
+        return {"truth": self.truth, "difficulty": self.difficulty(), "answer": answer}
 
 
 def clean_case(seed: int, number: int) -> Drawn:
