@@ -8,7 +8,7 @@ Reference: README of the laboratory set lab_C, section "Observables", for all bu
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import atan, degrees, isfinite, nan, pi, sqrt
 
 import numpy as np
@@ -46,6 +46,13 @@ def defect(snapshot: Snapshot) -> str | None:
     if not np.isfinite(snapshot.position).all():
         return "a coordinate is not finite"
     return None
+
+
+def chosen_grains(snapshot: Snapshot, chosen: NDArray[np.bool_]) -> Snapshot:
+    """The snapshot of some grains alone, without what no measure of a heap reads."""
+    names = ("position", "velocity", "spin", "radius", "mass", "contacts", "ident")
+    kept = {name: getattr(snapshot, name)[chosen] for name in names}
+    return replace(snapshot, **kept, effect_state={}, force=None)
 
 
 def grain_diameter(snapshot: Snapshot) -> float:

@@ -16,7 +16,7 @@ Reference: Beladjine, Ammi, Oger & Valance (2007), Phys. Rev. E 75, 061305 (rebo
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import atan2, degrees, hypot, nan, sqrt
+from math import atan2, degrees, hypot, inf, nan, sqrt
 
 import numpy as np
 
@@ -50,7 +50,8 @@ class Splash:
 def splash(frames: Sequence[Snapshot], patch: Patch, gravity: float) -> Splash:
     """Count landings, rebounds and ejecta; what the ends of the series cut off is left out."""
     times = np.array([frame.time for frame in frames])
-    apart = 2.0 * (sqrt(2.0 * patch.diameter / gravity) + float(np.diff(times).max(initial=0.0)))
+    fall = sqrt(2.0 * patch.diameter / gravity) if gravity > 0.0 else inf
+    apart = 2.0 * (fall + float(np.diff(times).max(initial=0.0)))
     impacts, bounced, ejected = [], [], 0
     for grain in np.flatnonzero(np.any([f.position[:, 2] > patch.clear for f in frames], axis=0)).tolist():
         flights = list(flights_of(grain, frames, patch, gravity))

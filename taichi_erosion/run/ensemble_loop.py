@@ -34,7 +34,8 @@ FINDINGS = {  # of a check that stopped a replica, and the likely cause
     ),
     Status.LOST: (
         "grain {grain} left the domain at a coordinate of {value:.4g} m",
-        "a grain passed a gap in the walls or was shot away by an overlap",
+        "a grain passed a gap in the walls or was shot away by an overlap; grains may fall off a disc alone "
+        "that a measure names as its plate",
     ),
     Status.NOT_FINITE: (
         "grain {grain} has a coordinate that is not a number",
@@ -115,8 +116,8 @@ def check_replica(ensemble: EnsembleRun, replica: int, state: ReplicaState) -> N
         return
     tilt_gravity(sim, scene, replica, state, now)
     store_frame(sim, scene, replica, state, now)
-    kinetic = float(ensemble.sums[replica, 0] / ensemble.lifting_energies[replica])
-    if stage_is_over(sim, scene, replica, state, now, kinetic):
+    kinetic, lifting = float(ensemble.sums[replica, 0]), float(ensemble.lifting_energies[replica])
+    if stage_is_over(sim, scene, replica, state, now, (kinetic, lifting)):
         state.failure = count_failure(sim, replica, now)
         if state.failure is None:
             measure_stage(sim, scene, replica, state)
@@ -140,8 +141,9 @@ def energy_failure(ensemble: EnsembleRun, replica: int, state: ReplicaState) -> 
     if before is None or state.energy is None:
         return None
     scale = float(translation + rotation + elastic) + float(ensemble.lifting_energies[replica])
-    rise = (now - before) / scale
-    return Failure(Status.ENERGY, ensemble.time, -1, -1, rise) if rise > ENERGY_RISE else None
+    if now - before <= ENERGY_RISE * scale:  # both are 0 where nothing moves and nothing weighs
+        return None
+    return Failure(Status.ENERGY, ensemble.time, -1, -1, (now - before) / scale)
 
 
 def count_failure(sim: Simulation, replica: int, time: float) -> Failure | None:

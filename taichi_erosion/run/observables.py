@@ -3,7 +3,9 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import inf, nan
+from math import copysign, inf, nan
+
+import numpy as np
 
 from taichi_erosion.core.snapshot import AirProfile, Snapshot
 from taichi_erosion.measures import drum_and_incline, heap, shortfalls, splash, threshold, wind_bed
@@ -11,7 +13,7 @@ from taichi_erosion.measures.result import Measurement, Shortfall, no_measuremen
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.preparation.air import surface_height
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
-from taichi_erosion.scene.schema.geometry import Cylinder, Disc, Funnel, Plane
+from taichi_erosion.scene.schema.geometry import Cylinder, Disc, Funnel, Plane, Wall
 from taichi_erosion.scene.schema.scene import Measure
 
 AZIMUTHS = 12  # silhouettes of a heap where the scene names no number
@@ -42,18 +44,36 @@ class MeasureInput:
         return threshold.Tunnel(self.scene.threshold.fetch, patch.diameter, patch.viscosity)
 
     @property
+    def plate(self) -> Wall | None:
+        """The plate under the heap: as stated, or that of another measure."""
+        stated = (self.request, *self.scene.measure.values())
+        return self.scene.geometry.get(next((each.plate for each in stated if each.plate), ""))
+
+    @property
     def base_height(self) -> float:
         """Height of the plate at the origin [m]."""
-        plate = self.scene.geometry.get(self.request.plate or "")
-        if isinstance(plate, Plane):
-            return plate.point[2]
-        return plate.centre[2] if isinstance(plate, Disc) else 0.0
+        if isinstance(self.plate, Plane):
+            return self.plate.point[2]
+        return self.plate.centre[2] if isinstance(self.plate, Disc) else 0.0
 
     @property
     def plate_radius(self) -> float | None:
         """Radius of a round plate [m], None for one without an edge."""
-        plate = self.scene.geometry.get(self.request.plate or "")
-        return plate.radius if isinstance(plate, Disc) else None
+        return self.plate.radius if isinstance(self.plate, Disc) else None
+
+    @cached_property
+    def heap(self) -> Snapshot:
+        """The grains at the end, without those that fell off a round plate."""
+        if not isinstance(self.plate, Disc):
+            return self.end
+        upwards = np.multiply(self.plate.axis, copysign(1.0, self.plate.axis[2]))
+        return heap.chosen_grains(self.end, (self.end.position - self.plate.centre) @ upwards > 0.0)
+
+    @property
+    def fallen(self) -> str:
+        """How many grains fell off a round plate, in words; empty where none did."""
+        whole, gone = self.end.radius.size, self.end.radius.size - self.heap.radius.size
+        return f"{gone:,} of {whole:,} grains fell off the plate; the others are measured" if gone else ""
 
     @cached_property
     def landings(self) -> splash.Splash:
@@ -84,15 +104,15 @@ def threshold_of(name: str, kind: str) -> Callable[[MeasureInput], Measurement]:
 
 OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "repose_angle": lambda e: heap.repose_angle(
-        e.end, e.plate_radius, e.base_height, e.request.azimuths or AZIMUTHS
+        e.heap, e.plate_radius, e.base_height, e.request.azimuths or AZIMUTHS
     ),
-    "cone_angle": lambda e: heap.cone_angle(e.end, e.base_height),
-    "angle_of_repose": lambda e: heap.angle_of_repose_outline(e.end, e.base_height),
-    "pile_height": lambda e: heap.pile_height(e.end, e.base_height),
-    "centroid_height": lambda e: heap.centroid_height(e.end, e.base_height),
-    "radius_90": lambda e: heap.radius_90(e.end),
-    "runout_radius": lambda e: heap.runout_radius(e.end, e.base_height),
-    "column_height": lambda e: heap.column_height(e.end, e.base_height),
+    "cone_angle": lambda e: heap.cone_angle(e.heap, e.base_height),
+    "angle_of_repose": lambda e: heap.angle_of_repose_outline(e.heap, e.base_height),
+    "pile_height": lambda e: heap.pile_height(e.heap, e.base_height),
+    "centroid_height": lambda e: heap.centroid_height(e.heap, e.base_height),
+    "radius_90": lambda e: heap.radius_90(e.heap),
+    "runout_radius": lambda e: heap.runout_radius(e.heap, e.base_height),
+    "column_height": lambda e: heap.column_height(e.heap, e.base_height),
     "dynamic_angle": drum_angle,
     "sliding_angle": lambda e: drum_and_incline.sliding_angle(e.frames, e.tilts),
     "settling_velocity": lambda e: wind_bed.settling_velocity(e.end),
@@ -121,9 +141,13 @@ OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
 }
 
 
+ANGLES = ("repose_angle", "cone_angle", "angle_of_repose")
+OF_HEAP = (*ANGLES, "pile_height", "centroid_height", "radius_90", "runout_radius", "column_height")
+
+
 def heap_shortfalls(given: MeasureInput, found: Measurement) -> Iterable[Shortfall]:
     """Whether the heap is large enough for an angle."""
-    state, measured = given.end, given.scene.measured.get(found.name)
+    state, measured = given.heap, given.scene.measured.get(found.name)
     if heap.defect(state) or (measured is not None and measured.same_size):
         return ()
     height = found.details.get("height") or heap.pile_height(state, given.base_height).value
@@ -154,7 +178,7 @@ def touching_shortfalls(given: MeasureInput, _: Measurement) -> Iterable[Shortfa
 
 
 LACKING: dict[str, Callable[[MeasureInput, Measurement], Iterable[Shortfall]]] = {
-    **dict.fromkeys(("repose_angle", "cone_angle", "angle_of_repose"), heap_shortfalls),
+    **dict.fromkeys(ANGLES, heap_shortfalls),
     "dynamic_angle": surface_shortfalls,
     "settling_velocity": touching_shortfalls,
     **dict.fromkeys(
@@ -171,4 +195,8 @@ def measure(name: str, given: MeasureInput) -> Measurement:
     if (left := (height > outlet).sum()) > LEFT_MOST * height.size:
         return no_measurement(name, found.unit, f"{left:,} of {height.size:,} grains are still in the funnel")
     lacking = LACKING[name](given, found) if name in LACKING else ()
+    if given.fallen and name in OF_HEAP:
+        fallen = height.size - given.heap.radius.size
+        notes, details = (*found.notes, given.fallen), found.details | {"fallen_grains": fallen}
+        found = replace(found, notes=notes, details=details)
     return replace(found, shortfalls=(*found.shortfalls, *lacking))

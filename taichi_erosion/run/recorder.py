@@ -33,7 +33,7 @@ from taichi_erosion.simulation import Simulation
 
 Properties = Mapping[str, Mapping[str, Any]]  # by group: columns of rerun's table of runs
 
-RESTING_SHARE = 0.02  # of sqrt(g d): slower grains are drawn as bed [1]
+RESTING_SHARE = 0.02  # of sqrt(g d), without weight of FASTEST_COLOUR: slower grains are drawn as bed [1]
 FILM_FRAMES = 120  # most pictures in a film; beyond, every second one is dropped and the interval doubled
 FILM_DURATION = 0.06  # s each picture is shown
 OPEN_MARGIN = 0.25  # share by which an endless plate is drawn beyond the apparatus [1]
@@ -74,7 +74,7 @@ def open_recorder(
 def resting_speed(setup: Setup) -> float:
     """Speed below which a grain is drawn as resting [m s-1]."""
     diameter = 2.0 * float(np.median(setup.grains.radius))
-    return RESTING_SHARE * float(np.sqrt(np.linalg.norm(setup.gravity) * diameter))
+    return RESTING_SHARE * float(np.sqrt(np.linalg.norm(setup.gravity) * diameter) or stream.FASTEST_COLOUR)
 
 
 def side_view(setup: Setup) -> SideView:
@@ -86,7 +86,8 @@ def side_view(setup: Setup) -> SideView:
 def meshes_of(scene: Scene, setup: Setup) -> tuple[WallMesh, ...]:
     """All walls; endless ones end at the box around the apparatus."""
     moving = frozenset(wall for stage in scene.stages for wall in (*stage.remove, *stage.move))
-    return wall_meshes(setup, apparatus_box(setup), moving)
+    meshes = wall_meshes(setup, apparatus_box(setup), moving)
+    return tuple(mesh for mesh in meshes if mesh.name in scene.geometry)  # no tray for fallen grains
 
 
 def apparatus_box(setup: Setup) -> tuple[Triple, Triple]:

@@ -148,7 +148,7 @@ def run_until_rest(session: Session) -> bool:
     while session.time < limit - 0.5 * session.time_step:
         run_for(session, session.scene.run.check_interval)
         kinetic, *_, released = simulation.energies(session.sim)[0]
-        if at_rest(session.sim, 0, stage, int(released), float(kinetic / lifting_energy(setup))):
+        if at_rest(session.sim, 0, stage, int(released), (float(kinetic), lifting_energy(setup))):
             return True
     return False
 

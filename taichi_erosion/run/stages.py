@@ -114,12 +114,9 @@ def measured_in(scene: Scene, stage: int) -> list[str]:
 
 
 def stage_is_over(
-    sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float, kinetic: float
+    sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float, energy: tuple[float, float]
 ) -> bool:
-    """Whether the stage ends now.
-
-    `kinetic` is the translational kinetic energy over the lifting energy of all grains [1].
-    """
+    """Whether the stage ends now; `energy`: translational, and that which lifts all grains [J]."""
     stage = scene.stages[state.stage]
     elapsed = time - state.began
     if state.search is not None and advance_search(sim, replica, state.search, time):
@@ -131,14 +128,15 @@ def stage_is_over(
         return True
     if stage.until != "rest" or elapsed < stage.duration_min:
         return False
-    return at_rest(sim, replica, stage, state.released, kinetic)
+    return at_rest(sim, replica, stage, state.released, energy)
 
 
-def at_rest(sim: Simulation, replica: int, stage: Stage, released: int, kinetic: float) -> bool:
-    """Criterion of rest: all grains released, most in contact, `kinetic` (as in `stage_is_over`) small."""
+def at_rest(sim: Simulation, replica: int, stage: Stage, released: int, energy: tuple[float, float]) -> bool:
+    """Criterion of rest: all grains released, most in contact, `energy` (as in `stage_is_over`) small."""
+    kinetic, lifting = energy
     return (
         released == len(sim.setups[replica].grains.radius)
-        and kinetic <= stage.rest_energy
+        and kinetic <= stage.rest_energy * lifting
         and simulation.share_touching(sim, replica) >= stage.rest_contact_share
     )
 
@@ -159,4 +157,7 @@ def measure_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaSta
     thresholds = {} if state.search is None else state.search.found
     kept = end, tuple(state.frames), tuple(state.tilts), air, tuple(state.airs), thresholds
     for name in names:
-        state.measurements[name] = measure(name, MeasureInput(scene, scene.measure[name], *kept))
+        given = MeasureInput(scene, scene.measure[name], *kept)
+        state.measurements[name] = measure(name, given)
+        if given.fallen in state.measurements[name].notes:
+            state.warn(given.fallen)

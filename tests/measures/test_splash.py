@@ -65,3 +65,8 @@ def test_what_the_ends_of_the_series_cut_off_is_not_counted():
     early = throws(-0.01, [(0.4, 1.0)])  # left before the first one
     landed = splash.splash(frames([late, early]), PATCH, GRAVITY)
     assert (len(landed.impacts), landed.ejected) == (1, 1)
+
+
+def test_a_grain_that_nothing_weighs_flies_on():
+    landed = splash.splash(frames([throws(0.1, [(0.4, 1.0)])]), PATCH, 0.0)
+    assert (len(landed.impacts), landed.ejected) == (0, 0)

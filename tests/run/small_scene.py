@@ -44,7 +44,7 @@ def write_scene(folder: Path, **sections: dict[str, Any]) -> Path:
     """Write the scene with entries of sections changed; a section with a law is replaced as a whole."""
     table = deepcopy(SCENE)
     for name, entries in sections.items():
-        table[name] = entries if "law" in entries else table[name] | entries
+        table[name] = entries if "law" in entries else table.get(name, {}) | entries
     path = folder / "few.toml"
     path.write_text(tomli_w.dumps(table), encoding="utf-8")
     return path

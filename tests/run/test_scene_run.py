@@ -14,7 +14,7 @@ from small_scene import PATIENCE, start, write_scene
 from taichi_erosion.cli.main import ExitCode, main
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.recording.readback import read_grains
-from taichi_erosion.run import RunOptions, scene_run
+from taichi_erosion.run import RunOptions, run_scene, scene_run
 from taichi_erosion.run.checks import library_of, read_scene
 from taichi_erosion.run.scene_run import assemble_run, deferred_signals
 from taichi_erosion.scene.load import SCENES
@@ -49,6 +49,18 @@ def test_the_document_holds_every_replica_with_the_measures_of_its_stages_and_th
         measures = replica["measures"]
         assert measures["column_height"]["value"] > measures["pile_height"]["value"] > 1e-3
         assert measures["runout_radius"]["value"] > 5e-3  # the tube has a radius of 6 mm, a grain one of 1 mm
+
+
+def test_a_scene_without_gravity_runs_and_is_recorded(tmp_path):
+    # nothing moves and nothing weighs: every energy is 0
+    path = write_scene(tmp_path, gravity={"magnitude": 0.0}, run={"replicas": 1})
+    path.write_text(
+        path.read_text(encoding="utf-8").replace('until = "time"', 'until = "rest"'), encoding="utf-8"
+    )
+    document = run_scene(path, RunOptions(threads=1, record=tmp_path / "free.rrd"))
+    stop_device()
+    assert document["replicas"][0]["stopped"] is None
+    assert len(read_grains(tmp_path / "free.rrd")) > 1
 
 
 def test_a_time_step_beyond_all_limits_is_stopped_with_one_sentence(tmp_path, capsys):

@@ -11,7 +11,7 @@ from taichi_erosion.scene.preparation.contacts import contact_table, materials_u
 from taichi_erosion.scene.preparation.fill import InitialBodies, initial_bodies, stream
 from taichi_erosion.scene.preparation.limits import time_step
 from taichi_erosion.scene.preparation.sizes import Body, quadrature, reach_over_diameter, template_spheres
-from taichi_erosion.scene.preparation.walls import domain_box, primitive_table
+from taichi_erosion.scene.preparation.walls import domain_box, primitive_table, with_tray
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.scene.schema.grains import Positions
 from taichi_erosion.scene.schema.scene import Scene
@@ -37,19 +37,22 @@ def build_setup(scene: Scene, seed: int) -> Setup:
     grains = (
         clump_spheres(start, body, clumps, material) if body and clumps else spheres(start, density, material)
     )
-    walls = sorted(scene.geometry)
+    radius = float(grains.radius.max())
+    domain = domain_box(scene, grains.position, radius)
+    walled = with_tray(scene, domain, radius)
+    walls = sorted(walled.geometry, key=lambda name: (name not in scene.geometry, name))
     x, y, z = unit_vector(scene.gravity.direction)
     g = scene.gravity.magnitude
     setup = Setup(
         grains=grains,
         materials=tuple(names),
         contacts=contact_table(scene),
-        primitives=primitive_table(scene, walls),
-        surfaces=tuple(Surface(name, names.index(scene.geometry[name].material)) for name in walls),
+        primitives=primitive_table(walled, walls),
+        surfaces=tuple(Surface(name, names.index(walled.geometry[name].material)) for name in walls),
         time_step=time_step(scene),
         gravity=(g * x, g * y, g * z),
         clumps=clumps,
-        domain=domain_box(scene, grains.position, float(grains.radius.max())),
+        domain=domain,
         overlap_limit=scene.run.overlap_limit,
         skin=scene.run.skin,
     )

@@ -13,11 +13,36 @@ MARGIN_CLOSED = 0.5  # side margin otherwise [1]
 MARGIN_HEIGHT = 0.5  # margin above and below over the height of the apparatus [1]
 MARGIN_RADII = 20.0  # least margin, in largest radii [1]
 MARGIN_RADII_OPEN = 500.0  # likewise to the sides where a plane lets grains slide away [1]
-
-
+TRAY = "tray below"  # on which grains rest that fell off the disc of a heap
+CONE_RADII = 2.0  # height of a cone of n poured grains at 45 deg over the radius and n^(1/3) [1]
+TRAY_RADII = 2.0  # between tray and end of the domain, in largest radii [1]
 MOST_TRIANGLES = 500_000
 
 Row = tuple[PrimitiveKind, tuple[float, ...]]
+
+
+def heap_disc(scene: Scene) -> Disc | None:
+    """The disc on which a measure looks for a heap, where grains may fall off past all walls."""
+    walls = scene.geometry
+    if scene.wind is not None or any(isinstance(wall, Plane | Box) for wall in walls.values()):
+        return None
+    plates = (walls.get(order.plate or "") for order in scene.measure.values())
+    return next((plate for plate in plates if isinstance(plate, Disc)), None)
+
+
+def with_tray(scene: Scene, domain: tuple[Vector, Vector], radius_largest: float) -> Scene:
+    """The scene with a tray under such a disc, within the domain: fallen grains come to rest on it.
+
+    Measures of the heap leave them out. The name of the tray is none that a scene can have.
+    """
+    disc = heap_disc(scene)
+    if disc is None:
+        return scene
+    margin = TRAY_RADII * radius_largest
+    corners = zip(("low", "high"), np.add(domain, [[margin], [-margin]]), strict=True)
+    ends = {name: tuple(corner.tolist()) for name, corner in corners}
+    tray = Box.model_validate({"shape": "box", "material": disc.material, **ends})
+    return scene.model_copy(update={"geometry": scene.geometry | {TRAY: tray}})
 
 
 def domain_box(scene: Scene, centres: Floats, radius_largest: float) -> tuple[Vector, Vector]:
@@ -34,6 +59,8 @@ def domain_box(scene: Scene, centres: Floats, radius_largest: float) -> tuple[Ve
     extent = high - low
     side = max(share * max(extent[0], extent[1]), least * radius_largest)
     margin = np.maximum((side, side, MARGIN_HEIGHT * extent[2]), MARGIN_RADII * radius_largest)
+    if heap_disc(scene) is not None:  # all grains find room below it
+        margin[2] = max(margin[2], CONE_RADII * len(centres) ** (1.0 / 3.0) * radius_largest)
     (x, y, z), (a, b, c) = (low - margin).tolist(), (high + margin).tolist()
     return (x, y, z), (a, b, c)
 

@@ -2,12 +2,14 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from scene_tables import changed, good_table
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import PrimitiveKind
 from taichi_erosion.scene import build_setup, parse_scene
+from taichi_erosion.scene.preparation.walls import TRAY
 
 
 def test_a_mesh_that_is_none_is_told_with_its_path(tmp_path: Path):
@@ -42,6 +44,19 @@ def test_walls_become_the_primitives_that_they_describe():
     assert rows["cone"][0, 6:].tolist() == [0.01, 0.0, 0.02, 0.1]
     # stem and cone of a funnel share an edge
     assert rows["funnel"][0, 8:].tolist() == rows["funnel"][1, 6:8].tolist() == pytest.approx([0.01, 0.01])
+
+
+def test_what_falls_off_the_disc_of_a_heap_lands_on_a_tray_that_nothing_else_touches():
+    setup = build_setup(parse_scene(good_table()), 1)
+    assert setup.surfaces[-1].name == TRAY
+    rows = setup.primitives.shape[setup.primitives.surface == len(setup.surfaces) - 1]
+    (floor,) = rows[rows[:, 5] == 1.0, 2]
+    low, largest = np.array(setup.domain[0]), setup.grains.radius.max()
+    assert (rows[:, 3:6] @ np.ones(3)).tolist() == [1.0, -1.0, 1.0, -1.0, 1.0]
+    assert low[2] < floor < -largest * len(setup.grains.radius) ** (1.0 / 3.0)
+    for other in ({"geometry.floor": {"shape": "plane", "material": "steel"}}, {"measure": {}}):
+        ((path, entry),) = other.items()
+        assert TRAY not in [each.name for each in build_setup(parse_scene(changed(path, entry)), 1).surfaces]
 
 
 def test_a_plane_leaves_more_room_to_run_away_than_a_plate():
