@@ -8,8 +8,6 @@ from concurrent.futures import ProcessPoolExecutor
 from itertools import repeat
 from multiprocessing import get_context
 from pathlib import Path
-from shutil import rmtree
-from tempfile import TemporaryDirectory
 
 import typer
 
@@ -18,16 +16,13 @@ from doe.trials.metrics import HEADER, Case
 from doe.trials.table import Row
 from doe.trials.tables.draw import draw
 from doe.trials.tables.outcome import line, table_metrics
-from doe.trials.tables.solve import table_answer
 from taichi_erosion.report.markdown import markdown_table
 
 
-def answered(seed: int, number: int, folder: Path) -> Row:
+def answered(seed: int, number: int, keep: Path | None) -> Row:
     """One open case, drawn, written and answered in a folder of its own."""
-    case, place = draw(seed, number), folder / f"case_{number:05d}"
-    rmtree(place, ignore_errors=True)
-    case.write(place)
-    return {"case": number, **case.row(table_answer(place))}
+    case = draw(seed, number)
+    return {"case": number, **case.row(case.answer(number, keep))}
 
 
 def main(
@@ -36,9 +31,8 @@ def main(
     """Draw cases (or one CASE), answer them, print one line for each and the score; KEEP their studies."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # read by the processes when they start
     numbers, found = range(cases) if case < 0 else [case], list[Case]()
-    pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"))
-    with TemporaryDirectory() as other, pool:
-        for row in pool.map(answered, repeat(seed), numbers, repeat(keep or Path(other))):
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        for row in pool.map(answered, repeat(seed), numbers, repeat(keep)):
             found.append(Case(row))
             typer.echo(line(found[-1]))
     table = markdown_table(HEADER, [each.cells() for each in table_metrics(found) if each.count])

@@ -9,7 +9,7 @@ largest, and by numbers p, q:
     friction another law of the grain size, or of the wind    soils x^p in the second soil alone
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -24,6 +24,7 @@ from taichi_erosion.evidence.models.reduced import Shift
 Random = np.random.Generator
 PLACES = {"threshold_u_star": "threshold", "flux": "flux", "repose_angle": "repose"}  # in a Shift
 RIVALS = (0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.2, 3.0)  # strengths at which a listed effect is tried as the cause
+LEAST_SPAN = 2.5  # of an effect of strength 1 over the noise of one reading
 STEP = 1e-3  # of the logarithm of a calibrated number
 
 
@@ -36,14 +37,10 @@ class Design:
     extra: Mapping[str, Floats]  # columns that no model reads
 
     @property
-    def size(self) -> int:
-        return int(self.soil.size)
-
-    @property
-    def varied(self) -> bool:
-        """Whether every condition varies, and no soil has but a few sets."""
-        levels = [len(set(column.tolist())) for column in self.at.values()]
-        return min(levels) > 1 and min(np.unique(self.soil, return_counts=True)[1], default=0) > 3
+    def varied(self) -> int:
+        """Number of conditions that vary; 0 where a soil has but a few sets."""
+        few = min(np.unique(self.soil, return_counts=True)[1], default=0) < 4
+        return 0 if few else sum(float(np.ptp(column)) > 0.0 for column in self.at.values())
 
     def rows(self, keep: np.ndarray) -> "Design":
         """Some of the sets."""
@@ -97,6 +94,12 @@ class Truth:
     levels: dict[str, float] = field(default_factory=dict)  # what the second soil reads more, by observable
 
 
+def one_of(generator: Random, words: Iterable[str]) -> str:
+    """One of some words, by weight where they have weights."""
+    weights = np.array([float(words[w]) if isinstance(words, Mapping) else 1.0 for w in words])
+    return str(generator.choice(list(words), p=weights / weights.sum()))
+
+
 def drawn_truth(generator: Random, kind: str, observables: tuple[str, ...], design: Design) -> Truth | None:
     """What acts; None where this design shows too few effects."""
     numbers = {name: float(np.exp(generator.uniform(*np.log(e[:2])))) for name, e in NUMBERS.items()}
@@ -107,12 +110,13 @@ def drawn_truth(generator: Random, kind: str, observables: tuple[str, ...], desi
     able, count = acting_effects(observables, design), {"null": 0, "pair": 2}.get(kind, 1)
     if len(able) < count:
         return None
-    hidden = generator.choice(able, count, replace=False) if count else ()
+    weight = np.sqrt(list(able.values()))  # clear ones more often
+    hidden = generator.choice(list(able), count, False, weight / weight.sum()) if count else ()
     truth = replace(truth, effects={str(n): float(np.exp(generator.uniform(-0.92, 0.7))) for n in hidden})
     if kind == "varying":
         positive = [n for n, column in design.at.items() if np.ptp(column) > 0.0 and column.min() >= 0.0]
-        axis = str(generator.choice(positive))
-        exponent = float(generator.choice([-1.0, 1.0]) * generator.uniform(0.3, 1.2))
+        axis, sign = str(generator.choice(positive)), float(generator.choice([-1.0, 1.0]))
+        exponent = sign * float(generator.uniform(0.3, 1.2))
         typical = float(np.median(design.at[axis])) or 0.01
         truth = replace(truth, varying={"axis": axis, "exponent": exponent, "typical": typical})
     return truth
@@ -121,7 +125,7 @@ def drawn_truth(generator: Random, kind: str, observables: tuple[str, ...], desi
 def drawn_outside(generator: Random, observables: tuple[str, ...], design: Design) -> Outside:
     """A law with numbers drawn broadly, that this design can show."""
     varied = [name for name, column in design.at.items() if np.ptp(column) > 0.0]
-    form = str(generator.choice([n for n in SHARES["forms"] if n != "soils" or design.soil.any()]))
+    form = one_of(generator, {n: w for n, w in SHARES["forms"].items() if n != "soils" or design.soil.any()})
     axis = str(generator.choice([n for n in varied if n != "u_star"] or varied))
     if form == "friction":
         axis = next((n for n in ("u_star", "diameter") if n in varied), axis)
@@ -130,8 +134,7 @@ def drawn_outside(generator: Random, observables: tuple[str, ...], design: Desig
     other = str(generator.choice([name for name in varied if name != axis] or varied))
     sign = 1.0 if generator.random() < 0.7 else -1.0
     sizes = {n: float(sign * np.exp(generator.uniform(*np.log(LABORATORY[n]["size"])))) for n in observables}
-    p, q = np.exp(generator.uniform(np.log(0.3), np.log(3.0), 2))
-    place = float(generator.uniform(0.15, 0.65))
+    (p, q), place = np.exp(generator.uniform(-1.2, 1.1, 2)), float(generator.uniform(0.15, 0.65))
     p = {"hump": place, "onset": place, "saturation": 0.5 * place}.get(form, float(p))
     return Outside(form, sizes, (axis, other), (p, float(q)), bool(generator.random() < 0.5))
 
@@ -140,13 +143,13 @@ def values(truth: Truth, observable: str, design: Design, without: str = "") -> 
     """Values without noise, where one effect, or as `outside` the law that no list holds, does not act."""
     at = reduced.complete_conditions(dict(design.at))
     effects = [(name, size) for name, size in truth.effects.items() if name != without]
-    found = [effect_shift(truth, name, size, at, design.size) for name, size in effects]
+    found = [effect_shift(truth, name, size, at, design.soil.size) for name, size in effects]
     amount = truth.levels.get(observable, 0.0) * design.soil
     if truth.outside is not None and without != "outside":
         amount = amount + truth.outside.sizes[observable] * truth.outside.shape(design)
     found.append(Shift(**{PLACES[observable]: amount}))
     numbers = {**reduced.PARAMETERS, **truth.parameters}
-    return np.asarray(reduced.shifted(observable, design.size, at, numbers, found), dtype=np.float64)
+    return np.asarray(reduced.shifted(observable, design.soil.size, at, numbers, found), dtype=np.float64)
 
 
 def effect_shift(truth: Truth, name: str, strength: float, at: Mapping[str, Floats], size: int) -> Shift:
@@ -163,17 +166,17 @@ def effect_shift(truth: Truth, name: str, strength: float, at: Mapping[str, Floa
     )
 
 
-def acting_effects(observables: tuple[str, ...], design: Design) -> list[str]:
-    """Listed effects that the varied conditions move by more than the noise of one reading."""
-    at, found = reduced.complete_conditions(dict(design.at)), []
+def acting_effects(observables: tuple[str, ...], design: Design) -> dict[str, float]:
+    """Listed effects that the varied conditions move, and how far over the noise of one reading."""
+    at, found = reduced.complete_conditions(dict(design.at)), dict[str, float]()
     for name, law in reduced.EFFECTS.items():
         shift, spans = law(1.0, dict(at)), [0.0]
         for each in observables:
             parts = [PLACES[each]] + ["threshold"] * (each == "flux")
-            columns = [np.asarray(getattr(shift, part)) * np.ones(design.size) for part in parts]
+            columns = [np.asarray(getattr(shift, part)) * np.ones(design.soil.size) for part in parts]
             spans += [float(np.ptp(column)) / np.mean(LABORATORY[each]["noise"]) for column in columns]
-        found += [name] * int(max(spans) > 1.0)
-    return found
+        found[name] = max(spans)
+    return {name: span for name, span in found.items() if span > LEAST_SPAN}
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,12 @@ import io
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from math import sqrt
+from math import isnan, sqrt
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import openpyxl
 
 from doe.trials.tables.words import EXTRAS, QUANTITIES, WORDS, heading, number, written
 from taichi_erosion.core.files import write_atomic
@@ -77,7 +78,7 @@ class Setting:
     at: dict[str, float]  # in the units of the model
     soil: str
     extra: list[dict[str, str]]  # of every repeat, cells of columns that no model reads
-    values: dict[str, list[float]]  # repeats by observable
+    values: dict[str, np.ndarray]  # repeats by observable; NaN where one was lost
 
 
 @dataclass(frozen=True)
@@ -87,27 +88,28 @@ class Sheet:
     style: Style
     conditions: tuple[str, ...]
     observables: tuple[str, ...]
+    repeats: int
     limits: dict[str, float]  # below which an instrument shows nothing, in the unit of the model
+    stated_sd: dict[str, float]  # of means, by an option: deg, or a share of the value
     readings: list[dict[str, Any]] = field(default_factory=list)
 
     def table(self, settings: Sequence[Setting]) -> tuple[list[tuple[str, str, str]], list[list[str]]]:
         """Heading as (merged heading, name, unit) and rows; readings are kept."""
         style, rows = self.style, []
         self.readings.clear()
-        repeats = max(len(each) for s in settings for each in s.values.values())
         heads = [("", style.names[name], style.unit(name)[0]) for name in self.conditions]
-        heads = [("", style.soil, "")] * bool(style.soil) + heads + list(self.measured_heads(repeats))
+        heads = [("", style.soil, "")] * bool(style.soil) + heads + list(self.measured_heads())
         for setting in settings:
             lead = [setting.soil] * bool(style.soil)
             lead += [style.cell(name, setting.at[name]) for name in self.conditions]
-            for index, cells in enumerate(self.measured(setting, repeats)):
+            for index, cells in enumerate(self.measured(setting)):
                 extra = setting.extra[min(index, len(setting.extra) - 1)]
                 rows.append([*lead, *cells, *(extra[name] for name in style.extras)])
         for extra in (EXTRAS[name] for name in style.extras):
             heads.append(("", style.note + extra[style.language], extra.get("unit", "")))
         return heads, rows
 
-    def measured_heads(self, repeats: int) -> Iterator[tuple[str, str, str]]:
+    def measured_heads(self) -> Iterator[tuple[str, str, str]]:
         """Headings of what was measured."""
         layout, names = self.style.layout, self.style.names
         if layout == "numbered":
@@ -119,7 +121,9 @@ class Sheet:
             first = names["angle"] if self.style.short and name == "repose_angle" else first
             if layout in SIDE:
                 top = names[name] if layout == "merged" else ""
-                yield from ((top, str(k + 1) if top else f"{first} {k + 1}", unit) for k in range(repeats))
+                yield from (
+                    (top, str(k + 1) if top else f"{first} {k + 1}", unit) for k in range(self.repeats)
+                )
                 continue
             yield "", names[name], unit
             if layout in ("mean_sd", "mean_se", "cv"):
@@ -128,11 +132,10 @@ class Sheet:
         if layout in MEANS and layout != "bare":
             yield "", names["count"], ""
 
-    def measured(self, setting: Setting, repeats: int) -> Iterator[list[str]]:
+    def measured(self, setting: Setting) -> Iterator[list[str]]:
         """Cells of what was measured at a set, row by row."""
         layout, names = self.style.layout, self.observables
-        count = max(len(values) for values in setting.values.values())
-        for k in range(count if layout in ROWS else 0):
+        for k in range(self.repeats if layout in ROWS else 0):
             cells = [self.single(setting, name, k) for name in names]
             if layout == "long":
                 units = [self.style.unit(name)[0] for name in names]
@@ -140,31 +143,34 @@ class Sheet:
             else:
                 yield [str(k + 1)] * (layout == "numbered") + cells
         if layout in SIDE:
-            yield [self.single(setting, name, k) for name in names for k in range(repeats)]
+            yield [self.single(setting, name, k) for name in names for k in range(self.repeats)]
         elif layout in MEANS:
             cells = [cell for name in names for cell in self.summary(setting, name)]
+            count = min(int(np.sum(np.isfinite(values))) for values in setting.values.values())
             yield cells + [str(count)] * (layout != "bare")
 
     def single(self, setting: Setting, name: str, k: int) -> str:
         """Cell of one repeat; empty where there is none."""
-        values = setting.values[name]
-        if k >= len(values):
-            return ""
-        if values[k] < self.limits.get(name, -1.0):
-            return self.hidden(setting, name)
-        text = self.style.cell(name, values[k])
+        value = float(setting.values[name][k])
+        if isnan(value) or value < self.limits.get(name, -1.0):
+            return "" if isnan(value) else self.hidden(setting, name)
+        text = self.style.cell(name, value)
         self.keep(setting, name, text)
         return text
 
     def summary(self, setting: Setting, name: str) -> list[str]:
         """Cells of mean and scatter of the repeats."""
-        style, layout, values = self.style, self.style.layout, np.array(setting.values[name])
-        n, told = int(values.size), {} if layout == "bare" else {"n": int(values.size)}
+        style, layout, values = self.style, self.style.layout, setting.values[name]
+        values = values[np.isfinite(values)]
+        n, told = int(values.size), dict[str, Any](n=int(values.size)) if layout != "bare" else {}
         if np.any(values < self.limits.get(name, -1.0)):
             return [self.hidden(setting, name, **told), *([""] * (layout in ("mean_sd", "mean_se", "cv")))]
         _, size, decimals = style.unit(name)
         text, sd = style.cell(name, float(values.mean())), float(values.std(ddof=1)) if n > 1 else 0.0
         if layout in UNKNOWN_SCATTER:
+            if name in self.stated_sd:
+                relative = 1.0 if name == "repose_angle" else number(text) * size
+                told["sd"] = float(f"{self.stated_sd[name]:.2g}") * relative
             self.keep(setting, name, text, **told)
             return [text]
         root, least = sqrt(n) if layout == "mean_se" else 1.0, size * 10.0 ** -(decimals + 1)
@@ -189,10 +195,8 @@ class Sheet:
             return number(text) * self.style.unit(key)[1]
 
         at = {key: stated(key, self.style.cell(key, x)) for key, x in setting.at.items()}
-        place = {"soil": setting.soil, "observable": name, "at": at}
-        self.readings.append(
-            {**place, "value": stated(name, text), "kind": "exact", "sd": None, "n": None, **told}
-        )
+        row = {"soil": setting.soil, "observable": name, "at": at, "value": stated(name, text)}
+        self.readings.append(row | {"kind": "exact", "sd": None, "n": None} | told)
 
 
 def grid(sheet: Sheet, settings: Sequence[Setting]) -> tuple[list[list[str]], Merged]:
@@ -241,8 +245,6 @@ def write_table(sheet: Sheet, settings: Sequence[Setting], folder: Path, stem: s
         csv.writer(text, delimiter=style.separator, lineterminator="\n").writerows(rows)
         write_atomic(folder / f"{stem}.csv", text.getvalue().encode(style.encoding, "replace"))
         return
-    import openpyxl
-
     book = openpyxl.Workbook()
     page = book.worksheets[0]
     for k, row in enumerate(rows, 1):

@@ -15,10 +15,6 @@ APART = 3.0  # sd from the nearest listed effect, from which a law can be told f
 HOLDS = 0.5  # share of the misfit of left-out rows that a law explains
 
 
-def strong(case: Case) -> bool:
-    return case.ratio >= STRONG
-
-
 def has_no_answer(case: Case) -> bool:
     """Whether the table is refused, for whatever reason."""
     return bool(case.answer["refused"] or case.answer["refused_scatter"])
@@ -26,7 +22,8 @@ def has_no_answer(case: Case) -> bool:
 
 def refuses_heading(case: Case) -> bool:
     """Whether the table is refused at first, without one of the reasons for which it should be."""
-    return bool(case.answer["refused_first"]) and not case.truth["may_refuse"]
+    first = case.answer["refused_first"]
+    return bool(first) and not first.startswith(("--", "Usage")) and not case.truth["may_refuse"]
 
 
 def tells_unlisted(case: Case) -> bool:
@@ -45,7 +42,7 @@ def wrong(case: Case) -> bool:
     unlisted, agrees = tells_unlisted(case), bool(case.answer["agrees"])
     silent = agrees and not case.told and not unlisted
     listed = unlisted and not case.told and case.truth["kind"] in ("listed", "pair")
-    return names_falsely(case) or listed or (silent and strong(case))
+    return names_falsely(case) or listed or (silent and case.ratio >= STRONG)
 
 
 def word(case: Case) -> str:
@@ -77,6 +74,7 @@ def line(case: Case) -> str:
     names = "+".join(answer["named"]) + f" ({'/'.join(answer['group'])})" * bool(answer["group"])
     told = f"refused: {refusal}" if refusal else f"{answer['verdict']} {names}" + " agrees" * answer["agrees"]
     marks = [word(case), *(f"misread {kind}" for kind in case.row["misread"])]
+    marks += [f"misread and told {kind}" for kind in answer["told_misread"]]
     marks += [f"refused at first: {answer['refused_first'][:90]}"] * refuses_heading(case)
     table = f"{truth['layout']} {'+'.join(truth['observables'])}{' soils' * (truth['soils'] > 1)}"
     table += f" <{truth['below']}" * bool(truth["below"])
@@ -87,6 +85,7 @@ def line(case: Case) -> str:
 def table_metrics(cases: Cases) -> Iterator[Metric]:
     """Lines of what is wanted, then what became of every kind of truth."""
     yield share("misread in silence", [bool(c.row["misread"]) for c in cases], "<= 0.013")
+    yield share("misread, and told", [bool(c.answer.get("told_misread")) for c in cases])
     for kind in sorted({kind for c in cases for kind in c.row["misread"]}):
         yield share(f"misread: {kind}", [kind in c.row["misread"] for c in cases])
     unknown = [has_no_answer(c) for c in cases if c.truth["unknown_scatter"]]
@@ -94,6 +93,8 @@ def table_metrics(cases: Cases) -> Iterator[Metric]:
     yield share("ordinary headings refused at first", [refuses_heading(c) for c in cases], "<= 0.03")
     known = [c for c in cases if not c.truth["unknown_scatter"]]
     yield share("known scatter: no answer", [has_no_answer(c) for c in known])
+    stated = [has_no_answer(c) for c in known if {"--sd", "--diameter"} & {*c.truth["options"]["table"]}]
+    yield share("the same, sd or diameter stated by an option", stated)
     found = [c for c in known if not has_no_answer(c)]
     yield from strong_metrics(found)
     tested = [c.answer["p_lack_of_fit"] for c in found if c.answer["agrees"]]
@@ -120,10 +121,10 @@ def strong_metrics(cases: Cases) -> Iterator[Metric]:
     apart = [c for c in outside if c.separation >= APART]
     yield share("outside the list: wrong", [wrong(c) for c in outside], "<= 0.05")
     yield share(text, [wrong(c) for c in apart])
-    told = "strong outside laws: told as such, or by a law that holds"
-    yield share(told, [tells_unlisted(c) for c in outside if strong(c)], ">= 0.6")
-    yield share(text, [tells_unlisted(c) for c in apart if strong(c)])
-    listed = [c for c in (*by_kind["listed"], *by_kind["pair"]) if strong(c)]
+    own = [tells_unlisted(c) for c in outside if c.ratio >= STRONG]
+    yield share("strong outside laws: told as such, or by a law that holds", own, ">= 0.6")
+    yield share(text, [tells_unlisted(c) for c in apart if c.ratio >= STRONG])
+    listed = [c for c in (*by_kind["listed"], *by_kind["pair"]) if c.ratio >= STRONG]
     below, soils = [c for c in listed if c.truth["below"]], [c for c in listed if c.truth["soils"] > 1]
     parts = {
         "": (listed, ">= 0.7"),
@@ -133,7 +134,7 @@ def strong_metrics(cases: Cases) -> Iterator[Metric]:
     for name, (own, wanted) in parts.items():
         yield share(f"strong listed effects{name}: all named", [word(c) == "right" for c in own], wanted)
         yield share(f"strong listed effects{name}: one told", [bool(c.told & c.acting) for c in own])
-    varying = [c for c in by_kind["varying"] if strong(c)]
+    varying = [c for c in by_kind["varying"] if c.ratio >= STRONG]
     yield share("varying, strong: named", [c.exact for c in varying])
     own = [bool({*c.answer["varying"]} & c.acting & c.told) for c in varying]
     yield share("varying, strong: told with a strength that varies", own)

@@ -62,12 +62,19 @@ def summary(rows: Sequence[Row]) -> Summary:
 
 
 def differences(meant: Summary, read: Summary) -> list[str]:
-    """Kinds in which two summaries differ."""
-    value = ["value"] * (not near(meant[0], read[0], VALUE_NEAR))
-    sd = ["sd"] * (not near(meant[1], read[1], SD_NEAR) or meant[2] != read[2])
-    return value + sd + ["limit"] * (meant[3] != read[3])
+    """Kinds in which two summaries differ; a number that is none agrees with none."""
+
+    def near(k: int, relative: float) -> bool:
+        both = isnan(meant[k]) and isnan(read[k])
+        return both or isclose(meant[k], read[k], rel_tol=relative, abs_tol=1e-9)
+
+    value, sd = ["value"] * (not near(0, VALUE_NEAR)), not near(1, SD_NEAR) or meant[2] != read[2]
+    return value + ["sd"] * sd + ["limit"] * (meant[3] != read[3])
 
 
-def near(one: float, other: float, relative: float) -> bool:
-    """Whether two numbers agree; none agrees with none."""
-    return (isnan(one) and isnan(other)) or isclose(one, other, rel_tol=relative, abs_tol=1e-9)
+def is_told(kind: str, truth: Mapping[str, Any], assumed: Sequence[str]) -> bool:
+    """Whether what was misread stands among what was assumed: a unit, or a column that is not used."""
+    style, sign = truth["style"], "unit" if kind == "unit" else "not used"
+    names = truth["observables"] if kind == "unit" else truth["conditions"]
+    texts = [style["soil"]] if kind == "repeat" else [style["names"].get(name, name) for name in names]
+    return any(text and text in words and sign in words for text in texts for words in assumed)

@@ -1,7 +1,7 @@
 """What the program says of a table: `study new --yes --closed-form`, then compare, discover and adopt.
 
-The solver is given a folder with `table.*`, `options.txt` and `plain.csv`, the table as its owner writes it
-after a refusal: plain headings, blank cells filled.
+The solver is given a folder with `table.csv` or `table.xlsx`, and `plain.csv`, the table as its owner writes
+it after a refusal: plain headings, blank cells filled; and the options of both, a word a line (`*.txt`).
 """
 
 import json
@@ -30,9 +30,8 @@ def table_answer(folder: Path) -> Answer:
     """Answer of a folder; `refused` is the last refusal, `refused_first` that of the table as it is."""
     start, answer = process_time(), {"verdict": "refused", "agrees": False, "excluded": {}}
     answer |= {name: [] for name in LISTS} | dict.fromkeys(TEXTS, "")
-    options = (folder / "options.txt").read_text(encoding="utf-8").splitlines()
     for file in (*folder.glob("table.[cx]*"), folder / "plain.csv"):
-        study, told = new_study(file, options)
+        study, told = new_study(file, file.with_suffix(".txt").read_text(encoding="utf-8").splitlines())
         answer |= {"file": file.stem, "refused": "" if study else told}
         if study is None:
             answer["refused_first"] = answer["refused_first"] or told
@@ -50,12 +49,11 @@ def new_study(file: Path, options: list[str]) -> tuple[Path | None, Any]:
     """Path of the study that is written, and what was assumed; None and the text of a refusal."""
     order = ["study", "new", str(file), "--yes", "--closed-form", "--json", *options]
     found = CliRunner().invoke(app, order)
-    if found.exit_code == 0:
-        document = json.loads(found.stdout)
-        return Path(document["written"][0]), document["assumed"]
-    if not isinstance(found.exception, BadInput | SystemExit):
-        raise RuntimeError(str(file)) from found.exception
-    return None, str(found.exception if isinstance(found.exception, BadInput) else found.output)
+    if found.exit_code:
+        refusal = str(found.exception) if isinstance(found.exception, BadInput) else found.output
+        return None, refusal or repr(found.exception)
+    document = json.loads(found.stdout)
+    return Path(document["written"][0]), document["assumed"]
 
 
 def tidy(study: Path) -> list[dict[str, Any]]:
@@ -67,7 +65,7 @@ def tidy(study: Path) -> list[dict[str, Any]]:
         source = "" if PLACE.fullmatch(table.source[k]) else table.source[k]
         n, place = finite(table.n[k]), f"{table.group[k]}|{source}"
         row = {"observable": name, "value": finite(value), "below": bool(table.censored[k]), "set_up": place}
-        at = {places[c]: float(column[k]) for c, column in table.conditions.items()}
+        at = {places.get(c, c): float(column[k]) for c, column in table.conditions.items()}
         rows.append(row | {"sd": finite(table.sd[k]), "n": None if n is None else int(n), "at": at})
     return rows
 
@@ -94,8 +92,7 @@ def answered(study: Path) -> Answer:
 
 def adopted(record: Record) -> Answer:
     """What adopting says: whether the error falls, and whether what is left is chance."""
-    held = record.held_out
-    if held is None or not held.n:
+    if (held := record.held_out) is None or not held.n:
         return {"improves": True, "holds": True}
     left = min(held.p_after, record.fit.p_after)
     numbers = {"before": held.before, "after": held.after, "p_after": held.p_after}
