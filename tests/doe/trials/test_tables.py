@@ -40,7 +40,7 @@ def alone(case):
     return len(truth["observables"]) == 1 and truth["layout"] != "long"
 
 
-@pytest.mark.parametrize("case", filter(alone, range(14)))
+@pytest.mark.parametrize("case", list(filter(alone, range(14))))
 def test_the_right_reading_is_that_of_the_cells(case, tmp_path):
     drawn = draw(SEED, case)
     drawn.write(tmp_path)
