@@ -27,9 +27,9 @@ StudyPath = Annotated[Path, Argument(metavar="STUDY", help="Calibration study (T
 
 
 def audit(
-    table: Annotated[Path, Argument(metavar="TABLE", help="Table of runs (CSV).")],
+    table: Annotated[Path, Argument(metavar="TABLE", help="Table of runs (text or workbook).")],
     response: Annotated[
-        str | None, Option(metavar="NAME", help="Column of the response; default: the last one.")
+        str | None, Option(metavar="NAME", help="Column of the response; default: the last one of results.")
     ] = None,
     claims: Annotated[
         Path | None,
@@ -51,18 +51,18 @@ def audit(
 
 def print_audit(document: output.Record) -> None:
     """Print the design in one line, then the findings."""
-    answer = {True: "yes", False: "NO"}
-    typer.echo(f"{document['table']}: {document['runs']} runs, {len(document['factors'])} factors")
+    answer = {True: "yes", False: "no", None: "not judged"}
+    head = f"{document['table']}: {document['runs']} runs, factors {', '.join(document['factors'])}"
+    typer.echo(f"{head}; response {document['response']}")
     typer.echo(f"balanced: {answer[document['balanced']]}, orthogonal: {answer[document['orthogonal']]}")
-    if document["set_aside"]:
-        typer.echo(f"excluded: {', '.join(document['set_aside'])}")
-    printed = document["printed_numbers"]
-    if printed["compared"]:
+    aside = [f"excluded: {', '.join(document['set_aside'])}"] if document["set_aside"] else []
+    output.print_lines([*aside, *(f"assumed: {each}" for each in document["assumed"])])
+    if (printed := document["printed_numbers"])["compared"]:
         typer.echo(f"published numbers reproduced: {printed['agree']} of {printed['compared']}")
     findings = [(f["kind"], str(f["row"] or ""), f["column"], f["sentence"]) for f in document["findings"]]
     if findings:
         output.print_table("findings", ("kind", "row", "column", "finding"), findings)
-    else:
+    if all(kind == "not judged" for kind, *_ in findings):
         typer.echo("no error found")
 
 

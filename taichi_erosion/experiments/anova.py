@@ -76,7 +76,8 @@ def anova(fit: Fit) -> list[Row]:
         lack, lack_df = fit.ss_error - pure.sum_of_squares, fit.df_error - pure.df
         if lack_df:
             lack = 0.0 if lack < EXACT * total else lack
-            rows.append(variance_row("Lack of fit", lack, lack_df, pure.mean_square, pure.df))
+            scatters = pure.sum_of_squares > EXACT * total  # equal repeats leave lack of fit untested
+            rows.append(variance_row("Lack of fit", lack, lack_df, pure.mean_square, scatters * pure.df))
         rows.append(pure)
     return [*rows, variance_row("Total", total, len(fit.values) - 1)]
 
@@ -98,7 +99,7 @@ def term_sums(fit: Fit) -> Floats:
 
 
 def curvature(fit: Fit) -> Curvature | None:
-    """Curvature of a two-level design by its centre points; None without centre points or error.
+    """Curvature of corners and centre under a model without squares; None for others, or without error.
 
         SS = n_f n_c (mean_f - mean_c)^2 / (n_f + n_c)
 
@@ -106,7 +107,9 @@ def curvature(fit: Fit) -> Curvature | None:
     that curvature does not pass for noise.
     """
     centre = np.all(np.abs(fit.coded) < SAME_POINT, axis=1)
-    if not centre.any() or centre.all():
+    corners = np.all(np.abs(np.abs(fit.coded) - 1.0) < SAME_POINT, axis=1)
+    squares = any(power > 1 for term in fit.terms for power in term)
+    if squares or not (centre.any() and corners.any() and np.logical_or(centre, corners).all()):
         return None
     matrix = np.column_stack([model_matrix(fit.coded, fit.terms), ~centre])
     if np.linalg.matrix_rank(matrix) < matrix.shape[1] or len(matrix) == matrix.shape[1]:

@@ -3,26 +3,25 @@
 model = "quadratic"            # linear | interactions | quadratic; guessed from the levels if left out
 anova = "table_9.csv"          # printed analysis of variance
 target = 33.52                 # target of the study
-[equation]                     # printed coefficients in coded units, by term; "1" is the constant
+[equation]                     # printed coefficients, in coded or actual factors; "1" is the constant
 [quality]                      # printed r2, r2_adjusted, r2_predicted, cv, adequate_precision
 
 Numbers are kept as printed: the last digit says how exact they are. In the table, the columns of numbers
-before the response are the factors, but for one that counts the runs and for those that hold results. What
-stands behind the response, other responses or the same levels in other units, is set aside.
+before the response are the factors. Set aside are columns that count the runs, that a program adds (point
+types, predicted values, residuals), that hold other results, and a factor's levels in other units. The
+response is the one that is named, or else the last column of results.
 """
 
-import io
 import re
 import tomllib
-import warnings
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
 from math import nan
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import pandas as pd
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 
 from taichi_erosion.core.errors import BadInput
@@ -30,6 +29,8 @@ from taichi_erosion.core.files import read_text_file
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.experiments.design import Factor, to_coded
 from taichi_erosion.experiments.fit import Order
+from taichi_erosion.tables.headings import SCATTER, meaning_of, plain_words
+from taichi_erosion.tables.spreadsheet import CellFault, plain_cell, read_cell, read_cells
 
 Kind = Literal[
     "unbalanced",  # a factor is not as often high as low
@@ -41,7 +42,7 @@ Kind = Literal[
     "heading",  # a column that holds something else
     "sign",  # a coefficient of the opposite sign
     "target",  # not reached by the fitted surface
-    "setting",  # something that cannot be examined
+    "not judged",  # something that cannot be examined
 ]
 
 
@@ -73,11 +74,11 @@ class Printed:
     last_digit: float  # size of one unit of the last printed digit
     bound: str = ""
 
-    def agrees(self, found: float) -> bool:
-        """Whether the found number could have been printed like this."""
+    def agrees(self, found: float, reach: float = 0.0) -> bool:
+        """Whether the found number, exact to `reach`, could have been printed like this."""
         if self.bound:
-            return found < self.value if self.bound == "<" else found > self.value
-        return abs(found - self.value) <= HALF * self.last_digit + 1e-12 * abs(self.value)
+            return found - reach < self.value if self.bound == "<" else found + reach > self.value
+        return abs(found - self.value) <= HALF * self.last_digit + 1e-12 * abs(self.value) + reach
 
 
 def parse_printed(text: str) -> Printed | None:
@@ -129,36 +130,76 @@ def claims_of(table: Path, file: Path | None = None) -> Claims:
         raise BadInput(f"{path}: {error}") from None
 
 
-Columns = Mapping[str, Sequence[str]]  # cells by heading
 FEWEST_RUNS = 3
 MOST_LEVELS = 6  # of a factor in a designed experiment; a central composite has 5, a misprint adds one
+ONE_LINE = 0.9999  # correlation of two columns that hold the same levels in two units, rounded [1]
+BRACKETED = re.compile(r"(?P<level>[^()]+?)\s*[(\uff08](?P<other>[^()]+)[)\uff09]")  # 0.6 (+1)
+LEVEL_SIGNS = {"+": 1.0, "-": -1.0}
 
 
-def read_columns(path: Path) -> dict[str, list[str]]:
-    """Cells of a CSV table by heading, as text. Raises BadInput."""
-    try:
-        text = io.StringIO(read_text_file(path, "utf-8-sig"))
-        with warnings.catch_warnings(action="error"):  # of cells beyond the heading
-            table = pd.read_csv(text, dtype=str, index_col=False, keep_default_na=False).fillna("")
-    except (OSError, ValueError, pd.errors.ParserWarning) as error:
-        raise BadInput(f"{path}: cannot be read as a CSV table: {str(error).strip()}") from None
-    return {str(heading).strip(): column.tolist() for heading, column in table.items()}
+@cache
+def vocabulary() -> dict[str, dict[str, list[str]]]:
+    """Words of columns, of lines and quantities of an analysis of variance."""
+    return tomllib.loads(
+        (files("taichi_erosion.experiments") / "vocabulary.toml").read_text(encoding="utf-8")
+    )
 
 
-def numbers_of(cells: Sequence[str]) -> Floats:
-    """Numbers of a column, with any of the signs that print uses for minus; NaN for anything else."""
-    plain = [cell.replace("\N{MINUS SIGN}", "-").replace("\N{EN DASH}", "-") for cell in cells]
-    return np.asarray(pd.to_numeric(pd.Series(plain), errors="coerce"), dtype=np.float64)
+def word_of(kind: str, text: str) -> str:
+    """What the words of a heading mean; empty for others. A number may follow the word of a column."""
+    plain = plain_words(text)
+    plain = plain if kind != "columns" else re.sub(r" ?\d.*", "", plain) or plain
+    return next((meaning for meaning, words in vocabulary()[kind].items() if plain in words), "")
 
 
-def column_numbers(table: Columns, heading: str, file: Path) -> Floats:
-    """One column of finite numbers. Raises BadInput."""
-    if heading not in table:
-        raise BadInput(f"{file}: column '{heading}' is missing; there are: {', '.join(table)}")
-    values = numbers_of(table[heading])
-    for row in np.flatnonzero(~np.isfinite(values)).tolist():
-        raise BadInput(f"{file}: row {row + 1}, {heading} = '{table[heading][row]}' must be a number")
-    return values
+@dataclass(frozen=True)
+class Sheet:
+    """Cells of a printed table by heading, as text."""
+
+    file: Path
+    columns: dict[str, list[str]]
+    comma: bool  # decimal commas
+
+    def printed(self, text: str) -> Printed | None:
+        """The printed number of a cell."""
+        plain = plain_cell(text)
+        return parse_printed(plain.replace(",", ".") if self.comma else re.sub(r",(?=\d{3}\b)", "", plain))
+
+    def numbers(self, heading: str, strict: bool = False) -> Floats:
+        """Numbers of a column, NaN where nothing was measured; of `0.6 (+1)` the first. Raises BadInput.
+
+        A column with a lone + has signs for its levels. Without `strict` words are NaN too.
+        """
+        found, signed = np.full(len(self.columns[heading]), nan), "+" in self.columns[heading]
+        for row, cell in enumerate(self.columns[heading]):
+            match = BRACKETED.fullmatch(cell.replace("\N{EN DASH}", "-"))
+            plain = plain_cell(match["level"] if match else cell.replace("\N{EN DASH}", "-"))
+            try:
+                sign = LEVEL_SIGNS.get(plain, 0.0) if signed else 0.0
+                found[row] = sign or read_cell(plain, self.comma, single=True).value
+            except CellFault as fault:
+                if strict:
+                    raise BadInput(f"{self.file}: row {row + 1}, {heading} = '{cell}' {fault}") from None
+        return found
+
+    def last_digit(self, heading: str) -> float:
+        """Size of one unit of the last printed digit of a column; spreadsheets drop zeros at the end."""
+        found = re.findall(r"\d[.,](\d+)(?:[eE]([+-]?\d+))?", " ".join(self.columns[heading]))
+        return min((10.0 ** (int(power or 0) - len(decimals)) for decimals, power in found), default=1.0)
+
+
+def read_sheet(path: Path) -> Sheet:
+    """Cells of a text file or a workbook by heading. Raises BadInput."""
+    faults = list[str]()
+    cells = read_cells(path, str(path), faults)
+    if faults or not cells.rows:
+        raise BadInput(faults[0] if faults else f"{path}: holds no table")
+    names = [
+        f"{name} ({k + 1})" if name in cells.heading[:k] else name for k, name in enumerate(cells.heading)
+    ]
+    return Sheet(
+        path, {name: [row[k] for _, row in cells.lines] for k, name in enumerate(names)}, cells.decimal_comma
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,39 +211,77 @@ class PublishedTable:
     levels: Floats  # as printed, [runs, factors]
     coded: Floats  # [runs, factors]
     response: str
-    values: Floats  # [runs]
+    values: Floats  # [runs]; NaN without a result
     set_aside: tuple[str, ...]  # columns that are neither
+    others: tuple[str, ...]  # of them the results
+    rounding: Floats  # half of the last digit of response and coded levels, [runs, 1 + factors]
 
 
 def read_published(path: Path, response: str | None = None) -> PublishedTable:
-    """A table of runs; the response is the last column where it is not named. Raises BadInput."""
-    table = read_columns(path)
-    names = list(table)
-    wanted = response or names[-1]
-    values = column_numbers(table, wanted, path)
-    if len(values) < FEWEST_RUNS:
-        raise BadInput(f"{path}: {len(values)} run(s); needs at least {FEWEST_RUNS}")
-    chosen = factor_columns(table, names[: names.index(wanted)], path)
+    """A table of runs; the response is the last column of results where it is not named. Raises BadInput."""
+    sheet = read_sheet(path)
+    names = list(sheet.columns)
+    if response and response not in names:
+        raise BadInput(f"{path}: column '{response}' is missing; there are: {', '.join(names)}")
+    few, results = column_roles(usable_columns(sheet))
+    wanted = response or (results or few or names)[-1]
+    values = sheet.numbers(wanted, strict=True)
+    if (runs := np.isfinite(values).sum()) < FEWEST_RUNS:
+        raise BadInput(f"{path}: {runs} run(s) with a result; needs at least {FEWEST_RUNS}")
+    few = [name for name in few if name != wanted]
+    chosen = [name for name in few if names.index(name) < names.index(wanted)] or few
     if not chosen:
         raise BadInput(f"{path}: no column of factor levels before the response '{wanted}'")
-    levels = np.column_stack(list(chosen.values()))
-    factors = tuple(factor_of(name, column) for name, column in chosen.items())
+    levels = np.column_stack([sheet.numbers(name, strict=True) for name in chosen])
+    for row, k in np.argwhere(np.isnan(levels)).tolist():
+        raise BadInput(
+            f"{path}: row {row + 1}, {chosen[k]} = '{sheet.columns[chosen[k]][row]}' must be a number"
+        )
+    factors = tuple(factor_of(name, column) for name, column in zip(chosen, levels.T, strict=True))
     coded = np.round(to_coded(factors, levels), 9) + 0.0
+    # levels from -1 to 1 define the coding, those of star points are rounded
+    digits = [sheet.last_digit(name) / f.half for name, f in zip(chosen, factors, strict=True)]
+    responses = np.full(len(coded), sheet.last_digit(wanted))
+    rounding = 0.5 * np.column_stack([responses, np.array(digits) * (np.abs(coded) > 1.0)])
     aside = tuple(name for name in names if name not in chosen and name != wanted)
-    return PublishedTable(str(path), factors, levels, coded, wanted, values, aside)
+    others = tuple(name for name in results if name in aside)
+    return PublishedTable(str(path), factors, levels, coded, wanted, values, aside, others, rounding)
 
 
-def factor_columns(table: Columns, names: Sequence[str], file: Path) -> dict[str, Floats]:
-    """Columns of levels by name: not of words, no counter, and of few levels where there are such columns."""
-    written = [name for name in names if np.isfinite(numbers_of(table[name])).any()]
-    numbers = {name: column_numbers(table, name, file) for name in written}
-    counter = np.arange(1.0, len(next(iter(table.values()))) + 1.0)
-    levels = {n: x for n, x in numbers.items() if np.ptp(x) > 0.0 and np.any(np.sort(x) != counter)}
-    return {n: x for n, x in levels.items() if len(np.unique(x)) <= MOST_LEVELS} or levels
+def usable_columns(sheet: Sheet) -> dict[str, Floats]:
+    """Columns of numbers that vary, no counter and of no program, each in one unit only."""
+    found = dict[str, Floats]()
+    for heading in sheet.columns:
+        numbers = sheet.numbers(heading)
+        role, counter = word_of("columns", heading), np.arange(1.0, len(numbers) + 1.0)
+        varies = len(np.unique(numbers[np.isfinite(numbers)])) > 1
+        counts = not role and np.array_equal(np.sort(numbers), counter)
+        if varies and not counts and role in ("", "result") and meaning_of(heading)[0] not in SCATTER:
+            found[heading] = numbers
+    with np.errstate(invalid="ignore"):
+        alike = (
+            np.abs(np.atleast_2d(np.corrcoef(list(found.values())))) > ONE_LINE if found else np.zeros((0, 0))
+        )
+    kept = {name: column for k, (name, column) in enumerate(found.items()) if not alike[k, :k].any()}
+    return kept if len(kept) > 2 or len(found) < 3 else found  # all factors of a climb move together
+
+
+def column_roles(usable: dict[str, Floats]) -> tuple[list[str], list[str]]:
+    """Columns of levels; columns of results, by their word or of many different numbers behind levels."""
+    named = [n for n in usable if word_of("columns", n) == "result" or meaning_of(n)[0] == "observable"]
+    rest = [name for name in usable if name not in named]
+    few = [n for n in rest if len(np.unique(usable[n])) <= max(MOST_LEVELS, len(usable[n]) // 2)]
+    behind = [n for n in rest if few and n not in few and rest.index(n) > rest.index(few[0])]
+    return few or rest, [name for name in usable if name in named or name in behind]
 
 
 def factor_of(name: str, column: Floats) -> Factor:
-    """A factor whose low and high are the outermost of the levels that stand more than once."""
+    """A factor whose low and high are the most frequent pair of levels, the outermost of equals.
+
+    Levels that stand once are left out where there are others: star points, misprints.
+    """
     levels, counts = np.unique(column, return_counts=True)
-    common = levels[counts > 1] if np.sum(counts > 1) > 1 else levels
-    return Factor(name, float(common[0]), float(common[-1]))
+    if np.sum(counts > 1) > 1:
+        levels, counts = levels[counts > 1], counts[counts > 1]
+    k = max(range(len(levels) // 2), key=lambda k: (min(counts[k], counts[-1 - k]), -k))
+    return Factor(name, float(levels[k]), float(levels[-1 - k]))

@@ -286,8 +286,9 @@ def with_repeats(rows: Lines) -> Lines:
 
 
 def rectangular(rows: Lines, name: str, faults: list[str]) -> Iterator[tuple[int, tuple[str, ...]]]:
-    """Rows as wide as the heading, without columns behind it; of the others the first is a fault."""
+    """Rows as wide as the heading, without remarks behind it; of the others the first is a fault."""
     width = last_filled(rows[0][1]) if rows else 0
+    rows = [(line, cells if has_digit(cells[width:]) else cells[:width]) for line, cells in rows]
     wrong = [(line, cells) for line, cells in rows if not last_filled(cells) <= width <= len(cells)]
     if wrong:
         line, cells = wrong[0]

@@ -104,7 +104,7 @@ def test_a_printed_number_is_as_exact_as_its_last_digit(text, found, agrees):
     ("text", "claims", "words"),
     [
         ("a,y\n1,2\n3,x\n1,1\n", "", "row 2, y = 'x' must be a number"),
-        ("a,y\n1,2\n3,4,5\n1,1\n", "", "cannot be read as a CSV table"),
+        ("a,y\n1,2\n3,4,5\n1,1\n", "", "row 3 has 3 cells, the heading 2"),
         ("a,y\n1,2\n-1,3\n", "", "at least 3"),
         ("y\n1\n2\n5\n", "", "no column of factor levels"),
         (SOUND, "modle = 'linear'", "modle = 'linear': Extra inputs"),
