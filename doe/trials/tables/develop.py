@@ -25,9 +25,7 @@ def answered(seed: int, number: int, keep: Path | None) -> Row:
     return {"case": number, **case.row(case.answer(number, keep))}
 
 
-def main(
-    seed: int = 1, cases: int = 60, processes: int = 2, case: int = -1, keep: Path | None = None
-) -> None:
+def main(seed: int = 1, cases: int = 60, processes: int = 2, case: int = -1, keep: Path | None = None):
     """Draw cases (or one CASE), answer them, print one line for each and the score; KEEP their studies."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # read by the processes when they start
     numbers, found = range(cases) if case < 0 else [case], list[Case]()

@@ -206,10 +206,8 @@ class Sight:
             moved = replace(self.truth, parameters=numbers | {name: start * np.exp(STEP)})
             columns.append((self.signal(moved) - base) / STEP * NUMBERS[name][2])
         for name in self.sd:
-            levels = {other: float(other == name) for other in self.sd}
-            raised = replace(
-                self.truth, levels={n: self.truth.levels.get(n, 0.0) + levels[n] for n in levels}
-            )
+            levels = self.truth.levels
+            raised = replace(self.truth, levels=levels | {name: levels.get(name, 0.0) + 1.0})
             columns.append(self.signal(raised) - base)
         return np.column_stack(columns), len(numbers)
 

@@ -180,7 +180,7 @@ class Sheet:
             spread = written(max(100.0 * sd / mean, 0.1), 1, style.decimal_comma)
             root = 0.01 * mean / size
         self.keep(setting, name, text, sd=number(spread) * size * root, **told)
-        return [f"{text} ± {spread}"] if layout == "plus_minus" else [text, spread]
+        return [text + style.names["plus_minus"] + spread] if layout == "plus_minus" else [text, spread]
 
     def hidden(self, setting: Setting, name: str, **told: Any) -> str:
         """Cell of a value below the limit of its instrument."""
@@ -208,7 +208,7 @@ def grid(sheet: Sheet, settings: Sequence[Setting]) -> tuple[list[list[str]], Me
         tops = [heading(top or name, unit, style.form) for top, name, unit in heads]
         starts = [k for k, (top, *_) in enumerate(heads) if not top or k == 0 or tops[k] != tops[k - 1]]
         first = [text if k in starts else "" for k, text in enumerate(tops)]
-        second = [[name if top else "" for top, name, _ in heads]] * style.workbook
+        second = [[name if top else "" for top, name, _ in heads]] * (style.workbook or style.short)
         rows = [first, *second, *body]  # in a text file blank headings stay to the right of one
         ends = [*starts[1:], len(tops)]
         merged += [(0, a, 0, b - 1) for a, b in zip(starts, ends, strict=True) if b - a > 1]

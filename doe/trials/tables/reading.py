@@ -8,6 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from math import isclose, isnan, nan, sqrt
 from typing import Any
 
+from doe.trials.tables.words import QUANTITIES
+
 VALUE_NEAR, SD_NEAR, UNIT_FACTOR = 2e-4, 5e-3, 0.05  # relative; of a wrong unit at least
 Row = Mapping[str, Any]
 Summary = tuple[float, float, int, int]  # mean, sd, repeats, values below the limit
@@ -15,10 +17,11 @@ Sets = dict[tuple[str, ...], dict[str, list[Row]]]  # by observable and conditio
 
 
 def misread(truth: Mapping[str, Any], tidy: Sequence[Row]) -> list[str]:
-    """Kinds of what was misread: condition, repeat, value, unit, limit, sd; none where all is right."""
+    """What was misread: observable, condition, repeat, value, unit, limit, sd; nothing where all is right."""
     meant, read = (sets(rows, truth["conditions"]) for rows in (truth["readings"], tidy))
     if meant.keys() != read.keys():
-        return ["condition"]
+        same = {place[0] for place in meant} == {place[0] for place in read}
+        return ["condition" if same else "observable"]
     found, ratios = list[str](), list[float]()
     for place, soils in meant.items():
         if len(soils) != len(read[place]):
@@ -75,6 +78,7 @@ def differences(meant: Summary, read: Summary) -> list[str]:
 def is_told(kind: str, truth: Mapping[str, Any], assumed: Sequence[str]) -> bool:
     """Whether what was misread stands among what was assumed: a unit, or a column that is not used."""
     style, sign = truth["style"], "unit" if kind == "unit" else "not used"
-    names = truth["observables"] if kind == "unit" else truth["conditions"]
-    texts = [style["soil"]] if kind == "repeat" else [style["names"].get(name, name) for name in names]
+    names = truth["observables" if kind in ("unit", "observable") else "conditions"]
+    texts = [style["names"].get(name, name) for name in names] + [QUANTITIES[n]["plain"] for n in names]
+    texts = [style["soil"]] if kind == "repeat" else texts
     return any(text and text in words and sign in words for text in texts for words in assumed)

@@ -2,14 +2,16 @@
 
 import csv
 from math import isclose
+from typing import get_args
 
 import pytest
 
 from doe.trials.metrics import Case
 from doe.trials.tables.draw import draw
-from doe.trials.tables.outcome import table_metrics, word
+from doe.trials.tables.outcome import WORDS, table_metrics, word
 from doe.trials.tables.reading import misread
 from doe.trials.tables.words import QUANTITIES, number
+from taichi_erosion.evidence.race.record import Verdict
 
 SEED = 2**100 + 7
 
@@ -49,7 +51,7 @@ def test_the_right_reading_is_that_of_the_cells(case, tmp_path):
         heads, *rows = csv.reader(file, delimiter=";" if style["decimal_comma"] else ",")
     units = QUANTITIES[name]["units"][style["units"][name]]
     columns = [k for k, text in enumerate(heads) if text.startswith((QUANTITIES[name]["plain"], "angle"))]
-    cells = [row[k].partition(" ±")[0] for row in rows for k in columns]
+    cells = [row[k].partition("±")[0].strip() for row in rows for k in columns]
     read = [number(text) * units[1] for text in cells if text[:1].isdigit() and number(text) > 0.0]
     meant = [each["value"] for each in drawn.truth["readings"] if each["kind"] == "exact"]
     assert len(read) == len(meant)
@@ -84,6 +86,14 @@ def answered(kind, effects, **told):
     answer |= {"excluded": {}, "adopted": None, "p_lack_of_fit": None, "held_out_share": None} | told
     hard = {"ratio": 0.0 if kind == "null" else 9.0, "separation": 8.0}
     return Case({"truth": truth, "answer": answer, "misread": [], "difficulty": hard})
+
+
+def test_a_table_is_read_and_answered_as_a_user_would():
+    case = next(case for case in map(lambda k: draw(SEED, k), range(40)) if case.truth["kind"] == "listed")
+    row = case.row(case.answer(0))
+    assert row["misread"] == []
+    assert row["answer"]["verdict"] in get_args(Verdict)
+    assert word(Case(row)) in WORDS
 
 
 @pytest.mark.parametrize(
