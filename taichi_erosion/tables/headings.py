@@ -7,10 +7,12 @@ compared without accents and capitals.
 import re
 import tomllib
 import unicodedata
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cache
 from importlib.resources import files
+from math import atan, degrees, nan
 from typing import Literal
 
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale
@@ -31,24 +33,29 @@ KINDS: dict[str, Role] = {  # of words for what is measured or set
     "halved": "observable",
     "conditions": "condition",
 }
+AS_WRITTEN = ("units", "evident", "symbols", "remedies", "sieves", "conversions")  # no plain words
 
-BRACKETED = (
-    re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]\s*(?P<rest>.*)"),
-    re.compile(r"(?P<name>.*)\((?P<unit>[^()]*(?:\([^()]*\))?[^()]*)\)\s*(?P<rest>.*)"),
-)
-TRAILING = re.compile(r"(?P<name>.+?)(?:\s+in|\s*/|\s*,|\s*:|\s)\s*(?P<unit>\S+(?:\s*/\s*\S+)?)")
-SAFE = frozenset(
-    ("mm", "cm", "km", "um", "deg", "rad", "Pa", "kPa", "hPa", "mbar", "degC", "degF", "Grad", "kg/kg")
-)
-MASS_SHARE = re.compile(
-    r"(?:gew|gewichts|masse?n?|mass|m|wt|w|w/w|m/m|gravimetric|gravimetrisch)?[.\s-]*%"
-    r"(?:\s*\(?(?:w/w|m/m|wt|mass|by mass|by weight|gravimetric|grav|r\.?f|rh|rF)\.?\)?)?",
-    re.IGNORECASE,
-)
-VOLUME_SHARE = re.compile(
-    r"vol(?:ume|umen)?[.\s-]*%|%\s*\(?(?:vol|v/v|by volume)\.?\)?|[cm]+3/[cm]+3", re.IGNORECASE
-)
-VOLUMETRIC = "vol%"
+BRACKETS = re.compile(r"\[(?P<square>[^\[\]]*)\]|\((?P<round>(?:[^()]|\([^()]*\))*)\)")
+SEPARATOR = re.compile(r"\s+in\s+|\s*[/,:;]\s*|\s+")  # between a name and its unit
+STATING = ("in", "/", ",")  # separators behind which a unit is meant, whatever it is
+UNIT_SIGN = re.compile(r"[%°‰µμ]|.{2}/|[a-zA-Z][-−^]?\d|[⁻^·]")
+NUMBER_LAST = re.compile(r"(?:.*[\s=_])?\d+(?:[.,]\d+)?")
+UNIT_SPELLINGS = str.maketrans(dict.fromkeys("⋅∙•×", "·") | dict.fromkeys("{}$", ""))
+RADIAN = (("radian", 1),)
+SHARE = re.compile(r"(?P<before>[^\d%‰]*)(?P<unit>[%‰])(?P<behind>.*)")
+VOLUMES = re.compile(r"m\^?3|m³|ml|cc|l")  # in a unit of a share: of volumes
+WINDS = ("threshold_wind_speed", "conditions.wind_speed")
+SYMBOL = re.compile(r"\s*[uUvV](?![\w*])|\s*[uUvV]_?\d")  # of a speed; u* is none
+HEIGHT = re.compile(r"(?<![\w.,/^-])_?(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>mm|cm|m)(?![\w/^-])")
+INDEX = re.compile(r"\s*[uUvV]_?(?P<number>\d+)\s*(?:m\b|$|[\s(\[])")  # U10, u_2
+SPEED = (("meter", 1), ("second", -1))
+ANGLES = ("repose_angle", "dynamic_angle", "sliding_angle", "conditions.slope")
+LAWS = {  # of numbers that are no multiple of what they measure: places, units of a column, unit of a result
+    "phi": ((DIAMETER,), ("phi",), "mm"),
+    "mesh": ((DIAMETER,), ("mesh", ""), "mm"),
+    "tan": (ANGLES, ("", "1", "-"), "deg"),
+    "wet": (("conditions.moisture",), ("%", "1", "-", "kg/kg", "g/g"), ""),
+}
 
 
 @dataclass(frozen=True)
@@ -58,56 +65,128 @@ class Heading:
     text: str  # as it stands in the file
     name: str
     unit: str = ""  # in the spelling of this program; empty: none is stated
-    unreadable: str = ""  # what stands in square brackets and is no unit
+    unreadable: str = ""  # what stands in brackets and is no unit
+    law: str = ""  # of LAWS, by which the numbers become those of `unit`
 
 
 def read_heading(text: str) -> Heading:
-    """Name and unit of a heading."""
-    for form in BRACKETED:
-        match = form.fullmatch(text)
-        if match is not None:
-            name = f"{match['name'].strip()} {match['rest'].strip()}".strip() or text
-            unit = unit_in(match["unit"])
-            wrong = unit is None and form is BRACKETED[0]  # round brackets may hold a remark
-            return Heading(text, name, unit or "", unreadable=match["unit"].strip() if wrong else "")
-    name, mark, rest = text.rpartition(" / ")
-    if mark and name.strip() and unit_in(rest):
-        return Heading(text, name.strip(), unit_in(rest) or "")
-    match = TRAILING.fullmatch(text)
-    if match is not None and evident(match["unit"], text):
-        unit = unit_in(match["unit"])
-        if unit is not None:
-            return Heading(text, match["name"].strip(" ,/:"), unit)
-    return Heading(text, text)
+    """Name and unit of a heading; words in brackets stay in the name."""
+    unreadable, (unit, kept) = "", unit_at_end(text) if "/(" in text else ("", text)  # `flux in kg/(m s)`
+    for match in BRACKETS.finditer(text) if not unit else ():
+        inner = next(part for part in match.groups() if part is not None).strip()
+        found, words = unit_and_words(inner)
+        if found and not unit:
+            unit, kept = found, kept.replace(match[0], f" ({words}) " if words else " ")
+        elif not found and (match["round"] is None or looks_like_unit(inner)):
+            unreadable, kept = inner, kept.replace(match[0], " ")
+    if not unit and not unreadable:
+        remarks = " ".join(match[0] for match in BRACKETS.finditer(text))
+        unit, words = unit_at_end(BRACKETS.sub(" ", text).strip())
+        kept = f"{words} {remarks}" if unit else text
+    name = " ".join(kept.split()) or text
+    return with_law(Heading(text, name, unit, "" if unit else unreadable))
+
+
+def unit_and_words(text: str) -> tuple[str, str]:
+    """Unit of what stands in brackets and the other words there: `mm, sieved`, `g water/g dry soil`."""
+    if unit := unit_in(text):
+        share = VOLUMES.search(unit) and parse_scale(unit).kind == ()
+        return unit, "volumetric" if share else ""
+    if share := SHARE.fullmatch(text):
+        return share["unit"], f"{share['before'].strip('. -')} {share['behind']}".strip()
+    weighed = [word for word in re.findall(r"[^\W\d_]\w*", text) if plain_words(word) in words_of("weighed")]
+    bare = re.sub(rf"\b(?:{'|'.join(map(re.escape, weighed))})\b\.?", " ", text)
+    if weighed and (unit := unit_and_words(re.sub(r"\s*/\s*", "/", bare).strip()))[0]:
+        return unit[0], " ".join((unit[1], *weighed)).strip()
+    nested = read_heading(text) if BRACKETS.search(text) else Heading(text, text)
+    if nested.unit:
+        return nested.unit, nested.name
+    for match in SEPARATOR.finditer(text):
+        first, rest = text[: match.start()], text[match.end() :]
+        if (
+            (match[0].strip() in (",", ";", ":") or is_evident(first))
+            and not unit_in(rest)
+            and unit_in(first)
+        ):
+            return unit_in(first) or "", rest
+    return unit_at_end(text) if re.search(r"[,;:]|[^\W_]{3}", text) else ("", text)
+
+
+def unit_at_end(text: str) -> tuple[str, str]:
+    """Unit behind a name without brackets, and the name; empty where none is evident."""
+    for match in SEPARATOR.finditer(text):
+        name, sign, rest = text[: match.start()], match[0].strip(), text[match.end() :]
+        stated = sign in STATING and (sign != "/" or len(name) < COMPOUND)
+        if not name or not (stated or is_evident(rest)):
+            continue
+        unit, words = unit_and_words(rest) if SHARE.fullmatch(rest) else (unit_in(rest) or "", "")
+        valued = not sign and NUMBER_LAST.fullmatch(name) and unit not in ("", *LAWS)
+        if unit and not (valued and parse_scale(unit).kind != RADIAN):
+            return unit, f"{name} {words}"
+    return "", text
+
+
+def is_evident(text: str) -> bool:
+    """Whether words can only be a unit."""
+    return text in words_of("evident") or UNIT_SIGN.search(text) is not None
+
+
+def looks_like_unit(text: str) -> bool:
+    """Whether words in round brackets seem to be meant as a unit."""
+    try:
+        parse_scale(text)
+    except UnknownUnit as error:
+        words = " ".join(re.findall(r"\w+", plain_words(text)))
+        sense = any(words in words_of(kind) for kind in ("weighed", "changes", "laws"))
+        short = all(len(letters) < COMPOUND - 1 for letters in re.findall(r"[^\W\d_]+", text))
+        return short and not sense and bool(error.hint or re.search(r"[/^⁻]", text))
+    return False
+
+
+def with_law(heading: Heading) -> Heading:
+    """The heading with the law by which its numbers are turned into those of what it means."""
+    role, place = meaning_of(heading.name)
+    for law, (places, units, given) in LAWS.items():
+        named = heading.unit == law or has_word(heading.name, vocabulary()["laws"][law])
+        if named and place in places and heading.unit in units and role in KINDS.values():
+            return replace(heading, unit=given or heading.unit, law=law)
+    return replace(heading, unit="", unreadable=heading.unit) if heading.unit in LAWS else heading
+
+
+def by_law(number: float, unit: str, heading: Heading) -> float:
+    """A number of a column in phi [mm], a tangent [deg], or water over wet mass, as over dry mass."""
+    if heading.law == "mesh" or unit not in ("", heading.unit, heading.law):
+        raise ValueError(heading.law)
+    if heading.law == "wet":
+        return number / (1.0 - number * parse_scale(heading.unit).factor)
+    return 2.0**-number if heading.law == "phi" else degrees(atan(number))
 
 
 def stated_unit(heading: Heading, text: str) -> Heading:
     """The heading with the unit that the user states; one that cannot be read is kept as such."""
     unit = unit_in(text)
+    unit = "" if unit in LAWS else unit
     return replace(heading, unit=unit or "", unreadable="" if unit else text)
-
-
-def evident(unit: str, text: str) -> bool:
-    """Whether a word behind a name can only be its unit."""
-    stated = re.search(rf"(?:\sin\s|\s/\s|,\s){re.escape(unit)}$", text) is not None
-    return stated or unit in SAFE or any(sign in "%°‰µμ" for sign in unit) or (len(unit) > 2 and "/" in unit)
 
 
 def unit_in(text: str) -> str | None:
     """A unit in the spelling of this program, None for what is none."""
-    plain = text.strip().strip("'\"").removeprefix("in ").strip()
+    plain = text.strip(" '\"").removeprefix("in ").strip().translate(UNIT_SPELLINGS)
     if not plain:
         return None
-    plain = next((unit for unit, words in vocabulary()["units"].items() if plain in words), plain)
-    if VOLUME_SHARE.fullmatch(plain):
-        return VOLUMETRIC
-    if MASS_SHARE.fullmatch(plain):
-        return "%"
+    if spelt := next((unit for unit, words in vocabulary()["units"].items() if plain in words), ""):
+        return spelt
     try:
-        parse_scale(plain)
+        found = parse_scale(plain)
     except UnknownUnit:
         return None
-    return plain
+    return None if found.kind == (("radian", -1),) else plain  # the number of a repeat: `angle 1/°`
+
+
+@cache
+def words_of(kind: str) -> frozenset[str]:
+    """All words of a kind."""
+    return frozenset(word for words in vocabulary()[kind].values() for word in words)
 
 
 @cache
@@ -116,7 +195,7 @@ def vocabulary() -> dict[str, dict[str, tuple[str, ...]]]:
     text = (files("taichi_erosion.tables") / "vocabulary.toml").read_text(encoding="utf-8")
     return {
         kind: {
-            name: tuple(word if kind == "units" else plain_words(word) for word in words)
+            name: tuple(word if kind in AS_WRITTEN else plain_words(word) for word in words)
             for name, words in meanings.items()
         }
         for kind, meanings in tomllib.loads(text).items()
@@ -131,18 +210,32 @@ def plain_words(text: str) -> str:
     return " ".join(re.sub(r"[_\-./,:;]+", " ", bare).split())
 
 
-def found_length(word: str, heading: str) -> int:
-    """Length of a known word that a heading has; 0 where it has not.
+def occurrence(word: str) -> str:
+    """Pattern of a known word in a heading.
 
     A short word must stand alone; a longer one may be the part of a compound, at its beginning or its end.
     """
-    if any(ord(sign) >= IDEOGRAPHS for sign in word):
-        return 3 * len(word) if word in heading else 0
-    alone = rf"(?<!\w){re.escape(word)}(?!\w)"
-    part = rf"(?<!\w){re.escape(word)}|{re.escape(word)}(?!\w)"
-    return len(word) if re.search(alone if len(word) < COMPOUND or "*" in word else part, heading) else 0
+    plain = re.escape(word)
+    if ord(word[-1]) >= IDEOGRAPHS:
+        return plain
+    alone = len(word) < COMPOUND or "*" in word
+    return rf"(?<!\w){plain}(?!\w)" if alone else rf"(?<!\w){plain}|{plain}(?!\w)"
 
 
+def found_length(word: str, heading: str) -> int:
+    """Length of a known word that a heading has, an ideograph as three letters; 0 where it has not."""
+    if word not in heading or not re.search(occurrence(word), heading):
+        return 0
+    return len(word) * (3 if ord(word[-1]) >= IDEOGRAPHS else 1)
+
+
+def has_word(heading: str, words: Iterable[str]) -> bool:
+    """Whether a heading has one of some words."""
+    plain = plain_words(heading)
+    return any(found_length(word, plain) for word in words)
+
+
+@cache
 def longest_word(heading: str, *kinds: str) -> tuple[int, str, str]:
     """Length of the longest known word of some kinds in a heading, its kind, and its meaning."""
     plain = plain_words(heading)
@@ -161,22 +254,55 @@ def meaning_of(heading: str) -> tuple[Role, str]:
     """Role of a column and what it measures or sets; unknown for a heading without known words.
 
     A word for scatter or repeats at either end of a heading makes it one, whatever else is known in it:
-    `SD repose angle`. The sd of a condition is its error; any other scatter of it is a remark.
+    `SD repose angle`. The sd of a condition is its error; any other scatter of it is a remark. A word of a
+    thing that has the same quantity makes it another one: `funnel diameter`.
     """
     plain = plain_words(heading)
     whole = next((role for role, words in vocabulary()["whole"].items() if plain in words), None)
     if whole is not None:
         return whole, ""  # pyright: ignore[reportReturnType]
     length, kind, meant = longest_word(heading, *KINDS)
-    scatter = scatter_role(plain)
+    scatter = scatter_role(plain.partition("±")[0].strip(" (") or plain)  # `angle, mean ± SD` is no scatter
     if scatter is not None and len(plain) > length:
         if kind == "conditions":
             return ("condition_sd", meant) if scatter == "sd" else ("remark", "")
         return scatter, ""
     other, _, role = longest_word(heading, "roles")
-    if other > length:
+    if longest_word(heading, "others")[0] > max(length, other) or of_another(heading):
+        return "unknown", ""
+    if other and (not length or (role in SCATTER and other > length)):
         return role, ""  # pyright: ignore[reportReturnType]
     return KINDS.get(kind, "unknown"), meant
+
+
+def left_words(heading: str) -> str:
+    """Words of a heading beside those of the quantity that it means."""
+    plain, (_, kind, meant) = plain_words(heading), longest_word(heading, *KINDS)
+    words = (*vocabulary()[kind][meant], plain_words(meant.rpartition(".")[2])) if kind else ()
+    for word in sorted((word for word in words if word in plain), key=len, reverse=True):
+        plain = re.sub(occurrence(word), " ", plain)
+    return " ".join(plain.split())
+
+
+def of_another(heading: str) -> bool:
+    """Whether a heading names a thing that has the quantity too: the diameter of a funnel."""
+    things = vocabulary()["things"].get(longest_word(heading, *KINDS)[2], ())
+    return has_word(left_words(heading), things)
+
+
+def qualifiers(heading: Heading) -> tuple[str, str]:
+    """Words of a heading that make its quantity another one, and words that are not understood."""
+    left, meant, known = left_words(heading.name), longest_word(heading.name, *KINDS)[2], vocabulary()
+    for word in known["laws"].get(heading.law, ()):
+        left = re.sub(occurrence(word), " ", left)
+    scopes = [words for scope, words in known["changes"].items() if scope in (meant, "everywhere")]
+    scopes += [known["laws"][law] for law, (places, *_) in LAWS.items() if meant in places]
+    changed = [word for words in scopes for word in words if found_length(word, left)]
+    parts = {meaning_of(part) for part in BRACKETS.sub(" ", heading.name).split("/")}
+    if len([name for role, name in parts if role in KINDS.values()]) > 1 and left:
+        changed.append("/")  # a ratio of two quantities
+    others = [word for word in re.findall(r"[^\W\d_]{2,}", left) if word not in words_of("harmless")]
+    return max(changed, key=len, default=""), ", ".join(dict.fromkeys(others))
 
 
 def is_halved(heading: str) -> bool:
@@ -194,10 +320,39 @@ def scatter_role(plain: str) -> Role | None:
     return max(found)[1] if found else None
 
 
+def meaning_of_symbol(heading: Heading) -> tuple[Role, str]:
+    """Meaning of a letter by its unit: `d [mm]`."""
+    for name, symbols in vocabulary()["symbols"].items():
+        for letter, unit in (symbol.split(" ", 1) for symbol in symbols):
+            if not heading.unit or plain_words(heading.name) != plain_words(letter):
+                continue
+            if parse_scale(heading.unit).kind == parse_scale(unit).kind:
+                return "condition" if "." in name else "observable", name
+    return "unknown", ""
+
+
+def wind_height(heading: Heading, name: str) -> float:
+    """Height above the bed at which a column of winds was measured [m]; NaN where it states none.
+
+    `name` is what the heading means; a single letter u or v is a speed where its unit is one.
+    """
+    speed = bool(heading.unit) and parse_scale(heading.unit).kind == SPEED
+    if name not in WINDS and not (SYMBOL.match(heading.name) and speed):
+        return nan
+    text = re.sub(r"\[[^\]]*\]", " ", heading.text)
+    found = HEIGHT.search(text.replace("_", " "))
+    if found is not None:
+        return float(found["number"].replace(",", ".")) * parse_scale(found["unit"]).factor
+    index = INDEX.match(text)
+    return nan if index is None else float(index["number"])
+
+
 def near_meaning(heading: str) -> str:
     """Observable or condition that a heading seems to misspell, or may mean beside others; else empty."""
     plain, words = plain_words(heading), vocabulary()
-    asked = [name for name, texts in words["asked"].items() if any(found_length(w, plain) for w in texts)]
+    if longest_word(heading, "others")[0] or of_another(heading):
+        return ""
+    asked = [name for name, texts in words["asked"].items() if has_word(heading, texts)]
     known = {
         word: name
         for kind in ("observables", "conditions")

@@ -11,10 +11,11 @@ A file has one decimal mark. What has two readings, or is no number, is refused 
 import csv
 import io
 import re
+import unicodedata
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import zip_longest
 from math import inf, isfinite, isnan, nan
 from pathlib import Path
@@ -24,7 +25,15 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import digest_of, regular_file
 from taichi_erosion.scene.load import refuse_other_kind
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_unit, scale_between
-from taichi_erosion.tables.headings import meaning_of, plain_words, read_heading, unit_in, vocabulary
+from taichi_erosion.tables.headings import (
+    Heading,
+    by_law,
+    meaning_of,
+    plain_words,
+    read_heading,
+    unit_in,
+    vocabulary,
+)
 
 LARGEST_FILE = 20_000_000  # bytes; no table of measurements is larger
 SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
@@ -39,14 +48,22 @@ QUANTITY = re.compile(
     rf"(?P<limit>[<>]?)\s*(?P<number>{NUMBER})\s*(?P<unit>{UNIT})?"
     rf"(?:\s*(?:±|\+/-|\+-)\s*(?P<sd>{NUMBER})\s*(?P<sd_unit>{UNIT})?)?"
 )
-TO = r"\s*(?:\.\.\.?|…|\bto\b|\bbis\b)\s*"
-INTERVAL = re.compile(rf"(?P<low>{NUMBER}){TO}(?P<high>{NUMBER})\s*(?P<unit>{UNIT})?")
+TO = r"\s*(?P<to>\.\.\.?|…|\bto\b|\bbis\b|\bà\b|[-–—~～])\s*"
+LOW = rf"(?P<low>{NUMBER})(?:\s*[^\W\d_]{{1,3}}(?=\s*[-–—]))?"
+INTERVAL = re.compile(rf"{LOW}{TO}(?P<high>{NUMBER})\s*(?P<unit>{UNIT})?")
+BASE = r"[x×X*·⋅∙]\s*10\s*(?:(?:\^|\*\*)\s*\(?|\(?(?=[-+]))"  # of a power of ten
+POWER = re.compile(rf"(?<=\d)\s*(?:{BASE}([-+]?\d+)\)?|[eE]\s*([-+]\d+))(?!\d)")
+RAISED = re.compile(r"[⁺⁻]?[⁰¹²³⁴-⁹]+")
+MARK = r"(?:[a-h]{1,4}|[A-H]{1,4}|\*{1,4})?"  # of groups that do not differ; of significance
+MARKED = re.compile(
+    rf"(?P<value>[<>]?\s*{NUMBER})\s*(?P<mark>{MARK})(?P<sd>\s*(?:±|\+/-|\+-)\s*{NUMBER})?\s*(?P<last>{MARK})"
+)
+SIEVE = re.compile(r"[-+]?(\d+)(?:\s*(?:[/–-]|-?\s*\+|to)\s*(\d+))?\s*(?P<unit>mesh|目|#)?", re.IGNORECASE)
+STEP = 1e-5  # of a difference quotient
 MONTH = r"(?:jan|feb|m[aä]r|mrz|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[cz])[a-zé]*\.?"
 ONE_COLUMN = re.compile(rf"[^,;\t\n]+(?:\n{NUMBER})+", re.ASCII)  # of numbers with decimal commas
 DATE = re.compile(
-    r"\d{1,2}[./-]\d{1,2}[./-]\d{2,4}.*|\d{4}-\d{2}-\d{2}.*"
-    rf"|\d{{1,2}}\.?[ -]?{MONTH}.*|{MONTH}[ -]\d{{2,4}}",
-    re.IGNORECASE,
+    rf"\d{{1,4}}[./-]\d{{1,2}}[./-]\d{{2,4}}.*|\d{{1,2}}\.?[ -]?{MONTH}.*|{MONTH}[ -]\d{{2,4}}", re.IGNORECASE
 )
 SIGNS = str.maketrans({"\N{MINUS SIGN}": "-", "\N{ARABIC DECIMAL SEPARATOR}": ".", "≤": "<", "≥": ">"})
 Lines = list[tuple[int, list[str]]]  # row in the file from 1, cells
@@ -60,6 +77,7 @@ class Cells:
     rows: tuple[tuple[int, tuple[str, ...]], ...]  # row in the file from 1, cells; the heading first
     decimal_comma: bool = False
     form: str = ""  # how the file was read, in words
+    notes: tuple[str, ...] = ()  # what cells were taken for
 
     @property
     def heading(self) -> tuple[str, ...]:
@@ -89,7 +107,7 @@ def read_cells(path: Path, name: str, faults: list[str]) -> Cells:
         form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
     start = next((k for k, (_, cells) in enumerate(rows) if sum(map(bool, cells)) > 1), 0)  # below titles
     rows = with_repeats(with_one_heading(rows[start:]))
-    return Cells(name, tuple(rectangular(rows, name, faults)), comma, form)
+    return written_out(Cells(name, tuple(rectangular(rows, name, faults)), comma, form))
 
 
 def file_bytes(path: Path, name: str) -> bytes:
@@ -302,6 +320,57 @@ def rectangular(rows: Lines, name: str, faults: list[str]) -> Iterator[tuple[int
             yield line, tuple(cells[:width])
 
 
+def written_out(cells: Cells) -> Cells:
+    """The cells without marks of significance; numbers of a law, such as sizes in phi, as what they mean."""
+    columns, notes = [list(column) for column in zip(*(row for _, row in cells.rows), strict=True)], []
+    for column in columns:
+        heading, content = read_heading(column[0]), column[1:]
+        known = heading.unit or meaning_of(heading.name)[0] not in ("group", "source", "remark", "unknown")
+        plain = without_marks(content) if known else content
+        column[1:] = [in_unit(cell, heading, cells.decimal_comma) for cell in plain]
+        told = vocabulary()["conversions"][heading.law or "mesh"] if column[1:] != plain else ()
+        marks = ("letters or stars behind numbers are left out",) if plain != content else ()
+        notes += [f"column '{heading.text}': {words}" for words in (*marks, *told)]
+    rows = zip((line for line, _ in cells.rows), zip(*columns, strict=True), strict=True)
+    return replace(cells, rows=tuple(rows), notes=tuple(notes))
+
+
+def without_marks(content: list[str]) -> list[str]:
+    """Cells of a column without letters of groups that do not differ, `27.9a`, and stars behind numbers.
+
+    Letters are such ones where an 'a' is among them, which is no unit; capital ones where there are two.
+    """
+    found = [MARKED.fullmatch(plain_cell(cell)) for cell in content]
+    letters = {sign for match in found if match for sign in match["mark"] + match["last"]}
+    if not ("a" in letters or letters == {"*"} or len(letters & set("ABCDEFGH")) > 1):
+        return content
+    return [f"{m['value']}{m['sd'] or ''}" if m else cell for m, cell in zip(found, content, strict=True)]
+
+
+def in_unit(cell: str, heading: Heading, comma: bool) -> str:
+    """A cell whose number follows a law, or is that of a sieve, as a number in the unit of its column.
+
+    What cannot be turned gets the law as its unit, which nobody knows.
+    """
+    mark, sieve = "," if comma else ".", SIEVE.fullmatch(plain_cell(cell))
+    if sieve is not None and (heading.law == "mesh" or sieve["unit"]):
+        sizes = [vocabulary()["sieves"].get(number, ("nan",))[0] for number in sieve.group(1, 2) if number]
+        if "nan" not in sizes:
+            return " to ".join(sorted(sizes, key=float)).replace(".", mark) + " mm"
+    if not heading.law or cell_word(cell):
+        return cell
+    try:
+        found = read_cell(cell, comma)
+        step = found.reach if 0.0 < found.reach < inf else STEP
+        low, value, high = (by_law(found.value + x, found.unit, heading) for x in (-step, 0.0, step))
+    except (ValueError, ArithmeticError):
+        return f"{cell} {heading.law}"
+    if step == found.reach:
+        return f"{min(low, high):.9g} to {max(low, high):.9g}".replace(".", mark)
+    sd = "" if isnan(found.sd) else f" ± {abs(high - low) / (2.0 * STEP) * found.sd:.6g}"
+    return f"{'<' * (found.reach < 0.0)}{'>' * (found.reach > 0.0)}{value:.9g}{sd}".replace(".", mark)
+
+
 def source_digest(table: Path) -> str:
     """Digest of the cells by which a laboratory's table is known again; empty where it is unreadable."""
     try:
@@ -326,8 +395,9 @@ class CellNumber:
 
 
 def plain_cell(text: str) -> str:
-    """A cell with one kind of minus and of limits."""
-    return text.strip().translate(SIGNS)
+    """A cell with one kind of minus and of limits, and powers of ten as `5.7e-1`."""
+    raised = RAISED.sub(lambda power: f"^{unicodedata.normalize('NFKC', power[0])}", text.strip())
+    return POWER.sub(lambda power: f"e{power[1] or power[2]}", raised.translate(SIGNS))
 
 
 def cell_word(cell: str) -> str:
@@ -358,27 +428,37 @@ def is_quantity(cell: str) -> bool:
     return bool(cell_word(cell) or QUANTITY.fullmatch(plain) or INTERVAL.fullmatch(plain))
 
 
-def read_cell(text: str, comma: bool, single: bool = False) -> CellNumber:
-    """Number of a cell; raises CellFault. `single`: a limit or an interval is none."""
+def read_cell(text: str, comma: bool, single: bool = False, middle: bool = False) -> CellNumber:
+    """Number of a cell; raises CellFault. `single`: a limit is none, and an interval at most its `middle`."""
     plain = plain_cell(text)
     if is_missing(plain):
         return CellNumber()
     match, between = QUANTITY.fullmatch(plain), INTERVAL.fullmatch(plain)
     if DATE.fullmatch(plain) or not (match or between):
         raise CellFault(reason(plain))
-    if single and (between or (match and match["limit"])):
-        raise CellFault("is no single number; write the likeliest")
-    if between is not None:
-        low, high = decimal(between["low"], comma), decimal(between["high"], comma)
-        if not low < high:
-            raise CellFault("is no interval: the first number must be below the second")
-        return CellNumber(0.5 * (low + high), 0.5 * (high - low), unit=between["unit"] or "")
+    if between and (match is None or unit_in(match["unit"] or "1") is None):  # `5e-3` is one number
+        if single and not middle:
+            raise CellFault("is no single number; write the likeliest")
+        return interval(between, comma)
     assert match is not None
+    if single and match["limit"]:
+        raise CellFault("is no single number; write the likeliest")
     if match["sd_unit"] and match["sd_unit"] != match["unit"] and (match["unit"] or match["sd_unit"] == "%"):
         raise CellFault("has two units, of the value and its scatter; give the scatter a column of its own")
     reach = {"<": -inf, ">": inf}.get(match["limit"], 0.0)
     sd = decimal(match["sd"], comma) if match["sd"] else nan
-    return CellNumber(decimal(match["number"], comma), reach, sd, match["unit"] or match["sd_unit"] or "")
+    unit = match["unit"] or match["sd_unit"] or ""
+    return CellNumber(decimal(match["number"], comma), reach, sd, unit_in(unit) or unit)
+
+
+def interval(between: re.Match[str], comma: bool) -> CellNumber:
+    """Middle and half width of an interval; of a class of sizes, `0.43-0.25 mm`, the coarse end may lead."""
+    low, high = (decimal(between[end], comma) for end in ("low", "high"))
+    if between["to"] in "-–—":
+        low, high = min(low, high), max(low, high)
+    if not low < high:
+        raise CellFault("is no interval: the first number must be below the second")
+    return CellNumber(0.5 * (low + high), 0.5 * (high - low), unit=between["unit"] or "")
 
 
 def reason(plain: str) -> str:
@@ -387,6 +467,8 @@ def reason(plain: str) -> str:
         return "is not seen: leave the cell empty, or write '<' and the least value that the instrument sees"
     if DATE.fullmatch(plain):
         return "is a date; if the spreadsheet made it of a number, set the column to text and type it again"
+    if re.match(r"[~≈∼?(]|(?:ca|c|approx|about|etwa|rund|env|um)\b", plain, re.I) or plain.endswith("?"):
+        return "is no certain number: write the number alone, and behind ± how well it is known"
     return (
         "must be a number (a measured one also 31.2 ± 0.8, <0.02 or 20..25); words belong into another column"
     )

@@ -26,6 +26,7 @@ from taichi_erosion.evidence.answers.written_files import Content, StudyFiles, w
 from taichi_erosion.evidence.data.measured import read_rows
 from taichi_erosion.evidence.data.physical_ranges import (
     OBSERVED,
+    OWN_RANGES,
     PhysicalRange,
     column_faults,
     place_range,
@@ -66,6 +67,10 @@ CLOSED_FORM_CONDITIONS = {  # place -> condition of the closed form
     "conditions.angularity": "angularity",
     "conditions.fetch": "fetch",
     "conditions.friction_velocity": "u_star",
+    "conditions.width": "width",
+    "conditions.turbulence": "turbulence",
+    "conditions.spread": "spread",
+    "conditions.air_density": "air_density",
 }
 THRESHOLD = Calibrated("threshold_coefficient", 0.1, 0.04, 0.2, 0.2, "Bagnold's coefficient")
 SLIDING = Calibrated("friction_sliding", 0.5, 0.1, 1.2, 0.2, "grain on grain")
@@ -234,7 +239,7 @@ def scene_content(asked: Asked) -> Content:
     for key, names in apparatus_of_all(asked).items():
         if key == OWN:
             own = asked.wishes.scene or Path()
-            template, file = own_template(own, asked.told), asked.relative(own)
+            template, file = own_template(own, asked), asked.relative(own)
         else:
             scene = f"{key}_scene" if key == stem else key  # none has the name of the study
             template, file = TEMPLATES[key], f"{scene}.toml"
@@ -303,7 +308,7 @@ def new_scene(asked: Asked, key: str, names: Sequence[str]) -> str:
         )
     notes = f"Made for {file}: {', '.join(names)}. Numbers of grains and contacts are usual ones."
     head = {"title": f"{file}: {template.words}", "notes": notes}
-    return scene_text(template, head, diameters, grains, density, undeclared(asked.told))
+    return scene_text(template, head, diameters, grains, density, undeclared(asked))
 
 
 def grain_diameters(asked: Asked, template: Template) -> list[float]:
@@ -374,15 +379,16 @@ def told_of(wishes: Wishes) -> Told:
     )
 
 
-def undeclared(told: Told) -> dict[str, str]:
+def undeclared(asked: Asked) -> dict[str, str]:
     """Names and units of conditions that no scene has by itself."""
-    own = {path: unit for path, unit in told.own_units.items() if unit_of_path(path) is None}
+    own = {path: unit for path, unit in asked.told.own_units.items() if unit_of_path(path) is None}
+    own |= {path: ranges.unit for path, ranges in OWN_RANGES.items() if path in asked.places.values()}
     return {path.removeprefix(CONDITION): unit for path, unit in own.items()}
 
 
-def own_template(file: Path, told: Told) -> Template:
+def own_template(file: Path, asked: Asked) -> Template:
     """The apparatus of an own scene; the friction of its grains on each other is calibrated."""
-    if lost := (own := undeclared(told)).keys() - declared_units(file).keys():
+    if lost := (own := undeclared(asked)).keys() - declared_units(file).keys():
         unit = own[name := min(lost)]
         entry = f'[conditions.extra] {name} = {{ unit = "{unit}" }}'
         raise BadInput(f"{file}: does not declare the condition '{name}'; write {entry}")

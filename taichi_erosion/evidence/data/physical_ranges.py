@@ -65,12 +65,21 @@ USUAL: Mapping[str, tuple[float, float]] = {  # of places, in their units
     "conditions.friction_velocity": (0.02, 5.0),
     "conditions.wind_speed": (0.2, 60.0),
 }
+OWN_RANGES: Mapping[str, PhysicalRange] = {  # of conditions that no scene has by itself
+    "conditions.width": PhysicalRange("m", 0.0, 100.0, (5e-4, 5.0)),
+    "conditions.turbulence": PhysicalRange("1", 0.0, 2.0),
+    "conditions.spread": PhysicalRange("1", 1.0, 100.0),
+    "conditions.air_density": PhysicalRange("kg/m3", 0.001, 100.0, (0.5, 2.0)),
+    "conditions.roughness_length": PhysicalRange("m", 0.0, 10.0, (1e-7, 0.5)),
+}
 
 
 def place_range(path: str) -> PhysicalRange | None:
     """Range of the number at a dotted path of a scene: the schema's, with the usual one where it is known."""
     number = number_at(path)
-    return None if number is None else PhysicalRange(number.unit, number.low, number.high, USUAL.get(path))
+    if number is None:
+        return OWN_RANGES.get(path)
+    return PhysicalRange(number.unit, number.low, number.high, USUAL.get(path))
 
 
 def column_faults(

@@ -101,8 +101,6 @@ def parse_unit(text: str) -> Unit:
     plain = plain_text(text)
     if plain in PURE_NUMBERS:
         return PURE
-    if plain in AMBIGUOUS:
-        raise UnknownUnit(text, AMBIGUOUS[plain])
     if len(plain) > LONGEST or not GRAMMAR.fullmatch(plain):
         told = "put what is divided by into parentheses: kg/(m s)"
         raise UnknownUnit(text, told if "/" in plain and "(" not in plain else "")
@@ -126,6 +124,8 @@ def parse_scale(text: str) -> Unit:
 
 def named_unit(symbol: str, text: str) -> Unit:
     """Unit of one symbol, with or without a prefix."""
+    if symbol in AMBIGUOUS:
+        raise UnknownUnit(text, AMBIGUOUS[symbol])
     found = dictionary_entry(SIGNS.get(symbol, symbol))
     if found is None:
         lower = symbol.lower()

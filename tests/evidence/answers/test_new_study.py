@@ -69,7 +69,7 @@ WRONG_FILES = [
     (changed("1,6", "1600"), "row 2, moisture = 1600 %", "check number and unit"),
     (changed("33,5", "12. Mrz"), "row 2, Böschungswinkel", "set the column to text"),
     (changed("33,5", "n.n."), "row 2, Böschungswinkel", "write '<' and the least value"),
-    (changed("33,5", "32-35"), "= '32-35' must be a number", "or 20..25"),
+    (changed("33,5", "~32"), "= '~32' is no certain number", "behind ±"),
     (changed("33,5", "35..32"), "row 2, Böschungswinkel", "first number must be below"),
     ((GOOD + "D;1;1;33;1;5\n").replace(";5\n", ";2,5\n").encode("cp1252"), "row 2, n =", "; 3 rows more"),
     (changed("33,5", "33,5 (0,7)"), "row 2, Böschungswinkel", "31.2 ± 0.8"),

@@ -8,26 +8,28 @@ friction velocity nor the free stream of a tunnel. With the roughness length of 
 velocity by the law of the wall.
 """
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from math import isnan, log, nan
 
 from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.measures.boundary_layer import KARMAN
-from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale, parse_unit
+from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale
 from taichi_erosion.tables.headings import (
     DIAMETER,
     SCATTER,
-    VOLUMETRIC,
     Heading,
     Role,
     is_halved,
+    longest_word,
     meaning_of,
+    meaning_of_symbol,
     near_meaning,
     plain_words,
+    qualifiers,
     read_heading,
     stated_unit,
+    wind_height,
 )
 from taichi_erosion.tables.spreadsheet import (
     Cells,
@@ -45,16 +47,6 @@ NOT_USED = "-"  # in place of a name
 NOTE = "note"  # first word of the heading of a column that is not used
 UNUSED = f"a column that is not used has a heading that begins with '{NOTE}'"
 SHARES = {"": 0.01, "%": 0.01, "1": 1.0, "-": 1.0}  # of a coefficient of variation in such a unit
-SYMBOLS = {  # single letters with such a unit
-    "d": ("mm", DIAMETER),
-    "T": ("K", "conditions.temperature"),
-    "w": ("%", "conditions.moisture"),
-}
-WINDS = ("threshold_wind_speed", "conditions.wind_speed")
-SYMBOL = re.compile(r"\s*[uUvV](?![\w*])|\s*[uUvV]_?\d")  # of a speed; u* is none
-HEIGHT = re.compile(r"(?<![\w.,/^-])_?(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>mm|cm|m)(?![\w/^-])")
-INDEX = re.compile(r"\s*[uUvV]_?(?P<number>\d+)\s*(?:m\b|$|[\s(\[])")  # U10, u_2
-SPEED = parse_unit("m/s").kind
 
 
 @dataclass(frozen=True)
@@ -74,6 +66,8 @@ class Column:
     factor: float = 1.0  # from the numbers of the column to those of what it measures or sets
     is_repeat: bool = False  # of an observable whose first repeats stand in a column before it
     is_set: bool = False  # of the sd of a condition: about the value to which it was set
+    changed: str = ""  # a word of its heading that makes it another quantity than `near`
+    unclear: str = ""  # words of its heading that are not understood
 
 
 @dataclass(frozen=True)
@@ -95,8 +89,10 @@ def column_roles(cells: Cells, told: Told, faults: list[str]) -> list[Column]:
     faults += heading_faults(cells)
     named = stated_names(cells, told, faults)
     columns = [with_unit(column_of(cells, place, named), told) for place in range(len(cells.heading))]
-    found = []
+    found, plain = [], {column.name for column in columns}
     for column in columns:
+        if column.changed and column.near in plain:  # another column states the quantity itself
+            column = replace(column, near="")
         wrong = list(unit_faults(cells, column))
         faults += wrong
         column = replace(column, title=told.titles.get(column.name) or tidy_name(column.name))
@@ -151,27 +147,22 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
     if place in named or plain_words(heading.name).partition(" ")[0] == NOTE:
         return Column(place, heading, *named.get(place, ("remark", "")), numeric=numeric)
     role, name = meaning_of(heading.name)
-    if role == "unknown" or (role == "remark" and numeric and heading.unit):
+    if role == "unknown" or (role in ("remark", "group") and numeric and heading.unit):
         role, name = meaning_of_symbol(heading)  # a quantity, whatever word of remarks it has
     if not numeric:
+        labels = longest_word(heading.name, "roles")[2] == "group" and not has_digit(content)
+        role = "group" if labels else role  # `soil moisture` above words
         known = role in ("group", "source") or (role in ("observable", "condition") and has_digit(content))
         return Column(place, heading, role if known else "remark", name if known else "", numeric=False)
     height = wind_height(heading, name)
     if not isnan(height):
         return Column(place, heading, "remark", sure=False, height=height)
-    if role == "unknown":
-        return Column(place, heading, "remark", sure=False, near=near_meaning(heading.name))
+    changed, unclear = qualifiers(heading) if role in ("observable", "condition") else ("", "")
+    if role == "unknown" or changed:
+        near = name if changed else near_meaning(heading.name)
+        return Column(place, heading, "remark", sure=False, near=near, changed=changed)
     factor = HALF if role == "observable" and is_halved(heading.name) else 1.0
-    return Column(place, heading, role, name, sure=role != "spread", factor=factor)
-
-
-def meaning_of_symbol(heading: Heading) -> tuple[Role, str]:
-    """Meaning of a single letter by its unit: `d [mm]`."""
-    unit, place = SYMBOLS.get(heading.name.strip(), ("", ""))
-    if not unit or not heading.unit or heading.unit == VOLUMETRIC:
-        return "unknown", ""
-    same = parse_scale(heading.unit).kind == parse_scale(unit).kind
-    return ("condition", place) if same else ("unknown", "")
+    return Column(place, heading, role, name, sure=role != "spread", factor=factor, unclear=unclear)
 
 
 def tidy_name(place: str) -> str:
@@ -195,30 +186,9 @@ def unit_faults(cells: Cells, column: Column) -> Iterator[str]:
             yield f"{where}: '{column.heading.unreadable}' is no unit; {hint}"
     if column.role == "cv" and column.heading.unit not in SHARES:
         yield f"{where}: a coefficient of variation counts in % or as a share [1]"
-    if column.role == "condition" and column.heading.unit == VOLUMETRIC:
-        yield (
-            f"{where}: a share of the volume is no {column.name.rpartition('.')[2]}: water is counted by "
-            "mass; divide by the dry bulk density over that of water, and write [%]"
-        )
     if used and not column.numeric:
         first = next(row[column.place] for _, row in cells.lines if row[column.place])
         yield f"{where} has no numbers that can be read: '{first}' {reason(plain_cell(first))}; {UNUSED}"
-
-
-def wind_height(heading: Heading, name: str) -> float:
-    """Height above the bed at which a column of winds was measured [m]; NaN where it states none.
-
-    `name` is what the heading means; a single letter u or v is a speed where its unit is one.
-    """
-    speed = heading.unit not in ("", VOLUMETRIC) and parse_scale(heading.unit).kind == SPEED
-    if name not in WINDS and not (SYMBOL.match(heading.name) and speed):
-        return nan
-    text = re.sub(r"\[[^\]]*\]", " ", heading.text)
-    found = HEIGHT.search(text.replace("_", " "))
-    if found is not None:
-        return float(found["number"].replace(",", ".")) * parse_unit(found["unit"]).factor
-    index = INDEX.match(text)
-    return nan if index is None else float(index["number"])
 
 
 def friction_factor(height: float, roughness: float) -> float:

@@ -7,7 +7,7 @@ is none: without an answer the question is a fault, with what would settle it.
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import isnan
+from math import inf, isnan
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.physical_ranges import OBSERVED, likely_units, place_range
@@ -15,7 +15,6 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     HALF,
     NOT_USED,
     UNUSED,
-    WINDS,
     Column,
     Told,
     column_roles,
@@ -23,11 +22,11 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     roughness_length,
     tidy_name,
 )
-from taichi_erosion.scene.paths import unit_of_path
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
 from taichi_erosion.tables.headings import (
     FRICTION_VELOCITY,
     SCATTER,
+    WINDS,
     meaning_of,
     plain_words,
     read_heading,
@@ -35,7 +34,7 @@ from taichi_erosion.tables.headings import (
     unit_in,
     vocabulary,
 )
-from taichi_erosion.tables.spreadsheet import CellFault, CellNumber, Cells, read_cell
+from taichi_erosion.tables.spreadsheet import CellFault, CellNumber, Cells, read_cell, written_out
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 AGREED = ("y", "j", "o", "s")  # first letters of yes, ja, oui, si
@@ -106,6 +105,12 @@ def understood(
 ) -> list[Column]:
     """The columns of a table, settled, with units; `measured`: one of them must hold a measured quantity."""
     columns = column_roles(cells, told, faults)
+    unclear = [(c.heading.text, c.title or c.name, c.unclear) for c in columns if c.unclear]
+    told_of_words = [
+        f"column '{text}' is read as {name}: '{w}' is not understood" for text, name, w in unclear
+    ]
+    for note in (*cells.notes, *told_of_words):
+        interview.assume(note)
     if faults:  # nobody is asked about a table that has to be corrected
         interview = Interview()
     reading = Reading(cells, told, interview, faults)
@@ -147,6 +152,8 @@ def settled_unknown(column: Column, reading: Reading) -> Column:
     """A column whose heading says nothing known, as the user calls it."""
     text = column.heading.text
     told = f" '{column.near}' is near its heading." if column.near else ""
+    changed = f"'{column.changed}' makes it another quantity than {column.near}"
+    told = f" {changed}." if column.changed else told
     question = (
         f"Column '{text}' is not known.{told} Type the name of a measured quantity (repose_angle, flux, "
         f"...), a place of the scene (conditions.moisture, ...), or {NOT_USED} for a column that is not used "
@@ -160,7 +167,11 @@ def settled_unknown(column: Column, reading: Reading) -> Column:
             if not reading.told.measures:  # a study says itself what there is
                 own = reading.told.titles.get(column.near, column.near.rpartition(".")[2])
                 said = f"head it '{own}', or name it in [columns] of the study"
-            return reading.fault(column, f"did you mean {column.near}? {said}; {UNUSED}")
+            why = f"did you mean {column.near}?"
+            if column.changed:
+                remedy = vocabulary()["remedies"].get(column.near, (f"give {column.near} itself",))[0]
+                why = f"{changed}: {remedy}; if it is that,"
+            return reading.fault(column, f"{why} {said}; {UNUSED}")
     else:
         meaning = f"column '{text}' is not used: its heading says nothing known"
         answer = reading.interview.choice(question, NOT_USED, meaning)
@@ -210,9 +221,15 @@ def settled_wind(column: Column, reading: Reading, measured: bool) -> Column:
 def without_unknown(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
     """The columns without what no scene measures or has, and without a second one for one condition."""
     seen: dict[str, str] = {}
+    bent = [each for each in columns if each.role in ("observable", "condition") and each.heading.law]
     for column in columns:
         used = column.role in ("observable", "condition")
         wrong = column_fault(column, seen, reading.told) if used else ""
+        own = [each for each in bent if each.role == "observable" or each.name == column.name]
+        if own and column.role in ("sd", "se", "cv", "condition_sd"):
+            wrong = (
+                f"its numbers are turned with those of '{own[0].heading.text}': write them there, behind ±"
+            )
         if used:
             seen.setdefault(column.name, column.heading.text)
         yield reading.fault(column, wrong) if wrong else column
@@ -231,7 +248,8 @@ def column_fault(column: Column, seen: Mapping[str, str], told: Told) -> str:
         known = column.name in told.measures
         return "" if known else f"no scene measures '{column.name}'; known: {', '.join(told.measures)}"
     path = column.name.split(",")[0].strip()
-    unit = told.own_units.get(path) or unit_of_path(path)
+    allowed = place_range(path)
+    unit = told.own_units.get(path) or (allowed and allowed.unit)
     if unit is None:
         own = f"'{column.name}' is no unit and no place of a scene (a condition of your own: COLUMN=g/kg)"
         return f"{own}; places: {', '.join(vocabulary()['conditions'])}"
@@ -301,9 +319,13 @@ def with_partners(columns: Sequence[Column], interview: Interview) -> Iterator[C
 
 def with_asked_unit(column: Column, reading: Reading) -> Column:
     """A column of numbers with the unit that its heading lacks: that behind its numbers, or an asked one."""
-    if column.role not in ("observable", "condition", "cv") or column.heading.unit:
+    if column.role not in ("observable", "condition", "cv"):
         return column
     numbers, text = reading.numbers(column), column.heading.text
+    if column.role == "condition" and any(0.0 < number.reach < inf for number in numbers):
+        reading.interview.assume(f"ranges in column '{text}' count as their middle")
+    if column.heading.unit:
+        return column
     written = next((number.unit for number in numbers if number.unit), "")
     if written or (written := reading.told.own_units.get(column.name, "")):
         return replace(column, heading=stated_unit(column.heading, written))
@@ -351,7 +373,7 @@ def upright(cells: Cells, interview: Interview) -> Cells:
         return cells
     columns = zip(*(row for _, row in cells.rows), strict=True)
     rows = tuple((k, column) for k, column in enumerate(columns, 1) if any(column))
-    return replace(cells, file=f"{cells.file} (rows and columns exchanged)", rows=rows)
+    return written_out(replace(cells, file=f"{cells.file} (rows and columns exchanged)", rows=rows))
 
 
 def lies_on_its_side(cells: Cells) -> bool:

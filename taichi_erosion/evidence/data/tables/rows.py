@@ -31,7 +31,7 @@ from taichi_erosion.scene.schema.units import (
     parse_unit,
     scale_between,
 )
-from taichi_erosion.tables.headings import VOLUMETRIC, Role, is_summary, read_heading
+from taichi_erosion.tables.headings import Role, is_summary, read_heading
 from taichi_erosion.tables.spreadsheet import (
     CellFault,
     CellNumber,
@@ -125,7 +125,7 @@ def tidy_columns(cells: Cells) -> list[Column]:
             continue
         name = error["name"] if error else heading.name
         role: Role = "condition_sd" if error else ROLES.get(name, "condition")
-        if heading.unreadable or heading.unit == VOLUMETRIC:
+        if heading.unreadable:
             faults.append(f"{where}: unknown unit; allowed: {EXAMPLES}")
         elif heading.unit and role not in ("condition", "condition_sd", "remark"):
             faults.append(f"{where}: the unit of values stands in column 'unit'")
@@ -266,7 +266,8 @@ class RowReader:
         """Number of a cell in a unit, else that of its column; nothing, and a fault, where there is none."""
         own = column.heading.unit
         try:
-            found = read_cell(row[column.place], self.cells.decimal_comma, single)
+            comma, middle = self.cells.decimal_comma, column.role == "condition"
+            found = read_cell(row[column.place], comma, single, middle)
             scale = self.scale(found.unit or own, own if unit is None else unit)
         except CellFault as fault:
             self.fault(line, column, row, fault)
