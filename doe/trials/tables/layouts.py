@@ -243,7 +243,8 @@ def write_table(sheet: Sheet, settings: Sequence[Setting], folder: Path, stem: s
     if not style.workbook:
         text = io.StringIO(newline="")
         csv.writer(text, delimiter=style.separator, lineterminator="\n").writerows(rows)
-        write_atomic(folder / f"{stem}.csv", text.getvalue().encode(style.encoding, "replace"))
+        encoding = "utf-8" if "⁻" in text.getvalue() else style.encoding  # cp1252 has no raised minus
+        write_atomic(folder / f"{stem}.csv", text.getvalue().encode(encoding))
         return
     book = openpyxl.Workbook()
     page = book.worksheets[0]

@@ -6,9 +6,8 @@ from typing import Any
 
 WORDS: dict[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 QUANTITIES, CONDITIONS, EXTRAS = (WORDS[key] for key in ("quantities", "conditions", "extras"))
-SHARES, LABORATORY = WORDS["shares"], WORDS["laboratory"]
 RANGES = {name: tuple(extra["range"]) for name, extra in EXTRAS.items() if "range" in extra}
-FORMS, NUMBERS = WORDS["headings"], WORDS["numbers"]
+SHARES, LABORATORY, FORMS, NUMBERS = (WORDS[k] for k in ("shares", "laboratory", "headings", "numbers"))
 
 
 def heading(name: str, unit: str, form: str) -> str:
