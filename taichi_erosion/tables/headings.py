@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cache
 from importlib.resources import files
+from itertools import zip_longest
 from math import atan, degrees, nan
 from typing import Literal
 
@@ -301,7 +302,7 @@ def qualifiers(heading: Heading) -> tuple[str, str]:
     parts = {meaning_of(part) for part in BRACKETS.sub(" ", heading.name).split("/")}
     if len([name for role, name in parts if role in KINDS.values()]) > 1 and left:
         changed.append("/")  # a ratio of two quantities
-    others = [word for word in re.findall(r"[^\W\d_]{2,}", left) if word not in words_of("harmless")]
+    others = [word for word in re.findall(r"[^\W\d_]{3,}", left) if word not in words_of("harmless")]
     return max(changed, key=len, default=""), ", ".join(dict.fromkeys(others))
 
 
@@ -361,8 +362,15 @@ def near_meaning(heading: str) -> str:
         if len(word) >= COMPOUND
     }
     parts = (plain, *(part for part in plain.split() if len(part) >= COMPOUND))
-    near = [word for part in parts for word in get_close_matches(part, known, n=1, cutoff=NEAR)]
+    near = [word for part in parts for word in get_close_matches(part, known, cutoff=NEAR)]
+    near = [word for word in near if any(is_misspelt(part, word) for part in parts)]
     return next(iter([*asked, *(known[word] for word in near)]), "")
+
+
+def is_misspelt(text: str, word: str) -> bool:
+    """Whether a text may be a known word, misspelt in each of its words."""
+    pairs = tuple(zip_longest(text.split(), word.split(), fillvalue=""))
+    return all(get_close_matches(own, [known], cutoff=NEAR) for own, known in pairs)
 
 
 def is_summary(cell: str) -> bool:

@@ -1,0 +1,94 @@
+"""What headings mean: the quantity, its unit, and words that make it another one."""
+
+import pytest
+
+from taichi_erosion.tables.headings import (
+    meaning_of,
+    meaning_of_symbol,
+    near_meaning,
+    qualifiers,
+    read_heading,
+)
+
+READ = """
+flux: flux (g/(m s)) -> g/(m s); sand flux g·m^-1·s^-1 -> g·m^-1·s^-1; Q (kg m⁻¹ s⁻¹) -> kg m⁻¹ s⁻¹
+flux: flux in kg/(m h) -> kg/(m h)
+repose_angle: Winkel der Böschung 1/° -> °; angle of repose (o) -> deg
+repose_angle: angle of repose, mean ± SD (deg.) -> deg; AoR of 5 tests ° -> °
+repose_angle: 休止角/(°) -> (°); 堆积角 (°) -> °
+threshold_u_star: 起动摩阻风速 (m/s) -> m/s; u_*t (cm s-1) -> cm s-1
+conditions.moisture: moisture (% w/w) -> %; moisture (% (dry basis)) -> %; moisture wt.% -> %
+conditions.moisture: Feuchte in mass-% -> %; Feuchte (Gew.-%) -> %; water content (g 100 g-1) -> %
+conditions.moisture: moisture g/kg -> g/kg; moisture (g water/g dry soil) -> g/g
+grains.size.diameter: Mean size d50 (µm, sieved) -> µm; grain size (D50) [mm] -> mm; d [mm] -> mm
+conditions.width: cell thickness (mm) -> mm
+conditions.roughness_length: aerodynamic roughness length z₀ (mm) -> mm
+conditions.spread: d90/d50 (-) -> 1
+conditions.relative_humidity: air humidity (%) -> %
+conditions.altitude: altitude (m a.s.l.) -> m
+conditions.air_density: air density (kg/m3) -> kg/m3
+"""  # meaning: heading -> unit; ...
+CHANGED = """
+volumetric water content (%); water content (cm3/cm3); Feuchte (Vol.-%); 体积含水率 (%); water saturation (%)
+relative moisture (%); air moisture (%); moisture increase (%); moisture (% of field capacity)
+moisture, wet basis; normalised flux (g/m/s); log10 flux; u*/u*t; cos slope; repose angle, mean ± SE (deg)
+maximum grain size (mm); predicted repose angle (deg)
+"""  # each another quantity than the one whose word it has
+UNKNOWN = """
+funnel diameter (mm); wind direction (°); vertical dust flux (g/m2/s); sample mass (g); bulk density (g/cm3)
+"""
+
+
+def headings(block: str) -> list[str]:
+    return block.strip().replace("\n", "; ").split("; ")
+
+
+@pytest.mark.parametrize("line", READ.strip().splitlines())
+def test_a_heading_has_its_quantity_and_its_unit(line):
+    meant, _, listed = line.partition(": ")
+    for text, unit in (each.split(" ->") for each in listed.split("; ")):
+        check(text, meant, unit.strip())
+
+
+def check(text: str, meant: str, unit: str) -> None:
+    heading = read_heading(text)
+    role, name = meaning_of(heading.name)
+    name = meaning_of_symbol(heading)[1] if role == "unknown" else name
+    assert (name, heading.unit, heading.unreadable, heading.law) == (meant, unit, "", "")
+    assert qualifiers(heading)[0] == ""
+
+
+@pytest.mark.parametrize("text", headings(CHANGED))
+def test_a_word_that_makes_another_quantity_is_seen(text):
+    assert qualifiers(read_heading(text))[0]
+
+
+@pytest.mark.parametrize("text", headings(UNKNOWN))
+def test_a_quantity_of_another_thing_is_not_read_and_not_mistaken(text):
+    name = read_heading(text).name
+    assert (meaning_of(name)[0], near_meaning(name)) == ("unknown", "")
+
+
+def test_words_that_change_nothing_and_are_not_known_are_told():
+    assert qualifiers(read_heading("mean angle of repose of sand (loess) [deg]")) == ("", "loess")
+
+
+@pytest.mark.parametrize("inside", ["g/m s", "gr/m/s", "kg/m s"])
+def test_what_stands_in_brackets_as_a_unit_and_is_none_is_told(inside):
+    assert read_heading(f"flux ({inside})").unreadable == inside
+
+
+@pytest.mark.parametrize(
+    ("text", "law", "unit"),
+    [
+        ("mean grain size (phi)", "phi", "mm"),
+        ("mesh no.", "mesh", "mm"),
+        ("tangent of the angle of repose", "tan", "deg"),
+        ("moisture content (%, w.b.)", "wet", "%"),
+        ("tan flux (g/m/s)", "", "g/(m s)"),
+        ("mesh size (mm)", "", "mm"),
+    ],
+)
+def test_numbers_of_a_law_are_known_by_their_heading(text, law, unit):
+    heading = read_heading(text)
+    assert (heading.law, heading.unit) == (law, unit)

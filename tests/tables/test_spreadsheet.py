@@ -1,0 +1,86 @@
+"""Numbers of cells: powers of ten, ranges, marks of significance, and numbers of a law."""
+
+from math import atan, degrees, nan
+
+import pytest
+
+from taichi_erosion.tables.spreadsheet import CellFault, Cells, read_cell, written_out
+
+
+@pytest.mark.parametrize(
+    ("cell", "value", "reach", "unit"),
+    [
+        *(
+            (text, 0.57, 0.0, "")
+            for text in (
+                "5.7 x 10^-1",
+                "5.7\N{MULTIPLICATION SIGN}10⁻¹",
+                "5.7 E-01",
+                "5.7·10-1",
+                "5.7*10**-1",
+            )
+        ),
+        ("2·10³", 2000.0, 0.0, ""),
+        ("1.5\N{MULTIPLICATION SIGN}10^-3 kg/(m s)", 1.5e-3, 0.0, "kg/(m s)"),
+        ("1\u2009200", 1200.0, 0.0, ""),
+        ("5 wt%", 5.0, 0.0, "%"),
+        *((text, 13.5, 0.5, "") for text in ("13-14", "13\N{EN DASH}14", "14 - 13")),
+        *((text, 0.34, 0.09, "mm") for text in ("0.43-0.25 mm", "0.43 mm - 0.25 mm")),
+        ("1e-5-3e-5", 2e-5, 1e-5, ""),
+    ],
+)
+def test_a_number_has_its_value_however_it_is_written(cell, value, reach, unit):
+    found = read_cell(" ".join(cell.split()), comma=False)
+    assert (found.value, found.reach, found.unit) == (pytest.approx(value), pytest.approx(reach), unit)
+
+
+@pytest.mark.parametrize("cell", ["2·103", "~5", "ca. 5", "(5)", "5?", "10^", "12-3-2020"])
+def test_what_is_not_certain_is_refused(cell):
+    with pytest.raises(CellFault):
+        read_cell(cell, comma=False)
+
+
+def test_an_interval_is_a_single_number_where_its_middle_is_asked_for():
+    with pytest.raises(CellFault):
+        read_cell("13-14", comma=False, single=True)
+    assert read_cell("13-14", comma=False, single=True, middle=True).value == 13.5
+
+
+@pytest.mark.parametrize(
+    ("heading", "content", "wanted"),
+    [
+        ("repose angle (deg)", ["27.9 ± 0.4a", "31.2 b", "30"], [27.9, 31.2, 30.0]),
+        ("flux (g/m/s)", ["0.40*", "0.50**", "0.3"], [0.4, 0.5, 0.3]),
+        ("d50 (phi)", ["2", "2-3", "x"], [0.25, 0.1875, nan]),
+        ("mesh", ["40", "40/60", "42"], [0.425, 0.3375, 42.0]),
+        ("tan(repose angle)", ["0.6", "1"], [degrees(atan(0.6)), 45.0]),
+        ("moisture (% w.b.)", ["20", "100"], [25.0, 100.0]),
+        ("rest time (h)", ["1 h", "2 h"], [1.0, 2.0]),
+    ],
+)
+def test_a_column_is_written_out(heading, content, wanted):
+    column = written_out(Cells("f", tuple((k, (text,)) for k, text in enumerate([heading, *content]))))
+    for (_, (text,)), value in zip(column.lines, wanted, strict=True):
+        if value != value:
+            with pytest.raises(CellFault):
+                read_cell(text, comma=False)
+        else:
+            assert read_cell(text, comma=False).value == pytest.approx(value)
+
+
+@pytest.mark.parametrize(
+    ("heading", "cell", "unit"), [("mesh", "42", "mesh"), ("moisture (% w.b.)", "100", "wet")]
+)
+def test_a_number_that_no_law_turns_has_a_unit_that_nobody_knows(heading, cell, unit):
+    (_, (text,)) = written_out(Cells("f", ((0, (heading,)), (1, (cell,))))).lines[0]
+    assert read_cell(text, comma=False).unit == unit
+
+
+def test_the_scatter_of_a_number_of_a_law_follows_its_slope():
+    (_, (text,)) = written_out(Cells("f", ((0, ("moisture (% w.b.)",)), (1, ("20 ± 1",))))).lines[0]
+    assert read_cell(text, comma=False).sd == pytest.approx(1.5625)
+
+
+def test_letters_of_a_set_up_are_no_marks():
+    cells = Cells("f", ((0, ("sample",)), (1, ("1a",)), (2, ("1b",))))
+    assert written_out(cells).rows == cells.rows
