@@ -348,12 +348,20 @@ def wind_height(heading: Heading, name: str) -> float:
     return nan if index is None else float(index["number"])
 
 
+def meaning_alone(heading: Heading) -> str:
+    """Angle that a heading means in a table where nothing else is measured, `angle 1 [deg]`; else empty."""
+    bare = re.sub(r"\d+", " ", plain_words(heading.name)).strip()
+    found = [name for name, words in vocabulary()["alone"].items() if bare in words and heading.unit]
+    return found[0] if found and parse_scale(heading.unit).kind == RADIAN else ""
+
+
 def near_meaning(heading: str) -> str:
     """Observable or condition that a heading seems to misspell, or may mean beside others; else empty."""
     plain, words = plain_words(heading), vocabulary()
     if longest_word(heading, "others")[0] or of_another(heading):
         return ""
-    asked = [name for name, texts in words["asked"].items() if has_word(heading, texts)]
+    several = (*words["asked"].items(), *words["alone"].items())
+    asked = [name for name, texts in several if has_word(heading, texts)]
     known = {
         word: name
         for kind in ("observables", "conditions")

@@ -3,6 +3,7 @@
 import pytest
 
 from taichi_erosion.tables.headings import (
+    meaning_alone,
     meaning_of,
     meaning_of_symbol,
     near_meaning,
@@ -92,3 +93,16 @@ def test_what_stands_in_brackets_as_a_unit_and_is_none_is_told(inside):
 def test_numbers_of_a_law_are_known_by_their_heading(text, law, unit):
     heading = read_heading(text)
     assert (heading.law, heading.unit) == (law, unit)
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("angle 1 [deg]", "repose_angle"),
+        ("Winkel (°)", "repose_angle"),
+        ("angle (m)", ""),
+        ("contact angle (deg)", ""),
+    ],
+)
+def test_a_bare_angle_is_that_of_repose_where_nothing_else_is_measured(text, meant):
+    assert meaning_alone(read_heading(text)) == meant

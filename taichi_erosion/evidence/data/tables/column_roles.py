@@ -22,6 +22,7 @@ from taichi_erosion.tables.headings import (
     Role,
     is_halved,
     longest_word,
+    meaning_alone,
     meaning_of,
     meaning_of_symbol,
     near_meaning,
@@ -89,6 +90,8 @@ def column_roles(cells: Cells, told: Told, faults: list[str]) -> list[Column]:
     faults += heading_faults(cells)
     named = stated_names(cells, told, faults)
     columns = [with_unit(column_of(cells, place, named), told) for place in range(len(cells.heading))]
+    if not any(column.role == "observable" for column in columns):
+        columns = [with_meaning_alone(column) for column in columns]
     found, plain = [], {column.name for column in columns}
     for column in columns:
         if column.changed and column.near in plain:  # another column states the quantity itself
@@ -98,6 +101,13 @@ def column_roles(cells: Cells, told: Told, faults: list[str]) -> list[Column]:
         column = replace(column, title=told.titles.get(column.name) or tidy_name(column.name))
         found.append(replace(column, role="remark", sure=True) if wrong else column)
     return found
+
+
+def with_meaning_alone(column: Column) -> Column:
+    """A column of a table where nothing known is measured, as what it means there."""
+    alone = "" if column.sure or not column.numeric else meaning_alone(column.heading)
+    words = {"near": "", "unclear": column.heading.name}
+    return replace(column, role="observable", name=alone, sure=True, **words) if alone else column
 
 
 def with_unit(column: Column, told: Told) -> Column:
@@ -151,7 +161,7 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
         role, name = meaning_of_symbol(heading)  # a quantity, whatever word of remarks it has
     if not numeric:
         labels = longest_word(heading.name, "roles")[2] == "group" and not has_digit(content)
-        role = "group" if labels else role  # `soil moisture` above words
+        role = "group" if labels else role
         known = role in ("group", "source") or (role in ("observable", "condition") and has_digit(content))
         return Column(place, heading, role if known else "remark", name if known else "", numeric=False)
     height = wind_height(heading, name)

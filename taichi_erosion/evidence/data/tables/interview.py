@@ -105,11 +105,10 @@ def understood(
 ) -> list[Column]:
     """The columns of a table, settled, with units; `measured`: one of them must hold a measured quantity."""
     columns = column_roles(cells, told, faults)
-    unclear = [(c.heading.text, c.title or c.name, c.unclear) for c in columns if c.unclear]
-    told_of_words = [
-        f"column '{text}' is read as {name}: '{w}' is not understood" for text, name, w in unclear
-    ]
-    for note in (*cells.notes, *told_of_words):
+    for column in (each for each in columns if each.unclear):
+        told_as = f"column '{column.heading.text}' is read as {column.title or column.name}"
+        interview.assume(f"{told_as}; check '{column.unclear}' in its heading")
+    for note in cells.notes:
         interview.assume(note)
     if faults:  # nobody is asked about a table that has to be corrected
         interview = Interview()
