@@ -189,14 +189,14 @@ class Laboratory:
         language, unseen = (one_of(self.generator, SHARES[kind]) for kind in ("languages", "unseen"))
         comma = language in ("de", "fr") and not workbook and self.yes(0.8)
         words = {kind: one_of(self.generator, words[language]) for kind, words in WORDS["words"].items()}
-        for name in (*self.conditions, *self.observables):  # tidy: the form of the program itself
-            words[name] = name if tidy else one_of(self.generator, QUANTITIES[name][language])
+        for name, heads in ((n, QUANTITIES[n]) for n in (*self.conditions, *self.observables)):
+            words[name] = heads.get("tidy", name) if tidy else one_of(self.generator, heads[language])
         if len(set(design.soil.tolist())) > 1:
             kind = "soil" if tidy or self.yes(0.7) else "laboratory"
             soil = "group" if tidy else words[kind]
             words["labels"] = words["soils" if kind == "soil" else "laboratories"]
-        separator = one_of(self.generator, [";", "\t"] if comma else ",;\t")
-        known: dict[str, Any] = {"names": words, "units": self.units, "soil": soil, "separator": separator}
+        known: dict[str, Any] = {"names": words, "units": self.units, "soil": soil}
+        known |= {"separator": one_of(self.generator, [";", "\t"] if comma else ",;\t")}
         known |= {"fewer": {name: int(self.yes(0.15)) for name in self.observables}, "workbook": workbook}
         known |= {"encoding": one_of(self.generator, ENCODINGS[: 3 if language in ("de", "fr") else 2])}
         known |= {"unseen": words["unseen"] if unseen == "words" else unseen, "decimal_comma": comma}
