@@ -316,7 +316,9 @@ def scatter_role(plain: str) -> Role | None:
     found: list[tuple[int, Role]] = []
     for role in SCATTER:
         for word in vocabulary()["roles"][role]:
-            if re.fullmatch(rf"{re.escape(word)}(?!\w).*|.*(?<!\w){re.escape(word)}", plain):
+            if word in plain and re.fullmatch(
+                rf"{re.escape(word)}(?!\w).*|.*(?<!\w){re.escape(word)}", plain
+            ):
                 found.append((len(word), role))
     return max(found)[1] if found else None
 
