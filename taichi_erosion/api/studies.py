@@ -142,10 +142,11 @@ def new_study(
     `anew` writes a study that is there again.
 
     `table` is a file (.csv, .xlsx), or a DataFrame or dict whose column names carry units; `out` is the
-    folder to write, which columns in memory need. `units` are those of columns. What no column states of
-    the grains: `diameter="0.4 mm"`, `density="2650 kg/m3"`, `grains=5000` in a run. `scene` is a scene of
-    one's own, `effects` are files of one's own, and a unit in `conditions` makes a column a condition of
-    one's own: `conditions={"pore volume": "cm3/g"}`. Raises BadInput with all faults of the table.
+    folder to write, which columns in memory need. `units` are those of columns. What no column states:
+    `diameter="0.4 mm"`, `density="2650 kg/m3"`, `sd={"flux": "8 %"}` of single values, `grains=5000` in a
+    run. `fill_down=True` fills blank cells from above. `scene` and `effects` are files of one's own, and a
+    unit in `conditions` makes a column a condition of one's own: `conditions={"pore volume": "cm3/g"}`.
+    Raises BadInput with all faults of the table.
     """
     from taichi_erosion.evidence.answers.new_study import Wishes
     from taichi_erosion.evidence.answers.new_study import new_study as write_study

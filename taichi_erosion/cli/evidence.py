@@ -234,6 +234,17 @@ def new(
     scene: Annotated[
         Path | None, Option("--scene", metavar="FILE", help="Scene of your own, in place of a ready one.")
     ] = None,
+    sd: Annotated[
+        Pairs,
+        Option(
+            "--sd",
+            metavar="COLUMN=SD",
+            help="Scatter of single measurements where no column states it: 'angle=0.8 deg', 'flux=8 %'.",
+        ),
+    ] = None,
+    fill_down: Annotated[
+        bool, Option("--fill-down", help="A blank cell of a condition repeats the one above it.")
+    ] = False,
     effect: EffectFiles = None,
     closed_form: Annotated[
         bool, Option("--closed-form", help="A formula answers in place of simulations: seconds, not hours.")
@@ -250,7 +261,7 @@ def new(
 
     told = Told(pairs(observable, "--observable"), pairs(condition, "--condition"), pairs(unit, "--unit"))
     own = (diameter, density, grains, scene, tuple(effect or ()))
-    wishes = Wishes(told, out, apparatus, closed_form, roughness, anew, *own)
+    wishes = Wishes(told, out, apparatus, closed_form, roughness, anew, *own, pairs(sd, "--sd"), fill_down)
     document = new_study(table, wishes, (lambda _, guess: guess) if yes or as_json else asked)
     output.print_result(document, as_json, output.print_new_study)
 

@@ -219,7 +219,22 @@ def sheets_of(content: bytes, name: str) -> Iterator[tuple[str, list[tuple[int, 
                 told = "a formula that was never computed; save the workbook in a spreadsheet program"
                 raise BadInput(f"{name}: sheet '{sheet.title}', cell {cell.coordinate}: {told}")
         rows = [(k, [cell_value(cell) for cell in row]) for k, row in enumerate(sheet.iter_rows(), 1)]
+        fill_merged(rows, [merged.bounds for merged in sheet.merged_cells.ranges])
         yield sheet.title, [(k, row) for k, row in rows if any(v not in (None, "") for v in row)]
+
+
+def fill_merged(rows_out: list[tuple[int, list[Any]]], merged: Iterable[tuple[int, int, int, int]]) -> None:
+    """Write the value of cells that are merged over rows below the heading into each of these rows.
+
+    Not of a measured quantity, which is one measurement. Bounds: first column, first row, last column, last
+    row, from 1.
+    """
+    heading = next((k for k, row in rows_out if sum(v not in (None, "") for v in row) > 1), 0)
+    for column, first, _, last in merged:
+        above = [str(v) for v in rows_out[heading - 1][1][:column] if v not in (None, "")] if heading else []
+        measured = bool(above) and meaning_of(read_heading(above[-1]).name)[0] == "observable"
+        for _, row in () if measured or first <= heading else rows_out[first:last]:
+            row[column - 1] = rows_out[first - 1][1][column - 1]
 
 
 def cell_value(cell: Any) -> Any:
@@ -260,10 +275,11 @@ def with_one_heading(rows: Lines) -> Lines:
     (line, above), (_, below), *others = rows
     filled = [cell for cell in below if cell]
     units = all(unit_in(cell.strip("[]() ")) for cell in filled)
+    numbers = any(has_digit([cell]) and is_quantity(cell) for cell in filled)
     merged = any(under and not text for text, under in zip_longest(above, below, fillvalue=""))
     if merged and filled == [str(k + 1) for k in range(len(filled))]:
         return [(line, above), *others]  # numbers of repeats
-    if len(filled) < 2 or has_digit(filled) or not (units or merged):
+    if len(filled) < 2 or numbers or not (units or merged):
         return rows
     return [(line, list(joined_headings(above, below))), *others]
 

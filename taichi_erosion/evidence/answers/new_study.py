@@ -23,7 +23,7 @@ from taichi_erosion.evidence.answers.scene_templates import (
     templates_for,
 )
 from taichi_erosion.evidence.answers.written_files import Content, StudyFiles, written_files
-from taichi_erosion.evidence.data.measured import read_rows
+from taichi_erosion.evidence.data.measured import read_rows, with_limits
 from taichi_erosion.evidence.data.physical_ranges import (
     OBSERVED,
     OWN_RANGES,
@@ -32,7 +32,7 @@ from taichi_erosion.evidence.data.physical_ranges import (
     place_range,
     unusual_cells,
 )
-from taichi_erosion.evidence.data.tables.column_roles import NOT_USED, Column, Told
+from taichi_erosion.evidence.data.tables.column_roles import CONDITION, NOT_USED, Column, Told
 from taichi_erosion.evidence.data.tables.interview import Ask, Interview
 from taichi_erosion.evidence.data.tables.rows import NAME, Faults, Table
 from taichi_erosion.evidence.models import reduced
@@ -54,7 +54,6 @@ from taichi_erosion.tables.headings import (
 from taichi_erosion.tables.spreadsheet import source_digest, stated_number
 
 Document = dict[str, Any]
-CONDITION = "conditions."
 OWN = "own"  # name of the apparatus of an own scene
 CLOSED_FORM = "taichi_erosion.evidence.models.reduced:predict"
 CLOSED_FORM_CONDITIONS = {  # place -> condition of the closed form
@@ -109,6 +108,8 @@ class Wishes:
     grains: int | None = None  # of a run
     scene: Path | None = None  # of the user's own, in place of those of TEMPLATES
     effects: tuple[Path, ...] = ()  # files with effects of the user's own
+    sd: Mapping[str, str] = field(default_factory=dict)  # column or observable -> scatter of single repeats
+    fill_down: bool = False  # blank cells below a condition, a set-up or a source repeat it
 
 
 @dataclass(frozen=True)
@@ -143,11 +144,12 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     measured = read_laboratory_table(table, told, interview)
     asked = Asked(measured, told, condition_places(measured, told), folder, wishes, interview)
     refuse_unused(asked)
+    asked = with_grains(asked) if wishes.closed_form else asked
     content = closed_form_content(asked) if wishes.closed_form else scene_content(asked)
     files = StudyFiles(
         folder,
         table.stem,
-        measured,
+        asked.table,
         content,
         made_from=asked.relative(table),
         digest=source_digest(table),
@@ -166,11 +168,13 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
 def refuse_unused(asked: Asked) -> None:
     """Raise BadInput for an option that a column states already, or that only a ready scene takes."""
     wishes, stated = asked.wishes, asked.places.values()
-    ready = {"--apparatus": (wishes.apparatus, ""), "--diameter": (wishes.diameter, DIAMETER)}
-    ready |= {"--density": (wishes.density, GRAIN_DENSITY), "--grains": (wishes.grains, "")}
-    for option, (said, place) in ready.items():
-        if said is not None and (wishes.closed_form or wishes.scene is not None):
-            raise BadInput(f"{option}: has no use with --closed-form or --scene; leave it out")
+    ready = {"--apparatus": (wishes.apparatus, ""), "--grains": (wishes.grains, "")}
+    grains = {"--diameter": (wishes.diameter, DIAMETER), "--density": (wishes.density, GRAIN_DENSITY)}
+    for option, (said, place) in (ready | grains).items():
+        closed = wishes.closed_form and option in ready
+        if said is not None and (closed or wishes.scene is not None):
+            other = "--closed-form" if closed else "--scene"
+            raise BadInput(f"{option}: has no use with {other}; leave it out")
         if said is not None and place in stated:
             raise BadInput(f"{option}: a column of {asked.table.file} states it; leave it out")
 
@@ -191,7 +195,7 @@ def read_laboratory_table(table: Path, told: Told, interview: Interview) -> Tabl
     for name, allowed in ranges:
         for words in unusual_cells(measured, name, allowed):
             interview.assume(words)
-    return measured
+    return with_limits(measured, interview)
 
 
 def condition_places(table: Table, told: Told) -> dict[str, str]:
@@ -219,17 +223,37 @@ def closed_form_content(asked: Asked) -> Content:
         remedy = "leave out --closed-form, or begin the heading of that column with 'note'"
         raise BadInput(f"{asked.table.file}: {words}; {remedy}")
     known = CLOSED_FORM_CONDITIONS
-    for name, place in asked.places.items():
-        if place in asked.told.conditions.values() and place not in known:
-            raise BadInput(f"--condition: the closed form does not read '{name}'; leave out --closed-form")
-        if place not in known:
-            asked.interview.assume(f"column '{name}' is not used: the closed form does not read it")
+    if "flux" in asked.names and FRICTION_VELOCITY not in asked.places.values():
+        words = "no column states the friction velocity, on which the flux depends"
+        raise BadInput(f"{asked.table.file}: {words}; add one, 'u* [m/s]', or leave out --closed-form")
     return Content(
         observables=dict.fromkeys(asked.names, ""),
-        conditions={name: known[place] for name, place in asked.places.items() if place in known},
+        # one that the model does not read keeps its place: residuals are tested along it
+        conditions={name: known.get(place, place) for name, place in asked.places.items()},
         parameters=list(dict.fromkeys(each for name in asked.names for each in CLOSED_FORM_NUMBERS[name])),
         model=CLOSED_FORM,
     )
+
+
+def with_grains(asked: Asked) -> Asked:
+    """The table with what no column states of the grains and the user does: constant conditions."""
+    wishes, table, places = asked.wishes, asked.table, dict(asked.places)
+    reads = {"threshold_u_star", "flux"} & {*asked.names} or "conditions.width" in places.values()
+    usual = f"{1e3 * reduced.MEDIAN_DIAMETER:g} mm"
+    said = wishes.diameter
+    if said is None and reads and not {DIAMETER, "conditions.diameter"} & {*places.values()}:
+        meaning = f"no column states the grain diameter: {usual} is assumed (--diameter)"
+        said = asked.interview.choice("Grain diameter with its unit", usual, meaning)
+    stated = (("diameter", said, DIAMETER, "m", usual),)
+    stated += (("density", wishes.density, GRAIN_DENSITY, "kg/m3", "2650 kg/m3"),)
+    for name, text, place, unit, example in stated:
+        if text is not None:
+            value = stated_of_grains(f"--{name}", text, place, unit, example)
+            value, unit = (1e3 * value, "mm") if unit == "m" else (value, unit)
+            rows = tuple(replace(row, conditions=(*row.conditions, value)) for row in table.rows)
+            names, units = (*table.conditions, name), (*table.units, unit)
+            table, places[name] = replace(table, conditions=names, units=units, rows=rows), place
+    return replace(asked, table=table, places=places)
 
 
 def scene_content(asked: Asked) -> Content:
@@ -376,6 +400,10 @@ def told_of(wishes: Wishes) -> Told:
         roughness=wishes.roughness,
         measures=tuple(measures),
         own_units=own,
+        sd=wishes.sd,
+        fill_down=wishes.fill_down,
+        complete=True,
+        reads=frozenset(CLOSED_FORM_CONDITIONS) if wishes.closed_form else None,
     )
 
 

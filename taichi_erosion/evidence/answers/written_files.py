@@ -10,6 +10,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +22,9 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.check_study import check_study
 from taichi_erosion.evidence.answers.scene_templates import Calibrated
+from taichi_erosion.evidence.answers.set_up import refuse_unknown_scatter
 from taichi_erosion.evidence.data.held_out_rows import stated_rows
-from taichi_erosion.evidence.data.measured import read_table
+from taichi_erosion.evidence.data.measured import AMOUNTS, read_table
 from taichi_erosion.evidence.data.physical_ranges import ANGLE, OBSERVED
 from taichi_erosion.evidence.data.problem import Drawn, expected_strength
 from taichi_erosion.evidence.data.tables.rows import Row, Table, tidy_fields, tidy_text
@@ -32,10 +34,12 @@ from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.load_study import Study, load_study
 from taichi_erosion.evidence.models.simulator import dotted_paths
 from taichi_erosion.scene.load import file_text
+from taichi_erosion.scene.schema.units import conversion, parse_unit
 
 Document = dict[str, Any]
 TIDY = "_tidy.csv"  # end of the name of a tidy table, which so is another one than that of the laboratory's
 READ = "its cells when `study new` read it"
+LIMIT = "the least that is seen"
 FRACTION = 0.3  # of the groups in the vault
 LEAST_SHIFT = 1e-3  # of an observable by an effect of strength 1, below which it cannot be seen [1]
 EXPECTED_AS = {  # observable -> the one of which the literature tells the effects: a steeper heap is higher
@@ -106,7 +110,9 @@ def written_files(files: StudyFiles, anew: bool) -> Document:
             text = file_text(files.study, str(files.study))
             text = with_entry(text, ("study", "made_from_digest"), files.digest, READ)
             write_atomic(files.study, text.encode())
-        write_table(files, drawn_rows(load_study(files.study), files.rows))
+        study = load_study(files.study)
+        refuse_unknown_scatter(study)
+        write_table(files, drawn_rows(study, files.rows))
         found = check_study(files.study)
     return {"written": list(map(str, paths)), **found, **changes}
 
@@ -224,11 +230,10 @@ def study_text(files: StudyFiles, candidates: Sequence[str], drawn_from: str) ->
         lines += [f"- {words.replace(chr(34), chr(39))}" for words in files.assumed] + ['"""']
     for name, scene in content.observables.items():
         known = OBSERVED.get(name)
-        positive = all(row.value > 0.0 for row in files.rows.rows if row.observable == name)
         lines += ["", f"[observables.{name}]"]
         lines += [f"scene = {quoted(scene)}"] if scene else []
         lines += [f"unit = {quoted(known.unit)}"] if content.model and known else []
-        lines += ['transform = "log"'] if positive and known is not ANGLE else []
+        lines += scale_lines(files.rows, name, known.unit if content.model and known else "")
     lines += [
         "",
         "[conditions]",
@@ -244,6 +249,23 @@ def study_text(files: StudyFiles, candidates: Sequence[str], drawn_from: str) ->
     if drawn_from:
         lines += [f"drawn_from = {quoted(drawn_from)}    # the table when its rows were drawn"]
     return "\n".join(lines) + "\n"
+
+
+def scale_lines(table: Table, name: str, unit: str) -> list[str]:
+    """Entries of the comparison scale of an observable: logarithmic where it is positive, but for angles.
+
+    An amount that can be below what the instrument sees is compared by ln(y + floor), with the floor the
+    least limit that is stated, in `unit`; empty: in that of the table.
+    """
+    rows = [row for row in table.rows if row.observable == name]
+    if OBSERVED.get(name) is ANGLE or any(row.value <= 0.0 for row in rows):
+        return []
+    limits = [row for row in rows if row.reach == -inf and row.value > 0.0] if name in AMOUNTS else []
+    if not limits:
+        return ['transform = "log"']
+    own = parse_unit(unit or rows[0].unit)
+    floor = min((conversion(parse_unit(row.unit), own) or 1.0) * row.value for row in limits)
+    return ['transform = "log_floor"', f"floor = {floor:.6g}    # {LIMIT}"]
 
 
 def quoted(text: str) -> str:
@@ -262,10 +284,8 @@ def acting_formulas(study: Study) -> list[str]:
 
     found = []
     for effect in reduced.EFFECTS:
-        shifts = [
-            np.abs(values(name, {effect: 1.0}) / values(name, {}) - 1.0) for name in study.file.observables
-        ]
-        if any(bool(np.nanmax(shift) > LEAST_SHIFT) for shift in shifts):
+        pairs = [(values(name, {effect: 1.0}), values(name, {})) for name in study.file.observables]
+        if any(bool(np.any(np.abs(acted - bare) > LEAST_SHIFT * np.abs(bare))) for acted, bare in pairs):
             found.append(effect)
     return found
 

@@ -1,9 +1,11 @@
 """Measurements of a study: rows of its table in the units of the model, and sentences about the others."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from math import isfinite, nan
+from decimal import Decimal
+from itertools import pairwise
+from math import inf, isfinite, isnan, nan
 from pathlib import Path
 
 import numpy as np
@@ -14,14 +16,16 @@ from taichi_erosion.core.files import one_line_name
 from taichi_erosion.evidence.data.number_words import plain, set_up_name, with_unit
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.table_units import TableUnits
-from taichi_erosion.evidence.data.tables.column_roles import Told
-from taichi_erosion.evidence.data.tables.interview import Interview, understood, upright
+from taichi_erosion.evidence.data.tables.column_roles import Column, Told
+from taichi_erosion.evidence.data.tables.interview import AGREED, Interview, understood, upright
 from taichi_erosion.evidence.data.tables.rows import (
     PLACE,
     Faults,
     Row,
     Table,
     is_tidy,
+    listed_rows,
+    shown,
     table_of,
     tidy_columns,
 )
@@ -35,7 +39,13 @@ from taichi_erosion.scene.schema.units import (
     parse_unit,
     scale_between,
 )
-from taichi_erosion.tables.spreadsheet import read_cells
+from taichi_erosion.tables.spreadsheet import Cells, read_cells
+
+AMOUNTS = ("flux", "flux_height")  # observables that can be none
+SPREAD_WORDS = {  # of numbers behind ±, by the role of their column
+    "observable": "single repeats",
+    "condition": "the stated condition",
+}
 
 
 def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Table:
@@ -59,18 +69,81 @@ def read_rows(path: Path, name: str, told: Told, interview: Interview, faults: F
     if not cells.rows:
         raise BadInput(*faults or [f"{name}: is empty; the first row names the columns: observable, ..."])
     if is_tidy(cells.heading):
-        columns = faults.of(tidy_columns, cells)
-        return None if columns is None else table_of(cells, columns, faults)
+        tidy = faults.of(tidy_columns, cells)
+        faults += [f"--sd {text}: this table has a column 'sd' for it" for text in told.sd]
+        return None if tidy is None else table_of(cells, tidy, faults, told)
     if not cells.lines:
         raise BadInput(*faults or [f"{name}: has a heading but no measurement, no measured value"])
     cells, assumed = upright(cells, interview), len(interview.assumed)
     columns = understood(cells, told, interview, faults)
-    table = table_of(cells, columns, faults)
-    if any("±" in cell or "+-" in cell or "+/-" in cell for _, row in cells.lines for cell in row):
-        interview.assume("numbers behind ± are standard deviations of single repeats")
-    if not any(column.role == "n" for column in columns):
-        interview.assume("no column counts repeats: n is left empty, and a value counts as one measurement")
+    cells = filled_down(cells, columns, told, interview)
+    table = table_of(cells, columns, faults, told)
+    for words in (*table.notes, *cell_notes(cells, columns)):
+        interview.assume(words)
     return replace(table, notes=tuple(interview.assumed[assumed:]))
+
+
+def filled_down(cells: Cells, columns: Sequence[Column], told: Told, interview: Interview) -> Cells:
+    """The cells; blank ones below a condition, a set-up or a source repeat it where the user says so."""
+    rows = [list(row) for _, row in cells.rows]
+    for column in columns:
+        content = [row[column.place] for row in rows[1:]]
+        first = next((k for k, cell in enumerate(content) if cell), len(content))
+        blank = content[first:].count("")
+        if column.role not in ("condition", "group", "source") or not blank:
+            continue
+        where = f"column '{column.heading.text}'"
+        question = (
+            f"{blank} cells of {where} are blank below a value. Fill them with the cell above (yes or no)"
+        )
+        if not (told.fill_down or interview.choice(question, "no", "").lower().startswith(AGREED)):
+            continue
+        interview.assume(f"{where}: {blank} blank cells are filled with the cell above")
+        for above, row in pairwise(rows):
+            row[column.place] = row[column.place] or (above[column.place] if above is not rows[0] else "")
+    return replace(
+        cells, rows=tuple((line, tuple(row)) for (line, _), row in zip(cells.rows, rows, strict=True))
+    )
+
+
+def cell_notes(cells: Cells, columns: Sequence[Column]) -> Iterator[str]:
+    """What is assumed of the cells of a laboratory's table."""
+    for column in (each for each in columns if each.role in SPREAD_WORDS):
+        if any(sign in row[column.place] for _, row in cells.lines for sign in ("±", "+-", "+/-")):
+            yield f"± in '{column.heading.text}' is the standard deviation of {SPREAD_WORDS[column.role]}"
+    if not any(column.role == "n" for column in columns):
+        yield "no column counts repeats: n is left empty, and a value counts as one measurement"
+
+
+def with_limits(table: Table, interview: Interview) -> Table:
+    """The table; an amount that was not seen, `0` or `no transport`, gets the limit below which it lies.
+
+    It is the least limit that the table states, else one in the last digit of the least amount.
+    """
+    for name in AMOUNTS:
+        own = [row for row in table.rows if row.observable == name and not row.value < 0.0]
+        unseen = list(dict.fromkeys(row.line for row in own if is_unseen(row)))
+        stated = [row for row in own if row.censored and row.reach == -inf and row.value > 0.0]
+        seen = stated or [row for row in own if row.value > 0.0]
+        if not unseen or not seen:
+            continue
+        unit = seen[0].unit
+        least = min(unit_factor(row, unit, table.file) * row.value for row in seen)
+        limit = least if stated else 10.0 ** int(Decimal(shown(least)).normalize().as_tuple().exponent)
+        source = "the least limit of the table" if stated else "one in the last digit of the least value"
+        interview.assume(
+            f"{name}: 0 and no transport are read as '<{shown(limit)}' {unit}, {source}, in "
+            f"{listed_rows(unseen)}; write '<' and the least value that is seen where it is another"
+        )
+        below = {"value": limit, "unit": unit, "censored": True, "reach": -inf, "sd": nan}
+        rows = [replace(r, **below) if r.observable == name and is_unseen(r) else r for r in table.rows]
+        table = replace(table, rows=tuple(rows))
+    return table
+
+
+def is_unseen(row: Row) -> bool:
+    """Whether a row says that there was nothing, without a limit."""
+    return row.value == 0.0 or (row.censored and isnan(row.value))
 
 
 def told_by(study: StudyFile | None) -> Told:
@@ -84,6 +157,7 @@ def told_by(study: StudyFile | None) -> Told:
         {text: study.conditions[name] for text, name in names.items() if name in study.conditions},
         titles={path.strip(): name for path, name in paths},
         optional=frozenset(names),
+        complete=study.study.model is None,  # a model of the user's own is told what is not known
     )
 
 

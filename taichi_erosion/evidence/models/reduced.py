@@ -228,12 +228,11 @@ def shifted(observable: str, count: int, at: Conditions, given: Numbers, shifts:
 
 
 def complete_conditions(conditions: Conditions) -> Conditions:
-    """Conditions with the default where one is not given or not known; a default alone stays one number."""
-    known = {
-        name: np.where(np.isfinite(column), column, DEFAULTS.get(name, 0.0))
-        for name, column in conditions.items()
-    }
-    return DEFAULT_COLUMNS | known
+    """Conditions with the default where one is not given; a default alone stays one number.
+
+    A row that does not state one that others state has none: what reads it is NaN there.
+    """
+    return DEFAULT_COLUMNS | conditions
 
 
 def disturbance(observable: str, conditions: Conditions, seeds: Integers) -> Floats:

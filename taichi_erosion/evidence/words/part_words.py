@@ -35,7 +35,7 @@ FAULTS = {  # of a set-up
     "where {} calibrated; at least {} are needed",
 }
 UNKNOWN_SCATTER = (
-    "no row has an sd, and no measurement is repeated: the scatter is unknown. Add a column sd, or repeats"
+    "no row has an sd, no measurement is repeated: the scatter is unknown; add either, or say --sd 'NAME=8 %'"
 )
 ONE_LESS = " minus one"  # of what a dose counts
 LIKELY = 0.5  # probability above which an effect acts rather than not

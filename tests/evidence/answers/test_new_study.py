@@ -143,10 +143,11 @@ def test_a_condition_without_a_unit_is_refused_and_one_that_the_closed_form_does
     (fault,) = faults_of(tmp_path, changed("Feuchte in %", "Feuchte"))
     assert "has no unit in its heading: its numbers are 0 to 3.1" in fault
     document, _ = made(tmp_path, GOOD.replace("Feuchte in %", "Temperatur [°C]"), Wishes(closed_form=True))
-    assert "column 'temperature' is not used: the closed form does not read it" in document["assumed"]
-    told = Told(conditions={"Temperatur": "g/kg"})
-    with pytest.raises(BadInput, match="--condition: the closed form does not read 'temperatur'"):
-        made(tmp_path, GOOD.replace("Feuchte in %", "Temperatur"), Wishes(told, closed_form=True))
+    kept = "column 'Temperatur [°C]' is kept as a condition; no effect of the model reads it"
+    assert kept in document["assumed"]
+    own = Wishes(Told(conditions={"Temperatur": "g/kg"}), tmp_path / "own", closed_form=True)
+    _, study = made(tmp_path, GOOD.replace("Feuchte in %", "Temperatur"), own)
+    assert study.file.conditions["temperatur"] == "conditions.temperatur", "what the user says counts"
 
 
 def test_a_wind_at_a_height_becomes_a_friction_velocity_by_the_law_of_the_wall(tmp_path):
@@ -190,14 +191,15 @@ HEAPS = (
     "Feuchte [%];d50 [mm];Haufenhöhe [mm];Haufendurchmesser [mm]\n"
     "0;1;4,1;20,4\n0,5;1;4,4;20\n1;1;4,6;19,6\n0;2;8;40,6\n0,5;2;8,4;40\n1;2;8,5;39,2\n"
 )
+SPREAD = {"Haufenhöhe": "2 %"}
 
 
 def test_what_is_measured_at_one_heap_is_of_one_apparatus(tmp_path):
-    document, study = made(tmp_path, HEAPS, Wishes())
+    document, study = made(tmp_path, HEAPS, Wishes(sd=SPREAD))
     assert {each.scene for each in study.file.observables.values()} == {"cylinder.toml"}
     assert "diameters of heaps are halved: runout_radius is a radius" in document["assumed"]
     angles = HEAPS.replace("Haufendurchmesser [mm]", "Winkel [deg]")
-    _, study = made(tmp_path, angles, Wishes(Told({"Winkel": "angle_of_repose"}), tmp_path / "angles"))
+    _, study = made(tmp_path, angles, Wishes(Told({"Winkel": "angle_of_repose"}), tmp_path / "a", sd=SPREAD))
     assert {each.scene for each in study.file.observables.values()} == {"collapse.toml"}
 
 
@@ -208,8 +210,8 @@ def test_every_observable_has_effects_that_the_literature_expects_to_change_it()
             assert EXPECTED_AS.get(name, name) in expected, name
 
 
-FRICTION = "run;mu_s;mu_r;d (mm);grain density (g/cm3);runout (mm)\n"
-FRICTION += "1;0,3;0,1;2;2,5;40\n2;0,6;0,1;2;2,7;35\n3;0,9;0,1;3;2,6;33\n"
+FRICTION = "run;mu_s;mu_r;d (mm);grain density (g/cm3);runout (mm);sd\n"
+FRICTION += "1;0,3;0,1;2;2,5;40;1\n2;0,6;0,1;2;2,7;35;1\n3;0,9;0,1;3;2,6;33;1\n"
 
 
 def test_columns_of_friction_and_density_set_the_contacts_and_the_material_of_the_apparatus(tmp_path):
@@ -231,7 +233,7 @@ def test_a_number_that_is_calibrated_and_set_by_a_column_is_refused(tmp_path):
         load_study(path)
 
 
-HEIGHTS = "run;moisture (%);pile height (mm)\n1;0;20\n2;1;22\n3;2;25\n"
+HEIGHTS = "run;moisture (%);pile height (mm);sd\n1;0;20;1\n2;1;22;1\n3;2;25;1\n"
 
 
 def test_grains_that_no_column_states_are_asked_or_taken_from_the_command(tmp_path):
@@ -257,7 +259,7 @@ def test_grains_that_cannot_be_are_refused_in_one_line(tmp_path, wishes, said):
     assert said in fault
 
 
-ROOTS = "Wurzelmasse;d [mm];repose angle [deg]\n0;1;31\n2;1;32\n4;2;33\n"
+ROOTS = "Wurzelmasse;d [mm];repose angle [deg];sd\n0;1;31;1\n2;1;32;1\n4;2;33;1\n"
 
 
 def test_a_condition_that_no_scene_has_enters_by_its_unit(tmp_path):
@@ -271,7 +273,7 @@ def test_a_scene_a_condition_and_an_effect_of_ones_own_make_a_study(tmp_path, mo
     monkeypatch.chdir(tmp_path)
     (tmp_path / "fall.toml").write_bytes((ROOT / "doe" / "own_effect" / "fall.toml").read_bytes())
     assert main(["effects", "new", "my_pull", "--place", "scene"]) == 0
-    text = "pore volume [mm3/g];settling velocity [m/s]\n0;1,91\n100;1,8\n200;1,7\n"
+    text = "pore volume [mm3/g];settling velocity [m/s];sd\n0;1,91;0,1\n100;1,8;0,1\n200;1,7;0,1\n"
     wishes = Wishes(scene=Path("fall.toml"), effects=(Path("my_pull.py"),), folder=tmp_path / "deep" / "er")
     _, study = made(tmp_path, text, wishes)
     assert study.file.study.effect_files == ("../../my_pull.py",)

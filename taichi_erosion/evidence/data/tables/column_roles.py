@@ -32,6 +32,7 @@ from taichi_erosion.tables.headings import (
     stated_unit,
     wind_height,
 )
+from taichi_erosion.tables.number_columns import stem
 from taichi_erosion.tables.spreadsheet import (
     Cells,
     has_digit,
@@ -48,6 +49,9 @@ NOT_USED = "-"  # in place of a name
 NOTE = "note"  # first word of the heading of a column that is not used
 UNUSED = f"a column that is not used has a heading that begins with '{NOTE}'"
 SHARES = {"": 0.01, "%": 0.01, "1": 1.0, "-": 1.0}  # of a coefficient of variation in such a unit
+CONDITION = "conditions."
+ROUGHNESS_LENGTH = "conditions.roughness_length"
+LOWEST_WIND = 0.1  # roughness length over the height of a wind, below which the law of the wall holds [1]
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,10 @@ class Column:
     is_set: bool = False  # of the sd of a condition: about the value to which it was set
     changed: str = ""  # a word of its heading that makes it another quantity than `near`
     unclear: str = ""  # words of its heading that are not understood
+    roughness: int = -1  # of a wind at a height: place of the column with the roughness length of each row
+    unread: bool = False  # a condition of the table's own, which no model reads
+    sd: float = nan  # scatter of single repeats that the user states, in the unit of the column
+    cv: float = nan  # likewise, over the value [1]
 
 
 @dataclass(frozen=True)
@@ -83,6 +91,12 @@ class Told:
     roughness: str | None = None  # length of the bed under winds that were measured at a height
     measures: tuple[str, ...] = ()  # what can be measured; (): whatever the study names
     own_units: Mapping[str, str] = field(default_factory=dict)  # of places of the user's own
+    sd: Mapping[str, str] = field(default_factory=dict)  # heading or observable -> scatter of single repeats
+    fill_down: bool = False  # blank cells below a condition, a set-up or a source repeat it
+    complete: bool = False  # a condition that one row states must be stated by all
+    reads: frozenset[str] | None = (
+        None  # places that the model reads; others are kept as conditions. None: no
+    )
 
 
 def column_roles(cells: Cells, told: Told, faults: list[str]) -> list[Column]:
@@ -112,7 +126,8 @@ def with_meaning_alone(column: Column) -> Column:
 
 def with_unit(column: Column, told: Told) -> Column:
     """A column with the unit that the user states for it."""
-    texts = {plain_words(column.heading.text), plain_words(column.heading.name)}
+    heading = column.heading
+    texts = {plain_words(text) for text in (heading.text, heading.name, stem(heading.name))}
     unit = next((unit for text, unit in told.units.items() if plain_words(text) in texts), None)
     return column if unit is None else replace(column, heading=stated_unit(column.heading, unit))
 
@@ -132,21 +147,31 @@ def heading_faults(cells: Cells) -> Iterator[str]:
 
 def stated_names(cells: Cells, told: Told, faults: list[str]) -> dict[int, tuple[Role, str]]:
     """What the user says, by place; a column that is not there is a fault unless it may be missing."""
-    known = {plain_words(text): place for place, text in reversed(list(enumerate(cells.heading)))}
-    known |= {plain_words(read_heading(text).name): place for place, text in enumerate(cells.heading) if text}
     found: dict[int, tuple[Role, str]] = {}
     stated: tuple[tuple[Role, Mapping[str, str]], ...]
     stated = (("observable", told.observables), ("condition", told.conditions), ("unit", told.units))
     for role, names in stated:
         for text, name in names.items():
-            place = known.get(plain_words(text))
-            if place is not None and role != "unit":
+            itself, repeats = called_columns(cells, text)
+            for place in () if role == "unit" else itself or repeats:
                 found[place] = ("remark", "") if name == NOT_USED else (role, name)
-            elif place is None and text not in told.optional:
+            for place in repeats if role == "observable" else ():
+                found.setdefault(place, (role, name))
+            if not itself and not repeats and text not in told.optional:
                 there = ", ".join(filter(None, cells.heading))
                 words = f"no column '{text}'; there are: {there}{did_you_mean(text, cells.heading)}"
                 faults.append(f"{cells.file}: --{role} {text}={name}: {words}")
     return found
+
+
+def called_columns(cells: Cells, text: str) -> tuple[list[int], list[int]]:
+    """Place of the column that a user calls by its heading or name; places of its numbered siblings."""
+    headings = {place: read_heading(each).name for place, each in enumerate(cells.heading) if each}
+    plain = plain_words(text)
+    itself = [k for k, name in headings.items() if plain in map(plain_words, (name, cells.heading[k]))][:1]
+    own = plain_words(stem(headings[itself[0]] if itself else text))
+    numbered = [k for k, name in headings.items() if stem(name) != name and plain_words(stem(name)) == own]
+    return itself, numbered if not itself or itself[0] in numbered else []
 
 
 def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -> Column:
@@ -173,6 +198,27 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
         return Column(place, heading, "remark", sure=False, near=near, changed=changed)
     factor = HALF if role == "observable" and is_halved(heading.name) else 1.0
     return Column(place, heading, role, name, sure=role != "spread", factor=factor, unclear=unclear)
+
+
+def with_stated_sd(columns: list[Column], cells: Cells, told: Told, faults: list[str]) -> list[Column]:
+    """The columns with the scatter of single repeats that the user states, `0.8 deg` or `8 %` of a value."""
+    for text, said in told.sd.items():
+        places = {place for group in called_columns(cells, text) for place in group}
+        names = (text.strip(), meaning_of(text)[1])
+        own = [c for c in columns if c.role == "observable" and (c.place in places or c.name in names)]
+        where, wrong = f"{cells.file}: --sd {text}={said}", ""
+        if not own:
+            wrong = "names no column of a measured quantity"
+        elif any(each.role in ("sd", "se", "cv") and each.of in (own[0].place, -1) for each in columns):
+            wrong = "a column of the table states it; leave it out"
+        faults.extend([f"{where}: {wrong}"] if wrong else [])
+        for column in () if wrong else own:
+            unit, share = column.heading.unit, said.strip().endswith("%") and column.heading.unit != "%"
+            value = stated_number(said, "1" if share else unit, where, f"0.8 {unit}' or '8 %")
+            if value <= 0.0:
+                raise BadInput(f"{where}: must be above 0")
+            columns[columns.index(column)] = replace(column, **{"cv" if share else "sd": value})
+    return columns
 
 
 def tidy_name(place: str) -> str:
@@ -217,7 +263,7 @@ def friction_factor(height: float, roughness: float) -> float:
 def roughness_length(text: str, height: float) -> float:
     """Roughness length [m] as the user states it, `0.03 mm`; raises BadInput."""
     value = stated_number(text, "m", "roughness length", "0.03 mm")
-    if not 0.0 < value < 0.1 * height:
+    if not 0.0 < value < LOWEST_WIND * height:
         told = f"must lie above 0 and below a tenth of the height of the wind, {height:g} m"
         raise BadInput(f"roughness length '{text}': {told}")
     return value

@@ -7,13 +7,17 @@ is none: without an answer the question is a fault, with what would settle it.
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import inf, isnan
+from math import inf, isnan, nan
+
+import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.physical_ranges import OBSERVED, likely_units, place_range
 from taichi_erosion.evidence.data.tables.column_roles import (
+    CONDITION,
     HALF,
     NOT_USED,
+    ROUGHNESS_LENGTH,
     UNUSED,
     Column,
     Told,
@@ -21,12 +25,15 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     friction_factor,
     roughness_length,
     tidy_name,
+    with_stated_sd,
 )
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
 from taichi_erosion.tables.headings import (
     FRICTION_VELOCITY,
+    HEIGHT,
     SCATTER,
     WINDS,
+    is_summary,
     meaning_of,
     plain_words,
     read_heading,
@@ -34,7 +41,8 @@ from taichi_erosion.tables.headings import (
     unit_in,
     vocabulary,
 )
-from taichi_erosion.tables.spreadsheet import CellFault, CellNumber, Cells, read_cell, written_out
+from taichi_erosion.tables.number_columns import is_height, no_conditions, own_name, stem
+from taichi_erosion.tables.spreadsheet import CellFault, CellNumber, Cells, is_missing, read_cell, written_out
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 AGREED = ("y", "j", "o", "s")  # first letters of yes, ja, oui, si
@@ -48,6 +56,16 @@ TELLING = ("observable", "condition", *SCATTER)
 LEAST_KNOWN = 2  # headings that are known in the first column of a table that lies on its side
 BRACKETED_UNIT = re.compile(r"\[[^\]]*\]|\([^()\d]*\)")  # of what the column measures
 VALUE = re.compile(r"(?<![\w.,])\d+(?:[.,]\d+)?\s*([%‰°µμ]\w*|[^\W\d_]\w*)")  # a number and its unit
+BESIDE = "the repeats stand beside it"
+OWN = "own"  # answer of who keeps a column as a condition of its own
+UNREAD = "no effect of the model reads it"
+RESERVED = (
+    *"observable value unit sd n group source vault replicate repeat date note comment remark".split(),
+)
+PROFILE = (
+    "a profile over the height is one measurement; fit u* and z0 to its winds, u = u* ln(z / z0) / 0.4, sum "
+    "its flux over the height, and give one row for every profile, with 'u* [m/s]' and 'flux [g/(m s)]'"
+)
 CROSS_TABLE = "of a cross table write one row for every measured value, with a column for each condition"
 
 
@@ -83,20 +101,23 @@ class Reading:
     told: Told
     interview: Interview
     faults: list[str]
+    bed: Column | None = None  # that states the roughness length of each row
 
     def fault(self, column: Column, words: str) -> Column:
         """The column, not used, once what is wrong with it is told."""
         self.faults.append(f"{self.cells.file}: column '{column.heading.text}': {words}")
         return replace(column, role="remark", sure=True)
 
+    def number(self, cell: str) -> CellNumber:
+        """What a cell says; nothing where that is no number."""
+        try:
+            return read_cell(cell, self.cells.decimal_comma)
+        except CellFault:
+            return CellNumber()
+
     def numbers(self, column: Column) -> list[CellNumber]:
         """Cells of a column that hold a number."""
-        found = []
-        for _, row in self.cells.lines:
-            try:
-                found.append(read_cell(row[column.place], self.cells.decimal_comma))
-            except CellFault:
-                continue
+        found = [self.number(row[column.place]) for _, row in self.cells.lines]
         return [number for number in found if not isnan(number.value)]
 
 
@@ -114,8 +135,10 @@ def understood(
         interview = Interview()
     reading = Reading(cells, told, interview, faults)
     measures = any(column.role == "observable" for column in columns)
-    columns = repeats_side_by_side([settled(column, reading, measures) for column in columns], reading)
-    columns = list(with_partners(list(without_unknown(columns, reading)), interview))
+    columns = without_profiles(columns, reading)
+    columns = repeats_side_by_side(settled_columns(columns, reading, measures), reading)
+    columns = without_unread(list(without_unknown(columns, reading)), reading)
+    columns = list(with_partners(columns, interview))
     if measured and not any(column.role == "observable" for column in columns):
         known = ", ".join(told.measures or told.observables)
         faults.append(
@@ -123,7 +146,36 @@ def understood(
             f"'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME one of {known or 'its own'}; "
             f"{CROSS_TABLE}"
         )
-    return [with_asked_unit(column, reading) for column in columns]
+    columns = [with_asked_unit(column, reading) for column in columns]
+    return with_stated_sd(columns, cells, told, faults)
+
+
+def without_profiles(columns: list[Column], reading: Reading) -> list[Column]:
+    """The columns without winds at several heights; these, and winds or fluxes beside heights, are faults."""
+    winds = [column for column in columns if not isnan(column.height)]
+    heights = [c for c in columns if is_height(c.heading) and len({n.value for n in reading.numbers(c)}) > 1]
+    over = {c.name for c in columns if c.role in ("observable", "condition")} & {"flux", *WINDS}
+    if len(winds) > 1 or (heights and (winds or over)):
+        told = ", ".join(f"'{column.heading.text}'" for column in (heights or winds))
+        reading.faults.append(f"{reading.cells.file}: {told}: {PROFILE}")
+        columns = [replace(each, height=nan, sure=True) if each in winds else each for each in columns]
+    return columns
+
+
+def settled_columns(columns: Sequence[Column], reading: Reading, measured: bool) -> list[Column]:
+    """All columns, settled; numbered siblings of one of which only a guess was known are called as it is."""
+    found, first = list[Column](), dict[str, Column]()
+    reading = replace(reading, bed=next((c for c in columns if c.name == ROUGHNESS_LENGTH), None))
+    for column in columns:
+        name = plain_words(stem(column.heading.name))
+        if not column.sure and name in first:
+            as_first = {key: getattr(first[name], key) for key in ("role", "name", "title", "unread")}
+            column = replace(column, **as_first, near="", sure=True)
+        settled_column = settled(column, reading, measured)
+        if column.numeric and not column.sure and name != plain_words(column.heading.name):
+            first[name] = settled_column
+        found.append(settled_column)
+    return found
 
 
 def settled(column: Column, reading: Reading, measured: bool) -> Column:
@@ -153,16 +205,18 @@ def settled_unknown(column: Column, reading: Reading) -> Column:
     told = f" '{column.near}' is near its heading." if column.near else ""
     changed = f"'{column.changed}' makes it another quantity than {column.near}"
     told = f" {changed}." if column.changed else told
+    kept = reading.told.reads is not None  # as a condition of its own, unless its cells speak against it
+    own = f"{OWN} = a condition of your own" if kept else f"--condition '{column.heading.name}=UNIT'"
     question = (
         f"Column '{text}' is not known.{told} Type the name of a measured quantity (repose_angle, flux, "
         f"...), a place of the scene (conditions.moisture, ...), or {NOT_USED} for a column that is not used "
-        f"(a condition of your own: --condition '{column.heading.name}=UNIT')"
+        f"(a condition of your own: {own})"
     )
     if column.near:
         answer = reading.interview.choice(question, "", "")
         if not answer:
             option = "condition" if "." in column.near else "observable"
-            said = f"say --{option} '{column.heading.name}={column.near}'"
+            said = f"say --{option} '{stem(column.heading.name)}={column.near}'"
             if not reading.told.measures:  # a study says itself what there is
                 own = reading.told.titles.get(column.near, column.near.rpartition(".")[2])
                 said = f"head it '{own}', or name it in [columns] of the study"
@@ -172,8 +226,10 @@ def settled_unknown(column: Column, reading: Reading) -> Column:
                 why = f"{changed}: {remedy}; if it is that,"
             return reading.fault(column, f"{why} {said}; {UNUSED}")
     else:
-        meaning = f"column '{text}' is not used: its heading says nothing known"
-        answer = reading.interview.choice(question, NOT_USED, meaning)
+        meaning = "" if kept else f"column '{text}' is not used: its heading says nothing known"
+        answer = reading.interview.choice(question, OWN if kept else NOT_USED, meaning)
+    if kept and answer == OWN:
+        return replace(column, role="condition", unread=True, sure=True)
     return named(column, answer)
 
 
@@ -191,30 +247,32 @@ def named(column: Column, answer: str) -> Column:
 
 def settled_wind(column: Column, reading: Reading, measured: bool) -> Column:
     """A wind that was measured at a height, as the friction velocity that the law of the wall gives."""
-    text, height = column.heading.text, column.height
+    text, height, bed = column.heading.text, column.height, reading.bed
     question = (
         f"Column '{text}' is a wind at {height:g} m, no friction velocity. Roughness length z0 of the bed "
         f"with its unit (flat sand: grain diameter / 30, such as '0.008 mm'), for u* = 0.4 U / ln(z / z0); "
         f"{NOT_USED}: the column is not used"
     )
-    answer = reading.told.roughness or reading.interview.choice(question, "", "")
-    if not answer:
+    answer = reading.told.roughness or ("" if bed else reading.interview.choice(question, "", ""))
+    if not answer and bed is None:
         return reading.fault(
             column,
             f"a wind at {height:g} m is no friction velocity; give the roughness length of the bed to `study "
-            "new`, --roughness '0.008 mm' (flat sand: grain diameter / 30), or a column of u*",
+            "new`, --roughness '0.008 mm' (flat sand: grain diameter / 30), a column 'z0 [mm]', or one of u*",
         )
     if answer == NOT_USED:
         return replace(column, sure=True)
-    roughness = roughness_length(answer, height)
-    factor = friction_factor(height, roughness)
+    length = roughness_length(answer, height) if answer else nan
     reading.interview.assume(
-        f"'{text}' becomes a friction velocity, u* = 0.4 U / ln(z / z0) = {factor:.3g} U, with z = "
-        f"{height:g} m and the roughness length z0 = {roughness:.3g} m"
+        f"'{text}' becomes a friction velocity, u* = 0.4 U / ln(z / z0), with z = {height:g} m and the "
+        f"roughness length z0 {f'= {length:.3g} m' if answer or not bed else f'of {bed.heading.text!r}'}"
     )
     threshold = "threshold" in meaning_of(column.heading.name)[1] or not measured
     role, name = ("observable", "threshold_u_star") if threshold else ("condition", FRICTION_VELOCITY)
-    return replace(column, role=role, name=name, title=tidy_name(name), sure=True, factor=factor)
+    column = replace(column, role=role, name=name, title=tidy_name(name), sure=True)
+    if bed and not answer:
+        return replace(column, roughness=bed.place)
+    return replace(column, factor=friction_factor(height, length))
 
 
 def without_unknown(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
@@ -222,7 +280,7 @@ def without_unknown(columns: Sequence[Column], reading: Reading) -> Iterator[Col
     seen: dict[str, str] = {}
     bent = [each for each in columns if each.role in ("observable", "condition") and each.heading.law]
     for column in columns:
-        used = column.role in ("observable", "condition")
+        used = column.role in ("observable", "condition") and not column.unread
         wrong = column_fault(column, seen, reading.told) if used else ""
         own = [each for each in bent if each.role == "observable" or each.name == column.name]
         if own and column.role in ("sd", "se", "cv", "condition_sd"):
@@ -258,6 +316,41 @@ def column_fault(column: Column, seen: Mapping[str, str], told: Told) -> str:
     return f"{column.name} counts in {'a pure number' if unit == '1' else unit}; give it in that unit{slope}"
 
 
+def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
+    """The columns; conditions that the model does not read get names of their own, or are not used.
+
+    Which numbers are none is told by `number_columns.py`; a column that the user names always is one.
+    """
+    reads, said = reading.told.reads, reading.told.conditions.values()
+    measured = [c.place for c in columns if c.role == "observable"]
+    rows = [row for _, row in reading.cells.lines if not all(is_missing(row[place]) for place in measured)]
+    if reads is None or not rows:
+        return list(columns)
+    own = [c for c in columns if c.role == "condition" and c.name not in reads]
+    others = [c for c in columns if c.role == "condition" and c.name in reads]
+    labels = [c.place for c in columns if c.role in ("group", "source")]
+    set_ups = ["|".join(row[place] for place in labels) for row in rows]
+    values = {c: np.array([reading.number(row[c.place]).value for row in rows]) for c in (*own, *others)}
+    results = [np.array([reading.number(row[place]).value for row in rows]) for place in measured]
+    results.append(np.mean(results, axis=0))  # of repeats side by side
+    known = {c.heading.text: values[c] for c in others}
+    asked = {c.heading.text: values[c] for c in own if c.name not in said}
+    why = no_conditions(asked, results, known, np.array(set_ups))
+    found, names = list[Column](), [*RESERVED, *(c.title for c in others)]
+    for column in columns:
+        text, name = column.heading.text, own_name(column.heading.name, names, column.place)
+        if column in own and text in why:
+            reading.interview.assume(f"column '{text}' is not used: {why[text]}")
+            column = replace(column, role="remark")
+        elif column in own:
+            reading.interview.assume(f"column '{text}' is kept as a condition; {UNREAD}")
+            place = column.name if column.name.startswith(CONDITION) else CONDITION + name
+            column = replace(column, name=place, title=column.title or name, unread=True)
+            names.append(column.title)
+        found.append(column)
+    return found
+
+
 def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Column]:
     """The columns; those whose headings differ in a number alone are repeats of one measurement, if agreed.
 
@@ -268,23 +361,36 @@ def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Co
         if column.role == "observable":
             words = re.sub(r"[\W\d_]+", " ", plain_words(column.heading.name)).strip()
             families.setdefault((column.name, words), []).append(column)
-    repeats: set[int] = set()
+    repeats, means = set[int](), set[int]()
     for family in (each for each in families.values() if len(each) > 1):
         told = ", ".join(f"'{column.heading.text}'" for column in family)
         if any(map(holds_value, family)):
-            reading.faults.append(f"{reading.cells.file}: columns {told}: {CROSS_TABLE}")
+            lengths = family[0].name == "flux" and all(HEIGHT.search(each.heading.text) for each in family)
+            words = PROFILE if lengths else CROSS_TABLE
+            reading.faults.append(f"{reading.cells.file}: columns {told}: {words}")
         elif not reading.interview.agreed(
             f"Columns {told}: repeats of one measurement", f"columns {told} are repeats of one measurement"
         ):
             continue
         repeats |= {column.place for column in family[1:]}
-    return [replace(column, is_repeat=column.place in repeats) for column in columns]
+        for column in columns:  # of the repeats beside it
+            if column.name == family[0].name and column not in family and sums_up(column.heading.name):
+                means.add(column.place)
+                reading.interview.assume(f"column '{column.heading.text}' is not used: {BESIDE}")
+    found = [replace(column, is_repeat=column.place in repeats) for column in columns]
+    return [replace(c, role="remark", sure=True) if c.place in means else c for c in found]
+
+
+def sums_up(heading: str) -> bool:
+    """Whether a heading has a word for what sums up repeats: `mean angle`."""
+    return any(map(is_summary, plain_words(heading).split()))
 
 
 def holds_value(column: Column) -> bool:
     """Whether a heading holds a number with another unit than its own: `repose angle (0.5 mm)`."""
-    text = BRACKETED_UNIT.sub(" ", column.heading.text)
-    return any(unit_in(unit) not in (None, column.heading.unit) for unit in VALUE.findall(text))
+    heading = column.heading
+    text = heading.name if heading.unit else BRACKETED_UNIT.sub(" ", heading.text)
+    return any(unit_in(unit) not in (None, heading.unit) for unit in VALUE.findall(text))
 
 
 def with_partners(columns: Sequence[Column], interview: Interview) -> Iterator[Column]:
@@ -307,7 +413,7 @@ def with_partners(columns: Sequence[Column], interview: Interview) -> Iterator[C
         shared = column.role == "n" and len(measured) > 1 and not called
         why = ""
         if repeated and (shared or partner.name in repeated):
-            why = "the repeats stand beside it"
+            why = BESIDE
         elif before and before.role == "remark" and before.numeric and before.heading.unit:
             of_another = column.role != "n" and not called
             why = f"it stands behind '{before.heading.text}', which is not used" if of_another else ""

@@ -14,7 +14,7 @@ conditions are repeats of one another; `replicate` says which rows of several ob
 """
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from math import inf, isfinite, isnan, nan, sqrt
@@ -22,7 +22,13 @@ from typing import Any, TypeVar, get_args
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Drawn
-from taichi_erosion.evidence.data.tables.column_roles import SHARES, Column
+from taichi_erosion.evidence.data.tables.column_roles import (
+    LOWEST_WIND,
+    SHARES,
+    Column,
+    Told,
+    friction_factor,
+)
 from taichi_erosion.scene.schema.units import (
     EXAMPLES,
     Scale,
@@ -55,6 +61,7 @@ PLACE = re.compile(r"(?P<file>.*), row (?P<line>\d+)")  # source of a row that n
 MOST_REPEATS = 10**9
 SHOWN = 40  # characters of a cell that a message repeats
 SOLO_ROWS = 3  # with one fault, up to which each is told
+MOST_LISTED = 6  # numbers of rows in a sentence
 
 
 class Faults(list[str]):
@@ -162,11 +169,16 @@ def error_column_faults(errors: Sequence[Column], units: dict[str, str], file: s
             yield f"{where} is in [{unit}]; {column.title} is in [{stated}]: give it so"
 
 
-def table_of(cells: Cells, columns: Sequence[Column], faults: list[str]) -> Table:
-    """Rows of a table with known columns; all faults of its cells are added to `faults`."""
+def table_of(cells: Cells, columns: Sequence[Column], faults: list[str], told: Told | None = None) -> Table:
+    """Rows of a table with known columns; all faults of its cells are added to `faults`.
+
+    Where what is `told` wants it complete, every row states the conditions and the set-up that others state.
+    """
     reader = RowReader(cells, columns, faults)
-    rows = [row for line, row in cells.lines for row in reader.rows(line, row)]
+    rows, notes = [row for line, row in cells.lines for row in reader.rows(line, row)], list[str]()
     faults += reader.cell_faults()
+    if told is not None and told.complete:
+        rows = with_all_conditions(reader, rows, told.titles.values(), notes)
     if not rows and not faults:
         faults.append(f"{cells.file}: has a heading but no measurement, no measured value")
     return Table(
@@ -174,10 +186,46 @@ def table_of(cells: Cells, columns: Sequence[Column], faults: list[str]) -> Tabl
         tuple(column.title for column in reader.of("condition")),
         tuple(column.heading.unit or None for column in reader.of("condition")),
         tuple(rows),
+        notes=tuple(notes),
         set_conditions=tuple(column.title for column in reader.of("condition_sd") if column.is_set),
         form=cells.form,
         columns=tuple(columns),
     )
+
+
+def with_all_conditions(
+    reader: "RowReader", rows: Sequence[Row], names: Collection[str], notes: list[str]
+) -> list[Row]:
+    """The rows without those of which a condition is not known (`-`), which is told.
+
+    A blank cell of a condition, or of a set-up in a laboratory's own table, is a fault: one of a condition
+    where another row of the same observable states it. `names`: of the conditions in use; empty: all.
+    """
+    lost = set[int]()
+    for column in reader.of("condition", *(() if reader.tidy else ("group",))):
+        cells = {line: row[column.place] for line, row in reader.cells.lines}
+        stated = {row.observable for row in rows if not is_missing(cells[row.line])}
+        asked = {row.line: cells[row.line] for row in rows if row.observable in stated}
+        bare = {line: cell for line, cell in asked.items() if is_missing(cell)}
+        where = f"column '{column.heading.text}'"
+        if column.role == "condition" and names and column.title not in names:
+            continue
+        if blank := [line for line, cell in bare.items() if not cell]:
+            reader.faults.append(
+                f"{reader.cells.file}: {where} is blank in {listed_rows(blank)}, and other rows state it; "
+                "fill these cells (--fill-down: a blank cell repeats the one above it), write '-' where it "
+                "is not known, and the row is not used, or remove the row"
+            )
+        elif bare and column.role == "condition":
+            notes.append(f"{where} is not known in {listed_rows([*bare])}: not used")
+            lost |= bare.keys()
+    return [row for row in rows if row.line not in lost]
+
+
+def listed_rows(lines: Sequence[int]) -> str:
+    """`3 rows (4, 5, 7)` of a file; of many the first."""
+    first = ", ".join(map(str, lines[:MOST_LISTED])) + (", ..." if len(lines) > MOST_LISTED else "")
+    return f"row {first}" if len(lines) == 1 else f"{len(lines)} rows ({first})"
 
 
 @dataclass(frozen=True)
@@ -215,11 +263,13 @@ class RowReader:
             told = f"row {line}, '{summary}': the row sums up others; remove it"
             self.faults.append(f"{self.cells.file}: {told}")
             return
-        conditions = [self.number(line, row, column).value for column in self.of("condition")]
-        errors = {each.title: self.positive(line, row, each) for each in self.of("condition_sd")}
+        numbers = [(each.title, self.number(line, row, each)) for each in self.of("condition")]
+        errors = {name: number.sd for name, number in numbers}  # behind ±
+        for each in self.of("condition_sd"):
+            errors[each.title] = self.positive(line, row, each)
         shared = Row(
             *(line, "", nan, False, nan, None, "", self.group(row), self.source(line, row)),
-            conditions=tuple(conditions),
+            conditions=tuple(number.value for _, number in numbers),
             condition_sd={name: sd for name, sd in errors.items() if isfinite(sd)},
             drawn=self.drawn(line, row),
             repeat=self.text(row, "repeat"),
@@ -241,6 +291,9 @@ class RowReader:
             return None
         n = next((self.count(line, row, each) for each in self.partners("n", column)), None)
         sd = self.scatter(line, row, column, found.value, n) if isnan(found.sd) else found.sd
+        if isnan(sd):  # what the user states
+            sd = column.cv * abs(found.value) or nan
+            sd = sd if isnan(column.sd) else column.sd * self.factor(line, row, column)
         reach, unit = found.reach, unit or "1"
         return replace(
             shared,
@@ -272,11 +325,24 @@ class RowReader:
         except CellFault as fault:
             self.fault(line, column, row, fault)
             return CellNumber()
-        factor = scale.factor * column.factor
+        own_factor = self.factor(line, row, column)
+        factor = scale.factor * own_factor
         if (factor, scale.origin) == (1.0, 0.0):
             return found
         reach = found.reach * factor
-        return CellNumber(column.factor * scale.used(found.value), reach, found.sd * factor, found.unit)
+        return CellNumber(own_factor * scale.used(found.value), reach, found.sd * factor, found.unit)
+
+    def factor(self, line: int, row: Sequence[str], column: Column) -> float:
+        """From the numbers of a column to what it measures or sets; of a wind over the bed of its row."""
+        if column.roughness < 0:
+            return column.factor
+        bed = next(each for each in self.columns if each.place == column.roughness)
+        length = self.number(line, row, bed, unit="m").value
+        if 0.0 < length < LOWEST_WIND * column.height:
+            return friction_factor(column.height, length)
+        told = f"must lie above 0 and below a tenth of the height of the wind, {column.height:g} m"
+        self.fault(line, bed, row, told)
+        return nan
 
     def scale(self, written: str, unit: str) -> Scale:
         """Scale from the unit behind a number to that of its column; raises CellFault."""
@@ -307,7 +373,8 @@ class RowReader:
     def scatter(self, line: int, row: Sequence[str], column: Column, value: float, n: int | None) -> float:
         """Standard deviation of single repeats from a column of its own; NaN where none is given."""
         for other in (*self.partners("sd", column), *self.partners("se", column)):
-            found = self.positive(line, row, replace(other, factor=column.factor), column.heading.unit)
+            like = replace(other, factor=column.factor, roughness=column.roughness, height=column.height)
+            found = self.positive(line, row, like, column.heading.unit)
             if other.role == "se" and isfinite(found):
                 if n is None:
                     self.fault(line, column, row, "has a standard error: give n, the number of repeats")

@@ -175,7 +175,7 @@ def test_a_value_that_is_possible_and_unusual_is_told(tmp_path):
 def test_limits_and_intervals_are_censored_values(tmp_path):
     text = "Feuchte (%);Sandfluss [g/(m s)]\n0;12,5\n1;< 0,02\n2;no transport\n3;0,1..0,4\n4;>40\n"
     found = [each for row in read(tmp_path, text).rows for each in (row.value, row.reach, row.censored)]
-    wanted = [12.5, 0, False, 0.02, -inf, True, nan, -inf, True, 0.25, 0.15, True, 40, inf, True]
+    wanted = [12.5, 0, False, 0.02, -inf, True, 0.02, -inf, True, 0.25, 0.15, True, 40, inf, True]
     assert found == pytest.approx(wanted, nan_ok=True)
 
 

@@ -1,0 +1,121 @@
+"""What a column of numbers is that no model reads: a condition, a count, years, a result, or another one."""
+
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from taichi_erosion.scene.schema.units import parse_scale, parse_unit
+from taichi_erosion.tables.headings import Heading, is_summary, plain_words
+
+Numbers = NDArray[np.float64]
+
+SAME = 0.998  # share of a column's variance that a parabola of another one explains: it is that one again
+LENGTH = parse_unit("m").kind
+ABOVE = re.compile(
+    r"height|z|elevation|hohe|messhohe|hauteur|altura|高度|высота|(?:measuring|sampling|trap) height"
+    r"|(?:height|hohe) (?:above|over|uber) .*"
+)
+NUMBERED = re.compile(
+    r"(?:[\s_(#-](?:no|nr|rep(?:s|eat|licate|etition)?|wdh|test|run)\.?)?[\s_.#-]*\(?\d+\)?\s*$",
+    re.IGNORECASE,
+)
+MOST = 4  # conditions that no model reads
+LEAST_LEVELS = 6  # different numbers from which a parabola says something
+YEARS = (1900.0, 2100.0)
+RESULTS = re.compile(  # words of what is measured or computed beside a measurement, by their beginning
+    r"\b(?:predict|residu|fitted|calculat|simulat|model|expected|berechnet|vorhergesagt|caught|collected|trapped|"
+    r"loss|error|index|heap|pile|haufen|mass of sand|sand mass|weight of sand)"
+)
+
+
+def stem(heading: str) -> str:
+    """A heading without the number of a repeat: `angle` of `angle 1` and of `angle rep. 1`."""
+    return NUMBERED.sub("", heading) or heading
+
+
+def is_height(heading: Heading) -> bool:
+    """Whether a column holds heights above the bed at which something was measured."""
+    unit = heading.unit
+    return bool(ABOVE.fullmatch(plain_words(heading.name)) and unit) and parse_scale(unit).kind == LENGTH
+
+
+def own_name(heading: str, others: Sequence[str], place: int) -> str:
+    """Name of letters, digits and _ for a column, another one than some: `salt_content`."""
+    plain = re.sub(r"[^a-z0-9]+", "_", plain_words(heading)).strip("_")[:40]
+    return plain if plain[:1].isalpha() and plain not in others else f"column_{place + 1}"
+
+
+def no_conditions(
+    asked: Mapping[str, Numbers],
+    results: Sequence[Numbers],
+    known: Mapping[str, Numbers],
+    set_ups: np.ndarray,
+) -> dict[str, str]:
+    """Columns that are no conditions, by their headings, each with the reason.
+
+    `results` are the measured quantities, `known` other conditions, `set_ups` the name of each row's set-up.
+    """
+    kept, why = dict(known), dict[str, str]()
+    for heading, own in asked.items():
+        reason = why_no_condition(heading, own, results, kept, numbered([set_ups]))
+        if not reason and len(kept) - len(known) == MOST:
+            reason = f"{MOST} others are kept"
+        if reason:
+            why[heading] = reason
+        else:
+            kept[heading] = own
+    return why
+
+
+def why_no_condition(
+    heading: str, own: Numbers, results: Sequence[Numbers], others: Mapping[str, Numbers], set_ups: Numbers
+) -> str:
+    """Why a column of numbers is no condition; empty where it is one.
+
+    A column with many values that differs between repeats is no level of a design.
+    """
+    if not np.isfinite(own).all():
+        return "it is not known in every row"
+    distinct, whole = np.unique(own), bool(np.all(own == np.round(own)))
+    if distinct.size == 1:
+        return "it is the same in all rows"
+    counts = distinct.size == own.size == 1 + np.ptp(own)
+    if whole and (counts or (YEARS[0] <= distinct[0] and distinct[-1] <= YEARS[1])):
+        return "it counts rows or years"
+    summary = is_summary(re.sub(r"\s*[\[(].*", "", heading))
+    if summary or RESULTS.search(plain_words(heading)) or any(is_again(own, each) for each in results):
+        return "it is a result beside the measured quantity"
+    if same := [text for text, other in others.items() if is_again(own, other) or follows(own, other)]:
+        return f"it changes with '{same[0]}' alone"
+    rest = numbered([*others.values(), set_ups])
+    if distinct.size > own.size / 2 and differs_within(own, rest):
+        return "it differs between repeats, whose scatter holds what it does"
+    return ""
+
+
+def numbered(columns: Sequence[Numbers]) -> Numbers:
+    """Number of each row's set of values; equal for equal sets."""
+    return np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].ravel().astype(np.float64)
+
+
+def follows(own: Numbers, other: Numbers) -> bool:
+    """Whether a column has one value for each value of another one, some of which are repeated."""
+    return np.unique(other).size < own.size and not differs_within(own, other)
+
+
+def differs_within(own: Numbers, other: Numbers) -> bool:
+    """Whether a column differs where another one does not."""
+    return np.unique(numbered([other, own])).size > np.unique(other).size
+
+
+def is_again(own: Numbers, other: Numbers) -> bool:
+    """Whether a column is a parabola of another one."""
+    both = np.isfinite(own) & np.isfinite(other)
+    x, y = other[both], own[both]
+    if np.unique(x).size < LEAST_LEVELS or np.ptp(y) == 0.0:
+        return False
+    x = (x - x.mean()) / np.ptp(x)
+    left = y - np.polyval(np.polyfit(x, y, 2), x)
+    return float(np.var(left)) < (1.0 - SAME) * float(np.var(y))

@@ -1,0 +1,209 @@
+"""What a table does not say is asked, stated by an option or refused; what no model reads is a condition."""
+
+import io
+from math import log
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import openpyxl
+import pytest
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.answers.new_study import Wishes, new_study
+from taichi_erosion.evidence.data.problem import Measurements
+from taichi_erosion.evidence.data.tables.column_roles import Told
+from taichi_erosion.evidence.models import reduced
+from taichi_erosion.evidence.models.load_study import load_study
+
+SANDS = [
+    (0.25, 0, 0.233),
+    (0.25, 0.6, 0.299),
+    (0.5, 0, 0.319),
+    (0.5, 0.6, 0.445),
+    (1, 0, 0.472),
+    (1, 0.6, 0.606),
+]
+HEAD = "d [mm],moisture [%],u*t [m/s],SD [m/s]\n"
+BLANK = HEAD + "".join(f"{'' if w else d},{w},{u},0.01\n" for d, w, u in SANDS)
+HEAP = "moisture (%);angle of repose (deg);SD;{}\n"
+SALT = "moisture (%);{};angle of repose (deg);SD\n"
+
+
+def measured(
+    folder: Path, text: str | bytes, name: str = "t.csv", **wishes
+) -> tuple[Measurements, list[str]]:
+    """Measurements of the study of a table by the closed form, and what was assumed."""
+    (folder / name).write_bytes(text if isinstance(text, bytes) else text.encode())
+    asked: dict[str, Any] = {"closed_form": True, "anew": True} | wishes
+    document = new_study(folder / name, Wishes(**asked), lambda _, guess: guess)
+    return load_study(Path(document["study"])).problem.measurements, document["assumed"]
+
+
+def refused(folder: Path, text: str, **wishes) -> str:
+    with pytest.raises(BadInput) as caught:
+        measured(folder, text, **wishes)
+    assert not (folder / "t").exists(), "nothing is written"
+    return "\n".join(caught.value.faults)
+
+
+def test_a_blank_cell_of_a_condition_is_refused_or_filled_where_the_user_says_so(tmp_path):
+    assert "'d [mm]' is blank in 3 rows (3, 5, 7)" in refused(tmp_path, BLANK)
+    found, assumed = measured(tmp_path, BLANK, fill_down=True)
+    assert found.conditions["diameter"] == pytest.approx([1e-3 * d for d, *_ in SANDS])
+    assert any("3 blank cells are filled" in words for words in assumed)
+    left, _ = measured(tmp_path, BLANK.replace("\n,", "\n-,"))
+    assert left.line == (2, 4, 6), "a row of which a condition is not known is not used"
+
+
+def test_a_blank_set_up_is_refused_and_cells_that_are_merged_are_filled(tmp_path):
+    text = "Soil;" + HEAP.format("n") + "A;0;31;0.5;3\n;2;33;0.5;3\nB;0;34;0.5;3\n;2;36;0.5;3\n"
+    assert "'Soil' is blank in 2 rows (3, 5)" in refused(tmp_path, text)
+    book, content = openpyxl.Workbook(), io.BytesIO()
+    for line in text.splitlines():
+        cells = line.split(";")
+        book.worksheets[0].append([float(c) if c[:1].isdigit() else c or None for c in cells])
+    for cells in ("A2:A3", "A4:A5"):
+        book.worksheets[0].merge_cells(cells)
+    book.save(content)
+    assert measured(tmp_path, content.getvalue(), "t.xlsx")[0].group == ("A", "A", "B", "B")
+
+
+@pytest.mark.parametrize(("name", "reads"), [("threshold_u_star", True), ("repose_angle", False)])
+def test_the_closed_form_has_no_value_where_a_condition_that_it_reads_is_not_stated(name, reads):
+    at = {"diameter": np.array([2.5e-4, np.nan]), "moisture": np.zeros(2)}
+    assert np.isnan(reduced.expected(name, at, {}, {})).tolist() == [False, reads]
+
+
+def test_what_no_column_states_of_the_grains_is_a_constant_condition(tmp_path):
+    text = "moisture [%],u*t [m/s],SD [m/s]\n0,0.57,0.01\n0.5,0.74,0.01\n1.5,0.85,0.01\n"
+    found, assumed = measured(tmp_path, text, diameter="1.5 mm", density="2.7 g/cm3")
+    assert found.conditions["diameter"] == pytest.approx(1.5e-3)
+    assert found.conditions["density"] == pytest.approx(2700.0)
+    assert not any("diameter" in words for words in assumed)
+    usual, assumed = measured(tmp_path, text)
+    assert usual.conditions["diameter"] == pytest.approx(2.5e-4)
+    assert "no column states the grain diameter: 0.25 mm is assumed (--diameter)" in assumed
+
+
+def test_the_scatter_that_the_user_states_is_that_of_single_measurements(tmp_path):
+    text = "moisture [%];angle of repose [deg];n\n0;31;3\n2;40;3\n4;35;3\n"
+    assert "the scatter is unknown" in refused(tmp_path, text)
+    for key, said, wanted in (
+        ("angle of repose", "0.8 deg", [0.8] * 3),
+        ("repose_angle", "0.01 rad", [np.degrees(0.01)] * 3),
+        ("angle of repose [deg]", "10 %", [3.1, 4.0, 3.5]),
+    ):
+        assert measured(tmp_path, text, sd={key: said})[0].sd == pytest.approx(wanted)
+    with pytest.raises(BadInput, match="a column of the table states it"):
+        measured(tmp_path, text.replace("n\n", "SD\n"), sd={"repose_angle": "5 %"})
+    with pytest.raises(BadInput, match="--sd flux=5 %: names no column"):
+        measured(tmp_path, text, sd={"flux": "5 %"})
+
+
+def test_a_number_behind_the_sign_of_a_condition_is_its_sd(tmp_path):
+    found, assumed = measured(
+        tmp_path, "moisture (%);angle of repose (°)\n1 ± 0.5;40 ± 1\n4;37 ± 1\n8 ± 2;36 ± 1\n"
+    )
+    assert found.condition_sd["moisture"] == pytest.approx([0.005, np.nan, 0.02], nan_ok=True)
+    assert found.sd == pytest.approx(1.0)
+    assert any("± in 'moisture (%)' is the standard deviation of the stated" in words for words in assumed)
+
+
+@pytest.mark.parametrize(
+    ("heading", "names"),
+    [
+        ("angle 1;angle 2;Mean;SD", {"angle": "repose_angle"}),
+        ("A1;A2;Mean angle of repose;SD", {"A1": "repose_angle"}),
+        ("angle of repose rep 1;angle of repose rep 2;mean angle of repose;SD", {}),
+        ("angle of repose;;average;SD\n;rep 1;rep 2;;", {}),
+    ],
+)
+def test_numbered_siblings_are_repeats_and_their_mean_is_no_other_one(tmp_path, heading, names):
+    rows = "".join(f"{w};{a};{a + 1};{a + 0.5};0.7\n" for w, a in ((0, 31), (1, 35), (2, 38), (4, 36)))
+    found, _ = measured(tmp_path, f"moisture (%);{heading}\n{rows}", told=Told(names))
+    assert found.value.tolist() == [31, 32, 35, 36, 38, 39, 36, 37]
+    assert list(found.conditions) == ["moisture"]
+    assert np.isnan(found.sd).all()
+
+
+@pytest.mark.parametrize(
+    ("cells", "limit"),
+    [
+        (("0", "0"), 0.01),
+        (("no transport", "<0.05"), 0.05),
+        (("0", "<0.05"), 0.05),
+        (("<0.05", "<0.2"), 0.05),
+    ],
+)
+def test_an_amount_that_is_not_seen_lies_below_a_limit_and_needs_no_further_file(tmp_path, cells, limit):
+    text = "u* (m/s);moisture (%);flux (g/m/s);sd\n0.4;0;9.16;0.5\n0.5;0;12.6;1\n0.4;1;0.85;0.1\n"
+    text += f"0.3;1;{cells[0]};\n0.3;2;{cells[1]};\n"
+    found, _ = measured(tmp_path, text)
+    assert found.censored.tolist() == [False] * 3 + [True] * 2
+    assert found.limit[3] == pytest.approx(1e-3 * limit)
+    study = load_study(tmp_path / "t" / "t.toml")
+    flux = study.problem.observables["flux"]
+    assert (flux.transform, flux.floor) == ("log_floor", pytest.approx(1e-3 * limit))
+
+
+@pytest.mark.parametrize(
+    ("heading", "values", "kept"),
+    [
+        ("salt content (g/kg)", (0, 0, 0, 0, 5, 5, 5, 5), True),
+        ("Temperatur (°C)", (20, 20, 40, 40, 40, 40, 20, 20), True),
+        ("drop height", (1, 2, 2, 1, 2, 1, 1, 2), True),
+        ("salt content (g/kg)", (3,) * 8, False),  # constant
+        ("Reihenfolge", range(4, 12), False),
+        ("year", (2020, 2021, 2020, 2021, 2020, 2021, 2020, 2021), False),
+        ("predicted (deg)", (30, 33, 36, 35, 31, 32, 37, 34), False),
+        ("tangent of it", (0.601, 0.7, 0.781, 0.727, 0.613, 0.713, 0.795, 0.74), False),
+        ("class", (1, 2, 3, 4, 1, 2, 3, 4), False),  # the moisture again
+        ("room (°C)", (20.1, 20.4, 19.8, 21.1, 20.2, 19.9, 20.6, 21.2), False),  # tells repeats apart
+        ("salt content (g/kg)", (0, 5, "", 5, 0, 5, 0, 5), False),
+    ],
+)
+def test_a_column_that_varies_is_a_condition_unless_it_says_something_known(tmp_path, heading, values, kept):
+    angles = (31.0, 35.0, 38.0, 36.0, 31.5, 35.5, 38.5, 36.5)
+    rows = zip((0, 1, 2, 4) * 2, values, angles, strict=True)
+    text = SALT.format(heading) + "".join(f"{w};{x};{a};0.5\n" for w, x, a in rows)
+    found, assumed = measured(tmp_path, text)
+    assert (len(found.conditions) == 2) is kept
+    words = "is kept as a condition" if kept else "is not used: "
+    assert any(f"column '{heading}' {words}" in each for each in assumed)
+
+
+PROFILES = [
+    "d (mm);u at 0.5 m (m/s);u at 1 m (m/s);flux (g/m/s)\n0.2;5;6;3\n0.3;5;6;3\n",
+    "d (mm);height (m);wind speed (m/s);flux (g/m/s)\n0.2;0.5;6;3\n0.2;1;6.5;3\n",
+    "d (mm);height (cm);u* (m/s);flux (g/m/s)\n0.2;5;0.4;3\n0.2;10;0.4;1\n",
+    "d (mm);u* (m/s);flux at 5 cm (g/m/s);flux at 10 cm (g/m/s)\n0.2;0.4;5;6\n0.3;0.4;10;6\n",
+]
+
+
+@pytest.mark.parametrize("text", PROFILES)
+def test_a_profile_is_one_measurement(tmp_path, text):
+    told = refused(tmp_path, text, roughness="0.03 mm")
+    assert "a profile over the height is one measurement" in told
+    assert "roughness length of the bed" not in told
+
+
+def test_a_wind_over_beds_of_several_roughness_lengths_gives_the_friction_velocity_of_each(tmp_path):
+    rows = ((0.05, 0.2, 5.6), (1.5, 0.2, 4.9), (8, 0.2, 5.2), (0.05, 2, 9.6), (1.5, 2, 8.3), (8, 2, 8.8))
+    text = "z0 (mm);moisture (%);threshold wind speed at 2 m (m/s);sd\n"
+    text += "".join(f"{z};{w};{u};0.2\n" for z, w, u in rows)
+    found, _ = measured(tmp_path, text)
+    factors = np.array([0.4 / log(2.0 / (1e-3 * z)) for z, *_ in rows])
+    assert found.value == pytest.approx(factors * [u for *_, u in rows])
+    assert found.value[:3] == pytest.approx([0.211, 0.272, 0.377], rel=2e-3)
+    assert found.sd == pytest.approx(0.2 * factors)
+
+
+def test_the_width_between_walls_reaches_the_model(tmp_path):
+    rows = "5;0.5;31.5;0.5\n10;0.5;28.4;0.5\n80;0.5;26.9;0.5\n"
+    text = f"cell thickness (mm);d (mm);angle of repose (deg);sd\n{rows}"
+    found, _ = measured(tmp_path, text)
+    study = load_study(tmp_path / "t" / "t.toml")
+    assert study.file.conditions["width"] == "width"
+    walls = study.problem.model("repose_angle", found.conditions, {}, {"side_walls": 1.0}, np.arange(3))
+    assert walls.mean(axis=0)[0] > walls.mean(axis=0)[2] + 4.0
