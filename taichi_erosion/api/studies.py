@@ -1,7 +1,7 @@
 """Studies from Python: compare, discover, adopt, next, predict, report."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -64,7 +64,8 @@ class Study:
         if not names:
             raise BadInput("adopt: name the effects to add")
 
-        return answered(self, AdoptionResult, "adopting", adopt_study, names, force=force)
+        forced = replace(self, options=replace(self.options, force=force or self.options.force))
+        return answered(forced, AdoptionResult, "adopting", adopt_study, names)
 
     def next(self) -> ExperimentsResult:
         """Find the cheapest experiments that tell the named explanation from its rivals."""
@@ -110,6 +111,7 @@ def study(
     effect_files: Sequence[PathLike] = (),
     arch: Literal["auto", "cpu", "cuda", "vulkan"] | None = None,
     decomposition: Literal["partitions", "grains"] | None = None,
+    force: bool = False,
 ) -> Study:
     """A study by its file; None leaves a choice to the file.
 
@@ -122,7 +124,7 @@ def study(
     if not Path(path).is_file():
         raise BadInput(f"{path}: there is no such file")
     size, files = stated_budget(budget), tuple(map(Path, effect_files))
-    stated = StudyOptions(*size, workers, seed, files, arch=arch, decomposition=decomposition)
+    stated = StudyOptions(*size, workers, seed, files, arch=arch, decomposition=decomposition, force=force)
     return Study(Path(path), stated)
 
 

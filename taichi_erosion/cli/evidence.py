@@ -55,12 +55,15 @@ def options_of(
         int | None, Option(min=0, help="Seed of the runs in place of the study's; another one: fresh runs.")
     ] = None,
     effect: EffectFiles = None,
+    force: Annotated[
+        bool, Option("--force", help="Go on with an error in the set-up; replace files of others.")
+    ] = False,
 ) -> "StudyOptions":
     """What the command line states of a study; raises BadInput for a budget that is none."""
     from taichi_erosion.evidence.models.load_study import StudyOptions, stated_budget
 
     named, runs = stated_budget(budget)
-    return StudyOptions(named, runs, workers, seed, tuple(effect or ()), announce, arch, decomposition)
+    return StudyOptions(named, runs, workers, seed, tuple(effect or ()), announce, arch, decomposition, force)
 
 
 def with_study_options(command: Command) -> Command:
@@ -118,7 +121,6 @@ def adopt(
         Argument(metavar="EFFECT...", help="Candidates of the study; a named pair is adopted as one."),
     ],
     options: "StudyOptions",
-    force: Force = False,
     verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
@@ -126,7 +128,7 @@ def adopt(
     from taichi_erosion.evidence.answers.commands import adopt_study
 
     def compute(report: Progress) -> "Reply":
-        return adopt_study(study, effects, report, options, force)
+        return adopt_study(study, effects, report, options)
 
     answer("adopting", compute, options, as_json, verbose)
 

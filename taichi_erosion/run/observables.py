@@ -7,6 +7,7 @@ from math import copysign, inf, nan
 
 import numpy as np
 
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import AirProfile, Snapshot
 from taichi_erosion.measures import drum_and_incline, heap, shortfalls, splash, threshold, wind_bed
 from taichi_erosion.measures.result import Measurement, Shortfall, no_measurement
@@ -17,6 +18,7 @@ from taichi_erosion.scene.schema.geometry import Cylinder, Disc, Funnel, Plane, 
 from taichi_erosion.scene.schema.scene import Measure
 
 AZIMUTHS = 12  # silhouettes of a heap where the scene names no number
+CONE_SHARE = 0.5  # of the grains of a planned heap, without which no cone has its rows [1]
 LEFT_MOST = 0.05  # of the grains: more above its outlet, and a funnel has not emptied [1]
 
 
@@ -156,6 +158,22 @@ def heap_shortfalls(given: MeasureInput, found: Measurement) -> Iterable[Shortfa
     poured = given.scene.fill.law == "pour"
     lacking = shortfalls.heap_shortfalls(rows, state.radius.size, poured, wanted, found.value)
     return (replace(each, stated=given.request.of_this_size and not each.blocks) for each in lacking)
+
+
+def small_heap(scene: Scene, name: str, angles: Floats) -> str:
+    """Why a heap is too small for all of some angles [deg], before it is simulated; else empty.
+
+    A cone without stray grains has half of those by which heaps are planned.
+    """
+    measured, count = scene.measured.get(name), scene.grains.count
+    as_small = measured is not None and measured.same_size
+    if name not in ANGLES or as_small or scene.grains.clump or not angles.size:
+        return ""
+    least, usual = (
+        shortfalls.grains_for(shortfalls.LEAST_ROWS, float(end(angles))) for end in (np.max, np.min)
+    )
+    words = f"the heap is too small for an angle: use at least {usual:,} grains ({count:,} now)"
+    return words if count < CONE_SHARE * least else ""
 
 
 def surface_shortfalls(given: MeasureInput, _: Measurement) -> Iterable[Shortfall]:

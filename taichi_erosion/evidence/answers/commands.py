@@ -46,7 +46,7 @@ from taichi_erosion.evidence.race.dose_laws import told_law
 from taichi_erosion.evidence.race.outlook import held_out_part
 from taichi_erosion.evidence.race.posterior import Posterior, given, only, raced
 from taichi_erosion.evidence.race.proposals import proposals
-from taichi_erosion.evidence.race.record import Decided, Record
+from taichi_erosion.evidence.race.record import Record
 from taichi_erosion.evidence.race.summary import decided, summary
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.part_words import set_up_lines
@@ -80,46 +80,35 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
     with open_study(path, options) as study:
         question = Question("compare", bare, lambda found: [found.about_bare], most=1)
         found, ready = answer_of(study, last_plan(study), question, progress)
-        record = compare_record(found)
-        if blocked(ready.faults):
-            record = replace(record, decided=waiting(record.decided))
-        return stored(ready, "compare", found, record, start)
+        return stored(ready, "compare", found, compare_record(found), start)
 
 
 def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTIONS) -> Reply:
     """Which effect is missing. Raises BadInput."""
     start = perf_counter()
     with open_study(path, options) as study:
-        asked = study.options.budget
-        plans: Sequence[BudgetName] = PLANS if asked is None else (asked,)
-        waits = blocked(study.faults)
-        question = discovery_question(study, bare if waits else whole)
+        plans = PLANS if study.options.budget is None else (study.options.budget,)
+        question = discovery_question(study, bare if blocked(study.faults) else whole)
         found, ready = answer_of(study, plans, question, progress)
         record, held = discover_record(found), files.read_reply(study.results, study.path.stem, "adopt")
-        if blocked(ready.faults):
-            record = replace(record, decided=waiting(record.decided))
-        elif held is not None and held.about["digest"] == study.digest[:12]:
+        if held is not None and held.about["digest"] == study.digest[:12] and not blocked(ready.faults):
             named = set(held.record.decided.named) == set(record.decided.named)
             record = replace(record, held_out=held.record.held_out if named else None)
         return stored(ready, "discover", found, record, start, budget=ready.options.budget)
 
 
 def adopt_study(
-    path: Path,
-    effects: Sequence[str],
-    progress: Progress,
-    options: StudyOptions = NO_OPTIONS,
-    force: bool = False,
+    path: Path, effects: Sequence[str], progress: Progress, options: StudyOptions = NO_OPTIONS
 ) -> Reply:
     """The error before and after effects are added, on data that no fit has seen; writes the new study.
 
-    `force` replaces files that this study did not write. Raises BadInput.
+    With `options.force` it replaces files that this study did not write. Raises BadInput.
     """
     start = perf_counter()
     with open_study(path, options) as study:
         names = study.problem.candidate_names
         effects = known_effects(effects, names, path)
-        refuse_foreign_files(study, effects, force)
+        refuse_foreign_files(study, effects, options.force)
 
         def points(found: RacedStudy) -> list[Any]:
             return [found.about_bare, found.about(given(found.posterior, effects).best)]
@@ -132,7 +121,7 @@ def adopt_study(
             opened = record_opening(study.results, study.drawn_from, "+".join(effects))
         held = record.held_out and replace(record.held_out, opened=opened)
         record = replace(record, held_out=held)
-        written = write_adopted_files(study, adopted_of(record), force)
+        written = write_adopted_files(study, adopted_of(record), options.force)
         told = {"written": str(written[0]), "files": [str(file) for file in written]}
         told |= {"ladder": files.extended_ladder(study, record)}
         found = replace(found, posterior=given(found.posterior, effects))
@@ -145,14 +134,10 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
     with open_study(path, options) as study:
         question = discovery_question(study, whole, tested=False)
         found, ready = answer_of(study, last_plan(study), question, progress)
-        stated = study.file.laboratory
-        laboratory = Laboratory(ranges=dict(stated.ranges), costs=dict(stated.costs), repeats=stated.repeats)
-        experiments = proposals(found.posterior, laboratory)
+        laboratory = Laboratory(**study.file.laboratory.model_dump())
+        kinds = {fault.kind for fault in ready.faults if fault.blocks}
+        experiments = proposals(found.posterior, laboratory) if kinds <= {"too_few_rows"} else ()
         record = replace(summary(found.posterior), experiments=experiments)
-        if blocked(ready.faults):
-            rows_lack = {fault.kind for fault in ready.faults if fault.blocks} == {"too_few_rows"}
-            more = record.experiments if rows_lack else ()
-            record = replace(record, decided=waiting(record.decided), experiments=more)
         return stored(ready, "next", found, record, start)
 
 
@@ -193,11 +178,6 @@ def discover_record(found: RacedStudy) -> Record:
     return replace(record, fresh=found.fresh)
 
 
-def waiting(decided: Decided) -> Decided:
-    """Nothing is named while the set-up is not settled."""
-    return replace(decided, verdict="not_testable", named=(), group=(), mechanisms=())
-
-
 def adopt_record(posterior: Posterior, effects: Sequence[str], seed: int) -> Record:
     """The error of fitted and held-out rows with these effects, numbers and strengths as they then are."""
     known = given(posterior, effects)
@@ -229,11 +209,13 @@ def known_effects(effects: Sequence[str], names: Sequence[str], path: Path) -> t
 def stored(
     study: Study, command: Command, found: RacedStudy, record: Record, start: float, **told: Any
 ) -> Reply:
-    """The reply of a command, written into the results folder, with what all of it has cost."""
-    runs = study.simulations
+    """The stored reply of a command, with its cost. A set-up that is not settled names nothing by itself."""
+    if command != "adopt" and blocked(study.faults):
+        waits = {"verdict": "not_testable", "named": (), "group": (), "mechanisms": ()}
+        record = replace(record, decided=replace(record.decided, **waits))
     cost = replace(record.cost, seconds=perf_counter() - start, seed=study.file.study.seed)
-    record = replace(record, cost=cost if runs is None else replace(cost, runs=runs))
-    reply = Reply(command, framed(study, found) | told, record, found.posterior)
+    cost = cost if study.simulations is None else replace(cost, runs=study.simulations)
+    reply = Reply(command, framed(study, found) | told, replace(record, cost=cost), found.posterior)
     return files.write_reply(study.results, study.path.stem, reply)
 
 

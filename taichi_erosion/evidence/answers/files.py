@@ -65,12 +65,11 @@ class Reply:
             alone = words[0] == "effects" or written in words
             return call(*words, *(() if alone else options))
 
-        titles = {name: row["title"] for name, row in rows.items()}
         return Vocabulary(
             about["study"],
             command,
             TableUnits.of(about),
-            titles | effect_titles(map(Path, about["effect_files"])),
+            {n: row["title"] for n, row in rows.items()} | effect_titles(map(Path, about["effect_files"])),
             {name: dose_meaning(name) for name in rows},
             str(document_file(Path(about["results"]), Path(about["study"]).stem, "discover")),
             written,

@@ -18,7 +18,7 @@ import numpy as np
 
 from taichi_erosion.evidence.answers import files
 from taichi_erosion.evidence.answers.fresh_test import fresh_test, kinds_of, setting_of
-from taichi_erosion.evidence.answers.set_up import blocked
+from taichi_erosion.evidence.answers.set_up import blocked, refuse_blocked
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.data.transforms import effect_of, is_strength
 from taichi_erosion.evidence.emulator import training_runs
@@ -175,13 +175,16 @@ def answered_by(
     """
     first = training_runs.initial_training_runs(study, question.effects, budget, question.ahead)
     if first is None:
-        announce(study, function_cost(study, len(question.effects)))
+        if told := function_cost(study, len(question.effects)):
+            study.options.announce(told)
         return question.answer(study, progress), study
+    refuse_blocked(study, bool(question.effects) and question.name != "next")  # which asks for the rows
     key = f"{study.fresh}{question.name} {budget}"
     runs, own, earlier = replayed(first, key)
     left = max(runs.plan_size.rounds - len(own), 0)
     cost = plan_cost(runs, left, question.most, test_cost(runs, question, own, key))
-    announce(study, cost.sentence if cost.seconds >= WORTH_TELLING else "")
+    if cost.seconds >= WORTH_TELLING:
+        study.options.announce(cost.sentence)
     phases, phase = cost.phases, 0
     while True:
         ready = training_runs.emulated_study(runs, part_of(progress, phases, phase))
@@ -192,21 +195,15 @@ def answered_by(
         if about is not None:
             runs = training_runs.refined_training_runs(runs, about, f"{key}|{len(own)}")
             own.append(about)
-        write_rounds(study, {**read_rounds(study), key: own})
-        if about is not None:
+            write_rounds(study, {**read_rounds(study), key: own})
             continue
+        write_rounds(study, {**read_rounds(study), key: own})
         if (wider := wider_runs(runs, ready, question, found)) is None:
             steps = part_of(progress, phases, len(phases) - 1)
             return with_fresh_runs(question, found, ready, runs, key, steps)
         runs, cost = wider, plan_cost(wider, 0, 0)
         study.options.announce(f"No listed effect suffices. {cost.sentence}")
         phases = [*phases[:phase], *cost.phases, *phases[phase:]]
-
-
-def announce(study: Study, cost: str) -> None:
-    """Tell what an answer costs before it, where it costs much."""
-    if cost:
-        study.options.announce(cost)
 
 
 def wider_runs(
@@ -334,8 +331,7 @@ def rounds_file(study: Study) -> Path:
 
 def state_of(study: Study) -> str:
     """Digest of a study file, its measurements and its effect files."""
-    known = [study.digest, file_text(study.path, str(study.path))]
-    known += [file.digest for file in study.effect_files]
+    known = [study.digest, file_text(study.path, str(study.path)), *(f.digest for f in study.effect_files)]
     return sha256("|".join(known).encode()).hexdigest()[:16]
 
 

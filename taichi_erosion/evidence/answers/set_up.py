@@ -16,6 +16,8 @@ from taichi_erosion.evidence.models.load_study import Study, first_study
 from taichi_erosion.evidence.race.fit import Race
 from taichi_erosion.evidence.race.priors import FAMILYWISE
 from taichi_erosion.evidence.words.part_words import FAULTS, UNKNOWN_SCATTER, numbered, unit_text
+from taichi_erosion.run.observables import small_heap
+from taichi_erosion.scene.schema.units import conversion, parse_unit
 from taichi_erosion.tables.spreadsheet import source_digest
 
 FAR_OFF = 8.0  # factor from the model, typical row, that no effect makes
@@ -45,6 +47,26 @@ def refuse_unknown_scatter(study: Study) -> None:
     """Raises BadInput for a table of which no misfit can be judged."""
     if not comparison_rows(study.problem, study.problem.visible()).known.any():
         raise BadInput(f"{study.file.study.measurements}: {UNKNOWN_SCATTER}")
+
+
+def refuse_blocked(study: Study, needs_rows: bool) -> None:
+    """Raises BadInput for faults that keep an answer of scenes waiting, before its runs are spent."""
+    faults = (*(study.faults if needs_rows else ()), *small_heaps(study))
+    lines = [f"{study.path}: {each.sentence}; --force goes on" for each in faults if each.blocks]
+    if lines and not study.options.force:
+        raise BadInput(*lines)
+
+
+def small_heaps(study: Study) -> Iterator[SetUpFault]:
+    """Heaps of too few grains for every angle of the table."""
+    table, simulator = study.problem.measurements, study.simulator
+    assert simulator is not None
+    for name, measure in simulator.measures.items():
+        factor = conversion(parse_unit(measure.unit), parse_unit("deg")) or 1.0
+        angles = factor * table.value[np.array(table.observable) == name]
+        words = small_heap(simulator.scene(measure.scene), measure.measure, angles)
+        if words and not study.file.observables[name].same_size:
+            yield SetUpFault("too_small", name, f"{name}: {words}", True)
 
 
 def unit_faults(race: Race) -> Iterator[SetUpFault]:

@@ -62,6 +62,7 @@ class StudyOptions:
     announce: Callable[[str], None] = lambda _: None  # is told the cost of a plan before its first run
     arch: ArchChoice | None = None
     decomposition: Decomposition | None = None
+    force: bool = False  # go on where a fault of the set-up keeps the answer waiting; replace foreign files
 
 
 NO_OPTIONS = StudyOptions()

@@ -8,18 +8,23 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
+from taichi_erosion.api.studies import new_study
 from taichi_erosion.campaign.study_file import WorkersEntry
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers import rounds
-from taichi_erosion.evidence.answers.commands import discover_record, open_study, whole
+from taichi_erosion.evidence.answers.commands import bare, discover_record, no_progress, open_study, whole
 from taichi_erosion.evidence.answers.fresh_test import fresh_test, is_true, kinds_of
 from taichi_erosion.evidence.answers.rounds import RacedStudy, answered, discovery_question, settled
+from taichi_erosion.evidence.answers.set_up import small_heaps
+from taichi_erosion.evidence.data.problem import SetUpFault
 from taichi_erosion.evidence.data.transforms import to_scale
 from taichi_erosion.evidence.emulator import gaussian_process, training_runs
 from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, FreshSimulator, GapTest
-from taichi_erosion.evidence.models.load_study import PLANS, BudgetName
+from taichi_erosion.evidence.models.load_study import PLANS, BudgetName, StudyOptions
 from taichi_erosion.evidence.race.decision import Decision, decide
 from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.posterior import Posterior, raced, strained
@@ -60,6 +65,31 @@ def test_the_large_plan_is_simulated_where_the_small_one_does_not_decide(tmp_pat
     answer = told(write(tmp_path, strength, seed=5), plans=PLANS)
     assert answer.plan == plan
     assert (len(keys(answer.runs)) > 104) == (plan == "full"), "104 runs are the first of the large plan"
+
+
+def test_what_keeps_an_answer_waiting_is_refused_before_its_runs_unless_forced(tmp_path, monkeypatch):
+    runs: list[list[str]] = []
+    monkeypatch.setattr(training_runs, "execute", executing(runs))
+    with open_study(write(tmp_path, STRONG, seed=5)) as study:
+        waits = replace(study, faults=(SetUpFault("too_few_rows", "table", "too few rows", True),))
+        question = discovery_question(waits, bare)
+        with pytest.raises(BadInput, match="too few rows; --force goes on"):
+            answered(waits, ("quick",), question, no_progress)
+        assert not runs
+        answered(waits, ("quick",), discovery_question(waits, bare, tested=False), no_progress)
+        made = len(runs)
+        assert made, "the next rows are asked for where there are too few"
+        answered(replace(waits, options=StudyOptions(force=True)), ("quick",), question, no_progress)
+        assert len(runs) > made
+
+
+@pytest.mark.parametrize(("grains", "kinds"), [(300, ["too_small"]), (400, [])])
+def test_a_heap_of_too_few_grains_for_any_angle_of_the_table_is_known_before_runs(tmp_path, grains, kinds):
+    # a cone of 310 grains at the steepest angle, 40.2 deg, has three rows on its flank
+    columns = {"angle of repose [deg]": [31.2, 33.0, 40.2, 36.0], "sd [deg]": 0.8, "moisture [%]": range(4)}
+    made = new_study(pd.DataFrame(columns), tmp_path / "heap", apparatus="funnel", grains=grains)
+    with open_study(made.path) as study:
+        assert [fault.kind for fault in small_heaps(study)] == kinds
 
 
 def test_a_round_is_made_once_about_what_is_undecided(tmp_path, monkeypatch):
