@@ -19,6 +19,7 @@ from taichi_erosion.scene.schema.scene import effect_problems
 EffectFiles = tuple[EffectFile, ...]
 Examine = Callable[[EffectFile], dict[str, Any]]  # check of the effect of a file, from above
 
+OF_AIR = ("friction_velocity", "density", "viscosity", "through_flow")  # of [wind], no numbers of a grid
 MIXABLE_PLACES = ("pair", "scene", "instrument")  # effects that replicas of one ensemble need not share
 
 
@@ -132,6 +133,23 @@ def idle_reason(scene: Scene, effect: Any) -> str:
     if possible and scene.wind is None:
         told.append("there is no [wind] section")
     return ", ".join(told) or "with these numbers it changes nothing"
+
+
+def comparable(path: Path, scene: Scene) -> dict[str, Any]:
+    """Measured values of what is simulated: those of the file, where the laboratory's situation is its own.
+
+    A value that was stated anew stays. Contacts, effects and the number of grains are what is tried.
+    """
+    file = load_scene(path)
+    same = situation(file) == situation(scene)
+    kept = {name: m for name, m in scene.measured.items() if same or m != file.measured.get(name)}
+    return {name: measured.model_dump() for name, measured in kept.items()}
+
+
+def situation(scene: Scene) -> list[Any]:
+    """What a laboratory's value depends on."""
+    wind = scene.wind and scene.wind.model_dump(include=set(OF_AIR))
+    return [scene.conditions, scene.gravity, wind, scene.grains.model_copy(update={"count": 1})]
 
 
 def library_of(*scenes: Scene) -> dict[str, Any]:

@@ -20,7 +20,14 @@ from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
 from taichi_erosion.run import RunOptions
 from taichi_erosion.run.checkpoint import Checkpointer, load_checkpoint, restore_run, seeds_of
-from taichi_erosion.run.checks import explained, idle_effects, library_of, named_effects, read_scene
+from taichi_erosion.run.checks import (
+    comparable,
+    explained,
+    idle_effects,
+    library_of,
+    named_effects,
+    read_scene,
+)
 from taichi_erosion.run.ensemble_loop import (
     Callback,
     EnsembleRun,
@@ -198,6 +205,10 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
     numerics |= {"decomposition": "grains"} if sim.numerics.by_grain else {}
     measured = [state.measurements for state in ensemble.states]
     names = dict.fromkeys(name for measurements in measured for name in measurements)
+    wanted, limits = comparable(path, scene), explained(scene)
+    if len(wanted) < len(scene.measured):
+        words = f"not compared with [measured] of {path.name}: grains, air or conditions are others"
+        limits["warnings"].append(words)
     pooled = {name: pool_beds([found[name] for found in measured if name in found]) for name in names}
     return run_document(
         path,
@@ -207,7 +218,8 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
         grain_steps=round(ensemble.grain_steps),
         wall_s=seconds,
         numerics=numerics | mean_threads(sim.team),
-        limits=explained(scene),
+        limits=limits,
+        measured=wanted,
         convention=SURFACE_ENERGY_CONVENTION,
         effect_digests=scene.effect_digests,
     )

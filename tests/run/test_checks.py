@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from small_scene import TAPPED, WET, write_scene
 
-from taichi_erosion.run.checks import check_scene, compatibility_key, read_scene
+from taichi_erosion.run.checks import check_scene, comparable, compatibility_key, read_scene
 
 ANGULAR = ("conditions.angularity=0.5", "effects.rolling_resistance.strength=1")
 LONG = ("effects.grain_shape.strength=1",)
@@ -39,3 +39,20 @@ def test_a_check_tells_what_an_effect_needs_to_act(tmp_path: Path, name: str):
 def test_a_check_is_silent_where_effects_act(tmp_path: Path):
     orders = (*WET, *TAPPED, *ANGULAR, "conditions.slope=5.0", "effects.bed_slope.strength=1")
     assert check_scene(write_scene(tmp_path), orders)["limits"]["warnings"] == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_compared"),
+    [
+        (("grains.count=40", "contact.soil-soil.friction_sliding=0.3", "run.replicas=1"), True),
+        (("conditions.moisture=0.01",), True),  # as in the file
+        (("grains.size.diameter=1e-3", "run.time_step_fraction=0.1"), False),
+        (("conditions.moisture=0.05",), False),
+        (("conditions.moisture=0.05", "measured.pile_height.value=0.02"), True),
+    ],
+)
+def test_a_measured_value_is_compared_with_the_situation_in_which_it_was_measured(
+    tmp_path, changes, is_compared
+):
+    path = write_scene(tmp_path, conditions={"moisture": 0.01}, measured={"pile_height": {"value": 0.01}})
+    assert bool(comparable(path, read_scene(path, changes))) == is_compared

@@ -135,5 +135,5 @@ def after_run(document: Document) -> Iterator[str]:
     if recording := document.get("recording"):
         view, page = shell_command("view", recording), shell_command("report", recording)
         yield f"{view} shows the run, {page} makes a page of it."
-    if not document["measured"] and document["measures"]:
+    if document["measures"] and not document.get("resolved", {}).get("measured"):
         yield "[measured] in the scene file prints a measured value beside the simulated one."
