@@ -18,9 +18,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.path import Path as Outline
 
+from taichi_erosion.evidence.answers.summary import ONE_SIDED
 from taichi_erosion.evidence.data.number_words import heading
 from taichi_erosion.evidence.race.record import Interval, LawPart, Record
-from taichi_erosion.evidence.race.summary import ONE_SIDED
 from taichi_erosion.evidence.words import page_words
 from taichi_erosion.evidence.words.part_words import LIKELY, acting, failing
 from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, interval, quantity
@@ -203,7 +203,7 @@ def strength_bars(record: Record) -> Iterator[tuple[str, Interval | None, float,
     """Candidates: strength where one acts, else what is not seen, and whether more is excluded."""
     names = {name for names in acting(record.decided) for name in names}
     for name, part in sorted(record.effects.items(), key=lambda item: -item[1].probability):
-        acts = (name in names or part.probability > LIKELY) and not part.varies_along
+        acts = name in names or part.probability > LIKELY
         excluded = part.status == "excluded" and not acts
         end = np.nan_to_num(part.limit if excluded else part.unseen_below, nan=part.most)
         yield name, part.strength if acts else None, min(float(end), part.most), excluded

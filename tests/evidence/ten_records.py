@@ -74,9 +74,9 @@ WET = PlacePart("repose_angle", "moisture", 1, 2e-12)
 null = record.Record(NONE, EFFECTS, NUMBERS, (), (), (), GOOD, (), ROWS, COST)
 
 
-def present(strength: Interval, chance: float = 0.99, varies: str = "") -> EffectPart:
+def present(strength: Interval, chance: float = 0.99) -> EffectPart:
     """A named effect."""
-    return EffectPart("present", chance, strength, nan, 41.3, 0.25, 0.1, varies_along=varies)
+    return EffectPart("present", chance, strength, nan, 41.3, 0.25, 0.1)
 
 
 def decided(verdict, named=(), group=(), mechanisms=(), **probabilities: float) -> Decided:
@@ -172,10 +172,13 @@ mechanisms = replace(
         contact_pull=0.38,
     ),
 )
-varying = replace(
+HUMP = tuple((w, Interval(a, a - 0.8, a + 0.8)) for w, a in ((0.0, 0.0), (0.02, 9.1), (0.05, 3.2)))
+curved = replace(
+    outside, curves=(record.CurvePart("repose_angle", "moisture", "offset", "peak", 0.02, HUMP),)
+)
+contradicted = replace(
     single,
-    effects=EFFECTS | {"liquid_bridge": present(Interval(0.9, 0.2, 1.9), 0.98, "moisture")},
-    law=replace(LAW, mechanism="liquid_bridge", template="{a} (moisture / {c})^{p}"),
+    decided=replace(decided("none_detected", liquid_bridge=0.97, none=1e-9), refuted=("liquid_bridge",)),
 )
 level = replace(
     mechanism,
@@ -211,7 +214,8 @@ DISCOVERIES = {
     "outside": outside,
     "mechanism": mechanism,
     "mechanisms": mechanisms,
-    "varying": varying,
+    "curved": curved,
+    "contradicted": contradicted,
     "level": level,
     "typo": typo,
     "stopped": stopped,

@@ -29,6 +29,7 @@ from taichi_erosion.evidence.answers.set_up import (
     table_faults,
     unit_faults,
 )
+from taichi_erosion.evidence.answers.summary import decided, summary
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH, is_strength
@@ -47,7 +48,6 @@ from taichi_erosion.evidence.race.outlook import held_out_part
 from taichi_erosion.evidence.race.posterior import Posterior, given, only, raced
 from taichi_erosion.evidence.race.proposals import proposals
 from taichi_erosion.evidence.race.record import Record
-from taichi_erosion.evidence.race.summary import decided, summary
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.part_words import set_up_lines
 from taichi_erosion.mechanisms.library import mechanism_rows

@@ -200,6 +200,8 @@ def document(record: Record) -> Document:
         "p_misfit": fit.p_before,
         "p_misfit_after": fit.p_after,
         "p_lack_of_fit": fit.p_lack_of_fit,
+        "p_lack_of_fit_after": fit.p_lack_of_fit_after,
+        "curves": parts["curves"],
         "vault": None if record.held_out is None else vault(record.held_out),
         "next_experiments": parts["experiments"],
         "mechanisms": mechanisms(record),

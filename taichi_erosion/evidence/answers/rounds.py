@@ -100,11 +100,10 @@ def discovery_question(
 
 
 def sets(posterior: Posterior) -> Mapping[Acting, float]:
-    """Probability of every set of listed effects, whatever their strength does and what is beside them."""
+    """Probability of every set of listed effects, whatever is beside them."""
     found: dict[Acting, float] = {}
     for hypothesis, p in posterior.probability.items():
-        varying = (hypothesis.kind,) if hypothesis.kind in posterior.race.model.candidates else ()
-        names = (*hypothesis.names, *varying)
+        names = hypothesis.names
         if names or hypothesis.kind in ("", "?"):
             found[names] = found.get(names, 0.0) + p
     return found

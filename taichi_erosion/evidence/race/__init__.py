@@ -28,5 +28,6 @@ tau and f. What is said has SURE of the probability of all hypotheses together.
     decision           the one rule, and whether a name is better than chance makes it
     outlook            rows that the race has not seen: predictions, held-out rows
     proposals          measurements that would move the posterior
-    summary, record    the answer, as numbers and enumerations
+    adequacy           whether rows refute an explanation
+    record             the answer, as numbers and enumerations (made of a posterior by `answers/summary.py`)
 """

@@ -2,7 +2,8 @@
 
     level         one column per observable
     source        one column per source of each observable
-    batch         one per group of rows of each observable
+    preparation   one column per set-up under the same conditions of each observable, where it is repeated
+    group         numbers of the model that each soil or batch has for itself: its mask, times their slopes
     discrepancy   smooth function of the conditions of each observable, without its level:
                   k(x, x') = prod_c (1 + (1 + r_c) exp(-r_c)), r_c = 3^1/2 |x_c - x_c'| / LENGTH,
                   centred, trace n
@@ -15,20 +16,20 @@ References: Kennedy & O'Hagan (2001), J. R. Stat. Soc. B 63, 425; Plumlee (2017)
 Biometrika 97, 465 (half-Cauchy scales).
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, condition_numbers
 from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.predictor import axis_scale
 from taichi_erosion.evidence.race.linear_evidence import Scales, scale
 from taichi_erosion.evidence.race.priors import LARGE, LENGTH, NEAR, SMALL
 
-Kind = Literal["level", "source", "batch", "discrepancy", "unlisted", "dose"]
+Kind = Literal["level", "source", "preparation", "group", "discrepancy", "unlisted", "dose"]
 SMOOTHEST = 1e-3  # of the largest variance of a smooth function, below which a part of it is left out
 
 
@@ -40,23 +41,38 @@ class Block:
     observable: str
     columns: Floats  # (n, q), on the comparison scale
     scale: Scales
-    labels: tuple[str, ...] = ()  # of the columns of sources and batches
+    size: float = 1.0  # standard error of a row of the observable, in which a discrepancy counts
 
 
-def unlisted(blocks: Sequence[Block]) -> list[Block]:
-    """The same with discrepancies that may be large, level included: something that is not in the list."""
+def unlisted(rows: ComparisonRows, known: Bools, blocks: Sequence[Block]) -> dict[str, list[Block]]:
+    """The same with functions that may be large, level included, in place of discrepancies.
+
+    Something that is not in the list acts along one condition, or along all of them: one key for each.
+    """
     level = {block.observable: block.columns for block in blocks if block.kind == "level"}
-    return [
-        Block(
-            "unlisted",
-            block.observable,
-            np.hstack([block.columns, level[block.observable]]),
-            scale(f"unlisted {block.observable}", cauchy=LARGE),
-        )
-        if block.kind == "discrepancy"
-        else block
-        for block in blocks
-    ]
+    axes = [name for name, column in rows.conditions.items() if axis_scale(column[known]) is not None]
+    found = {}
+    for along in ("", *(axes if len(axes) > 1 else ())):
+        found[along] = [
+            replace(
+                block,
+                kind="unlisted",
+                columns=np.hstack([columns, level[block.observable]]),
+                scale=scale(f"unlisted {block.observable}", cauchy=LARGE),
+            )
+            if block.kind == "discrepancy" and (columns := along_condition(rows, known, block, along)).size
+            else block
+            for block in blocks
+        ]
+    return found
+
+
+def along_condition(rows: ComparisonRows, known: Bools, block: Block, along: str) -> Floats:
+    """Columns of a smooth function of one condition, or of all, for the observable of a discrepancy."""
+    if not along:
+        return block.columns
+    own = np.array(rows.names) == block.observable
+    return block.size * smooth_columns(rows, own, known, (along,))
 
 
 def nuisance(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
@@ -76,20 +92,33 @@ def nuisance(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
         if fitted.size > 3:
             columns = size * smooth_columns(rows, own, known)
             if columns.shape[1]:
-                found.append(Block("discrepancy", name, columns, scale(f"discrepancy {name}", normal=SMALL)))
-    several: tuple[tuple[Kind, Sequence[str]], ...] = (("source", rows.source_names), ("batch", rows.group))
-    for kind, labels in several:
-        columns, names = shared_columns(rows, known, labels, unit)
+                small = scale(f"discrepancy {name}", normal=SMALL)
+                found.append(Block("discrepancy", name, columns, small, size=size))
+    return [*found, *shared_blocks(rows, known, unit)]
+
+
+def shared_blocks(rows: ComparisonRows, known: Bools, unit: Floats) -> Iterator[Block]:
+    """Errors that rows of a source, of a preparation, and of a group of several set-ups have in common."""
+    size = np.array([np.median(unit[(rows.which == k) & known] if known.any() else 1.0) for k in rows.which])
+    cells = [f"{group}|{cell:g}" for group, cell in zip(rows.group, condition_numbers(rows), strict=True)]
+    near, small = scale("source", cauchy=NEAR), scale("preparation", normal=2.0 * NEAR)
+    kinds: tuple[tuple[Kind, Sequence[str], Scales], ...]
+    kinds = (("source", rows.source_names, near), ("preparation", cells, small))
+    for kind, labels, prior in kinds:
+        columns, names = shared_columns(rows, known, labels)
         if names:
-            prior = scale(kind, cauchy=NEAR) if kind == "source" else scale(kind, normal=2.0 * NEAR)
-            found.append(Block(kind, "", columns, prior, names))
-    return found
+            yield Block(kind, "", columns * size[:, None], prior)
+    _, names = shared_columns(rows, known, rows.group)
+    groups = list(dict.fromkeys(name.rpartition("|")[0] for name in names))
+    masks = np.array(rows.group)[:, None] == np.array(groups)
+    if any(len({cells[row] for row in np.flatnonzero(mask)}) > 1 for mask in masks.T):
+        yield Block("group", "", masks.astype(np.float64), scale("group", cauchy=2.0 * NEAR))
 
 
 def shared_columns(
-    rows: ComparisonRows, known: Bools, labels: Sequence[str], unit: Floats
+    rows: ComparisonRows, known: Bools, labels: Sequence[str]
 ) -> tuple[Floats, tuple[str, ...]]:
-    """A column for each label of each observable that has several rows of it and others too.
+    """A mask for each label of each observable that has several rows of it and others too.
 
     A label of no known row has one too: what is known of the others says how large it may be.
     """
@@ -100,18 +129,31 @@ def shared_columns(
         for each in dict.fromkeys(label[own]):
             chosen = own & (label == each)
             seen = int(np.sum(chosen & known))
-            if 1 < seen < count or not seen:
-                columns.append(np.where(chosen, float(np.median(unit[own & known])), 0.0))
+            if count and (1 < seen < count or not seen):
+                columns.append(chosen.astype(np.float64))
                 names.append(f"{each}|{observable.name}")
-    names = names if any(np.any(column[known]) for column in columns) else []
+    names = names if any(np.any(column[known] > 0.0) for column in columns) else []
     return (np.column_stack(columns) if names else np.zeros((rows.size, 0))), tuple(names)
 
 
-def smooth_columns(rows: ComparisonRows, own: Bools, known: Bools) -> Floats:
-    """Columns F (n, q) of a smooth function of the conditions of one observable: F F^T is its covariance."""
+def columns_of(block: Block, jacobian: Floats) -> Floats:
+    """Columns (n, q) of a block, about a setting with slopes (n, p) along the calibrated numbers."""
+    if block.kind != "group":
+        return block.columns
+    return (block.columns[:, :, None] * jacobian[:, None, :]).reshape(jacobian.shape[0], -1)
+
+
+def smooth_columns(
+    rows: ComparisonRows, own: Bools, known: Bools, names: Sequence[str] | None = None
+) -> Floats:
+    """Columns F (n, q) of a smooth function of conditions of one observable: F F^T is its covariance.
+
+    `names` are the conditions, by default all.
+    """
     at, fitted = np.flatnonzero(own), known[own]
     kernel = np.ones((at.size, at.size))
-    for column in rows.rows(own).conditions.values():
+    for name in rows.conditions if names is None else names:
+        column = rows.conditions[name][own]
         axis = axis_scale(column[fitted])
         if axis is not None:
             place = axis.filled(column)

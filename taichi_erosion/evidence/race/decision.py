@@ -3,7 +3,7 @@
 An effect is named if the explanations that hold it have SURE together; effects that these measurements do not
 tell apart are one group if one of them acts with SURE; a mechanism, or at most three, likewise; "not in the
 list" is said if what no list holds has SURE. Else nothing is named, and the probabilities are told. A name
-that the best of all candidates could have by chance by max-T is not given.
+that the best of all candidates could have by chance by max-T is not given, nor one whose fit the rows refute.
 
 The check, max-T, of the changes g_k that candidates make alone, fitted, with P = V^-1 under nothing and
 the errors that the best explanation leaves; candidates that imitate each other count once:
@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from taichi_erosion.evidence.race.adequacy import is_adequate
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SURE
@@ -35,10 +36,11 @@ class Decision:
     group: tuple[str, ...]  # of which one acts
     mechanisms: tuple[str, ...]  # of which one acts, best first
     none: float  # probability that nothing is missing
-    outside: float  # that something acts that is not in the list, and no effect of it
+    outside: float  # that something acts that is not in the list, alone or beside effects
     inclusion: dict[str, float]  # of every effect, that it acts
     beyond: dict[str, float]  # of every mechanism
     familywise: float
+    refuted: tuple[str, ...] = ()  # what would be named, where the rows refute it
 
 
 def decide(posterior: Posterior) -> Decision:
@@ -48,23 +50,46 @@ def decide(posterior: Posterior) -> Decision:
     inclusion = {name: probability(posterior, [name]) for name in effects}
     beyond = {name: probability(posterior, [name]) for name in mechanisms}
     none = share.get(Hypothesis(()), 0.0)
-    outside = sum(p for h, p in share.items() if not h.names and h.kind in ("?", *mechanisms))
+    outside = probability(posterior, ["?", *mechanisms])
     named = tuple(name for name in effects if inclusion[name] >= SURE)
     group = smallest(posterior, [name for name in effects if name not in named], inclusion, len(effects) // 2)
-    together = inclusion | beyond
-    told = () if named or group else smallest(posterior, list(together), together, MOST_TOLD)
     chance = familywise_p(race, posterior.best) if named or group else 1.0
-    if (named or group) and chance > FAMILYWISE:
+    refuted: tuple[str, ...] = ()
+    if chance > FAMILYWISE:
         named, group = (), ()
+    elif not holds(race, named, group):
+        named, group, refuted = (), (), (*named, *group)
+    together = beyond if refuted else inclusion | beyond
+    likely = () if named or group else smallest(posterior, list(together), together, MOST_TOLD)
     verdict: Verdict = "none_detected"
     if group:
         verdict = "group"
     elif named:
         verdict = "present"
-    elif outside >= SURE or set(told) - set(effects):
+    elif outside >= SURE or set(likely) & set(mechanisms):
         verdict = "outside_library"
-    held = told if verdict == "outside_library" else ()
-    return Decision(verdict, named, group, held, none, outside, inclusion, beyond, chance)
+    held = likely if verdict == "outside_library" else ()
+    return Decision(verdict, named, group, held, none, outside, inclusion, beyond, chance, refuted)
+
+
+def holds(race: Race, named: tuple[str, ...], group: tuple[str, ...]) -> bool:
+    """Whether the rows do not refute what is named, with one of the group, at strengths of the list."""
+    sets = [(*named, name) for name in group] or [named]
+    fits = [fit for names in sets if (fit := race.fits.get(Hypothesis(tuple(sorted(names))))) is not None]
+    if not fits:
+        return False
+    best = max(fits, key=lambda fit: fit.log_evidence)
+    strengths = race.model.strengths(best.hypothesis.names, best.target)
+    largest = {name: race.model.candidates[name].maximum for name in strengths}
+    return is_adequate(best) and all(strengths[name] <= largest[name] for name in strengths)
+
+
+def fit_of(posterior: Posterior, found: Decision) -> Fit:
+    """The likeliest explanation of exactly what is told; of all of them where a group or no set is told."""
+    if found.verdict == "none_detected":
+        return posterior.race.bare
+    alone = posterior.race.fits.get(Hypothesis(tuple(sorted(found.named))))
+    return alone if found.verdict == "present" and alone is not None else posterior.best
 
 
 def probability(posterior: Posterior, names: Iterable[str]) -> float:

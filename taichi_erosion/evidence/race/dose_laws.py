@@ -27,14 +27,13 @@ import scipy
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
-from taichi_erosion.evidence.race.decision import Decision
+from taichi_erosion.evidence.race.decision import Decision, fit_of
 from taichi_erosion.evidence.race.dose_forms import POWERS, Form, forms_of
 from taichi_erosion.evidence.race.doses import STILL, Dosing, dosings, from_axis, to_axis
 from taichi_erosion.evidence.race.fit import Fit, Race
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import CARRIED, DRAWS, SEED, STEP
 from taichi_erosion.evidence.race.record import Interval, LawPart
-from taichi_erosion.evidence.race.summary import told_fit
 
 FOLDS = 6  # of the groups, at most
 ROUNDS = 3  # expansions of a form about its own mean
@@ -150,7 +149,7 @@ def told_law(posterior: Posterior, found: Decision) -> LawPart | None:
     if not (found.named or found.mechanisms):
         return None
     try:
-        return law_of(posterior.race, told_fit(posterior, found))
+        return law_of(posterior.race, fit_of(posterior, found))
     except BudgetSpentError:
         return None
 

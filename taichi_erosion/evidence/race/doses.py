@@ -1,4 +1,4 @@
-"""Mechanisms, and listed effects whose strength varies: one dose for every set of conditions.
+"""Mechanisms: one dose for every set of conditions.
 
     z = m(v, w) + F u + e,   w = tau L s,   s ~ N(0, 1),   L L^T = k(conditions) + 1/4
 
@@ -20,7 +20,7 @@ from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.race.blocks import Block, dose_columns
 from taichi_erosion.evidence.race.fit import FAR, SHARES, SLACK, Doses, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import scale
-from taichi_erosion.evidence.race.priors import CARRIED, DOSE, STEP
+from taichi_erosion.evidence.race.priors import CARRIED, DOSE
 from taichi_erosion.evidence.race.search import log_prior_mechanism
 
 LEAST_DOSE = -0.95  # a place that is almost switched off
@@ -40,7 +40,7 @@ def from_axis(w: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Dosing:
-    """A mechanism, or an effect of varying strength, with one kernel of its doses."""
+    """A mechanism with one kernel of its doses."""
 
     race: Race
     name: str
@@ -127,24 +127,23 @@ class Dosing:
 
 
 def dosings(race: Race, kernels: Mapping[str, Floats]) -> list[Dosing]:
-    """Every mechanism, and the effects that explain most alone, with every kernel L of a condition."""
-    acting = [
-        (m.name, max(m.low, LEAST_DOSE), m.high, log_prior_mechanism(race))
-        for m in race.prepared.problem.mechanisms
-    ]
-    better = [fit for fit in race.sets(1) if fit.log_evidence > race.bare.log_evidence]
-    for single in sorted(better, key=lambda fit: -fit.log_evidence)[:CARRIED]:
-        (name,), prior = single.hypothesis.names, single.log_prior + 2.0 * log(STEP)
-        acting.append((name, 0.0, race.model.largest(name), prior))
+    """Every mechanism with every kernel L of a condition."""
     return [
-        Dosing(race, name, to_axis(np.array([low, high])), prior - log(len(kernels)), axis, factor)
-        for name, low, high, prior in acting
+        Dosing(
+            race,
+            each.name,
+            to_axis(np.array([max(each.low, LEAST_DOSE), each.high])),
+            log_prior_mechanism(race) - log(len(kernels)),
+            axis,
+            factor,
+        )
+        for each in race.prepared.problem.mechanisms
         for axis, factor in kernels.items()
     ]
 
 
 def add_doses(race: Race) -> None:
-    """Every mechanism and varying strength with every kernel; the likeliest from slopes at their own numbers.
+    """Every mechanism with every kernel; the likeliest from slopes at their own numbers.
 
     They start at the prior mean of the numbers: calibrated ones have taken what a dose explains.
     """

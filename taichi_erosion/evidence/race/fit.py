@@ -18,7 +18,7 @@ from scipy.special import logsumexp
 
 from taichi_erosion.evidence.data.problem import Floats, Integers
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.race.blocks import Block, nuisance, unlisted
+from taichi_erosion.evidence.race.blocks import Block, columns_of, nuisance, unlisted
 from taichi_erosion.evidence.race.expansion import Acting, RaceModel
 from taichi_erosion.evidence.race.linear_evidence import Evidence, LinearRows, Scales, evidence, scale
 from taichi_erosion.evidence.race.priors import DOUBT, SEED, SPREAD
@@ -28,8 +28,11 @@ STARTS, WIDE = 10, 2.0  # other starts of it for every number, and their sd over
 SLACK = 2.0  # of a misfit, by which a step may raise it: the noise of a few seeds
 FAR = 1.5  # farthest step of one coordinate
 STILL = 0.1  # squared length of a step, in posterior sd, that is not made
-ROUNDS = 6  # of slopes and three steps, while these go far
-SHARES = (1.0, 0.4, 0.16, 0.06)  # of a step, that are tried in turn
+MOST_STEPS = 8  # of a fit with the scales at their priors
+TRIES, FIRMER = 8, 4.0  # of a step, and the factor by which its damping grows
+LEAST_GAIN = 0.2  # of a step, below which it is the last
+GAINS = (0.5, 2.0)  # of a step over what slopes promise, between which they are updated
+SHARES = (1.0, 0.4, 0.16, 0.06)  # of a step of doses, that are tried in turn
 
 
 @dataclass(frozen=True)
@@ -37,11 +40,11 @@ class Hypothesis:
     """Effects that act, and what acts beside them that is no effect of constant strength."""
 
     names: Acting
-    beyond: str = ""  # "?" what no list holds, or "MECHANISM OR EFFECT|CONDITION"
+    beyond: str = ""  # "?" what no list holds, or a mechanism; behind "|" the condition along which it acts
 
     @property
     def kind(self) -> str:
-        """Mechanism, effect or "?" that acts beside the effects."""
+        """Mechanism, or "?", that acts beside the effects."""
         return self.beyond.partition("|")[0]
 
     @property
@@ -51,7 +54,7 @@ class Hypothesis:
 
     @property
     def along(self) -> str:
-        """Condition along which a dose varies."""
+        """Condition along which it acts."""
         return self.beyond.partition("|")[2]
 
 
@@ -114,14 +117,13 @@ class Fit(Expansion):
 def scatter_of(prepared: PreparedProblem) -> tuple[Integers, Scales]:
     """Scatter of every row by number, -1 for censored ones, and its prior.
 
-    Repeats of nu degrees of freedom narrow the doubt on what is stated to (DOUBT^-2 + 2 nu)^-1/2.
+    Repeats show the scatter within a preparation; rows differ by that between preparations too.
     """
     rows = prepared.rows
     used = np.unique(rows.which[~rows.censored])
     index = np.where(rows.censored, -1, np.searchsorted(used, rows.which))
     names = [rows.observables[k].name for k in used]
-    doubt = [(DOUBT**-2 + 2.0 * float(rows.noise[name].scatter.repeats)) ** -0.5 for name in names]
-    parts = [scale(f"scatter {name}", doubt=sd) for name, sd in zip(names, doubt, strict=True)]
+    parts = [scale(f"scatter {name}", doubt=DOUBT) for name in names]
     return index.astype(np.int64), sum(parts, Scales.none())
 
 
@@ -139,7 +141,7 @@ class Race:
         rows, sd = self.prepared.rows, self.prepared.sd
         known = np.ones(rows.size, dtype=np.bool_)
         self.blocks = tuple(nuisance(rows, known, sd))
-        self.large = tuple(unlisted(self.blocks))
+        self.large = {key: tuple(each) for key, each in unlisted(rows, known, self.blocks).items()}
         self.scatter, self.scatter_scales = scatter_of(self.prepared)
 
     def linear(self, at: Expansion) -> tuple[LinearRows, float]:
@@ -147,7 +149,8 @@ class Race:
         p = self.prepared
         work, columns = p.working(at.mean), p.white(np.hstack([at.jacobian, at.errors]))
         jacobian, fixed = columns[:, : at.v.size], columns[:, at.v.size :]
-        white = [p.white(block.columns) for block in at.blocks]
+        numbers = at.jacobian[:, : self.model.count]
+        white = [p.white(columns_of(block, numbers)) for block in at.blocks]
         shared = np.hstack([fixed, *white])
         shared[p.rows.censored] = 0.0
         block = np.repeat(np.arange(-1, len(white)), [columns.shape[1], *(each.shape[1] for each in white)])
@@ -180,30 +183,53 @@ class Race:
         return float(share @ work.residual**2 - vector @ np.linalg.solve(matrix, vector) + v @ v) + limits
 
     def moved(self, fit: Fit, most: int, steps: int = 6) -> Fit:
-        """At most so many steps to a better setting, each with so many steps of the scales."""
+        """At most so many damped steps to a better setting, each with so many steps of the scales.
+
+        Slopes are updated where a step gains what they promise, else taken anew.
+        """
+        damping, fresh = 0.0, False
         for _ in range(most):
-            step = np.clip(fit.target - fit.v, -FAR, FAR)
-            if step @ np.linalg.solve(fit.covariance + 1e-6 * np.eye(step.size), step) < STILL:
+            tried = self.step_of(fit, damping)
+            if tried is None and fresh:
                 break
-            v, mean = self.stepped(fit, step)
-            if not np.all(np.isfinite(mean)):
+            if tried is None:
+                fit, fresh = self.solved(self.with_slopes(fit), steps, fit.scales), True
+                continue
+            v, mean, damping, gain, share = tried
+            if fresh := not (GAINS[0] < share < GAINS[1] or gain < LEAST_GAIN):
+                fit = self.with_slopes(replace(fit, v=v, mean=mean))
+            else:
+                gone = v - fit.v
+                turn = np.outer(mean - fit.mean - fit.jacobian @ gone, gone) / max(gone @ gone, 1e-6)
+                fit = replace(fit, v=v, mean=mean, jacobian=fit.jacobian + turn)
+            fit = self.solved(fit, steps, fit.scales)
+            if gain < (SLACK if self.model.noisy else LEAST_GAIN):
                 break
-            gone, jacobian = v - fit.v, fit.jacobian
-            if np.abs(gone).max() > 0.1:
-                jacobian = jacobian + np.outer(mean - fit.mean - jacobian @ gone, gone) / (gone @ gone)
-            fit = self.solved(replace(fit, v=v, mean=mean, jacobian=jacobian), steps, fit.scales)
         return fit
 
-    def stepped(self, fit: Fit, step: Floats) -> tuple[Floats, Floats]:
-        """The setting and mean after the largest share of a step that does not raise the misfit."""
-        before = self.misfit(fit, fit.mean, fit.v)
-        v, mean = fit.v, fit.mean
-        for share in SHARES:
-            v = fit.v + share * step
+    def step_of(self, fit: Fit, damping: float) -> tuple[Floats, Floats, float, float, float] | None:
+        """Setting, mean, damping, gain and gain over what slopes promise, of a step; None where it is none.
+
+        (H + damping diag H) step = H (target - v), H the precision of the numbers.
+        """
+        precision = np.linalg.inv(fit.covariance + 1e-6 * np.eye(fit.v.size))
+        pull = precision @ (fit.target - fit.v)
+        if (fit.target - fit.v) @ pull < STILL:
+            return None
+        before, slack = self.misfit(fit, fit.mean, fit.v), SLACK * self.model.noisy
+        for _ in range(TRIES):
+            matrix = precision + damping * np.diag(np.diag(precision))
+            step = np.clip(np.linalg.solve(matrix, pull), -FAR, FAR)
+            v, expected = fit.v + step, float(2.0 * step @ pull - step @ precision @ step)
             mean = self.model.mean(fit.hypothesis.names, v)
-            if np.all(np.isfinite(mean)) and self.misfit(fit, mean, v) < before + SLACK:
-                break
-        return v, mean
+            if np.all(np.isfinite(mean)):
+                gain = before - self.misfit(fit, mean, v)
+                if gain > 0.1 * expected - slack:
+                    share = gain / max(expected, 1e-9)
+                    factor = 1.0 / FIRMER if share > 0.75 else FIRMER if share < 0.25 else 1.0
+                    return v, mean, damping * factor, gain, share
+            damping = max(FIRMER * damping, 0.1)
+        return None
 
     def with_slopes(self, fit: Fit) -> Fit:
         """The fit with slopes and errors of known size at its setting."""
@@ -212,13 +238,16 @@ class Race:
         return replace(fit, jacobian=jacobian, errors=self.model.errors(names, fit.v))
 
     def refined(self, fit: Fit) -> Fit:
-        """The best setting, first with the scales at their priors: no level takes what an effect explains."""
-        fit = self.moved(self.solved(fit, 0), 1, 0)
-        for _ in range(ROUNDS):
-            before = fit.v
-            fit = self.moved(self.solved(self.with_slopes(fit), 0), 3, 0)
-            if np.max(np.abs(fit.v - before), initial=0.0) < FAR:
-                break
+        """The best setting, first with the scales at their priors: no level takes what an effect explains.
+
+        It starts where the misfit is less, here or at the prior of the numbers: elsewhere they may have taken
+        what is missing.
+        """
+        start = np.zeros(fit.v.size)
+        anew = replace(fit, v=start, mean=self.model.mean(fit.hypothesis.names, start))
+        fits = [self.solved(each, 0) for each in (fit, anew) if np.all(np.isfinite(each.mean))]
+        fit = min(fits, key=lambda each: self.misfit(each, each.mean, each.v))
+        fit = self.moved(self.solved(self.with_slopes(fit), 0), MOST_STEPS, 0)
         fit = self.moved(self.solved(self.with_slopes(fit), start=fit.scales, fresh=True), 2)
         return self.kept(replace(fit, refined=True))
 

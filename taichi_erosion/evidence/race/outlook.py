@@ -27,13 +27,14 @@ from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.data.transforms import from_scale, slope, working
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, condition_errors
 from taichi_erosion.evidence.models.table_columns import NewConditions
-from taichi_erosion.evidence.race.blocks import Block, dose_columns, nuisance, unlisted
+from taichi_erosion.evidence.race.adequacy import NODES, WEIGHTS
+from taichi_erosion.evidence.race.blocks import Block, columns_of, dose_columns, nuisance, unlisted
 from taichi_erosion.evidence.race.doses import dosings, from_axis
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import Doses, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import Solved
 from taichi_erosion.evidence.race.posterior import Posterior, draws_of, quantiles
-from taichi_erosion.evidence.race.priors import BAD_SD, KEEP, SEED
+from taichi_erosion.evidence.race.priors import BAD_SD, DOUBT, KEEP, SEED
 from taichi_erosion.evidence.race.record import HeldOutPart, Interval
 
 
@@ -187,7 +188,8 @@ def both_blocks(place: Elsewhere, fit: Fit, both: ComparisonRows, doses: Doses |
     p, n = place.race.prepared, fit.mean.size
     known, unit = np.arange(both.size) < n, np.append(p.sd, np.ones(both.size - n))
     usual = nuisance(both, known, unit)
-    built = {block.scale.names[0]: block.columns for block in (*usual, *unlisted(usual))}
+    large = unlisted(both, known, usual)[fit.hypothesis.along] if fit.hypothesis.kind == "?" else []
+    built = {block.scale.names[0]: block.columns for block in (*usual, *large)}
     if doses is not None:
         built["dose"] = doses.slope[:, np.newaxis] * doses.factor
     return [replace(block, columns=built[block.scale.names[0]]) for block in fit.blocks]
@@ -214,11 +216,15 @@ def outlook(place: Elsewhere, fit: Fit) -> Outlook:
         dose=doses and Doses(doses.w[:n], doses.slope[:n], doses.factor[:n]),
     )
     solved = race.linear(known)[0].with_bad(fit.evidence.bad).solved(fit.evidence.solved.u)
-    smooth = [np.full(b.columns.shape[1], b.kind in ("discrepancy", "unlisted")) for b in blocks]
+    columns = [columns_of(block, jacobian[:, : model.count]) for block in blocks]
+    smooth = [
+        np.full(own.shape[1], b.kind in ("discrepancy", "unlisted"))
+        for own, b in zip(columns, blocks, strict=True)
+    ]
     return Outlook(
         replace(known, evidence=replace(fit.evidence, solved=solved)),
         (mean - jacobian @ v - (doses.slope * doses.w if doses else 0.0))[n:],
-        np.hstack([jacobian, errors, *(b.columns for b in blocks)])[n:],
+        np.hstack([jacobian, errors, *columns])[n:],
         np.concatenate([np.zeros(v.size + errors.shape[1], dtype=np.bool_), *smooth]),
     )
 
@@ -290,15 +296,19 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
         return None
     others = [fit.hypothesis for fit in race.sets(1) if fit.hypothesis.acting.isdisjoint(names)]
     wrong = [others[np.random.default_rng(seed).integers(len(others))]] if others else []
-    place, chosen = elsewhere(race, rows), [Hypothesis(()), posterior.best.hypothesis, *wrong]
+    alone = Hypothesis(tuple(sorted(names)))
+    best = alone if alone in race.fits else posterior.best.hypothesis
+    place, chosen = elsewhere(race, rows), [Hypothesis(()), best, *wrong]
     told = [outlook(place, race.fits[h]) for h in chosen]
     good = np.all([np.isfinite(each.start) for each in told], axis=0)
     if not good.any():
         return None
     before, after, *other = [misfit(place, each, good) for each in told]
-    p_after, opened = chance(place, told[1], good & ~rows.censored), race.prepared.problem.vault.opened + 1
+    seen, opened = good & ~rows.censored, race.prepared.problem.vault.opened + 1
+    p_after, p_worse = misfit_chance(place, told[1], seen), chance_of_worse(place, told[0], told[1], seen)
     misfit_of_wrong, name = (other[0], wrong[0].names[0]) if other else (np.nan, "")
-    return HeldOutPart(int(good.sum()), before, after, p_after, misfit_of_wrong, opened, tuple(names), name)
+    opening = opened, tuple(names), name
+    return HeldOutPart(int(good.sum()), before, after, p_after, misfit_of_wrong, *opening, p_worse)
 
 
 def misfit(place: Elsewhere, told: Outlook, good: Bools) -> float:
@@ -308,12 +318,25 @@ def misfit(place: Elsewhere, told: Outlook, good: Bools) -> float:
     return float(np.mean(work.residual**2))
 
 
-def chance(place: Elsewhere, told: Outlook, good: Bools) -> float:
-    """Chance of as large a misfit r^T cov^-1 r of some rows, smooth discrepancy and scatter included."""
+def misfit_chance(place: Elsewhere, told: Outlook, good: Bools) -> float:
+    """Chance of as large a misfit r^T cov^-1 r of some rows, without smooth discrepancies (`adequacy`)."""
     noise = np.diag(place.rows.variance + place.simulated)
     if place.rows.covariance is not None:
         noise = noise + place.rows.covariance
-    factor = kappa(place, told.solved, told.solved.u)
-    covariance = (told.covariance() + noise * np.outer(factor, factor))[np.ix_(good, good)]
-    gap = (place.rows.z - told.mean())[good]
-    return float(special.chdtrc(gap.size, gap @ np.linalg.solve(covariance, gap)))
+    gap, physics = (place.rows.z - told.mean(False))[good], told.covariance(False)[np.ix_(good, good)]
+    noise = noise[np.ix_(good, good)]
+    size = [gap @ np.linalg.solve(physics + np.exp(2.0 * DOUBT * z) * noise, gap) for z in NODES]
+    return float(WEIGHTS @ special.chdtrc(gap.size, np.maximum(size, 0.0)) / WEIGHTS.sum())
+
+
+def chance_of_worse(place: Elsewhere, before: Outlook, after: Outlook, good: Bools) -> float:
+    """Chance that the misfit falls as little, or grows as much, if what is added acts.
+
+    With d the change of the prediction over the sd s of its error, and r the residual after it,
+
+        (r + d)^2 - r^2 = d^2 + 2 d r,   r ~ N(0, 1)
+    """
+    size = np.sqrt(place.rows.variance + place.simulated + np.diag(after.covariance(False)))
+    change = ((after.mean(False) - before.mean(False)) / size)[good]
+    left = ((place.rows.z - after.mean(False)) / size)[good]
+    return float(special.ndtr(change @ left / max(float(np.sqrt(change @ change)), 1e-12)))

@@ -148,7 +148,7 @@ def raced(
     race = Race(prepared, RaceModel(prepared, most, progress))
     try:
         search(race)
-        if strained(race):
+        if problem.mechanisms and strained(race):
             add_doses(race)
     except BudgetSpentError:
         race.stopped = True

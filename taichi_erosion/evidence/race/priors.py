@@ -19,6 +19,7 @@ BAD_ROW, BAD_SD = 0.01, 10.0  # chance that a row is bad, and its sd over its ow
 LENGTH = 0.5  # of a smooth discrepancy, over the range of a condition
 DOSE = 1.0  # half-Cauchy of ln(1 + dose)
 SURE = 0.9  # probability from which a thing is said
+ADEQUATE = 0.01  # chance of a misfit from which rows do not refute an explanation
 FAMILYWISE = 0.02  # chance below which the best of all candidates is no accident
 CARRIED = 5  # likely explanations, mechanisms or laws that get slopes of their own
 DRAWS, SEED = 2000, 0  # of everything that is drawn: the same table has the same answer

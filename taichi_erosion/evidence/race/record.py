@@ -12,10 +12,12 @@ import numpy as np
 from pydantic import PlainSerializer, PlainValidator
 
 from taichi_erosion.evidence.data.problem import Floats
+from taichi_erosion.evidence.race.priors import ADEQUATE
 
 Verdict = Literal["present", "group", "none_detected", "outside_library", "not_testable", "unstable"]
 Status = Literal["present", "excluded", "open", "untestable", "better_but_not_sufficient"]
 Stop = Literal["", "budget"]
+Shape = Literal["rises", "falls", "peak", "trough", "varies"]
 Outcome = Literal["confirmed", "contradicted", "undecided", "not_made"]
 to_array = PlainValidator(lambda each: np.array(each, dtype=np.float64))
 to_list = PlainSerializer(lambda each: [x if isfinite(x) else str(x) for x in each.tolist()])
@@ -41,6 +43,9 @@ class Decided:
     mechanisms: tuple[str, ...]  # of which one acts, best first
     probabilities: Mapping[str, float]  # "none", "outside_library", "a", "a+b"; sums to 1
     familywise: float  # chance of a name as good if nothing acts
+    refuted: tuple[
+        str, ...
+    ] = ()  # what would be named, where the rows refute its fit or its strength is beyond the list
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,6 @@ class EffectPart:
     absorption: float  # share of its signature that calibration and errors imitate
     unseen_below: float  # strength below which it could act and not be seen
     alike: tuple[str, ...] = ()  # candidates from which these measurements do not tell it
-    varies_along: str = ""  # condition along which its strength varies
     most: float = 3.0  # largest strength of the list
 
 
@@ -84,7 +88,7 @@ class LevelPart:
 class ErrorPart:
     """An error that nobody stated."""
 
-    kind: Literal["source", "batch", "row", "scatter"]
+    kind: Literal["source", "group", "row", "scatter"]
     observable: str
     label: str  # source, group, or number of the row in the table
     size: Interval  # in the unit of the observable; of a scatter the factor over what is stated
@@ -107,9 +111,10 @@ class FitPart:
     n: int
     chi2_before: float
     chi2_after: float
-    p_before: float  # of as much by chance, errors in common included
+    p_before: float  # of as much by chance, levels, sources and groups included
     p_after: float
-    p_lack_of_fit: float  # against pure error; NaN without repeats
+    p_lack_of_fit: float  # of the bare model against its repeats; NaN without repeats
+    p_lack_of_fit_after: float = nan
 
 
 @dataclass(frozen=True)
@@ -140,6 +145,20 @@ class LawPart:
 
 
 @dataclass(frozen=True)
+class CurvePart:
+    """What something that is not in the list does to an observable along a condition."""
+
+    observable: str
+    condition: str
+    kind: Literal[
+        "factor", "offset"
+    ]  # in the unit of the observable, against the least value of the condition
+    shape: Shape
+    turn: float  # condition at the peak or trough; NaN elsewhere
+    points: tuple[tuple[float, Interval], ...]  # condition, size
+
+
+@dataclass(frozen=True)
 class HeldOutPart:
     """Error of rows that no fit has seen, per row."""
 
@@ -151,6 +170,7 @@ class HeldOutPart:
     opened: int
     adopted: tuple[str, ...] = ()  # effects that are tested
     wrong_effect: str = ""  # the random one
+    p_worse: float = nan  # chance that the error falls as little, or grows as much, if they act
 
 
 @dataclass(frozen=True)
@@ -239,6 +259,7 @@ class Record:
     where: tuple[PlacePart, ...]
     rows: RowsPart
     cost: CostPart
+    curves: tuple[CurvePart, ...] = ()
     law: LawPart | None = None
     held_out: HeldOutPart | None = None
     experiments: tuple[ExperimentPart, ...] = ()
@@ -246,9 +267,10 @@ class Record:
 
     @property
     def improves(self) -> bool:
-        """Whether what is told lowers the misfit, of held-out rows too where there are any."""
+        """Whether what is told lowers the misfit, and no held-out rows refute that."""
         held = self.held_out
-        return self.fit.chi2_after < self.fit.chi2_before and (held is None or held.after < held.before)
+        worse = held is not None and held.after >= held.before and not held.p_worse >= ADEQUATE
+        return self.fit.chi2_after < self.fit.chi2_before and not worse
 
 
 @dataclass(frozen=True)

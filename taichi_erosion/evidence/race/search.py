@@ -12,6 +12,9 @@ best is visited).
 from collections.abc import Callable, Sequence
 from math import comb, log
 
+import numpy as np
+
+from taichi_erosion.evidence.race.adequacy import is_adequate
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, NOTHING, STEP, UNLISTED
@@ -26,7 +29,7 @@ def log_prior(race: Race, hypothesis: Hypothesis) -> float:
     each = log(comb(count, size))
     mechanisms = len(race.prepared.problem.mechanisms)
     if hypothesis.kind:
-        beyond = log(UNLISTED * (1.0 - STEP) * STEP**size) - each
+        beyond = log(UNLISTED * (1.0 - STEP) * STEP**size) - each - log(len(race.large))
         return beyond + (log(STEP) if mechanisms else 0.0)
     whole = sum(STEP**k for k in range(1, min(MOST, count) + 1))
     return log((1.0 - NOTHING - UNLISTED) * STEP**size / whole) - each
@@ -75,21 +78,20 @@ def add_each(race: Race, parent: Fit, effects: Sequence[str]) -> None:
 
 
 def add_unlisted(race: Race, parent: Fit) -> None:
-    """A set beside something that is not in the list."""
-    hypothesis = Hypothesis(parent.hypothesis.names, "?")
-    if hypothesis not in race.fits:
-        race.beside(parent, "?", race.large, log_prior(race, hypothesis))
+    """A set beside something that is not in the list, along all conditions and along each."""
+    for along, blocks in race.large.items():
+        hypothesis = Hypothesis(parent.hypothesis.names, "|".join(filter(None, ("?", along))))
+        if hypothesis not in race.fits:
+            race.beside(parent, hypothesis.beyond, blocks, log_prior(race, hypothesis))
 
 
 def grow(race: Race, size: int, effects: Sequence[str]) -> None:
     """Sets of one more effect than `size`, from the best of that size, then swaps of the best of them."""
-    parents = race.likely(0.1 * KEEP, of_size(size))[: MOST - size]
-    if not parents and size == 1:  # two weak ones may be strong together
-        parents = sorted(race.sets(1), key=lambda fit: -fit.log_evidence)[:2]
+    parents = leading(race, size, 0.1 * KEEP, MOST - size)
     for parent in parents:
         add_each(race, parent, effects)
     refine(race, size + 1, 6)
-    for fit in race.likely(10.0 * KEEP, of_size(size + 1))[:1]:
+    for fit in leading(race, size + 1, 10.0 * KEEP, 1):
         for name in fit.hypothesis.names:
             rest = race.fits.get(Hypothesis(without(fit.hypothesis.names, name)))
             if rest is not None:
@@ -98,9 +100,23 @@ def grow(race: Race, size: int, effects: Sequence[str]) -> None:
 
 
 def refine(race: Race, size: int, most: int) -> None:
-    """The likeliest sets of one size that have been seen from afar alone."""
-    for fit in race.likely(0.2 * KEEP, lambda fit: of_size(size)(fit) and not fit.refined)[:most]:
-        race.refined(fit)
+    """The leading sets of one size that have been seen from afar alone."""
+    for fit in leading(race, size, 0.2 * KEEP, most):
+        if not fit.refined:
+            race.refined(fit)
+
+
+def leading(race: Race, size: int, least: float, most: int) -> list[Fit]:
+    """The best sets of one size, likely ones alone where the rows do not refute the best of all.
+
+    Where all are refuted, one that is far behind may be the nearest to what is right.
+    """
+    plain = [fit for fit in race.fits.values() if not fit.hypothesis.beyond]
+    fits = sorted(race.sets(size), key=lambda fit: -fit.log_evidence)
+    total = float(np.logaddexp.reduce([fit.log_evidence + fit.log_prior for fit in plain]))
+    if is_adequate(max(plain, key=lambda fit: fit.log_evidence)):
+        fits = [fit for fit in fits if fit.log_evidence + fit.log_prior > total + log(least)]
+    return fits[:most]
 
 
 def without(names: Acting, name: str) -> Acting:

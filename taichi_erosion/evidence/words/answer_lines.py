@@ -11,6 +11,7 @@ from typing import Any
 
 from taichi_erosion.evidence.data.number_words import counted, heading, plain, with_unit
 from taichi_erosion.evidence.data.table_units import TableUnits
+from taichi_erosion.evidence.race.priors import ADEQUATE
 from taichi_erosion.evidence.race.record import (
     CheckPart,
     ExperimentPart,
@@ -93,7 +94,7 @@ def compared(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     if part_words.agrees(record):
         last = HARDER
         return f"The calibrated model agrees with {rows} ({size}).", last
-    places = "" if fit.p_before < say.ADEQUATE else " in places"
+    places = "" if fit.p_before < ADEQUATE else " in places"
     last = f"{voc.command('discover', voc.study)} asks which effect is missing"
     return f"The calibrated model fails{places} ({rows}: {size}).", last
 
@@ -153,7 +154,7 @@ def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[st
     rows, names, numbers = counted(held.n, "held-out row"), say.joined(held.adopted), part_words.numbers_line
     change = f"from {plain(held.before, 2)} to {plain(held.after, 2)} per row (1 is chance)"
     misfits = {"held-out": held.p_after, "fitted": record.fit.p_after}
-    failing = [f"{name} rows ({say.chance(p)})" for name, p in misfits.items() if p < say.ADEQUATE]
+    failing = [f"{name} rows ({say.chance(p)})" for name, p in misfits.items() if p < ADEQUATE]
     if not record.improves:
         last = f"Go on with {voc.study}: {voc.command('next', voc.study)} asks which measurements decide"
         fit = record.fit
@@ -168,6 +169,8 @@ def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[st
         return f"{first}: {say.joined(failing)}.", numbers(record, before=False), last
     left = f"what is left is chance ({say.chance(held.p_after)})"
     first = f"The error falls with {names}: {change} on {rows}; {left}."
+    if held.after >= held.before:
+        first = f"The {rows} hardly test {names}: their error goes {change}; {left}."
     last = f"Go on with {voc.written}: {voc.command('compare', voc.written)} shows the model with it"
     return first, numbers(record, before=False, without=names), last
 
@@ -257,7 +260,7 @@ def check_line(rows: str, check: CheckPart) -> str:
         return f"There are no {rows.rstrip(',')} to check the intervals with."
     words = f"{check.inside} of {check.n} {rows} lie inside their 90 % interval"
     few = f": the intervals are too narrow ({say.chance(check.p)})"
-    return f"{words}{few * (check.p < say.ADEQUATE)}."
+    return f"{words}{few * (check.p < ADEQUATE)}."
 
 
 def prediction_rows(found: PredictionPart, units: TableUnits) -> Table | None:

@@ -4,13 +4,13 @@ Headline, table and last line take the same names from `acting`, so that they ca
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from math import log
+from math import isfinite, log
 
 import numpy as np
 
 from taichi_erosion.evidence.data.number_words import counted, heading, plain
 from taichi_erosion.evidence.data.problem import SetUpFault
-from taichi_erosion.evidence.race.priors import SURE
+from taichi_erosion.evidence.race.priors import ADEQUATE, SURE
 from taichi_erosion.evidence.race.record import (
     Decided,
     EffectPart,
@@ -96,7 +96,7 @@ def unit_text(factor: float) -> str:
 
 def failing(record: Record) -> list[PlacePart]:
     """Places where the model fails if nothing is missing, the worst first."""
-    return sorted((each for each in record.where if each.p < say.ADEQUATE), key=lambda each: each.p)
+    return sorted((each for each in record.where if each.p < ADEQUATE), key=lambda each: each.p)
 
 
 def where_line(record: Record) -> str:
@@ -121,8 +121,8 @@ def rows_text(record: Record) -> str:
 
 
 def agrees(record: Record) -> bool:
-    """Whether the calibrated model agrees with the fitted rows, as a whole and in every place."""
-    return not (record.fit.p_before < say.ADEQUATE or failing(record))
+    """Whether the calibrated model agrees with the fitted rows: as a whole, with repeats, in every place."""
+    return not (record.fit.p_before < ADEQUATE or record.fit.p_lack_of_fit < ADEQUATE or failing(record))
 
 
 def fit_line(record: Record, added: str) -> str:
@@ -132,9 +132,7 @@ def fit_line(record: Record, added: str) -> str:
         return ""
     before, after = plain(fit.chi2_before / fit.n, 2), plain(fit.chi2_after / fit.n, 2)
     words = f"Misfit per fitted row: {before} before ({say.chance(fit.p_before)}), {after} with {added}"
-    rest = " The model still fails: something else acts too, or by another law." * (
-        fit.p_after < say.ADEQUATE
-    )
+    rest = " The model still fails: something else acts too, or by another law." * (fit.p_after < ADEQUATE)
     if record.fresh is not None and record.fresh.outcome in TESTED:
         rest += f" {counted(record.fresh.runs, 'new simulation')} {TESTED[record.fresh.outcome]}."
     return f"{words} ({say.chance(fit.p_after)}); 1 is chance.{rest}"
@@ -143,7 +141,7 @@ def fit_line(record: Record, added: str) -> str:
 def numbers_line(record: Record, before: bool, without: str = "") -> str:
     """Calibrated numbers; those that were biased without an effect, or that end at the end of their range."""
     words, ends = [], []
-    without = "" if record.fit.p_after < say.ADEQUATE else without
+    without = "" if record.fit.p_after < ADEQUATE else without
     last = [path.rpartition(".")[2] for path in record.numbers]
     for path, each in record.numbers.items():
         end = path.rpartition(".")[2]
@@ -189,10 +187,22 @@ def headline(record: Record, voc: say.Vocabulary) -> str:
         return f"Missing: {words}{open_}.{' Not in the list of effects.' if decided.mechanisms else ''}"
     if decided.verdict == "outside_library":
         chance = say.probability(decided.probabilities["outside_library"])
-        return (
-            f"Missing: something not in the list; no listed effect explains the data (probability {chance})."
-        )
+        words = "something not in the list; no listed effect explains the data"
+        return " ".join([f"Missing: {words} (probability {chance}).", *curve_texts(record, voc)])
     return silence(record, voc)
+
+
+def curve_texts(record: Record, voc: say.Vocabulary) -> Iterator[str]:
+    """`It acts with moisture: the angle of repose rises to about 2 % and falls.`"""
+    for curve in record.curves:
+        at = voc.units.condition_text(curve.condition, curve.turn) if isfinite(curve.turn) else ""
+        words = {
+            "peak": f"rises to about {at} and falls",
+            "trough": f"falls to about {at} and rises",
+            "varies": "varies, without a trend",
+        }.get(curve.shape, curve.shape)
+        acts = f"It acts with {say.quantity(curve.condition)}"
+        yield f"{acts}: the {say.quantity(curve.observable)} {words}."
 
 
 def acting_text(name: str, record: Record, voc: say.Vocabulary) -> str:
@@ -200,8 +210,6 @@ def acting_text(name: str, record: Record, voc: say.Vocabulary) -> str:
     law, part, title = record.law, record.effects.get(name), voc.titled(name)
     if law is not None and law.mechanism == name:
         return f"{title} with the law {law_text(law, voc)}"
-    if part is not None and part.varies_along:
-        return f"{title} with a strength that varies along {part.varies_along}"
     if part is None or name not in record.decided.named:
         return title
     return f"{title} with strength {strength_text(part)}"
@@ -242,8 +250,15 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
         return f"No effect is named: new runs of the scene change the answer. Candidates: {names}."
     if not testable(record):
         return "No effect is named before the errors above are mended."
+    if decided.refuted:
+        names = say.joined(map(voc.titled, decided.refuted))
+        parts = [record.effects[name] for name in decided.refuted]
+        if strong := [part for part in parts if part.strength.value > part.most]:
+            size = f"{say.interval(strong[0].strength)}, where the list ends at {plain(strong[0].most, 2)}"
+            return f"No effect is named: {names} would explain the data best, but with a strength of {size}."
+        return f"No effect is named: {names} would explain the data best, but the rows contradict its law."
     likely, share = max(decided.probabilities.items(), key=lambda item: item[1])
-    fails = fit.p_before < say.ADEQUATE
+    fails = fit.p_before < ADEQUATE
     rows, chance = rows_text(record), say.chance(fit.p_before)
     state = f"the model {'fails on' if fails else 'agrees with'} {rows} ({chance})"
     if likely == "none" and (not fails or share >= SURE):
@@ -284,6 +299,6 @@ def effect_rows(record: Record) -> Iterator[tuple[str, ...]]:
     chances |= {name: part.probability for name, part in record.effects.items()}
     for name in sorted(chances, key=lambda name: (name not in acts, -chances[name])):
         part = record.effects.get(name)
-        hidden = part is None or part.varies_along or (name not in acts and part.probability < LIKELY)
+        hidden = part is None or (name not in acts and part.probability < LIKELY)
         strength = "-" if hidden or part is None else strength_text(part)
         yield name, status(name, record), strength, say.probability(chances[name])

@@ -11,7 +11,6 @@ from taichi_erosion.evidence.data.number_words import plain, with_unit
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.race.record import Interval
 
-ADEQUATE = 0.01  # chance of a misfit from which it is none: of sound tables, one in a hundred is said to fail
 LEAST_TOLD = 1e-4  # chance below which its size tells a person nothing more
 MOST_TOLD = 3  # things of one kind in a line: more are not read
 QUANTITIES = {  # observables, conditions and numbers that say little by their keys

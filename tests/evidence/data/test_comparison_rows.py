@@ -7,12 +7,12 @@ import pytest
 from scipy import optimize, stats
 
 from doe.trials.reduced.laboratory import Readings, table_of
+from taichi_erosion.evidence.answers.summary import summary
 from taichi_erosion.evidence.data.comparison_rows import censored_scale, comparison_rows
 from taichi_erosion.evidence.data.heap_correlation import HeapCorrelation, correlated, heap_correlation
 from taichi_erosion.evidence.data.problem import Floats, Measurements, Observable, Problem, Replicates
 from taichi_erosion.evidence.data.transforms import working
 from taichi_erosion.evidence.race.posterior import raced
-from taichi_erosion.evidence.race.summary import summary
 from tests.evidence.linear_study import LEVEL_SD, linear_problem
 
 

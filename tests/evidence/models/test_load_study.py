@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.evidence.answers.summary import summary
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows
 from taichi_erosion.evidence.data.problem import Observable
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.evidence.models.prepared_problem import condition_errors
 from taichi_erosion.evidence.race.posterior import raced
-from taichi_erosion.evidence.race.summary import summary
 from tests.evidence.small_study import MODEL, study_text, table_text, write_study
 
 GOOD = study_text()

@@ -84,7 +84,7 @@ def test_a_model_that_takes_a_dose_for_each_row_answers_as_one_that_takes_one():
 
 def test_a_dose_is_zero_where_its_condition_is():
     problem, _ = beyond.draw(CASE)
-    rows = raced(problem, 58, most=30).race.prepared.rows
+    rows = raced(problem, 58, most=60).race.prepared.rows
     kernels = dose_columns(rows, np.ones(rows.size, dtype=np.bool_))
     dry = rows.conditions["moisture"] == 0.0
     assert dry.any()

@@ -12,11 +12,11 @@ import pytest
 
 from doe.trials.reduced.families import FAMILIES, Drawn
 from doe.trials.reduced.laboratory import CaseModel
+from taichi_erosion.evidence.answers.summary import summary
 from taichi_erosion.evidence.data.problem import Candidate, Numbers, Problem
 from taichi_erosion.evidence.race.decision import Decision, decide
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles, raced
 from taichi_erosion.evidence.race.record import Record
-from taichi_erosion.evidence.race.summary import summary
 from tests.evidence.linear_study import linear_problem
 
 NULL, SINGLE, UNLISTED, NOISY = 1, 33, 113, 2  # cases of one seed of clean ones

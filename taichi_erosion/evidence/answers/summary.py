@@ -16,17 +16,18 @@ from typing import Literal
 import numpy as np
 from scipy import special
 
-from taichi_erosion.evidence.data.comparison_rows import tested_by_repeats
-from taichi_erosion.evidence.data.number_words import set_up_name
-from taichi_erosion.evidence.data.problem import Floats
+from taichi_erosion.evidence.data.problem import Bools, Floats, Observable
 from taichi_erosion.evidence.data.transforms import axis_value, from_scale
 from taichi_erosion.evidence.models.predictor import axis_scale
-from taichi_erosion.evidence.race.decision import Decision, decide
+from taichi_erosion.evidence.race.adequacy import is_adequate, lack_of_fit_p, misfit_p, residual
+from taichi_erosion.evidence.race.blocks import columns_of
+from taichi_erosion.evidence.race.decision import Decision, decide, fit_of
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.posterior import Draws, Posterior, quantiles
 from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.race.record import (
     CostPart,
+    CurvePart,
     Decided,
     EffectPart,
     ErrorPart,
@@ -38,6 +39,7 @@ from taichi_erosion.evidence.race.record import (
     Record,
     RepeatPart,
     RowsPart,
+    Shape,
     Status,
     Stop,
 )
@@ -48,32 +50,24 @@ ONE_SIDED = float(special.ndtri(0.95))  # sd beyond which 5 % of a normal distri
 def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
     """The record of a race."""
     found, race = decision or decide(posterior), posterior.race
-    after, bare, model = told_fit(posterior, found), race.bare, race.model
+    after, bare, model = fit_of(posterior, found), race.bare, race.model
     stop: Stop = "budget" if race.stopped else ""
-    (before, p_before), (now, p_now) = misfit(bare), misfit(after, told=True)
+    sound = is_adequate(posterior.best)  # else what is missing looks like an error of rows and levels
+    before, p_before, p_repeats = chi_square(bare), misfit_p(bare, levels=False), lack_of_fit_p(race, bare)
+    now, p_now, p_repeats_now = chi_square(after), misfit_p(after, levels=True), lack_of_fit_p(race, after)
     return Record(
         decided=decided(posterior, found),
         effects={name: effect_part(posterior, found, name) for name in model.candidates},
         numbers=number_parts(posterior),
-        levels=tuple(level_parts(posterior)),
-        errors=tuple(error_parts(after, race)),
+        levels=tuple(level_parts(posterior)) if sound else (),
+        errors=tuple(error_parts(posterior)) if sound else (),
         repeats=tuple(repeat_parts(race, after)),
-        fit=FitPart(race.prepared.rows.size, before, now, p_before, p_now, lack_of_fit(race, bare)),
+        fit=FitPart(race.prepared.rows.size, before, now, p_before, p_now, p_repeats, p_repeats_now),
         where=tuple(places(race, bare)),
         rows=rows_part(race, bare, after),
+        curves=tuple(curve_parts(posterior)) if found.verdict == "outside_library" else (),
         cost=CostPart(model.settings, race.prepared.predictor.cost.runs, nan, stop),
     )
-
-
-def told_fit(posterior: Posterior, found: Decision) -> Fit:
-    """The likeliest explanation of exactly what is told; of all of them where a group or no set is told."""
-    if found.verdict == "none_detected":
-        return posterior.race.bare
-    named, effects = set(found.named), set(found.inclusion)
-    able = [h for h in posterior.probability if h.kind != "?" and {*h.names, *({h.kind} & effects)} == named]
-    if found.verdict != "present" or not able:
-        return posterior.best
-    return posterior.race.fits[max(able, key=lambda h: posterior.probability[h])]
 
 
 def decided(posterior: Posterior, found: Decision) -> Decided:
@@ -81,11 +75,13 @@ def decided(posterior: Posterior, found: Decision) -> Decided:
     named = {*found.inclusion, *found.beyond}
     table: dict[str, float] = {"none": found.none, "outside_library": 0.0}
     for hypothesis, p in posterior.probability.items():
-        acting = (*hypothesis.names, *([hypothesis.kind] if hypothesis.kind in named else []))
+        acting = (*hypothesis.names, *({hypothesis.kind} & named))
         if acting or hypothesis.kind == "?":
             key = "+".join(acting) or "outside_library"
             table[key] = table.get(key, 0.0) + p
-    return Decided(found.verdict, found.named, found.group, found.mechanisms, table, found.familywise)
+    return Decided(
+        found.verdict, found.named, found.group, found.mechanisms, table, found.familywise, found.refuted
+    )
 
 
 def repeat_parts(race: Race, after: Fit) -> Iterator[RepeatPart]:
@@ -98,28 +94,9 @@ def repeat_parts(race: Race, after: Fit) -> Iterator[RepeatPart]:
         yield RepeatPart(each.observable, each.lines, each.gap, found[0] if len(found) == 1 else 0)
 
 
-def lack_of_fit(race: Race, bare: Fit) -> float:
-    """Chance that repeats scatter as far from the calibrated model as their means do; NaN without repeats."""
-    now, p = bare.evidence.solved, race.prepared
-    own = p.white(bare.jacobian)
-    leverage = np.einsum("ij,jk,ik->i", own, now.inverse[: bare.v.size, : bare.v.size], own)
-    return tested_by_repeats(p.rows, p.variance, p.white(p.rows.z - bare.mean), leverage)
-
-
-def misfit(fit: Fit, told: bool = False) -> tuple[float, float]:
-    """Chi-square of the rows with levels, sources and batches at their best, and the chance of as much.
-
-    No smooth discrepancy takes away what is missing; the chance is that of errors of the size that their
-    priors expect, and of levels, sources and batches as large as they are `told`.
-    """
-    now = fit.evidence.solved
-    smooth = [k for k, block in enumerate(fit.blocks) if block.kind in ("discrepancy", "unlisted")]
-    best = np.where(np.isin(now.rows.block, smooth), 0.0, now.tau * now.centre)
-    stated = now.rows.y - now.rows.columns @ best
-    shared = [told and name.startswith(("level", "source", "batch")) for name in now.rows.scales.names]
-    residual, _ = now.rows.solved(np.where(shared, now.u, now.rows.scales.start)).precision
-    chi2 = max(float(now.rows.y @ residual), 0.0)
-    return float(now.rows.weight @ stated**2), float(special.chdtrc(now.rows.y.size, chi2))
+def chi_square(fit: Fit) -> float:
+    """Chi-square of the rows with levels, sources and groups at their best."""
+    return float(fit.evidence.solved.rows.weight @ residual(fit) ** 2)
 
 
 def interval(values: Floats, weight: Floats) -> Interval:
@@ -149,31 +126,34 @@ def number_parts(posterior: Posterior) -> dict[str, NumberPart]:
 
 
 def effect_part(posterior: Posterior, found: Decision, name: str) -> EffectPart:
-    """One candidate, from its explanations and its signature about the bare model."""
+    """One candidate, from its explanations and its signature about the likeliest explanation without it."""
     race, most = posterior.race, posterior.race.model.candidates[name].maximum
     bare, single = race.bare, race.fits.get(Hypothesis((name,)))
     strength, share = interval(*posterior.strength(name)), found.inclusion[name]
     if single is None:
         return EffectPart("untestable", share, strength, nan, 0.0, 1.0, nan, most=most)
-    column = race.prepared.white(signature(race, single, name))
-    action, gram = bare.evidence.solved.against(column[:, np.newaxis])
-    alone = float(column @ (bare.evidence.solved.row_share * column))
+    about = posterior.best
+    if name in about.hypothesis.names or about.dose is not None:
+        about = bare
+    column = race.prepared.white(signature(race, about, name))
+    action, gram = about.evidence.solved.against(column[:, np.newaxis])
+    alone = float(column @ (about.evidence.solved.row_share * column))
     information = max(float(gram[0, 0]), 1e-12)
     sd = information**-0.5
     factor = single.log_evidence - bare.log_evidence
     absorption = 1.0 - (information / alone) ** 0.5 if alone > 0.0 else 1.0
-    limit = max(float(action[0]) / information, 0.0) + ONE_SIDED * sd
+    limit = max(float(action[0]) / information, 0.0) + ONE_SIDED * sd if is_adequate(about) else np.inf
     alike = tuple(other for other in found.group if other != name) if name in found.group else ()
-    along = next((h.along for h, p in posterior.probability.items() if h.kind == name and p > 0.5), "")
     status, unseen = status_of(name, found, factor, limit, most, absorption), 2.0 * ONE_SIDED * sd
-    return EffectPart(status, share, strength, limit, factor, absorption, unseen, alike, along, most)
+    return EffectPart(status, share, strength, limit, factor, absorption, unseen, alike, most)
 
 
-def signature(race: Race, single: Fit, name: str) -> Floats:
-    """Change of the rows (n,) per unit of strength, about the fit of the effect alone."""
-    t = float(single.v[-1])
-    rise = (race.model.strength(name, t + 0.05) - race.model.strength(name, t - 0.05)) / 0.1
-    return single.jacobian[:, -1] / max(rise, 1e-9)
+def signature(race: Race, about: Fit, name: str) -> Floats:
+    """Change of the rows (n,) per unit of strength of an effect beside a fit; 0 where there is no value."""
+    model, names = race.model, tuple(sorted((*about.hypothesis.names, name)))
+    v = np.insert(about.v, model.count + names.index(name), 0.0)
+    change = model.mean(names, v) - model.mean(about.hypothesis.names, about.v)
+    return np.nan_to_num(change) / model.strength(name, 0.0)
 
 
 def status_of(
@@ -186,9 +166,62 @@ def status_of(
         return "better_but_not_sufficient"
     if name in found.group or found.inclusion[name] > 1.0 - SURE:
         return "open"
-    if limit < 1.0 and factor < 0.0:
+    if limit < 1.0:
         return "excluded"
-    return "untestable" if absorption > SURE or limit > most else "open"
+    return "untestable" if absorption > SURE or most < limit < np.inf else "open"
+
+
+def curve_parts(posterior: Posterior) -> Iterator[CurvePart]:
+    """What something unlisted does along each condition with which it acts for SURE, against its least value.
+
+    Where it acts along several at once, a curve is the mean over rows of one value, where values repeat.
+    """
+    unlisted = {h: p for h, p in posterior.probability.items() if h.kind == "?"}
+    best, race = max(unlisted, key=lambda h: unlisted[h]), posterior.race
+    rows, fit = race.prepared.rows, race.fits[best]
+    observables = {each.name: each for each in rows.observables}
+    for name, column in rows.conditions.items():
+        acts = sum(p for h, p in unlisted.items() if h.along in ("", name)) / sum(unlisted.values())
+        for index, block in enumerate(fit.blocks):
+            own = (np.array(rows.names) == block.observable) & np.isfinite(column)
+            points, place, count = np.unique(column[own], return_inverse=True, return_counts=True)
+            crossed = name == best.along or 2 * points.size <= own.sum()
+            if acts < SURE or block.kind != "unlisted" or points.size < 2 or not crossed:
+                continue
+            inside = fit.evidence.solved.rows.block == index
+            columns = np.zeros((points.size, block.columns.shape[1]))
+            np.add.at(columns, place, block.columns[own] / count[place][:, np.newaxis])
+            curve = curve_part(observables[block.observable], name, fit, points, columns - columns[0], inside)
+            if curve.shape != "varies":
+                yield curve
+
+
+def curve_part(
+    observable: Observable, along: str, fit: Fit, points: Floats, columns: Floats, inside: Bools
+) -> CurvePart:
+    """A curve with its shape: differences between its turn and its ends count beyond 90 %."""
+    now = fit.evidence.solved
+    columns = columns * now.tau[inside]
+    mean = columns @ now.centre[inside]
+    covariance = columns @ now.inverse[np.ix_(inside, inside)] @ columns.T
+
+    def sign(i: int, j: int) -> int:
+        gap, sd = mean[i] - mean[j], np.sqrt(covariance[i, i] + covariance[j, j] - 2.0 * covariance[i, j])
+        return int(np.sign(gap)) if abs(gap) > ONE_SIDED * sd else 0
+
+    last, top, bottom = points.size - 1, int(np.argmax(mean)), int(np.argmin(mean))
+    ways: dict[int, Shape] = {1: "rises", -1: "falls", 0: "varies"}
+    turns: tuple[tuple[Shape, int, int], ...] = (("peak", top, 1), ("trough", bottom, -1))
+    shape, turn = ways[sign(last, 0)], nan
+    for name, at, way in turns:
+        if 0 < at < last and sign(at, 0) == way == sign(at, last):
+            shape, turn = name, float(points[at])
+    half = ONE_SIDED * np.sqrt(np.diag(covariance))
+    ends = np.array([mean, mean - half, mean + half]).T
+    kind = "offset" if observable.transform == "identity" else "factor"
+    ends = ends if kind == "offset" else np.exp(ends)
+    places = tuple((float(x), Interval(*map(float, each))) for x, each in zip(points, ends, strict=True))
+    return CurvePart(observable.name, along, kind, shape, turn, places)
 
 
 def level_parts(posterior: Posterior) -> Iterator[LevelPart]:
@@ -211,13 +244,19 @@ def level_of(draws: Draws, observable: str) -> Floats:
     return draws.values[:, int(np.argmax(draws.fit.evidence.solved.rows.block == index))]
 
 
-def error_parts(fit: Fit, race: Race) -> Iterator[ErrorPart]:
-    """Errors of sources, batches, rows and scatter that the likeliest explanation finds, beyond 90 %."""
+def error_parts(posterior: Posterior) -> Iterator[ErrorPart]:
+    """Errors of sources, groups, rows and scatter that the likeliest explanation finds, beyond 90 %.
+
+    A row is bad where the explanations that find it so have SURE together.
+    """
+    race, fit = posterior.race, posterior.best
     now, rows = fit.evidence.solved, race.prepared.rows
     for index, block in enumerate(fit.blocks):
-        if block.kind in ("source", "batch"):
+        if block.kind in ("source", "group"):
             yield from shared_parts(block.kind, fit, index, race)
     for row in sorted(fit.evidence.bad):
+        if sum(p for h, p in posterior.probability.items() if row in race.fits[h].evidence.bad) < SURE:
+            continue
         half = ONE_SIDED * float(race.prepared.sd[row])
         scale, expected = rows.observables[rows.which[row]], fit.mean[row] + np.array([0.0, half, -half])
         gap = from_scale(scale, rows.z[row]) - from_scale(scale, expected)
@@ -231,33 +270,25 @@ def error_parts(fit: Fit, race: Race) -> Iterator[ErrorPart]:
             yield ErrorPart("scatter", name, "", Interval(middle, low, high))
 
 
-def batch_label(race: Race, group: str) -> str:
-    """A group; the conditions of one that is named by them alone, with their units."""
-    rows, units = race.prepared.rows, race.prepared.problem.measurements.table_units
-    at = rows.conditions_at(rows.group.index(group))
-    return units.setting_text(at).replace(" = ", " ") if group == set_up_name(at.values()) else group
-
-
-def shared_parts(kind: Literal["source", "batch"], fit: Fit, index: int, race: Race) -> Iterator[ErrorPart]:
-    """How far rows of one source or batch lie from all others of their observable; of two, the second."""
-    now, block, rows = fit.evidence.solved, fit.blocks[index], race.prepared.rows
-    at, count = np.flatnonzero(now.rows.block == index), np.sum(block.columns > 0.0, axis=0)
+def shared_parts(kind: Literal["source", "group"], fit: Fit, index: int, race: Race) -> Iterator[ErrorPart]:
+    """How far rows of one source or group lie from all others of their observable; of two, the second."""
+    now, rows = fit.evidence.solved, race.prepared.rows
+    at, columns = now.rows.block == index, columns_of(fit.blocks[index], fit.jacobian[:, : race.model.count])
     best, root = (now.tau * now.centre)[at], now.tau[at]
     covariance = now.inverse[np.ix_(at, at)] * np.outer(root, root)
-    named = np.array([label.rpartition("|")[2] for label in block.labels])
-    for j, column in enumerate(block.columns.T):
-        others = (named == named[j]) & (np.arange(named.size) != j)
-        rest = int(np.sum(np.array(rows.names) == named[j])) - count[j]
-        gap = np.where(others, -count / rest, 0.0)
-        gap[j] = 1.0
-        value, sd = float(gap @ best), float(np.sqrt(gap @ covariance @ gap))
-        told = others.sum() == 1 and int(np.argmax(others)) > j and count[others][0] == rest
-        if abs(value) > max(ONE_SIDED * sd, 1.0) and not told:
-            size = float(np.max(column)) / float(np.median(rows.slope[column > 0.0]))
-            ends = [size * (value + z * sd) for z in (0.0, -ONE_SIDED, ONE_SIDED)]
-            label = block.labels[j].rpartition("|")[0]
-            label = batch_label(race, label) if kind == "batch" else label
-            yield ErrorPart(kind, str(named[j]), label, Interval(*ends))
+    labels = np.array(rows.source_names if kind == "source" else rows.group)
+    for observable, own in race.prepared.by_observable():
+        names = list(dict.fromkeys(labels[own]))
+        for label in names[1:] if len(names) == 2 else names:
+            some, others = own & (labels == label), own & (labels != label)
+            if not (others.any() and some.sum() > 1):
+                continue
+            gap = columns[some].mean(axis=0) - columns[others].mean(axis=0)
+            value, sd = float(gap @ best), float(np.sqrt(gap @ covariance @ gap))
+            if abs(value) > max(ONE_SIDED * sd, float(np.median(race.prepared.sd[some]))):
+                steep = float(np.median(rows.slope[some]))
+                ends = [(value + z * sd) / steep for z in (0.0, -ONE_SIDED, ONE_SIDED)]
+                yield ErrorPart(kind, observable.name, str(label), Interval(*ends))
 
 
 def places(race: Race, bare: Fit) -> Iterator[PlacePart]:
