@@ -18,12 +18,12 @@ from math import exp, log
 
 import numpy as np
 
-from taichi_erosion.evidence.data.problem import Candidate, Floats, Integers, Progress
+from taichi_erosion.evidence.data.problem import REACH, Candidate, Floats, Integers, Progress
 from taichi_erosion.evidence.data.transforms import Axis, axis_value, effect_of
 from taichi_erosion.evidence.models.predictor import Predictor, seed_mean
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
-from taichi_erosion.evidence.race.priors import BEYOND, SPREAD
+from taichi_erosion.evidence.race.priors import SPREAD
 
 Acting = tuple[str, ...]
 EDGE = 0.02  # least share of a range that its start is taken to be away from an end
@@ -68,7 +68,7 @@ class RaceModel:
         self.predictor: Predictor = replace(p.predictor, candidates=wider)
         self.noisy = p.noisy
         # an emulator knows nothing beyond the strengths of its list
-        self.reach = BEYOND if p.problem.uncertainty is None else 1.0
+        self.reach = REACH if p.problem.uncertainty is None else 1.0
         if self.noisy:
             start = np.zeros(self.count)
             many, few = (self.values((), start, seeds) for seeds in (p.seeds.scoring, p.seeds.fitting))

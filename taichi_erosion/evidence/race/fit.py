@@ -28,9 +28,7 @@ STARTS, WIDE = 10, 2.0  # other starts of it for every number, and their sd over
 SLACK = 2.0  # of a misfit, by which a step may raise it: the noise of a few seeds
 FAR = 1.5  # farthest step of one coordinate
 STILL = 0.1  # squared length of a step, in posterior sd, that is not made
-MOST_STEPS = 8  # of a fit with the scales at their priors
-TRIES, FIRMER = 8, 4.0  # of a step, and the factor by which its damping grows
-LEAST_GAIN = 0.2  # of a step, below which it is the last
+MOST_STEPS, TRIES, FIRMER = 8, 8, 4.0  # of a fit, of one of its steps, and the factor by which damping grows
 GAINS = (0.5, 2.0)  # of a step over what slopes promise, between which they are updated
 SHARES = (1.0, 0.4, 0.16, 0.06)  # of a step of doses, that are tried in turn
 
@@ -196,14 +194,14 @@ class Race:
                 fit, fresh = self.solved(self.with_slopes(fit), steps, fit.scales), True
                 continue
             v, mean, damping, gain, share = tried
-            if fresh := not (GAINS[0] < share < GAINS[1] or gain < LEAST_GAIN):
+            if fresh := not (GAINS[0] < share < GAINS[1] or gain < 0.1 * SLACK):
                 fit = self.with_slopes(replace(fit, v=v, mean=mean))
             else:
                 gone = v - fit.v
                 turn = np.outer(mean - fit.mean - fit.jacobian @ gone, gone) / max(gone @ gone, 1e-6)
                 fit = replace(fit, v=v, mean=mean, jacobian=fit.jacobian + turn)
             fit = self.solved(fit, steps, fit.scales)
-            if gain < (SLACK if self.model.noisy else LEAST_GAIN):
+            if gain < (SLACK if self.model.noisy else 0.1 * SLACK):
                 break
         return fit
 

@@ -28,7 +28,9 @@ AMBIGUOUS = {
 SINGLE_LETTERS = frozenset("gmshdtlLNKJWVAC")  # others are constants of nature, or units that no table has
 BASES = frozenset(("kilogram", "meter", "second", "kelvin", "radian", "ampere"))
 EXAMPLES = "1, %, deg, m, mm, um, m/s, Pa, kg/m3, kg/(m s), g m-1 s-1, kg/kg, K; a condition also degC, degF"
-FACTOR = r"(?:[A-Za-z%‰°]+|(?<!\w)1)(?:(?:\^|\*\*)?[+-]?0*[1-9](?!\d))?"  # a symbol and its power
+FACTOR = (
+    r"(?:[A-Za-z%‰°]+(?![A-Za-z%‰°])|(?<!\w)1)(?:(?:\^|\*\*)?[+-]?0*[1-9](?!\d))?"  # a symbol and its power
+)
 PRODUCT = rf"[\s*·.]*{FACTOR}(?:[\s*·.]*{FACTOR})*[\s*·.]*"
 DIVISOR = rf"\s*/[\s*·.]*(?:{FACTOR}|\({PRODUCT}\))\s*"  # what is divided by: one factor, or parentheses
 GRAMMAR = re.compile(rf"(?:{PRODUCT}|\({PRODUCT}\))?(?:{DIVISOR})*")
@@ -124,7 +126,7 @@ def parse_scale(text: str) -> Unit:
 
 def named_unit(symbol: str, text: str) -> Unit:
     """Unit of one symbol, with or without a prefix."""
-    if symbol in AMBIGUOUS:
+    if symbol in AMBIGUOUS and (len(symbol) > 1 or symbol == text.strip()):
         raise UnknownUnit(text, AMBIGUOUS[symbol])
     found = dictionary_entry(SIGNS.get(symbol, symbol))
     if found is None:

@@ -34,7 +34,7 @@ from taichi_erosion.scene.load import SOURCE, load_scene
 from tests.evidence.emulator.test_training_runs import executing, keys, write
 
 NAME = "rolling_resistance"
-STRONG, WEAK, OPEN = 1.5, 0.1, 0.06  # strengths of a name that is sure at once, and of two that are not
+STRONG, WEAK, OPEN = 1.5, 0.1, 0.3  # strengths of a name that is sure at once, and of two that are not
 NULL, SINGLE, UNLISTED = 1, 33, 113  # cases of one seed of clean ones
 OFF = 0.2  # sd of the training values, by which a wrong emulator overstates the effect at strength 1
 
@@ -118,10 +118,10 @@ def test_a_name_by_a_wrong_emulator_is_contradicted_and_more_runs_come_first(tmp
     assert (decided.verdict, decided.named, decided.group) == ("unstable", (), (NAME,))
     before = keys(answer.runs)
     again = told(path, wrong=True)
-    training, tests = again.runs
+    training, *tests = again.runs
     assert len(set(training) - before) == fresh.more_runs
-    assert not set(tests) & before
-    assert again.decided.verdict == "unstable", "the emulator is as wrong as before"
+    assert not {run for batch in tests for run in batch} & before
+    assert not again.decided.named, "the emulator is as wrong as before"
 
 
 def test_points_are_the_settings_of_likely_sets_the_bare_model_first():
