@@ -41,6 +41,10 @@ class Study:
 
         return check_study(self.path, self.options)
 
+    def ignore_faults(self) -> "Study":
+        """The same study, whose commands go on where a fault of its set-up would keep an answer waiting."""
+        return replace(self, options=replace(self.options, force=True))
+
     def compare(self) -> ComparisonResult:
         """Calibrate the model, and find where it still fails."""
         from taichi_erosion.evidence.answers.commands import compare_study
@@ -111,7 +115,6 @@ def study(
     effect_files: Sequence[PathLike] = (),
     arch: Literal["auto", "cpu", "cuda", "vulkan"] | None = None,
     decomposition: Literal["partitions", "grains"] | None = None,
-    force: bool = False,
 ) -> Study:
     """A study by its file; None leaves a choice to the file.
 
@@ -124,7 +127,7 @@ def study(
     if not Path(path).is_file():
         raise BadInput(f"{path}: there is no such file")
     size, files = stated_budget(budget), tuple(map(Path, effect_files))
-    stated = StudyOptions(*size, workers, seed, files, arch=arch, decomposition=decomposition, force=force)
+    stated = StudyOptions(*size, workers, seed, files, arch=arch, decomposition=decomposition)
     return Study(Path(path), stated)
 
 

@@ -29,8 +29,9 @@ from taichi_erosion.core.files import read_text_file
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.experiments.design import Factor, to_coded
 from taichi_erosion.experiments.fit import Order
+from taichi_erosion.tables.cell_numbers import CellFault, plain_cell, read_cell
 from taichi_erosion.tables.headings import SCATTER, meaning_of, plain_words
-from taichi_erosion.tables.spreadsheet import CellFault, plain_cell, read_cell, read_cells
+from taichi_erosion.tables.spreadsheet import read_cells
 
 Kind = Literal[
     "unbalanced",  # a factor is not as often high as low

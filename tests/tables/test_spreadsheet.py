@@ -4,7 +4,8 @@ from math import atan, degrees, nan
 
 import pytest
 
-from taichi_erosion.tables.spreadsheet import CellFault, Cells, read_cell, written_out
+from taichi_erosion.tables.cell_numbers import CellFault, read_cell
+from taichi_erosion.tables.spreadsheet import Cells, written_out
 
 
 @pytest.mark.parametrize(

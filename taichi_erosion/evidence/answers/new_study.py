@@ -41,6 +41,7 @@ from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene.paths import unit_of_path
 from taichi_erosion.scene.schema.grains import Monodisperse
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
+from taichi_erosion.tables.cell_numbers import stated_number
 from taichi_erosion.tables.headings import (
     DIAMETER,
     FRICTION_VELOCITY,
@@ -51,7 +52,7 @@ from taichi_erosion.tables.headings import (
     read_heading,
     unit_in,
 )
-from taichi_erosion.tables.spreadsheet import source_digest, stated_number
+from taichi_erosion.tables.spreadsheet import source_digest
 
 Document = dict[str, Any]
 OWN = "own"  # name of the apparatus of an own scene

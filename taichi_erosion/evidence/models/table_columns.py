@@ -24,7 +24,8 @@ from taichi_erosion.evidence.models.simulator import condition_name, dotted_path
 from taichi_erosion.scene.load import toml_table
 from taichi_erosion.scene.paths import unit_of_path
 from taichi_erosion.scene.schema.units import Scale, conversion, parse_scale
-from taichi_erosion.tables.spreadsheet import Cells, is_missing, read_cells
+from taichi_erosion.tables.cell_numbers import is_missing
+from taichi_erosion.tables.spreadsheet import Cells, read_cells
 
 OBSERVABLE = "observable"  # heading of a column that says what is to be predicted; without it: everything
 

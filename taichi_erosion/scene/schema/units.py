@@ -28,9 +28,7 @@ AMBIGUOUS = {
 SINGLE_LETTERS = frozenset("gmshdtlLNKJWVAC")  # others are constants of nature, or units that no table has
 BASES = frozenset(("kilogram", "meter", "second", "kelvin", "radian", "ampere"))
 EXAMPLES = "1, %, deg, m, mm, um, m/s, Pa, kg/m3, kg/(m s), g m-1 s-1, kg/kg, K; a condition also degC, degF"
-FACTOR = (
-    r"(?:[A-Za-z%‰°]+(?![A-Za-z%‰°])|(?<!\w)1)(?:(?:\^|\*\*)?[+-]?0*[1-9](?!\d))?"  # a symbol and its power
-)
+FACTOR = r"(?:[A-Za-z%‰°]+(?![A-Za-z%‰°])|(?<!\w)1)(?:(?:\^|\*\*)?[+-]?0*[1-9](?!\d))?"  # with its power
 PRODUCT = rf"[\s*·.]*{FACTOR}(?:[\s*·.]*{FACTOR})*[\s*·.]*"
 DIVISOR = rf"\s*/[\s*·.]*(?:{FACTOR}|\({PRODUCT}\))\s*"  # what is divided by: one factor, or parentheses
 GRAMMAR = re.compile(rf"(?:{PRODUCT}|\({PRODUCT}\))?(?:{DIVISOR})*")

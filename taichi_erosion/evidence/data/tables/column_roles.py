@@ -15,6 +15,7 @@ from math import isnan, log, nan
 from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.measures.boundary_layer import KARMAN
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale
+from taichi_erosion.tables.cell_numbers import is_missing, is_quantity, plain_cell, reason, stated_number
 from taichi_erosion.tables.headings import (
     DIAMETER,
     SCATTER,
@@ -33,15 +34,7 @@ from taichi_erosion.tables.headings import (
     wind_height,
 )
 from taichi_erosion.tables.number_columns import stem
-from taichi_erosion.tables.spreadsheet import (
-    Cells,
-    has_digit,
-    is_missing,
-    is_quantity,
-    plain_cell,
-    reason,
-    stated_number,
-)
+from taichi_erosion.tables.spreadsheet import Cells, has_digit
 
 NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of numbers
 HALF = 0.5  # from a diameter of a heap to its radius [1]

@@ -28,6 +28,7 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     with_stated_sd,
 )
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
+from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, is_missing, read_cell
 from taichi_erosion.tables.headings import (
     FRICTION_VELOCITY,
     HEIGHT,
@@ -42,7 +43,7 @@ from taichi_erosion.tables.headings import (
     vocabulary,
 )
 from taichi_erosion.tables.number_columns import is_height, no_conditions, own_name, stem
-from taichi_erosion.tables.spreadsheet import CellFault, CellNumber, Cells, is_missing, read_cell, written_out
+from taichi_erosion.tables.spreadsheet import Cells, written_out
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 AGREED = ("y", "j", "o", "s")  # first letters of yes, ja, oui, si

@@ -37,16 +37,9 @@ from taichi_erosion.scene.schema.units import (
     parse_unit,
     scale_between,
 )
+from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, cell_word, is_missing, read_cell, reason
 from taichi_erosion.tables.headings import Role, is_summary, read_heading
-from taichi_erosion.tables.spreadsheet import (
-    CellFault,
-    CellNumber,
-    Cells,
-    cell_word,
-    is_missing,
-    read_cell,
-    reason,
-)
+from taichi_erosion.tables.spreadsheet import Cells
 
 Found = TypeVar("Found")
 REQUIRED = ("observable", "value", "unit")

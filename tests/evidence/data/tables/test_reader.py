@@ -11,8 +11,8 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.new_study import Wishes, read_laboratory_table, told_of
 from taichi_erosion.evidence.data.tables.interview import Interview
 from taichi_erosion.evidence.data.tables.rows import Table
+from taichi_erosion.tables.cell_numbers import CellFault, read_cell
 from taichi_erosion.tables.headings import meaning_of, read_heading
-from taichi_erosion.tables.spreadsheet import CellFault, read_cell
 
 GERMAN = "Korngröße [µm];Wassergehalt in %;Böschungswinkel (°)\n250;1,6;33,5\n500;0,5;31,2\n"
 RUSSIAN = (

@@ -1,0 +1,154 @@
+"""Numbers in cells as laboratories write them: `31,2 ± 0,8`, `2 %`, `<0.02`, `> 40`, `20..25`, `1 250 µm`.
+
+A file has one decimal mark. What has two readings, or is no number, is refused with its remedy.
+"""
+
+import re
+import unicodedata
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from math import inf, isfinite, isnan, nan
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.scene.schema.units import UnknownUnit, parse_unit, scale_between
+from taichi_erosion.tables.headings import plain_words, unit_in, vocabulary
+
+GROUPED = r"\d{1,3}(?:[ '\u2019]\d{3})+(?:[.,]\d+)?"  # thousands set apart
+NUMBER = rf"[+-]?(?:{GROUPED}|\d+(?:[.,]\d+)*|[.,]\d+)(?:[eE][+-]?\d{{1,3}})?"
+UNIT = r"[^\W\d_%‰°][^\s±<>=;]*(?:[ /·*][^\s±<>=;]+)*|[%‰°][^\s±<>=;]*"
+QUANTITY = re.compile(
+    rf"(?P<limit>[<>]?)\s*(?P<number>{NUMBER})\s*(?P<unit>{UNIT})?"
+    rf"(?:\s*(?:±|\+/-|\+-)\s*(?P<sd>{NUMBER})\s*(?P<sd_unit>{UNIT})?)?"
+)
+TO = r"\s*(?P<to>\.\.\.?|…|\bto\b|\bbis\b|\bà\b|[-–—~～])\s*"
+LOW = rf"(?P<low>{NUMBER})(?:\s*[^\W\d_]{{1,3}}(?=\s*[-–—]))?"
+INTERVAL = re.compile(rf"{LOW}{TO}(?P<high>{NUMBER})\s*(?P<unit>{UNIT})?")
+BASE = r"[x×X*·⋅∙]\s*10\s*(?:(?:\^|\*\*)\s*\(?|\(?(?=[-+]))"  # of a power of ten
+POWER = re.compile(rf"(?<=\d)\s*(?:{BASE}([-+]?\d+)\)?|[eE]\s*([-+]\d+))(?!\d)")
+RAISED = re.compile(r"[⁺⁻]?[⁰¹²³⁴-⁹]+")
+MONTH = r"(?:jan|feb|m[aä]r|mrz|apr|ma[iy]|jun|jul|aug|sep|o[ck]t|nov|de[cz])[a-zé]*\.?"
+DATE = re.compile(
+    rf"\d{{1,4}}[./-]\d{{1,2}}[./-]\d{{2,4}}.*|\d{{1,2}}\.?[ -]?{MONTH}.*|{MONTH}[ -]\d{{2,4}}", re.IGNORECASE
+)
+SIGNS = str.maketrans({"\N{MINUS SIGN}": "-", "\N{ARABIC DECIMAL SEPARATOR}": ".", "≤": "<", "≥": ">"})
+
+
+class CellFault(ValueError):
+    """A cell that cannot be used: reason and remedy."""
+
+
+@dataclass(frozen=True)
+class CellNumber:
+    """What a cell says."""
+
+    value: float = nan  # the limit of a limit, the middle of an interval; NaN: nothing was measured
+    reach: float = 0.0  # 0; of '<' -inf, of '>' +inf, h of an interval from value - h to value + h
+    sd: float = nan  # behind ±
+    unit: str = ""  # as written behind the number
+
+
+def plain_cell(text: str) -> str:
+    """A cell with one kind of minus and of limits, and powers of ten as `5.7e-1`."""
+    raised = RAISED.sub(lambda power: f"^{unicodedata.normalize('NFKC', power[0])}", text.strip())
+    return POWER.sub(lambda power: f"e{power[1] or power[2]}", raised.translate(SIGNS))
+
+
+def cell_word(cell: str) -> str:
+    """What the words of a cell say, `missing`, `unseen` or `no_transport`; empty for other words."""
+    plain = plain_words(cell)
+    return next((meaning for meaning, words in vocabulary()["cells"].items() if plain in words), "")
+
+
+def is_missing(cell: str) -> bool:
+    """Whether a cell says that nothing was measured."""
+    return cell_word(cell) == "missing"
+
+
+def has_decimal_comma(cells: Iterable[str], separator: str) -> bool:
+    """Whether the numbers of a table have decimal commas.
+
+    Between columns that commas separate, groups of three digits behind a comma are thousands.
+    """
+    numbers = [match["number"] for cell in cells if (match := QUANTITY.fullmatch(plain_cell(cell)))]
+    commas, points = (sum(mark in number for number in numbers) for mark in ",.")
+    fractions = any(re.search(r",(?!\d{3}\b)", number) for number in numbers)
+    return commas > points and (separator != "," or fractions)
+
+
+def is_quantity(cell: str) -> bool:
+    """Whether a cell holds a number, or says that it has none."""
+    plain = plain_cell(cell)
+    return bool(cell_word(cell) or QUANTITY.fullmatch(plain) or INTERVAL.fullmatch(plain))
+
+
+def read_cell(text: str, comma: bool, single: bool = False, middle: bool = False) -> CellNumber:
+    """Number of a cell; raises CellFault. `single`: a limit is none, and an interval at most its `middle`."""
+    plain = plain_cell(text)
+    if is_missing(plain):
+        return CellNumber()
+    match, between = QUANTITY.fullmatch(plain), INTERVAL.fullmatch(plain)
+    if DATE.fullmatch(plain) or not (match or between):
+        raise CellFault(reason(plain))
+    if between and (match is None or unit_in(match["unit"] or "1") is None):  # `5e-3` is one number
+        if single and not middle:
+            raise CellFault("is no single number; write the likeliest")
+        return interval(between, comma)
+    assert match is not None
+    if single and match["limit"]:
+        raise CellFault("is no single number; write the likeliest")
+    if match["sd_unit"] and match["sd_unit"] != match["unit"] and (match["unit"] or match["sd_unit"] == "%"):
+        raise CellFault("has two units, of the value and its scatter; give the scatter a column of its own")
+    reach = {"<": -inf, ">": inf}.get(match["limit"], 0.0)
+    sd = decimal(match["sd"], comma) if match["sd"] else nan
+    unit = match["unit"] or match["sd_unit"] or ""
+    return CellNumber(decimal(match["number"], comma), reach, sd, unit_in(unit) or unit)
+
+
+def interval(between: re.Match[str], comma: bool) -> CellNumber:
+    """Middle and half width of an interval; of a class of sizes, `0.43-0.25 mm`, the coarse end may lead."""
+    low, high = (decimal(between[end], comma) for end in ("low", "high"))
+    if between["to"] in "-–—":
+        low, high = min(low, high), max(low, high)
+    if not low < high:
+        raise CellFault("is no interval: the first number must be below the second")
+    return CellNumber(0.5 * (low + high), 0.5 * (high - low), unit=between["unit"] or "")
+
+
+def reason(plain: str) -> str:
+    """Why a text is no number, and what to do."""
+    if cell_word(plain) == "unseen":
+        return "is not seen: leave the cell empty, or write '<' and the least value that the instrument sees"
+    if DATE.fullmatch(plain):
+        return "is a date; if the spreadsheet made it of a number, set the column to text and type it again"
+    if re.match(r"[~≈∼?(]|(?:ca|c|approx|about|etwa|rund|env|um)\b", plain, re.I) or plain.endswith("?"):
+        return "is no certain number: write the number alone, and behind ± how well it is known"
+    return (
+        "must be a number (a measured one also 31.2 ± 0.8, <0.02 or 20..25); words belong into another column"
+    )
+
+
+def decimal(number: str, comma: bool) -> float:
+    """Value of a number; raises CellFault for one with the other mark, or with two readings."""
+    digits = re.sub(r"(?<=\d)[ '\u2019](?=\d{3})", "", number)
+    wrong, right = (".", ",") if comma else (",", ".")
+    if wrong in digits:
+        marks = "decimal commas" if comma else "decimal points"
+        raise CellFault(f"has a '{wrong}', the other numbers of the file {marks}; no sign between thousands")
+    if digits.count(right) > 1:
+        raise CellFault(f"has two '{right}'; no sign between thousands")
+    value = float(digits.replace(",", "."))
+    if not isfinite(value):
+        raise CellFault("must be a finite number")
+    return value
+
+
+def stated_number(text: str, unit: str, name: str, example: str) -> float:
+    """A number with its unit as the user states it, `0.03 mm`, in another unit; raises BadInput."""
+    found, scale = CellNumber(), None
+    with suppress(CellFault, UnknownUnit):
+        found = read_cell(text.replace(",", "."), comma=False, single=True)
+        scale = scale_between(found.unit, parse_unit(unit))
+    if scale is None or isnan(found.value):
+        raise BadInput(f"{name} '{text}': write a number and its unit, such as '{example}'")
+    return scale.used(found.value)
