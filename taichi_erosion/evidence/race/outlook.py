@@ -303,7 +303,8 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     good = np.all([np.isfinite(each.start) for each in told], axis=0)
     if not good.any():
         return None
-    before, after, *other = [misfit(place, each, good) for each in told]
+    size = error_sd(place, told[1])
+    before, after, *other = [misfit(place, each, size, good) for each in told]
     seen, opened = good & ~rows.censored, race.prepared.problem.vault.opened + 1
     p_after, p_worse = misfit_chance(place, told[1], seen), chance_of_worse(place, told[0], told[1], seen)
     misfit_of_wrong, name = (other[0], wrong[0].names[0]) if other else (np.nan, "")
@@ -311,9 +312,16 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     return HeldOutPart(int(good.sum()), before, after, p_after, misfit_of_wrong, *opening, p_worse)
 
 
-def misfit(place: Elsewhere, told: Outlook, good: Bools) -> float:
-    """Mean square of (z - m) / s of some rows, s^2 = V + diag cov m, by physics, levels and sources alone."""
-    size = np.sqrt(place.rows.variance + place.simulated + np.diag(told.covariance(False)))
+def error_sd(place: Elsewhere, told: Outlook) -> Floats:
+    """Errors s (m,) of rows by an explanation, s^2 = V + diag cov m, with physics, levels and sources alone.
+
+    That of the tested one measures its rivals too: what explains rows by errors alone expects large ones.
+    """
+    return np.sqrt(place.rows.variance + place.simulated + np.diag(told.covariance(False)))
+
+
+def misfit(place: Elsewhere, told: Outlook, size: Floats, good: Bools) -> float:
+    """Mean square of (z - m) / s of some rows."""
     work = working(((place.rows.z - told.mean(False)) / size)[good], (place.rows.reach / size)[good])
     return float(np.mean(work.residual**2))
 
@@ -336,7 +344,7 @@ def chance_of_worse(place: Elsewhere, before: Outlook, after: Outlook, good: Boo
 
         (r + d)^2 - r^2 = d^2 + 2 d r,   r ~ N(0, 1)
     """
-    size = np.sqrt(place.rows.variance + place.simulated + np.diag(after.covariance(False)))
+    size = error_sd(place, after)
     change = ((after.mean(False) - before.mean(False)) / size)[good]
     left = ((place.rows.z - after.mean(False)) / size)[good]
     return float(special.ndtr(change @ left / max(float(np.sqrt(change @ change)), 1e-12)))

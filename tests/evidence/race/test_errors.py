@@ -240,6 +240,15 @@ def test_an_adopted_effect_is_judged_after_the_offset_of_the_laboratory():
     assert found.effects["bend"].strength.low < 1.0 < found.effects["bend"].strength.high
 
 
+def test_soils_with_numbers_of_their_own_do_not_hide_what_an_adoption_explains():
+    problem, table = made(bend=3.0)
+    soils = tuple(f"soil {k * 6 // COUNT}" for k in range(COUNT))
+    hidden = Vault(np.flatnonzero(np.isin(soils, ("soil 1", "soil 4"))))
+    problem = replace(problem, measurements=replace(table, group=soils), vault=hidden)
+    held = adopt_record(raced(problem, 3), ("bend",), 1).held_out
+    assert held.after < 2.0 < 10.0 < held.before
+
+
 def test_an_adoption_that_improves_and_does_not_suffice_is_a_misfit():
     problem = off({"bend": 3.0}, vault=Vault(np.arange(3, 24, 5)))
     table = problem.measurements
