@@ -219,9 +219,9 @@ def tested_by_repeats(rows: ComparisonRows, variance: Floats, residual: Floats, 
 
 
 def repeat_numbers(table: Measurements | ComparisonRows) -> Floats:
-    """Number of each row's set of conditions and source; equal for repeated rows."""
-    source = np.unique(np.array(source_names(table.source)), return_inverse=True)[1]
-    return condition_numbers(table) * table.size + source
+    """Number of each row's conditions, set-up and source; equal for repeated rows."""
+    made = [f"{group}|{name}" for group, name in zip(table.group, source_names(table.source), strict=True)]
+    return condition_numbers(table) * table.size + np.unique(np.array(made), return_inverse=True)[1]
 
 
 def repeat_keys(table: Measurements, cell: Floats, reach: Floats, off: Bools) -> np.ndarray:

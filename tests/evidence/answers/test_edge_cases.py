@@ -121,7 +121,7 @@ def test_too_few_rows_name_nothing_and_say_why(study):
 def test_repeats_that_differ_more_than_stated_are_told(study, factor):
     values = 0.3 + 0.004 * factor * np.random.default_rng(3).standard_normal(24)
     lines = [
-        f"threshold_u_star,{value:.5f},0.004,1,m/s,g{k},{0.002 * (k // 4)},0.25,x"
+        f"threshold_u_star,{value:.5f},0.004,1,m/s,g{k // 4},{0.002 * (k // 4)},0.25,x"
         for k, value in enumerate(values)
     ]
     text = study_text().replace("[observables.repose_angle]\n", "")

@@ -114,7 +114,8 @@ def test_scatter_that_repeats_contradict_is_not_told():
     x = np.repeat(np.linspace(-1.0, 1.0, COUNT // 3), 3)
     problem, table = made()
     value = 2.0 * np.sin(4.0 * x) * (1.0 + x) + table.value
-    record = told(problem, value=value, sd=np.full(COUNT, np.nan), conditions={"x": x})
+    groups = tuple(map(str, x))
+    record = told(problem, value=value, sd=np.full(COUNT, np.nan), conditions={"x": x}, group=groups)
     assert record.decided.verdict == "outside_library"
     assert "scatter" not in kinds(record)
 

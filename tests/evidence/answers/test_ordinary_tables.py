@@ -1,0 +1,145 @@
+"""Small tables of ordinary people, from the file to the answer: the numbers that are right."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.answers.files import Reply
+from taichi_erosion.evidence.answers.new_study import Wishes, new_study
+from taichi_erosion.evidence.models.load_study import Study, load_study
+from tests.evidence.asking import SILENT, ask
+
+TABLES = Path(__file__).parents[2] / "data" / "ordinary_tables"
+ANGLE = {"angle of repose": "0.8 deg"}
+BELOW = [(0.36, 1.0, 0.0), (0.28, 0.4, 0.0), (0.28, 0.0, 0.03)]  # u*, moisture, roughness: rows `<0.05`
+
+
+def flux_table(kept: int) -> str:
+    """The table of fluxes with so many of its rows below the limit."""
+    head, *rows = (TABLES / "flux.csv").read_text("utf-8").splitlines()
+    wanted = [";".join(map(str, each)) for each in BELOW[:kept]]
+    rows = [row for row in rows if "<" not in row or kept == 13 or row.split(";<")[0] in wanted]
+    return "\n".join([head, *rows, ""])
+
+
+FLUXES = {f"{kept} below": flux_table(kept) for kept in (0, 1, 3, 13)}
+FLUXES["zeros"] = FLUXES["13 below"].replace("<0.05", "0")
+
+
+def study_of(folder: Path, name: str, text: str = "", **wishes) -> Study:
+    """The study by the closed form of a table, where nobody answers."""
+    (folder / "t.csv").write_text(text or (TABLES / f"{name}.csv").read_text("utf-8"), "utf-8")
+    asked: dict[str, Any] = {"closed_form": True} | wishes
+    document = new_study(folder / "t.csv", Wishes(**asked), lambda _, guess: guess)
+    return load_study(Path(document["study"]))
+
+
+def answer(study: Study) -> Reply:
+    return ask("discover", study.path)
+
+
+def named(reply: Reply) -> dict[str, bool]:
+    """Effects that are named -> whether 1, the strength in their world, lies inside the interval."""
+    found = {name: reply.record.effects[name].strength for name in reply.record.decided.named}
+    return {name: each.low <= 1.0 <= each.high for name, each in found.items()}
+
+
+OPEN = {  # not right yet -> why
+    "1 below": "liquid bridges 0.91 (0.87 to 0.94): the interval is too narrow beside a censored row",
+    "3 below": "electrostatics is named beside the two that act, and bridges are 0.78",
+    "13 below": "the search stays beside the two effects and says that nothing listed explains the rows",
+    "zeros": "the two effects and gusts are likely, and none is sure",
+}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.xfail(strict=True, reason=OPEN[name])) if name in OPEN else name
+        for name in FLUXES
+    ],
+)
+def test_fluxes_below_a_limit_hide_no_effect_and_make_none(tmp_path, name):
+    study = study_of(tmp_path, "flux", FLUXES[name])
+    table = study.problem.measurements
+    assert (int(table.censored.sum()), table.size) == (FLUXES[name].count(";;"), FLUXES[name].count("\n") - 1)
+    assert named(answer(study)) == {"liquid_bridge": True, "drag_partition": True}
+
+
+@pytest.mark.parametrize(
+    ("name", "rows", "stated"),
+    [("hump_one_soil", 84, {}), ("hump_two_soils", 84, {}), ("soil_means", 28, ANGLE)],
+)
+def test_a_hump_is_not_in_the_list_and_its_curve_has_its_peak(tmp_path, name, rows, stated):
+    study = study_of(tmp_path, name, sd=stated)
+    table = study.problem.measurements
+    assert table.size == rows, "columns that are numbered are repeats"
+    assert len(set(zip(*table.conditions.values(), table.group, strict=True))) == 28
+    found = answer(study).record
+    assert (found.decided.verdict, found.decided.named) == ("outside_library", ())
+    curve = next(each for each in found.curves if each.condition == "moisture")
+    assert (curve.shape, curve.turn) == ("peak", pytest.approx(0.02))
+    assert curve.points[-1][1].value < 0.5 * max(size.value for _, size in curve.points)
+
+
+def test_two_soils_are_no_repeats_and_an_unknown_scatter_is_refused(tmp_path):
+    with pytest.raises(BadInput, match="the scatter is unknown"):
+        study_of(tmp_path, "soil_means")
+    assert not (tmp_path / "t").exists(), "nothing is written"
+
+
+@pytest.mark.parametrize("name", ["site_roughness", "brackets"])
+def test_a_table_without_any_scatter_is_refused(tmp_path, name):
+    with pytest.raises(BadInput, match="the scatter is unknown"):
+        study_of(tmp_path, name)
+
+
+@pytest.mark.parametrize(
+    ("name", "wishes", "diameters"),
+    [("sands", {"fill_down": True}, [2.5e-4, 5e-4, 1e-3]), ("one_sand", {"diameter": "1.5 mm"}, [1.5e-3])],
+)
+def test_bridges_of_known_strength_are_measured_where_the_size_is_stated(tmp_path, name, wishes, diameters):
+    study = study_of(tmp_path, name, **wishes)
+    assert np.unique(study.problem.measurements.conditions["diameter"]) == pytest.approx(diameters)
+    found = answer(study).record
+    assert found.decided.named == ("liquid_bridge",)
+    strength = found.effects["liquid_bridge"].strength
+    assert strength.low <= 0.8 <= strength.high
+
+
+def test_a_size_that_stands_in_the_first_row_alone_is_refused(tmp_path):
+    with pytest.raises(BadInput, match="blank in 12 rows"):
+        study_of(tmp_path, "sands")
+
+
+def test_a_sign_behind_the_moisture_is_its_sd(tmp_path):
+    table = study_of(tmp_path, "moisture_pm").problem.measurements
+    assert table.observable == ("repose_angle",) * 6
+    assert table.conditions["moisture"] == pytest.approx([0.01, 0.04, 0.08, 0.12, 0.16, 0.20])
+    assert table.condition_sd["moisture"] == pytest.approx(0.01)
+    assert table.sd == pytest.approx([0.9, 0.8, 0.7, 1.0, 0.9, 1.1])
+
+
+def test_a_narrow_cell_is_steeper_by_its_walls(tmp_path):
+    study = study_of(tmp_path, "cell_width")
+    width = study.problem.measurements.conditions["width"]
+    assert (width.min(), width.max()) == pytest.approx((5e-3, 80e-3))
+    found = answer(study).record.decided
+    assert found.named == ("side_walls",) or (found.verdict in SILENT)
+
+
+def test_every_site_has_its_roughness_length(tmp_path):
+    study = study_of(tmp_path, "site_roughness", sd={"threshold wind speed at 2 m": "3 %"})
+    table = study.problem.measurements
+    assert table.value[::3] == pytest.approx([0.211, 0.272, 0.377], rel=2e-3)
+    assert table.sd == pytest.approx(0.03 * table.value)
+    assert study.file.conditions.keys() >= {"moisture"}
+
+
+def test_a_unit_in_brackets_within_brackets_is_read(tmp_path):
+    table = study_of(tmp_path, "brackets", sd={"flux": "8 %"}).problem.measurements
+    assert table.value == pytest.approx([3e-3, 5e-3, 9e-3, 13e-3, 18e-3])
+    assert table.sd == pytest.approx(0.08 * table.value)
