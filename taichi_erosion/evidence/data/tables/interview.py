@@ -7,6 +7,7 @@ is none: without an answer the question is a fault, with what would settle it.
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import accumulate
 from math import inf, isnan, nan
 
 import numpy as np
@@ -330,8 +331,9 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
     own = [c for c in columns if c.role == "condition" and c.name not in reads]
     others = [c for c in columns if c.role == "condition" and c.name in reads]
     labels = [c.place for c in columns if c.role in ("group", "source")]
-    set_ups = ["|".join(row[place] for place in labels) for row in rows]
-    values = {c: np.array([reading.number(row[c.place]).value for row in rows]) for c in (*own, *others)}
+    filled = [*accumulate(rows, filled_from)] if reading.told.fill_down else rows
+    set_ups = ["|".join(row[place] for place in labels) for row in filled]
+    values = {c: np.array([reading.number(row[c.place]).value for row in filled]) for c in (*own, *others)}
     results = [np.array([reading.number(row[place]).value for row in rows]) for place in measured]
     results.append(np.mean(results, axis=0))  # of repeats side by side
     known = {c.heading.text: values[c] for c in others}
@@ -350,6 +352,11 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
             names.append(column.title)
         found.append(column)
     return found
+
+
+def filled_from(above: tuple[str, ...], row: tuple[str, ...]) -> tuple[str, ...]:
+    """Cells of a row, blank ones as in the row above it."""
+    return tuple(cell or other for other, cell in zip(above, row, strict=True))
 
 
 def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Column]:

@@ -56,6 +56,14 @@ def test_a_blank_cell_of_a_condition_is_refused_or_filled_where_the_user_says_so
     assert left.line == (2, 4, 6), "a row of which a condition is not known is not used"
 
 
+def test_a_condition_that_no_model_reads_is_filled_down_too(tmp_path):
+    heaps = [(0, 1, 31), (1, "", 32), (2, "", 35), (0, 4, 33), (1, "", 36), (2, "", 34)]
+    text = SALT.format("salt (%)") + "".join(f"{w};{salt};{angle};0.5\n" for w, salt, angle in heaps)
+    found, assumed = measured(tmp_path, text, fill_down=True)
+    assert found.conditions["salinity"].tolist() == pytest.approx([0.01] * 3 + [0.04] * 3)
+    assert any("'salt (%)': 4 blank cells are filled" in words for words in assumed)
+
+
 def test_a_blank_set_up_is_refused_and_cells_that_are_merged_are_filled(tmp_path):
     text = "Soil;" + HEAP.format("n") + "A;0;31;0.5;3\n;2;33;0.5;3\nB;0;34;0.5;3\n;2;36;0.5;3\n"
     assert "'Soil' is blank in 2 rows (3, 5)" in refused(tmp_path, text)
