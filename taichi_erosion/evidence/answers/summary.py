@@ -19,6 +19,7 @@ from scipy import special
 from taichi_erosion.evidence.data.problem import Bools, Floats, Observable
 from taichi_erosion.evidence.data.transforms import axis_value, from_scale
 from taichi_erosion.evidence.models.predictor import axis_scale
+from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race.adequacy import is_adequate, lack_of_fit_p, misfit_p, residual
 from taichi_erosion.evidence.race.blocks import columns_of
 from taichi_erosion.evidence.race.decision import Decision, decide, fit_of
@@ -149,10 +150,18 @@ def effect_part(posterior: Posterior, found: Decision, name: str) -> EffectPart:
 
 
 def signature(race: Race, about: Fit, name: str) -> Floats:
-    """Change of the rows (n,) per unit of strength of an effect beside a fit; 0 where there is no value."""
+    """Change of the rows (n,) per unit of strength of an effect beside a fit; 0 where there is no value.
+
+    Where no setting is left of the budget it is that about the effect alone.
+    """
     model, names = race.model, tuple(sorted((*about.hypothesis.names, name)))
     v = np.insert(about.v, model.count + names.index(name), 0.0)
-    change = model.mean(names, v) - model.mean(about.hypothesis.names, about.v)
+    try:
+        change = model.mean(names, v) - model.mean(about.hypothesis.names, about.v)
+    except BudgetSpentError:
+        single = race.fits[Hypothesis((name,))]
+        steps = np.array([model.strength(name, float(single.v[-1]) + h) for h in (-0.05, 0.05)])
+        return single.jacobian[:, -1] * 0.1 / max(float(np.ptp(steps)), 1e-9)
     return np.nan_to_num(change) / model.strength(name, 0.0)
 
 
