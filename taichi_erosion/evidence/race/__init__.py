@@ -5,18 +5,19 @@ The model of n rows on the comparison scale, whitened by their stated errors:
     y = J (v' - v) + sum_b tau_b F_b u_b + f e,      v', u_b, e ~ N(0, 1)
 
 v' are calibrated numbers and strengths in standard coordinates, J the slopes of the model about its best
-setting. The blocks F_b are errors that rows have in common: a level of each observable, sources, batches and
-a small smooth discrepancy; tau_b is half-Cauchy or half-normal, so that most are near zero and any can be
-large. f is the scatter over what is stated, narrowed by repeats; a row may be bad. Every hypothesis has all.
+setting. The blocks F_b are errors that rows have in common: a level of each observable, sources,
+preparations, numbers of each soil and a small smooth discrepancy; tau_b is half-Cauchy or half-normal, so
+that most are near zero. f is the scatter over what is stated; a row may be bad. Every hypothesis has all.
 
     hypothesis                                  what acts beside the blocks             prior
     nothing                                     -                                       NOTHING
     a set of 1 to MOST listed effects           their strengths, among v'               STEP for one more
-    a mechanism, or a strength that varies      a dose for every set of conditions      UNLISTED, STEP
-    what no list holds                          a large smooth discrepancy              UNLISTED, STEP
+    a mechanism                                 a dose for every set of conditions      UNLISTED, STEP
+    what no list holds                          a large smooth discrepancy, along one   UNLISTED, STEP
+                                                condition or all
 
 The evidence of each is the integral over everything unknown: exact over v', u and e, by Laplace's method over
-tau and f. What is said has SURE of the probability of all hypotheses together.
+tau and f. What is said has SURE of the probability of all hypotheses together, and no rows refute it.
 
     priors             every number of the inference, with its reason
     linear_evidence    evidence and posterior of linear rows
