@@ -6,7 +6,7 @@ drawn from.
 
 import json
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from math import isfinite, nan
@@ -201,7 +201,7 @@ def document(record: Record) -> Document:
         "p_misfit_after": fit.p_after,
         "p_lack_of_fit": fit.p_lack_of_fit,
         "p_lack_of_fit_after": fit.p_lack_of_fit_after,
-        "curves": parts["curves"],
+        "curves": [each | {"points": list(points_of(each["points"]))} for each in parts["curves"]],
         "vault": None if record.held_out is None else vault(record.held_out),
         "next_experiments": parts["experiments"],
         "mechanisms": mechanisms(record),
@@ -213,6 +213,11 @@ def document(record: Record) -> Document:
         "seed": cost.seed,
     }
     return without_nan(found)
+
+
+def points_of(found: Iterable[tuple[float, Document]]) -> Iterator[Document]:
+    """Points of a curve: a condition, and the size there."""
+    yield from ({"at": at, **size} for at, size in found)
 
 
 def effect(part: EffectPart) -> Document:

@@ -150,10 +150,7 @@ def effect_part(posterior: Posterior, found: Decision, name: str) -> EffectPart:
 
 
 def signature(race: Race, about: Fit, name: str) -> Floats:
-    """Change of the rows (n,) per unit of strength of an effect beside a fit; 0 where there is no value.
-
-    Where no setting is left of the budget it is that about the effect alone.
-    """
+    """Change of rows (n,) per unit of strength beside a fit, or alone at the end of a budget; 0 without value."""
     model, names = race.model, tuple(sorted((*about.hypothesis.names, name)))
     v = np.insert(about.v, model.count + names.index(name), 0.0)
     try:
