@@ -150,7 +150,7 @@ def effect_part(posterior: Posterior, found: Decision, name: str) -> EffectPart:
 
 
 def signature(race: Race, about: Fit, name: str) -> Floats:
-    """Change (n,) per unit of strength beside a fit, or alone at the end of a budget; 0 where it has no value."""
+    """Change (n,) per unit of strength beside a fit, at the end of a budget alone; 0 without a value."""
     model, names = race.model, tuple(sorted((*about.hypothesis.names, name)))
     v = np.insert(about.v, model.count + names.index(name), 0.0)
     try:
