@@ -5,12 +5,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import fdtrc
 
 from taichi_erosion.scene.schema.units import parse_scale, parse_unit
 from taichi_erosion.tables.headings import Heading, is_summary, plain_words
 
 Numbers = NDArray[np.float64]
 
+CHANCE = 0.01  # p of a quantity that follows a column where all else is the same, below which the column acts
 SAME = 0.998  # share of a column's variance that a parabola of another one explains: it is that one again
 LENGTH = parse_unit("m").kind
 ABOVE = re.compile(
@@ -18,7 +20,8 @@ ABOVE = re.compile(
     r"|(?:height|hohe) (?:above|over|uber) .*"
 )
 NUMBERED = re.compile(
-    r"(?:[\s_(#-](?:no|nr|rep(?:s|eat|licate|etition)?|wdh|test|run)\.?)?[\s_.#-]*\(?\d+\)?\s*$",
+    r"(?:[\s_(#-](?:no|nr|rep(?:s|eat|licate|etition)?|wdh|test|run)\.?)?"
+    r"(?:[\s_.#-]*\(?\d+\)?|[\s_.#-]+\(?(?-i:I{1,3}|I?V)\)?)\s*$",
     re.IGNORECASE,
 )
 MOST = 4  # conditions that no model reads
@@ -74,7 +77,7 @@ def why_no_condition(
 ) -> str:
     """Why a column of numbers is no condition; empty where it is one.
 
-    A column with many values that differs between repeats is no level of a design.
+    A column with many values that differs between repeats, and that these do not follow, is no condition.
     """
     if not np.isfinite(own).all():
         return "it is not known in every row"
@@ -90,7 +93,8 @@ def why_no_condition(
     if same := [text for text, other in others.items() if is_again(own, other) or follows(own, other)]:
         return f"it changes with '{same[0]}' alone"
     rest = numbered([*others.values(), set_ups])
-    if distinct.size > own.size / 2 and differs_within(own, rest):
+    many = distinct.size > own.size / 2 and differs_within(own, rest)
+    if many and not any(acts(own, each, rest) for each in results):
         return "it differs between repeats, whose scatter holds what it does"
     return ""
 
@@ -113,9 +117,25 @@ def differs_within(own: Numbers, other: Numbers) -> bool:
 def is_again(own: Numbers, other: Numbers) -> bool:
     """Whether a column is a parabola of another one."""
     both = np.isfinite(own) & np.isfinite(other)
-    x, y = other[both], own[both]
-    if np.unique(x).size < LEAST_LEVELS or np.ptp(y) == 0.0:
+    if np.unique(other[both]).size < LEAST_LEVELS or np.ptp(own[both]) == 0.0:
         return False
-    x = (x - x.mean()) / np.ptp(x)
-    left = y - np.polyval(np.polyfit(x, y, 2), x)
-    return float(np.var(left)) < (1.0 - SAME) * float(np.var(y))
+    return unexplained(own[both], other[both], np.zeros(int(both.sum()))) < 1.0 - SAME
+
+
+def acts(own: Numbers, result: Numbers, rest: Numbers) -> bool:
+    """Whether a measured quantity follows a column where all else is the same (F test of a parabola)."""
+    both = np.isfinite(result)
+    free = int(both.sum()) - np.unique(rest[both]).size - 2
+    if free < 1 or not differs_within(result[both], rest[both]):
+        return False
+    left = unexplained(result[both], own[both], rest[both])
+    return bool(fdtrc(2, free, (1.0 / max(left, 1e-12) - 1.0) * free / 2.0) < CHANCE)
+
+
+def unexplained(y: Numbers, x: Numbers, rest: Numbers) -> float:
+    """Share of the variance of y, where all else is the same, that a parabola of x leaves."""
+    same = rest[:, np.newaxis] == np.unique(rest)
+    x = (x - x.mean()) / max(float(np.ptp(x)), 1e-300)
+    y, *powers = (each - same @ (each @ same / same.sum(axis=0)) for each in (y, x, x**2))
+    left = y - np.column_stack(powers) @ np.linalg.lstsq(np.column_stack(powers), y)[0]
+    return float(left @ left / (y @ y))

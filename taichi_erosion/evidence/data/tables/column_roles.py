@@ -175,7 +175,7 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
     if place in named or plain_words(heading.name).partition(" ")[0] == NOTE:
         return Column(place, heading, *named.get(place, ("remark", "")), numeric=numeric)
     role, name = meaning_of(heading.name)
-    if role == "unknown" or (role in ("remark", "group") and numeric and heading.unit):
+    if role == "unknown" or (role in ("remark", "group", "source") and numeric and heading.unit):
         role, name = meaning_of_symbol(heading)  # a quantity, whatever word of remarks it has
     if not numeric:
         labels = longest_word(heading.name, "roles")[2] == "group" and not has_digit(content)

@@ -367,7 +367,7 @@ def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Co
     families: dict[tuple[str, str], list[Column]] = {}
     for column in columns:
         if column.role == "observable":
-            words = re.sub(r"[\W\d_]+", " ", plain_words(column.heading.name)).strip()
+            words = re.sub(r"[\W\d_]+", " ", plain_words(stem(column.heading.name))).strip()
             families.setdefault((column.name, words), []).append(column)
     repeats, means = set[int](), set[int]()
     for family in (each for each in families.values() if len(each) > 1):

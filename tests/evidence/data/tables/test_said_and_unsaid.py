@@ -125,6 +125,7 @@ def test_a_number_behind_the_sign_of_a_condition_is_its_sd(tmp_path):
         ("A1;A2;Mean angle of repose;SD", {"A1": "repose_angle"}),
         ("angle of repose rep 1;angle of repose rep 2;mean angle of repose;SD", {}),
         ("angle of repose;;average;SD\n;rep 1;rep 2;;", {}),
+        ("angle of repose I;angle of repose II;Mean;SD", {}),
     ],
 )
 def test_numbered_siblings_are_repeats_and_their_mean_is_no_other_one(tmp_path, heading, names):
@@ -168,6 +169,7 @@ def test_an_amount_that_is_not_seen_lies_below_a_limit_and_needs_no_further_file
         ("tangent of it", (0.601, 0.7, 0.781, 0.727, 0.613, 0.713, 0.795, 0.74), False),
         ("class", (1, 2, 3, 4, 1, 2, 3, 4), False),  # the moisture again
         ("room (°C)", (20.1, 20.4, 19.8, 21.1, 20.2, 19.9, 20.6, 21.2), False),  # tells repeats apart
+        ("humidity (%)", (36, 51, 64, 82, 49, 66, 79, 36), False),  # repeats do not follow it
         ("salt content (g/kg)", (0, 5, "", 5, 0, 5, 0, 5), False),
     ],
 )
@@ -179,6 +181,23 @@ def test_a_column_that_varies_is_a_condition_unless_it_says_something_known(tmp_
     assert (len(found.conditions) == 2) is kept
     words = "is kept as a condition" if kept else "is not used: "
     assert any(f"column '{heading}' {words}" in each for each in assumed)
+
+
+def test_a_measured_condition_that_repeats_follow_is_kept(tmp_path):
+    humidity = np.array([36.0, 49, 66, 82, 34, 51, 63, 79, 35, 52, 64, 81])
+    salt = np.repeat([0.0, 1.0, 2.0], 4)
+    angles = 31.0 + salt + 0.002 * (humidity - 30.0) ** 2 + 0.3 * np.cos(7.0 * humidity)
+    rows = zip(salt, humidity, angles, strict=True)
+    text = SALT.format("room humidity (%)") + "".join(f"{s};{h};{a:.1f};0.5\n" for s, h, a in rows)
+    found, _ = measured(tmp_path, text)
+    assert [len(np.unique(each)) for each in found.conditions.values()] == [3, 12]
+
+
+@pytest.mark.parametrize("heading", ["hauteur de chute (cm)", "probe depth (cm)"])
+def test_a_column_with_a_unit_is_no_label_whatever_word_its_heading_holds(tmp_path, heading):
+    rows = "".join(f"{w};{h};{30 + w + h};0.5\n" for w in (0, 1, 2) for h in (2, 5, 9))
+    found, _ = measured(tmp_path, SALT.format(heading) + rows)
+    assert len(found.conditions) == 2
 
 
 PROFILES = [
