@@ -31,7 +31,7 @@ from taichi_erosion.mechanisms.library import dose_meaning, mechanism_rows
 
 Command = Literal["compare", "discover", "adopt", "next", "predict", "rounds"]
 Document = dict[str, Any]
-FORMAT = 3  # of documents: their keys are those of docs/json_and_python.md
+FORMAT = 4  # of documents: their keys are those of docs/json_and_python.md
 LADDER = "ladder.json"  # errors after each adoption, shared by the studies that follow one another
 ROUNDS: Command = "rounds"  # no command: what the rounds of simulations were about
 STORED = ("record", "rows")  # of a document: what figures are drawn from is not printed

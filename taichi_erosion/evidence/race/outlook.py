@@ -51,7 +51,7 @@ class Elsewhere:
 def new_rows(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows:
     """New conditions as rows without a value, each with the scatter of one repeat.
 
-    They are of no source and no batch. Raises KeyError for an observable without a fitted row.
+    They are of no source and no group. Raises KeyError for an observable without a fitted row.
     """
     rows, table = prepared.rows, prepared.problem.visible()
     which, m = rows.index_of(wanted.observable), len(wanted.observable)

@@ -124,7 +124,7 @@ def possible(prepared: PreparedProblem, ranges: Mapping[str, tuple[float, float]
         names += [rows.observables[k].name] * len(sets[-1])
     conditions = dict(zip(rows.conditions, np.vstack(sets).T, strict=True))
     found = new_rows(prepared, NewConditions(tuple(names), conditions))
-    return replace(found, group=tuple(f"|{row}" for row in range(found.size)))  # each a batch of its own
+    return replace(found, group=tuple(f"|{row}" for row in range(found.size)))  # each a set-up of its own
 
 
 def settings(rows: ComparisonRows, own: Integers, ranges: Mapping[str, tuple[float, float]]) -> Floats:

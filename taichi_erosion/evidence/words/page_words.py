@@ -35,15 +35,15 @@ METHODS = (
     "Every explanation (nothing, up to four listed effects, one mechanism, something not in the list) is the "
     "model, linearised about its own best fit: y measured less predicted in standard errors of a row, J its "
     "slopes along calibrated numbers and strengths t, F u an error that rows have in common (level, source, "
-    "batch, smooth discrepancy, dose) of an unknown size \N{GREEK SMALL LETTER TAU}, e scatter, f times as "
-    "large as stated.",
+    "preparation, group, smooth discrepancy, dose) of an unknown size \N{GREEK SMALL LETTER TAU}, e scatter, "
+    "f times as large as stated.",
     "Its probability is its share before the measurements times their density under it, over all t, u, sizes "
-    "and f; an effect acts if the explanations that hold it have {sure:g} of the probability together and "
-    "chance alone rarely makes a candidate look as good.",
+    "and f; an effect acts if the explanations that hold it have {sure:g} of the probability together, "
+    "chance alone rarely makes a candidate look as good, and the rows do not refute the fit.",
     "In the table of candidates strength is the median with a 90 % interval over these explanations, and "
     "probability is that the effect acts.",
-    "Misfit per row is the mean squared residual in standard errors without errors in common, p the chance "
-    "of as much with them; this answer took {settings} of the model, {runs}, seed {seed}.",
+    "Misfit per row is the mean squared residual in standard errors, less levels, sources and groups, p the "
+    "chance of as much; this answer took {settings} of the model, {runs}, seed {seed}.",
 )
 
 
