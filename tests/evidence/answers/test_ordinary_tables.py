@@ -48,10 +48,10 @@ def named(reply: Reply) -> dict[str, bool]:
 
 
 OPEN = {  # not right yet -> why
-    "1 below": "liquid bridges 0.91 (0.87 to 0.94): the interval is too narrow beside a censored row",
-    "3 below": "electrostatics is named beside the two that act, and bridges are 0.78",
-    "13 below": "the search stays beside the two effects and says that nothing listed explains the rows",
-    "zeros": "the two effects and gusts are likely, and none is sure",
+    "1 below": "the pair that acts is left beside its best setting: its interval is too narrow",
+    "3 below": "electrostatics is named beside the pair that acts",
+    "13 below": "no single effect helps, so the pair that acts is never visited",
+    "zeros": "the pair that acts is visited far from its best setting alone",
 }
 
 
