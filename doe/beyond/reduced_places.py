@@ -72,7 +72,7 @@ def predict(
 def expected(observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers) -> Floats:
     """The model without its scatter."""
     given = {**reduced.PARAMETERS, **parameters}
-    at = reduced.complete_conditions(conditions)
+    at = reduced.DEFAULT_COLUMNS | conditions
     acting = {name: size for name, size in effects.items() if size != 0.0}
     shifts = [
         PLACES[name](size, given) if name in PLACES else reduced.EFFECTS[name](size, at)

@@ -1,6 +1,6 @@
 """Answers of a study from Python: sentences, tables, figures."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from taichi_erosion.evidence.answers.files import Reply
     from taichi_erosion.evidence.answers.predictions import PredictionReply
-    from taichi_erosion.evidence.race.record import ExperimentPart, LawPart, Record
+    from taichi_erosion.evidence.race.record import CurvePart, ExperimentPart, LawPart, Record
     from taichi_erosion.report.figure_style import Figure
 
 DRAWS = 2000  # of a posterior
@@ -166,7 +166,7 @@ class DiscoveryResult(RaceResult):
     def table(self) -> pd.DataFrame:
         """Candidates, the likeliest first; strengths [1] where they act, with 90 % intervals.
 
-        A strength above `limit` is excluded with 95 %; one below `unseen_below` could act and not be seen.
+        Excluded with 95 % above `limit`; not seen below `unseen_below`.
         """
         rows = (
             {"effect": name, "status": each.status, "probability": each.probability}
@@ -178,6 +178,12 @@ class DiscoveryResult(RaceResult):
         return table.sort_values("probability", ascending=False)
 
     effects = table
+
+    @property
+    def curves(self) -> pd.DataFrame:
+        """Effect of something unlisted along conditions, in table units."""
+        rows = (row for curve in self.record.curves for row in curve_rows(curve, self.units))
+        return frame(rows, columns=("observable", "unit", "condition", "at", "value", "low", "high"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -245,6 +251,15 @@ def experiment_row(found: "ExperimentPart", units: TableUnits) -> dict[str, Any]
         ends = {key: expected.value, f"{key} low": expected.low, f"{key} high": expected.high}
         row |= {column: units.value(name, number) for column, number in ends.items()}
     return row | {"chance": found.chance, "cost": found.cost}
+
+
+def curve_rows(found: "CurvePart", units: TableUnits) -> Iterator[dict[str, Any]]:
+    """Points of a curve."""
+    name, axis, is_offset = found.observable, found.condition, found.kind == "offset"
+    unit, label = unit_of(units, name) if is_offset else "factor", condition_heading(units, axis)
+    for at, size in found.points:
+        own = {key: units.value(name, x) if is_offset else x for key, x in vars(size).items()}
+        yield {"observable": name, "unit": unit, "condition": label, "at": units.condition(axis, at)} | own
 
 
 def unit_of(units: TableUnits, observable: str) -> str:

@@ -5,6 +5,7 @@ posterior   probabilities of explanations
 strengths   strengths of candidates, and what could act unseen
 numbers     calibrated numbers, each on its own axis
 doses       doses of a mechanism with their law
+curves      what something not in the list does, along a condition
 ladder      misfit per row of fitted and held-out rows
 """
 
@@ -20,7 +21,7 @@ from matplotlib.path import Path as Outline
 
 from taichi_erosion.evidence.answers.summary import ONE_SIDED
 from taichi_erosion.evidence.data.number_words import heading
-from taichi_erosion.evidence.race.record import Interval, LawPart, Record
+from taichi_erosion.evidence.race.record import CurvePart, Interval, LawPart, Record
 from taichi_erosion.evidence.words import page_words
 from taichi_erosion.evidence.words.part_words import LIKELY, acting, failing
 from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, interval, quantity
@@ -250,27 +251,33 @@ def number_picture(record: Record) -> Picture:
     return responsive(draw, page_words.CAPTIONS["numbers"], "numbers")
 
 
+def draw_sizes(frame: Axes, x: Floats, sizes: Floats, zero: float, name: str, line: bool = True) -> None:
+    """Medians with 90 % intervals, rows of `sizes`, along a condition; a `line` with its band joins them."""
+    value, low, high = sizes
+    frame.axhline(zero, color=SOFT, lw=0.8)
+    if line:
+        frame.plot(x, value, color=AFTER, lw=1.7)
+        frame.fill_between(x, low, high, color=AFTER, alpha=0.16, lw=0.0)
+    ends = np.maximum([value - low, high - value], 0.0)
+    frame.errorbar(x, value, ends, fmt="none", ecolor=AFTER, elinewidth=0.9)
+    style: dict[str, Any] = MARKS | {"color": AFTER, "mfc": AFTER}
+    frame.plot(x, value, gid=f"rows:{name}", **style)
+    scale_axis(frame, "x", x)
+
+
 def dose_pictures(law: LawPart, voc: Vocabulary) -> Iterator[Picture]:
     """Doses of a law along each of its conditions, in the order of the first of them."""
     doses = sorted(law.doses, key=lambda each: tuple(each[0].values()))
     texts = {
         "doses": ["\n".join([interval(dose), *voc.units.setting_text(at).split(", ")]) for at, dose in doses]
     }
-    value, low, high = np.array([(dose.value, dose.low, dose.high) for _, dose in doses]).T
+    sizes = np.array([(dose.value, dose.low, dose.high) for _, dose in doses]).T
     for number, axis in enumerate(law.conditions):
         x = np.array([voc.units.condition(axis, at[axis]) for at, _ in doses])
 
         def draw(width: float, axis: str = axis, x: Floats = x) -> Figure:
             figure, frame = single(width, PANEL[1])
-            frame.axhline(0.0, color=SOFT, lw=0.8)
-            if len(law.conditions) == 1:
-                frame.plot(x, value, color=AFTER, lw=1.7)
-                frame.fill_between(x, low, high, color=AFTER, alpha=0.16, lw=0.0)
-            ends = np.maximum([value - low, high - value], 0.0)
-            frame.errorbar(x, value, ends, fmt="none", ecolor=AFTER, elinewidth=0.9)
-            style: dict[str, Any] = MARKS | {"color": AFTER, "mfc": AFTER}
-            frame.plot(x, value, gid="rows:doses", **style)
-            scale_axis(frame, "x", x)
+            draw_sizes(frame, x, sizes, 0.0, "doses", len(law.conditions) == 1)
             frame.set_xlabel(heading(axis, voc.units.condition_unit(axis)))
             counts = voc.doses.get(law.mechanism.partition(":")[0], "strength")
             frame.set_title(f"{law.mechanism}: {counts}", loc="left")
@@ -278,6 +285,28 @@ def dose_pictures(law: LawPart, voc: Vocabulary) -> Iterator[Picture]:
 
         caption = page_words.CAPTIONS["doses"].format(mechanism=law.mechanism, axis=axis)
         yield responsive(draw, caption, f"doses{number}", texts)
+
+
+def curve_picture(curve: CurvePart, voc: Vocabulary, number: int) -> Picture:
+    """What something not in the list does to an observable along a condition, in the units of the table."""
+    name, axis, is_offset = curve.observable, curve.condition, curve.kind == "offset"
+    change = "change" if is_offset else "factor"
+    scale, unit = (voc.scale(name), voc.units.value_unit(name)) if is_offset else (1.0, "")
+    x = np.array([voc.units.condition(axis, at) for at, _ in curve.points])
+    sizes = scale * np.array([(size.value, size.low, size.high) for _, size in curve.points]).T
+    texts = [
+        f"{interval(size, 2, scale, unit)}\n{voc.units.setting_text({axis: at})}" for at, size in curve.points
+    ]
+
+    def draw(width: float) -> Figure:
+        figure, frame = single(width, PANEL[1])
+        draw_sizes(frame, x, sizes, 0.0 if is_offset else 1.0, "curves")
+        frame.set_xlabel(heading(quantity(axis), voc.units.condition_unit(axis)))
+        frame.set_title(heading(f"{change} of the {quantity(name)}", unit), loc="left")
+        return figure
+
+    caption = page_words.CAPTIONS["curves"].format(observable=quantity(name), axis=quantity(axis))
+    return responsive(draw, caption, f"curves{number}", {"curves": texts})
 
 
 def ladder_picture(record: Record) -> Picture:

@@ -13,7 +13,7 @@ from typing import Any
 
 from taichi_erosion.campaign.study_file import read_evidence_study
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.files import Command, Reply, document_file, read_reply
+from taichi_erosion.evidence.answers.files import Command, Reply, after_adoption, document_file, read_reply
 from taichi_erosion.evidence.answers.predictions import read_prediction
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.evidence.race.record import Record
@@ -27,7 +27,7 @@ from taichi_erosion.report.figure_style import Figure, Picture, raster, with_key
 from taichi_erosion.report.html import made, write_page
 from taichi_erosion.report.markdown import markdown_table
 
-COMMANDS: tuple[Command, ...] = ("adopt", "discover", "compare", "next")  # the first knows the written study
+COMMANDS: tuple[Command, ...] = ("compare", "discover", "adopt", "next")
 TEMPLATE, RECORDING = "answer.html", "study.rrd"
 FILES = ("study", "results", "written")  # of a vocabulary
 TABLES = (("discover",), ("compare", "adopt"), ("next",))  # of the sections, by command
@@ -71,10 +71,13 @@ def write_recording(study: Path) -> Path:
 def told(study: Path) -> tuple[dict[str, Any], Reply]:
     """Fields of the page of a study, and one of its answers. Raises BadInput before the first one."""
     replies, others = stored_replies(study)
-    found, first = replies.values(), next(iter(replies.values()))
+    found = replies.values()
+    first = replies.get("adopt") or next(iter(found))  # which knows the written study
     warnings = [*(line for each in found for line in each.about["set_up"]), page_words.left_out(others)]
     notes = [line for each in found for key in ("notes", "warnings") for line in each.about[key]]
     records = {name: reply.record for name, reply in replies.items()}
+    if {"discover", "adopt"} <= set(records):
+        records["discover"] = after_adoption(records["discover"], records["adopt"])
     page = answer_page(first.about["title"] or study.stem, records, first.vocabulary(), first.about["model"])
     page["warnings"], page["notes"] = (list(filter(None, dict.fromkeys(each))) for each in (warnings, notes))
     page["sections"] += prediction_sections(study, first)
@@ -82,7 +85,7 @@ def told(study: Path) -> tuple[dict[str, Any], Reply]:
 
 
 def stored_replies(study: Path) -> tuple[dict[Command, Reply], list[Command]]:
-    """Answers that belong together, and commands with an answer to another table.
+    """Answers that belong together, the last one at the end, and commands with an answer to another table.
 
     Raises BadInput where none says what is missing.
     """
@@ -90,9 +93,10 @@ def stored_replies(study: Path) -> tuple[dict[Command, Reply], list[Command]]:
     for command in COMMANDS:
         if reply := read_reply(folder, study.stem, command):
             found[command] = reply
-            age[document_file(folder, study.stem, command).stat().st_mtime_ns] = reply.about["digest"]
-    digest = age[max(age)] if age else ""
-    kept = {command: reply for command, reply in found.items() if reply.about["digest"] == digest}
+            age[command] = document_file(folder, study.stem, command).stat().st_mtime_ns
+    digest = found[max(found, key=age.__getitem__)].about["digest"] if found else ""
+    kept = {name: found[name] for name in sorted(found, key=age.__getitem__)}
+    kept = {name: reply for name, reply in kept.items() if reply.about["digest"] == digest}
     if not set(kept) & set(page_words.LEADING):
         raise BadInput(f"{study}: has no answer yet; {shell_command('compare', study)} gives the first")
     return kept, [command for command in found if command not in kept]
@@ -121,16 +125,15 @@ def first_figure(reply: Reply) -> Figure:
 def answer_page(
     title: str, records: Mapping[str, Record], vocabulary: Vocabulary, model: str = ""
 ) -> dict[str, Any]:
-    """Fields of the page of a study, from its records by command."""
+    """Fields of the page of a study, from its records by command, the last one at the end: it leads."""
     voc = portable(vocabulary)
-    leading = next(records[name] for name in page_words.LEADING if name in records)
-    found = page_words.answers(records, voc)
-    parts = page_words.page_lines(found)
+    lead = [name for name in records if name in page_words.LEADING][-1]
+    leading, found = records[lead], page_words.answers(records, voc)
+    parts = page_words.page_lines(found, lead)
     shown = figures.places(leading)  # the worst first
     first, *others = (figures.row_picture(leading, voc, *place, number) for number, place in enumerate(shown))
-    missing = missing_pictures(leading, voc) if "discover" in found else []
+    missing = missing_pictures(records["discover"], voc) if "discover" in found else []
     drawn = missing, [*holding_pictures(records.get("adopt", leading)), *others], []
-    lines = parts[0][1:], *parts[1:]
     tables = ([found[key].table for key in keys if key in found] for keys in TABLES)
     *titles, method_title = page_words.SECTIONS
     return {
@@ -138,17 +141,17 @@ def answer_page(
         "about": voc.study,
         "made": made(f"seed {leading.cost.seed}"),
         "warnings": [],  # before everything else
-        "lead": parts[0][:1],
+        "lead": parts[0],
         "first": first,
         "key": figures.key(leading),  # of the first picture: measured, both models
         "sections": [
             Section(name, own, [each for each in stated if each], pictures)
-            for name, own, stated, pictures in zip(titles, lines, tables, drawn, strict=True)
+            for name, own, stated, pictures in zip(titles, parts[1:], tables, drawn, strict=True)
         ],
         "method_title": method_title,
         "methods": page_words.methods(leading, model),
         "notes": [],  # on table and runs
-        "acting": {name for names in acting(leading.decided) for name in names},
+        "acting": {name for names in acting(records.get("discover", leading).decided) for name in names},
     }
 
 
@@ -166,7 +169,8 @@ def missing_pictures(record: Record, voc: Vocabulary) -> list[Picture]:
     law = record.law if record.law and record.law.mechanism in acts else None
     doses = figures.dose_pictures(law, voc) if law else ()
     strengths = [figures.strength_picture(record)] if record.effects else []
-    return [*doses, figures.posterior_picture(record), *strengths]
+    curves = (figures.curve_picture(each, voc, number) for number, each in enumerate(record.curves))
+    return [*doses, *curves, figures.posterior_picture(record), *strengths]
 
 
 def holding_pictures(record: Record) -> Iterator[Picture]:

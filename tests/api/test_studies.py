@@ -1,11 +1,14 @@
 """Studies from Python, on the closed form."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
+from ten_records import VOC, curved
 
 import taichi_erosion as te
+from taichi_erosion.api.results import DiscoveryResult
 
 SCENE = Path(__file__).parents[2] / "scenes" / "incline.toml"
 TABLE = Path(__file__).parents[2] / "doe" / "windkanal.csv"
@@ -110,3 +113,11 @@ def test_wrong_input_raises_one_kind_of_error(tmp_path):
         te.new_study(pd.DataFrame({"a": [1]}))
     with pytest.raises(AttributeError, match="no attribute 'sudy'"):
         te.sudy  # noqa: B018
+
+
+def test_the_curve_of_something_unlisted_is_a_table_in_the_units_of_the_study():
+    found = DiscoveryResult(Path("lab.toml"), SimpleNamespace(record=curved, vocabulary=lambda: VOC)).curves
+    assert list(found["condition"].unique()) == ["moisture [%]"]
+    assert found["at"].to_list() == pytest.approx([0.0, 2.0, 5.0])
+    assert found["value"].to_list() == [0.0, 9.1, 3.2]
+    assert (found["unit"] == "deg").all()

@@ -82,7 +82,8 @@ def present(strength: Interval, chance: float = 0.99) -> EffectPart:
 def decided(verdict, named=(), group=(), mechanisms=(), **probabilities: float) -> Decided:
     """A decision that something is missing."""
     shares = {key.replace("__", "+"): p for key, p in probabilities.items()}
-    return Decided(verdict, named, group, mechanisms, shares, 1e-4)
+    unlisted = shares.get("outside_library", 0.0)
+    return Decided(verdict, named, group, mechanisms, shares, 1e-4, unlisted=unlisted)
 
 
 single = replace(

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from ten_records import VOC, adopted, group, mechanism, null, single, typo
+from ten_records import VOC, adopted, curved, group, mechanism, null, refuted, single, typo
 
+from taichi_erosion.evidence.answers.files import after_adoption
 from taichi_erosion.evidence.race.record import Interval, NumberPart, RowsPart
 from taichi_erosion.report.answer_figures import marked
 from taichi_erosion.report.html import render
@@ -39,6 +40,9 @@ PAGES = {
     "law": {"compare": mechanism, "discover": replace(mechanism, rows=many_rows())},
     "typo": {"discover": typo},
     "compared": {"compare": single},
+    "curved": {"discover": curved},
+    "refuted": {"discover": after_adoption(single, refuted), "adopt": refuted},
+    "compared_again": {"discover": adopted, "adopt": adopted, "compare": single},
     "unlisted": {"discover": replace(mechanism, effects={})},
 }
 
@@ -78,18 +82,27 @@ def test_every_figure_that_the_record_allows_is_there(pages):
     assert drawn("law") == {"rows", "posterior", "strengths", "doses", "ladder", "numbers"}
     assert drawn("adopted") == {"rows", "posterior", "strengths", "ladder", "numbers"}
     assert drawn("typo") == {"rows", "posterior", "strengths", "numbers"}
+    assert drawn("curved") == {"rows", "curves", "posterior", "strengths", "ladder", "numbers"}
     assert drawn("compared") == {"rows", "ladder", "numbers"}
     assert "strengths" not in drawn("unlisted")
 
 
 def test_headline_and_marked_rows_of_the_table_name_the_same(pages):
     known = {*null.effects, "rolling_friction", "contact_pull"}
-    for name, acts in (("adopted", 1), ("group", 2), ("law", 1), ("typo", 0)):
-        marked = set(re.findall(r'<tr class="named"><td[^>]*>(\w+)<', pages[name].read_text("utf-8")))
-        said = next((line for line in lead(pages[name]) if line.startswith("Missing")), "")
+    for name, acts in (("adopted", 1), ("group", 2), ("law", 1), ("typo", 0), ("refuted", 0)):
+        text = pages[name].read_text("utf-8")
+        marked = set(re.findall(r'<tr class="named"><td[^>]*>(\w+)<', text))
+        said = next(iter(re.findall("Missing: .*", text)), "")
         assert marked == {each for each in known if each in said}
         assert len(marked) == acts
     assert "(moisture / 5 %)^1.2" in lead(pages["law"])[0]
+
+
+def test_the_headline_is_that_of_the_last_command(pages):
+    leads = {"adopted": "The error falls", "refuted": "The model is no better with liquid_bridge"}
+    leads |= {"compared_again": "The calibrated model fails", "curved": "Missing: something not in the list"}
+    assert all(lead(pages[name])[0].startswith(words) for name, words in leads.items())
+    assert "Missing" not in pages["refuted"].read_text("utf-8")
 
 
 def test_every_row_tells_what_was_measured_and_what_both_models_say(pages):

@@ -122,7 +122,7 @@ class CaseModel:
             found = Place(
                 columns,
                 row_count(conditions),
-                reduced.complete_conditions(conditions),
+                reduced.DEFAULT_COLUMNS | conditions,
                 reduced.row_states(observable, conditions),
             )
             if not any(column.flags.writeable for column in columns):

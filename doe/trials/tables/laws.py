@@ -141,7 +141,7 @@ def drawn_outside(generator: Random, observables: tuple[str, ...], design: Desig
 
 def values(truth: Truth, observable: str, design: Design, without: str = "") -> Floats:
     """Values without noise, where one effect, or as `outside` the law that no list holds, does not act."""
-    at = reduced.complete_conditions(dict(design.at))
+    at = reduced.DEFAULT_COLUMNS | dict(design.at)
     effects = [(name, size) for name, size in truth.effects.items() if name != without]
     found = [effect_shift(truth, name, size, at, design.soil.size) for name, size in effects]
     amount = truth.levels.get(observable, 0.0) * design.soil
@@ -168,7 +168,7 @@ def effect_shift(truth: Truth, name: str, strength: float, at: Mapping[str, Floa
 
 def acting_effects(observables: tuple[str, ...], design: Design) -> dict[str, float]:
     """Listed effects that the varied conditions move, and how far over the noise of one reading."""
-    at, found = reduced.complete_conditions(dict(design.at)), dict[str, float]()
+    at, found = reduced.DEFAULT_COLUMNS | dict(design.at), dict[str, float]()
     for name, law in reduced.EFFECTS.items():
         shift, spans = law(1.0, dict(at)), [0.0]
         for each in observables:

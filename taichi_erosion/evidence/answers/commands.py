@@ -80,7 +80,9 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
     with open_study(path, options) as study:
         question = Question("compare", bare, lambda found: [found.about_bare], most=1)
         found, ready = answer_of(study, last_plan(study), question, progress)
-        return stored(ready, "compare", found, compare_record(found), start)
+        record = summary(only(found.posterior.race, lambda h: not h.names and not h.kind))
+        record = replace(record, decided=decided(found.posterior, found.decision))
+        return stored(ready, "compare", found, record, start)
 
 
 def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTIONS) -> Reply:
@@ -90,10 +92,9 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
         plans = PLANS if study.options.budget is None else (study.options.budget,)
         question = discovery_question(study, bare if blocked(study.faults) else whole)
         found, ready = answer_of(study, plans, question, progress)
-        record, held = discover_record(found), files.read_reply(study.results, study.path.stem, "adopt")
-        if held is not None and held.about["digest"] == study.digest[:12] and not blocked(ready.faults):
-            named = set(held.record.decided.named) == set(record.decided.named)
-            record = replace(record, held_out=held.record.held_out if named else None)
+        record, adopted = discover_record(found), files.read_reply(study.results, study.path.stem, "adopt")
+        if adopted is not None and adopted.about["digest"] == study.digest[:12] and not blocked(ready.faults):
+            record = files.after_adoption(record, adopted.record)
         return stored(ready, "discover", found, record, start, budget=ready.options.budget)
 
 
@@ -158,12 +159,6 @@ def answer_of(
     """The answer of a study, and the study with all that its model was asked and the faults that it shows."""
     found, ready = answered(study, plans, question, progress)
     return found, replace(ready, faults=(*ready.faults, *unit_faults(found.posterior.race)))
-
-
-def compare_record(found: RacedStudy) -> Record:
-    """Does the calibrated model agree? All but the probabilities is as if nothing is missing."""
-    record = summary(only(found.posterior.race, lambda h: not h.names and not h.kind))
-    return replace(record, decided=decided(found.posterior, found.decision))
 
 
 def discover_record(found: RacedStudy) -> Record:

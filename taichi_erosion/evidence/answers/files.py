@@ -6,8 +6,8 @@ drawn from.
 
 import json
 import platform
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from math import isfinite, nan
 from pathlib import Path
@@ -20,6 +20,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file, write_atomic
 from taichi_erosion.effects import effect_titles
 from taichi_erosion.evidence.data.table_units import KEY, TableUnits
+from taichi_erosion.evidence.models.adopted_files import adopted_study
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.record import EffectPart, HeldOutPart, Interval, Record
@@ -58,8 +59,8 @@ class Reply:
 
         A study that `adopt` wrote states its effect files itself.
         """
-        about, rows = self.about, mechanism_rows()
-        written = about.get("written", "")
+        about, rows, held = self.about, mechanism_rows(), self.record.held_out
+        written = str(adopted_study(Path(about["study"]), held.adopted)) if held else ""
 
         def command(*words: str) -> str:
             alone = words[0] == "effects" or written in words
@@ -107,6 +108,16 @@ def study_document(study: Study) -> Document:
 def printed(found: Mapping[str, Any]) -> Document:
     """A document as printed: what figures are drawn from stays in the results folder."""
     return {key: value for key, value in found.items() if key not in STORED}
+
+
+def after_adoption(record: Record, adopted: Record) -> Record:
+    """A discovery that knows what `adopt` has found of what it names: a name that is refuted is not given."""
+    named, held = record.decided.named, adopted.held_out
+    if held is None or set(held.adopted) != set(named):
+        return record
+    told = replace(record, held_out=held, fit=adopted.fit)
+    none = replace(record.decided, verdict="none_detected", named=(), group=(), refuted=named)
+    return told if told.improves else replace(told, decided=none, law=None)
 
 
 def document_file(folder: Path, stem: str, command: Command) -> Path:
@@ -201,7 +212,7 @@ def document(record: Record) -> Document:
         "p_misfit_after": fit.p_after,
         "p_lack_of_fit": fit.p_lack_of_fit,
         "p_lack_of_fit_after": fit.p_lack_of_fit_after,
-        "curves": [each | {"points": list(points_of(each["points"]))} for each in parts["curves"]],
+        "curves": [c | {"points": [{"at": x, **y} for x, y in c["points"]]} for c in parts["curves"]],
         "vault": None if record.held_out is None else vault(record.held_out),
         "next_experiments": parts["experiments"],
         "mechanisms": mechanisms(record),
@@ -213,11 +224,6 @@ def document(record: Record) -> Document:
         "seed": cost.seed,
     }
     return without_nan(found)
-
-
-def points_of(found: Iterable[tuple[float, Document]]) -> Iterator[Document]:
-    """Points of a curve: a condition, and the size there."""
-    yield from ({"at": at, **size} for at, size in found)
 
 
 def effect(part: EffectPart) -> Document:

@@ -257,7 +257,8 @@ def replayed(runs: TrainingRuns, key: str) -> tuple[TrainingRuns, list[Points], 
     """Runs with those of earlier rounds; rounds of one question, effects of others by the same plan."""
     study, rounds = runs.study, read_rounds(runs.study)
     known, budget = training_runs.known_effects(study.problem), key.rpartition(" ")[2]
-    past = {name: made for name, made in rounds.items() if name != key and is_of(study, name)}
+    start, is_fresh = study.fresh or FRESH, bool(study.fresh)  # of rounds whose seeds a study uses
+    past = {name: made for name, made in rounds.items() if name != key and name.startswith(start) == is_fresh}
     own = list(rounds.get(key, []))
     for name, made in [*past.items(), (key, own)]:
         for number, about in enumerate(made):
@@ -289,11 +290,6 @@ def part_of(progress: Progress, phases: Sequence[float], phase: int) -> Progress
     """Progress of one phase as part of the whole plan."""
     before, own = shares(phases, phase)
     return lambda words, share: progress(words, before + own * share)
-
-
-def is_of(study: Study, name: str) -> bool:
-    """Whether rounds of this name belong to the seeds that a study uses."""
-    return name.startswith(study.fresh) if study.fresh else not name.startswith(FRESH)
 
 
 def acting(point: Setting) -> frozenset[str]:

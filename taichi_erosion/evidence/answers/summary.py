@@ -20,30 +20,14 @@ from taichi_erosion.evidence.data.problem import Bools, Floats, Observable
 from taichi_erosion.evidence.data.transforms import axis_value, from_scale
 from taichi_erosion.evidence.models.predictor import axis_scale
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
+from taichi_erosion.evidence.race import record as parts
 from taichi_erosion.evidence.race.adequacy import is_adequate, lack_of_fit_p, misfit_p, residual
 from taichi_erosion.evidence.race.blocks import columns_of
 from taichi_erosion.evidence.race.decision import Decision, decide, fit_of
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.posterior import Draws, Posterior, quantiles
 from taichi_erosion.evidence.race.priors import KEEP, SURE
-from taichi_erosion.evidence.race.record import (
-    CostPart,
-    CurvePart,
-    Decided,
-    EffectPart,
-    ErrorPart,
-    FitPart,
-    Interval,
-    LevelPart,
-    NumberPart,
-    PlacePart,
-    Record,
-    RepeatPart,
-    RowsPart,
-    Shape,
-    Status,
-    Stop,
-)
+from taichi_erosion.evidence.race.record import Interval, Record
 
 ONE_SIDED = float(special.ndtri(0.95))  # sd beyond which 5 % of a normal distribution lie
 
@@ -52,7 +36,7 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
     """The record of a race."""
     found, race = decision or decide(posterior), posterior.race
     after, bare, model = fit_of(posterior, found), race.bare, race.model
-    stop: Stop = "budget" if race.stopped else ""
+    stop: parts.Stop = "budget" if race.stopped else ""
     sound = is_adequate(posterior.best)  # else what is missing looks like an error of rows and levels
     before, p_before, p_repeats = chi_square(bare), misfit_p(bare, levels=False), lack_of_fit_p(race, bare)
     now, p_now, p_repeats_now = chi_square(after), misfit_p(after, levels=True), lack_of_fit_p(race, after)
@@ -62,16 +46,17 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
         numbers=number_parts(posterior),
         levels=tuple(level_parts(posterior)) if sound else (),
         errors=tuple(error_parts(posterior)) if sound else (),
+        scatter=tuple(scatter_parts(race)),
         repeats=tuple(repeat_parts(race, after)),
-        fit=FitPart(race.prepared.rows.size, before, now, p_before, p_now, p_repeats, p_repeats_now),
+        fit=parts.FitPart(race.prepared.rows.size, before, now, p_before, p_now, p_repeats, p_repeats_now),
         where=tuple(places(race, bare)),
         rows=rows_part(race, bare, after),
         curves=tuple(curve_parts(posterior)) if found.verdict == "outside_library" else (),
-        cost=CostPart(model.settings, race.prepared.predictor.cost.runs, nan, stop),
+        cost=parts.CostPart(model.settings, race.prepared.predictor.cost.runs, nan, stop),
     )
 
 
-def decided(posterior: Posterior, found: Decision) -> Decided:
+def decided(posterior: Posterior, found: Decision) -> parts.Decided:
     """Probabilities by explanation; a set beside something unlisted counts as the set."""
     named = {*found.inclusion, *found.beyond}
     table: dict[str, float] = {"none": found.none, "outside_library": 0.0}
@@ -80,19 +65,32 @@ def decided(posterior: Posterior, found: Decision) -> Decided:
         if acting or hypothesis.kind == "?":
             key = "+".join(acting) or "outside_library"
             table[key] = table.get(key, 0.0) + p
-    return Decided(
-        found.verdict, found.named, found.group, found.mechanisms, table, found.familywise, found.refuted
-    )
+    acts = found.verdict, found.named, found.group, found.mechanisms
+    return parts.Decided(*acts, table, found.familywise, found.refuted, found.outside)
 
 
-def repeat_parts(race: Race, after: Fit) -> Iterator[RepeatPart]:
+def scatter_parts(race: Race) -> Iterator[parts.ScatterPart]:
+    """Scatter of single measurements, and whether repeated rows gave it or check what is stated."""
+    for observable, own in race.prepared.by_observable():
+        found, kind = race.prepared.rows.noise[observable.name].scatter, kind_of(observable)
+        slope = float(np.median(race.prepared.rows.slope[own])) if kind == "offset" else 1.0
+        sd = float(np.sqrt(np.nanmedian(found.variance))) / slope
+        yield parts.ScatterPart(observable.name, kind, sd, int(found.pure[1]), found.factor)
+
+
+def kind_of(observable: Observable) -> Literal["factor", "offset"]:
+    """What a difference on the comparison scale is."""
+    return "offset" if observable.transform == "identity" else "factor"
+
+
+def repeat_parts(race: Race, after: Fit) -> Iterator[parts.RepeatPart]:
     """Repeats that disagree grossly, and which of them the told model does not expect."""
     rows = race.prepared.rows
     bad = {(rows.names[i], rows.lines[i][0]) for i in after.evidence.bad}
     for each in rows.apart:
         likely = [line for line in each.suspects if (each.observable, line) in bad]
         found = each.suspects if len(each.suspects) == 1 else likely
-        yield RepeatPart(each.observable, each.lines, each.gap, found[0] if len(found) == 1 else 0)
+        yield parts.RepeatPart(each.observable, each.lines, each.gap, found[0] if len(found) == 1 else 0)
 
 
 def chi_square(fit: Fit) -> float:
@@ -106,7 +104,7 @@ def interval(values: Floats, weight: Floats) -> Interval:
     return Interval(float(middle), float(low), float(high))
 
 
-def number_parts(posterior: Posterior) -> dict[str, NumberPart]:
+def number_parts(posterior: Posterior) -> dict[str, parts.NumberPart]:
     """Every calibrated number if nothing is missing, and averaged over all explanations."""
     (values, weight), model, bare = posterior.numbers, posterior.race.model, posterior.race.bare
     sd, found = np.sqrt(np.diag(bare.covariance)), {}
@@ -122,17 +120,17 @@ def number_parts(posterior: Posterior) -> dict[str, NumberPart]:
         at_end = bool(np.isfinite(tenth) and not low + tenth < now.value < high - tenth)
         share = (now.high - now.low) / float(most[j] - least[j])
         told = Interval(*map(float, before[:, j]))
-        found[axis.name] = NumberPart(axis_value(axis, 0.0), told, now, share, at_end)
+        found[axis.name] = parts.NumberPart(axis_value(axis, 0.0), told, now, share, at_end)
     return found
 
 
-def effect_part(posterior: Posterior, found: Decision, name: str) -> EffectPart:
+def effect_part(posterior: Posterior, found: Decision, name: str) -> parts.EffectPart:
     """One candidate, from its explanations and its signature about the likeliest explanation without it."""
     race, most = posterior.race, posterior.race.model.candidates[name].maximum
     bare, single = race.bare, race.fits.get(Hypothesis((name,)))
     strength, share = interval(*posterior.strength(name)), found.inclusion[name]
     if single is None:
-        return EffectPart("untestable", share, strength, nan, 0.0, 1.0, nan, most=most)
+        return parts.EffectPart("untestable", share, strength, nan, 0.0, 1.0, nan, most=most)
     about = posterior.best
     if name in about.hypothesis.names or about.dose is not None:
         about = bare
@@ -146,7 +144,7 @@ def effect_part(posterior: Posterior, found: Decision, name: str) -> EffectPart:
     limit = max(float(action[0]) / information, 0.0) + ONE_SIDED * sd if is_adequate(about) else np.inf
     alike = tuple(other for other in found.group if other != name) if name in found.group else ()
     status, unseen = status_of(name, found, factor, limit, most, absorption), 2.0 * ONE_SIDED * sd
-    return EffectPart(status, share, strength, limit, factor, absorption, unseen, alike, most)
+    return parts.EffectPart(status, share, strength, limit, factor, absorption, unseen, alike, most)
 
 
 def signature(race: Race, about: Fit, name: str) -> Floats:
@@ -164,7 +162,7 @@ def signature(race: Race, about: Fit, name: str) -> Floats:
 
 def status_of(
     name: str, found: Decision, factor: float, limit: float, most: float, absorption: float
-) -> Status:
+) -> parts.Status:
     """What these measurements say of a candidate."""
     if name in found.named:
         return "present"
@@ -177,7 +175,7 @@ def status_of(
     return "untestable" if absorption > SURE or most < limit < np.inf else "open"
 
 
-def curve_parts(posterior: Posterior) -> Iterator[CurvePart]:
+def curve_parts(posterior: Posterior) -> Iterator[parts.CurvePart]:
     """What something unlisted does along each condition with which it acts for SURE, against its least value.
 
     Where it acts along several at once, a curve is the mean over rows of one value, where values repeat.
@@ -204,7 +202,7 @@ def curve_parts(posterior: Posterior) -> Iterator[CurvePart]:
 
 def curve_part(
     observable: Observable, along: str, fit: Fit, points: Floats, columns: Floats, inside: Bools
-) -> CurvePart:
+) -> parts.CurvePart:
     """A curve with its shape: differences between its turn and its ends count beyond 90 %."""
     now = fit.evidence.solved
     columns = columns * now.tau[inside]
@@ -216,21 +214,21 @@ def curve_part(
         return int(np.sign(gap)) if abs(gap) > ONE_SIDED * sd else 0
 
     last, top, bottom = points.size - 1, int(np.argmax(mean)), int(np.argmin(mean))
-    ways: dict[int, Shape] = {1: "rises", -1: "falls", 0: "varies"}
-    turns: tuple[tuple[Shape, int, int], ...] = (("peak", top, 1), ("trough", bottom, -1))
+    ways: dict[int, parts.Shape] = {1: "rises", -1: "falls", 0: "varies"}
+    turns: tuple[tuple[parts.Shape, int, int], ...] = (("peak", top, 1), ("trough", bottom, -1))
     shape, turn = ways[sign(last, 0)], nan
     for name, at, way in turns:
         if 0 < at < last and sign(at, 0) == way == sign(at, last):
             shape, turn = name, float(points[at])
     half = ONE_SIDED * np.sqrt(np.diag(covariance))
     ends = np.array([mean, mean - half, mean + half]).T
-    kind = "offset" if observable.transform == "identity" else "factor"
+    kind = kind_of(observable)
     ends = ends if kind == "offset" else np.exp(ends)
     places = tuple((float(x), Interval(*map(float, each))) for x, each in zip(points, ends, strict=True))
-    return CurvePart(observable.name, along, kind, shape, turn, places)
+    return parts.CurvePart(observable.name, along, kind, shape, turn, places)
 
 
-def level_parts(posterior: Posterior) -> Iterator[LevelPart]:
+def level_parts(posterior: Posterior) -> Iterator[parts.LevelPart]:
     """Level of every observable, averaged over all explanations, where more likely off than not."""
     race = posterior.race
     weight = np.concatenate([each.weight for each in posterior.draws])
@@ -238,10 +236,10 @@ def level_parts(posterior: Posterior) -> Iterator[LevelPart]:
         sizes = np.concatenate([level_of(each, observable.name) for each in posterior.draws])
         chance = float(weight @ (np.abs(sizes) > 0.5)) / float(weight.sum())
         if chance > 0.5:
-            name = "offset" if observable.transform == "identity" else "factor"
+            name = kind_of(observable)
             values = np.median(race.prepared.sd[own]) * sizes
             values = np.exp(values) if name == "factor" else values
-            yield LevelPart(observable.name, name, interval(values, weight), chance)
+            yield parts.LevelPart(observable.name, name, interval(values, weight), chance)
 
 
 def level_of(draws: Draws, observable: str) -> Floats:
@@ -250,7 +248,7 @@ def level_of(draws: Draws, observable: str) -> Floats:
     return draws.values[:, int(np.argmax(draws.fit.evidence.solved.rows.block == index))]
 
 
-def error_parts(posterior: Posterior) -> Iterator[ErrorPart]:
+def error_parts(posterior: Posterior) -> Iterator[parts.ErrorPart]:
     """Errors of sources, groups, rows and scatter that the likeliest explanation finds, beyond 90 %.
 
     A row is bad where the explanations that find it so have SURE together.
@@ -266,17 +264,19 @@ def error_parts(posterior: Posterior) -> Iterator[ErrorPart]:
         half = ONE_SIDED * float(race.prepared.sd[row])
         scale, expected = rows.observables[rows.which[row]], fit.mean[row] + np.array([0.0, half, -half])
         gap = from_scale(scale, rows.z[row]) - from_scale(scale, expected)
-        yield ErrorPart("row", rows.names[row], str(rows.lines[row][0]), Interval(*gap.tolist()))
+        yield parts.ErrorPart("row", rows.names[row], str(rows.lines[row][0]), Interval(*gap.tolist()))
     _, curvature = now.derivatives()
     spread = np.sqrt(np.diag(np.linalg.inv(curvature)))
     for j in range(now.rows.blocks, now.u.size):
         low, middle, high = (float(np.exp(now.u[j] + z * spread[j])) for z in (-ONE_SIDED, 0.0, ONE_SIDED))
         if low > 1.0 or high < 1.0:
             name = now.rows.scales.names[j].removeprefix("scatter ")
-            yield ErrorPart("scatter", name, "", Interval(middle, low, high))
+            yield parts.ErrorPart("scatter", name, "", Interval(middle, low, high))
 
 
-def shared_parts(kind: Literal["source", "group"], fit: Fit, index: int, race: Race) -> Iterator[ErrorPart]:
+def shared_parts(
+    kind: Literal["source", "group"], fit: Fit, index: int, race: Race
+) -> Iterator[parts.ErrorPart]:
     """How far rows of one source or group lie from all others of their observable; of two, the second."""
     now, rows = fit.evidence.solved, race.prepared.rows
     at, columns = now.rows.block == index, columns_of(fit.blocks[index], fit.jacobian[:, : race.model.count])
@@ -294,10 +294,11 @@ def shared_parts(kind: Literal["source", "group"], fit: Fit, index: int, race: R
             if abs(value) > max(ONE_SIDED * sd, float(np.median(race.prepared.sd[some]))):
                 steep = float(np.median(rows.slope[some]))
                 ends = [(value + z * sd) / steep for z in (0.0, -ONE_SIDED, ONE_SIDED)]
-                yield ErrorPart(kind, observable.name, str(label), Interval(*ends))
+                other = names[0] if len(names) == 2 else ""
+                yield parts.ErrorPart(kind, observable.name, str(label), Interval(*ends), str(other))
 
 
-def places(race: Race, bare: Fit) -> Iterator[PlacePart]:
+def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
     """Trends of the bare model's residual along every condition, as one more column each (Holm)."""
     rows, found = race.prepared.rows, []
     kept = [b for b in bare.blocks if b.kind != "discrepancy"]
@@ -317,19 +318,21 @@ def places(race: Race, bare: Fit) -> Iterator[PlacePart]:
     least = 0.0  # an adjusted p is no smaller than those before it
     for rank, (p, observable, name, sign) in enumerate(sorted(found)):
         least = max(least, min(1.0, p * (len(found) - rank)))
-        yield PlacePart(observable, name, sign, least)
+        yield parts.PlacePart(observable, name, sign, least)
 
 
-def rows_part(race: Race, bare: Fit, after: Fit) -> RowsPart:
-    """Measured and predicted values in the units of the observables."""
-    rows, columns = race.prepared.rows, []
+def rows_part(race: Race, bare: Fit, after: Fit) -> parts.RowsPart:
+    """Measured and predicted values in the units of the observables, with what is not in the list."""
+    rows, columns, now = race.prepared.rows, [], after.evidence.solved
+    size, blocks = now.tau * now.centre, enumerate(after.blocks)
+    added = [each.columns @ size[now.rows.block == k] for k, each in blocks if each.kind == "unlisted"]
     sd = race.prepared.sd / np.maximum(rows.slope, 1e-300)
     half = np.where(np.isfinite(rows.reach), rows.reach, 0.0)
-    for values in (rows.z, rows.z - half, rows.z + half, bare.mean, after.mean):
+    for values in (rows.z, rows.z - half, rows.z + half, bare.mean, after.mean + np.sum(added, axis=0)):
         column = np.empty(rows.size)
         for observable, own in race.prepared.by_observable():
             column[own] = from_scale(observable, values[own])
         columns.append(column)
     measured, low, high, before, told = columns
     low, high = np.where(rows.reach == -np.inf, -np.inf, low), np.where(rows.reach == np.inf, np.inf, high)
-    return RowsPart(rows.names, rows.conditions, measured, low, high, sd, before, told)
+    return parts.RowsPart(rows.names, rows.conditions, measured, low, high, sd, before, told)

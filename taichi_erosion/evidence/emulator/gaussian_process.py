@@ -112,10 +112,6 @@ class GaussianProcess:
         lack_of_fit = self.lack_of_fit(at)
         return np.outer(lack_of_fit, lack_of_fit) * rbf_kernel(at.c, at.c, LENGTH_CONDITION)
 
-    def known_values(self) -> Floats:
-        """Values of the training runs, standardised."""
-        return self.factor @ (self.factor.T @ self.weights)
-
     def lack_of_fit(self, at: Points) -> Floats:
         """Lack of fit at the strengths of the inputs, as a standard deviation.
 
@@ -141,10 +137,6 @@ class GaussianProcess:
     def scatter(self) -> float:
         """Standard deviation of one run."""
         return float(self.width * self.amplitude[-1])
-
-    def leave_one_out(self) -> Floats:
-        """Every known value minus its prediction from all others, in standard deviations of that."""
-        return self.weights / np.sqrt(self.precision)
 
     def covariance(self, one: Points, other: Points) -> Floats:
         parts = kernel_parts(one, other, self.reads)
@@ -357,7 +349,7 @@ def whitened(process: GaussianProcess, at: Integers, parts: Floats) -> tuple[Flo
     """Inverse root of the covariance of some training values of a process, and these values over it."""
     root = linalg.cholesky(total_covariance(parts, process.amplitude), lower=True)
     inverse: Floats = np.asarray(linalg.solve_triangular(root, np.eye(at.size), lower=True), np.float64)
-    return inverse, inverse @ process.known_values()[at]
+    return inverse, inverse @ (process.factor @ (process.factor.T @ process.weights))[at]
 
 
 def between(white: Sequence[Floats], covariance: Floats) -> Floats:

@@ -400,7 +400,7 @@ def emulator_notes(emulators: Mapping[str, ObservableEmulator]) -> list[str]:
     """Errors of the emulators by leave-one-out cross-validation."""
     notes = []
     for name, found in emulators.items():
-        off = found.process.leave_one_out()
+        off = found.process.weights / np.sqrt(found.process.precision)
         spread, missed = float(np.sqrt(np.mean(off**2))), int(np.sum(np.abs(off) > SURE))
         notes.append(
             f"{name}: {off.size} runs, each predicted from the others within {spread:.2f} of its standard "

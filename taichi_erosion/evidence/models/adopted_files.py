@@ -45,9 +45,14 @@ class Adopted:
     numbers: Mapping[str, Estimate]
 
 
+def adopted_study(study: Path, effects: Sequence[str]) -> Path:
+    """File of the study in which effects are adopted."""
+    return study.with_name(f"{study.stem}_with_{'_and_'.join(effects)}.toml")
+
+
 def adopted_files(study: Study, effects: Sequence[str]) -> list[tuple[Path, Path]]:
     """The study and its scenes, each with the file that an adoption makes of it."""
-    adopted = study.path.with_name(f"{study.path.stem}_with_{'_and_'.join(effects)}.toml")
+    adopted = adopted_study(study.path, effects)
     names = sorted({each.scene for each in study.file.observables.values() if each.scene})
     scenes = [study.path.parent / name for name in names]
     return [

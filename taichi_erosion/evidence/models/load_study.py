@@ -123,7 +123,8 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     """Study of a file; reads everything that it names and simulates nothing. Raises BadInput."""
     stated = read_evidence_study(path)
     file = with_options(stated, options)
-    files = study_effect_files(path, file, options)
+    named = read_effect_files(file.study.effect_files, path.parent, str(path))
+    files = tuple(dict.fromkeys((*named, *read_effect_files(options.effect_files))))
     measurements, notes = study_table(path, file, files)
     vault = file.vault
     hidden, vault_note = split(measurements, vault.fraction, vault.ranges, vault.drawn_from, vault.sources)
@@ -178,12 +179,6 @@ def wanted_mechanisms(path: Path, file: StudyFile, declared: tuple[Mechanism, ..
         told = f"candidates.mechanisms: '{missing[0]}' is not one of {', '.join(known)}"
         raise BadInput(f"{path}: {told}")
     return tuple(each for each in declared if wanted is None or each.name in wanted)
-
-
-def study_effect_files(path: Path, file: StudyFile, options: StudyOptions) -> EffectFiles:
-    """Effect files that a study or its command names. Raises BadInput."""
-    named = read_effect_files(file.study.effect_files, path.parent, str(path))
-    return tuple(dict.fromkeys((*named, *read_effect_files(options.effect_files))))
 
 
 def with_options(file: StudyFile, options: StudyOptions) -> StudyFile:

@@ -204,7 +204,7 @@ def predict(
 
 def expected(observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers) -> Floats:
     """The model without its scatter."""
-    at = complete_conditions(conditions)
+    at = DEFAULT_COLUMNS | conditions  # a row without what others state has NaN; a default stays one number
     shifts = [EFFECTS[name](psi, at) for name, psi in effects.items() if psi != 0.0]
     return shifted(observable, row_count(conditions), at, {**PARAMETERS, **parameters}, shifts)
 
@@ -225,14 +225,6 @@ def shifted(observable: str, count: int, at: Conditions, given: Numbers, shifts:
     excess = np.maximum(at["u_star"] ** 2 - threshold**2, 0.0)
     flux = given["flux_coefficient"] * AIR_DENSITY / GRAVITY * threshold * excess
     return flux * np.exp(sum((shift.flux for shift in shifts), start=np.zeros(count)))
-
-
-def complete_conditions(conditions: Conditions) -> Conditions:
-    """Conditions with the default where one is not given; a default alone stays one number.
-
-    A row that does not state one that others state has none: what reads it is NaN there.
-    """
-    return DEFAULT_COLUMNS | conditions
 
 
 def disturbance(observable: str, conditions: Conditions, seeds: Integers) -> Floats:

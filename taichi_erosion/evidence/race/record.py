@@ -43,9 +43,8 @@ class Decided:
     mechanisms: tuple[str, ...]  # of which one acts, best first
     probabilities: Mapping[str, float]  # "none", "outside_library", "a", "a+b"; sums to 1
     familywise: float  # chance of a name as good if nothing acts
-    refuted: tuple[
-        str, ...
-    ] = ()  # what would be named, where the rows refute its fit or its strength is beyond the list
+    refuted: tuple[str, ...] = ()  # would be named, but the fit fails or the strength is beyond the list
+    unlisted: float = 0.0  # probability that something not in the list acts, alone or beside effects
 
 
 @dataclass(frozen=True)
@@ -92,6 +91,7 @@ class ErrorPart:
     observable: str
     label: str  # source, group, or number of the row in the table
     size: Interval  # in the unit of the observable; of a scatter the factor over what is stated
+    other: str = ""  # the only other source or group
 
 
 @dataclass(frozen=True)
@@ -115,6 +115,17 @@ class FitPart:
     p_after: float
     p_lack_of_fit: float  # of the bare model against its repeats; NaN without repeats
     p_lack_of_fit_after: float = nan
+
+
+@dataclass(frozen=True)
+class ScatterPart:
+    """Scatter of single measurements of one observable, on which its misfits are counted."""
+
+    observable: str
+    kind: Literal["factor", "offset"]  # of the sd: a share of the value, or in the unit of the observable
+    sd: float  # median over its rows
+    repeats: int  # degrees of freedom of repeated rows
+    factor: float  # of their scatter over what is stated; NaN where either is missing
 
 
 @dataclass(frozen=True)
@@ -150,9 +161,7 @@ class CurvePart:
 
     observable: str
     condition: str
-    kind: Literal[
-        "factor", "offset"
-    ]  # in the unit of the observable, against the least value of the condition
+    kind: Literal["factor", "offset"]  # of a size, against that at the least value of the condition
     shape: Shape
     turn: float  # condition at the peak or trough; NaN elsewhere
     points: tuple[tuple[float, Interval], ...]  # condition, size
@@ -260,6 +269,7 @@ class Record:
     rows: RowsPart
     cost: CostPart
     curves: tuple[CurvePart, ...] = ()
+    scatter: tuple[ScatterPart, ...] = ()
     law: LawPart | None = None
     held_out: HeldOutPart | None = None
     experiments: tuple[ExperimentPart, ...] = ()

@@ -9,7 +9,7 @@ Reference: Madigan & Raftery (1994), J. Am. Stat. Assoc. 89, 1535 (only what is 
 best is visited).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import comb, log
 
 import numpy as np
@@ -38,11 +38,6 @@ def log_prior(race: Race, hypothesis: Hypothesis) -> float:
 def log_prior_mechanism(race: Race) -> float:
     """Ln prior of one mechanism."""
     return log((1.0 - STEP) * UNLISTED * (1.0 - STEP) / len(race.prepared.problem.mechanisms))
-
-
-def of_size(size: int) -> Callable[[Fit], bool]:
-    """Whether a fit is a plain set of so many effects."""
-    return lambda fit: not fit.hypothesis.beyond and len(fit.hypothesis.names) == size
 
 
 def search(race: Race) -> None:

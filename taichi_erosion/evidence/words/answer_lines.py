@@ -66,19 +66,16 @@ def again(record: Record, command: str, voc: say.Vocabulary, *words: str) -> str
     """What comes before every other step: rows to be checked, a set-up to be settled."""
     if not record.repeats and part_words.testable(record):
         return ""
-    first = "Correct or confirm the repeats that differ" if record.repeats else "Mend the errors"
-    return f"{first}, then give {voc.command(command, voc.study, *words)} again"
+    first = "Correct or confirm the repeats that differ" if record.repeats else "Fix the errors above"
+    return f"{first} and run {voc.command(command, voc.study, *words)} again"
 
 
 def compare_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """Whether the calibrated model agrees, and where it fails."""
     first, last = compared(record, voc)
-    missing = (
-        first,
-        part_words.errors_line(record, voc, part_words.agrees(record)),
-        part_words.where_line(record),
-    )
-    holds = (part_words.numbers_line(record, before=True),)
+    errors = part_words.errors_line(record, voc, part_words.agrees(record))
+    missing = first, errors, part_words.where_line(record)
+    holds = (part_words.scatter_line(record, voc), part_words.numbers_line(record, before=True))
     table = Table("measured minus model", COMPARED, tuple(part_words.observable_rows(record, voc)))
     following = (f"{again(record, 'compare', voc) or last}.",)
     return framed(Answer(missing, holds, following, table), record)
@@ -92,10 +89,12 @@ def compared(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     )
     size += "" if isnan(fit.p_lack_of_fit) else f"; against repeats alone {say.chance(fit.p_lack_of_fit)}"
     if part_words.agrees(record):
-        last = HARDER
-        return f"The calibrated model agrees with {rows} ({size}).", last
-    places = "" if fit.p_before < ADEQUATE else " in places"
+        return f"The calibrated model agrees with {rows} ({size}).", HARDER
     last = f"{voc.command('discover', voc.study)} asks which effect is missing"
+    if not (fit.p_before < ADEQUATE or part_words.failing(record)):
+        words = "The means scatter about the calibrated model more than their repeats allow"
+        return f"{words} ({rows}: {size}): preparations differ, or something is missing.", last
+    places = "" if fit.p_before < ADEQUATE else " in places"
     return f"The calibrated model fails{places} ({rows}: {size}).", last
 
 
@@ -109,16 +108,21 @@ def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
     table = Table("candidates; strength 1 is the textbook value", CANDIDATES, rows) if rows else None
     headline, errors = part_words.headline(record, voc), part_words.errors_line(record, voc)
     missing = headline, errors, part_words.where_line(record)
-    return framed(Answer(missing, (fit, numbers), (after_discovery(record, voc),), table), record)
+    held = record.held_out
+    before, _, last = adoption(record, held, voc) if held and held.n else ("", "", "")
+    holds = fit, before and f"Adopted before: {before[0].lower()}{before[1:]}", numbers
+    return framed(Answer(missing, holds, (after_discovery(record, voc, last),), table), record)
 
 
-def after_discovery(record: Record, voc: say.Vocabulary) -> str:
+def after_discovery(record: Record, voc: say.Vocabulary, adopted: str) -> str:
     proposals, verdict = voc.command("next", voc.study), record.decided.verdict
-    if steps := "; then ".join(filter(None, (again(record, "discover", voc), *acting_steps(record, voc)))):
-        return f"{steps}."
-    if verdict == "outside_library":
+    steps = again(record, "discover", voc), *([adopted] if adopted else acting_steps(record, voc))
+    if words := "; then ".join(filter(None, steps)):
+        return f"{words}."
+    if verdict == "outside_library" or record.decided.refuted:
+        curve = f"{voc.command('report', voc.study)} draws the curve; " * bool(record.curves)
         own = voc.command("effects", "new", "NAME")
-        return f"{own} makes an effect of your own; {proposals} asks for more data."
+        return f"{curve}{own} makes an effect of your own, and `adopt` tests it."
     if verdict == "unstable":
         return f"{voc.command('discover', voc.study)} makes more runs and tests the answer anew."
     return f"{HARDER}." if part_words.agrees(record) else f"{proposals} asks which measurements would decide."
@@ -153,19 +157,17 @@ def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[st
     """First line, numbers and last line, from one comparison: the error falls only to an adequate model."""
     rows, names, numbers = counted(held.n, "held-out row"), say.joined(held.adopted), part_words.numbers_line
     change = f"from {plain(held.before, 2)} to {plain(held.after, 2)} per row (1 is chance)"
-    misfits = {"held-out": held.p_after, "fitted": record.fit.p_after}
+    way = "falls" if held.after < held.before else "rises"
+    fit, misfits = record.fit, {"held-out": held.p_after, "fitted": record.fit.p_after}
     failing = [f"{name} rows ({say.chance(p)})" for name, p in misfits.items() if p < ADEQUATE]
     if not record.improves:
         last = f"Go on with {voc.study}: {voc.command('next', voc.study)} asks which measurements decide"
-        fit = record.fit
-        fitted = (
-            f"of fitted rows from {plain(fit.chi2_before / fit.n, 2)} to {plain(fit.chi2_after / fit.n, 2)}"
-        )
-        first = f"{names} does not make the model better: the error {fitted}, of {rows} {change}"
-        return f"{first}. Do not adopt.", "", last
+        fitted = " to ".join(plain(chi2 / fit.n, 2) for chi2 in (fit.chi2_before, fit.chi2_after))
+        first = f"The model is no better with {names}: the error of fitted rows goes from {fitted}"
+        return f"{first}, that of {rows} {change}. Do not adopt.", "", last
     if failing:
         last = f"Go on with {voc.written}: {voc.command('discover', voc.written)} asks what else is missing"
-        first = f"With {names} the error of {rows} goes {change}, but the model still fails"
+        first = f"With {names} the error of {rows} {way} {change}, and the model still fails"
         return f"{first}: {say.joined(failing)}.", numbers(record, before=False), last
     left = f"what is left is chance ({say.chance(held.p_after)})"
     first = f"The error falls with {names}: {change} on {rows}; {left}."
@@ -199,15 +201,14 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """The measurements that would decide."""
     keys = list(dict.fromkeys(key for each in record.experiments for key in each.predictions))
     if not keys:
-        where = f"[laboratory] of {voc.study} may state wider ranges"
-        words = f"No measurement under the conditions of the table would decide more; {where}."
+        words = f"More measurements within the present ranges will not help.{wider(record, voc)}"
         if not part_words.testable(record):
-            words = "No measurement is proposed before the errors above are mended."
+            words = "No measurement is proposed before the errors above are fixed."
         return framed(Answer((words,), (), (), None), record)
     shown, more = keys[: say.MOST_TOLD], len(keys) - say.MOST_TOLD
-    told = [*map(short, shown), *([f"{more} more"] if more > 0 else [])]
+    told = [*map(short, shown), *([counted(more, "other explanation")] if more > 0 else [])]
     words = say.joined(told, "from" if len(told) == 2 else "and")
-    last = f"Add the new rows to the table and give {voc.command('discover', voc.study)} again."
+    last = f"Add the new rows to the table and run {voc.command('discover', voc.study)} again."
     expects = (f"expected by {short(key)}" for key in shown)
     columns = ("measure", "at", *expects, "chance to decide, with those above", "cost")
     rows = tuple(experiment_row(each, shown, voc) for each in record.experiments)
@@ -215,9 +216,16 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     return framed(Answer((f"These measurements would separate {words}.",), (), (last,), table), record)
 
 
+def wider(record: Record, voc: say.Vocabulary) -> str:
+    """How to ask for measurements elsewhere: twice as far along every condition that varies."""
+    ends = {name: (x.min(), 2.0 * x.max() - x.min()) for name, x in record.rows.conditions.items()}
+    ranges = ", ".join(f"{name} = [{a:.4g}, {b:.4g}]" for name, (a, b) in ends.items() if a < b)
+    return f" To look elsewhere add to {voc.study}: [laboratory] ranges = {{ {ranges} }}." * bool(ranges)
+
+
 def short(key: str) -> str:
-    """`a with b`, `no missing effect`."""
-    return say.EXPLANATIONS.get(key) or key.replace("+", " with ")
+    """`a + b`, `no missing effect`."""
+    return say.EXPLANATIONS.get(key) or key.replace("+", " + ")
 
 
 def experiment_row(found: ExperimentPart, keys: list[str], voc: say.Vocabulary) -> tuple[str, ...]:
@@ -269,15 +277,10 @@ def prediction_rows(found: PredictionPart, units: TableUnits) -> Table | None:
         return None
     names = found.rows[0].condition_units
     columns = ("observable", *map(heading, names, names.values()), "model", *INTERVALS)
-    rows = tuple(
-        (
-            heading(say.quantity(row.observable), units.value_unit(row.observable)),
-            *(plain(row.conditions[name], 4) for name in names),
-            *value_cells(row, units),
-            outside_text(row),
-        )
-        for row in found.rows
-    )
+    titles = [heading(say.quantity(row.observable), units.value_unit(row.observable)) for row in found.rows]
+    places = [[plain(row.conditions[name], 4) for name in names] for row in found.rows]
+    cells = ((*value_cells(row, units), outside_text(row)) for row in found.rows)
+    rows = tuple((title, *at, *own) for title, at, own in zip(titles, places, cells, strict=True))
     return Table("predictions", columns, rows)
 
 

@@ -7,9 +7,9 @@ from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.race.record import Record
 from taichi_erosion.evidence.words import answer_lines as lines
 from taichi_erosion.evidence.words.part_words import acting
-from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, joined, probability
+from taichi_erosion.evidence.words.vocabulary import Vocabulary, joined, probability
 
-LEADING = ("discover", "adopt", "compare")  # commands, the one that says most of what is missing first
+LEADING = ("discover", "adopt", "compare")  # commands whose answer can lead the page
 SECTIONS = ("What is missing", "Does it hold", "What next", "Methods")
 PREDICTIONS = "Predictions"
 MEASURED, BARE = "measured", "the model as it is"
@@ -23,6 +23,7 @@ CAPTIONS = {
     "numbers": "Calibrated numbers with 90 % intervals, each on its own axis. Dotted: where it started.",
     "doses": "Dose of {mechanism} along {axis}: its law at the measured conditions, with 90 % intervals. At "
     "0 nothing is missing.",
+    "curves": "What something not in the list does to the {observable} along {axis}; 90 % band.",
     "ladder": "Misfit per row. Filled: fitted rows; open: held-out rows. Dotted: 1, what chance alone gives.",
 }
 CLOSED_FORM = "taichi_erosion.evidence.models.reduced"  # start of the name of the program's own formulas
@@ -52,12 +53,13 @@ def answers(records: Mapping[str, Record], voc: Vocabulary) -> dict[str, lines.A
     return {name: answer(records[name], voc) for name, answer in lines.ANSWERS.items() if name in records}
 
 
-def page_lines(found: Mapping[str, lines.Answer]) -> tuple[tuple[str, ...], ...]:
-    """What is missing, does it hold, what next; a line that several commands tell stands once."""
-    told = next(found[name] for name in LEADING if name in found)
+def page_lines(found: Mapping[str, lines.Answer], lead: str) -> tuple[tuple[str, ...], ...]:
+    """The lead, what is missing, does it hold, what next; a line that several commands tell stands once."""
+    told = next(found[name] for name in ("discover", lead) if name in found)
     held, proposed = found.get("adopt", told), found["next"].lines if "next" in found else ()
     unseen = held.missing if held is not told else ()
-    parts, seen = (told.missing, (*unseen, *held.holds), (*held.following, *proposed)), set()
+    parts = found[lead].missing[:1], told.missing, (*unseen, *held.holds), (*held.following, *proposed)
+    seen: set[str] = set()
     return tuple(tuple(line for line in part if not (line in seen or seen.add(line))) for part in parts)
 
 
@@ -79,7 +81,7 @@ def explanations(record: Record) -> Iterator[tuple[str, float, str]]:
     """Explanations with their probabilities, the likeliest first; small ones together."""
     ranked = sorted(record.decided.probabilities.items(), key=lambda item: -item[1])
     small = [p for _, p in ranked if p < KEEP]
-    shown = [(EXPLANATIONS.get(key, key.replace("+", " + ")), p) for key, p in ranked if p >= KEEP]
+    shown = [(lines.short(key), p) for key, p in ranked if p >= KEEP]
     for label, p in [*shown, *([(counted(len(small), "other explanation"), sum(small))] if small else [])]:
         yield label, p, probability(p)
 

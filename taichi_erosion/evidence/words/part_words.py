@@ -4,23 +4,15 @@ Headline, table and last line take the same names from `acting`, so that they ca
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from math import isfinite, log
+from math import isfinite, isnan, log
 
 import numpy as np
 
 from taichi_erosion.evidence.data.number_words import counted, heading, plain
 from taichi_erosion.evidence.data.problem import SetUpFault
+from taichi_erosion.evidence.race import record as parts
 from taichi_erosion.evidence.race.priors import ADEQUATE, SURE
-from taichi_erosion.evidence.race.record import (
-    Decided,
-    EffectPart,
-    ErrorPart,
-    Interval,
-    LawPart,
-    LevelPart,
-    PlacePart,
-    Record,
-)
+from taichi_erosion.evidence.race.record import Interval, LawPart, Record
 from taichi_erosion.evidence.words import vocabulary as say
 
 UNITS = {57.3: "degrees for radians", 100.0: "percent for a share", 10.0: "another unit", 1e3: "another unit"}
@@ -61,21 +53,23 @@ def errors_line(record: Record, voc: say.Vocabulary, every: bool = True) -> str:
     return f"Also: {words}.{' Check method, code and unit.' if levels else ''}" if words else ""
 
 
-def error_text(found: LevelPart | ErrorPart, voc: say.Vocabulary) -> str:
+def error_text(found: parts.LevelPart | parts.ErrorPart, voc: say.Vocabulary) -> str:
     """`the pile height reads 0.6 mm (0.4 to 0.8) more than the model at all conditions`."""
-    name, label = f"the {say.quantity(found.observable)}", found.label if isinstance(found, ErrorPart) else ""
-    more = "more" if found.size.value > 0.0 else "less"
-    unit = unit_text(found.size.value) if found.kind == "factor" else ""
-    times, size = (
-        f"{say.interval(found.size)} times",
-        f"{voc.difference(found.observable, found.size)} {more}",
+    name, label = (
+        f"the {say.quantity(found.observable)}",
+        found.label if isinstance(found, parts.ErrorPart) else "",
     )
+    more, lies = ("more", "above") if found.size.value > 0.0 else ("less", "below")
+    unit = unit_text(found.size.value) if found.kind == "factor" else ""
+    times, far = f"{say.interval(found.size)} times", voc.difference(found.observable, found.size)
+    size = f"{far} {more}"
+    other = getattr(found, "other", "") or "the others"
     return {
         "factor": f"{name} reads {factor_text(found.size)} at all conditions{unit}",
         "offset": f"{name} reads {size} than the model at all conditions",
         "scatter": f"the scatter of {name}{f' of {label}' if label else ''} is {times} what is stated",
         "row": f"row {label} reads {name} {size} than it should: check it",
-    }.get(found.kind, f"{found.kind} {label} reads {name} {size} than the others")
+    }.get(found.kind, f"{name} of {label} lies {far} {lies} {other} at equal conditions")
 
 
 def factor_text(size: Interval) -> str:
@@ -94,7 +88,7 @@ def unit_text(factor: float) -> str:
     return f" ({words}?)" if words else ""
 
 
-def failing(record: Record) -> list[PlacePart]:
+def failing(record: Record) -> list[parts.PlacePart]:
     """Places where the model fails if nothing is missing, the worst first."""
     return sorted((each for each in record.where if each.p < ADEQUATE), key=lambda each: each.p)
 
@@ -105,9 +99,8 @@ def where_line(record: Record) -> str:
     for each in failing(record):
         at = "everywhere" if each.axis == "level" else f"at large {say.quantity(each.axis)}"
         way = "below" if each.sign < 0 else "above"
-        words.append(
-            f"the measured {say.quantity(each.observable)} lies {way} the model {at} ({say.chance(each.p)})"
-        )
+        what = f"the measured {say.quantity(each.observable)} lies {way} the model {at}"
+        words.append(f"{what} ({say.chance(each.p)})")
     return f"Where the model fails: {say.told(words)}." if words else ""
 
 
@@ -123,6 +116,18 @@ def rows_text(record: Record) -> str:
 def agrees(record: Record) -> bool:
     """Whether the calibrated model agrees with the fitted rows: as a whole, with repeats, in every place."""
     return not (record.fit.p_before < ADEQUATE or record.fit.p_lack_of_fit < ADEQUATE or failing(record))
+
+
+def scatter_line(record: Record, voc: say.Vocabulary) -> str:
+    """`Scatter of single measurements: angle of repose 0.78 deg, from repeats (40 degrees of freedom).`"""
+    words = []
+    for each in record.scatter:
+        share, name = each.kind == "factor", each.observable
+        size = f"{plain(100.0 * each.sd, 2)} %" if share else voc.units.value_text(name, each.sd)
+        origin = f"repeats ({each.repeats} degrees of freedom)" if each.repeats else "what is stated"
+        both = f"what is stated and {origin}, which scatter {plain(each.factor, 2)} times as much"
+        words.append(f"{say.quantity(name)} {size}, from {both if isfinite(each.factor) else origin}")
+    return f"Scatter of single measurements: {say.told(words)}." if words else ""
 
 
 def fit_line(record: Record, added: str) -> str:
@@ -143,8 +148,7 @@ def numbers_line(record: Record, before: bool, without: str = "") -> str:
     words, ends = [], []
     without = "" if record.fit.p_after < ADEQUATE else without
     last = [path.rpartition(".")[2] for path in record.numbers]
-    for path, each in record.numbers.items():
-        end = path.rpartition(".")[2]
+    for end, (path, each) in zip(last, record.numbers.items(), strict=True):
         name = say.quantity(end) if last.count(end) == 1 else path
         moved = each.now.low > each.before.value or each.before.value > each.now.high
         biased = f", biased without {without}: {plain(each.before.value, 3)}" if without and moved else ""
@@ -161,15 +165,11 @@ def observable_rows(record: Record, voc: say.Vocabulary) -> Iterator[tuple[str, 
         gap = voc.scale(name) * record.rows.gap(record.rows.before)[names == name]
         axes = ", ".join(say.quantity(each.axis) for each in failing(record) if each.observable == name)
         errors = plain(float(np.sqrt(np.mean(gap**2))), 2), plain(float(np.mean(gap)), 2)
-        yield (
-            heading(say.quantity(name), voc.units.value_unit(name)),
-            str(gap.size),
-            *errors,
-            axes or "nowhere",
-        )
+        title = heading(say.quantity(name), voc.units.value_unit(name))
+        yield title, str(gap.size), *errors, axes or "nowhere"
 
 
-def acting(decided: Decided) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def acting(decided: parts.Decided) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What acts for sure, and of what one does; nothing where new runs of the scene change the answer."""
     if decided.verdict == "unstable":
         return (), ()
@@ -186,8 +186,8 @@ def headline(record: Record, voc: say.Vocabulary) -> str:
         open_ = "; these measurements do not tell which" if either else ""
         return f"Missing: {words}{open_}.{' Not in the list of effects.' if decided.mechanisms else ''}"
     if decided.verdict == "outside_library":
-        chance = say.probability(decided.probabilities["outside_library"])
-        words = "something not in the list; no listed effect explains the data"
+        words = "something not in the list; no listed effect alone explains the data"
+        chance = say.probability(decided.unlisted)
         return " ".join([f"Missing: {words} (probability {chance}).", *curve_texts(record, voc)])
     return silence(record, voc)
 
@@ -196,11 +196,8 @@ def curve_texts(record: Record, voc: say.Vocabulary) -> Iterator[str]:
     """`It acts with moisture: the angle of repose rises to about 2 % and falls.`"""
     for curve in record.curves:
         at = voc.units.condition_text(curve.condition, curve.turn) if isfinite(curve.turn) else ""
-        words = {
-            "peak": f"rises to about {at} and falls",
-            "trough": f"falls to about {at} and rises",
-            "varies": "varies, without a trend",
-        }.get(curve.shape, curve.shape)
+        turns = {"peak": f"rises to about {at} and falls", "trough": f"falls to about {at} and rises"}
+        words = turns.get(curve.shape, f"{curve.shape} with it")
         acts = f"It acts with {say.quantity(curve.condition)}"
         yield f"{acts}: the {say.quantity(curve.observable)} {words}."
 
@@ -215,7 +212,7 @@ def acting_text(name: str, record: Record, voc: say.Vocabulary) -> str:
     return f"{title} with strength {strength_text(part)}"
 
 
-def strength_text(part: EffectPart) -> str:
+def strength_text(part: parts.EffectPart) -> str:
     """Strength with its interval; that it reaches the end of the list."""
     limit = f", at the limit of the list, {plain(part.most, 2)}" if part.strength.high >= part.most else ""
     return f"{say.interval(part.strength)}{limit}"
@@ -249,17 +246,12 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
         names = say.joined(map(voc.titled, (*decided.named, *decided.group)), "or")
         return f"No effect is named: new runs of the scene change the answer. Candidates: {names}."
     if not testable(record):
-        return "No effect is named before the errors above are mended."
+        return "No effect is named before the errors above are fixed."
     if decided.refuted:
-        names = say.joined(map(voc.titled, decided.refuted))
-        parts = [record.effects[name] for name in decided.refuted]
-        if strong := [part for part in parts if part.strength.value > part.most]:
-            size = f"{say.interval(strong[0].strength)}, where the list ends at {plain(strong[0].most, 2)}"
-            return f"No effect is named: {names} would explain the data best, but with a strength of {size}."
-        return f"No effect is named: {names} would explain the data best, but the rows contradict its law."
+        return refusal(record, voc)
     likely, share = max(decided.probabilities.items(), key=lambda item: item[1])
-    fails = fit.p_before < ADEQUATE
-    rows, chance = rows_text(record), say.chance(fit.p_before)
+    fails, rows = not agrees(record), rows_text(record)
+    chance = say.chance(min(fit.p_before, fit.p_before if isnan(fit.p_lack_of_fit) else fit.p_lack_of_fit))
     state = f"the model {'fails on' if fails else 'agrees with'} {rows} ({chance})"
     if likely == "none" and (not fails or share >= SURE):
         common = " by errors of measurement" * fails
@@ -272,6 +264,19 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
     return f"No effect is named: {state}. Of all explanations {best}."
 
 
+def refusal(record: Record, voc: say.Vocabulary) -> str:
+    """Why what explains the rows best is not named, and what that means."""
+    best, found = record.decided.refuted, [record.effects[name] for name in record.decided.refuted]
+    why = "the rows contradict its law: it acts in another way, or something else acts"
+    if record.held_out is not None:
+        why = "`adopt` found the model no better with it"
+    elif strong := [part for part in found if part.strength.value > part.most]:
+        size = f"{say.interval(strong[0].strength)}, where the list ends at {plain(strong[0].most, 2)}"
+        why = f"with a strength of {size}: check the units, or something else acts"
+    names = say.joined(map(voc.titled, best))
+    return f"No effect is named: {names} would explain the data best, but {why}."
+
+
 def status(name: str, record: Record) -> str:
     """What these measurements say of one candidate."""
     sure, either = acting(record.decided)
@@ -282,13 +287,15 @@ def status(name: str, record: Record) -> str:
     part = record.effects[name]
     if part.status == "excluded":
         return f"excluded above {plain(part.limit, 2)}"
-    words = f"could act unseen below {plain(part.unseen_below, 2)}"
-    if part.status == "better_but_not_sufficient":
+    words = f"cannot be ruled out below {plain(part.unseen_below, 2)}"
+    if name in record.decided.refuted:
+        words = "likely, but the model fails with it"
+    elif part.status == "better_but_not_sufficient":
         words = "better than nothing but not sufficient"
     elif part.probability > LIKELY:
         words = "likely, but not sure"
     elif part.status == "untestable" or not part.unseen_below < part.most:
-        words = "these measurements cannot see it"
+        words = "not testable here"
     return f"{words}; not told apart from {say.joined(part.alike, 'or')}" if part.alike else words
 
 

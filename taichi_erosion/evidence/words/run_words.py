@@ -68,11 +68,10 @@ def comparison(title: str, found: Document, wanted: Document) -> str:
         far = f": {abs(gap) / sd:.1f} times the measured scatter" if sd > 0.0 else ""
         return f"{words}{far}. One run shows no scatter of its own: use --replicas 3."
     error = hypot(shared, *(known(each.get("sd")) / sqrt(each.get("n") or 1) for each in (found, wanted)))
-    if error > 0.0 and abs(gap) <= CHANCE * error:
-        return (
-            f"The {title} agrees with the measured one: {size} apart, {abs(gap) / error:.1f} standard errors."
-        )
-    return f"{words}: {abs(gap) / error:.1f} standard errors." if error > 0.0 else f"{words}."
+    far = f"{abs(gap) / error:.1f} standard errors" if error > 0.0 else ""
+    if far and abs(gap) <= CHANCE * error:
+        return f"The {title} agrees with the measured one: {size} apart, {far}."
+    return f"{words}: {far}." if far else f"{words}."
 
 
 def known(sd: float | None) -> float:

@@ -102,7 +102,7 @@ def test_in_a_null_nothing_is_named_or_adopted(tmp_path):
     assert ask("compare", study).record.fit.p_before > 0.01
     assert ask("discover", study).record.decided.verdict == "none_detected"
     first = ask("adopt", study, "side_walls").answer().lines[0]
-    assert "does not make the model better" in first
+    assert "The model is no better with side_walls" in first
     assert "Do not adopt" in first
 
 

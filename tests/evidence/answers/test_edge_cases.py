@@ -111,9 +111,9 @@ def test_too_few_rows_name_nothing_and_say_why(study):
     found = ask("discover", path)
     assert (found.record.decided.verdict, found.record.effects) == ("not_testable", {})
     assert found.about["set_up"][0].startswith("error: too few rows to tell effects apart")
-    assert found.answer().lines[0] == "No effect is named before the errors above are mended."
-    assert ask("compare", path).answer().lines[-1].startswith("Mend the errors, then give")
-    assert "before the errors above are mended" in ask("next", path).answer().lines[0]
+    assert found.answer().lines[0] == "No effect is named before the errors above are fixed."
+    assert ask("compare", path).answer().lines[-1].startswith("Fix the errors above and run")
+    assert "before the errors above are fixed" in ask("next", path).answer().lines[0]
     assert ask("adopt", path, "liquid_bridge").answer().lines[0].startswith("No held-out row tests")
 
 

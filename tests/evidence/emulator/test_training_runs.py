@@ -204,7 +204,7 @@ def test_runs_that_stop_and_heaps_that_are_too_small_are_told_before_any_effect(
     assert stops["sentence"].endswith("runs stopped and are left out; the first: grains overlap")
     assert found.about["set_up"][0] == f"error: pile_height: {LACKING['sentence']}"
     assert found.record.decided.verdict == "not_testable"
-    assert found.answer().lines[0] == "No effect is named before the errors above are mended."
+    assert found.answer().lines[0] == "No effect is named before the errors above are fixed."
 
 
 RANGES = "[laboratory]\nranges = { angularity = [0.0, 1.0] }\n"

@@ -4,10 +4,29 @@ from dataclasses import replace
 from math import nan
 
 import pytest
-from ten_records import ADOPTIONS, DISCOVERIES, VOC, adopted, group, level, mechanism, null, pair, single
+from ten_records import (
+    ADOPTIONS,
+    DISCOVERIES,
+    VOC,
+    adopted,
+    curved,
+    group,
+    level,
+    mechanism,
+    null,
+    pair,
+    single,
+)
 
-from taichi_erosion.evidence.answers.files import document
-from taichi_erosion.evidence.race.record import EffectPart, FreshPart, Interval, LevelPart
+from taichi_erosion.evidence.answers.files import after_adoption, document
+from taichi_erosion.evidence.race.record import (
+    EffectPart,
+    ErrorPart,
+    FreshPart,
+    Interval,
+    LevelPart,
+    ScatterPart,
+)
 from taichi_erosion.evidence.words.answer_lines import (
     Answer,
     adopt_answer,
@@ -123,9 +142,9 @@ def test_a_strength_at_the_limit_of_the_list_is_told_and_its_interval_holds_it()
     ("changes", "words"),
     [
         ({"status": "excluded", "limit": 0.123}, "excluded above 0.12"),
-        ({"status": "open", "unseen_below": 0.456}, "could act unseen below 0.46"),
-        ({"status": "open", "unseen_below": nan}, "these measurements cannot see it"),
-        ({"status": "untestable"}, "these measurements cannot see it"),
+        ({"status": "open", "unseen_below": 0.456}, "cannot be ruled out below 0.46"),
+        ({"status": "open", "unseen_below": nan}, "not testable here"),
+        ({"status": "untestable"}, "not testable here"),
         ({"status": "better_but_not_sufficient"}, "better than nothing but not sufficient"),
         ({"status": "open", "alike": ("side_walls",)}, "not told apart from side_walls"),
     ],
@@ -176,3 +195,58 @@ def test_the_document_is_json_with_the_keys_of_the_contract(record):
     if record.law is not None:
         law = found["mechanisms"][record.law.mechanism]["law"]
         assert law["low"]["moisture"] < law["exponents"]["moisture"] < law["high"]["moisture"]
+
+
+def test_a_name_that_adopt_refuted_is_neither_named_nor_to_be_adopted_again():
+    told = after_adoption(single, ADOPTIONS["refuted"])
+    answer = discover_answer(told, VOC)
+    assert (told.decided.named, told.decided.refuted) == ((), ("liquid_bridge",))
+    assert answer.lines[0].startswith("No effect is named")
+    assert "Do not adopt" in " ".join(answer.holds)
+    assert "adopt lab.toml" not in answer.lines[-1]
+    assert acting_rows(answer) == set()
+    assert after_adoption(pair, ADOPTIONS["refuted"]) == pair, "of other names nothing is known"
+
+
+@pytest.mark.parametrize("name", ["adopted", "still_fails", "fitted_fails"])
+def test_after_an_adoption_discover_and_adopt_end_with_the_same_step(name: str):
+    answers = (
+        discover_answer(after_adoption(single, ADOPTIONS[name]), VOC),
+        adopt_answer(ADOPTIONS[name], VOC),
+    )
+    assert answers[0].lines[-1] == answers[1].lines[-1]
+    assert acting_rows(answers[0]) == {"liquid_bridge"}
+
+
+def test_the_probability_of_something_unlisted_counts_it_beside_effects_too():
+    beside = replace(
+        curved.decided, unlisted=0.97, probabilities={"liquid_bridge": 0.95, "outside_library": 0.02}
+    )
+    assert "(probability 0.97)" in discover_answer(replace(curved, decided=beside), VOC).lines[0]
+
+
+def test_a_misfit_that_only_repeats_show_is_told_as_theirs():
+    record = replace(null, fit=replace(null.fit, p_lack_of_fit=0.002))
+    first, *_, last = compare_answer(record, VOC).lines
+    assert "than their repeats allow" in first
+    assert "discover" in last
+    assert "agrees" not in first + discover_answer(record, VOC).lines[0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "sd", "repeats", "factor", "words"),
+    [
+        ("offset", 0.8, 40, nan, "angle of repose 0.8 deg, from repeats (40 degrees of freedom)"),
+        ("factor", 0.08, 0, nan, "angle of repose 8 %, from what is stated."),
+        ("offset", 1.2, 6, 4.6, "which scatter 4.6 times as much"),
+    ],
+)
+def test_compare_says_how_large_the_scatter_is_and_what_gave_it(kind, sd, repeats, factor, words):
+    scatter = (ScatterPart("repose_angle", kind, sd, repeats, factor),)
+    assert words in " ".join(compare_answer(replace(null, scatter=scatter), VOC).holds)
+
+
+def test_of_two_soils_one_lies_above_the_other_at_equal_conditions():
+    error = ErrorPart("group", "repose_angle", "loam B", Interval(-2.8, -3.6, -2.0), "loess A")
+    told = " ".join(discover_answer(replace(single, errors=(error,)), VOC).lines)
+    assert "the angle of repose of loam B lies 2.8 deg (2 to 3.6) below loess A at equal conditions" in told
