@@ -166,7 +166,7 @@ class DiscoveryResult(RaceResult):
     def table(self) -> pd.DataFrame:
         """Candidates, the likeliest first; strengths [1] where they act, with 90 % intervals.
 
-        Excluded with 95 % above `limit`; not seen below `unseen_below`.
+        Excluded with 99 % above `limit`; not seen below `unseen_below`.
         """
         rows = (
             {"effect": name, "status": each.status, "probability": each.probability}

@@ -118,7 +118,7 @@ def unit_at_end(text: str) -> tuple[str, str]:
     for match in SEPARATOR.finditer(text):
         name, sign, rest = text[: match.start()], match[0].strip(), text[match.end() :]
         stated = sign in STATING and (sign != "/" or len(name) < COMPOUND)
-        if not name or not (stated or is_evident(rest)):
+        if not name or not (stated or is_evident(rest)) or re.match(r"\d+\s", rest):
             continue
         unit, words = unit_and_words(rest) if SHARE.fullmatch(rest) else (unit_in(rest) or "", "")
         valued = not sign and NUMBER_LAST.fullmatch(name) and unit not in ("", *LAWS)
@@ -264,7 +264,7 @@ def meaning_of(heading: str) -> tuple[Role, str]:
         return whole, ""  # pyright: ignore[reportReturnType]
     length, kind, meant = longest_word(heading, *KINDS)
     scatter = scatter_role(plain.partition("±")[0].strip(" (") or plain)  # `angle, mean ± SD` is no scatter
-    if scatter is not None and len(plain) > length:
+    if scatter is not None and left_words(heading):
         if kind == "conditions":
             return ("condition_sd", meant) if scatter == "sd" else ("remark", "")
         return scatter, ""
@@ -314,11 +314,12 @@ def is_halved(heading: str) -> bool:
 def scatter_role(plain: str) -> Role | None:
     """Kind of scatter, or repeats, of which a word stands at the beginning or the end of a heading."""
     found: list[tuple[int, Role]] = []
+    numbered = [phrase for phrase in vocabulary()["roles"]["remark"] if found_length(phrase, plain)]
     for role in SCATTER:
         for word in vocabulary()["roles"][role]:
-            if word in plain and re.fullmatch(
-                rf"{re.escape(word)}(?!\w).*|.*(?<!\w){re.escape(word)}", plain
-            ):
+            if word not in plain or any(word in phrase for phrase in numbered):  # `Wdh. Nr.` counts nothing
+                continue
+            if re.fullmatch(rf"{re.escape(word)}(?!\w).*|.*(?<!\w){re.escape(word)}", plain):
                 found.append((len(word), role))
     return max(found)[1] if found else None
 

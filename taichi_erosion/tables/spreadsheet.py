@@ -253,7 +253,7 @@ def with_one_heading(rows: Lines) -> Lines:
         return rows
     (line, above), (_, below), *others = rows
     filled = [cell for cell in below if cell]
-    units = all(unit_in(cell.strip("[]() ")) for cell in filled)
+    units = all(map(unit_in, map(without_brackets, filled)))
     numbers = any(has_digit([cell]) and is_quantity(cell) for cell in filled)
     merged = any(under and not text for text, under in zip_longest(above, below, fillvalue=""))
     if merged and filled == [str(k + 1) for k in range(len(filled))]:
@@ -268,11 +268,16 @@ def joined_headings(above: Sequence[str], below: Sequence[str]) -> Iterator[str]
     last = ""
     for text, under in zip_longest(above, below, fillvalue=""):
         last = text or last
-        name, unit = last if under else text, under.strip("[]() ")
+        name, unit = last if under else text, without_brackets(under)
         if name and unit_in(unit):
             yield name if read_heading(name).unit else f"{name} [{unit}]"
         else:
             yield f"{name} {under}".strip()
+
+
+def without_brackets(cell: str) -> str:
+    """A cell without brackets around the whole of it: `[kg/(m s)]`."""
+    return cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell
 
 
 def with_repeats(rows: Lines) -> Lines:

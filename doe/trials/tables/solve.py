@@ -81,7 +81,6 @@ def answered(study: Path) -> Answer:
         **{"agrees": agrees(compared), "p": compared.fit.p_before, "p_after": record.fit.p_after},
         **{"p_lack_of_fit": finite(compared.fit.p_lack_of_fit), "verdict": decided.verdict},
         **{"named": [*decided.named], "group": [*decided.group], "mechanisms": [*decided.mechanisms]},
-        "varying": [],
         "probabilities": {key: p for key, p in decided.probabilities.items() if p > LEAST},
         "strengths": {n: [s.value, s.low, s.high] for n, s in strengths.items() if isfinite(s.value)},
         "excluded": {name: each.limit for name, each in effects.items() if each.status == "excluded"},

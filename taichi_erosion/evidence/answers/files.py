@@ -227,7 +227,7 @@ def document(record: Record) -> Document:
 
 
 def effect(part: EffectPart) -> Document:
-    """One candidate; an excluded one lies between 0 and what 95 % lie below."""
+    """One candidate; an excluded one lies between 0 and what 99 % lie below."""
     told = Interval(nan, 0.0, part.limit) if part.status == "excluded" else part.strength
     return asdict(part) | {"strength": told.value, "strength_low": told.low, "strength_high": told.high}
 

@@ -56,7 +56,7 @@ from taichi_erosion.tables.spreadsheet import source_digest
 
 Document = dict[str, Any]
 OWN = "own"  # name of the apparatus of an own scene
-CLOSED_FORM = "taichi_erosion.evidence.models.reduced:predict"
+CLOSED_FORM = "taichi_erosion.evidence.models.reduced:closed_form"
 CLOSED_FORM_CONDITIONS = {  # place -> condition of the closed form
     DIAMETER: "diameter",
     "conditions.diameter": "diameter",

@@ -2,7 +2,7 @@
 
 For a signature g of strength 1 about the bare model, with P = V^-1 under nothing and K of the rows alone,
 
-    limit = max(s, 0) + 1.645 i^-1/2,   s = g^T P y / i,   i = g^T P g      (95 % above which it is excluded)
+    limit = max(s, 0) + 2.33 i^-1/2,   s = g^T P y / i,   i = g^T P g      (above which 99 % exclude it)
     unseen below 3.3 i^-1/2,   absorption = 1 - (g^T P g / g^T K g)^1/2
 
 Reference: Cowan et al. (2011), Eur. Phys. J. C 71, 1554 (upper limits of a strength that is not negative).
@@ -29,6 +29,7 @@ from taichi_erosion.evidence.race.posterior import Draws, Posterior, quantiles
 from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.race.record import Interval, Record
 
+EXCLUDED = float(special.ndtri(0.99))  # sd above which a strength is excluded, wrongly one time in a hundred
 ONE_SIDED = float(special.ndtri(0.95))  # sd beyond which 5 % of a normal distribution lie
 
 
@@ -141,7 +142,7 @@ def effect_part(posterior: Posterior, found: Decision, name: str) -> parts.Effec
     sd = information**-0.5
     factor = single.log_evidence - bare.log_evidence
     absorption = 1.0 - (information / alone) ** 0.5 if alone > 0.0 else 1.0
-    limit = max(float(action[0]) / information, 0.0) + ONE_SIDED * sd if is_adequate(about) else np.inf
+    limit = max(float(action[0]) / information, 0.0) + EXCLUDED * sd if is_adequate(about) else np.inf
     alike = tuple(other for other in found.group if other != name) if name in found.group else ()
     status, unseen = status_of(name, found, factor, limit, most, absorption), 2.0 * ONE_SIDED * sd
     return parts.EffectPart(status, share, strength, limit, factor, absorption, unseen, alike, most)

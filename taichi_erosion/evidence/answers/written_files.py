@@ -39,7 +39,7 @@ from taichi_erosion.scene.schema.units import conversion, parse_unit
 Document = dict[str, Any]
 TIDY = "_tidy.csv"  # end of the name of a tidy table, which so is another one than that of the laboratory's
 READ = "its cells when `study new` read it"
-LIMIT = "the least that is seen"
+LINEAR = 0.1  # of the least amount, below which its scale is linear
 FRACTION = 0.3  # of the groups in the vault
 LEAST_SHIFT = 1e-3  # of an observable by an effect of strength 1, below which it cannot be seen [1]
 EXPECTED_AS = {  # observable -> the one of which the literature tells the effects: a steeper heap is higher
@@ -254,18 +254,19 @@ def study_text(files: StudyFiles, candidates: Sequence[str], drawn_from: str) ->
 def scale_lines(table: Table, name: str, unit: str) -> list[str]:
     """Entries of the comparison scale of an observable: logarithmic where it is positive, but for angles.
 
-    An amount that can be below what the instrument sees is compared by ln(y + floor), with the floor the
-    least limit that is stated, in `unit`; empty: in that of the table.
+    An amount that a model may say is none is compared by ln(y + floor), linear below the floor: that is the
+    least limit that is stated, or LINEAR of the least positive value, in `unit`; empty: in that of the table.
     """
     rows = [row for row in table.rows if row.observable == name]
     if OBSERVED.get(name) is ANGLE or any(row.value <= 0.0 for row in rows):
         return []
-    limits = [row for row in rows if row.reach == -inf and row.value > 0.0] if name in AMOUNTS else []
-    if not limits:
+    if name not in AMOUNTS:
         return ['transform = "log"']
     own = parse_unit(unit or rows[0].unit)
-    floor = min((conversion(parse_unit(row.unit), own) or 1.0) * row.value for row in limits)
-    return ['transform = "log_floor"', f"floor = {floor:.6g}    # {LIMIT}"]
+    size = [(row, (conversion(parse_unit(row.unit), own) or 1.0) * row.value) for row in rows]
+    limit = min((value for row, value in size if row.reach == -inf), default=0.0)
+    seen = LINEAR * min((value for row, value in size if not row.censored), default=0.0)
+    return ['transform = "log_floor"', f"floor = {max(limit, seen):.6g}    # below it the scale is linear"]
 
 
 def quoted(text: str) -> str:

@@ -24,7 +24,6 @@ import numpy as np
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, condition_numbers
 from taichi_erosion.evidence.data.problem import Bools, Floats
-from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.predictor import axis_scale
 from taichi_erosion.evidence.race.linear_evidence import Scales, scale
 from taichi_erosion.evidence.race.priors import LARGE, LENGTH, NEAR, SMALL
@@ -84,10 +83,7 @@ def nuisance(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
         if not fitted.size:
             continue
         name, size = observable.name, float(np.median(unit[fitted]))
-        value = from_scale(observable, rows.z)
-        logarithmic = observable.transform != "identity"
-        shape = np.clip(value * rows.slope, 0.0, 1.0) if logarithmic else np.ones(rows.size)
-        column = np.where(own, size * shape, 0.0)
+        column = np.where(own, size, 0.0)
         found.append(Block("level", name, column[:, None], scale(f"level {name}", cauchy=NEAR)))
         if fitted.size > 3:
             columns = size * smooth_columns(rows, own, known)

@@ -115,13 +115,15 @@ class Fit(Expansion):
 def scatter_of(prepared: PreparedProblem) -> tuple[Integers, Scales]:
     """Scatter of every row by number, -1 for censored ones, and its prior.
 
-    Repeats show the scatter within a preparation; rows differ by that between preparations too.
+    Preparations differ by about half of the scatter of repeats: means of n by (1 + n / 4)^1/2 more.
     """
     rows = prepared.rows
     used = np.unique(rows.which[~rows.censored])
     index = np.where(rows.censored, -1, np.searchsorted(used, rows.which))
     names = [rows.observables[k].name for k in used]
-    parts = [scale(f"scatter {name}", doubt=DOUBT) for name in names]
+    repeats = [np.nanmedian(rows.noise[name].scatter.variance) / rows.noise[name].lab ** 2 for name in names]
+    doubt = [float(np.hypot(DOUBT, 0.5 * np.log1p(0.25 * n))) for n in repeats]
+    parts = [scale(f"scatter {name}", doubt=sd) for name, sd in zip(names, doubt, strict=True)]
     return index.astype(np.int64), sum(parts, Scales.none())
 
 
@@ -330,6 +332,17 @@ class Race:
         hypothesis = Hypothesis(names)
         fit = Expansion(hypothesis, v, mean, jacobian, parent.errors, parent.blocks, log_prior)
         return self.kept(self.solved(fit, 5))
+
+    def without_effect(self, parent: Fit, name: str, log_prior: float) -> Fit:
+        """The better of the fit without one of the parent's effects, if known, and one from its optimum."""
+        names = tuple(each for each in parent.hypothesis.names if each != name)
+        at, hypothesis = self.model.count + parent.hypothesis.names.index(name), Hypothesis(names)
+        v, jacobian = np.delete(parent.v, at), np.delete(parent.jacobian, at, axis=1)
+        mean = self.model.mean(names, v)
+        start = replace(parent, hypothesis=hypothesis, v=v, mean=mean, jacobian=jacobian, log_prior=log_prior)
+        known = self.fits.get(hypothesis)
+        fit = self.refined(self.solved(start, 0)) if np.all(np.isfinite(mean)) else known
+        return self.better(fit or parent, known or fit or parent)
 
     def beside(self, parent: Fit, key: str, blocks: tuple[Block, ...], log_prior: float) -> Fit:
         """The parent with other blocks of errors."""

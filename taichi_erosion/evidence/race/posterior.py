@@ -15,12 +15,12 @@ from functools import cached_property
 
 import numpy as np
 from numpy.linalg import LinAlgError
-from scipy import special
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import MOST_SETTINGS, Floats, Measurements, Problem, Progress
 from taichi_erosion.evidence.models.prepared_problem import prepare
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
+from taichi_erosion.evidence.race.adequacy import misfit_p
 from taichi_erosion.evidence.race.doses import add_doses
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
@@ -185,6 +185,4 @@ def strained(race: Race) -> bool:
     share = race.posterior()
     if sum(share[fit.hypothesis] for fit in listed) < NOTHING:
         return True
-    rows = listed[0].evidence.solved.rows
-    residual, _ = rows.solved(rows.scales.start).precision
-    return bool(special.chdtrc(rows.y.size, rows.y @ residual) < FAMILYWISE)
+    return misfit_p(listed[0], levels=False) < FAMILYWISE

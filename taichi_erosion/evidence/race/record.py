@@ -54,7 +54,7 @@ class EffectPart:
     status: Status
     probability: float  # that it acts
     strength: Interval  # where it acts; NaN where no explanation holds it
-    limit: float  # strength above which it is excluded with 95 %
+    limit: float  # strength above which it is excluded with 99 %
     log_bayes_factor: float  # against nothing
     absorption: float  # share of its signature that calibration and errors imitate
     unseen_below: float  # strength below which it could act and not be seen

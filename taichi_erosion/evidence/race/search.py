@@ -50,6 +50,7 @@ def search(race: Race) -> None:
         race.refined(single)
     for size in range(1, min(MOST, len(effects))):
         grow(race, size, effects)
+    prune(race)
     plain = race.likely(KEEP, lambda fit: bool(fit.hypothesis.names) and not fit.hypothesis.beyond)
     best = [fit.hypothesis.names for fit in plain[:3]]
     smaller = [without(names, name) for names in best for name in names]
@@ -106,12 +107,27 @@ def leading(race: Race, size: int, least: float, most: int) -> list[Fit]:
 
     Where all are refuted, one that is far behind may be the nearest to what is right.
     """
-    plain = [fit for fit in race.fits.values() if not fit.hypothesis.beyond]
+    plain = plain_fits(race)
     fits = sorted(race.sets(size), key=lambda fit: -fit.log_evidence)
     total = float(np.logaddexp.reduce([fit.log_evidence + fit.log_prior for fit in plain]))
     if is_adequate(max(plain, key=lambda fit: fit.log_evidence)):
         fits = [fit for fit in fits if fit.log_evidence + fit.log_prior > total + log(least)]
     return fits[:most]
+
+
+def prune(race: Race) -> None:
+    """Sets without one member of the best, fitted from its optimum, until none of them is better."""
+    best = None
+    while best is not (now := max(plain_fits(race), key=lambda fit: fit.log_evidence + fit.log_prior)):
+        best = now
+        for name in best.hypothesis.names if len(best.hypothesis.names) > 1 else ():
+            rest = Hypothesis(without(best.hypothesis.names, name))
+            race.without_effect(best, name, log_prior(race, rest))
+
+
+def plain_fits(race: Race) -> list[Fit]:
+    """Sets of effects without anything beside them."""
+    return [fit for fit in race.fits.values() if not fit.hypothesis.beyond]
 
 
 def without(names: Acting, name: str) -> Acting:

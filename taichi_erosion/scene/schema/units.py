@@ -23,7 +23,7 @@ AMBIGUOUS = {
     "C": "degrees Celsius are written degC, coulombs coulomb",
     "F": "degrees Fahrenheit are written degF, farads farad",
     **dict.fromkeys(("grad", "Grad", "grade"), "degrees are written deg, hundredths of a right angle gon"),
-    "gr": "grams are written g, grains of weight are no unit here",
+    **dict.fromkeys(("gr", "grain", "grains"), "grams are written g, grains of weight are no unit here"),
 }
 SINGLE_LETTERS = frozenset("gmshdtlLNKJWVAC")  # others are constants of nature, or units that no table has
 BASES = frozenset(("kilogram", "meter", "second", "kelvin", "radian", "ampere"))
