@@ -12,10 +12,10 @@ import pandas as pd
 
 from taichi_erosion.api.notebook import WholeTable, frame, html
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.number_words import heading
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.answer_lines import outside_text
+from taichi_erosion.tables.number_words import heading
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -11,8 +11,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from taichi_erosion.evidence.data.number_words import counted, plain
 from taichi_erosion.evidence.words import shell_command
+from taichi_erosion.tables.number_words import counted, plain
 
 if TYPE_CHECKING:
     from taichi_erosion.evidence.answers.files import Reply

@@ -41,6 +41,7 @@ from taichi_erosion.report.figure_style import (
     scale_axis,
     single,
 )
+from taichi_erosion.tables.number_words import heading
 
 MODELS = {"before": BEFORE, "after": AFTER}
 ARROW = 22.0  # size of the mark of a limit [pt]; its length is half of that

@@ -14,7 +14,7 @@ from markupsafe import Markup, escape
 
 from taichi_erosion import __version__
 from taichi_erosion.core.files import marked_html, refuse_foreign, write_atomic
-from taichi_erosion.evidence.data.number_words import plain
+from taichi_erosion.tables.number_words import plain
 
 
 def write_page(to: Path, source: Path, force: bool, template: str, fields: Mapping[str, Any]) -> Path:

@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import read_text_file
-from taichi_erosion.evidence.data.number_words import counted, heading
 from taichi_erosion.evidence.words import run_words
 from taichi_erosion.evidence.words.vocabulary import quantity
 from taichi_erosion.report.figure_style import AFTER, BEFORE, WIDE, Picture, panels, responsive
 from taichi_erosion.report.html import address_of, made, write_page
+from taichi_erosion.tables.number_words import counted, heading
 
 Document = Mapping[str, Any]
 

@@ -13,13 +13,13 @@ from taichi_erosion.campaign.study_file import read_calibration_study, read_stud
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.rounds import MOST_POINTS
 from taichi_erosion.evidence.answers.set_up import source_faults, table_faults
-from taichi_erosion.evidence.data.number_words import with_unit
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.tables.rows import Faults
 from taichi_erosion.evidence.emulator.plan_cost import MINUTE, PlanCost, function_cost, plan_cost
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, initial_training_runs
 from taichi_erosion.evidence.models.load_study import NO_OPTIONS, PLANS, Study, StudyOptions, load_study
 from taichi_erosion.run.checks import read_scene
+from taichi_erosion.tables.number_words import with_unit
 from taichi_erosion.verification.effect_contract import examined_file
 
 Document = dict[str, Any]

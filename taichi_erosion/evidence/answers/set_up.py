@@ -9,7 +9,6 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows, condition_numbers
-from taichi_erosion.evidence.data.number_words import plain
 from taichi_erosion.evidence.data.problem import Problem, SetUpFault
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import Study, first_study
@@ -18,6 +17,7 @@ from taichi_erosion.evidence.race.priors import FAMILYWISE
 from taichi_erosion.evidence.words.part_words import FAULTS, UNKNOWN_SCATTER, numbered, unit_text
 from taichi_erosion.run.observables import small_heap
 from taichi_erosion.scene.schema.units import conversion, parse_unit
+from taichi_erosion.tables.number_words import plain
 from taichi_erosion.tables.spreadsheet import source_digest
 
 FAR_OFF = 8.0  # factor from the model, typical row, that no effect makes

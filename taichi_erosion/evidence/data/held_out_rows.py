@@ -17,9 +17,9 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.evidence.data.number_words import counted
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Measurements
 from taichi_erosion.evidence.data.tables.rows import source_names
+from taichi_erosion.tables.number_words import counted
 
 FEWEST_GROUPS = 5  # per observable; with fewer, holding out a whole one would leave too little to fit
 FEWEST_UNITS = 4  # of an observable; with fewer nothing of it is held out

@@ -13,7 +13,6 @@ import numpy as np
 from taichi_erosion.campaign.study_file import ObservableEntry, StudyFile
 from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.core.files import one_line_name
-from taichi_erosion.evidence.data.number_words import plain, set_up_name, with_unit
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.tables.column_roles import Column, Told
@@ -39,6 +38,7 @@ from taichi_erosion.scene.schema.units import (
     parse_unit,
     scale_between,
 )
+from taichi_erosion.tables.number_words import plain, set_up_name, with_unit
 from taichi_erosion.tables.spreadsheet import Cells, read_cells
 
 AMOUNTS = ("flux", "flux_height")  # observables that can be none

@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass, field
 from math import isfinite
 from typing import Any
 
-from taichi_erosion.evidence.data.number_words import PURE, plain, with_unit
 from taichi_erosion.scene.schema.units import Scale
+from taichi_erosion.tables.number_words import PURE, plain, with_unit
 
 KEY = "table_units"  # of a document
 

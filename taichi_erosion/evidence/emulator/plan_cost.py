@@ -11,10 +11,10 @@ from taichi_erosion.campaign.execute import pace
 from taichi_erosion.campaign.ledger import finished_runs
 from taichi_erosion.campaign.request import START
 from taichi_erosion.core.setup import usable_cores
-from taichi_erosion.evidence.data.number_words import counted
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, requested, room_left
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.prepared_problem import prepare, usual_settings
+from taichi_erosion.tables.number_words import counted
 
 WORTH_TELLING = 5.0  # s of an answer, from which its cost is told before it
 MORE = 4  # times as many settings: 9 of 10 of 480 sealed tables of doe/trials took fewer

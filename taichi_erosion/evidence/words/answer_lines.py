@@ -9,7 +9,6 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
-from taichi_erosion.evidence.data.number_words import counted, heading, plain, with_unit
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.race.priors import ADEQUATE
 from taichi_erosion.evidence.race.record import (
@@ -23,6 +22,7 @@ from taichi_erosion.evidence.race.record import (
 )
 from taichi_erosion.evidence.words import part_words
 from taichi_erosion.evidence.words import vocabulary as say
+from taichi_erosion.tables.number_words import counted, heading, plain, with_unit
 
 HARDER = "Measurements under other conditions test the model harder"
 COMPARED = ("observable", "rows", "rms error", "mean error", "fails along")

@@ -8,12 +8,12 @@ from math import isfinite, isnan, log
 
 import numpy as np
 
-from taichi_erosion.evidence.data.number_words import counted, heading, plain
 from taichi_erosion.evidence.data.problem import SetUpFault
 from taichi_erosion.evidence.race import record as parts
 from taichi_erosion.evidence.race.priors import ADEQUATE, SURE
 from taichi_erosion.evidence.race.record import Interval, LawPart, Record
 from taichi_erosion.evidence.words import vocabulary as say
+from taichi_erosion.tables.number_words import counted, heading, plain
 
 UNITS = {57.3: "degrees for radians", 100.0: "percent for a share", 10.0: "another unit", 1e3: "another unit"}
 TESTED = {"confirmed": "confirm the answer", "undecided": "leave it open"}

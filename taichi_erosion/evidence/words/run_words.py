@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping
 from math import floor, hypot, isfinite, log10, nan, sqrt
 from typing import Any
 
-from taichi_erosion.evidence.data.number_words import counted, heading, plain, with_unit
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.answer_lines import Table
 from taichi_erosion.evidence.words.vocabulary import quantity
+from taichi_erosion.tables.number_words import counted, heading, plain, with_unit
 
 Document = Mapping[str, Any]
 

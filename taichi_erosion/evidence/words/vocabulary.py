@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isnan
 
-from taichi_erosion.evidence.data.number_words import plain, with_unit
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.race.record import Interval
+from taichi_erosion.tables.number_words import plain, with_unit
 
 LEAST_TOLD = 1e-4  # chance below which its size tells a person nothing more
 MOST_TOLD = 3  # things of one kind in a line: more are not read
