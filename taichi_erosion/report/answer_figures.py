@@ -20,7 +20,6 @@ from matplotlib.figure import Figure
 from matplotlib.path import Path as Outline
 
 from taichi_erosion.evidence.answers.summary import ONE_SIDED
-from taichi_erosion.evidence.data.number_words import heading
 from taichi_erosion.evidence.race.record import CurvePart, Interval, LawPart, Record
 from taichi_erosion.evidence.words import page_words
 from taichi_erosion.evidence.words.part_words import LIKELY, acting, failing

@@ -7,6 +7,7 @@ from taichi_erosion.evidence.race.record import Record
 from taichi_erosion.evidence.words import answer_lines as lines
 from taichi_erosion.evidence.words.part_words import acting
 from taichi_erosion.evidence.words.vocabulary import Vocabulary, joined, probability
+from taichi_erosion.tables.number_words import counted
 
 LEADING = ("discover", "adopt", "compare")  # commands whose answer can lead the page
 SECTIONS = ("What is missing", "Does it hold", "What next", "Methods")
