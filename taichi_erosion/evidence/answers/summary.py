@@ -52,7 +52,7 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
         fit=parts.FitPart(race.prepared.rows.size, before, now, p_before, p_now, p_repeats, p_repeats_now),
         where=tuple(places(race, bare)),
         rows=rows_part(race, bare, after),
-        curves=tuple(curve_parts(posterior)) if found.verdict == "outside_library" else (),
+        curves=tuple(curve_parts(posterior, found)),
         cost=parts.CostPart(model.settings, race.prepared.predictor.cost.runs, nan, stop),
     )
 
@@ -176,11 +176,13 @@ def status_of(
     return "untestable" if absorption > SURE or most < limit < np.inf else "open"
 
 
-def curve_parts(posterior: Posterior) -> Iterator[parts.CurvePart]:
+def curve_parts(posterior: Posterior, found: Decision) -> Iterator[parts.CurvePart]:
     """What something unlisted does along each condition with which it acts for SURE, against its least value.
 
     Where it acts along several at once, a curve is the mean over rows of one value, where values repeat.
     """
+    if found.verdict != "outside_library" or found.mechanisms:
+        return
     unlisted = {h: p for h, p in posterior.probability.items() if h.kind == "?"}
     best, race = max(unlisted, key=lambda h: unlisted[h]), posterior.race
     rows, fit = race.prepared.rows, race.fits[best]
