@@ -24,7 +24,6 @@ ABOUT = {
     "notes": ["7 rows are held out."],
     "warnings": ["the scatter is unknown"],
     "versions": {"taichi_erosion": "1.0"},
-    "written": "my lab/a_with_x.toml",
 }
 REPLIES = [
     *(("discover", record) for record in DISCOVERIES.values()),
@@ -75,7 +74,7 @@ def test_the_next_command_names_the_effect_files_again_but_for_a_study_that_stat
     print_answer(reply("discover", DISCOVERIES["single"]), options, verbose=False)
     assert "`./erosion adopt 'my lab/a.toml' liquid_bridge --effect 'my pull.py'`" in capsys.readouterr().out
     print_answer(reply("adopt", ADOPTIONS["adopted"]), options, verbose=False)
-    assert "`./erosion compare 'my lab/a_with_x.toml'`" in capsys.readouterr().out
+    assert "`./erosion compare 'my lab/a_with_liquid_bridge.toml'`" in capsys.readouterr().out
     print_answer(reply("discover", DISCOVERIES["mechanism"]), options, verbose=False)
     result = "'my lab/a-results/a.discover.json'"
     assert f"`./erosion effects new NAME --from-discovery {result}`" in capsys.readouterr().out
