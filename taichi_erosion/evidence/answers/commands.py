@@ -162,7 +162,7 @@ def answer_of(
 
 
 def discover_record(found: RacedStudy) -> Record:
-    """Which effect is missing, with the law of a mechanism or of a strength that varies.
+    """Which effect is missing, with the law of a mechanism.
 
     A name that fresh runs contradict is not stable.
     """

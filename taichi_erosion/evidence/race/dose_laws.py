@@ -145,8 +145,8 @@ class FittedForm:
 
 
 def told_law(posterior: Posterior, found: Decision) -> LawPart | None:
-    """The law of the doses of what is told; None where its strength is constant, or the budget is spent."""
-    if not (found.named or found.mechanisms):
+    """The law of the doses of a mechanism that is told; None without one, or where the budget is spent."""
+    if not found.mechanisms:
         return None
     try:
         return law_of(posterior.race, fit_of(posterior, found))
