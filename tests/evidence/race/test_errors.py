@@ -205,6 +205,14 @@ def off(acting: dict[str, float], factor: float = 0.0, **changes) -> Problem:
     )
 
 
+def test_a_level_of_amounts_does_not_follow_the_noise_of_its_rows():
+    problem = off({}, factor=2.0)
+    problem = replace(problem, observables={"y": Observable("y", "log_floor", 1.0)})
+    level = raced(problem, 1, bare=True).race.blocks[0]
+    assert level.kind == "level"
+    assert np.ptp(level.columns) == 0.0
+
+
 def test_an_offset_of_the_laboratory_is_told_as_a_level_and_along_no_condition():
     found = summary(raced(off({}), 1))
     assert found.decided.verdict == "none_detected"
