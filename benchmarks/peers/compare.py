@@ -127,7 +127,7 @@ def summary(samples: Sequence[Sample]) -> list[Row]:
 def table(rows: Sequence[Row]) -> str:
     """Rows as text; M/s is 10^6 grain-steps per second."""
     head = (
-        f"{'case':10}{'cores':>6}  {'code':10}{'M/s':>7}{'low':>7}{'high':>7}{'contacts':>10}{'rebuilds':>10}"
+        f"{'case':10}{'cores':>6}  {'code':12}{'M/s':>7}{'low':>7}{'high':>7}{'contacts':>10}{'rebuilds':>10}"
     )
     lines = [head + "  samples (contaminated)  our rate over this code's"]
     for one in rows:
@@ -135,7 +135,7 @@ def table(rows: Sequence[Row]) -> str:
         counts = f"{one.contacts_per_grain:10.3f}{one.rebuilds:10.0f}"
         repeats = f"  {one.samples} ({one.contaminated})".ljust(25)
         gains = ", ".join(f"{name} {value:.2f}x" for name, value in one.gain.items())
-        lines.append(f"{one.case:10}{one.cores:6}  {one.code:10}{rates}{counts}{repeats} {gains}".rstrip())
+        lines.append(f"{one.case:10}{one.cores:6}  {one.code:12}{rates}{counts}{repeats} {gains}".rstrip())
     return "\n".join(lines) + "\n"
 
 

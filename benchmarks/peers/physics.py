@@ -19,7 +19,7 @@ import numpy as np
 
 from benchmarks.page import fill
 from benchmarks.peers.cases import Floats
-from benchmarks.peers.codes import DECKS, PEERS
+from benchmarks.peers.codes import DECKS, LAMMPS, NEW_LAMMPS
 from benchmarks.peers.physics_cases import BED_STEPS, RELAX_STEPS, Failed, falling_bed, lying, two_grains
 from benchmarks.peers.physics_codes import Code, contestants, our_beds
 from benchmarks.peers.physics_column import (
@@ -42,9 +42,10 @@ from benchmarks.peers.physics_measures import (
     heap_numbers,
     stack_numbers,
 )
-from benchmarks.peers.physics_pair import lammps_curve, our_curve, pair_numbers
+from benchmarks.peers.physics_pair import lammps_curve, pair_numbers
 from doe.common.tables import read_table, write_table
 from taichi_erosion.report.markdown import markdown_table
+from tests.verification.contact import adhesion
 
 Seeds = list[dict[str, float]]  # numbers of every seed by quantity
 
@@ -175,7 +176,8 @@ def kept(name: str, code: Code, run: Callable[[], Seeds]) -> Seeds:
 
 def compared_pair(codes: Sequence[Code]) -> list[Row]:
     """The pull-off curve, where LAMMPS is there."""
-    curves = {"ours": our_curve, "LAMMPS": partial(lammps_curve, PEERS[0])}
+    lammps = {peer.name: partial(lammps_curve, peer) for peer in (LAMMPS, NEW_LAMMPS)}
+    curves = {"ours": adhesion.bounce, **lammps}
     found = {}
     for code in codes:
         if code.name in curves:
@@ -223,9 +225,12 @@ def publish() -> None:
 
 
 def page_tables() -> list[tuple[Path, str, str]]:
-    """Pages with the name and the text of their tables: all numbers, and angles and heights of heaps."""
+    """Pages with the name and the text of their tables: all numbers, and angles and heights of heaps.
+
+    LAMMPS of 2025 has the laws of 2021, so that one of them is enough in the short table.
+    """
     rows = read_table(TABLE, Row)
-    short = [row for row in rows if row.quantity in IN_SHORT]
+    short = [row for row in rows if row.quantity in IN_SHORT and row.code != NEW_LAMMPS.name]
     return [(PAGE, "other codes", page_table(rows)), (SHORT_PAGE, "heaps of codes", page_table(short))]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import root_scalar
 
 from benchmarks.peers.cases import Floats, Soil
-from benchmarks.peers.codes import PEERS, TIME_LIMIT, Peer, missing
+from benchmarks.peers.codes import LAMMPS, LIGGGHTS, NEW_LAMMPS, TIME_LIMIT, Peer, missing
 from benchmarks.peers.make_cases import FLOOR_MARGIN, write_grains, write_include
 from benchmarks.peers.physics_cases import BED_SIDE, ROLLING_DAMPING, ROUGH, Failed, Start, shear_effective
 from benchmarks.peers.physics_column import (
@@ -37,7 +37,6 @@ AFTER_LAST_STEP = "Neighbor history overflow"  # LAMMPS of 2021 says so of the p
 DUMP_HEAD = 9  # lines of a dump before the grains
 # a(e) of LAMMPS' damping tsuji, its manual on pair_style granular; highest power first
 LAMMPS_TSUJI = (4.8218, -18.022, 27.467, -22.348, 11.087, -4.2783, 1.2728)
-RESTITUTION_ENTERED = 0.48  # for the beds: `lammps_restitution` of 0.6, to two digits
 ROLLING_SPRING = 3.0  # N m-1 in LAMMPS: 2.25 k_n mu_r^2 of the elastic-plastic law under five weights
 ROLLING_DAMPER = 1.8e-3  # kg s-1 in LAMMPS: ROLLING_DAMPING of the critical value at that spring
 
@@ -52,6 +51,15 @@ class Code:
     columns: Callable[
         [Column, Sequence[Start]], list[Rest] | None
     ]  # none where another law of the same code comes nearer
+
+
+@dataclass(frozen=True)
+class Damping:
+    """Damping of LAMMPS: its law and the inputs of grains and walls, as its decks name them."""
+
+    damping: str
+    restitution: float  # entered for grains [1]
+    restitution_wall: float  # entered for walls [1]
 
 
 def our_setup(start: Start) -> Setup:
@@ -94,7 +102,7 @@ def peer_rest(peer: Peer, deck: str, start: Start, soil: Soil, numbers: Mapping[
         folder = Path(name)
         low, high = sides(deck, start, soil)
         write_grains(folder / "grains.data", start.position, low, high, start.velocity, soil)
-        called(peer, deck, soil_numbers(soil) | dict(numbers), folder)
+        called(peer, deck, soil_numbers(soil, peer) | dict(numbers), folder)
         table = np.loadtxt(folder / "end.dump", skiprows=DUMP_HEAD, ndmin=2)
     if len(table) != len(start.position):
         raise Failed(f"{peer.name}, {deck}: {len(start.position) - len(table)} grains are lost")
@@ -110,16 +118,15 @@ def sides(deck: str, start: Start, soil: Soil) -> tuple[Floats, Floats]:
     return np.array([-wide, -wide, -FLOOR_MARGIN]), np.array([wide, wide, top])
 
 
-def soil_numbers(soil: Soil) -> dict[str, object]:
+def soil_numbers(soil: Soil, peer: Peer) -> dict[str, object]:
     """Variables of every deck.
 
     LAMMPS of 2021 mixes the modulus of a wall as E / (2 (1 - nu)): a grain on its floor sank to 0.844 of
     Hertz' depth, (1 + nu)^(-2/3). Its input is E / (1 + nu), and 8 G* of wall and grain outright.
+    LAMMPS of 2025 mixes it as the modulus of two grains.
     """
-    wall: dict[str, object] = {
-        "young_wall": soil.young / (1.0 + soil.poisson),
-        "shear_wall": 8.0 * shear_effective(soil),
-    }
+    young = soil.young if peer == NEW_LAMMPS else soil.young / (1.0 + soil.poisson)
+    wall: dict[str, object] = {"young_wall": young, "shear_wall": 8.0 * shear_effective(soil)}
     return asdict(soil) | wall
 
 
@@ -137,6 +144,19 @@ def peer_columns(
     return [peer_rest(peer, "physics_column", start, soil, numbers) for start in starts]
 
 
+def lammps_damping(restitution: float, peer: Peer) -> Damping:
+    """What LAMMPS must be told so that grains part from each other and from walls with this restitution.
+
+    The law `coeff_restitution` of 2025 gives back what is entered. That of 2021 applies its polynomial to the
+    input of walls again at the start of every run: with an input of 0.9 a grain left the plate with that in
+    the first run of a deck, with 0.58 in the second. The input is right for the second run, the collapse.
+    """
+    if peer == NEW_LAMMPS:
+        return Damping("coeff_restitution", restitution, restitution)
+    entered = lammps_restitution(restitution)
+    return Damping("tsuji", entered, lammps_wall_restitution(entered))
+
+
 def lammps_restitution(restitution: float) -> float:
     """Input of LAMMPS for which grains part with this restitution [1].
 
@@ -151,16 +171,13 @@ def lammps_wall_restitution(found: float) -> float:
     return root_scalar(lambda entered: np.polyval(LAMMPS_TSUJI, entered) - found, bracket=(0.0, 1.0)).root
 
 
-def lammps_columns(column: Column, starts: Sequence[Start], peer: Peer) -> list[Rest]:
-    """The same in LAMMPS.
-
-    It applies its polynomial to the input of walls again at the start of every run: with an input of 0.9 a
-    grain left the plate with that in the first run of a deck, with 0.58 in the second. The input is right
-    for the second run, the collapse.
-    """
-    entered = lammps_restitution(column_soil(column).restitution)
-    words = {"normal": lammps_normal(column, entered), "restitution_wall": lammps_wall_restitution(entered)}
-    return peer_columns(column, starts, peer, words | lammps_rolling(column))
+def lammps_columns(column: Column, starts: Sequence[Start], peer: Peer) -> list[Rest] | None:
+    """The same in LAMMPS; that of 2025 refuses damping by restitution where grains adhere."""
+    if column.sticky and peer == NEW_LAMMPS:
+        return None
+    damping = lammps_damping(column_soil(column).restitution, peer)
+    normal = {"normal": lammps_normal(column, damping.restitution)}
+    return peer_columns(column, starts, peer, asdict(damping) | normal | lammps_rolling(column))
 
 
 def lammps_normal(column: Column, restitution: float) -> str:
@@ -179,11 +196,8 @@ def liggghts_columns(column: Column, starts: Sequence[Start], peer: Peer, rollin
 
 def lammps_code(peer: Peer) -> Code:
     """LAMMPS with a rolling spring like ours under five weights."""
-    words = {
-        "restitution": RESTITUTION_ENTERED,
-        "rolling_spring": ROLLING_SPRING,
-        "rolling_damper": ROLLING_DAMPER,
-    }
+    rolling = {"rolling_spring": ROLLING_SPRING, "rolling_damper": ROLLING_DAMPER}
+    words = asdict(lammps_damping(ROUGH.restitution, peer)) | rolling
     return Code(
         peer.name,
         missing(peer),
@@ -205,9 +219,9 @@ def liggghts_code(peer: Peer, rolling: str) -> Code:
 
 def contestants() -> list[Code]:
     """All codes, ours first; LIGGGHTS with the rolling law that is ours, and with its stiffer one."""
-    lammps, liggghts = PEERS
     return [
         Code("ours", "", our_beds, our_columns),
-        lammps_code(lammps),
-        *(liggghts_code(liggghts, rolling) for rolling in ("epsd", "epsd2")),
+        lammps_code(LAMMPS),
+        lammps_code(NEW_LAMMPS),
+        *(liggghts_code(LIGGGHTS, rolling) for rolling in ("epsd", "epsd2")),
     ]

@@ -42,12 +42,6 @@ def lammps_curve(peer: Peer) -> tuple[Floats, Floats]:
     return -table[:, 1] / pair.depth, table[:, 2] / pair.force_scale
 
 
-def our_curve() -> tuple[Floats, Floats]:
-    """The same along a bounce."""
-    bounce = adhesion.bounce()
-    return bounce.overlap, bounce.force
-
-
 def pair_numbers(overlap: Floats, force: Floats) -> Numbers:
     """Landmarks of a curve, and how far it is from the closed form while the grains part."""
     acts = np.flatnonzero(np.abs(force) > ACTS)

@@ -7,6 +7,7 @@ after round, as if they had been taken in one go.
 import json
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.page import PAGE, fill
@@ -14,7 +15,7 @@ from benchmarks.peers.compare import MEGA, Row, Sample, summary
 from taichi_erosion.report.markdown import markdown_table
 
 OURS = ("ours f32", "ours f64")
-OTHERS = ("LAMMPS", "LIGGGHTS", "YADE")
+OTHERS = ("LAMMPS", "LAMMPS 2025", "LIGGGHTS", "YADE")
 HEADER = ("case", "cores", *OURS, *(f"f32 and f64 over {code}" for code in OTHERS))
 NAMES = {
     "bed10k": "settled bed, 10,000",
@@ -34,7 +35,7 @@ def joined(files: Sequence[Path]) -> list[Sample]:
         entries = [Sample(**entry) for entry in json.loads(file.read_text())["samples"]]
         for one in entries:
             first = begun.get((one.case, one.cores), 0)
-            samples.append(Sample(**vars(one) | {"round": first + one.round}))
+            samples.append(replace(one, round=first + one.round))
         for one in samples:
             begun[one.case, one.cores] = max(begun.get((one.case, one.cores), 0), one.round + 1)
     return samples

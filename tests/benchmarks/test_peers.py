@@ -9,14 +9,16 @@ from scipy.spatial import KDTree
 
 from benchmarks.peers import physics, physics_column
 from benchmarks.peers.cases import SOIL, Bed, funnel_pile, funnel_triangles, tiled
+from benchmarks.peers.codes import LAMMPS, NEW_LAMMPS, PEERS, launch, peer_log
 from benchmarks.peers.compare import Sample, gain, summary
 from benchmarks.peers.peer_log import last_run
 from benchmarks.peers.physics_cases import BED_SIDE, shear_effective, weight, young_effective
-from benchmarks.peers.physics_codes import ROLLING_SPRING, lammps_normal
+from benchmarks.peers.physics_codes import LAMMPS_TSUJI, ROLLING_SPRING, lammps_damping, lammps_normal
 from benchmarks.peers.physics_impact import IMPACT, LAWS, speed_left
 from benchmarks.peers.physics_measures import CLOSE, Rest, bed_numbers, close_numbers, depth
 from benchmarks.peers.physics_pair import pair_numbers
 from benchmarks.peers.publish import joined
+from taichi_erosion.grains.materials import damping_ratio
 from taichi_erosion.scene import build_setup
 from tests.verification.contact import adhesion
 from tests.verification.reference import contact as jkr
@@ -104,6 +106,23 @@ def test_rounds_of_two_sittings_follow_each_other(tmp_path):
         files.append(tmp_path / f"{sitting}.json")
         files[-1].write_text(json.dumps({"samples": list(map(asdict, samples))}))
     assert [(one.cores, one.round) for one in joined(files)] == [*((1, turn) for turn in range(5)), (2, 0)]
+
+
+def test_two_versions_of_a_code_keep_their_logs_and_their_launchers_apart():
+    assert len({peer_log(peer, "bed10k") for peer in PEERS}) == len(PEERS)
+    for peer in (LAMMPS, NEW_LAMMPS):
+        assert launch(peer, 1) == [peer.binary]
+        assert launch(peer, 2)[-3:] == ["-np", "2", peer.binary]
+    assert launch(LAMMPS, 2)[0] != launch(NEW_LAMMPS, 2)[0]
+
+
+def test_both_versions_of_lammps_are_told_the_same_restitution():
+    # of 2021: Tsuji's a is sqrt(5) times the share of critical damping, and walls get the polynomial twice
+    old, new = lammps_damping(0.6, LAMMPS), lammps_damping(0.6, NEW_LAMMPS)
+    share = np.sqrt(5.0) * damping_ratio(np.array([0.6]))[0]
+    assert np.polyval(LAMMPS_TSUJI, old.restitution) == pytest.approx(share)
+    assert np.polyval(LAMMPS_TSUJI, np.polyval(LAMMPS_TSUJI, old.restitution_wall)) == pytest.approx(share)
+    assert new.restitution == new.restitution_wall == 0.6
 
 
 STACK = 5
