@@ -16,15 +16,15 @@ from typing import Any
 from taichi_erosion.core.transfer import NUMBER_BYTES, download, inner_shape
 from taichi_erosion.simulation import Simulation
 
-RATES = ("force", "torque")
 EVALUATED = ("shift", "velocity", "spin", "radius")  # of a grain, read by the stage of pairs
 MOVED = ("shift", "velocity", "spin")  # read and written by the stage of motion
 CONSTANT = ("radius", "mass_inverse", "skin_squared")
+RATES = ("force", "torque")  # written and read by the stage of motion
 LISTED = ("owner", "neighbour", "label", "separation")
 DISPLACEMENTS = ("tangential_displacement", "rolling_displacement")
 CONTACT = ("root_radius", "damping", "rolling_damping")
 BOUNDS = ("start", "stop")
-SUMMED = ("force", "torque", "back")  # of a contact, written by one stage and read by the next
+SUMMED = ("force", "torque", "back")  # of an entry, read by the stage of motion; written for a contact
 
 
 def number_bytes(owner: Any, names: tuple[str, ...]) -> int:
@@ -37,14 +37,12 @@ def step_bytes(sim: Simulation, contacts: int) -> float:
     """Least bytes that a step of all replicas moves; `contacts` are pairs of grains that touch."""
     grains, pairs, buffers = sim.world.grains, sim.world.pairs, sim.buffers
     assert buffers is not None
-    summed = 4 * number_bytes(grains, RATES)  # read and written by the sum and by the motion
-    moved = 2 * number_bytes(grains, MOVED) + number_bytes(grains, CONSTANT)
-    bounds = number_bytes(pairs, BOUNDS) + number_bytes(buffers, BOUNDS)
-    grain = number_bytes(grains, EVALUATED) + summed + moved + bounds
-    entry = number_bytes(pairs, LISTED) + 2 * number_bytes(buffers, ("level",))
-    entry += number_bytes(buffers, ("partner_entry",))
+    moved = 2 * number_bytes(grains, MOVED) + number_bytes(grains, CONSTANT) + 2 * number_bytes(grains, RATES)
+    bounds = 2 * number_bytes(pairs, BOUNDS) + number_bytes(buffers, ("partners",))
+    grain = number_bytes(grains, EVALUATED) + moved + bounds
+    entry = number_bytes(pairs, LISTED) + number_bytes(buffers, ("acts", "partner_entry", *SUMMED, "force"))
     contact = number_bytes(pairs, CONTACT) + 2 * number_bytes(pairs, DISPLACEMENTS)
-    contact += 2 * number_bytes(buffers, SUMMED)
-    fields = [sim.world.replicas.released, buffers.listed]
-    released, listed = (column.sum() for column in download(fields, 0, len(sim.setups)))
+    contact += number_bytes(buffers, SUMMED)
+    released = download([sim.world.replicas.released], 0, len(sim.setups))[0].sum()
+    listed = download([buffers.partners], 0, len(sim.setups) * grains.capacity)[0].sum()
     return float(released * grain + listed * entry + contacts * contact)

@@ -17,7 +17,6 @@ from taichi_erosion.simulation.step import rebuild
 REPEATS = 50  # of a stage within one launch
 COPIED = 1 << 25  # numbers of 32 bits: more than caches hold
 COPIES = 10  # timed
-COPY_THREADS = 1 << 20  # Vulkan devices need not start more than eight million
 
 
 @ti.func
@@ -82,11 +81,8 @@ def copy_numbers(
     # out
     copy_out: ti.template(),
 ):
-    for thread in range(COPY_THREADS):
-        n = thread
-        while n < numbers.shape[0]:
-            copy_out[n] = numbers[n]
-            n += COPY_THREADS
+    for n in range(numbers.shape[0]):
+        copy_out[n] = numbers[n]
 
 
 def copy_bandwidth() -> float:

@@ -27,7 +27,7 @@ from taichi_erosion.core.device import is_serial
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import aligned, device_record, is_host, upload, write
+from taichi_erosion.core.transfer import device_record, is_host, upload, write
 
 real = ti.f64
 
@@ -199,7 +199,7 @@ def allocate_air(setups: Sequence[AirSetup]) -> Air:
         serial_replicas=is_host(),
         numbers=allocate_numbers(count),
         inlet_fluctuation=ghosted(cells[1:], count, vector=True),
-        active=aligned(ti.field(ti.i32, shape=count)),
+        active=ti.field(ti.i32, shape=count),
         mass_residual=ti.field(real, shape=count),
         levels=allocate_levels(first, count),
         krylov=allocate_krylov(cells, count),

@@ -4,7 +4,6 @@ Reference for the numbers behind smooth walls: Schlichting & Gersten (2017), Bou
 """
 
 from taichi_erosion.core.air_setup import SIDES
-from taichi_erosion.core.device_functions import exponential, logarithm
 from taichi_erosion.core.ti import ti
 
 real = ti.f64
@@ -28,7 +27,7 @@ def wall_friction_velocity(speed, distance, roughness, viscosity, karman):
     friction = ti.max(laminar, SMALLEST)
     for _ in range(WALL_ROUNDS):
         effective = roughness + SMOOTH * viscosity / friction
-        friction = ti.max(karman * speed / logarithm(1.0 + distance / effective), SMALLEST)
+        friction = ti.max(karman * speed / ti.log(1.0 + distance / effective), SMALLEST)
     return ti.max(friction, laminar)
 
 
@@ -62,7 +61,7 @@ def rough_length(below, above, roughness, karman):
     with z_1, z_2 the heights of their centres [m]. It tends to kappa (z + z0) as cells shrink, and gives the
     log law its exact stress on any cells, where the height of the face would give up to a fifth too much.
     """
-    return karman * (above - below) / logarithm((above + roughness) / (below + roughness))
+    return karman * (above - below) / ti.log((above + roughness) / (below + roughness))
 
 
 @ti.func
@@ -78,7 +77,7 @@ def root_slope(root, rate, karman):
     exponent = rate * root
     slope = rate * (1.0 - 0.5 * exponent)
     if exponent > 0.0009765625:  # 2^-10: below, the series is exact to 2e-7
-        slope = (1.0 - exponential(-exponent)) / root
+        slope = (1.0 - ti.exp(-exponent)) / root
     return 0.5 * karman * slope
 
 

@@ -113,7 +113,7 @@ def study(
     workers: int | None = None,
     seed: int | None = None,
     effect_files: Sequence[PathLike] = (),
-    arch: Literal["auto", "cpu", "cuda", "vulkan"] | None = None,
+    arch: Literal["auto", "cpu", "cuda"] | None = None,
     decomposition: Literal["partitions", "grains"] | None = None,
 ) -> Study:
     """A study by its file; None leaves a choice to the file.

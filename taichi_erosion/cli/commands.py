@@ -374,18 +374,18 @@ def verify(
 
 @app.command(**help_of("bench", CHECK))
 def bench(
-    arch: Annotated[Literal["cpu", "cuda", "vulkan"] | None, Option(help="Device; default: cpu.")] = None,
+    arch: Annotated[Literal["cpu", "cuda"] | None, Option(help="Device; default: cpu.")] = None,
     large: Annotated[
         bool, Option("--large", help="Also what fills a graphics processor; not for a CPU.")
     ] = False,
     quick: Annotated[
-        bool, Option("--quick", help="Small cases, for a driver in software; not for a CPU.")
+        bool, Option("--quick", help="Small cases, for a first try of a device; not for a CPU.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Measure the speed: grain-steps per second and per core, and the time of each stage."""
     if (large and quick) or ((large or quick) and arch in (None, "cpu")):
-        raise BadInput("--large or --quick, not both, is for --arch cuda or vulkan")
+        raise BadInput("--large or --quick, not both, is for --arch cuda")
     size = "large" if large else "quick" if quick else "usual"
     cases = source_module("benchmarks.cases")
     if cases is None:

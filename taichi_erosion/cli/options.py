@@ -13,7 +13,7 @@ EffectFiles = Annotated[
 Force = Annotated[bool, Option("--force", help="Replace files of this name that this command did not write.")]
 Verbose = Annotated[bool, Option("--verbose", help="Print notes, numbers and cost too.")]
 Arch = Annotated[
-    Literal["auto", "cpu", "cuda", "vulkan"] | None,
+    Literal["auto", "cpu", "cuda"] | None,
     Option(help="Device; default: cpu. auto: a graphics processor for large runs, if there is one."),
 ]
 Decomposition = Annotated[

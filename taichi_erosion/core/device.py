@@ -41,6 +41,7 @@ TABLE = b"_ZN4llvm12X86SubTypeKVE"
 ROW, FEATURES = 80, 8  # bytes of a row, and where what follows its name begins
 TABLE_BYTES = 86 * ROW  # LLVM 15.0.4
 SYMBOL = np.dtype([("name", "<u4"), ("kind", "<u4"), ("value", "<u8"), ("size", "<u8")])
+MULTIPROCESSORS = 16  # of the attributes of a CUDA device
 WIDE = "znver3"  # row that suits 256 bits
 WIDE_FLAGS = {"avx2", "fma", "bmi1", "bmi2", "f16c", "abm", "movbe", "adx"}  # as /proc/cpuinfo names them
 
@@ -188,32 +189,23 @@ def start_device(numerics: Numerics, pool_least: int = 1) -> int:
     wanted = {ti.x64, ti.arm64} if numerics.arch == "cpu" else {getattr(ti, numerics.arch)}
     if impl.current_cfg().arch not in wanted:  # Taichi took another device
         raise BadInput(f"--arch {numerics.arch}: no such device on this machine; use --arch cpu")
-    if numerics.arch == "vulkan":
-        refuse_single_precision()
     return threads
-
-
-@ti.kernel
-def add_one(
-    # out
-    number_out: ti.template(),
-):
-    number_out[0] = number_out[0] + ti.cast(1.0, ti.f64)
-
-
-def refuse_single_precision() -> None:
-    """Raise BadInput for a Vulkan device without 64-bit floats, in which positions are kept."""
-    try:
-        add_one(ti.field(ti.f64, shape=1))
-    except RuntimeError:
-        stop_device()
-        told = "this device has no 64-bit floats, in which positions are kept; use --arch cpu"
-        raise BadInput(f"--arch vulkan: {told}") from None
 
 
 def has_cuda() -> bool:
     """Whether there is an NVIDIA graphics processor that the engine can use."""
     return bool(core.with_cuda())
+
+
+def multiprocessors() -> int:
+    """Multiprocessors of the first NVIDIA graphics processor.
+
+    Reference: CUDA driver API, cuDeviceGetAttribute, CU_DEVICE_ATTRIBUTE_MULTIPROCESSOR_COUNT.
+    """
+    count, driver = ctypes.c_int(), ctypes.CDLL("libcuda.so.1")
+    if driver.cuDeviceGetAttribute(ctypes.byref(count), MULTIPROCESSORS, 0) != 0:
+        raise BadInput("--arch cuda: the driver does not say how many multiprocessors there are")
+    return count.value
 
 
 def is_serial(lines: int) -> bool:

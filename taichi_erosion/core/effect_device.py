@@ -10,7 +10,7 @@ from typing import Any
 
 from taichi_erosion.core.effect import Constants, ReplicaEffect
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import aligned, device_record, read, upload, write
+from taichi_erosion.core.transfer import device_record, read, upload, write
 
 
 @device_record
@@ -52,7 +52,7 @@ def bind(place: str, replicas: Sequence[Sequence[ReplicaEffect]], grain_places: 
         functions=tuple(effect.act for effect in effects),
         constants=tuple(struct_field(list(one.constants), count) for one in examples),
         names=tuple(effect.name for effect in effects),
-        present=aligned(ti.field(ti.i32, shape=(count, max(len(effects), 1)))),
+        present=ti.field(ti.i32, shape=(count, max(len(effects), 1))),
         any=bool(effects),
         vector=tuple(effect.vector for effect in effects),
         any_vector=any(effect.vector for effect in effects),
@@ -91,7 +91,7 @@ def write_constants(
 
 def struct_field(names: Sequence[str], places: int) -> Any:
     """Field of one struct of reals a place; None without names."""
-    return aligned(ti.types.struct(**dict.fromkeys(names, float)).field(shape=places)) if names else None
+    return ti.types.struct(**dict.fromkeys(names, float)).field(shape=places) if names else None
 
 
 def write_table(table: Any, rows: Sequence[Constants], first: int) -> None:

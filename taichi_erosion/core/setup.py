@@ -27,8 +27,8 @@ FrictionCap = Literal["thornton", "edem"]
 RollingLaw = Literal["none", "constant_torque", "elastic_plastic"]
 DragLaw = Literal["schiller_naumann", "two_limits", "two_limits_hindered", "di_felice", "gidaspow"]
 Precision = Literal["f32", "f64"]
-Arch = Literal["cpu", "cuda", "vulkan"]
-ArchChoice = Literal["auto", "cpu", "cuda", "vulkan"]  # auto: a graphics processor for much work
+Arch = Literal["cpu", "cuda"]
+ArchChoice = Literal["auto", "cpu", "cuda"]  # auto: a graphics processor for much work
 Decomposition = Literal["partitions", "grains"]  # what one thread advances
 
 EVERYWHERE: tuple[Triple, Triple] = ((-inf, -inf, -inf), (inf, inf, inf))  # m, a domain without an end

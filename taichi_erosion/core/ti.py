@@ -20,6 +20,7 @@ if TYPE_CHECKING or engine_name() == "taichi":
     from taichi.lang import impl
 
     CompilationError = ti.TaichiCompilationError
+    memfence = ti.simt.grid.memfence  # what a thread of the device wrote before is seen by all threads after
     OPTIONS: dict[str, Any] = {}  # of `ti.init` that only this engine has
     LOCK = "ticache.lock"  # in the folder of the cache, held while its index is read or written
 else:
@@ -28,10 +29,11 @@ else:
     from quadrants.lang import impl
 
     CompilationError = ti.QuadrantsCompilationError
+    memfence = ti.simt.grid.mem_fence
     # without it the compiler aborts on a store to a computed index of a vector that is read afterwards
     OPTIONS = {"force_scalarize_matrix": True}
     LOCK = os.path.join("kernel_compilation_manager", "qdcache.lock")
 
-__all__ = ["LOCK", "OPTIONS", "CompilationError", "core", "impl", "ti"]
+__all__ = ["LOCK", "OPTIONS", "CompilationError", "core", "impl", "memfence", "ti"]
 
 take_shortcuts()

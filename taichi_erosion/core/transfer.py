@@ -92,29 +92,6 @@ def field_view(field: Any) -> NDArray[Any]:
     return known.views[field]
 
 
-def aligned(field: Any) -> Any:
-    """The field, in cells that hold an even number of 32-bit numbers wherever 64-bit ones may follow.
-
-    Taichi's backends for Vulkan lay fields out without gaps and address numbers by multiples of their size: a
-    64-bit number at an odd multiple of 4 bytes lies over the number before it. Each cell whose 32-bit numbers
-    would bring that about is given one more; a CPU needs none.
-
-    Reference: Taichi 1.7.4, https://github.com/taichi-dev/taichi/issues/8803.
-    """
-    if not is_host():
-        cell = field.parent()
-        numbers = [cell.ptr.get_ch(k) for k in range(cell.ptr.get_num_ch())]
-        sizes = [NUMBER_BYTES[member.data_type().to_string()] for member in numbers]
-        if needs_padding(sizes, prod(field.shape)):
-            cell.place(ti.field(ti.i32))
-    return field
-
-
-def needs_padding(sizes: list[int], places: int) -> bool:
-    """Whether so many cells of numbers of such sizes [byte] misalign a 64-bit one among or behind them."""
-    return sizes.count(4) % 2 == 1 and (8 in sizes or places % 2 == 1)
-
-
 @dataclass_transform(frozen_default=True, eq_default=False)
 def device_record(kind: type[Kind]) -> type[Kind]:
     """Class of a record that kernels take as one argument; its members are annotated and given once.

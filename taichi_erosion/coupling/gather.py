@@ -12,7 +12,6 @@ Stat. 29, 610.
 
 from math import pi
 
-from taichi_erosion.core.device_functions import cosine, logarithm, sine
 from taichi_erosion.core.effect_device import add_gusts, total_drag_factor, total_grain_force, update_states
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.deposit import SPHERE_VOLUME, column_share, layer_range, share_below, wind_of
@@ -52,10 +51,10 @@ def normal(seed, ident, step):
     """Three standard normal numbers."""
     u = uniform(seed, ident, step)
     w = uniform(seed, -1 - ident, step)
-    length = ti.sqrt(-2.0 * logarithm(u[0]))
-    other = ti.sqrt(-2.0 * logarithm(w[0]))
+    length = ti.sqrt(-2.0 * ti.log(u[0]))
+    other = ti.sqrt(-2.0 * ti.log(w[0]))
     turn, more = 2.0 * pi * u[1], 2.0 * pi * w[1]
-    return ti.cast(ti.Vector([length * cosine(turn), length * sine(turn), other * cosine(more)]), float)
+    return ti.cast(ti.Vector([length * ti.cos(turn), length * ti.sin(turn), other * ti.cos(more)]), float)
 
 
 @ti.func

@@ -7,7 +7,7 @@ import numpy as np
 
 from taichi_erosion.core.setup import ContactTable, Floats, pair_rows
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import aligned, device_record, members, upload
+from taichi_erosion.core.transfer import device_record, members, upload
 
 TSUJI = 2.0 * sqrt(5.0 / 6.0)  # factor of the damping force of a Hertz contact [1], Tsuji et al. (1992)
 RESTITUTION_LEAST = 1e-6  # stands for every smaller restitution [1]; log(0) has no value
@@ -36,9 +36,7 @@ class Materials:
 def allocate_materials(replicas: int, materials: int) -> Materials:
     rows = materials * (materials + 1) // 2
     names = members(Materials)[2:]
-    return Materials(
-        materials, rows, **{name: aligned(ti.field(float, shape=replicas * rows)) for name in names}
-    )
+    return Materials(materials, rows, **{name: ti.field(float, shape=replicas * rows) for name in names})
 
 
 def damping_ratio(restitution: Floats) -> Floats:

@@ -5,6 +5,9 @@ Half list: a pair has one entry, at the grain whose cell comes first. Entries of
 `capacity` entries on each of two sides; each partition of its grains fills its own share of them, so
 partitions never wait for each other.
 
+In the grain decomposition entry k of a grain stands `stride` places behind entry k - 1, beside entry k of the
+next grain: neighbouring threads read neighbouring places, and pairs that touch fill whole groups of threads.
+
 The Verlet skin h is the distance that a grain may move before the lists are rebuilt:
 
     h = clip(|v| t, m R, h_most)
@@ -33,6 +36,7 @@ class NeighbourList:
     """Entries of all replicas, both sides."""
 
     capacity: int  # entries a replica and side
+    stride: int  # places from one entry of a grain to the next
     owner: Any  # i32, rank of the owner
     neighbour: Any  # i32, rank of the partner
     label: Any  # i32, row of Materials above the bits ENGAGED and MET
@@ -46,7 +50,7 @@ class NeighbourList:
     stop: Any  # i32 by grain place: one past the last entry
 
 
-def allocate_neighbour_list(replicas: int, grains: int, capacity: int) -> NeighbourList:
+def allocate_neighbour_list(replicas: int, grains: int, capacity: int, stride: int) -> NeighbourList:
     """Fields of `capacity` entries a replica and side."""
     places = 2 * replicas * capacity
     # apart from the rest: the search for a pair in an old list reads nothing else
@@ -56,13 +60,21 @@ def allocate_neighbour_list(replicas: int, grains: int, capacity: int) -> Neighb
         realx3="separation tangential_displacement rolling_displacement",
         real="root_radius damping rolling_damping",
     )
-    return NeighbourList(capacity, **labels, **entries, **block(2 * replicas * grains, i32="start stop"))
+    return NeighbourList(
+        capacity, stride, **labels, **entries, **block(2 * replicas * grains, i32="start stop")
+    )
 
 
 @ti.func
 def entry_block(pairs: ti.template(), r, side):
     """First entry of one side of replica r."""
     return (2 * r + side) * pairs.capacity
+
+
+@ti.func
+def entry_number(pairs: ti.template(), i):
+    """Entries of the grain at place i."""
+    return (pairs.stop[i] - pairs.start[i]) // pairs.stride
 
 
 @ti.func

@@ -28,6 +28,7 @@ from taichi_erosion.grains.neighbour_list import (
     MET,
     ROW_SHIFT,
     entry_block,
+    entry_number,
     is_wide,
     partition_entries,
     skin,
@@ -43,7 +44,8 @@ ROWS = 5  # rows of cells that follow a cell: the rest of its own row, one besid
 def find_entry(pairs: ti.template(), place_i, place_j, rank_j):
     """Entry of the pair in the list of place_i, or -1."""
     found = -1
-    for e in range(pairs.start[place_i], pairs.stop[place_i]):
+    for k in range(entry_number(pairs, place_i)):
+        e = pairs.start[place_i] + k * pairs.stride
         if pairs.neighbour[e] == rank_j:
             found = e
     return found
@@ -119,11 +121,11 @@ def list_partner(world_out: ti.template(), entry, limit, wanted, touching, j, st
     """
     (pairs_out,) = ti.static((world_out.pairs,))
     if state > 0:
-        if entry + wanted < limit:
-            slot = entry + wanted
+        if entry + wanted * pairs_out.stride < limit:
+            slot = entry + wanted * pairs_out.stride
             if state == 2:
-                pairs_out.neighbour[slot] = pairs_out.neighbour[entry + touching]
-                slot = entry + touching
+                pairs_out.neighbour[slot] = pairs_out.neighbour[entry + touching * pairs_out.stride]
+                slot = entry + touching * pairs_out.stride
                 touching += 1
             pairs_out.neighbour[slot] = j
         wanted += 1

@@ -23,7 +23,7 @@ from typing import Any
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import device_record
 from taichi_erosion.grains.frozen_drag import apply_drag
-from taichi_erosion.grains.neighbour_list import ENGAGED
+from taichi_erosion.grains.neighbour_list import ENGAGED, entry_number
 from taichi_erosion.grains.partition import barrier, owns_partition
 from taichi_erosion.grains.state import arrays, partition_first, side_block
 
@@ -142,7 +142,8 @@ def mark_unsettled(world_out: ti.template(), r, i):
     """Mark both grains of every engaged pair of the grain at place i where one has not rested long enough."""
     pairs, sleep_out = ti.static((world_out.pairs, world_out.sleep))
     base, rest_least = side_block(world_out.grains, r, world_out.replicas.side[r]), sleep_out.rest_least[r]
-    for e in range(pairs.start[i], pairs.stop[i]):
+    for k in range(entry_number(pairs, i)):
+        e = pairs.start[i] + k * pairs.stride
         j = base + pairs.neighbour[e]
         rested = ti.min(sleep_out.rest_count[i], sleep_out.rest_count[j])
         if pairs.label[e] & ENGAGED == ENGAGED and rested < rest_least:

@@ -9,7 +9,6 @@ edge may only be pushed once: `wall_contacts.py`, from the closest points found 
 
 from typing import Any
 
-from taichi_erosion.core.device_functions import cosine, sine
 from taichi_erosion.core.setup import PrimitiveKind
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import device_record
@@ -196,4 +195,4 @@ def rotation(vector):
     axis = vector / ti.max(angle, LENGTH_LEAST)
     cross = ti.Matrix([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
     identity = ti.Matrix.identity(ti.f64, 3)
-    return identity + sine(angle) * cross + (1.0 - cosine(angle)) * (cross @ cross)
+    return identity + ti.sin(angle) * cross + (1.0 - ti.cos(angle)) * (cross @ cross)

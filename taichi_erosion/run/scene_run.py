@@ -50,7 +50,7 @@ from taichi_erosion.simulation import assemble, effective_scene, import_state, p
 from taichi_erosion.simulation.capacities import has_grids
 from taichi_erosion.simulation.team import mean_threads
 
-CROSSOVER = 50_000  # grains of all replicas from which `auto` takes a graphics processor: not measured yet
+CROSSOVER = 5_000  # grains of all replicas from which `auto` takes a graphics processor: docs/speed.md
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 SURFACE_ENERGY_CONVENTION = "energy per surface: work of adhesion w = 2 gamma, JKR pull-off 3 pi gamma R*"
 

@@ -23,9 +23,16 @@ FIRST_LAUNCH = 500  # steps before the pace is known
 ROUNDING = 1e-6  # of a step: a time that lies on a step is not passed by one more
 
 
-def steps_until(sim: Simulation, until: Sequence[float]) -> Integers:
-    """Whole steps that bring every replica to its time; 0 for those already there."""
-    taken = download([sim.world.replicas.step], 0, len(sim.setups))[0]
+def clocks(sim: Simulation) -> tuple[Integers, Integers, Integers]:
+    """Steps done, status, and steps left of the last launch, by replica."""
+    replicas = sim.world.replicas
+    fields = [replicas.step, replicas.status, replicas.steps_left]
+    step, status, left = (numbers.astype(np.int32) for numbers in download(fields, 0, len(sim.setups)))
+    return step, status, left
+
+
+def steps_until(sim: Simulation, until: Sequence[float], taken: Integers) -> Integers:
+    """Whole steps that bring every replica to its time after those `taken`; 0 for those already there."""
     dt = np.array([setup.time_step for setup in sim.setups])
     wanted = np.ceil(np.asarray(until, np.float64) / dt - ROUNDING)
     return np.maximum(wanted - taken, 0).astype(np.int32)
@@ -37,19 +44,20 @@ def advance(sim: Simulation, until: Sequence[float]) -> None:
     A list that is too short is grown and the step repeated. Launches are short, so that signals reach the
     host; their length changes no result.
     """
-    remaining = steps_until(sim, until)
+    taken, status, _ = clocks(sim)
+    remaining = steps_until(sim, until, taken)
     while True:
-        running = statuses(sim) == Status.RUNNING
-        remaining = np.where(running, remaining, 0)
+        remaining = np.where(status == Status.RUNNING, remaining, 0)
         if not remaining.any():
             return
         portion = np.minimum(remaining, launch_steps(sim))
         if sim.coupling.host_driven:
             portion = np.minimum(portion, exchange_when_due(sim, remaining > 0))
-        left = launch(sim, portion)
+        status, left = launch(sim, portion)
         remaining = remaining - (portion - left)
-        if (statuses(sim) == Status.OVERFLOW).any():
+        if (status == Status.OVERFLOW).any():
             grow_lists(sim)
+            status = statuses(sim)
 
 
 def launch_steps(sim: Simulation) -> int:
@@ -59,8 +67,8 @@ def launch_steps(sim: Simulation) -> int:
     return max(int(sim.pace * seconds), 1) if sim.pace > 0.0 else FIRST_LAUNCH
 
 
-def launch(sim: Simulation, steps: Integers) -> Integers:
-    """Run once; returns the steps that each replica did not do."""
+def launch(sim: Simulation, steps: Integers) -> tuple[Integers, Integers]:
+    """Run once; returns the status of each replica, and the steps that it did not do."""
     replicas, count = sim.world.replicas, len(steps)
     upload([(replicas.steps_left, steps), (replicas.spins_most, [spins_most(sim.pace)] * count)])
     start, used = time.perf_counter(), time.process_time()
@@ -69,13 +77,13 @@ def launch(sim: Simulation, steps: Integers) -> Integers:
         run_steps(sim.world, sim.coupling, sim.buffers, int(steps.max()))
     else:
         run_partitions(sim, steps, size)
-    left = download([replicas.steps_left], 0, count)[0].astype(np.int32)
+    _, status, left = clocks(sim)
     elapsed, used = time.perf_counter() - start, time.process_time() - used
     if sim.launched:
         sim.pace = float((steps - left).max()) / elapsed
         note_team(sim, size, elapsed, used)
     sim.launched = True
-    return left
+    return status, left
 
 
 def run_partitions(sim: Simulation, steps: Integers, size: int) -> None:

@@ -36,6 +36,7 @@ from taichi_erosion.simulation.capacities import (
 )
 from taichi_erosion.simulation.grain_decomposition.buffers import GrainBuffers, allocate_buffers
 from taichi_erosion.simulation.grain_decomposition.exchange import CHUNK, chunk_count
+from taichi_erosion.simulation.grain_decomposition.rebuild import release_at_start
 from taichi_erosion.simulation.schedule import Schedule, allocate_schedule
 from taichi_erosion.simulation.step import release_first
 from taichi_erosion.simulation.team import Team
@@ -63,18 +64,19 @@ class Simulation:
     team: Team = field(default_factory=Team)
 
 
-def build_world(setups: list[Setup], laws: Laws, capacities: Capacities, lanes: int) -> World:
+def build_world(setups: list[Setup], laws: Laws, capacities: Capacities, by_grain: bool) -> World:
     """Fields of all setups, one per replica, and the device functions; the device must have been started."""
+    lanes, buffers, stride = (1, 2, capacities.grains) if by_grain else (LANES, capacities.partitions, 1)
     compiled = compile_contact_laws(laws)
     driven, sleeps = is_driven(setups), any(s.coupling.sleep_exchanges > 0 for s in setups)
     effects, places = [s.effects for s in setups], 2 * capacities.replicas * capacities.grains
     pair_effects, grain_effects = (bind(place, effects, places) for place in ("pair", "grain"))
     world = World(
-        grains=allocate_grains(capacities.replicas, capacities.partitions, capacities.grains),
+        grains=allocate_grains(capacities.replicas, buffers, capacities.grains),
         source=allocate_source(capacities.replicas, capacities.grains),
         replicas=allocate_replicas(capacities.replicas, capacities.partitions),
         cells=allocate_cells(capacities.replicas, capacities.grains, capacities.cells),
-        pairs=allocate_neighbour_list(capacities.replicas, capacities.grains, capacities.pairs),
+        pairs=allocate_neighbour_list(capacities.replicas, capacities.grains, capacities.pairs, stride),
         walls=allocate_walls(capacities.replicas, capacities.primitives, capacities.surfaces),
         wall_pairs=allocate_wall_list(capacities.replicas, capacities.grains, capacities.wall_pairs),
         materials=allocate_materials(capacities.replicas, capacities.materials),
@@ -171,8 +173,13 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
     workers = threads if on_cpu else len(listed)
     chunk = CPU_CHUNK if on_cpu else 1
     fields = allocate_fields(listed, laws, numerics, workers, capacities)
-    release_first(fields[0])
+    release_start(fields[0], numerics.by_grain)
     return Simulation(listed, laws, numerics, workers, chunk, capacities, *fields)
+
+
+def release_start(world: World, by_grain: bool) -> None:
+    """Release the grains that are there from the start."""
+    (release_at_start if by_grain else release_first)(world)
 
 
 def allocate_fields(
@@ -181,11 +188,11 @@ def allocate_fields(
     """All fields of a run."""
     everyone = padded_with_copies(setups, capacities)
     schedule = allocate_schedule(max(workers, POOL_LEAST), capacities.replicas)
-    world = build_world(everyone, laws, capacities, 1 if numerics.by_grain else LANES)
+    world = build_world(everyone, laws, capacities, numerics.by_grain)
     if not numerics.by_grain:
         return world, allocate_coupling(everyone, laws, capacities.partitions), schedule, None
     coupling = allocate_coupling(everyone, laws, chunk_count(capacities.grains), CHUNK)
-    return world, coupling, schedule, allocate_buffers(capacities)
+    return world, coupling, schedule, allocate_buffers(capacities, workers)
 
 
 def reallocate(sim: Simulation, capacities: Capacities) -> None:

@@ -12,9 +12,8 @@ from taichi_erosion.core.effect_device import write_constants
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.transfer import device_fields, write
 from taichi_erosion.coupling.coupling_state import upload_exchange_settings
-from taichi_erosion.simulation.assemble import Simulation, assemble, checked, upload_setups
+from taichi_erosion.simulation.assemble import Simulation, assemble, checked, release_start, upload_setups
 from taichi_erosion.simulation.capacities import Capacities, initial_capacities, padded_with_copies
-from taichi_erosion.simulation.step import release_first
 
 EXCLUSIVE = ("first_contact", "grain")  # places of effects that all replicas of an ensemble must share
 
@@ -38,7 +37,7 @@ def reuse_or_assemble(
         write_constants(bound, [setup.effects for setup in everyone])
     upload_setups(before.world, everyone)
     upload_exchange_settings(before.coupling.exchange, everyone)
-    release_first(before.world)
+    release_start(before.world, numerics.by_grain)
     return before
 
 

@@ -20,6 +20,7 @@ PARTITION_GRAINS = 4000  # grains per partition above which a barrier costs litt
 PAIR_GRAINS = 1000  # the same for two workers
 PARTITIONS_MOST = 16
 ENTRIES_PER_GRAIN = 8  # half-list entries of a dense bed with its skin
+ENTRIES_MOST = 16  # of one grain among grains of similar size, where all have the same number of places
 ENTRIES_LEAST = 256  # for partitions of few grains
 WALL_ENTRIES_PER_GRAIN = 2
 CELLS_PER_GRAIN = 8
@@ -85,7 +86,7 @@ def initial_capacities(setups: list[Setup], by_grain: bool = False) -> Capacitie
         replicas=replicas,
         partitions=1 if by_grain else max(partition_count(s) for s in setups),
         grains=grains,
-        pairs=max(grains * ENTRIES_PER_GRAIN, ENTRIES_LEAST),
+        pairs=grains * ENTRIES_MOST if by_grain else max(grains * ENTRIES_PER_GRAIN, ENTRIES_LEAST),
         wall_pairs=max(grains * WALL_ENTRIES_PER_GRAIN, ENTRIES_LEAST),
         cells=cell_count(grains),
         primitives=primitives,
@@ -114,14 +115,15 @@ class VerletSkin:
     cell_reach: float  # m, radius and skin up to which adjacent cells hold all partners
 
 
-def verlet_skin(setup: Setup) -> VerletSkin:
+def verlet_skin(setup: Setup, by_grain: bool = False) -> VerletSkin:
     """Skin of one replica.
 
     Under wind few grains move, and those far: their skin extends beyond adjacent cells and they are searched
-    among all others, as are the few largest grains, so that cells may be as narrow as most grains need.
+    among all others, as are the few largest grains, so that cells may be as narrow as most grains need. With
+    one thread per grain no grain may take so much longer than the others.
     """
     radius = np.sort(setup.grains.radius)
-    if setup.air is None:
+    if setup.air is None or by_grain:
         most = SKIN_MOST * float(radius[-1])
         return VerletSkin(setup.skin, most, SKIN_STEPS * setup.time_step, float(radius[-1]) + most)
     large = float(radius[-1 - min(LARGE_MOST, len(radius) - 1)])

@@ -9,7 +9,7 @@ from taichi_erosion.core.snapshot import Snapshot, Totals
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import download
 from taichi_erosion.grains.cells import position_of
-from taichi_erosion.grains.neighbour_list import ENGAGED, ROW_SHIFT
+from taichi_erosion.grains.neighbour_list import ENGAGED, ROW_SHIFT, entry_number
 from taichi_erosion.grains.state import side_block
 from taichi_erosion.grains.wall_contacts import position_in_wall_frame
 from taichi_erosion.grains.walls import wall_distance, wall_offset
@@ -38,8 +38,9 @@ def wall_poses(sim: Simulation, replica: int) -> dict[str, WallPose]:
     }
 
 
-# columns of the sums of `read_replicas`
+# columns of the sums of `sum_chunks`
 TRANSLATION, ROTATION, POTENTIAL, STORED, SPEED, RELEASED, CONTACTS, OVERLAP = range(8)
+CHUNK = 16  # grains that one thread sums where one thread advances one grain
 SPHERE_INERTIA = 0.4  # moment of inertia over m R^2 of a solid sphere [1]
 
 
@@ -108,35 +109,53 @@ def add_contact(
     sums_out[row, OVERLAP] = ti.max(sums_out[row, OVERLAP], ti.cast(overlap / radius, ti.f64))
 
 
+@ti.func
+def add_grain(
+    world: ti.template(), contacts_out: ti.template(), sums_out: ti.template(), r, row, place, rank, counts
+):
+    """Motion of one grain, and its contacts with walls and with the grains of its list."""
+    pairs, walls = ti.static((world.pairs, world.wall_pairs))
+    base = side_block(world.grains, r, world.replicas.side[r])
+    i, touching = base + rank, 0
+    add_motion(world, sums_out, r, place, rank)
+    for k in range(entry_number(pairs, i)):
+        e = pairs.start[i] + k * pairs.stride
+        if pairs.label[e] & ENGAGED == ENGAGED:
+            touching += 1
+            root, overlap = pairs.root_radius[e], pair_overlap(world, base, i, e)
+            add_contact(world, pairs, sums_out, place, e, overlap, 2.0 * root * root)
+            if counts == 1:  # an atomic sum of whole numbers, in any order
+                ti.atomic_add(contacts_out[row, pairs.neighbour[e]], 1)
+    for e in range(walls.start[i], walls.stop[i]):
+        if walls.label[e] & ENGAGED == ENGAGED:
+            touching += 1
+            add_contact(world, walls, sums_out, place, e, wall_overlap(world, i, e), world.grains.radius[i])
+    if counts == 1:
+        ti.atomic_add(contacts_out[row, rank], touching)
+
+
 @ti.kernel
-def read_replicas(
+def sum_chunks(
     # parameters
     first: ti.i32,
     last: ti.i32,
+    chunk: ti.i32,
+    chunks: ti.i32,
+    counts: ti.i32,
     # in
     world: ti.template(),
     # out
     contacts_out: ti.types.ndarray(dtype=ti.i32, ndim=2),
     sums_out: ti.types.ndarray(dtype=ti.f64, ndim=2),
 ):
-    """Touching partners of every grain by rank, and energies [J] and extremes of replicas first to last."""
-    for r in range(first, last):
-        row, base = r - first, side_block(world.grains, r, world.replicas.side[r])
-        for rank in range(world.replicas.released[r]):
-            i = base + rank
-            add_motion(world, sums_out, r, row, rank)
-            for e in range(world.pairs.start[i], world.pairs.stop[i]):
-                if world.pairs.label[e] & ENGAGED == ENGAGED:
-                    root, overlap = world.pairs.root_radius[e], pair_overlap(world, base, i, e)
-                    add(contacts_out, row, rank, 1)
-                    add(contacts_out, row, world.pairs.neighbour[e], 1)
-                    add_contact(world, world.pairs, sums_out, row, e, overlap, 2.0 * root * root)
-            for e in range(world.wall_pairs.start[i], world.wall_pairs.stop[i]):
-                if world.wall_pairs.label[e] & ENGAGED == ENGAGED:
-                    overlap, radius = wall_overlap(world, i, e), world.grains.radius[i]
-                    add(contacts_out, row, rank, 1)
-                    add_contact(world, world.wall_pairs, sums_out, row, e, overlap, radius)
-        sums_out[row, RELEASED] = world.replicas.released[r]
+    """Sums over each chunk of grains of replicas first to last; with `counts` the contacts of every grain."""
+    for place in range((last - first) * chunks):
+        row, begin = place // chunks, place % chunks * chunk
+        released = world.replicas.released[first + row]
+        for rank in range(begin, ti.min(begin + chunk, released)):
+            add_grain(world, contacts_out, sums_out, first + row, row, place, rank, counts)
+        if begin == 0:
+            sums_out[place, RELEASED] = released
 
 
 def replica_row(sim: Simulation, replica: int) -> tuple[int, int, int, int]:
@@ -147,11 +166,20 @@ def replica_row(sim: Simulation, replica: int) -> tuple[int, int, int, int]:
     return side, released, step, rebuilds
 
 
-def contact_sums(sim: Simulation, first: int, last: int) -> tuple[Integers, Floats]:
-    """Contacts by replica and rank, and the sums of `read_replicas`, of replicas first to last."""
-    contacts, sums = np.zeros((last - first, sim.capacities.grains), np.int32), np.zeros((last - first, 8))
-    read_replicas(first, last, sim.world, contacts, sums)
-    return contacts, sums
+def contact_sums(sim: Simulation, first: int, last: int, counts: bool = False) -> tuple[Integers, Floats]:
+    """Contacts by replica and rank where `counts`, and energies [J] and extremes of replicas first to last.
+
+    One thread sums a replica, or a chunk where one thread advances one grain.
+    """
+    chunk = CHUNK if sim.buffers is not None else sim.capacities.grains
+    chunks = -(-sim.capacities.grains // chunk)
+    contacts = np.zeros((last - first, sim.capacities.grains) if counts else (1, 1), np.int32)
+    sums = np.zeros(((last - first) * chunks, 8))
+    sum_chunks(first, last, chunk, chunks, int(counts), sim.world, contacts, sums)
+    by_replica = sums.reshape(last - first, chunks, 8)
+    found = by_replica.sum(axis=1)
+    found[:, [SPEED, OVERLAP]] = by_replica[:, :, [SPEED, OVERLAP]].max(axis=1)
+    return contacts, found
 
 
 def positions(sim: Simulation, replica: int, first: int, released: int) -> Floats:
@@ -175,7 +203,7 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
     rate, spin_rate = download([grains.acceleration, grains.spin_rate], replica * rows, released)
     kept = effect_memory(sim)
     states = download([numbers for numbers, _ in kept.values()], first, released) if kept else []
-    contacts, _ = contact_sums(sim, replica, replica + 1)
+    contacts, _ = contact_sums(sim, replica, replica + 1, counts=True)
     order = np.argsort(ident, kind="stable")
     half = 0.5 * sim.setups[replica].time_step * (step > 0)
     return Snapshot(
@@ -214,12 +242,12 @@ def totals(sim: Simulation, replica: int) -> Totals:
 
 
 def energies(sim: Simulation) -> Floats:
-    """Sums of `read_replicas` up to `RELEASED`, [replicas, 6], for sanity checks and checks of rest."""
+    """Sums of `sum_chunks` up to `RELEASED`, [replicas, 6], for sanity checks and checks of rest."""
     return contact_sums(sim, 0, len(sim.setups))[1][:, : RELEASED + 1]
 
 
 def share_touching(sim: Simulation, replica: int) -> float:
     """Share of the released grains with at least one contact [1]."""
     _, released, _, _ = replica_row(sim, replica)
-    contacts, _ = contact_sums(sim, replica, replica + 1)
+    contacts, _ = contact_sums(sim, replica, replica + 1, counts=True)
     return float(np.mean(contacts[0, :released] > 0)) if released else 0.0

@@ -78,8 +78,10 @@ def export_replica(sim: Simulation, r: int, block: int, count: int) -> Arrays:
     for prefix, table, names in (("pair_", world.pairs, PAIR), ("wall_", world.wall_pairs, WALL_PAIR)):
         start, stop = (a.astype(np.int64) for a in download([table.start, table.stop], first, count))
         entries = saved(prefix, table, names, block * table.capacity, table.capacity)
-        kept = entry_places(start, stop) - block * table.capacity
-        out[f"{prefix}number"] = stop - start
+        stride = getattr(table, "stride", 1)
+        number = (stop - start) // stride
+        kept = entry_places(start, number, stride) - block * table.capacity
+        out[f"{prefix}number"] = number
         out |= {name: values[kept] for name, values in entries.items()}
     out["wall_wall"] = out["wall_wall"] - r * sim.capacities.primitives
     if world.clumped:
@@ -104,11 +106,10 @@ def import_bed(sim: Simulation, replica: int, bed: Arrays) -> None:
     import_replica(sim, replica, bed)
 
 
-def entry_places(start: NDArray[np.int64], stop: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Places from start to stop of every grain, joined."""
-    number = stop - start
+def entry_places(start: NDArray[np.int64], number: NDArray[np.int64], stride: int = 1) -> NDArray[np.int64]:
+    """Places of the entries of every grain, joined: its first place, how many, and from one to the next."""
     within = np.arange(number.sum()) - np.repeat(np.cumsum(number) - number, number)
-    return np.repeat(start, number) + within
+    return np.repeat(start, number) + stride * within
 
 
 def in_room(saved: NDArray[Any], room: tuple[int, ...]) -> NDArray[Any]:
@@ -146,11 +147,20 @@ def import_state(sim: Simulation, state: Arrays) -> None:
 def ensure_capacity(sim: Simulation, state: Arrays) -> None:
     """Grow the lists until those of a state fit."""
     pairs, wall_pairs = (capacity_wanted(state, prefix) for prefix in ("pair", "wall"))
+    if sim.buffers is not None:  # as many places for every grain as the fullest list and reverse list take
+        pairs = sim.world.pairs.stride * most_partners(state, len(sim.setups))
     capacities = sim.capacities
     while capacities.pairs < pairs or capacities.wall_pairs < wall_pairs:
         capacities = with_doubled_lists(capacities)
     if capacities != sim.capacities:
         reallocate(sim, capacities)
+
+
+def most_partners(state: Arrays, replicas: int) -> int:
+    """Entries of the fullest list of a grain or reverse list."""
+    lists = [state[f"replica{r}_pair_number"] for r in range(replicas)]
+    second = [state[f"replica{r}_pair_neighbour"].astype(np.int64) for r in range(replicas)]
+    return int(max(number.max(initial=0) for number in (*lists, *map(np.bincount, second))))
 
 
 def capacity_wanted(state: Arrays, prefix: str) -> int:
@@ -169,7 +179,6 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
     if sim.buffers is not None:
         part = part | {"bounds": np.array([0, len(part["ident"])])}
         upload([(world.replicas.partitions, [1.0])], r)
-        upload([(sim.buffers.linked, [0.0])], r)
     upload(columns("", world.grains, GRAIN, part), 2 * r * rows)
     upload(columns("", world.grains, RATE, part), r * rows)
     if world.driven:
@@ -179,6 +188,17 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
     for name, (numbers, start) in effect_memory(sim).items():
         begun = np.full(len(part["ident"]), download([start], r, 1)[0][0])  # of an effect that was not there
         upload([(numbers, part.get(f"memory_{name}", begun))], 2 * r * sim.capacities.grains)
+    import_lists(sim, r, part)
+    if world.clumped:
+        upload(columns("body_", world.clumps, BODY, part), r * sim.capacities.bodies)
+        rank = np.zeros(rows)
+        rank[part["ident"].astype(np.int64)] = np.arange(len(part["ident"]))
+        upload([(world.clumps.rank, rank)], r * rows)
+
+
+def import_lists(sim: Simulation, r: int, part: Arrays) -> None:
+    """Partitions and lists of one replica, on side 0."""
+    world, rows = sim.world, sim.capacities.grains
     bounds = read(world.replicas.bounds)
     bounds[r, : len(part["bounds"])] = part["bounds"]
     write(world.replicas.bounds, bounds)
@@ -187,13 +207,13 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
         number = part[f"{prefix}number"].astype(np.int64)
         entries = columns(prefix, table, names, part)
         entries.append((table.owner, np.repeat(np.arange(len(number)), number)))
-        upload_entries(sim, r, table, number, entries)
+        by_grain = sim.buffers is not None and table is world.pairs
+        (upload_by_grain if by_grain else upload_entries)(sim, r, table, number, entries)
     upload([(world.wall_pairs.clearance_squared, np.zeros(rows))], 2 * r * rows)
-    if world.clumped:
-        upload(columns("body_", world.clumps, BODY, part), r * sim.capacities.bodies)
-        rank = np.zeros(rows)
-        rank[part["ident"].astype(np.int64)] = np.arange(len(part["ident"]))
-        upload([(world.clumps.rank, rank)], r * rows)
+    if sim.buffers is not None:
+        near = np.flatnonzero(part["wall_number"])
+        upload([(sim.buffers.walled, [len(near)])], r)
+        upload([(sim.buffers.walled_rank, near)], r * rows)
 
 
 def air_state(sim: Simulation) -> dict[str, Any]:
@@ -210,6 +230,35 @@ def air_state(sim: Simulation) -> dict[str, Any]:
 def effect_memory(sim: Simulation) -> dict[str, tuple[Any, Any]]:
     """State variables of all effects, as `state_fields` of each place."""
     return state_fields(sim.world.pair_effects) | state_fields(sim.world.grain_effects)
+
+
+def upload_by_grain(
+    sim: Simulation, r: int, table: Any, number: NDArray[np.int64], columns: list[Any]
+) -> None:
+    """Lay the joined entries of a replica out by rank, on side 0, with the reverse lists and no forces."""
+    assert sim.buffers is not None
+    buffers, stride, block = sim.buffers, table.stride, r * table.capacity
+    start = np.arange(len(number))
+    places, most = entry_places(start, number, stride), stride * int(number.max(initial=0))
+    for field, values in columns:
+        upload([(field, scattered(places, values, most))], 2 * block)
+    ends = [(table.start, 2 * block + start), (table.stop, 2 * block + start + stride * number)]
+    upload(ends, 2 * r * stride)
+    second = columns[0][1].astype(np.int64)
+    partners = np.bincount(second, minlength=len(number))
+    reverse = entry_places(start, partners, stride), places[np.lexsort((places, second))]
+    upload([(buffers.partner_entry, scattered(*reverse, table.capacity))], block)
+    upload([(buffers.partners, partners)], r * stride)
+    upload([(buffers.listed, [most])], r)
+    for rows_out in (buffers.force, buffers.torque, buffers.back, buffers.acts):
+        write(rows_out, 0)
+
+
+def scattered(places: NDArray[np.int64], values: Any, count: int) -> NDArray[Any]:
+    """`count` rows with the values at their places, zero elsewhere."""
+    rows = np.zeros((count, *np.shape(values)[1:]))
+    rows[places] = values
+    return rows
 
 
 def upload_entries(

@@ -13,7 +13,7 @@ import numpy as np
 
 from taichi_erosion.core.setup import Integers
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import aligned, device_record, upload
+from taichi_erosion.core.transfer import device_record, upload
 
 
 @device_record
@@ -30,7 +30,7 @@ def allocate_schedule(workers: int, replicas: int) -> Schedule:
     """Fields for one schedule: every worker can cut one replica more."""
     tasks = workers + replicas
     sizes = (workers + 1, tasks, tasks, tasks)
-    return Schedule(*(aligned(ti.field(ti.i32, size)) for size in sizes))
+    return Schedule(*(ti.field(ti.i32, size) for size in sizes))
 
 
 def assign_steps(steps: Integers, workers: int) -> Schedule:

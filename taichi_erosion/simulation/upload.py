@@ -66,10 +66,11 @@ def upload_source(world: World, setups: list[Setup]) -> None:
 
 def upload_replicas(world: World, setups: list[Setup], reaches: Floats, partitions: list[int]) -> None:
     """Clocks, boxes and skins; nothing is released yet, the first step rebuilds."""
-    replicas = world.replicas
-    allowed = [verlet_skin(s) for s in setups]
+    replicas, is_full = world.replicas, world.pairs.stride > 1
+    allowed = [verlet_skin(s, is_full) for s in setups]
     # where cells hold the widest grain, none is wide, whatever rounding gives
-    cell_reach = [np.inf if s.air is None else m.cell_reach for s, m in zip(setups, allowed, strict=True)]
+    holds = [s.air is None or is_full for s in setups]
+    cell_reach = [np.inf if all_in else m.cell_reach for all_in, m in zip(holds, allowed, strict=True)]
     upload(
         [
             (replicas.total, [len(s.grains.radius) for s in setups]),
@@ -94,7 +95,8 @@ def upload_replicas(world: World, setups: list[Setup], reaches: Floats, partitio
 
 def upload_cells(world: World, setups: list[Setup], reaches: Floats) -> None:
     """Cell grids."""
-    least = [2.0 * verlet_skin(s).cell_reach + reach for s, reach in zip(setups, reaches[:, 0], strict=True)]
+    skins = [verlet_skin(s, world.pairs.stride > 1) for s in setups]
+    least = [2.0 * skin.cell_reach + reach for skin, reach in zip(skins, reaches[:, 0], strict=True)]
     most = [min(world.cells.capacity, cell_count(len(s.grains.radius))) for s in setups]
     grids = [cell_grid(*one) for one in zip(setups, least, most, strict=True)]
     upload([(getattr(world.cells, name), [grid[name] for grid in grids]) for name in grids[0]])

@@ -42,7 +42,7 @@ def test_batches_shrink_are_worth_a_start_have_a_limit_and_hold_one_group():
     assert dealt(requests(RUNS_MOST + 6, 1.0)) == [RUNS_MOST, 6]
     assert dealt([*requests(3, 1.0, "a"), *requests(2, 1.0, "b")]) == [3, 2]
     assert dealt(requests(4, WORK_MOST / 1.5)) == [1] * 4  # no longer than a killed worker may lose
-    most = [replace(each, most=6, arch="vulkan") for each in requests(15, WORK_MOST)]
+    most = [replace(each, most=6, arch="cuda") for each in requests(15, WORK_MOST)]
     assert dealt(most, workers=1) == [6, 6, 3]  # a graphics processor takes all that it has room for
     assert dealt(requests(3, 1.0), {"0": 1})[0] == 1  # a worker died of it: it goes alone
 
@@ -60,9 +60,9 @@ def test_one_worker_holds_the_device(tmp_path, monkeypatch):
 
     monkeypatch.setattr(execution, "start_pool", start)
     monkeypatch.setattr(execution, "refuse_missing_devices", looked.append)
-    found = carry_out(tmp_path, on_device(tmp_path, "vulkan"))
+    found = carry_out(tmp_path, on_device(tmp_path, "cuda"))
     assert [result.failure for result in found] == [None] * 4
-    assert (started, looked) == ([1], [{"vulkan"}])
+    assert (started, looked) == ([1], [{"cuda"}])
 
 
 @pytest.mark.skipif(has_cuda(), reason="there is such a device")

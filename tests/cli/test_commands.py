@@ -227,10 +227,10 @@ def test_bench_prints_every_case_with_its_stages_and_takes_sizes_for_devices_alo
     printed = capsys.readouterr().out
     assert all(word in printed for word in ("bed", "1.5e+07", "contacts 0.75", "rebuild 0.25", "znver3"))
     calls.clear()
-    assert main(["bench", "--arch", "vulkan", "--quick"]) == 0
+    assert main(["bench", "--arch", "cuda", "--quick"]) == 0
     ((_, words),) = calls
-    assert words == {"arch": "vulkan", "size": "quick"}
-    for refused in (["--quick"], ["--large"], ["--arch", "vulkan", "--quick", "--large"]):
+    assert words == {"arch": "cuda", "size": "quick"}
+    for refused in (["--quick"], ["--large"], ["--arch", "cuda", "--quick", "--large"]):
         assert main(["bench", *refused]) == 2
         assert refused[-1] in capsys.readouterr().err
 
@@ -284,15 +284,15 @@ def test_sigterm_lets_what_is_open_be_closed(room):
 
 def test_device_of_the_runs_of_a_study_arrives_as_an_option_and_of_designed_ones_as_an_entry(room):
     calls = room("taichi_erosion.evidence.answers.commands", "next_study", BadInput("enough"))
-    words = ["--arch", "vulkan", "--decomposition", "partitions", "--workers", "2"]
+    words = ["--arch", "cuda", "--decomposition", "partitions", "--workers", "2"]
     assert main(["next", "study.toml", *words]) == 2
     (((_, _, options), _),) = calls
-    assert (options.arch, options.decomposition, options.workers) == ("vulkan", "partitions", 2)
+    assert (options.arch, options.decomposition, options.workers) == ("cuda", "partitions", 2)
     calls = room("taichi_erosion.campaign.calibration", "calibrate", BadInput("enough"))
-    assert main(["doe", "run", "study.toml", "--arch", "vulkan", "--workers", "2"]) == 2
+    assert main(["doe", "run", "study.toml", "--arch", "cuda", "--workers", "2"]) == 2
     (((path, until, stated, _), words),) = calls
     assert (path, until, words) == (Path("study.toml"), "run", {"force": False})
-    assert stated == {"arch": "vulkan", "workers": 2}
+    assert stated == {"arch": "cuda", "workers": 2}
 
 
 def test_the_cost_of_a_small_study_is_no_zero():

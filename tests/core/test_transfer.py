@@ -5,8 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from taichi_erosion.core import transfer
 from taichi_erosion.core.setup import Numerics
@@ -49,26 +47,6 @@ def test_a_record_that_kernels_take_is_no_dataclass_and_keeps_its_members():
         Cloud(2, "x")  # pyright: ignore[reportCallIssue]
     with pytest.raises(FrozenInstanceError):
         cloud.count = 3  # pyright: ignore[reportAttributeAccessIssue]
-
-
-def offsets(cells: list[list[int]], places: int) -> list[int]:
-    """Offsets of 64-bit numbers [byte] where cells of numbers follow each other without gaps."""
-    found, at = [], 0
-    for sizes in cells:
-        for _ in range(places):
-            for size in sorted(sizes):  # Taichi puts the smaller ones first
-                found += [at] if size == 8 else []
-                at += size
-    return found
-
-
-@given(st.lists(st.lists(st.sampled_from([4, 8]), min_size=1, max_size=4), max_size=4), st.integers(1, 5))
-def test_padded_cells_leave_64_bit_numbers_at_multiples_of_their_size(cells, places):
-    padded = [[*sizes, *([4] if transfer.needs_padding(sizes, places) else [])] for sizes in cells]
-    assert all(offset % 8 == 0 for offset in offsets(padded, places))
-    for sizes in cells:
-        misaligned = any(offset % 8 for offset in offsets([sizes, [8]], places))
-        assert transfer.needs_padding(sizes, places) == misaligned
 
 
 @pytest.mark.parametrize("name", ["whole", "place", "real", "ghosts", "turn", "table", "member"])

@@ -21,7 +21,7 @@ import numpy as np
 from taichi_erosion.core.air_setup import AirSetup
 from taichi_erosion.core.device import is_serial
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import aligned, device_record, is_host, write
+from taichi_erosion.core.transfer import device_record, is_host, write
 
 real = ti.f64
 
@@ -92,7 +92,7 @@ def allocate_levels(setup: AirSetup, replicas: int) -> MultigridLevels:
         columns=tuple(int(n) for n in shapes[:, :2].max(axis=1)),
         periodic_x=setup.sides["x_low"].kind == "periodic",
         periodic_y=setup.sides["y_low"].kind == "periodic",
-        shape=aligned(ti.field(ti.i32, shape=(len(shapes), 5))),
+        shape=ti.field(ti.i32, shape=(len(shapes), 5)),
         conductance_z=ti.field(real, shape=(*cells[:2], cells[2] + 1)),
         **{name: ti.field(real, shape=cells) for name in (*names, "right_side", "solution", "residual")},
     )

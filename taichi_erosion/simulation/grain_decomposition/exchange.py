@@ -15,7 +15,7 @@ from taichi_erosion.coupling.gather import gather_grain
 from taichi_erosion.grains import World
 from taichi_erosion.grains.sleep import count_rest, mark_unsettled, update_sleep_state
 from taichi_erosion.grains.state import side_block
-from taichi_erosion.simulation.grain_decomposition.buffers import Stages
+from taichi_erosion.simulation.grain_decomposition.buffers import Stage
 
 CHUNK = 64  # grains that one thread sums; another number would give other bits
 
@@ -89,25 +89,18 @@ GATHER, GATHER_ONLY = compile_gather(True), compile_gather(False)
 SLEEP = tuple(map(compile_sleep, (count_rest, mark_unsettled, update_sleep_state)))
 
 
-def exchange_stages(world: World, coupling: CouplingState) -> Stages:
-    """Stages of an exchange, each of which acts where it is due."""
-    grains = world.grains.capacity
-    stages: Stages = ()
+def exchange_stages(world: World, coupling: CouplingState) -> tuple[Stage, ...]:
+    """Stages of an exchange, each of which acts where it is due.
+
+    The first exchange of all is done twice: the drag of grains needs the air, and the air the grains.
+    """
+    grains, stages = world.grains.capacity, []
     if coupling.air is not None:
-        cells = coupling.air.cell_count
-        tasks = (sum_chunk, chunk_count(grains)), (load_cell, cells), (advance_air, 1)
-        stages = tuple((is_due, task, width) for task, width in tasks)
+        loads = (sum_chunk, chunk_count(grains)), (load_cell, coupling.air.cell_count)
+        stages += [(is_first, task, width) for task, width in (*loads, (GATHER_ONLY, grains))]
+        stages += [(is_due, task, width) for task, width in (*loads, (advance_air, 1))]
     if world.driven or world.has_state:
-        stages = (*stages, (is_due, GATHER, grains))
+        stages.append((is_due, GATHER, grains))
     if world.sleeps:
-        stages = (*stages, *((may_sleep, task, grains) for task in SLEEP))
-    return stages
-
-
-def first_exchange_stages(world: World, coupling: CouplingState) -> Stages:
-    """Stages before the first exchange of all: the drag of grains needs the air, and the air the grains."""
-    if coupling.air is None:
-        return ()
-    grains, cells = world.grains.capacity, coupling.air.cell_count
-    tasks = (sum_chunk, chunk_count(grains)), (load_cell, cells), (GATHER_ONLY, grains)
-    return tuple((is_first, task, width) for task, width in tasks)
+        stages += [(may_sleep, task, grains) for task in SLEEP]
+    return tuple((task,) for task in stages)

@@ -1,8 +1,9 @@
-"""Forces of the grain decomposition: a pair evaluates its contact law, a grain sums its forces and moves."""
+"""Forces of the grain decomposition: pairs and walls are evaluated, a grain sums its forces and moves."""
 
 from taichi_erosion.core.ti import ti
+from taichi_erosion.grains.clumps import advance_clump, released_bodies
 from taichi_erosion.grains.integrate import advance_awake, kick_time
-from taichi_erosion.grains.neighbour_list import ROW_SHIFT, end_contact, entry_block
+from taichi_erosion.grains.neighbour_list import ROW_SHIFT, end_contact, entry_block, entry_number
 from taichi_erosion.grains.pair_contacts import (
     detect_pair,
     effects_act,
@@ -18,83 +19,116 @@ from taichi_erosion.grains.sleep import next_awake, note_wake
 from taichi_erosion.grains.state import force_block, side_block
 from taichi_erosion.grains.wall_contacts import add_wall_force, detect_wall, evaluate_wall, next_wall_entry
 
+WALLS = 1  # buffer of the forces of walls; that of pairs is the first
+
 
 @ti.func
-def evaluate_entry(world_out: ti.template(), buffers_out: ti.template(), r, k):
-    """Force of the pair of entry k of replica r, kept for both grains; its history advances."""
+def evaluate_place(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
+    """Force of the pair at place k of the entries of replica r, if there is one."""
+    (pairs,) = ti.static((world_out.pairs,))
+    if k < buffers_out.listed[r] and k % pairs.stride < world_out.replicas.released[r]:
+        side = world_out.replicas.side[r]
+        e = entry_block(pairs, r, side) + k
+        if e < pairs.stop[side_block(world_out.grains, r, side) + k % pairs.stride]:
+            evaluate_entry(world_out, buffers_out, r, k, e)
+
+
+@ti.func
+def evaluate_entry(world_out: ti.template(), buffers_out: ti.template(), r, k, e):
+    """Force of the pair of entry e, at place k of replica r, kept for both; its history advances."""
     base = side_block(world_out.grains, r, world_out.replicas.side[r])
-    e = entry_block(world_out.pairs, r, world_out.replicas.side[r]) + k
-    place = r * world_out.pairs.capacity + k
-    buffers_out.level[place] = 0.0
-    batch = world_out.batch_type()
-    near = 0
+    batch, place = world_out.batch_type(), r * world_out.pairs.capacity + k
+    near, acts = 0, 0
     if next_awake(world_out, base, e, e + 1) == e:
         near = detect_pair(world_out, batch, 0, r, e, base)
     if near == 1:
         load_pair(world_out, batch, 0, base, -1)
         evaluate_pair(world_out.laws, batch, 0, world_out.replicas.time_step[r])
-        keep_pair(world_out, buffers_out, batch, r, base, place)
+        acts = keep_pair(world_out, buffers_out, batch, r, base, place)
+        size, rank = pair_size(batch, 0), batch.owner[0]
+        if is_too_deep(world_out.replicas, r, batch.overlap[0], size):
+            note_overlap(world_out, buffers_out, r, rank, batch.partner[0], batch.overlap[0] / size, rank)
         if ti.static(world_out.sleeps):
             note_wake(world_out.sleep, base + batch.owner[0], base + batch.partner[0])
+    if acts == 0 and buffers_out.acts[place] == 1:
+        clear_pair(buffers_out, place)
 
 
 @ti.func
 def keep_pair(world_out: ti.template(), buffers_out: ti.template(), batch: ti.template(), r, base, place):
-    """Keep force and torques of an evaluated pair, and a note where its overlap is too large."""
-    e, level = batch.entry[0], 0.0
+    """Keep force and torques of an evaluated pair; returns 1 where there are any, else 0."""
+    e, acts = batch.entry[0], batch.acts[0]
     force = 0.0 * lane(batch.force, 0)
     torque, back = force, force
     if batch.acts[0] == 1:
         store_contact(world_out.pairs, batch, 0)
         force = lane(batch.force, 0)
         torque, back = pair_torques(batch, 0)
-        level = 1.0
     else:
         end_contact(world_out.pairs, e)
     if ti.static(world_out.pair_effects.any):
         if effects_act(world_out.materials, world_out.pairs, e):
             force += pair_effect_force(world_out, batch, 0, r, base)
-            level = 1.0
-    size = pair_size(batch, 0)
-    if is_too_deep(world_out.replicas, r, batch.overlap[0], size):
-        level = 1.0 + batch.overlap[0] / size
-        ti.atomic_min(buffers_out.faulty[r], place - r * world_out.pairs.capacity)
-    buffers_out.force[place] = force
-    buffers_out.torque[place] = torque
-    buffers_out.back[place] = back
-    buffers_out.level[place] = level
+            acts = 1
+    if acts == 1:
+        buffers_out.force[place] = force
+        buffers_out.torque[place] = torque
+        buffers_out.back[place] = back
+        buffers_out.acts[place] = 1
+    return acts
+
+
+@ti.func
+def clear_pair(buffers_out: ti.template(), place):
+    """Zero force and torques of a pair: sums are taken over all pairs, and wait for no other number."""
+    for sum_out in ti.static((buffers_out.force, buffers_out.torque, buffers_out.back)):
+        sum_out[place] = ti.Vector.zero(float, 3)
+    buffers_out.acts[place] = 0
 
 
 @ti.func
 def sum_pairs(world_out: ti.template(), buffers: ti.template(), r, rank):
-    """Add the forces of all pairs of a grain to its buffer: first its own entries, then its reverse list."""
+    """Sum the forces of all pairs of a grain: first its own entries, then its reverse list."""
     grains_out, pairs, replicas = ti.static((world_out.grains, world_out.pairs, world_out.replicas))
-    i = side_block(grains_out, r, replicas.side[r]) + rank
-    buffer, row = force_block(grains_out, replicas, r, 0) + rank, r * grains_out.capacity + rank
-    first, entries = entry_block(pairs, r, replicas.side[r]), r * pairs.capacity
-    force, torque = grains_out.force[buffer], grains_out.torque[buffer]
-    for e in range(pairs.start[i], pairs.stop[i]):
-        place = entries + e - first
-        if buffers.level[place] > 0.0:
-            force += buffers.force[place]
-            torque += buffers.torque[place]
-    for n in range(buffers.start[row], buffers.stop[row]):
-        place = entries + buffers.partner_entry[n]
-        if buffers.level[place] > 0.0:
-            force -= buffers.force[place]
-            torque -= buffers.back[place]
+    i, row = side_block(grains_out, r, replicas.side[r]) + rank, r * grains_out.capacity + rank
+    entries = r * pairs.capacity
+    force, torque = ti.Vector.zero(float, 3), ti.Vector.zero(float, 3)
+    for k in range(entry_number(pairs, i)):
+        place = entries + rank + k * pairs.stride
+        force += buffers.force[place]
+        torque += buffers.torque[place]
+    for k in range(buffers.partners[row]):
+        place = entries + buffers.partner_entry[entries + rank + k * pairs.stride]
+        force -= buffers.force[place]
+        torque -= buffers.back[place]
+    buffer = force_block(grains_out, replicas, r, 0) + rank
     grains_out.force[buffer] = force
     grains_out.torque[buffer] = torque
 
 
 @ti.func
+def note_overlap(world: ti.template(), buffers_out: ti.template(), r, rank, partner, overlap, order):
+    """Note too large an overlap of a grain, unless one of a smaller order is noted."""
+    if ti.atomic_min(buffers_out.faulty[r], order) > order:
+        place = r * world.grains.capacity + rank
+        buffers_out.overlap[place] = overlap
+        buffers_out.partner[place] = partner
+
+
+@ti.func
+def evaluate_walls(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, n):
+    """Forces of the walls on one of the grains near them."""
+    if n < buffers_out.walled[r]:
+        add_walls(world_out, buffers_out, r, buffers_out.walled_rank[r * world_out.grains.capacity + n])
+
+
+@ti.func
 def add_walls(world_out: ti.template(), buffers_out: ti.template(), r, rank):
-    """Add the forces of all walls on a grain to its buffer."""
+    """Forces of all walls on a grain, in a buffer of their own."""
     entries, replicas = ti.static((world_out.wall_pairs, world_out.replicas))
     base = side_block(world_out.grains, r, replicas.side[r])
-    buffer = force_block(world_out.grains, replicas, r, 0)
+    buffer = force_block(world_out.grains, replicas, r, WALLS)
     e, end = entries.start[base + rank], entries.stop[base + rank]
-    deep = 0
     while e < end:
         e = next_wall_entry(world_out, base, e, end)
         if e < end:
@@ -103,34 +137,54 @@ def add_walls(world_out: ti.template(), buffers_out: ti.template(), r, rank):
                 load_entry(world_out, entries, batch, 0)
                 load_materials(world_out, batch, 0, entries.label[e] >> ROW_SHIFT)
                 evaluate_wall(world_out.laws, batch, 0, replicas.time_step[r])
-                deep = deep | note_deep_wall(world_out, buffers_out, batch, r, rank)
                 add_wall_force(world_out, batch, 0, r, base, buffer)
+                overlap, radius = batch.overlap[0], batch.radius_i[0]
+                if is_too_deep(replicas, r, overlap, radius):
+                    order = world_out.grains.capacity + rank  # behind all pairs
+                    note_overlap(world_out, buffers_out, r, rank, batch.partner[0], overlap / radius, order)
             e += 1
-    if deep == 1:
-        # it comes behind all pairs
-        ti.atomic_min(buffers_out.faulty[r], world_out.pairs.capacity + rank)
 
 
 @ti.func
-def note_deep_wall(world: ti.template(), buffers_out: ti.template(), batch: ti.template(), r, rank):
-    """Note the wall that a grain overlaps too far with; returns 1 where it does, else 0."""
-    overlap, radius, deep = batch.overlap[0], batch.radius_i[0], 0
-    if is_too_deep(world.replicas, r, overlap, radius):
-        place = r * world.grains.capacity + rank
-        buffers_out.wall_overlap[place] = overlap / radius
-        buffers_out.wall[place] = batch.partner[0]
-        deep = 1
-    return deep
+def join_forces(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
+    """Sum of the forces of pairs and walls on one grain."""
+    grains_out, replicas, entries = ti.static((world_out.grains, world_out.replicas, world_out.wall_pairs))
+    if rank < replicas.released[r]:
+        sum_pairs(world_out, buffers, r, rank)
+        i = side_block(grains_out, r, replicas.side[r]) + rank
+        if entries.start[i] < entries.stop[i]:
+            buffer = force_block(grains_out, replicas, r, 0) + rank
+            walls = force_block(grains_out, replicas, r, WALLS) + rank
+            for sum_out in ti.static((grains_out.force, grains_out.torque)):
+                sum_out[buffer] = sum_out[buffer] + sum_out[walls]
+                sum_out[walls] = 0.0 * sum_out[walls]
 
 
 @ti.func
-def move(world_out: ti.template(), r, rank):
-    """Motion of one grain that is awake; one that has left its skin asks for a rebuild."""
-    grains_out, replicas_out = ti.static((world_out.grains, world_out.replicas))
-    i = side_block(grains_out, r, replicas_out.side[r]) + rank
-    buffer = force_block(grains_out, replicas_out, r, 0) + rank
-    kick = kick_time(replicas_out, r, replicas_out.step[r])
-    place = ti.select(replicas_out.steps_left[r] == 1, r * grains_out.capacity + rank, -1)
-    need = advance_awake(world_out, r, i, buffer, kick, place)
+def move_grain(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
+    """Motion of one grain under the sum of its forces; one that has left its skin asks for new lists."""
+    grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
+    join_forces(world_out, coupling, buffers_out, r, rank)
+    if rank < replicas.released[r]:
+        i = side_block(grains_out, r, replicas.side[r]) + rank
+        buffer, kick = (
+            force_block(grains_out, replicas, r, 0) + rank,
+            kick_time(replicas, r, buffers_out.step[r]),
+        )
+        place = ti.select(buffers_out.last[r] == 1, r * grains_out.capacity + rank, -1)
+        ask_for_lists(world_out, buffers_out, r, advance_awake(world_out, r, i, buffer, kick, place))
+
+
+@ti.func
+def move_body(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
+    """Motion of one clump: the forces on its spheres are summed in their order."""
+    if k < released_bodies(world_out, r):
+        ask_for_lists(world_out, buffers_out, r, advance_clump(world_out, r, k, buffers_out.step[r]))
+
+
+@ti.func
+def ask_for_lists(world_out: ti.template(), buffers_out: ti.template(), r, need):
+    """Let replica r wait for new lists where a grain has left its skin."""
     if need != 0:
-        ti.atomic_max(replicas_out.need[r, 0], need)
+        ti.atomic_max(world_out.replicas.need[r, 0], need)
+        buffers_out.pending[0] = 1

@@ -1,257 +1,267 @@
-"""One step of all replicas by the grain decomposition, and the launch of many."""
+"""Time loop of the grain decomposition: all threads go from stage to stage together, for many steps."""
 
-from collections.abc import Iterator
-from typing import Any
+from functools import lru_cache
 
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import field_view, is_host
+from taichi_erosion.core.transfer import device_record
 from taichi_erosion.coupling.coupling_state import CouplingState
 from taichi_erosion.grains import World
-from taichi_erosion.grains.clumps import advance_clump, released_bodies
-from taichi_erosion.grains.state import REBUILD, STOP
-from taichi_erosion.simulation.grain_decomposition.buffers import NO_FAULT, GrainBuffers, Stages
-from taichi_erosion.simulation.grain_decomposition.exchange import exchange_stages, first_exchange_stages
-from taichi_erosion.simulation.grain_decomposition.forces import add_walls, evaluate_entry, move, sum_pairs
-from taichi_erosion.simulation.grain_decomposition.rebuild import link_stages, rebuild_stages
+from taichi_erosion.grains.state import ARRIVAL_SLOT, REBUILD, STOP
+from taichi_erosion.simulation.grain_decomposition.buffers import NO_FAULT, GrainBuffers, Stage, barrier
+from taichi_erosion.simulation.grain_decomposition.exchange import exchange_stages, is_due
+from taichi_erosion.simulation.grain_decomposition.forces import (
+    evaluate_place,
+    evaluate_walls,
+    join_forces,
+    move_body,
+    move_grain,
+)
+from taichi_erosion.simulation.grain_decomposition.rebuild import rebuild_stages
 from taichi_erosion.simulation.step import OVERLAP, required_action, tick
 
-MISSING_FUNCTION = ("does not 64bits operation", "must <= 32bits")  # of Taichi's compiler for Vulkan
-LAUNCH_MOST = 1 << 22  # threads of a launch: Vulkan devices need not start more than 65,535 groups of 128
-THREADS_MOST = 1 << 18  # of a stage of queued replicas: they are few, and each thread takes some places
-STEPS_A_REBUILD = 4  # steps between two launches that look for rebuilds; a replica waits for the next one
+APART_LEAST = 4_000_000  # places of list entries from which on tasks run apart; measured on an H200
+WAIT = 4  # steps between two looks at the lists of several replicas: one that waits lets the others go on
+
+
+@device_record
+class Stages:
+    """Stages of a step, and of what is due between steps."""
+
+    judge: Stage
+    rebuild: tuple[Stage, ...]
+    exchange: tuple[Stage, ...]
+    forces: Stage
+    motion: tuple[Stage, ...]
+    wait: int  # steps between two looks
+    apart: tuple[Stage, ...]  # of a look and `WAIT` steps
 
 
 @ti.func
-def judge(world_out: ti.template(), buffers_out: ti.template(), r):
-    """Whether replica r takes part in the coming step; a replica with too large an overlap is stopped."""
+def always(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
+    """For a task that acts on every replica."""
+    return True
+
+
+@ti.func
+def judge(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, _):
+    """What replica r needs before its next step: new lists, an exchange, nothing, or its end."""
     (replicas_out,) = ti.static((world_out.replicas,))
-    stepping = 0
+    stepping, renewing = 0, 0
+    buffers_out.faulty[r] = NO_FAULT
     if replicas_out.status[r] == 0:
         action = required_action(world_out, r)
         if action == STOP:
             replicas_out.status[r] = OVERLAP
-        elif action != REBUILD and replicas_out.steps_left[r] > 0:
-            stepping = buffers_out.linked[r]
-    buffers_out.stepping[r] = stepping
+        elif replicas_out.steps_left[r] > 0:
+            stepping = 1
+            ti.atomic_add(buffers_out.running[0], 1)
+            if action == REBUILD:
+                renewing, buffers_out.listing[0], buffers_out.lost[r] = 1, 1, 0
+                replicas_out.bounds[r, 1] = replicas_out.released[r]
+    buffers_out.stepping[r], buffers_out.renewing[r] = stepping, renewing
+    if is_exchanging(world_out, coupling, buffers_out, r):
+        buffers_out.exchanging[0] = 1
 
 
 @ti.func
-def note_fault(world_out: ti.template(), buffers_out: ti.template(), r):
-    """Record the first overlap beyond the limit of this step, in the order of the list entries."""
-    replicas_out, pairs = ti.static((world_out.replicas, world_out.pairs))
-    k = buffers_out.faulty[r]
-    if k != NO_FAULT:
-        if k < pairs.capacity:
-            e = (2 * r + replicas_out.side[r]) * pairs.capacity + k
-            replicas_out.fault_grain[r, 0] = pairs.owner[e]
-            replicas_out.fault_partner[r, 0] = pairs.neighbour[e]
-            replicas_out.fault_value[r, 0] = buffers_out.level[r * pairs.capacity + k] - 1.0
-        else:
-            place = r * world_out.grains.capacity + k - pairs.capacity
-            replicas_out.fault_grain[r, 0] = k - pairs.capacity
-            replicas_out.fault_partner[r, 0] = buffers_out.wall[place]
-            replicas_out.fault_value[r, 0] = buffers_out.wall_overlap[place]
-        replicas_out.need[r, 0] = STOP
-        buffers_out.faulty[r] = NO_FAULT
+def clear_flags(buffers_out: ti.template()):
+    """Clear what the next `judge` sets for all replicas together."""
+    buffers_out.listing[0], buffers_out.exchanging[0], buffers_out.running[0] = 0, 0, 0
+
+
+@ti.func
+def is_exchanging(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
+    """Whether replica r exchanges with air, fields or states before the coming step."""
+    exchanges = False
+    if ti.static((world.driven or world.has_state) and not coupling.host_driven):
+        exchanges = is_due(world, coupling, buffers, r)
+    return exchanges
 
 
 @ti.func
 def is_stepping(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
-    """Whether the coming step advances replica r."""
-    return buffers.stepping[r] == 1
+    """Whether the coming step advances replica r: it needs nothing before."""
+    return buffers.stepping[r] == 1 and world.replicas.need[r, 0] == 0
 
 
 @ti.func
-def evaluate(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, k):
-    """Force of one pair."""
-    if k < buffers_out.listed[r]:
-        evaluate_entry(world_out, buffers_out, r, k)
+def is_moving(world: ti.template(), coupling: ti.template(), buffers: ti.template(), r):
+    """Whether this step advances replica r."""
+    return buffers.moving[r] == 1
 
 
 @ti.func
-def integrate_grain(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, rank):
-    """Forces on one grain, and its motion; a sphere of a clump moves with its body."""
-    if rank < world_out.replicas.released[r]:
-        sum_pairs(world_out, buffers_out, r, rank)
-        add_walls(world_out, buffers_out, r, rank)
-        if ti.static(not world_out.clumped):
-            move(world_out, r, rank)
+def begin_step(world: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, _):
+    """Note for the stage of motion what the end of the step changes."""
+    buffers_out.moving[r] = ti.cast(is_stepping(world, coupling, buffers_out, r), ti.i32)
+    buffers_out.step[r] = world.replicas.step[r]
+    buffers_out.last[r] = ti.cast(world.replicas.steps_left[r] == 1, ti.i32)
 
 
 @ti.func
-def integrate_body(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, k):
-    """Motion of one clump: the forces on its spheres are summed in their order."""
-    if k < released_bodies(world_out, r):
-        need = advance_clump(world_out, r, k, world_out.replicas.step[r])
-        if need != 0:
-            ti.atomic_max(world_out.replicas.need[r, 0], need)
+def note_fault(world_out: ti.template(), buffers_out: ti.template(), r):
+    """Record the first overlap beyond the limit of this step, in the order of the grains, pairs first."""
+    (replicas_out,) = ti.static((world_out.replicas,))
+    order, grains = buffers_out.faulty[r], world_out.grains.capacity
+    if order != NO_FAULT:
+        rank = order % grains
+        replicas_out.fault_grain[r, 0] = rank
+        replicas_out.fault_partner[r, 0] = buffers_out.partner[r * grains + rank]
+        replicas_out.fault_value[r, 0] = buffers_out.overlap[r * grains + rank]
+        ti.atomic_max(replicas_out.need[r, 0], STOP)
+        buffers_out.faulty[r] = NO_FAULT
 
 
 @ti.func
 def end_step(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.template(), r, _):
-    """Clock, walls and faults of replica r, and whether it goes on."""
+    """Clock, walls and faults of replica r, and whether it waits for a look."""
+    (replicas_out,) = ti.static((world_out.replicas,))
     note_fault(world_out, buffers_out, r)
     tick(world_out, r)
-    world_out.replicas.steps_left[r] = world_out.replicas.steps_left[r] - 1
-    judge(world_out, buffers_out, r)
+    replicas_out.steps_left[r] = replicas_out.steps_left[r] - 1
+    waits = replicas_out.steps_left[r] == 0 or required_action(world_out, r) != 0
+    if waits or is_exchanging(world_out, coupling, buffers_out, r):
+        buffers_out.stepping[r] = 0
+        buffers_out.pending[0] = 1
 
 
-def step_stages(world: World, coupling: CouplingState) -> Stages:
-    """Stages of one step."""
-    tasks = [(evaluate, world.pairs.capacity), (integrate_grain, world.grains.capacity)]
+@lru_cache(maxsize=1)
+def compile_stages(world: World, coupling: CouplingState, buffers: GrainBuffers) -> Stages:
+    """Stages of an ensemble; the same object for the same fields, since a kernel is compiled for it."""
+    grains = world.grains.capacity
+    forces = ((is_stepping, evaluate_place, world.pairs.capacity), (always, begin_step, 1))
+    if world.walls.primitives:
+        forces = (*forces, (is_stepping, evaluate_walls, grains))
+    motion: tuple[Stage, ...] = (((is_moving, move_grain, grains), (is_moving, end_step, 1)),)
     if world.clumped:
-        tasks.append((integrate_body, world.clumps.capacity))
-    steps = ((is_stepping, task, width) for task, width in [*tasks, (end_step, 1)])
-    return (*exchange_stages(world, coupling), *steps)
+        bodies = (is_moving, move_body, world.clumps.capacity), (is_moving, end_step, 1)
+        motion = ((is_moving, join_forces, grains),), bodies
+    wait = min(WAIT, world.replicas.count)
+    rebuild, exchange = rebuild_stages(world, buffers), exchange_stages(world, coupling)
+    look = ((always, judge, 1),)
+    apart = (look, *rebuild, *exchange, *(WAIT * (forces, *motion)))
+    return Stages(look, rebuild, exchange, forces, motion, wait, apart)
 
 
-@ti.kernel
-def run_queued(
-    # parameters
-    stages: ti.template(),
-    # out
+@ti.func
+def run_stage(
+    stage: ti.template(),
     world_out: ti.template(),
+    coupling_out: ti.template(),
     buffers_out: ti.template(),
+    thread,
+    phase,
 ):
-    """Run stages one after the other, each for all queued replicas at once; it writes what they write."""
-    for stage in ti.static(stages):
-        task, width = ti.static(stage)
-        threads = ti.static(min(world_out.replicas.count * width, THREADS_MOST))
-        for thread in range(threads):
-            n = thread
-            while n < buffers_out.queued[0] * width:
-                task(world_out, buffers_out, buffers_out.queue[n // width], n % width)
-                n += threads
+    """One stage of all replicas; returns the next barrier."""
+    for part in ti.static(stage):
+        acts, task, width = ti.static(part)
+        n = thread
+        while n < world_out.replicas.count * width:
+            if acts(world_out, coupling_out, buffers_out, n // width):
+                task(world_out, coupling_out, buffers_out, n // width, n % width)
+            n += buffers_out.blocks * buffers_out.block
+    return barrier(buffers_out, thread, phase)
+
+
+@ti.func
+def look(
+    stages: ti.template(),
+    world_out: ti.template(),
+    coupling_out: ti.template(),
+    buffers_out: ti.template(),
+    thread,
+    phase,
+):
+    """What is due between two steps: lists and exchanges; returns the next barrier."""
+    phase = run_stage(stages.judge, world_out, coupling_out, buffers_out, thread, phase)
+    if buffers_out.listing[0] > 0:
+        for stage in ti.static(stages.rebuild):
+            phase = run_stage(stage, world_out, coupling_out, buffers_out, thread, phase)
+    if buffers_out.exchanging[0] > 0:
+        for stage in ti.static(stages.exchange):
+            phase = run_stage(stage, world_out, coupling_out, buffers_out, thread, phase)
+    return phase
+
+
+@ti.func
+def advance_together(
+    stages: ti.template(),
+    world_out: ti.template(),
+    coupling_out: ti.template(),
+    buffers_out: ti.template(),
+    thread,
+):
+    """Time loop of one thread: every thread takes the same way through it, by flags read behind a barrier.
+
+    A flag is cleared in the stage after the next barrier: until then some thread may still read it.
+    """
+    phase, done, looks, going = 1, 0, True, True
+    while going:
+        if looks:
+            phase = look(stages, world_out, coupling_out, buffers_out, thread, phase)
+            going = buffers_out.running[0] > 0
+        if going:
+            if looks and thread == 0:
+                buffers_out.pending[0] = 0
+            phase = run_stage(stages.forces, world_out, coupling_out, buffers_out, thread, phase)
+            if thread == 0:
+                clear_flags(buffers_out)
+            for stage in ti.static(stages.motion):
+                phase = run_stage(stage, world_out, coupling_out, buffers_out, thread, phase)
+            done += 1
+            looks = buffers_out.pending[0] == 1 and done % stages.wait == 0
 
 
 @ti.kernel
-def run_part(
+def run_together(
     # parameters
     stages: ti.template(),
-    first: ti.i32,
     # out
     world_out: ti.template(),
     coupling_out: ti.template(),
     buffers_out: ti.template(),
 ):
-    """Run stages one after the other, from thread `first` on; it writes what they write."""
-    for stage in ti.static(stages):
-        acts, task, width = ti.static(stage)
-        wanted = ti.static(world_out.replicas.count * width)
-        for thread in range(ti.static(min(wanted, LAUNCH_MOST))):
-            n = first + thread
-            if n < wanted:
+    """Advance all replicas until none has steps left; the stages write what `simulation.step.run_teams` does.
+
+    Writes `buffers_out`: arrivals, exchanging, listing, pending, running.
+    """
+    for _ in range(1):
+        buffers_out.arrivals[ARRIVAL_SLOT] = 0
+        clear_flags(buffers_out)
+    ti.loop_config(block_dim=buffers_out.block * buffers_out.lanes)
+    for lane in range(buffers_out.blocks * buffers_out.block * buffers_out.lanes):
+        if lane % buffers_out.lanes == 0:
+            advance_together(stages, world_out, coupling_out, buffers_out, lane // buffers_out.lanes)
+
+
+@ti.kernel
+def run_apart(
+    # parameters
+    stages: ti.template(),
+    # out
+    world_out: ti.template(),
+    coupling_out: ti.template(),
+    buffers_out: ti.template(),
+):
+    """Look at the lists and advance by `WAIT` steps, task by task, with a thread for each place of a task."""
+    for stage in ti.static(stages.apart):
+        for part in ti.static(stage):
+            acts, task, width = ti.static(part)
+            for n in range(world_out.replicas.count * width):
                 if acts(world_out, coupling_out, buffers_out, n // width):
                     task(world_out, coupling_out, buffers_out, n // width, n % width)
 
 
-def launches(stages: Stages, replicas: int) -> Iterator[tuple[Stages, int]]:
-    """Launches of stages of so many replicas, with their first threads.
-
-    One, or several for each stage where one of them has more threads than a device need start at once.
-    """
-    if all(replicas * width <= LAUNCH_MOST for *_, width in stages):
-        yield stages, 0
-        return
-    for stage in stages:
-        for first in range(0, replicas * stage[-1], LAUNCH_MOST):
-            yield (stage,), first
-
-
-def run_all(stages: Stages, world: World, coupling: CouplingState, buffers: GrainBuffers) -> None:
-    """Run stages one after the other, each for all replicas at once."""
-    for part, first in launches(stages, world.replicas.count):
-        run_part(part, first, world, coupling, buffers)
-
-
-@ti.func
-def needs_lists(world: ti.template(), r):
-    """Whether replica r has steps to do and needs new neighbour lists."""
-    needs = world.replicas.status[r] == 0 and world.replicas.steps_left[r] > 0
-    return needs and required_action(world, r) == REBUILD
-
-
-@ti.func
-def needs_links(world: ti.template(), buffers: ti.template(), r):
-    """Whether replica r has no reverse lists."""
-    return world.replicas.status[r] == 0 and buffers.linked[r] == 0
-
-
-@ti.kernel
-def queue_replicas(
-    # parameters
-    for_lists: ti.template(),
-    # in
-    world: ti.template(),
-    # out
-    buffers_out: ti.template(),
-):
-    """Queue the replicas that need new neighbour lists, or those that have no reverse lists.
-
-    Writes `buffers_out`: queue, queued.
-    """
-    for _ in range(1):
-        buffers_out.queued[0] = 0
-    for r in range(world.replicas.count):
-        wanted = needs_lists(world, r) if ti.static(for_lists) else needs_links(world, buffers_out, r)
-        if wanted:
-            # the place in the queue changes no result
-            buffers_out.queue[ti.atomic_add(buffers_out.queued[0], 1)] = r
-
-
-@ti.kernel
-def judge_all(
-    # out
-    world_out: ti.template(),
-    buffers_out: ti.template(),
-):
-    """Which replicas take part in the coming step.
-
-    Writes `buffers_out`: stepping.
-    Writes `world_out`: replicas.status.
-    """
-    for r in range(world_out.replicas.count):
-        judge(world_out, buffers_out, r)
-
-
 def run_steps(world: World, coupling: CouplingState, buffers: GrainBuffers, steps: int) -> None:
-    """Launch so many steps; a replica that waited for new lists has done fewer.
+    """Launch so many steps; a replica that waited for new lists has done fewer where tasks run apart.
 
-    Nothing is read back in between, except on a CPU, where fields are read in place: there the launches that
-    look for rebuilds are left out while no replica waits. Raises BadInput where Vulkan lacks a function.
+    Threads that stay and wait for each other save launches; very many grains are faster by tasks, whose
+    blocks need not fit all at once.
     """
-    stages, first = step_stages(world, coupling), first_exchange_stages(world, coupling)
-    try:
-        renew_lists(world, buffers)
-        if first:
-            run_all(first, world, coupling, buffers)
-        for k in range(1, steps + 1):
-            run_all(stages, world, coupling, buffers)
-            if is_waiting(world, buffers) if is_host() else k % STEPS_A_REBUILD == 0:
-                renew_lists(world, buffers)
-        ti.sync()
-    except RuntimeError as error:
-        if any(words in str(error) for words in MISSING_FUNCTION):
-            raise BadInput(
-                "--arch vulkan: a law or an effect of this scene needs a power, an exponential or a "
-                "sine of 64-bit floats, which Vulkan lacks; use --precision f32 or --arch cpu"
-            ) from None
-        raise
-
-
-def renew_lists(world: World, buffers: GrainBuffers) -> None:
-    """Rebuild the lists of the replicas that need it."""
-    queue_replicas(True, world, buffers)
-    for stages in rebuild_stages(world, buffers):
-        run_queued(stages, world, buffers)
-    queue_replicas(False, world, buffers)
-    run_queued(link_stages(world, buffers), world, buffers)
-    judge_all(world, buffers)
-
-
-def is_waiting(world: World, buffers: GrainBuffers) -> bool:
-    """Whether any replica has steps to do and does not take part, on a CPU."""
-    replicas = world.replicas
-    running: Any = (field_view(replicas.status) == 0) & (field_view(replicas.steps_left) > 0)
-    return bool((running & (field_view(buffers.stepping) == 0)).any())
+    stages, places = compile_stages(world, coupling, buffers), world.replicas.count * world.pairs.capacity
+    if places < APART_LEAST:
+        run_together(stages, world, coupling, buffers)
+    else:
+        for _ in range(-(-steps // WAIT)):
+            run_apart(stages, world, coupling, buffers)
+    ti.sync()
