@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from taichi_erosion.core.effect import STRENGTH, parameter_names, read_params, strength_warning
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
@@ -44,14 +45,12 @@ def scene_effect_files(scene: Scene) -> EffectFiles:
 
 def with_effects(scene: Scene, files: EffectFiles) -> Scene:
     """The scene with the files of its own effects and what its effects are known by. Raises BadInput."""
-    from taichi_erosion.core.effect import parameter_names
     from taichi_erosion.core.effect_loading import effect_in
     from taichi_erosion.effects import load_library, package_digests
 
     library = load_library(files)
-    if lines := list(effect_problems(scene, {n: parameter_names(effect) for n, effect in library.items()})):
-        raise BadInput(*lines)
-    if lines := list(range_problems(scene, library)):
+    entries = {name: parameter_names(effect) for name, effect in library.items()}
+    if lines := list(effect_problems(scene, entries)) or list(range_problems(scene, library)):
         raise BadInput(*lines)
     own = {effect_in(file).name: file for file in files}
     used = {name: own[name] for name in sorted(scene.effects) if name in own}
@@ -63,8 +62,6 @@ def with_effects(scene: Scene, files: EffectFiles) -> Scene:
 
 def range_problems(scene: Scene, library: Mapping[str, Any]) -> Iterator[str]:
     """Strengths and parameters of effects outside the ranges that the effects declare."""
-    from taichi_erosion.core.effect import read_params
-
     for name, entries in scene.effects.items():
         try:
             read_params(library[name], entries)
@@ -77,8 +74,6 @@ def explained(scene: Scene) -> dict[str, Any]:
     found = explain(scene)
     if not scene.effects:
         return found
-    from taichi_erosion.core.effect import STRENGTH, strength_warning
-
     library = library_of(scene)
     told = [strength_warning(library[name], e.get(STRENGTH, 1.0)) for name, e in scene.effects.items()]
     return found | {"warnings": [*found["warnings"], *(line for line in told if line)]}
@@ -104,10 +99,15 @@ def named_effects(paths: Sequence[Path]) -> EffectFiles:
     return files
 
 
+def idle_entries(scene: Scene, files: EffectFiles) -> list[str]:
+    """Sentences on effects of a scene and of named files that do not act, and on conditions without one."""
+    if not files and not scene.effects and not any(scene.conditions.stated().values()):
+        return []  # and the device is not imported
+    return [*idle_effects(scene, files), *unread_conditions(scene, files)]
+
+
 def idle_effects(scene: Scene, files: EffectFiles) -> list[str]:
     """Sentences on effects that do not act in a scene: of named files that it does not name, and its own."""
-    if not files and not scene.effects:
-        return []  # and the device is not imported
     from taichi_erosion.core.effect_loading import effect_in
 
     told, own = "the scene does not name it; --set effects.{}.strength=1", (effect_in(f).name for f in files)
@@ -133,6 +133,31 @@ def idle_reason(scene: Scene, effect: Any) -> str:
     if possible and scene.wind is None:
         told.append("there is no [wind] section")
     return ", ".join(told) or "with these numbers it changes nothing"
+
+
+def unread_conditions(scene: Scene, files: EffectFiles) -> Iterator[str]:
+    """Sentences on conditions that no effect of a scene reads; one of 0 is that of a scene without it."""
+    from taichi_erosion.effects import load_library
+
+    library = load_library(dict.fromkeys((*scene_effect_files(scene), *files)))
+    read = {name for effect in scene.effects for name in library[effect].reads}
+    stated = {n: value for n, value in scene.conditions.stated().items() if value and n not in read}
+    for name, value in stated.items():
+        readers = [each for each in library.values() if name in each.reads]
+        acting = [each for each in readers if would_act(scene, each)]
+        names = ", ".join(each.name for each in acting or readers)
+        told = f"; {names} can, but has nothing to act on here" if readers else ", and none of the list"
+        if acting:
+            told = f"; {names} can: --set effects.{acting[0].name}.strength=1"
+        yield f"conditions.{name} = {value:g} changes nothing: no effect of this scene reads it{told}"
+
+
+def would_act(scene: Scene, effect: Any) -> bool:
+    """Whether an effect that a scene does not name would change something in it."""
+    try:
+        return not idle_reason(scene.model_copy(update={"effects": {effect.name: {}}}), effect)
+    except BadInput:
+        return False
 
 
 def comparable(path: Path, scene: Scene) -> dict[str, Any]:
@@ -189,7 +214,7 @@ def check_scene(
         if scene.effects:
             refuse_failing_effects(scene)
         limits = explained(scene)
-        limits["warnings"] += idle_effects(scene, named)
+        limits["warnings"] += idle_entries(scene, named)
     found = {"scene": str(path), "hash": scene_hash(scene), "resolved": resolved(scene), "limits": limits}
     return found | {"effects": examined}
 

@@ -23,7 +23,7 @@ from taichi_erosion.run.checkpoint import Checkpointer, load_checkpoint, restore
 from taichi_erosion.run.checks import (
     comparable,
     explained,
-    idle_effects,
+    idle_entries,
     library_of,
     named_effects,
     read_scene,
@@ -121,7 +121,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
         for state in ensemble.states:
             state.measurements = apply_instruments(state.measurements, scene, library)
         document = scene_document(path, scene, ensemble, time.perf_counter() - started)
-        document["replicas"][0]["warnings"][:0] = idle_effects(scene, named)
+        document["replicas"][0]["warnings"][:0] = idle_entries(scene, named)
         if recorder:
             first, properties = document["replicas"][0], {"scene": {"hash": hashed}}
             document |= finish_recording(recorder, ensemble, first, properties)

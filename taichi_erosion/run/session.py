@@ -30,7 +30,7 @@ from taichi_erosion.recording.pictures import Picture, SideView, png_bytes
 from taichi_erosion.run.checks import (
     EffectFiles,
     explained,
-    idle_effects,
+    idle_entries,
     library_of,
     named_effects,
     read_scene,
@@ -168,7 +168,7 @@ def set_entry(session: Session, path: str, value: str) -> str:
 def warnings_now(session: Session) -> list[str]:
     """What a run of the present scene would warn of."""
     scene = session.scene
-    return [*explained(scene)["warnings"], *idle_effects(scene, session.effect_files)]
+    return [*explained(scene)["warnings"], *idle_entries(scene, session.effect_files)]
 
 
 def changed_fields(before: Any, after: Any) -> list[str]:

@@ -1,10 +1,12 @@
 """Checks of a scene that need no device."""
 
+import re
 from pathlib import Path
 
 import pytest
 from small_scene import TAPPED, WET, write_scene
 
+from taichi_erosion.effects import load_library
 from taichi_erosion.run.checks import check_scene, comparable, compatibility_key, read_scene
 
 ANGULAR = ("conditions.angularity=0.5", "effects.rolling_resistance.strength=1")
@@ -39,6 +41,29 @@ def test_a_check_tells_what_an_effect_needs_to_act(tmp_path: Path, name: str):
 def test_a_check_is_silent_where_effects_act(tmp_path: Path):
     orders = (*WET, *TAPPED, *ANGULAR, "conditions.slope=5.0", "effects.bed_slope.strength=1")
     assert check_scene(write_scene(tmp_path), orders)["limits"]["warnings"] == []
+
+
+UNREAD = {  # what is stated, and the effects that a warning names
+    "conditions.moisture=0.02": ["liquid_bridge"],  # an electric field needs a wind
+    "conditions.angularity=0.5": ["rolling_resistance"],
+    "conditions.salinity=0.1": [],
+    "conditions.moisture=0.0": None,
+}
+
+
+@pytest.mark.parametrize("order", UNREAD)
+def test_a_condition_that_no_effect_reads_is_told_with_those_that_do(tmp_path: Path, order: str):
+    found = check_scene(write_scene(tmp_path), (order,))["limits"]["warnings"]
+    library = load_library(())
+    named = [[name for name in library if re.search(rf"\b{name}\b", line)] for line in found]
+    assert named == ([] if UNREAD[order] is None else [UNREAD[order]])
+
+
+def test_the_remedy_of_an_unread_condition_ends_the_warning(tmp_path: Path):
+    path, order = write_scene(tmp_path), "conditions.moisture=0.02"
+    (line,) = check_scene(path, (order,))["limits"]["warnings"]
+    remedy = line.partition("--set ")[2]
+    assert check_scene(path, (order, remedy))["limits"]["warnings"] == []
 
 
 @pytest.mark.parametrize(
