@@ -145,6 +145,7 @@ def air_document(path: Path, run: AirRun, threads: int, seconds: float) -> dict[
         pressure_iterations_per_step=run.iterations / max(run.steps, 1),
         wall_s=seconds,
         numerics={"threads": threads, "precision": "f64", "time_step": run.step_length},
+        limits={"warnings": []},
     )
 
 

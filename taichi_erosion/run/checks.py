@@ -21,6 +21,7 @@ EffectFiles = tuple[EffectFile, ...]
 Examine = Callable[[EffectFile], dict[str, Any]]  # check of the effect of a file, from above
 
 OF_AIR = ("friction_velocity", "density", "viscosity", "through_flow")  # of [wind], no numbers of a grid
+OF_BOX = "density viscosity friction_velocity driving_gradient sides inlet turbulence".split()  # of [air]
 MIXABLE_PLACES = ("pair", "scene", "instrument")  # effects that replicas of one ensemble need not share
 
 
@@ -160,21 +161,24 @@ def would_act(scene: Scene, effect: Any) -> bool:
         return False
 
 
-def comparable(path: Path, scene: Scene) -> dict[str, Any]:
+def comparable(path: Path, scene: Scene | AirScene) -> dict[str, Any]:
     """Measured values of what is simulated: those of the file, where the laboratory's situation is its own.
 
     A value that was stated anew stays. Contacts, effects and the number of grains are what is tried.
     """
-    file = load_scene(path)
+    file = load_air_scene(path) if isinstance(scene, AirScene) else load_scene(path)
     same = situation(file) == situation(scene)
     kept = {name: m for name, m in scene.measured.items() if same or m != file.measured.get(name)}
     return {name: measured.model_dump() for name, measured in kept.items()}
 
 
-def situation(scene: Scene) -> list[Any]:
+def situation(scene: Scene | AirScene) -> list[Any]:
     """What a laboratory's value depends on."""
+    if isinstance(scene, AirScene):
+        return [scene.conditions, scene.air.model_dump(include=set(OF_BOX))]
     wind = scene.wind and scene.wind.model_dump(include=set(OF_AIR))
-    return [scene.conditions, scene.gravity, wind, scene.grains.model_copy(update={"count": 1})]
+    winds = [(each.friction_velocity, each.through_flow) for each in scene.stages]
+    return [scene.conditions, scene.gravity, wind, winds, scene.grains.model_copy(update={"count": 1})]
 
 
 def library_of(*scenes: Scene) -> dict[str, Any]:

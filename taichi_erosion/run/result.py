@@ -15,7 +15,7 @@
     recording       path of the recording or null; where they were made also `silhouettes` and `film`
     numerics        arch, threads, precision; `threads_mean`, the mean number at work, where threads shared
                     replicas; `time_step` for air alone
-    limits          time-step limits and softening numbers (grains only), as `run --check` prints them
+    limits          warnings, time-step limits and softening numbers (grains), as `run --check` prints them
     convention      of the surface energy (grains only)
     resolved        the scene with all defaults
     effect_digests  {effect: digest of its file}: effects that are not of this package (grains only)
@@ -47,6 +47,7 @@ from taichi_erosion.core.files import REMEDY, check_writable, write_atomic
 from taichi_erosion.measures.result import Measurement, as_record, json_value, without_nan
 from taichi_erosion.run import RunOptions
 from taichi_erosion.run.checkpoint import is_checkpoint
+from taichi_erosion.run.checks import comparable
 from taichi_erosion.run.ensemble_loop import EnsembleRun, failure_message
 from taichi_erosion.scene import Scene, resolved, scene_hash
 from taichi_erosion.scene.schema.air import AirScene
@@ -152,6 +153,10 @@ def run_document(
     **entries: Any,
 ) -> dict[str, Any]:
     """The document of a run; `entries` are those that differ between grains and air alone."""
+    wanted = comparable(path, scene)
+    if len(wanted) < len(scene.measured):
+        told = f"not compared with [measured] of {path.name}: grains, air or conditions are others"
+        entries["limits"]["warnings"].append(told)
     return {
         "scene": str(path),
         "title": scene.scene.title,
@@ -159,7 +164,7 @@ def run_document(
         "seed": replicas[0]["seed"],
         "replicas": replicas,
         "measures": {name: as_record(measurement) for name, measurement in pooled.items()},
-        "measured": {name: m.model_dump() for name, m in scene.measured.items()},
+        "measured": wanted,
         "recording": None,
         **entries,
         "resolved": resolved(scene),

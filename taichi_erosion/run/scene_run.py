@@ -20,14 +20,7 @@ from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
 from taichi_erosion.run import RunOptions
 from taichi_erosion.run.checkpoint import Checkpointer, load_checkpoint, restore_run, seeds_of
-from taichi_erosion.run.checks import (
-    comparable,
-    explained,
-    idle_entries,
-    library_of,
-    named_effects,
-    read_scene,
-)
+from taichi_erosion.run.checks import explained, idle_entries, library_of, named_effects, read_scene
 from taichi_erosion.run.ensemble_loop import (
     Callback,
     EnsembleRun,
@@ -121,7 +114,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
         for state in ensemble.states:
             state.measurements = apply_instruments(state.measurements, scene, library)
         document = scene_document(path, scene, ensemble, time.perf_counter() - started)
-        document["replicas"][0]["warnings"][:0] = idle_entries(scene, named)
+        document["limits"]["warnings"] += idle_entries(scene, named)
         if recorder:
             first, properties = document["replicas"][0], {"scene": {"hash": hashed}}
             document |= finish_recording(recorder, ensemble, first, properties)
@@ -205,10 +198,6 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
     numerics |= {"decomposition": "grains"} if sim.numerics.by_grain else {}
     measured = [state.measurements for state in ensemble.states]
     names = dict.fromkeys(name for measurements in measured for name in measurements)
-    wanted, limits = comparable(path, scene), explained(scene)
-    if len(wanted) < len(scene.measured):
-        words = f"not compared with [measured] of {path.name}: grains, air or conditions are others"
-        limits["warnings"].append(words)
     pooled = {name: pool_beds([found[name] for found in measured if name in found]) for name in names}
     return run_document(
         path,
@@ -218,8 +207,7 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
         grain_steps=round(ensemble.grain_steps),
         wall_s=seconds,
         numerics=numerics | mean_threads(sim.team),
-        limits=limits,
-        measured=wanted,
+        limits=explained(scene),
         convention=SURFACE_ENERGY_CONVENTION,
         effect_digests=scene.effect_digests,
     )

@@ -7,7 +7,7 @@ import pytest
 from small_scene import TAPPED, WET, write_scene
 
 from taichi_erosion.effects import load_library
-from taichi_erosion.run.checks import check_scene, comparable, compatibility_key, read_scene
+from taichi_erosion.run.checks import check_scene, comparable, compatibility_key, read_air_scene, read_scene
 
 ANGULAR = ("conditions.angularity=0.5", "effects.rolling_resistance.strength=1")
 LONG = ("effects.grain_shape.strength=1",)
@@ -81,3 +81,21 @@ def test_a_measured_value_is_compared_with_the_situation_in_which_it_was_measure
 ):
     path = write_scene(tmp_path, conditions={"moisture": 0.01}, measured={"pile_height": {"value": 0.01}})
     assert bool(comparable(path, read_scene(path, changes))) == is_compared
+
+
+SHIPPED = Path(__file__).parents[2] / "scenes"
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "is_compared"),
+    [
+        ("saltation", "stages.3.friction_velocity=0.5", False),
+        ("saltation", "stages.3.duration_max=3.0", True),
+        ("channel", "air.driving_gradient=[-4.0, 0.0, 0.0]", False),
+        ("channel", "air.cells=[1, 1, 48]", True),
+    ],
+)
+def test_a_measured_value_belongs_to_the_wind_of_its_stages_and_of_its_box(name, change, is_compared):
+    path = SHIPPED / f"{name}.toml"
+    read = read_air_scene if name == "channel" else read_scene
+    assert bool(comparable(path, read(path, (change,)))) == is_compared

@@ -11,16 +11,21 @@ from taichi_erosion.run import RunOptions, run_scene
 from taichi_erosion.run.checks import check_scene
 from taichi_erosion.scene import load_scene
 
+# conditions of a laboratory that a scene keeps for studies, and that none of its effects reads
+UNREAD = {"funnel_repose": ["conditions.moisture", "conditions.altitude"]}
+
 
 @pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
-def test_a_shipped_scene_loads_builds_and_warns_of_nothing(path: Path):
-    assert check_scene(path)["limits"].get("warnings", []) == []
+def test_a_shipped_scene_loads_builds_and_warns_of_unread_conditions_alone(path: Path):
+    warnings = check_scene(path)["limits"].get("warnings", [])
+    assert [line.partition(" = ")[0] for line in warnings] == UNREAD.get(path.stem, [])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
-def test_a_run_of_a_shipped_scene_prints_no_warning(path: Path):
-    assert run_warnings(run_scene(path, RunOptions(no_record=True))) == []
+def test_a_run_of_a_shipped_scene_prints_no_other_warning(path: Path):
+    warnings = run_warnings(run_scene(path, RunOptions(no_record=True)))
+    assert [line.partition(" = ")[0] for line in warnings] == UNREAD.get(path.stem, [])
 
 
 def test_the_incline_lets_go_at_the_friction_angle():
