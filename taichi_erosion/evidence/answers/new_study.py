@@ -78,10 +78,11 @@ ROLLING = Calibrated(
     "friction_rolling", 0.1, 0.005, 0.8, 0.6, "shape of the grains, as resistance to rolling"
 )
 FLUX = Calibrated("flux_coefficient", 2.5, 0.3, 20.0, 0.5, "of the flux above the threshold")
+EXPONENT = Calibrated("flux_exponent", 2.4, 1.9, 3.2, 0.2, "2 after Ungar & Haff, 3 after Owen")
 CLOSED_FORM_NUMBERS = {
     "repose_angle": (SLIDING, ROLLING),
     "threshold_u_star": (THRESHOLD,),
-    "flux": (THRESHOLD, FLUX),
+    "flux": (THRESHOLD, FLUX, EXPONENT),
 }
 UNIT_ROLES = ("observable", "condition", "condition_sd", "sd", "se", "cv")  # of columns whose unit is told
 ROLE_WORDS = {

@@ -41,7 +41,8 @@ TIDY = "_tidy.csv"  # end of the name of a tidy table, which so is another one t
 READ = "its cells when `study new` read it"
 LINEAR = 0.1  # of the least amount, below which its scale is linear
 FRACTION = 0.3  # of the groups in the vault
-LEAST_SHIFT = 1e-3  # of an observable by an effect of strength 1, below which it cannot be seen [1]
+LEAST_SHIFT = 1e-3  # between the shifts of two rows, below which an effect is not seen [1] or [deg]
+SHIFTED = {"threshold_u_star": {"threshold"}, "flux": {"threshold", "flux"}, "repose_angle": {"repose"}}
 EXPECTED_AS = {  # observable -> the one of which the literature tells the effects: a steeper heap is higher
     **dict.fromkeys(("angle_of_repose", "cone_angle", "dynamic_angle", "runout_radius"), "repose_angle"),
     **dict.fromkeys(("pile_height", "centroid_height", "radius_90", "column_height"), "repose_angle"),
@@ -275,20 +276,16 @@ def quoted(text: str) -> str:
 
 
 def acting_formulas(study: Study) -> list[str]:
-    """Effects of the closed form that change a measured quantity under the conditions of the table."""
+    """Effects of the closed form that are not alike in all rows of the table, as coefficients are."""
     measured = study.problem.measurements.conditions
-    columns = {model: measured[name] for name, model in study.file.conditions.items()}
-    start = {path: entry.start for path, entry in study.file.parameters.items()}
+    at = reduced.DEFAULT_COLUMNS | {model: measured[name] for name, model in study.file.conditions.items()}
+    parts = set[str]().union(*(SHIFTED[name] for name in study.file.observables))
 
-    def values(name: str, effects: dict[str, float]) -> np.ndarray:
-        return reduced.expected(name, columns, start, effects)
+    def varies(effect: str) -> bool:
+        shift = reduced.EFFECTS[effect](1.0, at)
+        return any(np.nanmax(getattr(shift, p)) - np.nanmin(getattr(shift, p)) > LEAST_SHIFT for p in parts)
 
-    found = []
-    for effect in reduced.EFFECTS:
-        pairs = [(values(name, {effect: 1.0}), values(name, {})) for name in study.file.observables]
-        if any(bool(np.any(np.abs(acted - bare) > LEAST_SHIFT * np.abs(bare))) for acted, bare in pairs):
-            found.append(effect)
-    return found
+    return list(filter(varies, reduced.EFFECTS))
 
 
 def acting_candidates(study: Study) -> list[str]:

@@ -1,7 +1,7 @@
 """A wind-erosion model in closed form: threshold, flux and angle of repose in microseconds.
 
     u*t = A sqrt((rho_p / rho - 1) g d)                                         [m s-1]
-    Q   = C (rho / g) u*t (u*^2 - u*t^2),  0 below the threshold                [kg m-1 s-1]
+    Q   = C (rho / g) u*t (u*^2 - u*t^2) (u* / u*t)^(n - 2), 0 below the threshold    [kg m-1 s-1]
     a   = arctan(mu_s) + 15 mu_r                                                [deg]
 
 times the shifts of fourteen effects. Every effect takes its strength psi (0: absent, 1: textbook) and the
@@ -10,10 +10,11 @@ size is marked as plausible. The model is the example of an evidence study and t
 it as `model = "taichi_erosion.evidence.models.reduced:predict"`.
 
 Observables: threshold_u_star, flux, repose_angle. Parameters: threshold_coefficient A, flux_coefficient C,
-friction_sliding mu_s, friction_rolling mu_r. Conditions: the keys of DEFAULTS, which also say what is assumed
-when one is not given.
+flux_exponent n, friction_sliding mu_s, friction_rolling mu_r. Conditions: the keys of DEFAULTS, which also
+say what is assumed when one is not given.
 
-Reference: Bagnold (1941) for the threshold, Ungar & Haff (1987), Sedimentology 34, 289, for the flux.
+Reference: Bagnold (1941) for the threshold; for the flux Ungar & Haff (1987), Sedimentology 34, 289 (n = 2),
+Owen (1964), J. Fluid Mech. 20, 225 (n = 3), and Kawamura (1951), whose law lies between.
 """
 
 from collections.abc import Callable
@@ -183,6 +184,7 @@ OBSERVABLES = ("threshold_u_star", "flux", "repose_angle")
 PARAMETERS = {
     "threshold_coefficient": 0.1,
     "flux_coefficient": 1.5,
+    "flux_exponent": 2.0,
     "friction_sliding": 0.5,
     "friction_rolling": 0.1,
 }
@@ -231,6 +233,7 @@ def shifted(observable: str, count: int, at: Conditions, given: Numbers, shifts:
         raise BadInput(f"reduced model: observable = {observable!r} is not one of {', '.join(OBSERVABLES)}")
     excess = np.maximum(at["u_star"] ** 2 - threshold**2, 0.0)
     flux = given["flux_coefficient"] * AIR_DENSITY / GRAVITY * threshold * excess
+    flux = flux * (at["u_star"] / threshold) ** (given["flux_exponent"] - 2.0)
     return flux * np.exp(sum((shift.flux for shift in shifts), start=np.zeros(count)))
 
 

@@ -136,3 +136,27 @@ def test_a_unit_in_brackets_within_brackets_is_read(tmp_path):
     table = study_of(tmp_path, "brackets", sd={"flux": "8 %"}).problem.measurements
     assert table.value == pytest.approx([3e-3, 5e-3, 9e-3, 13e-3, 18e-3])
     assert table.sd == pytest.approx(0.08 * table.value)
+
+
+LAWS = {  # of the flux over C rho / g u*t^3, by u* / u*t -> interval that holds its power of u*
+    "Ungar & Haff": lambda u: u**2 - 1.0,
+    "Kawamura": lambda u: (u - 1.0) * (u + 1.0) ** 2,
+    "Owen": lambda u: u * (u**2 - 1.0),
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_another_law_of_the_flux_is_no_missing_effect(tmp_path, law):
+    rng, threshold = np.random.default_rng(3), 0.23
+    rows = [(u, w, seed) for u in (0.3, 0.4, 0.5, 0.6, 0.7) for w in (0, 1, 2) for seed in range(3)]
+    mean = np.array([2.0 * 1.2 / 9.81 * threshold**3 * LAWS[law](u / threshold) for u, _, _ in rows])
+    flux = 1e3 * mean * np.exp(0.08 * rng.standard_normal(len(rows)))
+    lines = [f"{u},{w},{q:.4g}" for (u, w, _), q in zip(rows, flux, strict=True)]
+    text = "\n".join(["u* (m/s),moisture (%),flux (g/m/s)", *lines, ""])
+    study = study_of(tmp_path, "", text, sd={"flux": "8 %"})
+    # what is alike in every row, as sheltering or gusts, is a part of the coefficients
+    candidates = {each.name for each in study.problem.candidates}
+    assert {"gusts", "sheltering", "rolling_resistance"}.isdisjoint(candidates)
+    reply = answer(study)
+    assert not reply.record.decided.named
+    assert not reply.record.decided.refuted
