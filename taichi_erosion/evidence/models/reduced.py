@@ -10,8 +10,8 @@ size is marked as plausible. The model is the example of an evidence study and t
 it as `model = "taichi_erosion.evidence.models.reduced:predict"`.
 
 Observables: threshold_u_star, flux, repose_angle. Parameters: threshold_coefficient A, flux_coefficient C,
-flux_exponent n, friction_sliding mu_s, friction_rolling mu_r. Conditions: the keys of DEFAULTS, which also
-say what is assumed when one is not given.
+flux_exponent n (2 if it is not given), friction_sliding mu_s, friction_rolling mu_r. Conditions: the keys of
+DEFAULTS, which also say what is assumed when one is not given.
 
 Reference: Bagnold (1941) for the threshold; for the flux Ungar & Haff (1987), Sedimentology 34, 289 (n = 2),
 Owen (1964), J. Fluid Mech. 20, 225 (n = 3), and Kawamura (1951), whose law lies between.
@@ -184,7 +184,6 @@ OBSERVABLES = ("threshold_u_star", "flux", "repose_angle")
 PARAMETERS = {
     "threshold_coefficient": 0.1,
     "flux_coefficient": 1.5,
-    "flux_exponent": 2.0,
     "friction_sliding": 0.5,
     "friction_rolling": 0.1,
 }
@@ -233,7 +232,7 @@ def shifted(observable: str, count: int, at: Conditions, given: Numbers, shifts:
         raise BadInput(f"reduced model: observable = {observable!r} is not one of {', '.join(OBSERVABLES)}")
     excess = np.maximum(at["u_star"] ** 2 - threshold**2, 0.0)
     flux = given["flux_coefficient"] * AIR_DENSITY / GRAVITY * threshold * excess
-    flux = flux * (at["u_star"] / threshold) ** (given["flux_exponent"] - 2.0)
+    flux = flux * (at["u_star"] / threshold) ** (given.get("flux_exponent", 2.0) - 2.0)
     return flux * np.exp(sum((shift.flux for shift in shifts), start=np.zeros(count)))
 
 
