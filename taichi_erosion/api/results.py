@@ -233,7 +233,7 @@ def prediction_table(reply: "PredictionReply") -> pd.DataFrame:
     """Predictions with their conditions, as `PredictionResult.table` and a CSV have them."""
     units = reply.units
     rows = (
-        {"observable": row.observable}
+        {"observable": row.observable, **({"group": row.group} if row.group else {})}
         | {heading(name, unit): row.conditions[name] for name, unit in row.condition_units.items()}
         | {key: units.value(row.observable, getattr(row, key)) for key in PREDICTED[:-2]}
         | {"unit": unit_of(units, row.observable), "outside": outside_text(row)}

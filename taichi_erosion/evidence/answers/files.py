@@ -197,32 +197,26 @@ def document(record: Record) -> Document:
     columns["conditions"] = {name: column.tolist() for name, column in record.rows.conditions.items()}
     found = {"where": parts["where"], "repeats": parts["repeats"], "rows": columns}
     found |= {key: parts["decided"][key] for key in ("verdict", "named", "group", "probabilities")}
+    told = ("n", "chi2_before", "chi2_after", "p_lack_of_fit", "p_lack_of_fit_after")
+    found |= {key: parts["fit"][key] for key in told}
     found |= {
         "p": decided.familywise,
         "effects": {name: effect(part) for name, part in record.effects.items()},
         "parameters": {path: each | each.pop("now") for path, each in parts["numbers"].items()},
         "levels": [each | each.pop("size") for each in parts["levels"]],
         "errors": [each | each.pop("size") for each in parts["errors"]],
-        "n": fit.n,
-        "chi2_before": fit.chi2_before,
-        "chi2_after": fit.chi2_after,
         "chi2_per_row_before": fit.chi2_before / max(fit.n, 1),
         "chi2_per_row_after": fit.chi2_after / max(fit.n, 1),
         "p_misfit": fit.p_before,
         "p_misfit_after": fit.p_after,
-        "p_lack_of_fit": fit.p_lack_of_fit,
-        "p_lack_of_fit_after": fit.p_lack_of_fit_after,
         "curves": [c | {"points": [{"at": x, **y} for x, y in c["points"]]} for c in parts["curves"]],
         "vault": None if record.held_out is None else vault(record.held_out),
         "next_experiments": parts["experiments"],
         "mechanisms": mechanisms(record),
         "fresh_runs": parts["fresh"],
-        "runs": cost.runs,
-        "settings": cost.settings,
-        "stopped": cost.stopped,
         "wall_s": cost.seconds,
-        "seed": cost.seed,
     }
+    found |= {key: parts["cost"][key] for key in ("runs", "settings", "stopped", "seed")}
     return without_nan(found)
 
 

@@ -31,7 +31,7 @@ from taichi_erosion.evidence.models.load_study import (
     load_study,
 )
 from taichi_erosion.evidence.models.table_columns import NewConditions, place_units, read_new_conditions
-from taichi_erosion.evidence.race.outlook import below, elsewhere, forecast, held_out_rows, left_out, new_rows
+from taichi_erosion.evidence.race.outlook import elsewhere, forecast, held_out_rows, left_out, new_rows
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.record import CheckPart, PredictedPart, PredictionPart
 from taichi_erosion.evidence.words.answer_lines import Answer, prediction_answer
@@ -131,10 +131,13 @@ def prediction(posterior: Posterior, wanted: NewConditions, opened: bool = False
     fitted = posterior.race.prepared.rows
     known = np.array([name in fitted.names for name in wanted.observable], dtype=np.bool_)
     lost = [name for name, there in zip(wanted.observable, known, strict=True) if not there]
+    held_out = None
+    if opened and (held := held_out_rows(posterior.race.prepared)) is not None:
+        held_out = check_of(forecast(posterior, elsewhere(posterior.race, held)).below(), ~held.censored)
     return PredictionPart(
         rows=tuple(predicted_rows(posterior, wanted, np.flatnonzero(known).tolist())),
         fitted=check_of(left_out(posterior), ~fitted.censored),
-        held_out=held_out_check(posterior) if opened else None,
+        held_out=held_out,
         unlisted=sum(p for hypothesis, p in posterior.probability.items() if hypothesis.beyond),
         outdated=(),
         lost=tuple(dict.fromkeys(lost)),
@@ -146,7 +149,9 @@ def predicted_rows(posterior: Posterior, wanted: NewConditions, chosen: list[int
     """Predictions of some of the wanted rows, in the units of the observables."""
     race, table = posterior.race, posterior.race.prepared.problem.measurements
     names, at = [wanted.observable[i] for i in chosen], {k: c[chosen] for k, c in wanted.conditions.items()}
-    place = elsewhere(race, new_rows(race.prepared, NewConditions(tuple(names), at)))
+    groups = [wanted.group[i] if wanted.group else "" for i in chosen]
+    place = elsewhere(race, new_rows(race.prepared, NewConditions(tuple(names), at, tuple(groups))))
+    seen = race.prepared.rows.group if any(block.kind == "group" for block in race.blocks) else groups
     told, fit = forecast(posterior, place), race.bare
     model = place.model.sure_mean((), fit.v)[fit.mean.size :]
     units = dict(zip(table.observable, table.unit, strict=True))
@@ -161,9 +166,11 @@ def predicted_rows(posterior: Posterior, wanted: NewConditions, chosen: list[int
             unit=units[names[k]],
             **asdict(mean),
             model=float(from_scale(observable, model[k : k + 1])[0]),
-            measured_low=min(mean.low, measured.low),  # both are quantiles of draws
+            measured_low=min(mean.low, measured.low),  # of mixtures
             measured_high=max(mean.high, measured.high),
             outside=dict(beyond(table, names[k], wanted, i)),
+            group=groups[k],
+            unseen=groups[k] not in seen,
         )
 
 
@@ -181,15 +188,6 @@ def beyond(
         if abs(value - end) > 1e-9 * np.abs(measured).max():
             scale = wanted.scales.get(name, table.table_units.conditions.get(name, Scale()))
             yield name, scale.written(end)
-
-
-def held_out_check(posterior: Posterior) -> CheckPart | None:
-    """Held-out rows inside their intervals."""
-    rows = held_out_rows(posterior.race.prepared)
-    if rows is None:
-        return None
-    place = elsewhere(posterior.race, rows)
-    return check_of(below(forecast(posterior, place), place), ~rows.censored)
 
 
 def check_of(below: Floats, counted: Bools) -> CheckPart:

@@ -25,7 +25,7 @@ from taichi_erosion.evidence.race.adequacy import is_adequate, lack_of_fit_p, mi
 from taichi_erosion.evidence.race.blocks import columns_of
 from taichi_erosion.evidence.race.decision import Decision, decide, fit_of
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
-from taichi_erosion.evidence.race.posterior import Draws, Posterior, quantiles
+from taichi_erosion.evidence.race.posterior import Posterior, quantiles
 from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.race.record import Interval, Record
 
@@ -236,19 +236,17 @@ def level_parts(posterior: Posterior) -> Iterator[parts.LevelPart]:
     race = posterior.race
     weight = np.concatenate([each.weight for each in posterior.draws])
     for observable, own in race.prepared.by_observable():
-        sizes = np.concatenate([level_of(each, observable.name) for each in posterior.draws])
+        sizes = np.array([])  # in standard errors of a row
+        for each in posterior.draws:
+            index = [(b.kind, b.observable) for b in each.fit.blocks].index(("level", observable.name))
+            column = int(np.argmax(each.fit.evidence.solved.rows.block == index))
+            sizes = np.append(sizes, each.values[:, column])
         chance = float(weight @ (np.abs(sizes) > 0.5)) / float(weight.sum())
         if chance > 0.5:
             name = kind_of(observable)
             values = np.median(race.prepared.sd[own]) * sizes
             values = np.exp(values) if name == "factor" else values
             yield parts.LevelPart(observable.name, name, interval(values, weight), chance)
-
-
-def level_of(draws: Draws, observable: str) -> Floats:
-    """Draws of a level, in standard errors of a row."""
-    index = [(b.kind, b.observable) for b in draws.fit.blocks].index(("level", observable))
-    return draws.values[:, int(np.argmax(draws.fit.evidence.solved.rows.block == index))]
 
 
 def error_parts(posterior: Posterior) -> Iterator[parts.ErrorPart]:

@@ -147,20 +147,9 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
         uncertainty=found.uncertainty,
         mechanisms=wanted_mechanisms(path, file, found.mechanisms),
     )
-    return Study(
-        path,
-        file,
-        problem,
-        results,
-        digest,
-        found.identity,
-        store,
-        (*notes, vault_note),
-        found.simulator,
-        options=options,
-        fresh="" if file.study.seed == stated.study.seed else f"seed {file.study.seed}|",
-        effect_files=files,
-    )
+    known = path, file, problem, results, digest, found.identity, store, (*notes, vault_note)
+    fresh = "" if file.study.seed == stated.study.seed else f"seed {file.study.seed}|"
+    return Study(*known, found.simulator, options=options, fresh=fresh, effect_files=files)
 
 
 def study_table(path: Path, file: StudyFile, files: EffectFiles) -> tuple[Measurements, Sequence[str]]:
@@ -176,8 +165,7 @@ def wanted_mechanisms(path: Path, file: StudyFile, declared: tuple[Mechanism, ..
     """Mechanisms of a model that the study asks for. Raises BadInput for one that does not exist."""
     wanted, known = file.candidates.mechanisms, mechanism_rows()
     if missing := [name for name in wanted or () if name not in known]:
-        told = f"candidates.mechanisms: '{missing[0]}' is not one of {', '.join(known)}"
-        raise BadInput(f"{path}: {told}")
+        raise BadInput(f"{path}: candidates.mechanisms: '{missing[0]}' is not one of {', '.join(known)}")
     return tuple(each for each in declared if wanted is None or each.name in wanted)
 
 

@@ -122,10 +122,12 @@ class Predictor:
         self.cost.runs += int(seeds.size * self.which.size)
         return np.where(np.isfinite(result), result, np.nan)
 
-    def model_errors(self, x: Floats, acting: Numbers, doses: Mapping[str, Floats] | None = None) -> Floats:
+    def model_errors(
+        self, x: Floats, acting: Numbers, doses: Conditions | None = None, known: int | None = None
+    ) -> Floats:
         """Factor F (n, r) of the covariance F F^T of the model's own errors at one setting.
 
-        `doses`: of a mechanism, in every row. No column for a model without errors.
+        `doses`: of a mechanism, in every row; `known`: as in `square_root`, by default all rows.
         """
         if self.uncertainty is None:
             return np.zeros((self.which.size, 0))
@@ -134,12 +136,24 @@ class Predictor:
             (observable, dict(chosen), {name: dose[rows] for name, dose in (doses or {}).items()})
             for observable, rows, chosen in self.requests
         ]
-        values, vectors = np.linalg.eigh(np.nan_to_num(self.uncertainty(asked, parameters, effects)))
-        kept = values > NEGLIGIBLE * max(float(values[-1]), 0.0)
-        found = np.zeros((self.which.size, int(kept.sum())))
-        order = np.concatenate([rows for _, rows, _ in self.requests])
-        found[order] = vectors[:, kept] * np.sqrt(values[kept])
-        return found
+        order = np.argsort(np.concatenate([rows for _, rows, _ in self.requests]))
+        whole = np.nan_to_num(self.uncertainty(asked, parameters, effects))[np.ix_(order, order)]
+        return square_root(whole, order.size if known is None else known, NEGLIGIBLE)
+
+
+def square_root(kernel: Floats, known: int, least: float) -> Floats:
+    """Columns F with F F^T = K, of which `known` rows come first, without their parts below `least`.
+
+    With V d V^T = K_11 the first columns are K_1 V d^-1/2, and the others are 0 in known rows: what is said
+    of these, or of any other, does not depend on what else is asked.
+    """
+    values, vectors = np.linalg.eigh(kernel[:known, :known])
+    kept = values > least * max(float(values[-1]), 0.0)
+    size, vectors = np.sqrt(values[kept]), vectors[:, kept]
+    others = kernel[known:, :known] @ (vectors / size)
+    values, own = np.linalg.eigh(kernel[known:, known:] - others @ others.T)
+    none = np.zeros((known, values.size))
+    return np.block([[vectors * size, none], [others, own * np.sqrt(np.maximum(values, 0.0))]])
 
 
 def seed_mean(values: Floats) -> Floats:

@@ -16,7 +16,7 @@ Reference: Orear (1982), Am. J. Phys. 50, 912 (effective variance); Carroll, Rup
 (2006), Measurement Error in Nonlinear Models, chapter 1 (Berkson and classical errors).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -118,10 +118,10 @@ class PreparedProblem:
         return working(self.white(self.rows.z - mean), self.rows.reach / self.sd)
 
     def model_errors(
-        self, x: Floats, acting: dict[str, float], doses: Mapping[str, Floats] | None = None
+        self, x: Floats, acting: Numbers, doses: Conditions | None = None, known: int | None = None
     ) -> Floats:
         """Columns (n, q) of one sd each: the model's own errors, then those of the stated conditions."""
-        own = self.predictor.model_errors(x, acting, doses)
+        own = self.predictor.model_errors(x, acting, doses, known)
         if self.condition_errors is None:
             return own
         return np.hstack([own, error_columns(self.condition_errors, self.predictor, x, acting)])
@@ -233,12 +233,12 @@ def change_along(predictor: Predictor, name: str, sd: Floats, x: Floats, acting:
 
     A condition that is nowhere negative is not taken below 0.
     """
-    stated = predictor.conditions[name]
+    own, found = np.flatnonzero(sd > 0.0), np.zeros(sd.size)
+    conditions = {key: column[own] for key, column in predictor.conditions.items()}
+    part, stated = predictor.over(predictor.observables, predictor.which[own], conditions), conditions[name]
     least = 0.0 if np.nanmin(stated) >= 0.0 else -np.inf
-    ends = [np.maximum(stated - sd, least), stated + sd]
+    ends = [np.maximum(stated - sd[own], least), stated + sd[own]]
     seeds = draw_seeds(np.random.default_rng(SLOPE_SEED), PROBE_SEEDS)
-    runs = [predictor.at_conditions({name: end}).predict(x, acting, seeds) for end in ends]
-    width = ends[1] - ends[0]
-    change = paired_change(runs[1], runs[0], predictor)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.nan_to_num(np.where(width > 0.0, change * sd / width, 0.0))
+    runs = [part.at_conditions({name: end}).predict(x, acting, seeds) for end in ends]
+    found[own] = np.nan_to_num(paired_change(runs[1], runs[0], part) * sd[own] / (ends[1] - ends[0]))
+    return found

@@ -124,6 +124,7 @@ class NewConditions:
 
     observable: tuple[str, ...]
     conditions: Conditions  # as the model takes them
+    group: tuple[str, ...] = ()  # set-up, soil or batch of each, empty where it is none that was measured
     lines: tuple[int, ...] = ()  # rows of the file
     written: tuple[Mapping[str, float], ...] = ()  # the conditions in the units of the table
     scales: Mapping[str, Scale] = field(default_factory=dict)  # of `written`, as the model takes them
@@ -143,7 +144,7 @@ def read_new_conditions(
     cells = read_cells(path, one_line_name(path), faults)
     if not cells.rows or not cells.lines:
         raise BadInput(f"{path}: holds no conditions; the first row names the columns, the others set them")
-    columns = condition_columns(cells, file, known, faults)
+    columns, groups = condition_columns(cells, file, known, faults)
     table = conditions_of(cells, columns, faults)
     chosen = file.model_copy(update={"conditions": {name: file.conditions[name] for name in columns}})
     scales = faults.of(condition_scales, table, chosen, places) or {}
@@ -152,13 +153,14 @@ def read_new_conditions(
     constant = {name: faults.of(constant_value, cells, name, known) for name in left_out}
     wanted = faults.of(wanted_rows, cells, list(file.observables)) or []
     faults.tell()
-    rows = [row for row, _ in wanted]
+    rows, reader = [row for row, _ in wanted], RowReader(cells, groups, faults)
     written = [dict(zip(columns, table.rows[row].conditions, strict=True)) for row in rows]
     used: Conditions = {name: np.array([scales[name].used(at[name]) for at in written]) for name in columns}
     used |= {name: np.full(len(wanted), value) for name, value in constant.items()}
     return NewConditions(
         tuple(name for _, name in wanted),
         {str(name): used[name] for name in file.conditions},
+        tuple(reader.text(cells.lines[row][1], "group") for row in rows),
         tuple(cells.lines[row][0] for row in rows),
         tuple(written),
         {name: replace(scales[name], unit=scales[name].unit or places.get(name, "")) for name in columns},
@@ -169,8 +171,8 @@ def read_new_conditions(
 
 def condition_columns(
     cells: Cells, file: StudyFile, known: Measurements, faults: Faults
-) -> dict[str, Column]:
-    """Columns that set conditions of the study, by its names; raises BadInput with all their faults.
+) -> tuple[dict[str, Column], list[Column]]:
+    """Columns that set conditions of the study, by its names, and of groups; raises BadInput with all faults.
 
     One without a unit has that of the study's table.
     """
@@ -191,7 +193,7 @@ def condition_columns(
             faults.append(f"{cells.file}: {name} is in {unit}, in the table of the study in {usual}")
         columns[name] = replace(column, heading=replace(column.heading, unit=unit or usual))
     faults.tell()
-    return columns
+    return columns, [column for column in found if column.role == "group"]
 
 
 def conditions_of(cells: Cells, columns: Mapping[str, Column], faults: Faults) -> Table:

@@ -24,7 +24,7 @@ import numpy as np
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, condition_numbers
 from taichi_erosion.evidence.data.problem import Bools, Floats
-from taichi_erosion.evidence.models.predictor import axis_scale
+from taichi_erosion.evidence.models.predictor import axis_scale, square_root
 from taichi_erosion.evidence.race.linear_evidence import Scales, scale
 from taichi_erosion.evidence.race.priors import LARGE, LENGTH, NEAR, SMALL
 
@@ -59,19 +59,12 @@ def unlisted(rows: ComparisonRows, known: Bools, blocks: Sequence[Block]) -> dic
                 columns=np.hstack([columns, level[block.observable]]),
                 scale=scale(f"unlisted {block.observable}", cauchy=LARGE),
             )
-            if block.kind == "discrepancy" and (columns := along_condition(rows, known, block, along)).size
+            if block.kind == "discrepancy"
+            and (columns := smooth_columns(rows, block.observable, known, block.size, along)).size
             else block
             for block in blocks
         ]
     return found
-
-
-def along_condition(rows: ComparisonRows, known: Bools, block: Block, along: str) -> Floats:
-    """Columns of a smooth function of one condition, or of all, for the observable of a discrepancy."""
-    if not along:
-        return block.columns
-    own = np.array(rows.names) == block.observable
-    return block.size * smooth_columns(rows, own, known, (along,))
 
 
 def nuisance(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
@@ -86,7 +79,7 @@ def nuisance(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
         column = np.where(own, size, 0.0)
         found.append(Block("level", name, column[:, None], scale(f"level {name}", cauchy=NEAR)))
         if fitted.size > 3:
-            columns = size * smooth_columns(rows, own, known)
+            columns = smooth_columns(rows, name, known, size)
             if columns.shape[1]:
                 small = scale(f"discrepancy {name}", normal=SMALL)
                 found.append(Block("discrepancy", name, columns, small, size=size))
@@ -140,36 +133,26 @@ def columns_of(block: Block, jacobian: Floats) -> Floats:
 
 
 def smooth_columns(
-    rows: ComparisonRows, own: Bools, known: Bools, names: Sequence[str] | None = None
+    rows: ComparisonRows, observable: str, known: Bools, size: float, along: str = ""
 ) -> Floats:
-    """Columns F (n, q) of a smooth function of conditions of one observable: F F^T is its covariance.
-
-    `names` are the conditions, by default all.
-    """
-    at, fitted = np.flatnonzero(own), known[own]
-    kernel = np.ones((at.size, at.size))
-    for name in rows.conditions if names is None else names:
-        column = rows.conditions[name][own]
+    """Columns F (n, q) of a smooth function along one condition, or all: F F^T is its covariance."""
+    at = np.flatnonzero(np.array(rows.names) == observable)
+    fitted, kernel = known[at], np.ones((at.size, at.size))
+    for name in [along] if along else rows.conditions:
+        column = rows.conditions[name][at]
         axis = axis_scale(column[fitted])
         if axis is not None:
             place = axis.filled(column)
             share = (place - place[fitted].min()) / np.ptp(place[fitted])
             distance = 3.0**0.5 * np.abs(share[:, None] - share) / LENGTH
             kernel *= 1.0 + (1.0 + distance) * np.exp(-distance)
-    centre = np.eye(at.size) - fitted / fitted.sum()
-    kernel = centre @ kernel @ centre.T
-    size = float(np.trace(kernel[np.ix_(fitted, fitted)])) / fitted.sum()
-    columns = square_root(kernel / size) if size > 1e-12 else np.zeros((at.size, 0))
+    kernel = kernel - kernel[fitted].mean(axis=0)
+    kernel = kernel - kernel[:, fitted].mean(axis=1, keepdims=True)
+    count, usual = int(fitted.sum()), float(np.mean(np.diag(kernel)[fitted]))
+    columns = square_root(kernel / usual, count, SMOOTHEST) if usual > 1e-12 else np.zeros((at.size, 0))
     found = np.zeros((rows.size, columns.shape[1]))
-    found[at] = columns
+    found[at] = size * columns
     return found
-
-
-def square_root(kernel: Floats) -> Floats:
-    """Columns F with F F^T a covariance, without those that hardly matter."""
-    values, vectors = np.linalg.eigh(kernel)
-    kept = values > SMOOTHEST * values[-1]
-    return np.asarray(vectors[:, kept] * np.sqrt(values[kept]), dtype=np.float64)
 
 
 def dose_columns(rows: ComparisonRows, known: Bools) -> dict[str, Floats]:
@@ -178,7 +161,7 @@ def dose_columns(rows: ComparisonRows, known: Bools) -> dict[str, Floats]:
     All observables share it: L L^T = exp(-1/2 d^2) + 1/4 with d in sd of a condition; along a
     condition that reaches 0 it is 0 there, and the same is true of L.
     """
-    found, squares = {}, []
+    found, squares, count = {}, [], int(known.sum())
     for name, column in rows.conditions.items():
         axis = axis_scale(column[known])
         if axis is None:
@@ -189,7 +172,7 @@ def dose_columns(rows: ComparisonRows, known: Bools) -> dict[str, Floats]:
         if zero[known].any() and np.nanmin(column[known]) == 0.0:
             at = int(np.argmax(zero))
             kernel = kernel - np.outer(kernel[at], kernel[at]) / kernel[at, at]
-        found[name] = square_root(kernel)
+        found[name] = square_root(kernel, count, SMOOTHEST)
     if len(squares) > 1:
-        found["all"] = square_root(np.exp(-0.5 * sum(squares)) + 0.25)
+        found["all"] = square_root(np.exp(-0.5 * sum(squares)) + 0.25, count, SMOOTHEST)
     return found

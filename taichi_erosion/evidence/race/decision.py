@@ -61,12 +61,8 @@ def decide(posterior: Posterior) -> Decision:
         named, group, refuted = (), (), (*named, *group)
     together = beyond if refuted else inclusion | beyond
     likely = () if named or group else smallest(posterior, list(together), together, MOST_TOLD)
-    verdict: Verdict = "none_detected"
-    if group:
-        verdict = "group"
-    elif named:
-        verdict = "present"
-    elif outside >= SURE or set(likely) & set(mechanisms):
+    verdict: Verdict = "group" if group else "present" if named else "none_detected"
+    if verdict == "none_detected" and (outside >= SURE or set(likely) & set(mechanisms)):
         verdict = "outside_library"
     held = likely if verdict == "outside_library" else ()
     return Decision(verdict, named, group, held, none, outside, inclusion, beyond, chance, refuted)

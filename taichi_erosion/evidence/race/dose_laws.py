@@ -103,9 +103,8 @@ class FittedForm:
     @property
     def price(self) -> float:
         """Ln score by which the form must be better than one without numbers."""
-        return 0.5 * np.log(self.rows.y.size) * self.numbers.size - np.log(STEP) * (
-            self.form.name not in POWERS
-        )
+        rare = self.form.name not in POWERS
+        return 0.5 * np.log(self.rows.y.size) * self.numbers.size - np.log(STEP) * rare
 
     @property
     def ends(self) -> tuple[Floats, Floats]:

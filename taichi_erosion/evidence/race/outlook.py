@@ -8,8 +8,9 @@ coefficient has a column in both; with X' all columns and c, C mean and covarian
 
     E z' = m' - J' v^ - S' w^' + X' c,   cov z' = X' C X'^T + kappa^2 V'
 
-Hypotheses are averaged by their probability, scales by draws (`posterior`). The misfit of held-out rows takes
-physics, levels and sources alone for the prediction: no smooth discrepancy may earn what an effect should.
+Hypotheses are averaged by their probability, scales by draws (`posterior`): quantiles are those of a mixture
+of normal distributions, and what is said of a row does not depend on what else is asked. The misfit of
+held-out rows takes physics, levels and sources alone: no smooth discrepancy may earn what an effect should.
 
 References: Rasmussen & Williams (2006), Gaussian Processes, 2.2 (conditioning); Hoeting et al. (1999), Stat.
 Sci. 14, 382 (averaging over models).
@@ -23,7 +24,7 @@ from scipy import special
 
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows, joined
 from taichi_erosion.evidence.data.heap_correlation import correlated
-from taichi_erosion.evidence.data.problem import Bools, Floats
+from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 from taichi_erosion.evidence.data.transforms import from_scale, slope, working
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, condition_errors
 from taichi_erosion.evidence.models.table_columns import NewConditions
@@ -33,9 +34,12 @@ from taichi_erosion.evidence.race.doses import dosings, from_axis
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import Doses, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import Solved
-from taichi_erosion.evidence.race.posterior import Posterior, draws_of, quantiles
-from taichi_erosion.evidence.race.priors import BAD_SD, DOUBT, KEEP, SEED
+from taichi_erosion.evidence.race.posterior import Posterior, scale_draws
+from taichi_erosion.evidence.race.priors import BAD_SD, DOUBT, SEED
 from taichi_erosion.evidence.race.record import HeldOutPart, Interval
+
+SHARES = np.array([[0.05], [0.5], [0.95]])  # below the ends of an interval and its middle
+FARTHEST, HALVINGS = 9.0, 60  # sd beyond which no quantile lies, and steps to it
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ class Elsewhere:
 def new_rows(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows:
     """New conditions as rows without a value, each with the scatter of one repeat.
 
-    They are of no source and no group. Raises KeyError for an observable without a fitted row.
+    They are of no source. Raises KeyError for an observable without a fitted row.
     """
     rows, table = prepared.rows, prepared.problem.visible()
     which, m = rows.index_of(wanted.observable), len(wanted.observable)
@@ -72,7 +76,7 @@ def new_rows(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows
         reach=np.zeros(m),
         conditions={name: wanted.conditions[name] for name in rows.conditions},
         condition_sd={name: np.full(m, np.nan) for name in rows.condition_sd},
-        group=("",) * m,
+        group=wanted.group or ("",) * m,
         source=("",) * m,
         heaps=({},) * m,
         covariance=None,
@@ -126,47 +130,61 @@ def both_rows(fitted: ComparisonRows, other: ComparisonRows, mean: Floats) -> Co
 class Outlook:
     """What one hypothesis says of other rows, on the comparison scale."""
 
-    fit: Fit  # its linear rows have the columns of both
+    solved: Solved  # of the fitted rows
     start: Floats  # (m,), with every coefficient at 0; NaN where the model has no value
-    columns: Floats  # (m, q)
-    smooth: Bools  # (q,), columns of smooth discrepancies and of what no list holds
-
-    @property
-    def solved(self) -> Solved:
-        return self.fit.evidence.solved
+    columns: Floats  # (m, q + r), of the coefficients of fitted rows, then of those that these do not have
+    alone: Integers  # (r,), scales of the latter; -1 where it is 1
+    smooth: Bools  # (q + r,), columns of smooth discrepancies and of what no list holds
 
     def mean(self, smooth: bool = True) -> Floats:
         """Conditional mean (m,); without `smooth` that of physics, levels and sources alone."""
-        return self.start + self.sized(smooth) @ self.solved.centre
+        return self.start + self.sized(smooth)[0] @ self.solved.centre
 
     def covariance(self, smooth: bool = True) -> Floats:
         """Conditional covariance (m, m) of that mean."""
-        own = self.sized(smooth)
-        return own @ self.solved.inverse @ own.T
+        own, alone = self.sized(smooth)
+        return own @ self.solved.inverse @ own.T + alone @ alone.T
 
-    def sized(self, smooth: bool) -> Floats:
-        """Columns in units of the sd of their coefficients."""
-        return self.columns * np.where(self.smooth & (not smooth), 0.0, self.solved.tau)
+    def variance(self, smooth: bool = True) -> Floats:
+        """Its diagonal (m,)."""
+        own, alone = self.sized(smooth)
+        return np.sum(own @ self.solved.inverse * own, axis=1) + np.sum(alone**2, axis=1)
+
+    def sized(self, smooth: bool) -> tuple[Floats, Floats]:
+        """Columns in units of the sd of their coefficients: those of fitted rows, and the others."""
+        tau = np.append(self.solved.tau, np.exp(np.append(self.solved.u, 0.0)[self.alone]))
+        whole = self.columns * np.where(self.smooth & (not smooth), 0.0, tau)
+        return whole[:, : self.solved.tau.size], whole[:, self.solved.tau.size :]
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """Weighted draws of other rows, averaged over hypotheses, on the comparison scale."""
+    """Mixtures of normal distributions of other rows, over hypotheses and scales, on the comparison scale."""
 
     rows: ComparisonRows
-    mean: Floats  # (k, m), of many measurements
-    measured: Floats  # (k, m), of one more
-    weight: Floats  # (k,)
+    weight: Floats  # (k,), their sum is 1
+    centre: Floats  # (k, m)
+    mean: Floats  # (k, m), sd of many measurements
+    measured: Floats  # (k, m), sd of one more
 
-    def intervals(self, values: Floats) -> list[Interval]:
-        """Median and 90 % interval of every row in its unit, of `mean` or of `measured`."""
+    def intervals(self, sd: Floats) -> list[Interval]:
+        """Median and 90 % interval of every row in its unit, of `mean` or of `measured`, by bisection."""
+        low, high = (self.centre - FARTHEST * sd).min(axis=0), (self.centre + FARTHEST * sd).max(axis=0)
+        for _ in range(HALVINGS):
+            middle = np.broadcast_to(0.5 * (low + high), (3, sd.shape[1]))
+            less = self.weight @ special.ndtr((middle[:, np.newaxis] - self.centre) / sd) < SHARES
+            low, high = np.where(less, middle, low), np.where(less, high, middle)
         found = []
-        for column, k in zip(values.T, self.rows.which, strict=True):
+        for row, k in zip(low.T, self.rows.which, strict=True):
             observable = self.rows.observables[k]
-            ends = from_scale(observable, quantiles(column, self.weight))
+            ends = from_scale(observable, row)
             low, middle, high = np.maximum(ends, 0.0) if observable.transform == "log_floor" else ends
             found.append(Interval(float(middle), float(low), float(high)))
         return found
+
+    def below(self) -> Floats:
+        """Share of one more measurement that lies below each measured value (m,)."""
+        return self.weight @ special.ndtr((self.rows.z - self.centre) / self.measured)
 
 
 def expanded(place: Elsewhere, fit: Fit) -> tuple[Floats, Floats, Doses | None]:
@@ -205,7 +223,7 @@ def outlook(place: Elsewhere, fit: Fit) -> Outlook:
     both = both_rows(race.prepared.rows, place.rows, mean[n:])
     acting = model.strengths(fit.hypothesis.names, v)
     varied = None if doses is None else {fit.hypothesis.kind: from_axis(doses.w)}
-    own = model.prepared.model_errors(model.numbers(v[: model.count]), acting, varied)
+    own = model.prepared.model_errors(model.numbers(v[: model.count]), acting, varied, n)
     errors, blocks = np.hstack([both.shared, own]), both_blocks(place, fit, both, doses)
     known = replace(
         fit,
@@ -215,46 +233,39 @@ def outlook(place: Elsewhere, fit: Fit) -> Outlook:
         blocks=tuple(replace(block, columns=block.columns[:n]) for block in blocks),
         dose=doses and Doses(doses.w[:n], doses.slope[:n], doses.factor[:n]),
     )
-    solved = race.linear(known)[0].with_bad(fit.evidence.bad).solved(fit.evidence.solved.u)
+    rows = race.linear(known)[0]
+    seen = np.any(rows.columns != 0.0, axis=0)
+    order, kept = np.argsort(~seen, kind="stable"), replace(rows, columns=rows.columns[:, seen])
+    kinds = np.array([block.kind in ("discrepancy", "unlisted") for block in blocks] + [False])
     columns = [columns_of(block, jacobian[:, : model.count]) for block in blocks]
-    smooth = [
-        np.full(own.shape[1], b.kind in ("discrepancy", "unlisted"))
-        for own, b in zip(columns, blocks, strict=True)
-    ]
     return Outlook(
-        replace(known, evidence=replace(fit.evidence, solved=solved)),
+        replace(kept, block=rows.block[seen]).with_bad(fit.evidence.bad).solved(fit.evidence.solved.u),
         (mean - jacobian @ v - (doses.slope * doses.w if doses else 0.0))[n:],
-        np.hstack([jacobian, errors, *columns])[n:],
-        np.concatenate([np.zeros(v.size + errors.shape[1], dtype=np.bool_), *smooth]),
+        np.hstack([jacobian, errors, *columns])[n:, order],
+        rows.block[~seen],
+        kinds[rows.block[order]],
     )
 
 
-def kappa(place: Elsewhere, solved: Solved, u: Floats) -> Floats:
-    """Scatter of other rows over what is stated (..., m), for scales u (..., k)."""
-    at = {name: j for j, name in enumerate(solved.rows.scales.names)}
-    index = np.array([at.get(f"scatter {name}", -1) for name in place.rows.names], dtype=np.int64)
-    return np.where(index >= 0, np.exp(u[..., index]), 1.0)
+def kappa(place: Elsewhere, solved: Solved) -> Floats:
+    """Scatter of other rows over what is stated (m,)."""
+    known = dict(zip(solved.rows.scales.names, solved.u, strict=True))
+    return np.exp([known.get(f"scatter {name}", 0.0) for name in place.rows.names])
 
 
 def forecast(posterior: Posterior, place: Elsewhere) -> Forecast:
-    """Other rows by every hypothesis that matters."""
-    random, told = np.random.default_rng(SEED), {h: p for h, p in posterior.probability.items() if p > KEEP}
-    seen = [(outlook(place, place.race.fits[h]), p / sum(told.values())) for h, p in told.items()]
-    parts = [(each, draws_of(each.fit, share, random)) for each, share in seen]
-    mean = np.vstack([each.start + own.values @ each.columns.T for each, own in parts])
-    mean[:, ~np.isfinite(mean).all(axis=0)] = np.nan  # no average over those that have a value
-    tolerance = np.array([place.rows.noise[name].numerical for name in place.rows.names])
-    mean = mean + np.sqrt(place.simulated + tolerance**2) * random.standard_normal(mean.shape)
-    scatter = np.vstack([kappa(place, each.solved, own.scales) for each, own in parts])
-    scatter = scatter * np.sqrt(np.maximum(place.rows.variance - tolerance**2, 0.0))
-    measured = mean + scatter * random.standard_normal(mean.shape)
-    return Forecast(place.rows, mean, measured, np.concatenate([own.weight for _, own in parts]))
-
-
-def below(told: Forecast, place: Elsewhere) -> Floats:
-    """Share of the forecast of one more measurement that lies below each measured value (m,)."""
-    lower = told.weight @ (told.measured < place.rows.z) / np.sum(told.weight)
-    return np.where(np.isfinite(told.mean).all(axis=0), lower, np.nan)
+    """Other rows by every hypothesis that matters; NaN where one of them has no value."""
+    random, parts = np.random.default_rng(SEED), []
+    numerical = np.array([place.rows.noise[name].numerical for name in place.rows.names]) ** 2
+    scatter = np.maximum(place.rows.variance - numerical, 0.0)
+    for h, p in posterior.likely.items():
+        seen = outlook(place, place.race.fits[h])
+        for now, _, weight in scale_draws(seen.solved, p, random):
+            at = replace(seen, solved=now)
+            mean = at.variance() + place.simulated + numerical
+            parts.append((weight, at.mean(), mean, mean + kappa(place, now) ** 2 * scatter))
+    weight, centre, mean, measured = map(np.array, zip(*parts, strict=True))
+    return Forecast(place.rows, weight, centre, np.sqrt(mean), np.sqrt(measured))
 
 
 def left_out(posterior: Posterior) -> Floats:
@@ -269,13 +280,11 @@ def left_out(posterior: Posterior) -> Floats:
     References: Rasmussen & Williams (2006), Gaussian Processes, 5.4.2 (leaving out); Gelfand, Dey & Chang
     (1992), Bayesian Statistics 4, 147 (weights).
     """
-    weights, shares = [], []
-    for each in posterior.draws:
-        solved, bad = each.fit.evidence.solved, list(each.fit.evidence.bad)
-        scales, which = np.unique(each.scales, axis=0, return_inverse=True)
-        own = np.bincount(which.ravel(), each.weight)
-        for u, weight in zip(scales[own > 0.0], own[own > 0.0], strict=True):
-            now = solved.rows.solved(u)
+    weights, shares, random = [], [], np.random.default_rng(SEED)
+    for h, p in posterior.likely.items():
+        known = posterior.race.fits[h].evidence
+        bad = list(known.bad)
+        for now, _, weight in scale_draws(known.solved, p, random):
             residual, diagonal = now.precision
             gap, variance = residual / diagonal, 1.0 / diagonal
             weights.append(np.log(weight) + 0.5 * (gap**2 / variance + np.log(2.0 * np.pi * variance)))
@@ -317,7 +326,7 @@ def error_sd(place: Elsewhere, told: Outlook) -> Floats:
 
     That of the tested one measures its rivals too: what explains rows by errors alone expects large ones.
     """
-    return np.sqrt(place.rows.variance + place.simulated + np.diag(told.covariance(False)))
+    return np.sqrt(place.rows.variance + place.simulated + told.variance(False))
 
 
 def misfit(place: Elsewhere, told: Outlook, size: Floats, good: Bools) -> float:

@@ -24,7 +24,8 @@ from taichi_erosion.evidence.race.adequacy import misfit_p
 from taichi_erosion.evidence.race.doses import add_doses
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
-from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, NOTHING, SEED
+from taichi_erosion.evidence.race.linear_evidence import Solved
+from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, NOTHING, SEED
 from taichi_erosion.evidence.race.search import log_prior, search
 
 SCALES = 60  # draws of the scales of one hypothesis
@@ -37,16 +38,15 @@ class Draws:
 
     fit: Fit
     values: Floats  # (m, q), coefficients of all columns of its linear rows
-    scales: Floats  # (m, k), ln of the scales
     weight: Floats  # (m,), of all hypotheses together their sum is 1
 
 
-def draws_of(fit: Fit, probability: float, random: np.random.Generator) -> Draws:
-    """Draws of a fit with its probability."""
-    best = fit.evidence.solved
+def scale_draws(
+    best: Solved, probability: float, random: np.random.Generator, each: int = 0
+) -> list[tuple[Solved, Floats, float]]:
+    """Solutions at drawn scales, with so many draws (each, q) of all coefficients, and weights."""
     spread = np.linalg.cholesky(np.linalg.inv(best.derivatives()[1]))
-    each = max(4, int(DRAWS * probability / SCALES))
-    values, scales, log_weight = [], [], []
+    found, log_weight = [], []
     for k in range(SCALES):
         step = random.standard_normal(best.u.size) if k else np.zeros(best.u.size)
         stretch = np.sqrt(FREEDOM / random.chisquare(FREEDOM))
@@ -58,13 +58,18 @@ def draws_of(fit: Fit, probability: float, random: np.random.Generator) -> Draws
             continue
         length = float(step @ step) * stretch**2
         log_weight.append(now.value + 0.5 * (FREEDOM + best.u.size) * np.log1p(length / FREEDOM))
-        own = now.centre + random.standard_normal((each, now.centre.size)) @ root.T
-        values.append(own * now.tau)
-        scales.append(np.repeat(u[np.newaxis], each, axis=0))
+        found.append((now, (now.centre + random.standard_normal((each, now.tau.size)) @ root.T) * now.tau))
     share = np.exp(np.array(log_weight) - np.max(log_weight))
     share = np.minimum(share, 0.1 * share.sum())  # no draw stands for more than a tenth of all
-    weight = np.repeat(probability * share / share.sum() / each, each)
-    return Draws(fit, np.vstack(values), np.vstack(scales), weight)
+    weights = probability * share / share.sum()
+    return [(*own, weight) for own, weight in zip(found, weights, strict=True) if weight > 0.0]
+
+
+def draws_of(fit: Fit, probability: float, random: np.random.Generator) -> Draws:
+    """Draws of a fit with its probability."""
+    each = max(4, int(DRAWS * probability / SCALES))
+    _, values, weights = zip(*scale_draws(fit.evidence.solved, probability, random, each), strict=True)
+    return Draws(fit, np.vstack(values), np.repeat(np.array(weights) / each, each))
 
 
 @dataclass(frozen=True)
@@ -73,6 +78,12 @@ class Posterior:
 
     race: Race
     probability: dict[Hypothesis, float]
+
+    @property
+    def likely(self) -> dict[Hypothesis, float]:
+        """Hypotheses that are worth another run of the model, with probabilities of which the sum is 1."""
+        told = {h: p for h, p in self.probability.items() if p > KEEP}
+        return {h: p / sum(told.values()) for h, p in told.items()}
 
     @cached_property
     def draws(self) -> list[Draws]:

@@ -98,7 +98,7 @@ def explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypothesis, fl
 def rival(place: Elsewhere, fit: Fit, weight: float, repeats: int) -> Rival:
     """An explanation, given the known rows."""
     told = outlook(place, fit)
-    scatter = kappa(place, told.solved, told.solved.u) ** 2
+    scatter = kappa(place, told.solved) ** 2
     covariance = told.covariance() + np.diag(scatter * place.rows.variance / repeats)
     return Rival(fit.hypothesis, weight, told.mean(), covariance)
 

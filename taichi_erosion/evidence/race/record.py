@@ -299,6 +299,8 @@ class PredictedPart:
     measured_low: float  # 90 % interval of one measurement
     measured_high: float
     outside: Mapping[str, float]  # end of the measured range, of every condition beyond it
+    group: str = ""  # soil or batch that the table of new conditions names
+    unseen: bool = False  # that is none of those measured, where these differ
 
 
 @dataclass(frozen=True)

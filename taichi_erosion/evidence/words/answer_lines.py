@@ -84,9 +84,8 @@ def compare_answer(record: Record, voc: say.Vocabulary) -> Answer:
 def compared(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     """First and last line of a comparison."""
     fit, rows = record.fit, part_words.rows_text(record)
-    size = (
-        f"misfit per row {plain(fit.chi2_before / fit.n, 2)}, where 1 is chance; {say.chance(fit.p_before)}"
-    )
+    size = f"misfit per row {plain(fit.chi2_before / fit.n, 2)}, where 1 is chance"
+    size += f"; {say.chance(fit.p_before)}"
     size += "" if isnan(fit.p_lack_of_fit) else f"; against repeats alone {say.chance(fit.p_lack_of_fit)}"
     if part_words.agrees(record):
         return f"The calibrated model agrees with {rows} ({size}).", HARDER
@@ -241,7 +240,10 @@ def prediction_answer(found: PredictionPart, about: Mapping[str, Any], units: Ta
     """Which model answers, what its intervals rest on, and how they have held."""
     hidden, name, with_ = about["rows_hidden"], Path(about["study"]).name, say.joined(about["adopted"])
     model = f"the adopted model, with {with_} ({name})" if with_ else f"the calibrated model of {name}"
-    missing = [f"Predicted by {model}.", "`value` is the model corrected by what its residuals show."]
+    every, new = f"of {counted(len(found.rows), 'prediction')}", sum(row.unseen for row in found.rows)
+    soil = f"; for {new} {every} the soil or batch was not measured (a column `group` names it)" * bool(new)
+    value = f"`value` is the model corrected by what its residuals show{soil}."
+    missing = [f"Predicted by {model}.", value]
     if found.lost:
         missing += [f"Not predicted: {say.joined(found.lost)}, of which no row has a known scatter."]
     if found.outdated:
@@ -255,8 +257,7 @@ def prediction_answer(found: PredictionPart, about: Mapping[str, Any], units: Ta
     following = []
     if outside := sum(bool(row.outside) for row in found.rows):
         lie = f"{'lies' if outside == 1 else 'lie'} outside the measured conditions"
-        words = f"{outside} of {counted(len(found.rows), 'prediction')} {lie}"
-        following += [f"{words}: nothing checks the model there."]
+        following += [f"{outside} {every} {lie}: nothing checks the model there."]
     if found.constant:
         following += [f"As in the study, not in the table: {units.setting_text(found.constant)}."]
     return Answer(tuple(missing), tuple(holds), tuple(following), prediction_rows(found, units))
@@ -266,9 +267,8 @@ def check_line(rows: str, check: CheckPart) -> str:
     """How many measured values lie inside their intervals."""
     if not check.n:
         return f"There are no {rows.rstrip(',')} to check the intervals with."
-    words = f"{check.inside} of {check.n} {rows} lie inside their 90 % interval"
-    few = f": the intervals are too narrow ({say.chance(check.p)})"
-    return f"{words}{few * (check.p < ADEQUATE)}."
+    few = f": the intervals are too narrow ({say.chance(check.p)})" * (check.p < ADEQUATE)
+    return f"{check.inside} of {check.n} {rows} lie inside their 90 % interval{few}."
 
 
 def prediction_rows(found: PredictionPart, units: TableUnits) -> Table | None:
@@ -280,6 +280,7 @@ def prediction_rows(found: PredictionPart, units: TableUnits) -> Table | None:
     titles = [heading(say.quantity(row.observable), units.value_unit(row.observable)) for row in found.rows]
     places = [[plain(row.conditions[name], 4) for name in names] for row in found.rows]
     cells = ((*value_cells(row, units), outside_text(row)) for row in found.rows)
+    titles = [", ".join(filter(None, (t, row.group))) for t, row in zip(titles, found.rows, strict=True)]
     rows = tuple((title, *at, *own) for title, at, own in zip(titles, places, cells, strict=True))
     return Table("predictions", columns, rows)
 
@@ -297,8 +298,8 @@ def value_cells(row: PredictedPart, units: TableUnits) -> Iterator[str]:
 
 def outside_text(row: PredictedPart) -> str:
     """`diameter beyond 2487 um`."""
-    ends = ((name, with_unit(plain(end, 4), row.condition_units[name])) for name, end in row.outside.items())
-    return ", ".join(f"{name} beyond {end}" for name, end in ends)
+    told = [f"{n} beyond {with_unit(plain(x, 4), row.condition_units[n])}" for n, x in row.outside.items()]
+    return ", ".join(told + [f"{row.group} not measured"] * (row.unseen and bool(row.group)))
 
 
 ANSWERS: Mapping[str, Callable[[Record, say.Vocabulary], Answer]] = {

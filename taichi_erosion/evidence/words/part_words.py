@@ -198,8 +198,7 @@ def curve_texts(record: Record, voc: say.Vocabulary) -> Iterator[str]:
         at = voc.units.condition_text(curve.condition, curve.turn) if isfinite(curve.turn) else ""
         turns = {"peak": f"rises to about {at} and falls", "trough": f"falls to about {at} and rises"}
         words = turns.get(curve.shape, f"{curve.shape} with it")
-        acts = f"It acts with {say.quantity(curve.condition)}"
-        yield f"{acts}: the {say.quantity(curve.observable)} {words}."
+        yield f"It acts with {say.quantity(curve.condition)}: the {say.quantity(curve.observable)} {words}."
 
 
 def acting_text(name: str, record: Record, voc: say.Vocabulary) -> str:

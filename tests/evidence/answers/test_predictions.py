@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from doe.trials.reduced.families import FAMILIES
 from doe.trials.reduced.laboratory import Readings, table_of
@@ -16,7 +17,7 @@ from taichi_erosion.evidence.race.fit import Hypothesis
 from taichi_erosion.evidence.race.outlook import elsewhere, forecast, left_out, new_rows, outlook
 from taichi_erosion.evidence.race.posterior import raced
 from tests.evidence.linear_study import linear_problem
-from tests.evidence.small_study import write_study
+from tests.evidence.small_study import study_text, write_study
 
 
 def test_a_row_is_predicted_from_the_others_as_if_it_had_not_been_measured():
@@ -30,7 +31,7 @@ def test_a_row_is_predicted_from_the_others_as_if_it_had_not_been_measured():
             rest.race, new_rows(rest.race.prepared, NewConditions(("y",), {"x": table.conditions["x"][[i]]}))
         )
         told = forecast(rest, place)
-        share = told.weight @ (told.measured[:, 0] < table.value[i]) / told.weight.sum()
+        share = told.weight @ ndtr((table.value[i] - told.centre[:, 0]) / told.measured[:, 0])
         assert shares[i] == pytest.approx(share, abs=0.04)
 
 
@@ -142,3 +143,51 @@ def test_intervals_hold_what_they_say():
     mean, measured = np.mean(held[::2]), np.mean(held[1::2])
     assert 0.84 - 3.0 * 0.13 / 3.4 < mean < 0.97
     assert abs(measured - 0.9) < 3.0 * 0.07 / 3.4
+
+
+@pytest.mark.parametrize(("family", "seed"), [("intervals", 64000), ("beyond", 5008), ("disturbed", 777)])
+def test_an_interval_does_not_depend_on_what_else_is_asked(family: str, seed: int):
+    """Alone, in company, in another order and twice; at measured conditions and beyond them."""
+    found = raced(FAMILIES[family](seed, 0).problem, 0)
+    rows = found.race.prepared.rows
+    at = np.array([0, 3, 3, rows.size - 1, 7])
+    stated = {
+        name: np.append(column[at[:-1]], 1.7 * column.max()) for name, column in rows.conditions.items()
+    }
+
+    def ends(chosen: list[int]) -> np.ndarray:
+        names = tuple(rows.names[at[k]] for k in chosen)
+        group = tuple(rows.group[at[k]] if k % 2 else "" for k in chosen)
+        wanted = NewConditions(names, {name: column[chosen] for name, column in stated.items()}, group)
+        told = forecast(found, elsewhere(found.race, new_rows(found.race.prepared, wanted)))
+        both = [told.intervals(sd) for sd in (told.mean, told.measured)]
+        return np.array([[(one.value, one.low, one.high) for one in each] for each in both])
+
+    whole = ends([0, 1, 2, 3, 4])
+    for chosen in ([0], [3], [4], [3, 0], [4, 1, 0]):
+        np.testing.assert_allclose(ends(chosen), whole[:, chosen], rtol=1e-9)
+
+
+def test_a_soil_that_is_named_is_predicted_with_what_is_known_of_it(tmp_path):
+    """The angles of soil B lie 4 deg higher; without a name, and of a soil without rows, all are possible."""
+    angles = study_text().replace('[observables.threshold_u_star]\ntransform = "log"\n', "")
+    study = write_study(tmp_path, {}, study=angles)
+    table = tmp_path / "heap.csv"
+    heading, *lines = [line.split(",") for line in table.read_text("utf-8").splitlines()]
+    rows, random = [heading], np.random.default_rng(1)
+    for name, value, n, unit, _, *rest in lines:
+        if name == "repose_angle":
+            for soil, more in (("A", 0.0), ("B", 4.0), ("C", 1.0)):
+                angle = float(value) + more + 0.3 * random.standard_normal()
+                rows.append([name, f"{angle:.5g}", n, unit, soil, *rest])
+    table.write_text("".join(",".join(row) + "\n" for row in rows), encoding="utf-8")
+    at = tmp_path / "at.csv"
+    at.write_text("soil,moisture [%],diameter [um]\nA,1,300\nB,1,300\nD,1,300\n,1,300\n", encoding="utf-8")
+    reply = predict_study(study, at, no_progress)
+    a, b, other, none = reply.record.rows
+    assert b.value - a.value == pytest.approx(4.0, abs=0.5)
+    assert max(each.high - each.low for each in (a, b)) < 0.5 * (other.high - other.low)
+    assert (other.low, other.high) == pytest.approx((none.low, none.high), rel=1e-9)
+    assert other.low < a.value < b.value < other.high
+    assert [each.unseen for each in reply.record.rows] == [False, False, True, True]
+    assert "2 of 4" in reply.answer().lines[1]
