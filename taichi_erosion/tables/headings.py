@@ -41,6 +41,13 @@ SEPARATOR = re.compile(r"\s+in\s+|\s*[/,:;]\s*|\s+")  # between a name and its u
 STATING = ("in", "/", ",")  # separators behind which a unit is meant, whatever it is
 UNIT_SIGN = re.compile(r"[%°‰µμ]|.{2}/|[a-zA-Z][-−^]?\d|[⁻^·]")
 NUMBER_LAST = re.compile(r"(?:.*[\s=_])?\d+(?:[.,]\d+)?")
+COUNT = re.compile(  # of repeats behind every number of a column
+    r"[,;]?\s*(?<!\w)n\s*[=:]\s*(\d+)|(?<=mean of )(\d+)|(?<=average of )(\d+)|(?<=mittel aus )(\d+)"
+    r"|(?<![\w.,])(\d+) (?:repeats|replicates|repetitions|tests|trials|measurements|wiederholungen)\b",
+    re.IGNORECASE,
+)
+EMPTY = re.compile(r"\(\s*\)|\[\s*\]|(?<=[(\[])\s*[,;]\s*")
+PERCENT = re.compile(r"\b(?:percent(?:age)?|per cent|pct|prozent|pourcentage|porcentaje)\b", re.IGNORECASE)
 UNIT_SPELLINGS = str.maketrans(dict.fromkeys("⋅∙•×", "·") | dict.fromkeys("{}$", ""))
 RADIAN = (("radian", 1),)
 SHARE = re.compile(r"(?P<before>[^\d%‰]*)(?P<unit>[%‰])(?P<behind>.*)")
@@ -68,10 +75,15 @@ class Heading:
     unit: str = ""  # in the spelling of this program; empty: none is stated
     unreadable: str = ""  # what stands in brackets and is no unit
     law: str = ""  # of LAWS, by which the numbers become those of `unit`
+    repeats: int = 0  # `(n = 5)`: of which every number is the mean; 0: none is stated
 
 
 def read_heading(text: str) -> Heading:
     """Name and unit of a heading; words in brackets stay in the name."""
+    count = COUNT.search(text)
+    rest = EMPTY.sub(" ", text[: count.start()] + text[count.end() :]).strip() if count else ""
+    if count and rest:
+        return replace(read_heading(rest), text=text, repeats=int(count[count.lastindex or 0]))
     unreadable, (unit, kept) = "", unit_at_end(text) if "/(" in text else ("", text)  # `flux in kg/(m s)`
     for match in BRACKETS.finditer(text) if not unit else ():
         inner = next(part for part in match.groups() if part is not None).strip()
@@ -84,6 +96,7 @@ def read_heading(text: str) -> Heading:
         remarks = " ".join(match[0] for match in BRACKETS.finditer(text))
         unit, words = unit_at_end(BRACKETS.sub(" ", text).strip())
         kept = f"{words} {remarks}" if unit else text
+        unit = unit or ("%" if PERCENT.search(text) else "")
     name = " ".join(kept.split()) or text
     return with_law(Heading(text, name, unit, "" if unit else unreadable))
 
@@ -289,6 +302,11 @@ def of_another(heading: str) -> bool:
     """Whether a heading names a thing that has the quantity too: the diameter of a funnel."""
     things = vocabulary()["things"].get(longest_word(heading, *KINDS)[2], ())
     return has_word(left_words(heading), things)
+
+
+def has_basis(heading: Heading) -> bool:
+    """Whether a heading says of what a moisture is a share: `[% dry mass]`, `gravimetric`."""
+    return bool(heading.law) or has_word(heading.text, vocabulary()["bases"]["dry"])
 
 
 def qualifiers(heading: Heading) -> tuple[str, str]:

@@ -106,3 +106,22 @@ def test_numbers_of_a_law_are_known_by_their_heading(text, law, unit):
 )
 def test_a_bare_angle_is_that_of_repose_where_nothing_else_is_measured(text, meant):
     assert meaning_alone(read_heading(text)) == meant
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "unit", "repeats"),
+    [
+        ("repose angle (n = 5) [deg]", "repose angle", "deg", 5),
+        ("repose angle [n=12]", "repose angle", "", 12),
+        ("Schüttwinkel (°, N = 3)", "Schüttwinkel", "°", 3),
+        ("angle of repose, mean of 4 (deg)", "angle of repose, mean of", "deg", 4),
+        ("u*t [m/s], 3 replicates", "u*t ,", "m/s", 3),
+        ("n = 3", "n = 3", "", 0),  # names no quantity
+        ("d50 [mm]", "d50", "mm", 0),
+        ("percent slope", "percent slope", "%", 0),
+        ("percentile d50", "percentile d50", "", 0),
+    ],
+)
+def test_a_count_of_repeats_and_a_percentage_are_read_wherever_they_stand(text, name, unit, repeats):
+    heading = read_heading(text)
+    assert (heading.name, heading.unit, heading.unreadable, heading.repeats) == (name, unit, "", repeats)

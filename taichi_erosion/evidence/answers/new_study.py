@@ -49,6 +49,7 @@ from taichi_erosion.tables.headings import (
     meaning_of,
     near_meaning,
     plain_words,
+    qualifiers,
     read_heading,
     unit_in,
 )
@@ -204,18 +205,27 @@ def condition_places(table: Table, told: Told) -> dict[str, str]:
     """Place that every condition of a table sets."""
     columns = [column for column in table.columns if column.role == "condition"]
     # in a tidy table a column is called as the user likes
-    stated = {c.title: told.conditions.get(c.name) or meaning_of(c.name)[1] for c in columns}
+    stated = {c.title: told.conditions.get(c.name) or place_of_tidy(c, told) for c in columns}
     if not any(column.role == "value" for column in table.columns):
         stated = {column.title: column.name for column in columns}
     faults = [
         f"{table.file}: column '{name}': no place of a scene is known by that name; say which one it sets: "
-        f"--condition {name}={near_meaning(name) or 'PATH'}, or give its unit: --condition {name}=UNIT"
+        f"--condition {name}={near_meaning(name) or 'PATH'}, or give its unit: --condition {name}={unit}"
         for name, place in stated.items()
+        for unit in [table.units[table.conditions.index(name)] or "UNIT"]
         if not place
     ]
     if faults:
         raise BadInput(*faults)
     return stated
+
+
+def place_of_tidy(column: Column, told: Told) -> str:
+    """Place that a column of a tidy table sets; empty where its name may mean another quantity."""
+    if qualifiers(column.heading)[0]:
+        return ""
+    unknown = told.reads is not None and not near_meaning(column.name)  # residuals are tested along it
+    return meaning_of(column.name)[1] or (CONDITION + column.title if unknown else "")
 
 
 def closed_form_content(asked: Asked) -> Content:

@@ -16,7 +16,7 @@ from taichi_erosion.core.files import one_line_name
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.tables.column_roles import Column, Told
-from taichi_erosion.evidence.data.tables.interview import AGREED, Interview, understood, upright
+from taichi_erosion.evidence.data.tables.interview import AGREED, Interview, understood
 from taichi_erosion.evidence.data.tables.rows import (
     PLACE,
     Faults,
@@ -38,8 +38,9 @@ from taichi_erosion.scene.schema.units import (
     parse_unit,
     scale_between,
 )
+from taichi_erosion.tables.headings import SCATTER, meaning_of, read_heading
 from taichi_erosion.tables.number_words import plain, set_up_name, with_unit
-from taichi_erosion.tables.spreadsheet import Cells, read_cells
+from taichi_erosion.tables.spreadsheet import Cells, read_cells, written_out
 
 AMOUNTS = ("flux", "flux_height")  # observables that can be none
 SPREAD_WORDS = {  # of numbers behind ±, by the role of their column
@@ -83,6 +84,28 @@ def read_rows(path: Path, name: str, told: Told, interview: Interview, faults: F
     return replace(table, notes=tuple(interview.assumed[assumed:]))
 
 
+def upright(cells: Cells, interview: Interview) -> Cells:
+    """A table with its headings in the first row; one that lies on its side is set upright, if agreed."""
+    if not lies_on_its_side(cells):
+        return cells
+    meaning = "rows and columns are exchanged: the headings stand in the first column"
+    question = f"{cells.file}: the headings seem to stand in the first column. Exchange rows and columns"
+    if not interview.agreed(question, meaning):
+        return cells
+    columns = zip(*(row for _, row in cells.rows), strict=True)
+    rows = tuple((k, column) for k, column in enumerate(columns, 1) if any(column))
+    return written_out(replace(cells, file=f"{cells.file} (rows and columns exchanged)", rows=rows))
+
+
+def lies_on_its_side(cells: Cells) -> bool:
+    """Whether the first column names a measured quantity and more, and the first row nothing known."""
+    telling = ("observable", "condition", *SCATTER)
+    names = [row[0] for _, row in cells.rows], cells.heading[1:]
+    roles = [[meaning_of(read_heading(text).name)[0] for text in texts if text] for texts in names]
+    down, across = ([role for role in each if role in telling] for each in roles)
+    return len(down) > 1 and "observable" in down and not across
+
+
 def filled_down(cells: Cells, columns: Sequence[Column], told: Told, interview: Interview) -> Cells:
     """The cells; blank ones below a condition, a set-up or a source repeat it where the user says so."""
     rows = [list(row) for _, row in cells.rows]
@@ -111,7 +134,7 @@ def cell_notes(cells: Cells, columns: Sequence[Column]) -> Iterator[str]:
     for column in (each for each in columns if each.role in SPREAD_WORDS):
         if any(sign in row[column.place] for _, row in cells.lines for sign in ("±", "+-", "+/-")):
             yield f"± in '{column.heading.text}' is the standard deviation of {SPREAD_WORDS[column.role]}"
-    if not any(column.role == "n" for column in columns):
+    if not any(column.role == "n" or column.heading.repeats for column in columns):
         yield "no column counts repeats: n is left empty, and a value counts as one measurement"
 
 

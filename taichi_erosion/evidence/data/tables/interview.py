@@ -13,7 +13,7 @@ from math import inf, isnan, nan
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.physical_ranges import OBSERVED, likely_units, place_range
+from taichi_erosion.evidence.data.physical_ranges import OBSERVED, PhysicalRange, likely_units, place_range
 from taichi_erosion.evidence.data.tables.column_roles import (
     CONDITION,
     HALF,
@@ -35,16 +35,16 @@ from taichi_erosion.tables.headings import (
     HEIGHT,
     SCATTER,
     WINDS,
+    has_basis,
     is_summary,
     meaning_of,
     plain_words,
-    read_heading,
     stated_unit,
     unit_in,
     vocabulary,
 )
 from taichi_erosion.tables.number_columns import is_height, no_conditions, own_name, stem
-from taichi_erosion.tables.spreadsheet import Cells, written_out
+from taichi_erosion.tables.spreadsheet import Cells
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 AGREED = ("y", "j", "o", "s")  # first letters of yes, ja, oui, si
@@ -54,13 +54,13 @@ SPREADS = {
     "se": "the standard error of their mean",
     NOT_USED: "not used",
 }
-TELLING = ("observable", "condition", *SCATTER)
-LEAST_KNOWN = 2  # headings that are known in the first column of a table that lies on its side
 BRACKETED_UNIT = re.compile(r"\[[^\]]*\]|\([^()\d]*\)")  # of what the column measures
 VALUE = re.compile(r"(?<![\w.,])\d+(?:[.,]\d+)?\s*([%‰°µμ]\w*|[^\W\d_]\w*)")  # a number and its unit
 BESIDE = "the repeats stand beside it"
 OWN = "own"  # answer of who keeps a column as a condition of its own
 UNREAD = "no effect of the model reads it"
+MOISTURE = "conditions.moisture"
+SHARES = ("%", "‰", "1", "-")
 RESERVED = (
     *"observable value unit sd n group source vault replicate repeat date note comment remark".split(),
 )
@@ -148,7 +148,7 @@ def understood(
             f"'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME one of {known or 'its own'}; "
             f"{CROSS_TABLE}"
         )
-    columns = [with_asked_unit(column, reading) for column in columns]
+    columns = [with_right_unit(with_asked_unit(column, reading), reading) for column in columns]
     return with_stated_sd(columns, cells, told, faults)
 
 
@@ -306,16 +306,33 @@ def column_fault(column: Column, seen: Mapping[str, str], told: Told) -> str:
     if column.role == "observable":
         known = column.name in told.measures
         return "" if known else f"no scene measures '{column.name}'; known: {', '.join(told.measures)}"
-    path = column.name.split(",")[0].strip()
-    allowed = place_range(path)
-    unit = told.own_units.get(path) or (allowed and allowed.unit)
-    if unit is None:
-        own = f"'{column.name}' is no unit and no place of a scene (a condition of your own: COLUMN=g/kg)"
-        return f"{own}; places: {', '.join(vocabulary()['conditions'])}"
-    if not column.heading.unit or scale_between(column.heading.unit, parse_unit(unit)) is not None:
+    if range_of(column) or column.name in told.own_units:
         return ""
-    slope = " (a slope in % is a tangent: write its angle)" if column.name.endswith("slope") else ""
-    return f"{column.name} counts in {'a pure number' if unit == '1' else unit}; give it in that unit{slope}"
+    own = f"'{column.name}' is no unit and no place of a scene (a condition of your own: COLUMN=g/kg)"
+    return f"{own}; places: {', '.join(vocabulary()['conditions'])}"
+
+
+def range_of(column: Column) -> PhysicalRange | None:
+    """Range of what a column measures or sets; None where none is known."""
+    measured = column.role == "observable"
+    return OBSERVED.get(column.name) if measured else place_range(column.name.split(",")[0].strip())
+
+
+def with_right_unit(column: Column, reading: Reading) -> Column:
+    """A column whose unit is one of what it measures or sets; the basis of a moisture is told."""
+    heading, allowed = column.heading, range_of(column)
+    unit = reading.told.own_units.get(column.name) or (allowed and allowed.unit)
+    known = reading.told.measures and unit and heading.unit  # a study says itself what there is
+    if column.role not in ("observable", "condition") or not known:
+        return column
+    if scale_between(heading.unit, parse_unit(str(unit))) is None:
+        tangent = f" ({heading.unit} of an angle is a tangent: write its angle)" if unit == "deg" else ""
+        counted = "a pure number" if unit == "1" else unit
+        return reading.fault(column, f"{column.name} counts in {counted}; give it in that unit{tangent}")
+    if column.name == MOISTURE and heading.unit in SHARES and not has_basis(heading):
+        told = f"'{heading.text}' counts as a share of dry soil by mass"
+        reading.interview.assume(f"{told} ('wet basis' or 'volumetric' in the heading: otherwise)")
+    return column
 
 
 def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
@@ -331,7 +348,9 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
     own = [c for c in columns if c.role == "condition" and c.name not in reads]
     others = [c for c in columns if c.role == "condition" and c.name in reads]
     labels = [c.place for c in columns if c.role in ("group", "source")]
-    filled = [*accumulate(rows, filled_from)] if reading.told.fill_down else rows
+    filled = rows
+    if reading.told.fill_down:
+        filled = [*accumulate(rows, lambda up, row: tuple(x or y for x, y in zip(row, up, strict=True)))]
     set_ups = ["|".join(row[place] for place in labels) for row in filled]
     values = {c: np.array([reading.number(row[c.place]).value for row in filled]) for c in (*own, *others)}
     results = [np.array([reading.number(row[place]).value for row in rows]) for place in measured]
@@ -340,10 +359,11 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
     asked = {c.heading.text: values[c] for c in own if c.name not in said}
     why = no_conditions(asked, results, known, np.array(set_ups))
     found, names = list[Column](), [*RESERVED, *(c.title for c in others)]
+    if unused := [f"'{text}' ({reason})" for text, reason in why.items()]:
+        reading.interview.assume(f"not used: {', '.join(unused)}")
     for column in columns:
         text, name = column.heading.text, own_name(column.heading.name, names, column.place)
         if column in own and text in why:
-            reading.interview.assume(f"column '{text}' is not used: {why[text]}")
             column = replace(column, role="remark")
         elif column in own:
             reading.interview.assume(f"column '{text}' is kept as a condition; {UNREAD}")
@@ -352,11 +372,6 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
             names.append(column.title)
         found.append(column)
     return found
-
-
-def filled_from(above: tuple[str, ...], row: tuple[str, ...]) -> tuple[str, ...]:
-    """Cells of a row, blank ones as in the row above it."""
-    return tuple(cell or other for other, cell in zip(above, row, strict=True))
 
 
 def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Column]:
@@ -369,7 +384,7 @@ def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Co
         if column.role == "observable":
             words = re.sub(r"[\W\d_]+", " ", plain_words(stem(column.heading.name))).strip()
             families.setdefault((column.name, words), []).append(column)
-    repeats, means = set[int](), set[int]()
+    repeats, means, numbered = set[int](), set[int](), set[int]()
     for family in (each for each in families.values() if len(each) > 1):
         told = ", ".join(f"'{column.heading.text}'" for column in family)
         if any(map(holds_value, family)):
@@ -381,17 +396,15 @@ def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Co
         ):
             continue
         repeats |= {column.place for column in family[1:]}
+        numbered |= {column.place for column in family}  # `n = 2` is the number of one
         for column in columns:  # of the repeats beside it
-            if column.name == family[0].name and column not in family and sums_up(column.heading.name):
+            sums_up = any(map(is_summary, plain_words(column.heading.name).split()))  # `mean angle`
+            if column.name == family[0].name and column not in family and sums_up:
                 means.add(column.place)
                 reading.interview.assume(f"column '{column.heading.text}' is not used: {BESIDE}")
     found = [replace(column, is_repeat=column.place in repeats) for column in columns]
+    found = [replace(c, heading=replace(c.heading, repeats=0)) if c.place in numbered else c for c in found]
     return [replace(c, role="remark", sure=True) if c.place in means else c for c in found]
-
-
-def sums_up(heading: str) -> bool:
-    """Whether a heading has a word for what sums up repeats: `mean angle`."""
-    return any(map(is_summary, plain_words(heading).split()))
 
 
 def holds_value(column: Column) -> bool:
@@ -441,59 +454,36 @@ def with_asked_unit(column: Column, reading: Reading) -> Column:
         return column
     written = next((number.unit for number in numbers if number.unit), "")
     if written or (written := reading.told.own_units.get(column.name, "")):
-        return replace(column, heading=stated_unit(column.heading, written))
-    if column.role == "condition":
-        return with_unit_of_place(column, [number.value for number in numbers], reading)
-    share = max((number.value for number in numbers), default=0.0) <= MOST_SHARE
-    known = OBSERVED.get(column.name)
-    usual = (known.unit if known else "m") if column.role == "observable" else "1" if share else "%"
-    told = usual if column.role == "observable" else "a share of the value" if share else "percent of it"
-    meaning = f"'{text}' has no unit in its heading: taken as {told}"
-    answer = reading.interview.choice(f"Unit of column '{text}' (such as {usual})", usual, meaning)
-    return replace(column, heading=stated_unit(column.heading, answer))
+        return in_unit(column, written)
+    return with_usual_unit(column, [number.value for number in numbers], reading)
 
 
-def with_unit_of_place(column: Column, values: Sequence[float], reading: Reading) -> Column:
-    """A condition without a unit: that of its place where the numbers are usual there, else an asked one."""
-    allowed, text = place_range(column.name.split(",")[0].strip()), column.heading.text
+def with_usual_unit(column: Column, values: Sequence[float], reading: Reading) -> Column:
+    """A column that states no unit: that of its quantity where all numbers are usual, else an asked one."""
+    text, interview = column.heading.text, reading.interview
+    if column.role == "cv":
+        share = max(values, default=0.0) <= MOST_SHARE
+        usual, told = ("1", "a share of the value") if share else ("%", "percent of it")
+        meaning = f"'{text}' has no unit in its heading: taken as {told}"
+        return in_unit(column, interview.choice(f"Unit of column '{text}' (such as {usual})", usual, meaning))
+    allowed, measured = range_of(column), column.role == "observable"
     if allowed is None or not values:
         return column
-    if all(map(allowed.is_usual, values)):
+    several = measured and allowed.usual is None and allowed.unit != "1"  # units that may be meant
+    if not several and all(map(allowed.is_usual, values)):
         told = "a pure number or share, 1 is all" if allowed.unit in ("1", "kg kg-1") else allowed.unit
-        reading.interview.assume(
-            f"'{text}' has no unit in its heading: taken as {told} (--unit '{text}=UNIT')"
-        )
-        return column
-    units = likely_units(values, None, allowed)
+        interview.assume(f"'{text}' has no unit in its heading: taken as {told} (--unit '{text}=UNIT')")
+        return in_unit(column, allowed.unit) if measured else column
+    units = ["UNIT"] if several else likely_units(values, None, allowed) or [allowed.unit] * measured
     span = f"its numbers are {min(values):g} to {max(values):g}"
-    question = f"Unit of column '{text}' ({span}; likely {' or '.join(units) or 'none'})"
-    if answer := reading.interview.choice(question, "", ""):
-        return replace(column, heading=stated_unit(column.heading, answer))
-    hint = f"{span} {allowed.unit}; write its unit there: '{text} [{units[0]}]'" if units else ""
-    return reading.fault(column, f"has no unit in its heading: {hint}") if hint else column
+    likely = "such as g/(m s), mm" if several else f"likely {' or '.join(units) or 'none'}"
+    question = f"Unit of column '{text}' ({span}; {likely})"
+    if answer := interview.choice(question, "", ""):
+        return in_unit(column, answer)
+    told = f"has no unit in its heading: {span}; write it there: '{text} [{units[0]}]'" if units else ""
+    return reading.fault(column, told) if units else column
 
 
-def upright(cells: Cells, interview: Interview) -> Cells:
-    """A table with its headings in the first row; one that lies on its side is set upright, if agreed."""
-    if not lies_on_its_side(cells):
-        return cells
-    question = (
-        f"{cells.file}: the headings seem to stand in the first column, with one column for every sample. "
-        "Exchange rows and columns"
-    )
-    meaning = "rows and columns are exchanged: the headings stand in the first column"
-    if not interview.agreed(question, meaning):
-        return cells
-    columns = zip(*(row for _, row in cells.rows), strict=True)
-    rows = tuple((k, column) for k, column in enumerate(columns, 1) if any(column))
-    return written_out(replace(cells, file=f"{cells.file} (rows and columns exchanged)", rows=rows))
-
-
-def lies_on_its_side(cells: Cells) -> bool:
-    """Whether the first column names a measured quantity and more, and the first row nothing known."""
-    down, across = (
-        [meaning_of(read_heading(text).name)[0] for text in texts if text]
-        for texts in ([row[0] for _, row in cells.rows], cells.heading[1:])
-    )
-    known = [role for role in down if role in TELLING]
-    return len(known) >= LEAST_KNOWN and "observable" in known and not any(role in TELLING for role in across)
+def in_unit(column: Column, unit: str) -> Column:
+    """A column with the unit that is stated for it."""
+    return replace(column, heading=stated_unit(column.heading, unit))

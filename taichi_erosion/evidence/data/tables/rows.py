@@ -38,7 +38,8 @@ from taichi_erosion.scene.schema.units import (
     scale_between,
 )
 from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, cell_word, is_missing, read_cell, reason
-from taichi_erosion.tables.headings import Role, is_summary, read_heading
+from taichi_erosion.tables.headings import Role, is_summary, meaning_of, read_heading
+from taichi_erosion.tables.number_columns import own_name
 from taichi_erosion.tables.spreadsheet import Cells
 
 Found = TypeVar("Found")
@@ -49,7 +50,7 @@ ROLES: dict[str, Role] = {  # of the columns of a tidy table
     **dict.fromkeys(("note", "notes", "comment", "remark", "remarks"), "remark"),
 }
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
-SD_OF = re.compile(r"sd[ _]of[ _](?P<set>set )?(?P<name>[A-Za-z][A-Za-z0-9_]*)")
+SD_OF = re.compile(r"sd[ _]of[ _](?P<set>set )?(?P<name>.+)")
 PLACE = re.compile(r"(?P<file>.*), row (?P<line>\d+)")  # source of a row that names no other
 MOST_REPEATS = 10**9
 SHOWN = 40  # characters of a cell that a message repeats
@@ -120,10 +121,9 @@ def tidy_columns(cells: Cells) -> list[Column]:
     for place, text in enumerate(cells.heading):
         heading, where = read_heading(text), f"{file}: heading {quoted(text)}"
         error = SD_OF.fullmatch(heading.name)
-        if not (error or NAME.fullmatch(heading.name)):
-            faults.append(f"{where} is not a name of letters, digits and _")
-            continue
         name = error["name"] if error else heading.name
+        name = meaning_of(name)[1].rpartition(".")[2] if heading.law else name  # its numbers are turned
+        name = name if NAME.fullmatch(name) else own_name(name, REQUIRED, place)
         role: Role = "condition_sd" if error else ROLES.get(name, "condition")
         if heading.unreadable:
             faults.append(f"{where}: unknown unit; allowed: {EXAMPLES}")
@@ -283,6 +283,8 @@ class RowReader:
                 self.fault(line, column, row, reason(text))
             return None
         n = next((self.count(line, row, each) for each in self.partners("n", column)), None)
+        counting = column, *self.partners("sd", column), *self.partners("se", column)
+        n = n or max(each.heading.repeats for each in counting) or None
         sd = self.scatter(line, row, column, found.value, n) if isnan(found.sd) else found.sd
         if isnan(sd):  # what the user states
             sd = column.cv * abs(found.value) or nan

@@ -179,8 +179,8 @@ def test_a_column_that_varies_is_a_condition_unless_it_says_something_known(tmp_
     text = SALT.format(heading) + "".join(f"{w};{x};{a};0.5\n" for w, x, a in rows)
     found, assumed = measured(tmp_path, text)
     assert (len(found.conditions) == 2) is kept
-    words = "is kept as a condition" if kept else "is not used: "
-    assert any(f"column '{heading}' {words}" in each for each in assumed)
+    words = f"column '{heading}' is kept as a condition" if kept else f"not used: '{heading}' ("
+    assert any(words in each for each in assumed)
 
 
 def test_a_measured_condition_that_repeats_follow_is_kept(tmp_path):
@@ -234,3 +234,68 @@ def test_the_width_between_walls_reaches_the_model(tmp_path):
     assert study.file.conditions["width"] == "width"
     walls = study.problem.model("repose_angle", found.conditions, {}, {"side_walls": 1.0}, np.arange(3))
     assert walls.mean(axis=0)[0] > walls.mean(axis=0)[2] + 4.0
+
+
+ANGLES = (31.0, 35.0, 38.0, 39.0, 40.0)
+WET = "{};{};SD\n" + "".join(f"{w};{angle};0.5\n" for w, angle in enumerate(ANGLES))
+
+
+@pytest.mark.parametrize(
+    ("heading", "is_told"),
+    [("moisture (%)", True), ("MC, wt%", True), ("moisture (% dry mass)", False), ("Feuchte (%), TS", False)],
+)
+def test_the_basis_of_a_moisture_is_told_where_its_heading_does_not_say_it(tmp_path, heading, is_told):
+    _, assumed = measured(tmp_path, WET.format(heading, "repose angle (deg)"))
+    assert any(f"'{heading}' counts as a share of dry soil" in line for line in assumed) is is_told
+
+
+def test_repeats_that_a_heading_counts_are_those_of_every_row_and_of_no_numbered_sibling(tmp_path):
+    found, _ = measured(tmp_path, WET.format("moisture (% dry mass)", "repose angle (deg, n = 5)"))
+    assert list(found.n) == [5] * len(ANGLES)
+    error = WET.format("moisture (%)", "repose angle (deg)").replace(";SD", ";SE (n = 4)")
+    assert measured(tmp_path, error)[0].sd == pytest.approx([1.0] * len(ANGLES))
+    numbered = "moisture (%);repose angle n=1 (deg);repose angle n=2 (deg)\n0;31;32\n1;35;34\n2;38;39\n"
+    assert not np.isfinite(np.array(measured(tmp_path, numbered, "u.csv")[0].n, float)).any()
+
+
+TILTED = "{};u*t (m/s);SD;d (mm)\n0{u};0.2;0.01;0.25\n5{u};0.22;0.01;0.25\n10{u};0.23;0.01;0.25\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        TILTED.replace("{u}", "").format("slope (%)"),
+        TILTED.replace("{u}", " %").format("slope"),
+        TILTED.replace("{u}", "").format("percent slope"),
+        WET.format("moisture (%)", "repose angle (%)"),
+    ],
+)
+def test_an_angle_in_per_cent_is_never_read_as_degrees(tmp_path, text):
+    assert "give it in that unit (% of an angle is a tangent" in refused(tmp_path, text)
+
+
+@pytest.mark.parametrize("heading", ["flux", "sand transport rate"])
+def test_a_quantity_of_several_usual_units_needs_its_own(tmp_path, heading):
+    text = f"u* (m/s);{heading};SD;d (mm)\n0.3;5;0.4;0.25\n0.4;19;1.5;0.25\n0.6;79;6;0.25\n"
+    assert f"write it there: '{heading} [UNIT]'" in refused(tmp_path, text)
+    found, _ = measured(tmp_path, text, told=Told(units={heading: "g/(m s)"}))
+    assert found.value == pytest.approx([0.005, 0.019, 0.079])
+
+
+def test_headings_of_a_tidy_table_are_called_by_names_and_read_once(tmp_path):
+    head = 'observable,value,unit,sd,"moisture, wet basis [%]",drop height [mm],sd of drop height [mm]\n'
+    rows = "".join(f"repose_angle,{a},deg,0.5,{10 * k},{50 + k % 2},2\n" for k, a in enumerate(ANGLES))
+    assert "volumetric" in refused(tmp_path, (head + rows).replace("moisture, wet basis", "volumetric water"))
+    found, _ = measured(tmp_path, head + rows)
+    wet = 0.1 * np.arange(len(ANGLES))
+    assert found.conditions["moisture"] == pytest.approx(wet / (1.0 - wet))
+    assert found.conditions["drop_height"] == pytest.approx(0.05 + 1e-3 * (np.arange(len(ANGLES)) % 2))
+
+
+def test_unread_columns_that_are_left_out_are_told_in_one_sentence(tmp_path):
+    rows = zip(ANGLES, (20, "", 22, "", 24), (2020, 2020, 2021, 2021, 2022), strict=True)
+    text = "moisture (%);repose angle (deg);SD;room (°C);year\n"
+    text += "".join(f"{k};{a};0.5;{room};{year}\n" for k, (a, room, year) in enumerate(rows))
+    (told,) = (line for line in measured(tmp_path, text)[1] if line.startswith("not used"))
+    assert "'room (°C)' (it is not known in every row)" in told
+    assert "'year' (it counts rows or years)" in told
