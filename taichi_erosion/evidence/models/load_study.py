@@ -9,7 +9,6 @@ from taichi_erosion.campaign.study_file import (
     ALL,
     AdoptedEntry,
     CandidateEntry,
-    ObservableEntry,
     StudyFile,
     read_evidence_study,
 )
@@ -117,6 +116,7 @@ class StudyModel:
     uncertainty: ModelErrorCovariance | None = None
     mechanisms: tuple[Mechanism, ...] = ()  # that a function declares
     simulator: Simulator | None = None
+    notes: tuple[str, ...] = ()  # on conditions that change no run
 
 
 def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
@@ -137,7 +137,10 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     own = [Parameter(n, p.start, p.low, p.high, p.prior_sd_log) for n, p in file.parameters.items()]
     problem = Problem(
         measurements=measurements,
-        observables={name: observable_of(name, entry) for name, entry in file.observables.items()},
+        observables={
+            n: Observable(n, e.transform, e.floor or 0.0, e.sd_shared, e.sd_numerical, e.sd_shared_relative)
+            for n, e in file.observables.items()
+        },
         parameters=(*own, *found.parameters),
         candidates=tuple(found.candidates),
         model=found.model,
@@ -147,7 +150,7 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
         uncertainty=found.uncertainty,
         mechanisms=wanted_mechanisms(path, file, found.mechanisms),
     )
-    known = path, file, problem, results, digest, found.identity, store, (*notes, vault_note)
+    known = path, file, problem, results, digest, found.identity, store, (*notes, *found.notes, vault_note)
     fresh = "" if file.study.seed == stated.study.seed else f"seed {file.study.seed}|"
     return Study(*known, found.simulator, options=options, fresh=fresh, effect_files=files)
 
@@ -218,15 +221,9 @@ def scene_model(
     )
     parameters = simulator.uncertain_parameters(file, found, measurements, (*candidates, *adopted))
     found = simulator.accepting(found, parameters)
-    identity = simulator.scene_identity(found)
+    identity, unread = simulator.scene_identity(found), simulator.unread_conditions(file, found, candidates)
     model = NameMapping(None, dict(file.conditions), {name: name for name in file.observables})
-    return StudyModel(model, identity, candidates, adopted, parameters, simulator=found)
-
-
-def observable_of(name: str, entry: ObservableEntry) -> Observable:
-    """Scale and known errors of an observable."""
-    floor, relative = entry.floor or 0.0, entry.sd_shared_relative
-    return Observable(name, entry.transform, floor, entry.sd_shared, entry.sd_numerical, relative)
+    return StudyModel(model, identity, candidates, adopted, parameters, simulator=found, notes=tuple(unread))
 
 
 def candidates_of(file: StudyFile, name: str, own: Mapping[str, Candidate]) -> Sequence[Candidate]:

@@ -4,7 +4,7 @@ A condition that nothing in a run reads does not enter it: the bare model is run
 where an effect cannot act the run is that of the bare model.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from math import isfinite
@@ -269,6 +269,19 @@ def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list
         for effect in dict.fromkeys(names)
         if effect not in file.adopted and effect not in acting
     ]
+
+
+def unread_conditions(file: StudyFile, simulator: Simulator, tried: Sequence[Candidate]) -> Iterator[str]:
+    """Sentences on columns that change no run: no effect of the scenes and no candidate reads them."""
+    acting = [simulator.acting_effects(each.scene) for each in simulator.measures.values()]
+    present = {each.name for each in tried}.union(file.adopted, *acting)
+    read = {name for effect in present for name in simulator.library[effect].reads}
+    for name, paths in file.conditions.items():
+        own = {condition_name(path) for path in dotted_paths(paths)}
+        able = ", ".join(key for key, effect in simulator.library.items() if own & {*effect.reads})
+        told = f"{able} can: [candidates] effects" if able else "one of your own can: --effect FILE"
+        if not any(condition_matters(path, read) for path in dotted_paths(paths)):
+            yield f"{name} changes no run: no effect of the scenes and no candidate reads it; {told}."
 
 
 def library_candidate(

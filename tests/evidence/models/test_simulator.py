@@ -128,3 +128,15 @@ def test_what_a_scene_cannot_answer_is_told_before_anything_runs(tmp_path, old, 
     assert old in STUDY
     with pytest.raises(BadInput, match=told):
         study(tmp_path, STUDY.replace(old, new))
+
+
+@pytest.mark.parametrize(
+    ("listed", "unread"),
+    [('["liquid_bridge", "rolling_resistance"]', []), ('["dry_adhesion"]', ["moisture", "angularity"])],
+)
+def test_a_column_that_no_candidate_reads_is_told_with_the_effects_that_do(tmp_path, listed, unread):
+    text = STUDY.replace('["liquid_bridge", "rolling_resistance", "dry_adhesion"]', listed)
+    told = [note for note in study(tmp_path, text).notes if "changes no run" in note]
+    assert [note.split()[0] for note in told] == unread
+    readers = {"moisture": "liquid_bridge", "angularity": "rolling_resistance"}
+    assert all(readers[name] in note for name, note in zip(unread, told, strict=True))

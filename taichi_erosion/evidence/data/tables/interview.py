@@ -59,7 +59,6 @@ VALUE = re.compile(r"(?<![\w.,])\d+(?:[.,]\d+)?\s*([%‰°µμ]\w*|[^\W\d_]\w*)"
 BESIDE = "the repeats stand beside it"
 OWN = "own"  # answer of who keeps a column as a condition of its own
 UNREAD = "no effect of the model reads it"
-MOISTURE = "conditions.moisture"
 SHARES = ("%", "‰", "1", "-")
 RESERVED = (
     *"observable value unit sd n group source vault replicate repeat date note comment remark".split(),
@@ -329,7 +328,7 @@ def with_right_unit(column: Column, reading: Reading) -> Column:
         tangent = f" ({heading.unit} of an angle is a tangent: write its angle)" if unit == "deg" else ""
         counted = "a pure number" if unit == "1" else unit
         return reading.fault(column, f"{column.name} counts in {counted}; give it in that unit{tangent}")
-    if column.name == MOISTURE and heading.unit in SHARES and not has_basis(heading):
+    if column.name == "conditions.moisture" and heading.unit in SHARES and not has_basis(heading):
         told = f"'{heading.text}' counts as a share of dry soil by mass"
         reading.interview.assume(f"{told} ('wet basis' or 'volumetric' in the heading: otherwise)")
     return column
