@@ -7,6 +7,7 @@ import numpy as np
 
 from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe
 from taichi_erosion.core.effect_probe import TYPICAL
+from taichi_erosion.mechanisms.library import dose_range
 from taichi_erosion.scene import Scene, resolved
 from taichi_erosion.scene.change import sample_scene
 from taichi_erosion.scene.schema.fields import numbers_in
@@ -42,8 +43,8 @@ def law_act(mechanism: Effect, dose_of: DoseOf) -> Callable[..., Any]:
 
 
 def at_dose(mechanism: Effect, dose: float) -> Any:
-    """Parameters of a mechanism at one dose."""
-    return mechanism.params(dose=dose)
+    """Parameters of a mechanism at one dose, held within its range."""
+    return mechanism.params(dose=float(np.clip(dose, *dose_range(mechanism))))
 
 
 def law_checks(mechanism: Effect, probe: Probe, params: Any, points: Sequence[Point]) -> Iterator[Check]:

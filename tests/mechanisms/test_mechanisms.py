@@ -5,6 +5,7 @@ from dataclasses import fields
 import pytest
 
 from taichi_erosion.effects import effect_titles, load_library
+from taichi_erosion.mechanisms.law import at_dose
 from taichi_erosion.mechanisms.library import (
     DOSE,
     dose_meaning,
@@ -41,3 +42,9 @@ def test_titles_and_doses_that_are_read_without_the_compiler_are_those_of_the_re
     assert titles == {name: each.title for name, each in BASIS.items()}
     doses = {name: fields(each.params)[0].metadata["meaning"] for name, each in BASIS.items()}
     assert {name: dose_meaning(name) for name in BASIS} == doses
+
+
+def test_a_law_gives_no_dose_beyond_the_range_of_its_mechanism():
+    assert at_dose(BASIS["contact_pull"], -3.0).dose == 0.0
+    assert at_dose(BASIS["sliding_friction"], -2.5).dose == dose_range(BASIS["sliding_friction"])[0]
+    assert at_dose(BASIS["sliding_friction"], 0.5).dose == 0.5

@@ -23,15 +23,8 @@ from taichi_erosion.evidence.answers.scene_templates import (
     templates_for,
 )
 from taichi_erosion.evidence.answers.written_files import Content, StudyFiles, written_files
+from taichi_erosion.evidence.data.column_faults import column_faults, unusual_cells
 from taichi_erosion.evidence.data.measured import read_rows, with_limits
-from taichi_erosion.evidence.data.physical_ranges import (
-    OBSERVED,
-    OWN_RANGES,
-    PhysicalRange,
-    column_faults,
-    place_range,
-    unusual_cells,
-)
 from taichi_erosion.evidence.data.tables.column_roles import CONDITION, NOT_USED, Column, Told
 from taichi_erosion.evidence.data.tables.interview import Ask, Interview
 from taichi_erosion.evidence.data.tables.rows import NAME, Faults, Table
@@ -39,6 +32,7 @@ from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.table_columns import declared_units
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene.paths import unit_of_path
+from taichi_erosion.scene.physical_ranges import OBSERVED, OWN_RANGES, PhysicalRange, place_range
 from taichi_erosion.scene.schema.grains import Monodisperse
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
 from taichi_erosion.tables.cell_numbers import stated_number

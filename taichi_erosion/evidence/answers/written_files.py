@@ -25,7 +25,6 @@ from taichi_erosion.evidence.answers.scene_templates import Calibrated
 from taichi_erosion.evidence.answers.set_up import refuse_unknown_scatter
 from taichi_erosion.evidence.data.held_out_rows import stated_rows
 from taichi_erosion.evidence.data.measured import AMOUNTS, read_table
-from taichi_erosion.evidence.data.physical_ranges import ANGLE, OBSERVED
 from taichi_erosion.evidence.data.problem import Drawn, expected_strength
 from taichi_erosion.evidence.data.tables.rows import Row, Table, tidy_fields, tidy_text
 from taichi_erosion.evidence.emulator.design import inactive_reason
@@ -34,6 +33,7 @@ from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.load_study import Study, load_study
 from taichi_erosion.evidence.models.simulator import dotted_paths
 from taichi_erosion.scene.load import file_text
+from taichi_erosion.scene.physical_ranges import ANGLE, OBSERVED
 from taichi_erosion.scene.schema.units import conversion, parse_unit
 
 Document = dict[str, Any]

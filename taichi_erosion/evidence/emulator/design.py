@@ -24,6 +24,7 @@ from taichi_erosion.evidence.models.simulator import (
     parameter_matters,
 )
 from taichi_erosion.mechanisms.library import dose_at, dose_position
+from taichi_erosion.scene import Scene
 
 REACH = 2.0  # prior sd to either side over which calibrated numbers are spread
 LEAST_STRENGTH = 0.3  # of the expected one, at which an effect is tried
@@ -103,6 +104,23 @@ def relevant_axes(scene: StudyScene, effects: Sequence[str]) -> list[Axis]:
     return [axis for axis in scene.axes if parameter_matters(axis.name, present)]
 
 
+def calibrated_factors(scene: StudyScene) -> dict[str, str]:
+    """Mechanisms that are a factor of a calibrated number, with its path: a half of them is half of it."""
+    simulator, start = scene.simulator, {axis.name: axis_value(axis, 0.0) for axis in scene.axes}
+
+    def made(numbers: Numbers) -> Scene:
+        return simulator.scene(scene.measure.scene, simulator.overrides(scene.measure, {}, numbers, {}))
+
+    found, bare = {}, made(start)
+    for effect in (simulator.library[name] for name in simulator.mechanisms):
+        if effect.place == "scene":
+            halved = effect.act(effect.params(dose=-0.5), 1.0, {}, bare)
+            for path, value in start.items():
+                if halved != bare and made(start | {path: 0.5 * value}) == halved:
+                    found[effect.name] = path
+    return found
+
+
 def inactive_reason(scene: StudyScene, name: str, strength: float) -> str | None:
     """Why an effect of some strength changes nothing that a scene measures, None where it may."""
     rows = distinct_conditions(scene, (name,))
@@ -164,10 +182,11 @@ def run_count(scene: StudyScene, acting: Candidate | Mechanism | None, size: Pla
 
 
 def strength_at(acting: Candidate | Mechanism, share: float) -> float:
-    """A strength from weak to strong, or a dose from the least to the largest."""
+    """A strength from weak to strong, or a dose, as often below 0 as above where its range has both."""
     if isinstance(acting, Mechanism):
         low, high = dose_position(acting.low), dose_position(acting.high)
-        return dose_at(low + (high - low) * share)
+        middle = 0.0 if low < 0.0 < high else 0.5 * (low + high)
+        return dose_at(float(np.interp(share, (0.0, 0.5, 1.0), (low, middle, high))))
     unit = expected_strength(acting)
     low, high = LEAST_STRENGTH * unit, min(acting.maximum, MOST_STRENGTH * unit)
     return low + (high - low) * share**WARP

@@ -5,7 +5,7 @@ hundred runs answers all of them without scatter; its own uncertainty enters eve
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 from math import isfinite
@@ -68,6 +68,7 @@ class EmulatorInputs:
     scales: Mapping[str, AxisScale]  # of conditions that vary, by dotted path
     candidates: tuple[Candidate, ...]
     mechanisms: tuple[str, ...] = ()  # whose doses are inputs, as far as there are runs with them
+    factors: Mapping[str, str] = field(default_factory=dict)  # mechanism -> number of which it is a factor
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -75,10 +76,12 @@ class EmulatorInputs:
         return (*(candidate.name for candidate in self.candidates), *self.mechanisms)
 
     def points(self, size: int, at: Conditions, parameters: Columns, effects: Columns) -> Points:
-        """Standardised inputs of rows; everything is a column."""
+        """Standardised inputs of rows; everything is a column; a factor of a number is that number."""
         none = np.full(size, np.nan)
-        known = at or {"": none}
-        x = [[axis_position(axis, float(v)) for v in parameters[axis.name]] for axis in self.axes]
+        known, values = at or {"": none}, dict(parameters)
+        for name, path in self.factors.items():
+            values[path] = values[path] * (1.0 + np.asarray(effects.get(name, 0.0)))
+        x = [[axis_position(axis, float(v)) for v in values[axis.name]] for axis in self.axes]
         c = [scale(known.get(path, none)) for path, scale in self.scales.items()]
         acting = {name: np.broadcast_to(effects.get(name, 0.0), size) for name in self.names}
         psi = [self.strength(each, known, parameters, acting[each.name]) for each in self.candidates]
@@ -194,7 +197,8 @@ def fit_emulators(
     paths = dict.fromkeys(path for run in runs for path in run.at)
     at = {path: np.array([run.at.get(path, np.nan) for run in runs]) for path in paths}
     numbers = {axis.name: np.array([run.parameters[axis.name] for run in runs]) for axis in inputs.axes}
-    effects = {name: np.array([run.effects.get(name, 0.0) for run in runs]) for name in inputs.names}
+    names = (*inputs.names, *inputs.factors)
+    effects = {name: np.array([run.effects.get(name, 0.0) for run in runs]) for name in names}
     points = inputs.points(len(runs), at, numbers, effects)
     found = {}
     for name in inputs.scene.observables:

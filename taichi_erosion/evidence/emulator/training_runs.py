@@ -265,12 +265,14 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
     faults: list[SetUpFault] = []
     for scene in training.scenes:
         accepted = scene.measure.accepted_paths
+        factors = design.calibrated_factors(scene)
         inputs = EmulatorInputs(
             scene,
             axes=tuple(axis for axis in scene.axes if axis.name in accepted),
             scales=condition_scales((*scene.rows, *scene.proposed), accepted),
             candidates=tuple(known_effects(problem).values()),
-            mechanisms=tuple(each.name for each in training.mechanisms),
+            mechanisms=tuple(each.name for each in training.mechanisms if each.name not in factors),
+            factors=factors,
         )
         trained = [each for each in zip(runs, results, strict=True) if each[0].scene == scene.measure.scene]
         faults += run_faults(study, scene, trained)

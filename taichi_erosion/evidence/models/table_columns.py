@@ -13,8 +13,8 @@ from taichi_erosion.core.effect import STRENGTH, Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import one_line_name
 from taichi_erosion.core.foreign_code import EffectFile
+from taichi_erosion.evidence.data.column_faults import column_faults
 from taichi_erosion.evidence.data.measured import condition_scales, told_by
-from taichi_erosion.evidence.data.physical_ranges import OBSERVED, column_faults, place_range
 from taichi_erosion.evidence.data.problem import Conditions, Measurements
 from taichi_erosion.evidence.data.tables.column_roles import Column
 from taichi_erosion.evidence.data.tables.interview import Interview, understood
@@ -23,6 +23,7 @@ from taichi_erosion.evidence.data.transforms import effect_of
 from taichi_erosion.evidence.models.simulator import condition_name, dotted_paths
 from taichi_erosion.scene.load import toml_table
 from taichi_erosion.scene.paths import unit_of_path
+from taichi_erosion.scene.physical_ranges import OBSERVED, place_range
 from taichi_erosion.scene.schema.units import Scale, conversion, parse_scale
 from taichi_erosion.tables.cell_numbers import is_missing
 from taichi_erosion.tables.spreadsheet import Cells, read_cells

@@ -3,9 +3,12 @@
     p = E_f[P(chi^2_n >= y^T V(f)^-1 y)],    ln f ~ N(0, doubt^2)
 
 V holds errors of known size, levels, sources and groups of rows, and the scatter f over what is stated: no
-smooth discrepancy counts as chance. Where measurements are repeated, the rows must also lie no farther from
+smooth discrepancy counts as chance. Doses of a mechanism are held where the model has gone: what linear rows
+promise beyond has not been seen. Where measurements are repeated, the rows must also lie no farther from
 the explanation than their repeats scatter (`tested_by_repeats`).
 """
+
+from dataclasses import replace
 
 import numpy as np
 from scipy import special
@@ -40,6 +43,10 @@ def misfit_p(fit: Fit, levels: bool) -> float:
     usual = [b.kind == "preparation" or not levels for b in fit.blocks] + [True] * rows.scatters
     u = np.where(usual, rows.scales.start, fit.scales)
     u = np.where(discrepancies(fit), -np.inf, u)
+    if fit.dose is not None:
+        own = rows.block == len(fit.blocks) - 1
+        rows = replace(rows, y=rows.y - rows.columns[:, own] @ fit.dose.coefficients)
+        u[len(fit.blocks) - 1] = -np.inf
     doubt = np.nan_to_num(rows.scales.doubt)
     size = [rows.y @ rows.solved(u + z * doubt).precision[0] for z in NODES]
     return float(WEIGHTS @ special.chdtrc(rows.y.size, np.maximum(size, 0.0)) / WEIGHTS.sum())
@@ -55,6 +62,6 @@ def lack_of_fit_p(race: Race, fit: Fit) -> float:
     return tested_by_repeats(p.rows, p.variance, left, leverage)
 
 
-def is_adequate(fit: Fit) -> bool:
+def is_adequate(fit: Fit, least: float = ADEQUATE) -> bool:
     """Whether the rows do not refute a fit."""
-    return misfit_p(fit, levels=True) >= ADEQUATE
+    return misfit_p(fit, levels=True) >= least

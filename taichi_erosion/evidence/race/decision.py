@@ -59,7 +59,8 @@ def decide(posterior: Posterior) -> Decision:
         named, group = (), ()
     elif not holds(race, named, group):
         named, group, refuted = (), (), (*named, *group)
-    together = beyond if refuted else inclusion | beyond
+    sound = {name: p for name, p in beyond.items() if reaches(race, name)}
+    together = sound if refuted else inclusion | sound
     likely = () if named or group else smallest(posterior, list(together), together, MOST_TOLD)
     verdict: Verdict = "group" if group else "present" if named else "none_detected"
     if verdict == "none_detected" and (outside >= SURE or set(likely) & set(mechanisms)):
@@ -78,6 +79,13 @@ def holds(race: Race, named: tuple[str, ...], group: tuple[str, ...]) -> bool:
     strengths = race.model.strengths(best.hypothesis.names, best.target)
     largest = {name: race.model.candidates[name].maximum for name in strengths}
     return is_adequate(best) and all(strengths[name] <= largest[name] for name in strengths)
+
+
+def reaches(race: Race, mechanism: str) -> bool:
+    """Whether the likeliest doses of a mechanism, where the model has gone, are not refuted by the rows."""
+    fits = [fit for fit in race.fits.values() if fit.hypothesis.kind == mechanism]
+    best = max(fits, key=lambda fit: fit.log_evidence + fit.log_prior, default=None)
+    return best is not None and is_adequate(best, FAMILYWISE)
 
 
 def fit_of(posterior: Posterior, found: Decision) -> Fit:

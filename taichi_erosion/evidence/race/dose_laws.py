@@ -8,7 +8,8 @@ fit; its smooth prior of doses is left out. v is at its best for every a. Forms 
 
     sum over folds of ln N(rows left out | other rows, a fitted to these) - 1/2 ln n for every number,
 
-with one STEP less for a form that is no power. The best have means and slopes of their own. The share of
+with one STEP less for a form that is no power; one whose doses leave the range of the mechanism is none. The
+best have means and slopes of their own. The share of
 misfit that is told comes from groups that the fit has not seen, but the choice of the form has. Intervals
 follow from (D^T D)^-1, D the slopes of the whitened residual along a, widened by the misfit that is left.
 
@@ -154,7 +155,7 @@ def told_law(posterior: Posterior, found: Decision) -> LawPart | None:
 
 
 def law_of(race: Race, fit: Fit) -> LawPart | None:
-    """The law of the mechanism of a fit; None without one or with few rows. Raises BudgetSpentError."""
+    """The law of the mechanism of a fit; None without one, or with few rows. Raises BudgetSpentError."""
     if fit.dose is None or fit.mean.size < FOLDS:
         return None
     every = dosings(race, {fit.hypothesis.along: fit.dose.factor})
@@ -165,6 +166,9 @@ def law_of(race: Race, fit: Fit) -> LawPart | None:
     first = [first_fit(rows, form, place.w) for form in forms_of(rows.conditions)]
     first.sort(key=lambda each: 0.5 * each.misfit + each.price)
     settled = [settled_form(race, dosing, fit, place, each) for each in first[:CARRIED]]
+    settled = [each for each in settled if dosing.holds(each.doses())]
+    if not settled:
+        return None
     scores, misfits = np.array([cross_validated(each.rows, each) for each in settled]).T
     best = int(np.argmax(scores - [each.price for each in settled]))
     nothing = cross_validated(rows)[1]

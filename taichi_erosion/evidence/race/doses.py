@@ -54,6 +54,15 @@ class Dosing:
         """Its key in the race."""
         return Hypothesis((), f"{self.name}|{self.axis}")
 
+    def holds(self, w: Floats) -> bool:
+        """Whether all doses, on their axis, lie in the range of the mechanism."""
+        return bool(np.all((self.ends[0] - STILL < w) & (w < self.ends[1] + STILL)))
+
+    def within(self, beta: Floats) -> Floats:
+        """Coefficients whose doses are nearest to those of some within the range."""
+        w = self.factor @ beta
+        return beta + Doses(np.clip(w, *self.ends) - w, w, self.factor).coefficients
+
     def at(self, v: Floats, w: Floats) -> tuple[Floats, Floats]:
         """Doses on their axis within the range, and the mean (n,) there."""
         held = np.round(np.clip(w, *self.ends), 3)
@@ -82,8 +91,7 @@ class Dosing:
 
     def fitted(self, start: Fit, w: Floats) -> Fit:
         """Numbers and doses by Gauss-Newton steps from some, none of which raises the misfit."""
-        beta: Floats = np.asarray(np.linalg.lstsq(self.factor, w, rcond=None)[0], dtype=np.float64)
-        u = None
+        beta, u = Doses(w, w, self.factor).coefficients, None
         w, mean = self.at(start.v, self.factor @ beta)
         fit = replace(start, mean=mean)
         for step in range(THEN):
@@ -94,7 +102,7 @@ class Dosing:
                 break
             before = self.race.misfit(fit, fit.mean, fit.v) + float(beta @ beta) / tau**2
             for share in SHARES:
-                v, tried = fit.v + share * change, beta + share * turn
+                v, tried = fit.v + share * change, self.within(beta + share * turn)
                 there, mean = self.at(v, self.factor @ tried)
                 after = self.race.misfit(fit, np.nan_to_num(mean, nan=1e6), v) + float(tried @ tried) / tau**2
                 if after < before + 0.1 * SLACK:
@@ -107,8 +115,16 @@ class Dosing:
                 jacobian = jacobian + np.outer(mean - linear - jacobian @ gone, gone) / (gone @ gone)
             fit, beta, w = replace(fit, v=v, mean=mean, jacobian=jacobian), tried, there
         fit = replace(fit, errors=self.race.model.errors((), fit.v, {self.name: from_axis(w)}))
-        found = self.expanded(fit, beta, w, u, 8)
+        found = self.arrived(self.expanded(fit, beta, w, u, 8), beta)
         return self.race.better(found, self.race.fits.get(self.hypothesis, found))
+
+    def arrived(self, fit: Fit, beta: Floats) -> Fit:
+        """The fit with the evidence at the mean that the model gives, not where linear rows would go."""
+        now, tau = fit.evidence.solved, float(np.exp(fit.scales[len(self.race.blocks)]))
+        there = self.race.misfit(fit, fit.mean, fit.v) + float(beta @ beta) / tau**2
+        short = max(0.0, there - float(now.rows.y @ now.precision[0]) - SLACK)
+        evidence = replace(fit.evidence, log_evidence=fit.log_evidence - 0.5 * short)
+        return replace(fit, evidence=evidence)
 
     def steps_of(self, fit: Fit, beta: Floats) -> tuple[Floats, Floats, float]:
         """Steps of the numbers and of the coefficients to the best of the linear model, and tau of these."""

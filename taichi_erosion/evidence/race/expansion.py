@@ -12,13 +12,12 @@ with psi_0 two thirds of the scale of the strength and s = SPREAD. An effect tha
 has a strength among the calibrated numbers.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import exp, log
 
 import numpy as np
 
-from taichi_erosion.evidence.data.problem import REACH, Candidate, Floats, Integers, Progress
+from taichi_erosion.evidence.data.problem import REACH, Candidate, Conditions, Floats, Integers, Progress
 from taichi_erosion.evidence.data.transforms import Axis, axis_value, effect_of
 from taichi_erosion.evidence.models.predictor import Predictor, seed_mean
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
@@ -133,7 +132,7 @@ class RaceModel:
             return self.mean(names, v)
         return self.values(names, v, self.prepared.seeds.scoring)
 
-    def errors(self, names: Acting, v: Floats, doses: Mapping[str, Floats] | None = None) -> Floats:
+    def errors(self, names: Acting, v: Floats, doses: Conditions | None = None) -> Floats:
         """Errors of known size (n, q): shared by instruments, of the model itself, of stated conditions."""
         p = self.prepared
         own = p.model_errors(self.numbers(v[: self.count]), self.strengths(names, v), doses)

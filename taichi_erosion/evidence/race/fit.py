@@ -64,6 +64,11 @@ class Doses:
     slope: Floats  # (n,), of the mean along w
     factor: Floats  # (n, r), L of their prior
 
+    @property
+    def coefficients(self) -> Floats:
+        """Coefficients (r,) b of w = L b."""
+        return np.asarray(np.linalg.lstsq(self.factor, self.w, rcond=None)[0], dtype=np.float64)
+
 
 @dataclass(frozen=True)
 class Expansion:

@@ -25,7 +25,7 @@ from taichi_erosion.evidence.race.doses import add_doses
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import Solved
-from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, NOTHING, SEED
+from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, NOTHING, SEED, STEP
 from taichi_erosion.evidence.race.search import log_prior, search
 
 SCALES = 60  # draws of the scales of one hypothesis
@@ -191,9 +191,13 @@ def only(race: Race, wanted: Callable[[Hypothesis], bool]) -> Posterior:
 
 
 def strained(race: Race) -> bool:
-    """Whether listed effects leave something open: they are unlikely, or need errors larger than expected."""
+    """Whether listed effects leave something open: they are unlikely, or need errors larger than expected.
+
+    Until mechanisms are tried, what is not in the list has their prior too.
+    """
     listed = race.likely(0.0, lambda fit: not fit.hypothesis.beyond)
     share = race.posterior()
-    if sum(share[fit.hypothesis] for fit in listed) < NOTHING:
+    known = sum(share[fit.hypothesis] for fit in listed)
+    if known < NOTHING * (known + (1.0 - known) / (STEP if race.prepared.problem.mechanisms else 1.0)):
         return True
     return misfit_p(listed[0], levels=False) < FAMILYWISE

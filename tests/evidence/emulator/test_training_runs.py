@@ -12,8 +12,9 @@ import pytest
 
 from taichi_erosion.campaign.request import RunResult
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.emulator import training_runs
-from taichi_erosion.evidence.models.load_study import NO_OPTIONS, StudyOptions
+from taichi_erosion.evidence.emulator import design, training_runs
+from taichi_erosion.evidence.emulator.emulator import EmulatorInputs
+from taichi_erosion.evidence.models.load_study import NO_OPTIONS, StudyOptions, load_study
 from taichi_erosion.evidence.race.priors import SURE
 from tests.evidence.asking import SILENT, ask
 
@@ -256,3 +257,22 @@ def test_how_an_effect_grows_with_its_condition_is_calibrated_with_it(tmp_path, 
     after = ask("compare", tmp_path / "heap_with_liquid_bridge.toml").record
     assert after.fit.p_before > 0.01
     assert "effects.liquid_bridge.exponent" in after.numbers
+
+
+def test_a_factor_of_a_calibrated_number_is_that_number_and_doses_go_both_ways(tmp_path):
+    study = load_study(write(tmp_path, 0.0))
+    first = training_runs.initial_training_runs(study, (), "quick")
+    assert first is not None
+    (scene,) = (wider := training_runs.with_mechanisms(first)).scenes
+    factors = design.calibrated_factors(scene)
+    assert factors == {"rolling_friction": FRICTION}
+    axes = tuple(axis for axis in scene.axes if axis.name == FRICTION)
+    inputs = EmulatorInputs(scene, axes, {}, (), ("stiffness",), factors)
+    halved = inputs.points(1, {}, {FRICTION: np.full(1, 0.2)}, {"rolling_friction": np.full(1, -0.5)})
+    np.testing.assert_allclose(halved.x, inputs.points(1, {}, {FRICTION: np.full(1, 0.1)}, {}).x)
+    assert not halved.psi.any()
+    for each in wider.mechanisms:
+        doses = [design.strength_at(each, share) for share in (0.0, 0.25, 0.75, 1.0)]
+        np.testing.assert_allclose((doses[0], doses[-1]), (each.low, each.high))
+        assert (doses[1] < 0.0) == (each.low < 0.0)
+        assert doses[2] > 0.0

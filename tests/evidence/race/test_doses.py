@@ -104,9 +104,8 @@ def value(observable, conditions, parameters, effects, seeds):
     return np.repeat(found[np.newaxis], seeds.size, axis=0)
 
 
-def law(exponent: float, seed: int, apart: bool = False) -> tuple[LawPart, int]:
-    """The law of rows made with an exponent, and the settings that it took; `apart`: no row has both."""
-    random = np.random.default_rng(seed)
+def pulled_rows(random: np.random.Generator, exponent: float, high: float, apart: bool = False) -> Problem:
+    """Rows made with an exponent, and a mechanism with doses up to some; `apart`: no row has both."""
     x, z = np.exp(random.uniform(-0.7, 0.9, COUNT)), random.uniform(0.5, 1.5, COUNT)
     if apart:
         x[::2], z[1::2] = 0.0, 0.0
@@ -116,10 +115,25 @@ def law(exponent: float, seed: int, apart: bool = False) -> tuple[LawPart, int]:
         exact = value(name, {"z": z}, {"level": 0.7}, {"pull": dose}, np.zeros(1))[0]
         noisy = exact + SD * random.standard_normal(COUNT)
         parts.append(Readings(name, {"x": x, "z": z}, noisy, np.full(COUNT, SD), group))
-    table = table_of(parts)
     level = Parameter("level", 0.0, -10.0, 10.0)
-    problem = Problem(table, {}, (level,), (), value, mechanisms=(Mechanism("pull", -0.9, 10.0),))
-    prepared = prepare(problem, table, seed)
+    return Problem(table_of(parts), {}, (level,), (), value, mechanisms=(Mechanism("pull", -0.9, high),))
+
+
+def test_a_mechanism_that_cannot_reach_the_rows_is_not_told_and_its_doses_stay_in_their_range():
+    found = {}
+    for high in (10.0, 0.05):
+        posterior = raced(pulled_rows(np.random.default_rng(1), 1.5, high), 1)
+        found[high] = decide(posterior)
+        fits = [fit for fit in posterior.race.fits.values() if fit.dose is not None]
+        assert max(float(from_axis(fit.w).max()) for fit in fits) < 1.2 * high
+    assert found[10.0].mechanisms == ("pull",)
+    assert (found[0.05].verdict, found[0.05].mechanisms) == ("outside_library", ())
+
+
+def law(exponent: float, seed: int, apart: bool = False) -> tuple[LawPart, int]:
+    """The law of rows made with an exponent, and the settings that it took; `apart`: no row has both."""
+    problem = pulled_rows(np.random.default_rng(seed), exponent, 10.0, apart)
+    prepared = prepare(problem, problem.measurements, seed)
     race = Race(prepared, RaceModel(prepared))
     bare = race.calibrated(0.0)
     kernels = dose_columns(prepared.rows, np.ones(prepared.rows.size, dtype=np.bool_))

@@ -13,7 +13,6 @@ from math import inf, isnan, nan
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.physical_ranges import OBSERVED, PhysicalRange, likely_units, place_range
 from taichi_erosion.evidence.data.tables.column_roles import (
     CONDITION,
     HALF,
@@ -28,6 +27,7 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     tidy_name,
     with_stated_sd,
 )
+from taichi_erosion.scene.physical_ranges import OBSERVED, PhysicalRange, likely_units, place_range
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
 from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, is_missing, read_cell
 from taichi_erosion.tables.headings import (

@@ -1,20 +1,16 @@
-"""Physical ranges of measured quantities and of conditions: impossible values, and units that seem mistaken.
+"""Physical ranges of numbers of a scene and of measured quantities, and the units in which one is usual.
 
 The possible range of a condition is that of the place which it sets (the schema of scenes). An observable has
-its own here. The usual range is that of soil, sand and wind on Earth: a column outside of it that another
-unit would put inside has most likely the wrong unit.
+its own here. The usual range is that of soil, sand and wind on Earth.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, nan
 
-from taichi_erosion.evidence.data.tables.rows import SOLO_ROWS, Row, Table
 from taichi_erosion.scene.paths import number_at
 from taichi_erosion.scene.schema.units import Scale, UnknownUnit, parse_scale, parse_unit, scale_between
 
 GRAIN = (2e-6, 2e-2)  # m: from clay to gravel
-NEAR_SCENE = 30.0  # factor about a scene's own number within which a column is taken as meant
 UNITS = "um mm cm m % 1 deg rad m/s cm/s mm/s degC K Pa hPa kPa s min h d".split()  # that are usual in tables
 
 
@@ -80,56 +76,6 @@ def place_range(path: str) -> PhysicalRange | None:
     if number is None:
         return OWN_RANGES.get(path)
     return PhysicalRange(number.unit, number.low, number.high, USUAL.get(path))
-
-
-def column_faults(
-    table: Table, name: str, allowed: PhysicalRange | None, own: float = nan, usual: bool = True
-) -> Iterator[str]:
-    """Impossible values of a condition or an observable, and a unit that seems mistaken, one line each.
-
-    `own` is the scene's number at the place: a column near it is meant as it stands. `usual`: whether values
-    that are possible but unusual are looked at. None is known of a place without a range.
-    """
-    if allowed is None:
-        return
-    known = known_cells(table, name, allowed)
-    wrong = [each for each in known if not allowed.possible(each[3])]
-    odd = [each for each in known if not allowed.is_usual(each[3])]
-    meant = likely_units([value for _, value, _, _ in known], known[0][2] if known else None, allowed)
-    near_own = own > 0.0 and all(own / NEAR_SCENE <= used <= own * NEAR_SCENE for *_, used in odd)
-    if not wrong and usual and meant and 2 * len(odd) > len(known) and not near_own:
-        wrong = odd
-    hint = f": did you mean [{'] or ['.join(meant)}]?" if meant else ""
-    for row, value, unit, used in wrong if len(wrong) <= SOLO_ROWS else wrong[:1]:
-        stated = f"{value:g} {unit}" if unit else f"{value:g} (no unit: {allowed.unit})"
-        span = f"outside [{allowed.low:g}, {allowed.high:g}]"
-        outside = "which is unusual" if allowed.possible(used) else span
-        more = f"; {len(wrong) - 1} rows more" if len(wrong) > SOLO_ROWS else ""
-        also = f" is {used:g} {allowed.unit}" if unit not in (None, "", allowed.unit) else ""
-        told = f"{name} = {stated}{also}, {outside}{more}; check number and unit{hint}"
-        yield f"{table.file}: row {row.line}, {told}"
-
-
-def known_cells(
-    table: Table, name: str, allowed: PhysicalRange
-) -> list[tuple[Row, float, str | None, float]]:
-    """Rows of a condition or an observable with their values, as written and in the unit of a range."""
-    if name in table.conditions:
-        place = table.conditions.index(name)
-        cells = [(row, row.conditions[place], table.units[place]) for row in table.rows]
-    else:
-        cells = [(row, row.value, row.unit) for row in table.rows if row.observable == name]
-    scaled = [(row, value, unit, scale_of(unit, allowed)) for row, value, unit in cells if isfinite(value)]
-    return [(row, value, unit, scale.used(value)) for row, value, unit, scale in scaled if scale is not None]
-
-
-def unusual_cells(table: Table, name: str, allowed: PhysicalRange | None) -> Iterator[str]:
-    """Values that can be and are not usual, in words: they may be slips."""
-    if allowed is None:
-        return
-    for row, value, unit, used in known_cells(table, name, allowed):
-        if not allowed.is_usual(used):
-            yield f"row {row.line}, {name} = {value:g} {unit or ''} is unusual, and taken as written"
 
 
 def scale_of(unit: str | None, allowed: PhysicalRange) -> Scale | None:
