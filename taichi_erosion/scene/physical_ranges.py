@@ -71,8 +71,11 @@ OWN_RANGES: Mapping[str, PhysicalRange] = {  # of conditions that no scene has b
 
 
 def place_range(path: str) -> PhysicalRange | None:
-    """Range of the number at a dotted path of a scene: the schema's, with the usual one where it is known."""
-    number = number_at(path)
+    """Range of the number at a dotted path of a scene: the schema's, with the usual one where it is known.
+
+    A condition of the scene's own has none.
+    """
+    number = None if path.startswith("conditions.extra.") else number_at(path)
     if number is None:
         return OWN_RANGES.get(path)
     return PhysicalRange(number.unit, number.low, number.high, USUAL.get(path))
