@@ -19,7 +19,7 @@ from taichi_erosion.simulation.grain_decomposition.forces import (
 from taichi_erosion.simulation.grain_decomposition.rebuild import rebuild_stages
 from taichi_erosion.simulation.step import OVERLAP, required_action, tick
 
-APART_LEAST = 4_000_000  # places of list entries from which on tasks run apart; measured on an H200
+APART_LEAST = 4_000_000  # places of list entries from which on tasks run apart: docs/speed.md
 WAIT = 4  # steps between two looks at the lists of several replicas: one that waits lets the others go on
 
 
