@@ -325,7 +325,10 @@ def new_scene(asked: Asked, key: str, names: Sequence[str]) -> str:
     diameters, density = grain_diameters(asked, template), None
     if asked.wishes.density is not None:
         density = stated_of_grains("--density", asked.wishes.density, GRAIN_DENSITY, "kg/m3", "2650 kg/m3")
-    safe = safe_grains(template, angles_of(asked.table, names))
+    own = [row for row in asked.table.rows if row.observable in names and isfinite(row.value)]
+    scales = [scale_between(row.unit, parse_unit("deg")) for row in own]
+    angles = [scale.used(row.value) for row, scale in zip(own, scales, strict=True) if scale is not None]
+    safe = safe_grains(template, angles)
     grains = asked.wishes.grains or safe
     if template.rows and grains < safe:
         assume(f"{grains:,} grains may be too few for these angles; {safe:,} are enough (--grains)")
@@ -366,13 +369,6 @@ def stated_of_grains(option: str, said: str, place: str, unit: str, example: str
     if allowed is not None and not allowed.possible(value):
         raise BadInput(f"{option} '{said}': {value:g} {unit} is outside [{allowed.low:g}, {allowed.high:g}]")
     return value
-
-
-def angles_of(table: Table, names: Sequence[str]) -> list[float]:
-    """Measured angles of heaps [deg]."""
-    own = [row for row in table.rows if row.observable in names and isfinite(row.value)]
-    scales = [scale_between(row.unit, parse_unit("deg")) for row in own]
-    return [scale.used(row.value) for row, scale in zip(own, scales, strict=True) if scale is not None]
 
 
 def told_of(wishes: Wishes) -> Told:

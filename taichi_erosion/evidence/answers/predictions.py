@@ -23,13 +23,7 @@ from taichi_erosion.evidence.data.held_out_rows import COUNTER, openings, read_c
 from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Progress
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.transforms import from_scale
-from taichi_erosion.evidence.models.load_study import (
-    LONGEST_CHAIN,
-    NO_OPTIONS,
-    Study,
-    StudyOptions,
-    load_study,
-)
+from taichi_erosion.evidence.models.load_study import LONGEST_CHAIN, NO_OPTIONS, StudyOptions, load_study
 from taichi_erosion.evidence.models.table_columns import NewConditions, place_units, read_new_conditions
 from taichi_erosion.evidence.race.outlook import elsewhere, forecast, held_out_rows, left_out, new_rows
 from taichi_erosion.evidence.race.posterior import Posterior
@@ -91,7 +85,10 @@ def predict_study(
         opened = bool(study.file.adopted) and len(study.problem.vault.rows) > 0
         record = prediction(found.posterior, wanted, opened)
         record, model = replace(record, outdated=outdated), found.posterior.race.prepared.predictor
-        about = framed(ready, found) | {"at": wanted.file, "vault_opened": opening(study, opened)}
+        name, seen = f"predict {study.path.stem}", openings(study.results, study.drawn_from)
+        if opened and name not in read_counter(study.results / COUNTER).get(study.drawn_from, []):
+            seen = record_opening(study.results, study.drawn_from, name)
+        about = framed(ready, found) | {"at": wanted.file, "vault_opened": seen}
         about |= {"seed": study.file.study.seed, "runs": ready.simulations or model.cost.runs}
         reply = PredictionReply(about | {"wall_s": perf_counter() - start}, record)
         whole = reply.document | {"record": files.storable(RECORD.dump_python(record, mode="json"))}
@@ -116,14 +113,6 @@ def adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tuple[Path,
             return path, ()
         path = written
     return path, ()
-
-
-def opening(study: Study, opened: bool) -> int:
-    """Openings of the vault, with that of this model where it is compared with."""
-    name = f"predict {study.path.stem}"
-    if opened and name not in read_counter(study.results / COUNTER).get(study.drawn_from, []):
-        return record_opening(study.results, study.drawn_from, name)
-    return openings(study.results, study.drawn_from)
 
 
 def prediction(posterior: Posterior, wanted: NewConditions, opened: bool = False) -> PredictionPart:

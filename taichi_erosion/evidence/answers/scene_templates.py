@@ -7,7 +7,7 @@ hold many diameters.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import sqrt
+from math import inf, sqrt
 from statistics import median
 from typing import Any
 
@@ -127,30 +127,6 @@ def funnel(diameter: float, grains: int) -> Changes:
     }
 
 
-def threshold_patch(diameter: float, grains: int) -> Changes:
-    """The stiffness grows with the weight of the grains."""
-    return {
-        "materials.soil.shear_modulus": float(f"{6e4 * max(diameter / 2.8e-4, 1.0):.2g}"),
-        "run.time_step_fraction": 0.12,
-        "threshold.first": None,
-    }
-
-
-def blown_patch(diameter: float, grains: int) -> Changes:
-    """The stiffness grows with the weight of the grains."""
-    return {"materials.sand.shear_modulus": float(f"{2e5 * max(diameter / 2.4e-4, 1.0):.2g}")}
-
-
-def wind_changes(wind: Mapping[str, Any], largest: float) -> Changes:
-    """Height of the lid [m] and time before sleep [s] of a patch that suit its largest grains [m]."""
-    fit = {"height": LID * largest, "sleep_after": REST * sqrt(largest / Gravity().magnitude)}
-    return {
-        f"wind.{name}": float(f"{least:.2g}")
-        for name, least in fit.items()
-        if name in wind and float(wind[name]) < least
-    }
-
-
 HEAP = ("centroid_height", "pile_height", "radius_90", "column_height")
 LENGTHS = (*HEAP, "runout_radius")  # that grow with the number of grains
 TEMPLATES = {
@@ -191,7 +167,11 @@ TEMPLATES = {
         "wind_threshold",
         "a patch of bed under a wind that grows",
         ("threshold_u_star", "threshold_wind_speed", "rolling_onset"),
-        threshold_patch,
+        lambda diameter, grains: {
+            "materials.soil.shear_modulus": float(f"{6e4 * max(diameter / 2.8e-4, 1.0):.2g}"),  # with weight
+            "run.time_step_fraction": 0.12,
+            "threshold.first": None,
+        },
         *(contact("soil-soil", 0.5, 0.1), 900, USUAL_SAND),
     ),
     "impact": Template(
@@ -205,7 +185,9 @@ TEMPLATES = {
         "saltation",
         "a patch of bed under steady wind",
         ("flux", "flux_height"),
-        blown_patch,
+        lambda diameter, grains: {  # likewise
+            "materials.sand.shear_modulus": float(f"{2e5 * max(diameter / 2.4e-4, 1.0):.2g}")
+        },
         (
             *contact("sand-sand", 0.5, None),
             Calibrated("contact.sand-sand.restitution", 0.7, 0.3, 0.95, 0.15, "grain on grain"),
@@ -245,13 +227,15 @@ def scene_text(
     document.pop("measured", None)  # another laboratory's values
     middle, largest = (float(f"{each:.4g}") for each in (median(diameters), max(diameters)))
     own, heavier = template.changes(middle, grains), (density or 0.0) / template.usual_density
+    suits, wind = {"height": LID * largest, "sleep_after": REST * sqrt(largest / Gravity().magnitude)}, "wind"
+    patch = {k: float(f"{v:.2g}") for k, v in suits.items() if float(document.get(wind, {}).get(k, inf)) < v}
     changes = {
         "grains.count": grains,
         **({"grains.size": {"law": "monodisperse", "diameter": middle}} if template.varies else {}),
         **own,
         **{path: value * max(heavier, 1.0) for path, value in own.items() if path.endswith(".shear_modulus")},
         **{f"scene.{key}": text for key, text in head.items()},
-        **wind_changes(document.get("wind", {}), largest),
+        **{f"{wind}.{name}": value for name, value in patch.items()},
         **({} if density is None else {template.density: density}),
         **{f"conditions.extra.{name}": {"unit": unit} for name, unit in (own_conditions or {}).items()},
     }

@@ -26,7 +26,7 @@ from taichi_erosion.evidence.answers.set_up import refuse_unknown_scatter
 from taichi_erosion.evidence.data.held_out_rows import stated_rows
 from taichi_erosion.evidence.data.measured import AMOUNTS, read_table
 from taichi_erosion.evidence.data.problem import Drawn, expected_strength
-from taichi_erosion.evidence.data.tables.rows import Row, Table, tidy_fields, tidy_text
+from taichi_erosion.evidence.data.tables.rows import Table, tidy_fields
 from taichi_erosion.evidence.emulator.design import inactive_reason
 from taichi_erosion.evidence.emulator.training_runs import study_scenes
 from taichi_erosion.evidence.models import reduced
@@ -96,7 +96,11 @@ def written_files(files: StudyFiles, anew: bool) -> Document:
     Raises BadInput where a file of another origin would be replaced, or where the study does not fit its
     table; then nothing is written.
     """
-    earlier, paths = earlier_study(files), [files.study, files.table, *files.scenes]
+    earlier, paths = None, [files.study, files.table, *files.scenes]
+    if files.study.exists() and files.table.exists():
+        earlier = load_study(files.study)
+        if earlier.file.study.made_from != files.made_from:
+            raise BadInput(f"{files.study}: is a study of another table; name another folder with --out")
     if earlier is None and (there := [path for path in paths if path.exists()]):
         raise BadInput(f"{there[0]}: exists; remove it, or name another folder with --out")
     drawn, changes = list[Drawn](row.drawn for row in files.rows.rows), {}
@@ -118,32 +122,30 @@ def written_files(files: StudyFiles, anew: bool) -> Document:
     return {"written": list(map(str, paths)), **found, **changes}
 
 
-def earlier_study(files: StudyFiles) -> Study | None:
-    """The study of the same table that is there; None where none is. Raises BadInput for another's."""
-    if not (files.study.exists() and files.table.exists()):
-        return None
-    study = load_study(files.study)
-    if study.file.study.made_from != files.made_from:
-        raise BadInput(f"{files.study}: is a study of another table; name another folder with --out")
-    return study
-
-
 def carried_over(study: Study, before: Table, after: Table) -> tuple[list[Drawn], dict[str, Document]]:
     """What rows became when those of the earlier table of a study were drawn for the vault; what changed.
 
     A row is known by its set-up, else by its place in a table of equal length.
     """
-    free = defaultdict[Any, list[int]](list)
-    for place, row in enumerate(before.rows):
-        free[set_up_of(row)].append(place)
-    places: list[int | None] = []
-    for row in after.rows:
-        known = free[set_up_of(row)]
-        places.append(known.pop(0) if known else None)
+    free, places = defaultdict[Any, list[int]](list), list[int | None]()
+    keys = (  # equal also where a condition is not known
+        [(row.observable, row.group, *map(str, row.conditions)) for row in table.rows]
+        for table in (before, after)
+    )
+    for place, key in enumerate(next(keys)):
+        free[key].append(place)
+    for key in next(keys):
+        places.append(free[key].pop(0) if free[key] else None)
     if len(before.rows) == len(after.rows):
         left = {place for known in free.values() for place in known}
         places = [k if place is None and k in left else place for k, place in enumerate(places)]
-    was, now = plain_rows(before), plain_rows(after)
+    was, now = (  # but for what the vault makes of a row and its place in the file
+        [
+            {name: text for name, text in row.items() if text and name not in ("vault", "source")}
+            for row in rows
+        ]
+        for rows in (tidy_fields(before), tidy_fields(after))
+    )
     lines = [
         row.line
         for row, cells, place in zip(after.rows, now, places, strict=True)
@@ -155,23 +157,13 @@ def carried_over(study: Study, before: Table, after: Table) -> tuple[list[Drawn]
     return ["" if place is None else drawn[place] for place in places], {"changes": changes}
 
 
-def set_up_of(row: Row) -> Any:
-    """Observable, group and conditions of a row, equal also where a condition is not known."""
-    return row.observable, row.group, *map(str, row.conditions)
-
-
-def plain_rows(table: Table) -> list[Mapping[str, str]]:
-    """Cells of every row, but for what the vault makes of it and its place in the file."""
-    return [
-        {name: text for name, text in row.items() if text and name not in ("vault", "source")}
-        for row in tidy_fields(table)
-    ]
-
-
 def write_table(files: StudyFiles, drawn: Sequence[Drawn]) -> None:
     """Write the tidy table, with what became of every row when rows were drawn for the vault."""
-    rows = [replace(row, drawn=was) for row, was in zip(files.rows.rows, drawn, strict=True)]
-    write_atomic(files.table, tidy_text(replace(files.rows, rows=tuple(rows))).encode())
+    import pandas as pd
+
+    rows = tuple(replace(row, drawn=was) for row, was in zip(files.rows.rows, drawn, strict=True))
+    cells = pd.DataFrame(tidy_fields(replace(files.rows, rows=rows)))
+    write_atomic(files.table, cells.to_csv(index=False, lineterminator="\n").encode())
 
 
 def drawn_rows(study: Study, table: Table) -> list[Drawn]:

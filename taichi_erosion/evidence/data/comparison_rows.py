@@ -136,7 +136,8 @@ def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
 def merged_rows(observables: tuple[Observable, ...], index: int, table: Measurements) -> ComparisonRows:
     """Rows of one observable, repeats merged by inverse variance."""
     observable = observables[index]
-    z, reach, steepness, value = scaled(observable, table)
+    value = np.where(table.censored, table.limit, table.value)
+    (z, reach), steepness = censored_scale(observable, value, table.reaches), slope(observable, value)
     usable = np.isfinite(z) & np.isfinite(steepness)
     notes, table = row_notes(observable, table, usable), table.rows(usable)
     z, reach, steepness, value = (column[usable] for column in (z, reach, steepness, value))
@@ -165,7 +166,13 @@ def merged_rows(observables: tuple[Observable, ...], index: int, table: Measurem
         group=own.group,
         source=own.source,
         slope=steep,
-        heaps=tuple(heap_repeats(heaps[keys == key], repeats[keys == key]) for key in keys[first]),
+        heaps=tuple(
+            {
+                str(heap): float(repeats[(keys == key) & (heaps == heap)].sum())
+                for heap in dict.fromkeys(heaps[keys == key])
+            }
+            for key in keys[first]
+        ),
         noise={observable.name: noise_budget(variance, numerical, scatter)},
         warnings=tuple(notes),
         lines=tuple(tuple(np.array(table.line)[keys == key].tolist()) for key in keys[first]),
@@ -174,23 +181,11 @@ def merged_rows(observables: tuple[Observable, ...], index: int, table: Measurem
     )
 
 
-def scaled(observable: Observable, table: Measurements) -> tuple[Floats, Floats, Floats, Floats]:
-    """Values on the comparison scale, reaches, slopes of that scale, values; of censored rows the limit."""
-    value = np.where(table.censored, table.limit, table.value)
-    z, reach = censored_scale(observable, value, table.reaches)
-    return z, reach, slope(observable, value), value
-
-
 def heap_keys(table: Measurements) -> list[str]:
     """Key of the heap of each row: its name, group, source and conditions; empty where it is unknown."""
     cells = zip(*table.conditions.values(), strict=True) if table.conditions else [()] * table.size
     labels = zip(table.heap or ("",) * table.size, table.group, table.source, cells, strict=True)
     return ["|".join(map(str, each)) if each[0] else "" for each in labels]
-
-
-def heap_repeats(heaps: np.ndarray, repeats: Floats) -> dict[str, float]:
-    """Number of repeats on every heap of some rows."""
-    return {str(heap): float(repeats[heaps == heap].sum()) for heap in dict.fromkeys(heaps)}
 
 
 def disagreements(

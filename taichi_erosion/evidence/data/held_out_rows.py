@@ -9,7 +9,6 @@ the units that came later are drawn.
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
@@ -29,17 +28,6 @@ COUNTER = "vault.json"
 Unit = tuple[str, ...]  # what identifies a unit of hold-out
 
 
-@dataclass(frozen=True)
-class Draw:
-    """What a draw starts from."""
-
-    salt: str  # digest that gives the order of the units
-    units: Sequence[Unit]  # of every row
-    open: Bools  # rows that no range or source holds out
-    kept: Bools  # rows that an earlier version of the table held out
-    settled: frozenset[Unit]  # units of which an earlier version had rows
-
-
 def split(
     measurements: Measurements,
     fraction: float,
@@ -54,11 +42,15 @@ def split(
     inside = stated_rows(measurements, ranges, sources)
     counts = unit_counts(measurements, measurements.group, ~inside)
     by_group = bool(counts) and min(counts.values()) >= FEWEST_GROUPS
-    units = hold_out_units(measurements, by_group)
+    numbers = [[f"{x:.{DIGITS}g}" for x in column] for column in measurements.conditions.values()]
+    cells = [*zip(*numbers, strict=True)] if numbers else [()] * measurements.size
+    units: list[Unit] = [(group,) for group in measurements.group] if by_group else cells
     digest = content_digest(measurements)
     earlier = drawn_from not in (None, digest) and fraction > 0.0
     kept, settled = earlier_draw(measurements, units) if earlier else (np.zeros_like(inside), frozenset())
-    drawn = drawn_units(measurements, Draw(drawn_from or digest, units, ~inside, kept, settled), fraction)
+    order = [unit for unit in dict.fromkeys(units) if unit not in settled]
+    order.sort(key=lambda unit: sha256(f"{drawn_from or digest}|{unit}".encode()).hexdigest())
+    drawn = drawn_units(measurements, order, units, ~inside, kept, fraction)
     among = np.array([unit in drawn for unit in units], dtype=np.bool_) & ~inside
     hidden = inside | kept | among
     if hidden.all():
@@ -103,33 +95,34 @@ def unit_counts(measurements: Measurements, units: Sequence[Unit | str], rows: B
     return Counter(observable for observable, _ in pairs)
 
 
-def hold_out_units(measurements: Measurements, by_group: bool) -> list[Unit]:
-    """Unit of hold-out of every row: its group, or all that was measured under its conditions."""
-    if by_group:
-        return [(group,) for group in measurements.group]
-    columns = measurements.conditions.values()
-    return [tuple(f"{column[i]:.{DIGITS}g}" for column in columns) for i in range(measurements.size)]
+def drawn_units(
+    measurements: Measurements,
+    order: Sequence[Unit],
+    units: Sequence[Unit],
+    free: Bools,
+    kept: Bools,
+    fraction: float,
+) -> set[Unit]:
+    """Units for the vault, in an order: of every observable its fraction, as nearly as whole units allow.
 
-
-def drawn_units(measurements: Measurements, draw: Draw, fraction: float) -> set[Unit]:
-    """New units for the vault: of every observable its fraction, as nearly as whole units allow.
+    `units` are of all rows: those are `free` that no range or source holds out, `kept` those that an earlier
+    version of the table held out.
 
     A unit stays visible without which a condition would no longer vary among the visible rows, or from 0:
     only dry heaps separate the effect of water from effects that always act. So does one without which three
     levels of a condition would be one under either of two others, such as water on grains of two sizes.
     """
     seen: dict[Unit, set[str]] = {}
-    for i in np.flatnonzero(draw.open).tolist():
-        seen.setdefault(draw.units[i], set()).add(measurements.observable[i])
-    numbers = {unit: k for k, unit in enumerate(dict.fromkeys(draw.units))}
-    unit_of_row = np.array([numbers[unit] for unit in draw.units])
-    left = draw.open & ~draw.kept
+    for i in np.flatnonzero(free).tolist():
+        seen.setdefault(units[i], set()).add(measurements.observable[i])
+    numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
+    unit_of_row = np.array([numbers[unit] for unit in units])
+    left = free & ~kept
     before, crossings = varying(measurements, left), crossed(measurements, left, 3)
-    wanted = wanted_units(measurements, draw, fraction)
+    among, held = (unit_counts(measurements, units, rows) for rows in (free, free & kept))
+    wanted = {k: (round(fraction * n) if n >= FEWEST_UNITS else 0) - held[k] for k, n in among.items()}
     drawn: set[Unit] = set()
-    for unit in sorted(
-        seen.keys() - draw.settled, key=lambda u: sha256(f"{draw.salt}|{u}".encode()).hexdigest()
-    ):
+    for unit in (each for each in order if each in seen):
         without = left & (unit_of_row != numbers[unit])
         identified = varying(measurements, without) == before
         identified = identified and crossings <= crossed(measurements, without, 2)
@@ -139,13 +132,6 @@ def drawn_units(measurements: Measurements, draw: Draw, fraction: float) -> set[
             for name in seen[unit]:
                 wanted[name] -= 1
     return drawn
-
-
-def wanted_units(measurements: Measurements, draw: Draw, fraction: float) -> dict[str, int]:
-    """Units that are still to be drawn, by observable."""
-    among = unit_counts(measurements, draw.units, draw.open)
-    kept = unit_counts(measurements, draw.units, draw.open & draw.kept)
-    return {name: (round(fraction * n) if n >= FEWEST_UNITS else 0) - kept[name] for name, n in among.items()}
 
 
 def condition_levels(

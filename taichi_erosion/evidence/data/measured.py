@@ -86,7 +86,11 @@ def read_rows(path: Path, name: str, told: Told, interview: Interview, faults: F
 
 def upright(cells: Cells, interview: Interview) -> Cells:
     """A table with its headings in the first row; one that lies on its side is set upright, if agreed."""
-    if not lies_on_its_side(cells):
+    telling = ("observable", "condition", *SCATTER)
+    names = [row[0] for _, row in cells.rows], cells.heading[1:]
+    roles = [[meaning_of(read_heading(text).name)[0] for text in texts if text] for texts in names]
+    down, across = ([role for role in each if role in telling] for each in roles)
+    if len(down) < 2 or "observable" not in down or across:
         return cells
     meaning = "rows and columns are exchanged: the headings stand in the first column"
     question = f"{cells.file}: the headings seem to stand in the first column. Exchange rows and columns"
@@ -95,15 +99,6 @@ def upright(cells: Cells, interview: Interview) -> Cells:
     columns = zip(*(row for _, row in cells.rows), strict=True)
     rows = tuple((k, column) for k, column in enumerate(columns, 1) if any(column))
     return written_out(replace(cells, file=f"{cells.file} (rows and columns exchanged)", rows=rows))
-
-
-def lies_on_its_side(cells: Cells) -> bool:
-    """Whether the first column names a measured quantity and more, and the first row nothing known."""
-    telling = ("observable", "condition", *SCATTER)
-    names = [row[0] for _, row in cells.rows], cells.heading[1:]
-    roles = [[meaning_of(read_heading(text).name)[0] for text in texts if text] for texts in names]
-    down, across = ([role for role in each if role in telling] for each in roles)
-    return len(down) > 1 and "observable" in down and not across
 
 
 def filled_down(cells: Cells, columns: Sequence[Column], told: Told, interview: Interview) -> Cells:
@@ -215,13 +210,17 @@ def study_measurements(
         source=tuple(row.source for row in rows),
         table_units=TableUnits(value_scales(rows, units), scales),
         reach=factors * np.array([row.reach for row in rows]),
-        condition_sd=errors_of_conditions(rows, scales),
+        condition_sd={  # NaN where a condition is exact
+            name: np.array([scale.factor * row.condition_sd.get(name, nan) for row in rows])
+            for name, scale in scales.items()
+            if any(row.condition_sd.get(name) for row in rows)
+        },
         condition_set=frozenset(table.set_conditions),
         drawn=tuple(row.drawn for row in rows),
         heap=heaps_of(rows),
         line=tuple(int(place["line"]) if (place := PLACE.fullmatch(r.source)) else r.line for r in rows),
     )
-    notes = [*unused_notes(table, file), *ignored_notes(table, file), *error_notes(measurements)]
+    notes = [*ignored_notes(table, file), *error_notes(measurements)]
     return measurements, [*table.notes, *notes]
 
 
@@ -260,15 +259,6 @@ def column_scale(table: Table, column: str, place: str | None) -> Scale:
         told = f"it sets a number in {place}" if place != "1" else "it sets a pure number"
         raise BadInput(f"{table.file}: heading '{column} [{written}]': {told}; give it in that unit")
     return scale
-
-
-def errors_of_conditions(rows: Sequence[Row], scales: Mapping[str, Scale]) -> dict[str, np.ndarray]:
-    """Standard deviations of stated conditions, in the units of use; NaN where a condition is exact."""
-    return {
-        name: np.array([scale.factor * row.condition_sd.get(name, nan) for row in rows])
-        for name, scale in scales.items()
-        if any(row.condition_sd.get(name) for row in rows)
-    }
 
 
 def heaps_of(rows: Sequence[Row]) -> tuple[str, ...]:
@@ -333,15 +323,6 @@ def censoring_limit(row: Row, factor: float, entry: ObservableEntry, file: str) 
     )
 
 
-def unused_notes(table: Table, file: StudyFile) -> list[str]:
-    """Observables of the table that the study does not name."""
-    other = [row.observable for row in table.rows if row.observable not in file.observables]
-    return [
-        f"{name}: {other.count(name)} rows of {table.file} are not used; the study names no such observable."
-        for name in dict.fromkeys(other)
-    ]
-
-
 def error_notes(measurements: Measurements) -> list[str]:
     """Conditions whose stated values have errors."""
     notes = []
@@ -354,14 +335,14 @@ def error_notes(measurements: Measurements) -> list[str]:
     return notes
 
 
-def ignored_notes(table: Table, file: StudyFile) -> list[str]:
-    """Conditions that vary in the table and do not enter the model."""
-    rows = [row for row in table.rows if row.observable in file.observables]
-    notes = []
+def ignored_notes(table: Table, file: StudyFile) -> Iterator[str]:
+    """Observables that the study does not name, and conditions that vary and do not enter the model."""
+    other = [row.observable for row in table.rows if row.observable not in file.observables]
+    for name in dict.fromkeys(other):
+        rows = f"{name}: {other.count(name)} rows of {table.file} are not used"
+        yield f"{rows}; the study names no such observable."
+    used = [row for row in table.rows if row.observable in file.observables]
     for place, column in enumerate(table.conditions):
-        values = {row.conditions[place] for row in rows if isfinite(row.conditions[place])}
+        values = {row.conditions[place] for row in used if isfinite(row.conditions[place])}
         if column not in file.conditions and len(values) > 1:
-            notes.append(
-                f"{column} varies in {table.file}, but is not under [conditions]: the model is not told."
-            )
-    return notes
+            yield f"{column} varies in {table.file}, but is not under [conditions]: the model is not told."

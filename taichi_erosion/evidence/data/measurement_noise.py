@@ -79,14 +79,6 @@ class Disagreement:
     gap: float  # largest less smallest value, in the observable's unit
 
 
-def prior_freedom(excess: float) -> float:
-    """Degrees of freedom nu_0 of the common level: trigamma(nu_0 / 2) = excess, from LEAST_PRIOR up."""
-    low, high = 0.5 * LEAST_PRIOR, MOST_PRIOR
-    wanted = min(max(excess, float(special.polygamma(1, high))), float(special.polygamma(1, low)))
-    found = scipy.optimize.root_scalar(lambda y: float(special.polygamma(1, y)) - wanted, bracket=(low, high))
-    return 2.0 * float(found.root)
-
-
 def moderated(variance: Floats, freedom: Floats, shapes: Floats) -> tuple[Floats, float]:
     """Moderated variances of few repeats, shrunk to their common level, and the degrees of freedom behind it.
 
@@ -115,7 +107,11 @@ def moderated(variance: Floats, freedom: Floats, shapes: Floats) -> tuple[Floats
     excess = spread - float(np.mean(special.polygamma(1, freedom / 2.0)))
     if excess <= 0.0:
         return even
-    prior = prior_freedom(excess)
+    ends = 0.5 * LEAST_PRIOR, MOST_PRIOR  # trigamma(nu_0 / 2) = excess, with nu_0 from LEAST_PRIOR up
+    least, most = (float(special.polygamma(1, end)) for end in ends[::-1])
+    wanted = min(max(excess, least), most)
+    found = scipy.optimize.root_scalar(lambda y: float(special.polygamma(1, y)) - wanted, bracket=ends)
+    prior = 2.0 * float(found.root)
     total = prior + freedom
     common = np.exp(level.mean() + special.digamma(prior / 2.0) - log(prior / 2.0))
     mixed = (prior * common + freedom * relative) / total

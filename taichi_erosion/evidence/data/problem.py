@@ -185,11 +185,6 @@ def expected_strength(candidate: Candidate) -> float:
 REACH = 3.0  # times the largest strength of the list, up to which one beyond it is looked for
 
 
-def stronger_candidate(candidate: Candidate) -> Candidate:
-    """The candidate with a range REACH times as wide; its prior has the scale of the largest strength."""
-    return replace(candidate, prior_scale=candidate.maximum, maximum=REACH * candidate.maximum)
-
-
 @dataclass(frozen=True)
 class Laboratory:
     """What could be measured next."""

@@ -17,7 +17,7 @@ from taichi_erosion.core.effect_loading import effect_in
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import marked_toml, refuse_foreign, without_mark, write_atomic
 from taichi_erosion.core.foreign_code import EffectFile
-from taichi_erosion.evidence.data.problem import stronger_candidate
+from taichi_erosion.evidence.data.problem import REACH
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.run.checks import read_scene, scene_effect_files
 from taichi_erosion.scene.load import file_text
@@ -100,9 +100,11 @@ def study_text(study: Study, found: Adopted) -> str:
         text = with_entry(text, ("adopted", effect, "strength"), strength, note)
         if effect in listed:
             known = listed[effect]
-            allowed = stronger_candidate(known) if strength > known.maximum else known
-            text = with_entry(text, ("adopted", effect, "prior_scale"), allowed.prior_scale)
-            text = with_entry(text, ("adopted", effect, "max"), allowed.maximum)
+            scale, most = known.prior_scale, known.maximum
+            if strength > most:
+                scale, most = most, REACH * most
+            text = with_entry(text, ("adopted", effect, "prior_scale"), scale)
+            text = with_entry(text, ("adopted", effect, "max"), most)
     return text
 
 

@@ -1,7 +1,7 @@
 """Loading of a study: from a study file and all that it names to a problem for the statistics."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -41,6 +41,7 @@ from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
 from taichi_erosion.evidence.models.simulator import Simulator
 from taichi_erosion.evidence.models.table_columns import place_units, study_value_faults
 from taichi_erosion.mechanisms.library import mechanism_rows
+from taichi_erosion.scene import scene_hash
 
 BudgetName = Literal["quick", "full"]
 PLANS: tuple[BudgetName, ...] = ("quick", "full")  # of plans: each has the runs of the one before
@@ -174,15 +175,11 @@ def wanted_mechanisms(path: Path, file: StudyFile, declared: tuple[Mechanism, ..
 
 def with_options(file: StudyFile, options: StudyOptions) -> StudyFile:
     """The study file with what the command line states in place of its own."""
-    entries = (
-        ("study", "seed", options.seed),
-        ("budget", "runs", options.runs),
-        ("campaign", "workers", options.workers),
-        ("campaign", "arch", options.arch),
-        ("campaign", "decomposition", options.decomposition),
+    sections = {"seed": "study", "runs": "budget"} | dict.fromkeys(
+        ("workers", "arch", "decomposition"), "campaign"
     )
-    for section, key, value in entries:
-        if value is not None:
+    for key, section in sections.items():
+        if (value := getattr(options, key)) is not None:
             changed = getattr(file, section).model_copy(update={key: value})
             file = file.model_copy(update={section: changed})
     return file
@@ -220,8 +217,13 @@ def scene_model(
         for name, entry in file.adopted.items()
     )
     parameters = simulator.uncertain_parameters(file, found, measurements, (*candidates, *adopted))
-    found = simulator.accepting(found, parameters)
-    identity, unread = simulator.scene_identity(found), simulator.unread_conditions(file, found, candidates)
+    paths = {number.path for number in parameters}
+    scenes = dict.fromkeys(measure.scene for measure in found.measures.values())
+    measures = {n: replace(m, accepted_paths=m.accepted_paths | paths) for n, m in found.measures.items()}
+    found = replace(found, measures=measures)
+    named = [f"{scene.name} {scene_hash(found.scene(scene))}" for scene in scenes]
+    identity = ", ".join([*named, *(f"{each.path.name} {each.digest}" for each in found.effect_files)])
+    unread = simulator.unread_conditions(file, found, candidates)
     model = NameMapping(None, dict(file.conditions), {name: name for name in file.observables})
     return StudyModel(model, identity, candidates, adopted, parameters, simulator=found, notes=tuple(unread))
 

@@ -61,8 +61,9 @@ class Plugin:
         self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
     ) -> Floats:
         """Predictions [seed, row]; raises SimulationStopped where the function fails."""
+        at = {name: column.copy() for name, column in conditions.items()}  # which it may write to
         with failures_named(self.name, observable):
-            found = self.function(observable, writable_copies(conditions), parameters, effects, seeds)
+            found = self.function(observable, at, parameters, effects, seeds)
         shape = (len(seeds), row_count(conditions))
         return checked_array(found, shape, "(seeds, conditions)", f"model {self.name}, {observable}")
 
@@ -71,16 +72,12 @@ class Plugin:
     ) -> Floats:
         """Covariance of the model's own errors [row, row], in the unit of the observable squared."""
         assert self.covariance is not None
+        at = {name: column.copy() for name, column in conditions.items()}
         with failures_named(self.name + COVARIANCE, observable):
-            found = self.covariance(observable, writable_copies(conditions), parameters, effects)
+            found = self.covariance(observable, at, parameters, effects)
         rows = row_count(conditions)
         where = f"model {self.name}{COVARIANCE}, {observable}"
         return checked_array(found, (rows, rows), "(conditions, conditions)", where)
-
-
-def writable_copies(conditions: Conditions) -> Conditions:
-    """Arrays that a user's function may write to."""
-    return {name: column.copy() for name, column in conditions.items()}
 
 
 @contextlib.contextmanager

@@ -75,10 +75,6 @@ class Predictor:
         rows = {"observables": observables, "which": which, "conditions": conditions}
         return replace(self, **rows, cache={}, spectra={})
 
-    def at_conditions(self, conditions: Conditions) -> "Predictor":
-        """The same rows with other values of some conditions."""
-        return self.over(self.observables, self.which, {**self.conditions, **conditions})
-
     @cached_property
     def requests(self) -> tuple[tuple[Observable, Integers, Conditions], ...]:
         """Every observable that has rows, these rows, and their conditions."""

@@ -134,28 +134,17 @@ class PreparedProblem:
                 yield observable, chosen
 
 
-def bound_predictor(problem: Problem, rows: ComparisonRows) -> Predictor:
-    """The model over some rows; it is calibrated by the parameters, then the strengths of adopted effects."""
-    axes = *map(parameter_axis, problem.parameters), *map(adopted_axis, problem.adopted)
-    return Predictor(
-        problem.model,
-        rows.observables,
-        rows.which,
-        rows.conditions,
-        axes,
-        problem.candidates,
-        problem.uncertainty,
-    )
-
-
 def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem:
     """Everything that is needed before the first fit; the model's own noise is measured at the prior mean.
 
-    Conditions at which the model fails are left out, and so are rows of unknown noise and readings that
-    their repeats contradict. Raises BadInput.
+    The model is calibrated by the parameters, then the strengths of adopted effects. Conditions at which it
+    fails are left out, and so are rows of unknown noise and readings that their repeats contradict. Raises
+    BadInput.
     """
     rows = comparison_rows(problem, table)
-    predictor = bound_predictor(problem, rows)
+    axes = *map(parameter_axis, problem.parameters), *map(adopted_axis, problem.adopted)
+    known = problem.model, rows.observables, rows.which, rows.conditions
+    predictor = Predictor(*known, axes, problem.candidates, problem.uncertainty)
     start = np.array([min(max(0.0, axis.low), axis.high) for axis in predictor.axes])
     generator = np.random.default_rng(seed)
     values = predictor.predict(start, {}, draw_seeds(generator, PROBE_SEEDS))
@@ -235,10 +224,12 @@ def change_along(predictor: Predictor, name: str, sd: Floats, x: Floats, acting:
     """
     own, found = np.flatnonzero(sd > 0.0), np.zeros(sd.size)
     conditions = {key: column[own] for key, column in predictor.conditions.items()}
-    part, stated = predictor.over(predictor.observables, predictor.which[own], conditions), conditions[name]
+    names, which, stated = predictor.observables, predictor.which[own], conditions[name]
     least = 0.0 if np.nanmin(stated) >= 0.0 else -np.inf
     ends = [np.maximum(stated - sd[own], least), stated + sd[own]]
     seeds = draw_seeds(np.random.default_rng(SLOPE_SEED), PROBE_SEEDS)
-    runs = [part.at_conditions({name: end}).predict(x, acting, seeds) for end in ends]
-    found[own] = np.nan_to_num(paired_change(runs[1], runs[0], part) * sd[own] / (ends[1] - ends[0]))
+    parts = [predictor.over(names, which, {**conditions, name: end}) for end in ends]
+    low, high = (part.predict(x, acting, seeds) for part in parts)
+    part = predictor.over(names, which, conditions)
+    found[own] = np.nan_to_num(paired_change(high, low, part) * sd[own] / (ends[1] - ends[0]))
     return found

@@ -32,7 +32,7 @@ from taichi_erosion.evidence.data.problem import (
 from taichi_erosion.evidence.data.transforms import effect_of
 from taichi_erosion.mechanisms.library import DOSE, mechanism_file
 from taichi_erosion.run.checks import EffectFiles, read_scene, scene_effect_files
-from taichi_erosion.scene import Scene, scene_hash
+from taichi_erosion.scene import Scene
 from taichi_erosion.scene.schema.conditions import Conditions as PredefinedConditions
 from taichi_erosion.scene.schema.units import conversion, parse_unit
 
@@ -144,10 +144,7 @@ class Simulator:
         return self.ledger
 
 
-@lru_cache(maxsize=MOST_SCENES)
-def cached_scene(path: Path, overrides: tuple[str, ...], effect_files: EffectFiles) -> Scene:
-    """A validated scene; the observables of one scene need the same ones."""
-    return read_scene(path, overrides, effect_files)
+cached_scene = lru_cache(maxsize=MOST_SCENES)(read_scene)  # the observables of one scene need the same ones
 
 
 def condition_name(path: str) -> str | None:
@@ -242,13 +239,6 @@ def refusal(simulator: Simulator, scene: Path, number: str, value: float) -> str
     return None
 
 
-def scene_identity(simulator: Simulator) -> str:
-    """Names and hashes of the scenes that answer."""
-    scenes = dict.fromkeys(measure.scene for measure in simulator.measures.values())
-    named = [f"{scene.name} {scene_hash(simulator.scene(scene))}" for scene in scenes]
-    return ", ".join([*named, *(f"{file.path.name} {file.digest}" for file in simulator.effect_files)])
-
-
 def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list[Candidate]:
     """Effects of the library that a study tries, with the priors of the library and of the study.
 
@@ -324,7 +314,9 @@ def uncertain_parameters(
         if not effect.uncertain or level_count(file, table, candidate, effect) < 2:
             continue
         for name, sd in effect.uncertain.items():
-            path, start = f"effects.{effect.name}.{name}", stated_value(simulator, effect, name)
+            path, scenes = f"effects.{effect.name}.{name}", (m.scene for m in simulator.measures.values())
+            stated = (simulator.stated_numbers(scene, effect.name) for scene in scenes)
+            start = next((entry[name] for entry in stated if name in entry), getattr(effect.params(), name))
             if path not in file.parameters:
                 found.append(Parameter(path, start, ranges[name]["low"], ranges[name]["high"], sd))
     return tuple(found)
@@ -336,22 +328,3 @@ def level_count(file: StudyFile, table: Measurements, candidate: Candidate, effe
     columns = [table.conditions[name] for name, p in file.conditions.items() if read & {*dotted_paths(p)}]
     mask = np.ones(table.size, bool) if candidate.mask is None else candidate.mask(table.conditions)
     return len({tuple(f"{column[i]:.9g}" for column in columns) for i in np.flatnonzero(mask)})
-
-
-def stated_value(simulator: Simulator, effect: Effect, name: str) -> float:
-    """A number of an effect as the scenes state it, else its usual value."""
-    for measure in simulator.measures.values():
-        entry = simulator.stated_numbers(measure.scene, effect.name)
-        if name in entry:
-            return entry[name]
-    return getattr(effect.params(), name)
-
-
-def accepting(simulator: Simulator, numbers: Sequence[Parameter]) -> Simulator:
-    """The simulator whose scenes accept some parameters of effects too."""
-    paths = {number.path for number in numbers}
-    measures = {
-        name: replace(measure, accepted_paths=measure.accepted_paths | paths)
-        for name, measure in simulator.measures.items()
-    }
-    return replace(simulator, measures=measures)

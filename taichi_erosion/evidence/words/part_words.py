@@ -55,10 +55,7 @@ def errors_line(record: Record, voc: say.Vocabulary, every: bool = True) -> str:
 
 def error_text(found: parts.LevelPart | parts.ErrorPart, voc: say.Vocabulary) -> str:
     """`the pile height reads 0.6 mm (0.4 to 0.8) more than the model at all conditions`."""
-    name, label = (
-        f"the {say.quantity(found.observable)}",
-        found.label if isinstance(found, parts.ErrorPart) else "",
-    )
+    name, label = f"the {say.quantity(found.observable)}", getattr(found, "label", "")
     more, lies = ("more", "above") if found.size.value > 0.0 else ("less", "below")
     unit = unit_text(found.size.value) if found.kind == "factor" else ""
     times, far = f"{say.interval(found.size)} times", voc.difference(found.observable, found.size)

@@ -450,10 +450,3 @@ def tidy_fields(table: Table) -> list[dict[str, str]]:
 def shown(number: float) -> str:
     """A number as a cell; empty for none."""
     return f"{number:.12g}" if isfinite(number) else ""
-
-
-def tidy_text(table: Table) -> str:
-    """The tidy form of a table as a CSV file."""
-    import pandas as pd
-
-    return pd.DataFrame(tidy_fields(table)).to_csv(index=False, lineterminator="\n")
