@@ -5,7 +5,6 @@ heap     its heap from the side, for docs/photograph.md
 live     a live session in a terminal
 study    the results of doe/funnel_soil.toml in the viewer
 table    thresholds of doe/windkanal.csv, measured and calculated, for docs/your_table.md
-funnel   scenes/funnel_repose.toml during pouring, in the viewer
 """
 
 import io
@@ -34,9 +33,7 @@ PICTURES = DOCS / "pictures"
 SAMPLE = DOCS.parent / "recordings" / "sample.rrd"
 STUDY = DOCS.parent / "doe" / "funnel_soil.toml"
 TABLE = DOCS.parent / "doe" / "windkanal.csv"
-FUNNEL = DOCS.parent / "scenes" / "funnel_repose.toml"
 MOMENT = 1.0  # s, of the sample: grains flow out below the tube
-POURING = 0.4  # s
 MARGIN = 0.004  # m beside the heap
 PAPER = 240  # grey level of the background
 DARK = 0.55  # brightness of soil over that of dry sand [1]
@@ -86,23 +83,6 @@ def draw_table() -> None:
     with tempfile.TemporaryDirectory() as folder:
         study = te.new_study(TABLE, out=folder, closed_form=True)
         study.adopt(*study.discover().named).figure().savefig(PICTURES / "your_table.png", dpi=110)
-
-
-def draw_funnel() -> None:
-    """The funnel test during pouring."""
-    record = DOCS.parent / "recordings" / "funnel_repose.rrd"
-    command(["run", str(FUNNEL), "--replicas", "1", "--record", str(record)])
-    command(
-        [
-            "snapshot",
-            str(record),
-            "--time",
-            str(POURING),
-            "-o",
-            str(PICTURES / "funnel_repose.png"),
-            "--force",
-        ]
-    )
 
 
 def draw_live() -> None:
@@ -155,7 +135,6 @@ DRAWN = {
     "live": draw_live,
     "study": draw_study,
     "table": draw_table,
-    "funnel": draw_funnel,
 }
 
 if __name__ == "__main__":
