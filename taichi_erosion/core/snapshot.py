@@ -44,6 +44,30 @@ class Snapshot:
 
 
 @dataclass(frozen=True)
+class ContactNetwork:
+    """Contacts of one replica at one moment, with forces of pair effects, some of them across a gap."""
+
+    time: float  # s
+    first: NDArray[np.int32]  # [m] row of the GrainTable
+    second: NDArray[np.int32]  # [m] a greater row of the GrainTable, or -1 - k for wall k
+    point: Floats  # [m, 3] m, where it acts
+    branch: Floats  # [m, 3] m, to the centre of the first, from that of the second or the point on the wall
+    normal: Floats  # [m, 3] 1, towards the first
+    force: Floats  # [m, 3] N, on the first
+    walls: tuple[str, ...]  # names
+
+    @property
+    def normal_force(self) -> Floats:
+        """Force along the normal, [m] N, positive where it pushes apart."""
+        return (self.force * self.normal).sum(axis=1)
+
+    @property
+    def tangential_force(self) -> Floats:
+        """Force on the first across the normal, [m, 3] N."""
+        return self.force - self.normal_force[:, np.newaxis] * self.normal
+
+
+@dataclass(frozen=True)
 class Totals:
     """Sums over one replica at one moment."""
 

@@ -3,6 +3,7 @@
 from taichi_erosion.simulation.advance import advance, failure, statuses
 from taichi_erosion.simulation.assemble import Simulation, assemble
 from taichi_erosion.simulation.buffer_reuse import reuse_or_assemble
+from taichi_erosion.simulation.contact_network import contact_network
 from taichi_erosion.simulation.control import (
     move_surface,
     remove_surface,
@@ -33,6 +34,7 @@ __all__ = [
     "advance",
     "air_profile",
     "assemble",
+    "contact_network",
     "device_effects",
     "effective_scene",
     "energies",
