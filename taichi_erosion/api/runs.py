@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 PathLike = str | Path
 SceneLike = PathLike | Mapping[str, Any]
 
-# of recorded grains
-UNITS = {"position": "m", "radius": "m", "velocity": "m s-1", "spin": "rad s-1", "force": "N"}
 # of a run beside its scene
 OPTIONS = ("seed", "replicas", "threads", "precision", "arch", "decomposition", "force")
 
@@ -36,6 +34,13 @@ class Run:
         """Recording (.rrd); None without one."""
         file = self.document.get("recording")
         return Path(file) if file else None
+
+    @property
+    def recorded(self) -> Path:
+        """The recording. Raises BadInput for a run without one."""
+        if self.recording is None:
+            raise BadInput("the run has no recording; run it with record=True")
+        return self.recording
 
     @property
     def table(self) -> pd.DataFrame:
@@ -67,33 +72,29 @@ class Run:
         what effects keep of a grain. Grains at rest keep the state with which the bed was last written.
         Raises BadInput for a run without a recording.
         """
-        import numpy as np
-        import xarray as xr
-
+        from taichi_erosion.recording.export import grain_table
         from taichi_erosion.recording.readback import read_grains
 
-        if self.recording is None:
-            raise BadInput("the run has no recording; run it with record=True")
-        frames = read_grains(self.recording)
-        grains = max((int(one.ident.max(initial=-1)) for one in frames), default=-1) + 1
-        columns = [{"position": one.position, "radius": one.radius, **one.state} for one in frames]
-        variables = {}
-        for name, first in columns[0].items() if columns else ():
-            table = np.full((len(frames), grains, *first.shape[1:]), np.nan, dtype=np.float32)
-            for row, one, frame_columns in zip(table, frames, columns, strict=True):
-                row[one.ident] = frame_columns[name]
-            axes = ("time", "grain", "axis")[: table.ndim]
-            variables[name] = (axes, table, {"units": UNITS.get(name, "1")})
-        times = ("time", [one.time for one in frames], {"units": "s"})
-        return xr.Dataset(variables, {"time": times, "grain": np.arange(grains), "axis": ["x", "y", "z"]})
+        return grain_table(read_grains(self.recorded))
+
+    @property
+    def contacts(self) -> "xr.Dataset":
+        """Recorded contacts, one after the other with their times: bodies, places [m], forces [N].
+
+        Raises BadInput where none are recorded: the scene asks for them with record.contacts.
+        """
+        from taichi_erosion.recording.export import NO_CONTACTS, contact_table
+        from taichi_erosion.recording.readback import read_contacts
+
+        if not (networks := read_contacts(self.recorded)):
+            raise BadInput(f"{self.recorded}: {NO_CONTACTS}")
+        return contact_table(networks)
 
     def report(self, to: PathLike | None = None) -> Path:
         """Page of the run (HTML). Raises BadInput for a run without a recording."""
         from taichi_erosion.report import write_report
 
-        if self.recording is None:
-            raise BadInput("the run has no recording; run it with record=True")
-        return write_report(self.recording.with_suffix(".json"), None if to is None else Path(to), True)
+        return write_report(self.recorded.with_suffix(".json"), None if to is None else Path(to), True)
 
     @property
     def warnings(self) -> list[str]:

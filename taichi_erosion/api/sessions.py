@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from taichi_erosion import simulation
 from taichi_erosion.api.notebook import frame, html
 from taichi_erosion.api.runs import PathLike, override, stated_changes
 from taichi_erosion.run import session as sessions
 from taichi_erosion.verification.effect_contract import refuse_unusable
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from taichi_erosion.report.figure_style import Figure
 
 OPTIONS = ("seed", "effect_files")  # of a session beside its scene
@@ -42,6 +45,37 @@ class LiveSession:
             for name, found in sessions.measure_now(self.session).items()
         )
         return frame(rows).set_index("measure")
+
+    @property
+    def grains(self) -> "xr.Dataset":
+        """Grains now: position [m], velocity [m s-1], spin [rad s-1], force [N], radius [m], mass [kg]."""
+        from taichi_erosion.recording.export import grain_frame, grain_table
+
+        return grain_table([grain_frame(simulation.snapshot(self.session.sim, 0))]).isel(time=0)
+
+    @property
+    def contacts(self) -> "xr.Dataset":
+        """Contacts now: bodies, places [m], forces [N]."""
+        from taichi_erosion.recording.export import contact_table
+
+        return contact_table([simulation.contact_network(self.session.sim, 0)])
+
+    @property
+    def walls(self) -> "xr.Dataset":
+        """Walls now: whether present, rotation and shift [m] since the start, force of the grains [N]."""
+        from taichi_erosion.recording.export import wall_table
+
+        sim = self.session.sim
+        return wall_table(simulation.wall_poses(sim, 0), simulation.contact_network(sim, 0))
+
+    def chains(self, to: PathLike) -> Path:
+        """Write a picture of the force chains from the side (PNG)."""
+        from taichi_erosion.recording.export import chain_picture, grain_frame
+
+        sim, walls = self.session.sim, sessions.walls_now(self.session)
+        frame = grain_frame(simulation.snapshot(sim, 0))
+        picture = chain_picture(frame, simulation.contact_network(sim, 0), walls)
+        return sessions.write_file(self.session, Path(to), picture)
 
     def run(self, seconds: float) -> "LiveSession":
         """Run for a simulated time [s]. Raises SimulationStopped."""

@@ -292,13 +292,25 @@ def snapshot(
 @app.command(**help_of("export", SIMULATE))
 def export(
     file: Annotated[Path, existing(metavar="FILE", help="Recording (.rrd).")],
-    vtk: Annotated[Path, Option("--vtk", metavar="DIR", help="Folder for the VTK files.")],
+    vtk: Annotated[Path | None, Option("--vtk", metavar="DIR", help="Folder for the VTK files.")] = None,
+    netcdf: Annotated[Path | None, Option("--netcdf", metavar="DIR", help="Folder for tables.")] = None,
+    chains: Annotated[Path | None, Option("--chains", metavar="PNG", help="Picture of force chains.")] = None,
+    time: Annotated[float | None, Option(metavar="T", help="Of the picture [s]; default: the end.")] = None,
     force: Force = False,
 ) -> None:
-    """Write the grains of a recording for ParaView."""
-    from taichi_erosion.recording.readback import export_vtk
+    """Write grains, contacts and walls of a recording: for ParaView, as tables, as a picture."""
+    from taichi_erosion.recording import export as door
 
-    typer.echo(str(export_vtk(file, vtk, force)))
+    if not (vtk or netcdf or chains):
+        raise BadInput("export: name at least one of --vtk DIR, --netcdf DIR, --chains PNG")
+    if time is not None and not chains:
+        raise BadInput(f"--time {time:g}: is the time of the picture; needs --chains PNG")
+    if vtk:
+        typer.echo(str(door.export_vtk(file, vtk, force)))
+    if netcdf:
+        typer.echo(str(door.export_netcdf(file, netcdf, force)))
+    if chains:
+        typer.echo(str(door.export_chains(file, chains, time, force)))
 
 
 app.command(**help_of("audit", CHECK))(audit)

@@ -50,6 +50,7 @@ class ContactNetwork:
     time: float  # s
     first: NDArray[np.int32]  # [m] row of the GrainTable
     second: NDArray[np.int32]  # [m] a greater row of the GrainTable, or -1 - k for wall k
+    centre: Floats  # [m, 3] m, of the first
     point: Floats  # [m, 3] m, where it acts
     branch: Floats  # [m, 3] m, to the centre of the first, from that of the second or the point on the wall
     normal: Floats  # [m, 3] 1, towards the first

@@ -19,6 +19,7 @@ VIEW_DIRECTION = (0.30, -1.0, 0.34)  # from the middle towards the eye
 HEAP_KINDS = frozenset({"repose", "collapse", "lifting"})
 WIND_KINDS = frozenset({"threshold", "saltation"})
 SILHOUETTES = "Silhouettes at the end"
+CHAINS = "Force chains: wider and brighter for larger forces; blue pulls"
 LEGEND = "Colour: speed of moving grains; sand: at rest"
 MAGNIFICATION = 1e3  # world units are m, drawn as mm: the viewer hides what is within millimetres of the eye
 TIMELINE = "sim_time"  # of every recording [s]
@@ -66,8 +67,8 @@ def with_time_panel(layout: Any, frames_per_second: float = FRAMES_PER_SECOND) -
     )
 
 
-def blueprint(kind: str, focus: Focus) -> "rrb.Blueprint":
-    """Blueprint of a run: grains large on the left; on the right measure, curves and texts."""
+def blueprint(kind: str, focus: Focus, contacts: bool = False) -> "rrb.Blueprint":
+    """Blueprint of a run: grains, and contacts if asked, on the left; on the right measure, curves, texts."""
     right = rrb.Vertical(
         *kind_views(kind),
         rrb.Tabs(
@@ -77,7 +78,11 @@ def blueprint(kind: str, focus: Focus) -> "rrb.Blueprint":
             active_tab="Scene",
         ),
     )
-    left = rrb.Vertical(grain_view(focus), image_view(LEGEND, "/legend"), row_shares=[8, 1])
+    shown, shares = [grain_view(focus, hidden=("/world/contacts",))], [8, 1]
+    if contacts:
+        shown.append(grain_view(focus, CHAINS, hidden=("/world/bed", "/world/mobile")))
+        shares = [4, 4, 1]
+    left = rrb.Vertical(*shown, image_view(LEGEND, "/legend"), row_shares=shares)
     return with_time_panel(rrb.Horizontal(left, right, column_shares=[5, 3]))
 
 
@@ -110,7 +115,11 @@ def curve_view(name: str, origin: str, *entries: str) -> "rrb.TimeSeriesView":
 
 
 def grain_view(
-    focus: Focus, name: str = "Grains", below: str = "/world", distance: float = DISTANCE
+    focus: Focus,
+    name: str = "Grains",
+    below: str = "/world",
+    distance: float = DISTANCE,
+    hidden: Sequence[str] = (),
 ) -> "rrb.Spatial3DView":
     """Grains and walls of an entity from the front, a little from above and from the right."""
     towards_eye = np.array(VIEW_DIRECTION) / np.linalg.norm(VIEW_DIRECTION)
@@ -119,7 +128,7 @@ def grain_view(
     return rrb.Spatial3DView(
         name=name,
         origin="/",
-        contents=f"{below}/**",
+        contents=[f"+ {below}/**", *(f"- {entity}/**" for entity in hidden)],
         background=pictures.NIGHT,
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(position=eye, look_target=centre, eye_up=(0.0, 0.0, 1.0)),

@@ -17,7 +17,7 @@ from PIL.Image import Resampling
 
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.core.snapshot import Snapshot
+from taichi_erosion.core.snapshot import ContactNetwork, Snapshot
 from taichi_erosion.recording.wall_mesh import WallMesh, section
 
 Colours = NDArray[np.uint8]  # [n, 3]
@@ -34,6 +34,9 @@ CHALK = (232, 230, 222)  # lettering
 SPEED_COLOURS = np.array(
     [SAND, (240, 150, 84), (232, 88, 96), (176, 72, 190), (88, 120, 255), (120, 220, 255)]
 )
+FORCE_COLOURS = ((EMBER, (255, 220, 120)), ((88, 120, 255), (120, 220, 255)))  # that push, that pull
+FAINT = (52, 58, 70)  # grains behind their contacts
+CHAIN_SHARE = 0.2  # widest line over the distance of the centres that it joins [1]
 TINT_RANGE = 0.14  # largest change of brightness between two grains at rest [1]
 TINT_TURN = 0.6180339887498949  # golden ratio - 1: neighbouring numbers fall far apart [1]
 
@@ -75,6 +78,20 @@ def interpolate_colours(share: Floats, anchors: NDArray[np.int_]) -> Colours:
     position, places = share * (len(anchors) - 1), np.arange(len(anchors))
     channels = [np.interp(position, places, anchors[:, channel]) for channel in range(3)]
     return np.stack(channels, axis=-1).astype(np.uint8)
+
+
+def force_widths(normal_force: Floats) -> Floats:
+    """Width of the line of each contact over the largest: its share of thrice the mean force, at most 1."""
+    size = np.abs(normal_force)
+    mean = size.sum() / max(len(size), 1)
+    return np.clip(size / max(3.0 * mean, np.finfo(float).tiny), 0.02, 1.0)
+
+
+def force_colours(normal_force: Floats) -> Colours:
+    """Colour of each contact by the same share: of those that push from dusk to ember, that pull, to ice."""
+    share = force_widths(normal_force)
+    push, pull = (interpolate_colours(share, np.array([(80, 84, 100), *ends])) for ends in FORCE_COLOURS)
+    return np.where(normal_force[:, np.newaxis] < 0.0, pull, push)
 
 
 def night(size: tuple[int, int]) -> Picture:
@@ -244,6 +261,27 @@ def film_frame(
     write_text(picture, CAPTION_CORNER, f"{snapshot.time:.2f} s", LETTER_SIZE, "la")
     draw_scale_bar(picture, view)
     draw_speed_bar(picture, (picture.width - COLOUR_BAR[0] - 3 * MARGIN, MARGIN), speeds)
+    return picture
+
+
+def force_chain_picture(
+    positions: Floats, radii: Floats, network: ContactNetwork, view: SideView, walls: Sequence[WallMesh]
+) -> Picture:
+    """Contacts as lines over faint grains, seen along +y, the largest forces in front, with their mean."""
+    faint = np.tile(np.array(FAINT, np.uint8), (len(radii), 1))
+    grains = render_side(positions, radii, view, faint, walls)
+    picture = grains.resize((SMOOTHING * view.size[0], SMOOTHING * view.size[1]))
+    draw, size = ImageDraw.Draw(picture), network.normal_force
+    widths = force_widths(size) * np.linalg.norm(network.branch, axis=1)
+    widths = np.maximum(SMOOTHING * view.scale * CHAIN_SHARE * widths, 1.0).round().astype(int)
+    ends = np.stack([network.centre, network.centre - network.branch], axis=1)[..., [0, 2]]
+    places, colours = SMOOTHING * view.pixels(ends), force_colours(size)
+    for row in np.argsort(np.abs(size), kind="stable"):
+        draw.line(places[row].ravel().tolist(), tuple(colours[row].tolist()), int(widths[row]))
+    picture = picture.reduce(SMOOTHING)
+    mean = f"{network.time:.3g} s, mean {np.abs(size).mean():.2g} N" if len(size) else "no contacts"
+    write_text(picture, CAPTION_CORNER, mean, LETTER_SIZE, "la")
+    draw_scale_bar(picture, view)
     return picture
 
 

@@ -1,4 +1,4 @@
-"""Recordings read back as NumPy, or as files for ParaView: one VTK file a frame, and a list of frames.
+"""Recordings read back as NumPy: grains, contacts and walls of every frame.
 
 Those of killed runs too, which rerun refuses: their last message is cut.
 
@@ -16,20 +16,20 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.files import mark_of, refuse_foreign, write_atomic
+from taichi_erosion.core.snapshot import ContactNetwork
 from taichi_erosion.recording.blueprint import TIMELINE
+from taichi_erosion.recording.stream import CONTACT_VECTORS, CONTACTS
 
 if TYPE_CHECKING:
     import pyarrow as pa
     from rerun.chunk import Chunk
 
-Singles = NDArray[np.float32]
+Singles = NDArray[Any]  # single precision, or double of a state that was not recorded
 Integers = NDArray[np.int32]
 
 NANOSECOND = 1e-9  # s, unit of rerun's durations
@@ -38,7 +38,9 @@ MAGIC = b"RRF2"  # first bytes of a recording
 HEADER_SIZE = 12  # bytes
 MESSAGE_HEAD = struct.Struct("<QQ")  # kind and length
 POSITION, RADIUS, COLOUR = "Points3D:positions", "Points3D:radii", "Points3D:colors"
-COLLECTION = "grains.pvd"  # list of the frames for ParaView
+WALLS = "/world/walls/"
+VERTICES, TRIANGLES = "Mesh3D:vertex_positions", "Mesh3D:triangle_indices"
+SHIFT, TURN, CLEAR = "Transform3D:translation", "Transform3D:mat3x3", "Clear:is_recursive"
 END = 0  # kind of the message that closes a recording
 
 
@@ -158,44 +160,50 @@ def read_grains(path: Path) -> list[GrainFrame]:
     return frames
 
 
-def export_vtk(recording: Path, folder: Path, force: bool = False) -> Path:
-    """Write every frame of a recording as points with all their columns; returns the list of frames.
-
-    Open the list in ParaView and draw the points as spheres scaled by `radius` [m]. Raises BadInput where the
-    recording holds no frame, the folder cannot be written, or it holds frames of something else.
-    """
-    refuse_foreign(folder / COLLECTION, recording, force)
-    if not force and not (folder / COLLECTION).exists() and any(folder.glob("grains_*.vtu")):
-        raise BadInput(
-            f"{folder}: holds grains_*.vtu of something else; name another folder, or give --force"
+def read_contacts(path: Path) -> list[ContactNetwork]:
+    """Contacts of every frame, to single precision; none where the scene did not ask for them."""
+    networks = []
+    for time, row in read_rows(path, CONTACTS, "first"):
+        walls = tuple(str(name) for name in row["walls"])
+        vectors = {name: row[name].astype(np.float64) for name in CONTACT_VECTORS}
+        networks.append(
+            ContactNetwork(time * NANOSECOND, row["first"], row["second"], **vectors, walls=walls)
         )
-    frames = read_grains(recording)
-    if not frames:
-        raise BadInput(f"{recording}: holds no frame of grains")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        names = [write_frame(frame, folder, number) for number, frame in enumerate(frames)]
-    except OSError as error:
-        raise BadInput(f"{folder}: cannot be written ({error.strerror})") from None
-    return write_collection(folder, names, [frame.time for frame in frames], recording)
+    return networks
 
 
-def write_frame(frame: GrainFrame, folder: Path, number: int) -> str:
-    """Write one frame; returns the name of its file."""
-    import meshio
+@dataclass
+class WallTrack:
+    """A recorded wall: its shape at the start, and where it is from which time on."""
 
-    name = f"grains_{number:05d}.vtu"
-    points = np.arange(len(frame.ident))[:, None]
-    columns = {"radius": frame.radius, "ident": frame.ident, **frame.state}
-    meshio.Mesh(frame.position, [("vertex", points)], point_data=columns).write(folder / name, "vtu")
-    return name
+    name: str
+    vertices: Singles = field(default_factory=lambda: np.zeros((0, 3), np.float32))  # [v, 3] m
+    triangles: Integers = field(default_factory=lambda: np.zeros((0, 3), np.int32))
+    poses: dict[int, tuple[Singles, Singles] | None] = field(default_factory=dict)  # by ns; None: removed
+
+    def at(self, time: float) -> Singles | None:
+        """Vertices at a time [s], [v, 3] m; None where the wall has been removed."""
+        known = [row for row in sorted(self.poses) if row <= time / NANOSECOND + 0.5]
+        pose = self.poses[known[-1]] if known else (np.eye(3, dtype=np.float32), np.zeros(3, np.float32))
+        return None if pose is None else self.vertices @ pose[0].T + pose[1]
 
 
-def write_collection(folder: Path, names: list[str], times: list[float], recording: Path) -> Path:
-    """List of frames with their times, marked by the recording."""
-    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
-    collection = ElementTree.SubElement(root, "Collection")
-    for name, time in zip(names, times, strict=True):
-        ElementTree.SubElement(collection, "DataSet", timestep=f"{time:.9g}", part="0", file=name)
-    root.insert(0, ElementTree.Comment(f" {mark_of(folder / COLLECTION, recording)} "))
-    return write_atomic(folder / COLLECTION, ElementTree.tostring(root, xml_declaration=True))
+def read_walls(path: Path) -> list[WallTrack]:
+    """All walls of a run."""
+    tracks: dict[str, WallTrack] = {}
+    for chunk in read_chunks(path):
+        if not chunk.entity_path.startswith(WALLS):
+            continue
+        name = chunk.entity_path.removeprefix(WALLS).replace("\\", "")
+        track, batch = tracks.setdefault(name, WallTrack(name)), chunk.to_record_batch()
+        columns = {key: list(values(batch.column(key))) for key in batch.schema.names if ":" in key}
+        times = [0] if chunk.is_static else batch.column(TIMELINE).to_numpy(zero_copy_only=False).astype(int)
+        for place, time in enumerate(times):
+            row = {key: column[place] for key, column in columns.items()}
+            if row.get(VERTICES) is not None:
+                track.vertices, track.triangles = row[VERTICES], row[TRIANGLES].astype(np.int32)
+            if row.get(CLEAR) is not None:
+                track.poses[int(time)] = None
+            elif row.get(SHIFT) is not None:
+                track.poses[int(time)] = row[TURN].reshape(3, 3).T, row[SHIFT][0]  # stored column by column
+    return list(tracks.values())

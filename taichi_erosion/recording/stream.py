@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import make_parent, part_path
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.core.snapshot import Snapshot, Totals
+from taichi_erosion.core.snapshot import ContactNetwork, Snapshot, Totals
 from taichi_erosion.recording import pictures, rr, rrb
 from taichi_erosion.recording.blueprint import (
     MAGNIFICATION,
@@ -61,6 +61,8 @@ CURVES = {  # of the totals: legend and colour
 }
 # J, drawn as log10: coming to rest is a fall over decades
 DECADES = ("kinetic_translation", "kinetic_rotation", "elastic")
+CONTACTS = "world/contacts"
+CONTACT_VECTORS = ("centre", "point", "branch", "normal", "force")  # of a ContactNetwork
 TRANSPORT = {  # curves of grains under wind
     "transport/flux": ("flux, kg/(m s)", pictures.SAND),
     "transport/flying": ("share of the grains above the bed", pictures.EMBER),
@@ -81,6 +83,7 @@ class RunHeader:
     scene_text: str  # the scene file, TOML
     radii: Floats  # [n] m, of all grains that the run will release
     walls: tuple[WallMesh, ...] = ()
+    contacts: bool = False  # whether the contact network is recorded
 
 
 @dataclass(frozen=True)
@@ -161,7 +164,7 @@ def open_stream(
 def open_recording(path: Path, header: RunHeader, viewer: str | None = None) -> Recording:
     """Begin the recording of a run with its scene, walls and names of curves. Raises BadInput."""
     focus = choose_focus(header.kind, header.radii, header.walls)
-    layout = blueprint(header.kind, focus)
+    layout = blueprint(header.kind, focus, header.contacts)
     recording = open_stream(path, header.name, layout, viewer=viewer)
     recording.stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     recording.stream.log("world", rr.Transform3D(scale=MAGNIFICATION), static=True)
@@ -280,6 +283,27 @@ def grain_columns(snapshot: Snapshot, rows: NDArray[np.bool_]) -> dict[str, Any]
     for name, values in snapshot.effect_state.items():
         columns[name.replace(".", "_")] = pa.array(values[rows], type=pa.float32())
     return columns
+
+
+def log_contacts(recording: Recording, network: ContactNetwork) -> None:
+    """Write contacts as lines from the first body to the second, the thicker the larger the force.
+
+    Columns: first, second, centre, point, branch [m], normal, force [N] of a ContactNetwork, names of walls.
+    """
+    import pyarrow as pa
+
+    columns: dict[str, Any] = {
+        name: pa.array(getattr(network, name), type=pa.int32()) for name in ("first", "second")
+    }
+    for name in CONTACT_VECTORS:
+        flat = pa.array(getattr(network, name).ravel(), type=pa.float32())
+        columns[name] = pa.FixedSizeListArray.from_arrays(flat, 3)
+    size, widest = network.normal_force, 0.25 * np.linalg.norm(network.branch, axis=1)
+    strips = np.stack([network.centre, network.centre - network.branch], axis=1).astype(np.float32)
+    lines = rr.LineStrips3D(
+        strips, radii=widest * pictures.force_widths(size), colors=pictures.force_colours(size)
+    )
+    recording.stream.log(CONTACTS, lines, rr.AnyValues(**columns, walls=list(network.walls)))
 
 
 def log_totals(recording: Recording, totals: Totals) -> None:

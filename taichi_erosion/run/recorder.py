@@ -65,7 +65,9 @@ def open_recorder(
     """
     setup = sim.setups[replica]
     walls = meshes_of(scene, setup)
-    header = stream.RunHeader(title, scene.scene.kind, text, setup.grains.radius, walls)
+    header = stream.RunHeader(
+        title, scene.scene.kind, text, setup.grains.radius, walls, scene.record.contacts
+    )
     recording = stream.open_recording(path, header, viewer)
     stream.log_colours(recording, resting_speed(setup))
     return Recorder(replica, recording, walls, side_view(setup), resting_speed(setup), scene.record.every)
@@ -151,6 +153,8 @@ def log_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snapshot:
     stream.log_frame(recorder.recording, now, recorder.resting_speed)
     stream.log_totals(recorder.recording, simulation.totals(sim, recorder.replica))
     log_walls(recorder, sim)
+    if scene.record.contacts:
+        stream.log_contacts(recorder.recording, simulation.contact_network(sim, recorder.replica))
     if scene.wind is not None:
         air = simulation.air_profile(sim, recorder.replica)
         log_profile(recorder.recording, air.velocity[:, 0], air.face)

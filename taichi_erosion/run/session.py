@@ -27,6 +27,7 @@ from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.recording import pictures, stream
 from taichi_erosion.recording.pictures import Picture, SideView, png_bytes
+from taichi_erosion.recording.wall_mesh import WallMesh
 from taichi_erosion.run.checks import (
     EffectFiles,
     explained,
@@ -264,11 +265,16 @@ def session_status(session: Session) -> dict[str, float | int | str]:
 def side_picture(session: Session, is_lettered: bool) -> Picture:
     """The grains seen from the side, with time and scale if they can be read."""
     setup, now = session.sim.setups[0], simulation.snapshot(session.sim, 0)
-    walls = present_walls(meshes_of(session.scene, setup), session.sim, 0)
+    walls = walls_now(session)
     speeds = (resting_speed(setup), stream.FASTEST_COLOUR)
     if is_lettered:
         return pictures.film_frame(now, side_view(setup), walls, speeds)
     return pictures.side_picture(now, close_view(now), walls, speeds)
+
+
+def walls_now(session: Session) -> tuple[WallMesh, ...]:
+    """The walls that stand, where they are."""
+    return present_walls(meshes_of(session.scene, session.sim.setups[0]), session.sim, 0)
 
 
 def close_view(state: Snapshot) -> SideView:

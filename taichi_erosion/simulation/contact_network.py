@@ -44,7 +44,11 @@ def restore_entry(entries_out: ti.template(), e, label, tangential, rolling):
 def pair_force(world_out: ti.template(), batch_out: ti.template(), r, base, e):
     """Force of entry e of the neighbour list on its owner [N], zero where nothing acts."""
     (pairs,) = ti.static((world_out.pairs,))
-    label, tangential, rolling = pairs.label[e], pairs.tangential_displacement[e], pairs.rolling_displacement[e]
+    label, tangential, rolling = (
+        pairs.label[e],
+        pairs.tangential_displacement[e],
+        pairs.rolling_displacement[e],
+    )
     force = ti.Vector.zero(float, 3)
     if detect_pair(world_out, batch_out, 0, r, e, base) == 1:
         load_pair(world_out, batch_out, 0, base, -1)
@@ -155,6 +159,7 @@ def contact_network(sim: Simulation, replica: int) -> ContactNetwork:
         time=step * setup.time_step,
         first=ident[one][order],
         second=second[order].astype(np.int32),
+        centre=position[one][order],
         point=(position[one] - lever[:, None] * sign * normal)[order],
         branch=(distance[:, None] * sign * normal)[order],
         normal=(sign * normal)[order],

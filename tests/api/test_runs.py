@@ -89,3 +89,16 @@ def test_an_unknown_option_is_named_values_become_toml_and_the_library_is_a_tabl
     assert override("a.b", "hertz") == 'a.b="hertz"'
     assert override("a.b", [1.0, 2.0]) == "a.b=[1.0, 2.0]"
     assert te.effects().loc["liquid_bridge", "place"] == "pair"
+
+
+def test_a_session_gives_grains_contacts_and_walls_whose_forces_carry_the_weight(tmp_path):
+    session = te.live(SCENE.with_name("column_collapse.toml"), grains__count=60).run(0.2)
+    grains, contacts, walls = session.grains, session.contacts, session.walls
+    weight = 9.81 * float(grains["mass"].sum())
+    assert grains["position"].shape == (60, 3)
+    assert bool(walls["present"].all())
+    assert float(walls["force"].sum("wall").sel(axis="z")) == pytest.approx(-weight, rel=0.02)
+    on_plate = contacts["force"].isel(contact=contacts["second"].values == -1).sum("contact")
+    np.testing.assert_allclose(on_plate, -walls["force"].sel(wall="plate"))
+    assert session.chains(tmp_path / "chains.png").stat().st_size > 1000
+    stop_device()

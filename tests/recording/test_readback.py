@@ -11,13 +11,15 @@ from recorded_heaps import MOVING, header, heap_snapshot, record_heap, recorded,
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import part_path
-from taichi_erosion.recording.readback import HEADER_SIZE, MESSAGE_HEAD, export_vtk, read_grains
+from taichi_erosion.recording.export import export_vtk
+from taichi_erosion.recording.readback import HEADER_SIZE, MESSAGE_HEAD, read_grains
 from taichi_erosion.recording.stream import flush, log_frame
 
 WRITER = """
 import os, signal, sys
 from pathlib import Path
 from recorded_heaps import MOVING, header, heap_snapshot
+from taichi_erosion.recording.export import export_vtk
 from taichi_erosion.recording.stream import flush, log_frame, open_recording
 recording = open_recording(Path(sys.argv[1]), header())
 for frame in range(30):
@@ -93,7 +95,7 @@ def test_every_frame_is_written_with_its_time_and_its_grains(tmp_path: Path) -> 
     recording = tmp_path / "heap.rrd"
     record_heap(recording)
     listing = export_vtk(recording, tmp_path / "vtk")
-    entries = ElementTree.parse(listing).findall("./Collection/DataSet")
+    entries = ElementTree.parse(listing).findall("./Collection/DataSet[@part='0']")
     frames = read_grains(recording)
     assert [float(entry.attrib["timestep"]) for entry in entries] == pytest.approx([f.time for f in frames])
     last = meshio.read(listing.parent / entries[-1].attrib["file"])

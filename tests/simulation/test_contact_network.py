@@ -27,7 +27,7 @@ def forces_of(network: ContactNetwork, count: int) -> np.ndarray:
 def on_mesh() -> Setup:
     """A heap that rolls over a floor of triangles, so that contacts pass from one to the next."""
     one, floor = heap(60, 3), mesh_floor(1.3e-3, (-6e-3, -6e-3), (12, 10))
-    table = replace(one.grains, velocity=one.grains.velocity + [0.3, 0.1, 0.0])
+    table = replace(one.grains, velocity=one.grains.velocity + np.array([0.3, 0.1, 0.0]))
     return replace(one, grains=table, primitives=floor, surfaces=(one.surfaces[0],))
 
 
@@ -48,7 +48,8 @@ def test_forces_of_the_network_are_those_of_the_next_step_and_no_bit_moves(start
     assert fingerprint(simulation.snapshot(sim, 0)) == fingerprint(looked)
     stop_device()
     found = networks[-1]
-    assert (found.second < 0).sum() > 3 and (found.second >= 0).sum() > 2
+    assert (found.second < 0).sum() > 3
+    assert (found.second >= 0).sum() > 2
     assert looked.force is not None
     weight = looked.mass[:, None] * np.array([0.0, 0.0, -GRAVITY])
     wanted = looked.force - weight
@@ -65,7 +66,8 @@ def test_a_grain_at_rest_on_a_plate_presses_with_its_weight():
     simulation.advance(sim, [0.2])
     found = simulation.contact_network(sim, 0)
     stop_device()
-    assert found.second.tolist() == [-1] and found.walls == ("wall 0",)
+    assert found.second.tolist() == [-1]
+    assert found.walls == ("wall 0",)
     np.testing.assert_allclose(found.normal_force, MASS * GRAVITY, rtol=1e-4)
     np.testing.assert_allclose(found.point, 0.0, atol=1e-9)
     np.testing.assert_allclose(found.branch, [[0.0, 0.0, RADIUS]], rtol=1e-3)
