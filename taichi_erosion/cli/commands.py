@@ -295,7 +295,7 @@ def export(
     vtk: Annotated[Path | None, Option("--vtk", metavar="DIR", help="Folder for the VTK files.")] = None,
     netcdf: Annotated[Path | None, Option("--netcdf", metavar="DIR", help="Folder for tables.")] = None,
     chains: Annotated[Path | None, Option("--chains", metavar="PNG", help="Picture of force chains.")] = None,
-    time: Annotated[float | None, Option(metavar="T", help="Of the picture [s]; default: the end.")] = None,
+    time: Annotated[float | None, Option(metavar="T", help="Its time in seconds; default: the end.")] = None,
     force: Force = False,
 ) -> None:
     """Write grains, contacts and walls of a recording: for ParaView, as tables, as a picture."""
