@@ -90,6 +90,19 @@ class Run:
             raise BadInput(f"{self.recorded}: {NO_CONTACTS}")
         return contact_table(networks)
 
+    @property
+    def fields(self) -> "xr.Dataset":
+        """Recorded profiles of solid fraction, density, velocity and stress by time and height.
+
+        Raises BadInput where none are recorded: the scene asks for them with record.fields.
+        """
+        from taichi_erosion.recording.export import field_table
+        from taichi_erosion.recording.readback import read_fields
+
+        if not (found := read_fields(self.recorded)):
+            raise BadInput(f"{self.recorded}: holds no fields; run the scene with --set record.fields=true")
+        return field_table(found)
+
     def report(self, to: PathLike | None = None) -> Path:
         """Page of the run (HTML). Raises BadInput for a run without a recording."""
         from taichi_erosion.report import write_report

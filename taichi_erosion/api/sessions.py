@@ -11,6 +11,7 @@ from taichi_erosion import simulation
 from taichi_erosion.api.notebook import frame, html
 from taichi_erosion.api.runs import PathLike, override, stated_changes
 from taichi_erosion.run import session as sessions
+from taichi_erosion.run.grain_fields import fields_now
 from taichi_erosion.verification.effect_contract import refuse_unusable
 
 if TYPE_CHECKING:
@@ -67,6 +68,19 @@ class LiveSession:
 
         sim = self.session.sim
         return wall_table(simulation.wall_poses(sim, 0), simulation.contact_network(sim, 0))
+
+    def fields(
+        self, width: float | None = None, extent: Mapping[str, float] | None = None, **at: Any
+    ) -> "xr.Dataset":
+        """Solid fraction, density, velocity and stress of the grains now, smoothed over a width [m].
+
+        `x`, `y`, `z` are coordinates [m]; an axis that is left out is averaged over its period or its extent
+        [m]. Without any: a line along z. Raises BadInput where an open axis has neither.
+        """
+        from taichi_erosion.recording.export import field_table
+
+        found = fields_now(self.session.sim, 0, at, width, extent)
+        return field_table([found]).isel(time=0)
 
     def chains(self, to: PathLike) -> Path:
         """Write a picture of the force chains from the side (PNG)."""

@@ -69,6 +69,21 @@ class ContactNetwork:
 
 
 @dataclass(frozen=True)
+class GrainFields:
+    """Coarse-grained fields at coordinates by axis; vectors and tensors have their components last."""
+
+    time: float  # s
+    at: Mapping[str, Floats]  # m, in order of x, y, z; a field is an average along an axis that is not there
+    width: float  # m
+    solid_fraction: Floats  # 1
+    density: Floats  # kg m-3, of the grains in the whole volume
+    velocity: Floats  # m s-1, NaN where there are no grains
+    kinetic_stress: Floats  # Pa
+    contact_stress: Floats  # Pa
+    wall_force: Floats  # N m-3, of walls on grains
+
+
+@dataclass(frozen=True)
 class Totals:
     """Sums over one replica at one moment."""
 

@@ -7,7 +7,7 @@ import numpy as np
 from PIL import Image
 
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.core.snapshot import AirSnapshot
+from taichi_erosion.core.snapshot import AirSnapshot, GrainFields
 from taichi_erosion.recording import pictures, rr, rrb, stream
 from taichi_erosion.recording.blueprint import image_view, with_time_panel
 from taichi_erosion.recording.pictures import Colours, Picture
@@ -18,6 +18,7 @@ SLICE_LEAST = 160  # shorter side; thin boxes are drawn thicker than they are [p
 STILL_AIR = np.array(pictures.NIGHT)  # colour of still air
 FAST = np.array([(38, 70, 130), (60, 150, 190), (150, 220, 170), (250, 230, 120), (255, 120, 60)])
 PLOT_WIDTH, PLOT_HEIGHT = 100.0, 60.0  # of the profile plot, in its own units
+FIELDS = ("solid_fraction", "density", "velocity", "kinetic_stress", "contact_stress", "wall_force")
 TICKS = 2  # labelled values of each axis beside 0; more would overlap in a small view
 BACKFLOW = 0.01  # of the fastest wind: slower backflow is drawn as 0 [1]
 FRAMES_PER_SECOND = 10.0  # of the viewer's playback
@@ -82,18 +83,37 @@ def wind_colours(share: Floats) -> Colours:
     return pictures.interpolate_colours(np.clip(share, 0.0, 1.0), anchors)
 
 
-def log_profile(recording: Recording, speed: Floats, faces: Floats) -> None:
-    """Write speeds [n] m s-1 between faces [n + 1] m as a curve of height against speed, with axes."""
+def log_fields(recording: Recording, fields: GrainFields) -> None:
+    """Write all columns of a vertical profile of the grains, and two of them as curves."""
+    columns = {"width": [fields.width], **{name: fields.at.get(name, np.zeros(0)) for name in "xyz"}}
+    columns |= {name: getattr(fields, name).ravel() for name in FIELDS}
+    recording.stream.log("fields", rr.AnyValues(**columns))
+    z = fields.at["z"]
+    faces = np.append(z - 0.5 * (z[1] - z[0]), z[-1] + 0.5 * (z[1] - z[0]))
+    stress = fields.kinetic_stress + fields.contact_stress
+    log_profile(recording, fields.solid_fraction.ravel(), faces, "solid_fraction", "", faces[0])
+    log_profile(recording, stress[..., 2, 2].ravel(), faces, "vertical_stress", " Pa", faces[0])
+
+
+def log_profile(
+    recording: Recording,
+    speed: Floats,
+    faces: Floats,
+    entity: str = "profile",
+    unit: str = " m/s",
+    bottom: float = 0.0,
+) -> None:
+    """Write speeds [n], or other values, between faces [n + 1] m by height, whose axis begins at `bottom`."""
     height, top = 0.5 * (faces[1:] + faces[:-1]) - faces[0], float(np.ptp(faces))
     high = max(float(speed.max()), np.finfo(float).tiny)
     low = float(speed.min()) if speed.min() < -BACKFLOW * high else 0.0
     x = (speed - low) / (high - low) * PLOT_WIDTH
     y = -height / top * PLOT_HEIGHT
     curve = rr.LineStrips2D([np.column_stack([x, y])], colors=[pictures.EMBER], radii=[0.3])
-    recording.stream.log("profile/speed", curve)
+    recording.stream.log(f"{entity}/speed", curve)
     ticks = np.linspace(0.0, 1.0, TICKS + 1)
     places = [(PLOT_WIDTH * t, 3.0) for t in ticks] + [(-3.0, -PLOT_HEIGHT * t) for t in ticks[1:]]
-    words = [f"{low + (high - low) * t:.3g} m/s" for t in ticks]
-    words += [f"{top * t:.3g} m" for t in ticks[1:]]
+    words = [f"{low + (high - low) * t:.3g}{unit}" for t in ticks]
+    words += [f"{bottom + top * t:.3g} m" for t in ticks[1:]]
     axes = rr.Points2D(places, labels=words, colors=[pictures.STEEL], radii=[0.2], show_labels=True)
-    recording.stream.log("profile/axes", axes)
+    recording.stream.log(f"{entity}/axes", axes)

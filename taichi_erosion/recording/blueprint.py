@@ -19,6 +19,7 @@ VIEW_DIRECTION = (0.30, -1.0, 0.34)  # from the middle towards the eye
 HEAP_KINDS = frozenset({"repose", "collapse", "lifting"})
 WIND_KINDS = frozenset({"threshold", "saltation"})
 SILHOUETTES = "Silhouettes at the end"
+PROFILES = (("Solid fraction", "/solid_fraction"), ("Vertical stress", "/vertical_stress"))
 CHAINS = "Force chains: wider and brighter for larger forces; blue pulls"
 LEGEND = "Colour: speed of moving grains; sand: at rest"
 MAGNIFICATION = 1e3  # world units are m, drawn as mm: the viewer hides what is within millimetres of the eye
@@ -67,10 +68,11 @@ def with_time_panel(layout: Any, frames_per_second: float = FRAMES_PER_SECOND) -
     )
 
 
-def blueprint(kind: str, focus: Focus, contacts: bool = False) -> "rrb.Blueprint":
+def blueprint(kind: str, focus: Focus, contacts: bool = False, fields: bool = False) -> "rrb.Blueprint":
     """Blueprint of a run: grains, and contacts if asked, on the left; on the right measure, curves, texts."""
     right = rrb.Vertical(
         *kind_views(kind),
+        *([rrb.Horizontal(*(image_view(*view) for view in PROFILES))] if fields else []),
         rrb.Tabs(
             rrb.TextDocumentView(name="Scene", origin="/scene"),
             rrb.TextLogView(name="Log", origin="/log"),

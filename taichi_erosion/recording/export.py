@@ -15,9 +15,16 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import mark_of, marked_png, refuse_foreign, write_atomic
-from taichi_erosion.core.snapshot import ContactNetwork, Snapshot
+from taichi_erosion.core.snapshot import ContactNetwork, GrainFields, Snapshot
 from taichi_erosion.recording.pictures import SideView, force_chain_picture, png_bytes
-from taichi_erosion.recording.readback import GrainFrame, WallTrack, read_contacts, read_grains, read_walls
+from taichi_erosion.recording.readback import (
+    GrainFrame,
+    WallTrack,
+    read_contacts,
+    read_fields,
+    read_grains,
+    read_walls,
+)
 from taichi_erosion.recording.stream import CONTACT_VECTORS
 from taichi_erosion.recording.wall_mesh import WallMesh
 
@@ -27,6 +34,9 @@ if TYPE_CHECKING:
 COLLECTION = "grains.pvd"  # list of the frames for ParaView
 UNITS = {"position": "m", "radius": "m", "velocity": "m s-1", "spin": "rad s-1", "force": "N"}
 UNITS |= {"centre": "m", "point": "m", "branch": "m", "normal_force": "N", "mass": "kg"}
+FIELD_UNITS = {"solid_fraction": "1", "density": "kg m-3", "velocity": "m s-1"}
+FIELD_UNITS |= {"kinetic_stress": "Pa", "contact_stress": "Pa", "wall_force": "N m-3"}
+NOTHING = dict.fromkeys(FIELD_UNITS, 0.0) | {"velocity": np.nan}  # beyond the grains
 NO_CONTACTS = "holds no contacts; run the scene with --set record.contacts=true"
 
 
@@ -76,6 +86,24 @@ def contact_table(networks: Sequence[ContactNetwork]) -> "xr.Dataset":
     return xr.Dataset(scalars | vectors | normal, places, {"walls": ", ".join(walls)})
 
 
+def field_table(found: Sequence[GrainFields]) -> "xr.Dataset":
+    """Coarse-grained fields by time and coordinates; a coordinate of one place is a number by time."""
+    import xarray as xr
+
+    tables = []
+    for fields in found:
+        variables = {}
+        for name, unit in FIELD_UNITS.items():
+            values = getattr(fields, name)
+            inner = ("axis", "along")[: values.ndim - len(fields.at)]
+            variables[name] = ((*fields.at, *inner), values, {"units": unit})
+        axes = {"time": fields.time, "axis": list("xyz"), "along": list("xyz")}
+        table = xr.Dataset(variables, {**fields.at, **axes})
+        tables.append(table.squeeze([name for name, places in fields.at.items() if len(places) == 1]))
+    whole = xr.concat(tables, "time", join="outer", fill_value=NOTHING, coords="different", compat="equals")
+    return whole.assign_attrs(width=found[-1].width, stress="positive where it presses")
+
+
 def wall_table(poses: Mapping[str, Any], network: ContactNetwork) -> "xr.Dataset":
     """Walls by name: whether present, rotation since the start, shift [m], force of the grains on it [N]."""
     import xarray as xr
@@ -96,9 +124,11 @@ def wall_table(poses: Mapping[str, Any], network: ContactNetwork) -> "xr.Dataset
 
 
 def read_tables(recording: Path) -> "Mapping[str, xr.Dataset]":
-    """Tables of a recording by name; that of contacts only where they are recorded."""
+    """Tables of a recording by name; those of contacts and fields only where they are recorded."""
     found, networks = {"grains": grain_table(read_grains(recording))}, read_contacts(recording)
-    return found | ({"contacts": contact_table(networks)} if networks else {})
+    fields = read_fields(recording)
+    found |= {"contacts": contact_table(networks)} if networks else {}
+    return found | ({"fields": field_table(fields)} if fields else {})
 
 
 def export_netcdf(recording: Path, folder: Path, force: bool = False) -> Path:

@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.snapshot import ContactNetwork
+from taichi_erosion.core.snapshot import ContactNetwork, GrainFields
+from taichi_erosion.recording.air_recording import FIELDS
 from taichi_erosion.recording.blueprint import TIMELINE
 from taichi_erosion.recording.stream import CONTACT_VECTORS, CONTACTS
 
@@ -170,6 +171,18 @@ def read_contacts(path: Path) -> list[ContactNetwork]:
             ContactNetwork(time * NANOSECOND, row["first"], row["second"], **vectors, walls=walls)
         )
     return networks
+
+
+def read_fields(path: Path) -> list[GrainFields]:
+    """Coarse-grained profiles of every frame; none where the scene did not ask for them."""
+    found = []
+    for time, row in read_rows(path, "fields", "solid_fraction"):
+        at = {name: row[name] for name in "xyz" if row[name] is not None and len(row[name])}
+        shape, inner = tuple(map(len, at.values())), {"velocity": (3,), "wall_force": (3,)}
+        inner |= {"kinetic_stress": (3, 3), "contact_stress": (3, 3)}
+        fields = {name: row[name].reshape(*shape, *inner.get(name, ())) for name in FIELDS}
+        found.append(GrainFields(time * NANOSECOND, at, float(row["width"][0]), **fields))
+    return found
 
 
 @dataclass

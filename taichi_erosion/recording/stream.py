@@ -84,6 +84,7 @@ class RunHeader:
     radii: Floats  # [n] m, of all grains that the run will release
     walls: tuple[WallMesh, ...] = ()
     contacts: bool = False  # whether the contact network is recorded
+    fields: bool = False  # whether coarse-grained fields are
 
 
 @dataclass(frozen=True)
@@ -164,7 +165,7 @@ def open_stream(
 def open_recording(path: Path, header: RunHeader, viewer: str | None = None) -> Recording:
     """Begin the recording of a run with its scene, walls and names of curves. Raises BadInput."""
     focus = choose_focus(header.kind, header.radii, header.walls)
-    layout = blueprint(header.kind, focus, header.contacts)
+    layout = blueprint(header.kind, focus, header.contacts, header.fields)
     recording = open_stream(path, header.name, layout, viewer=viewer)
     recording.stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     recording.stream.log("world", rr.Transform3D(scale=MAGNIFICATION), static=True)

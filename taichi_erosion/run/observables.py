@@ -7,14 +7,24 @@ from math import copysign, inf, nan
 
 import numpy as np
 
-from taichi_erosion.core.setup import Floats
-from taichi_erosion.core.snapshot import AirProfile, Snapshot
-from taichi_erosion.measures import drum_and_incline, heap, shortfalls, splash, threshold, wind_bed
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Floats, Triple
+from taichi_erosion.core.snapshot import AirProfile, GrainFields, Snapshot
+from taichi_erosion.measures import (
+    coarse_graining,
+    drum_and_incline,
+    heap,
+    mass_flow,
+    shortfalls,
+    splash,
+    threshold,
+    wind_bed,
+)
 from taichi_erosion.measures.result import Measurement, Shortfall, no_measurement
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.preparation.air import surface_height
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
-from taichi_erosion.scene.schema.geometry import Cylinder, Disc, Funnel, Plane, Wall
+from taichi_erosion.scene.schema.geometry import ORIGIN, Cylinder, Disc, Funnel, Plane, Wall
 from taichi_erosion.scene.schema.scene import Measure
 
 AZIMUTHS = 12  # silhouettes of a heap where the scene names no number
@@ -34,6 +44,8 @@ class MeasureInput:
     air: AirProfile | None = None  # at the end, where there is any
     airs: tuple[AirProfile, ...] = ()  # of the frames
     thresholds: Mapping[str, threshold.Bracket] = field(default_factory=dict)  # found so far, by name
+    profile: Callable[[], GrainFields] | None = None  # coarse-grained fields over the height, at the end
+    period: Triple = (0.0, 0.0, 0.0)  # m, 0 where open
 
     @property
     def patch(self) -> wind_bed.Patch:
@@ -104,6 +116,19 @@ def threshold_of(name: str, kind: str) -> Callable[[MeasureInput], Measurement]:
     return lambda given: threshold.bracketed(name, given.thresholds.get(kind))
 
 
+def of_fields(name: str) -> Callable[[MeasureInput], Measurement]:
+    """Measure of the coarse-grained profile, by the name of its function."""
+
+    def measured(given: MeasureInput) -> Measurement:
+        assert given.profile is not None
+        try:
+            return getattr(coarse_graining, name)(given.end, given.profile())
+        except BadInput as error:
+            return no_measurement(name, "1", str(error))
+
+    return measured
+
+
 OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "repose_angle": lambda e: heap.repose_angle(
         e.heap, e.plate_radius, e.base_height, e.request.azimuths or AZIMUTHS
@@ -117,6 +142,11 @@ OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "column_height": lambda e: heap.column_height(e.heap, e.base_height),
     "dynamic_angle": drum_angle,
     "sliding_angle": lambda e: drum_and_incline.sliding_angle(e.frames, e.tilts),
+    "mass_flow": lambda e: mass_flow.mass_flow(
+        e.frames, e.request.plane_point or ORIGIN, e.request.plane_normal, e.period
+    ),
+    "solid_fraction": of_fields("solid_fraction"),
+    "lateral_stress_ratio": of_fields("lateral_stress_ratio"),
     "settling_velocity": lambda e: wind_bed.settling_velocity(e.end),
     "pressure_drop": lambda e: wind_bed.pressure_drop(e.airs),
     "bed_height": lambda e: wind_bed.bed_height(e.end),

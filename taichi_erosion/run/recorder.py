@@ -15,7 +15,7 @@ from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.silhouette import draw_silhouette, largest_body
 from taichi_erosion.measures.wind_bed import flux_of
 from taichi_erosion.recording import stream
-from taichi_erosion.recording.air_recording import log_profile
+from taichi_erosion.recording.air_recording import log_fields, log_profile
 from taichi_erosion.recording.pictures import (
     Picture,
     SideView,
@@ -26,6 +26,7 @@ from taichi_erosion.recording.pictures import (
 )
 from taichi_erosion.recording.wall_mesh import WallMesh, triangulate, wall_meshes
 from taichi_erosion.run.ensemble_loop import EnsembleRun
+from taichi_erosion.run.grain_fields import fields_now
 from taichi_erosion.run.observables import patch_of
 from taichi_erosion.run.stages import whole_intervals
 from taichi_erosion.scene import Scene
@@ -66,7 +67,9 @@ def open_recorder(
     setup = sim.setups[replica]
     walls = meshes_of(scene, setup)
     header = stream.RunHeader(
-        title, scene.scene.kind, text, setup.grains.radius, walls, scene.record.contacts
+        *(title, scene.scene.kind, text, setup.grains.radius, walls),
+        contacts=scene.record.contacts,
+        fields=scene.record.fields,
     )
     recording = stream.open_recording(path, header, viewer)
     stream.log_colours(recording, resting_speed(setup))
@@ -155,6 +158,8 @@ def log_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snapshot:
     log_walls(recorder, sim)
     if scene.record.contacts:
         stream.log_contacts(recorder.recording, simulation.contact_network(sim, recorder.replica))
+    if scene.record.fields and len(now.mass):
+        log_fields(recorder.recording, fields_now(sim, recorder.replica))
     if scene.wind is not None:
         air = simulation.air_profile(sim, recorder.replica)
         log_profile(recorder.recording, air.velocity[:, 0], air.face)

@@ -14,6 +14,7 @@ nothing compiled anew; an effect that was not there is compiled in, which takes 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
+from functools import partial
 from itertools import chain, count
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,7 @@ from taichi_erosion.run.checks import (
     scene_effect_files,
 )
 from taichi_erosion.run.ensemble_loop import failure_message
+from taichi_erosion.run.grain_fields import fields_now
 from taichi_erosion.run.observables import MeasureInput, measure
 from taichi_erosion.run.recorder import (
     Recorder,
@@ -216,8 +218,9 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
 def measure_now(session: Session) -> dict[str, Measurement]:
     """All observables of the scene in the present state."""
     end: Snapshot = simulation.snapshot(session.sim, 0)
+    profile = partial(fields_now, session.sim, 0)
     return {
-        name: measure(name, MeasureInput(session.scene, request, end, (end,), (0.0,)))
+        name: measure(name, MeasureInput(session.scene, request, end, (end,), (0.0,), profile=profile))
         for name, request in session.scene.measure.items()
     }
 

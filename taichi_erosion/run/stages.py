@@ -1,6 +1,7 @@
 """Stages of an experiment: state of each replica, start and end of a stage, frames and measurements in it."""
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import radians
 
 import numpy as np
@@ -10,6 +11,7 @@ from taichi_erosion import simulation
 from taichi_erosion.core.setup import Motion, Setup
 from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot
 from taichi_erosion.measures.result import Measurement
+from taichi_erosion.run.grain_fields import fields_now
 from taichi_erosion.run.observables import MeasureInput, measure
 from taichi_erosion.run.threshold_search import ROUNDING, ThresholdSearch, advance_search, begin_search
 from taichi_erosion.scene import Scene
@@ -155,7 +157,8 @@ def measure_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaSta
     end = simulation.snapshot(sim, replica)
     air = simulation.air_profile(sim, replica) if scene.wind is not None else None
     thresholds = {} if state.search is None else state.search.found
-    kept = end, tuple(state.frames), tuple(state.tilts), air, tuple(state.airs), thresholds
+    profile, period = partial(fields_now, sim, replica), sim.setups[replica].period
+    kept = end, tuple(state.frames), tuple(state.tilts), air, tuple(state.airs), thresholds, profile, period
     for name in names:
         given = MeasureInput(scene, scene.measure[name], *kept)
         state.measurements[name] = measure(name, given)

@@ -50,7 +50,9 @@ OBSERVED: Mapping[str, PhysicalRange] = {
         ("pile_height", "centroid_height", "radius_90", "runout_radius", "column_height", "flux_height"),
         LENGTH,
     ),
-    "rebound_share": SHARE,
+    **dict.fromkeys(("rebound_share", "solid_fraction"), SHARE),
+    "lateral_stress_ratio": PhysicalRange("1", 0.0, 50.0),
+    "mass_flow": PhysicalRange("kg/s", -1e6, 1e6),
 }
 USUAL: Mapping[str, tuple[float, float]] = {  # of places, in their units
     "grains.size.diameter": GRAIN,

@@ -12,8 +12,8 @@ from PIL import Image
 from recorded_heaps import FLOOR, MOVING, header, heap_snapshot, record_heap, recorded
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.snapshot import ContactNetwork
-from taichi_erosion.recording import export, readback, stream
+from taichi_erosion.core.snapshot import ContactNetwork, GrainFields
+from taichi_erosion.recording import air_recording, export, readback, stream
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # of a quarter about z
 SHIFT = np.array([0.01, 0.0, 0.002])
@@ -108,3 +108,29 @@ def test_chains_are_brighter_where_forces_are_larger_and_missing_contacts_are_to
     record_heap(without)
     with pytest.raises(BadInput, match=r"record\.contacts=true"):
         export.export_chains(without, tmp_path / "none.png")
+
+
+def fields_of(time: float, rows: int) -> GrainFields:
+    """A profile of numbers that differ from each other, longer or shorter."""
+    at = {"x": np.array([time]), "y": np.array([0.5]), "z": 0.1 * np.arange(rows)}
+    many = np.arange(9.0 * rows).reshape(1, 1, rows, 3, 3)
+    few = many[..., 0], many[..., 1, 1]
+    return GrainFields(time, at, 2e-3, few[1], 2.0 * few[1], few[0], many, 2.0 * many, 3.0 * few[0])
+
+
+def test_fields_are_read_back_and_become_one_table_over_time_and_height(tmp_path: Path):
+    path, written = tmp_path / "heap.rrd", [fields_of(0.0, 4), fields_of(0.5, 6)]
+    with recorded(path, replace(header(), fields=True)) as opened:
+        for frame, one in enumerate(written):
+            stream.set_time(opened, one.time, frame)
+            air_recording.log_fields(opened, one)
+    found = readback.read_fields(path)
+    for one, other in zip(found, written, strict=True):
+        np.testing.assert_allclose(one.at["z"], other.at["z"])
+        for name in air_recording.FIELDS:
+            np.testing.assert_allclose(getattr(one, name), getattr(other, name))
+    table = export.field_table(found)
+    assert dict(table.sizes) == {"time": 2, "z": 6, "axis": 3, "along": 3}
+    np.testing.assert_allclose(table.contact_stress[1], written[1].contact_stress[0, 0])
+    np.testing.assert_allclose(table.solid_fraction[0, 4:], 0.0)
+    np.testing.assert_allclose(table.x, [0.0, 0.5])

@@ -24,6 +24,8 @@ QUANTITIES = {  # observables, conditions and numbers that say little by their k
     "flux_height": "mean height of the flux",
     "bed_stress": "stress at the bed",
     "grain_stress": "stress carried by grains",
+    "lateral_stress_ratio": "horizontal over vertical stress",
+    "mass_flow": "mass flow through the plane",
     "rebound_share": "share of rebounding grains",
     "rebound_speed": "speed of rebounding grains",
     "ejecta_share": "ejected grains per impact",

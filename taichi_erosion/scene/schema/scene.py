@@ -160,6 +160,8 @@ class Measure(Section):
     azimuths: int | None = number(None, "1", "number of silhouettes over half a turn", 1, 360)
     every: float | None = number(None, "s", "interval of repeated reading within the stage", 1e-6, LONGEST)
     plate: Name | None = Field(None, description="surface on which the heap stands")
+    plane_point: Vector | None = position(None, "a point of the plane that mass_flow counts through")
+    plane_normal: Direction = direction((0.0, 0.0, -1.0), "direction in which that flow counts as positive")
     of_this_size: bool = Field(
         default=False,
         description="the angle of a heap of this many grains is asked for, not the limit of large ones",
@@ -183,6 +185,10 @@ class Record(Section):
     bed_every: float = number(0.1, "s", "interval of frames of the whole bed", 1e-9, LONGEST)
     contacts: bool = Field(
         default=False, description="contacts too: their grains and walls, places and forces, as lines"
+    )
+    fields: bool = Field(
+        default=False,
+        description="coarse-grained fields over the height too: solid fraction, velocity, stress",
     )
 
 
@@ -316,14 +322,16 @@ def observable_problems(measures: Iterable[str], known: Collection[str] | None) 
 
 
 def measure_problems(scene: Scene) -> Iterator[str]:
-    """Measures that lack the stage, the wind or the interval that they need."""
+    """Measures that lack the stage, the wind, the plane or the interval that they need."""
     searched = any(stage.until == "threshold" for stage in scene.stages)
     for name, order in scene.measure.items():
+        if name == "mass_flow" and order.plane_point is None:
+            yield "measure.mass_flow.plane_point is missing: a point of the plane that grains pass"
         if name in FROM_THRESHOLDS and not searched:
             yield f"measure.{name} needs a stage with until = 'threshold'"
         if name in UNDER_WIND and scene.wind is None:
             yield f"measure.{name} needs a [wind] section"
-        elif name in UNDER_WIND and order.every is None:
+        elif name in (*UNDER_WIND, "mass_flow") and order.every is None:
             yield f"measure.{name}.every is missing: it is a mean over the stage"
 
 
