@@ -44,7 +44,8 @@ class Kernel:
 
     def spread(self, place: Floats, weight: Floats) -> Floats:
         """Sum of weights [n, ...] at places [n, 3] m by the kernel, per m3: [*shape of coordinates, ...]."""
-        flat, letters = weight.reshape(len(weight), -1), AXES[: len(self.at)]
+        inner, letters = weight.shape[1:], AXES[: len(self.at)]
+        flat = weight.reshape(len(weight), int(np.prod(inner)))
         total = np.zeros((*map(len, self.at.values()), flat.shape[1]))
         form = ",".join(f"n{letter}" for letter in letters) + f",nk->{letters}k"
         for first in range(0, len(place), CHUNK):
@@ -52,7 +53,7 @@ class Kernel:
             factors = [self.factor(name, place[part, AXES.index(name)]) for name in self.at]
             total += np.einsum(form, *factors, flat[part], optimize=True)
         total /= np.prod([self.extent[name] for name in AXES if name not in self.at])
-        return total.reshape(*total.shape[:-1], *weight.shape[1:])
+        return total.reshape(*total.shape[:-1], *inner)
 
     def factor(self, name: str, place: Floats) -> Floats:
         """The kernel along one axis, [n, coordinates] m-1, with the images of a period."""

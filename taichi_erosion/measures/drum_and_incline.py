@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from math import atan, degrees, nan, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from taichi_erosion.core.setup import Triple
 from taichi_erosion.core.snapshot import Snapshot
@@ -92,7 +91,11 @@ def sliding_angle(
     name = "sliding_angle"
     if reason := series_defect(frames):
         return no_measurement(name, "deg", reason)
-    moved = [median_displacement(frames[0], frame) / grain_diameter(frames[0]) for frame in frames]
+    moved, first, diameter = [], frames[0], grain_diameter(frames[0])
+    for frame in frames:
+        _, one, two = np.intersect1d(first.ident, frame.ident, return_indices=True)
+        shift = np.linalg.norm(frame.position[two] - first.position[one], axis=1)
+        moved.append(float(np.median(shift)) / diameter)
     beyond = np.flatnonzero(np.asarray(moved) >= share)
     if beyond.size == 0:
         return no_measurement(name, "deg", f"nothing slid up to {degrees(tilts[-1]):.2f} deg")
@@ -102,10 +105,3 @@ def sliding_angle(
     sd = degrees(tilts[k] - tilts[k - 1]) / sqrt(12.0)
     details = {"displacements": moved, "friction": float(np.tan(angle))}
     return Measurement(name, degrees(angle), sd, "deg", details=details)
-
-
-def median_displacement(before: Snapshot, after: Snapshot) -> float:
-    """Median over grains present in both snapshots of the distance moved [m]."""
-    rows: NDArray[np.int64]
-    _, rows, rows_after = np.intersect1d(before.ident, after.ident, return_indices=True)
-    return float(np.median(np.linalg.norm(after.position[rows_after] - before.position[rows], axis=1)))

@@ -123,17 +123,11 @@ def wall_table(poses: Mapping[str, Any], network: ContactNetwork) -> "xr.Dataset
     return xr.Dataset(variables, {"wall": list(network.walls), "axis": axes, "of": axes})
 
 
-def read_tables(recording: Path) -> "Mapping[str, xr.Dataset]":
-    """Tables of a recording by name; those of contacts and fields only where they are recorded."""
-    found, networks = {"grains": grain_table(read_grains(recording))}, read_contacts(recording)
-    fields = read_fields(recording)
-    found |= {"contacts": contact_table(networks)} if networks else {}
-    return found | ({"fields": field_table(fields)} if fields else {})
-
-
 def export_netcdf(recording: Path, folder: Path, force: bool = False) -> Path:
-    """Write the tables of a recording as files of NetCDF, NAME.nc each; returns the folder."""
-    tables = read_tables(recording)
+    """Write grains, and contacts and fields where they are recorded, as NAME.nc; returns the folder."""
+    tables = {"grains": grain_table(read_grains(recording))}
+    tables |= {"contacts": contact_table(networks)} if (networks := read_contacts(recording)) else {}
+    tables |= {"fields": field_table(fields)} if (fields := read_fields(recording)) else {}
     for name, table in tables.items():
         refuse_foreign(folder / f"{name}.nc", recording, force)
         table.attrs["source"] = mark_of(folder / f"{name}.nc", recording)

@@ -109,6 +109,15 @@ def test_the_divergence_of_stress_is_the_force_that_walls_and_contacts_leave_on_
     np.testing.assert_allclose(divergence, wall - gaussian(r - state.position) @ net, rtol=1e-5, atol=1e-7)
 
 
+def test_grains_that_touch_nothing_have_no_contact_stress(world):
+    nothing = np.zeros((0, 3))
+    none = ContactNetwork(0.0, *2 * [np.zeros(0, np.int32)], *5 * [nothing], ())
+    found = coarse_grain(world[0], none, Kernel({"z": np.zeros(2)}, WIDTH, {"x": 1.0, "y": 1.0}))
+    assert found.contact_stress.shape == (2, 3, 3)
+    assert not found.contact_stress.any()
+    assert found.density[0] > 0.0
+
+
 def test_a_period_makes_the_field_of_its_images(world):
     state, contacts = world
     at = {"x": np.array([-0.9, 0.3]), "z": np.array([0.0])}
