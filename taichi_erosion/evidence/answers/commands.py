@@ -122,7 +122,11 @@ def adopt_study(
             opened = record_opening(study.results, study.drawn_from, "+".join(effects))
         held = record.held_out and replace(record.held_out, opened=opened)
         record = replace(record, held_out=held)
-        written = write_adopted_files(study, adopted_of(record), options.force)
+        names, numbers = record.decided.named, {path: each.now for path, each in record.numbers.items()}
+        earlier = {path[len(EFFECTS) : -len(STRENGTH)]: path for path in numbers if is_strength(path)}
+        strengths = {name: numbers.pop(path) for name, path in earlier.items()}
+        strengths |= {name: record.effects[name].strength for name in names}
+        written = write_adopted_files(study, Adopted(names, strengths, numbers), options.force)
         told = {"written": str(written[0]), "files": [str(file) for file in written]}
         told |= {"ladder": files.extended_ladder(study, record)}
         found = replace(found, posterior=given(found.posterior, effects))
@@ -180,14 +184,6 @@ def adopt_record(posterior: Posterior, effects: Sequence[str], seed: int) -> Rec
     acting = {"verdict": "present", "named": named, "group": (), "mechanisms": ()}
     record = summary(known, replace(decide(known), **acting))
     return replace(record, decided=replace(race, **acting), held_out=held_out_part(known, named, seed))
-
-
-def adopted_of(record: Record) -> Adopted:
-    """What the new study states."""
-    names, found = record.decided.named, {path: each.now for path, each in record.numbers.items()}
-    earlier = {path[len(EFFECTS) : -len(STRENGTH)]: path for path in found if is_strength(path)}
-    strengths = {name: found.pop(path) for name, path in earlier.items()}
-    return Adopted(names, strengths | {name: record.effects[name].strength for name in names}, found)
 
 
 def known_effects(effects: Sequence[str], names: Sequence[str], path: Path) -> tuple[str, ...]:

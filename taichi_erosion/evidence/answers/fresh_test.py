@@ -24,15 +24,26 @@ Reference: Bastos & O'Hagan (2009), Technometrics 51, 425 (diagnostics of emulat
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import sqrt
+from pathlib import Path
 
 import numpy as np
 
-from taichi_erosion.evidence.data.problem import Floats, Progress
+from taichi_erosion.evidence.data.comparison_rows import condition_numbers
+from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Numbers, Progress
 from taichi_erosion.evidence.emulator.design import Setting
-from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, Request
+from taichi_erosion.evidence.emulator.fresh_runs import (
+    MOST_CONDITIONS,
+    FreshCampaign,
+    FreshRuns,
+    FreshSimulator,
+    Request,
+)
+from taichi_erosion.evidence.models.predictor import Predictor
+from taichi_erosion.evidence.models.simulator import row_at
 from taichi_erosion.evidence.race.decision import Decision
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
+from taichi_erosion.evidence.race.outlook import Elsewhere
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import DRAWS, SEED, SURE
 from taichi_erosion.evidence.race.record import FreshPart, GapPart, Outcome
@@ -160,6 +171,54 @@ def fresh_test(
     agreement = float(np.mean(chance(kinds, np.array(alone) - known) > 0.5))
     cost = (len(made.keys), made.seeds, made.failed)
     return FreshPart(outcome, kinds[0].names, before, after, p, agreement, gap, *cost), made.keys
+
+
+def runs_at(
+    place: Elsewhere, simulator: FreshSimulator, progress: Progress
+) -> tuple[Elsewhere, frozenset[str]]:
+    """Rows with runs of the calibrated model where conditions are new to its emulator, and the runs' keys.
+
+    Between the conditions of its training and beyond them an emulator may be steep. Each set of conditions
+    tells its own scatter, so that what is said of it does not depend on the others.
+    """
+    race, rows, predictor = place.race, place.rows, place.model.prepared.predictor
+    point, used, cells = setting_of(race, race.bare), frozenset[str](), condition_numbers(rows)
+    new = untrained(simulator, predictor, point)[race.prepared.rows.size :]
+    sets = [np.flatnonzero(new & (cells == cell)) for cell in np.unique(cells[new])]
+    mean, columns = np.full(rows.size, np.nan), [np.zeros((rows.size, 0))]
+
+    def made(own: Integers) -> FreshCampaign:
+        some = rows.rows(own)
+        asked = predictor.over(some.observables, some.which, some.conditions).requests
+        spent = simulator.training.elsewhere + len(used - simulator.known)
+        known = replace(simulator, training=replace(simulator.training, elsewhere=spent))
+        return known.simulate([point], asked, np.ones(own.size), progress)
+
+    for first in range(0, len(sets), MOST_CONDITIONS):  # together; what follows finds them in the ledger
+        made(np.concatenate(sets[first : first + MOST_CONDITIONS]))
+    for own in sets:
+        if runs := (campaign := made(own)).runs:
+            mean[own], used = runs[0].mean, used | campaign.keys
+            columns.append(np.zeros((rows.size, runs[0].columns.shape[1])))
+            columns[-1][own] = runs[0].columns
+    gap = np.where(new, mean - place.model.sure_mean((), race.bare.v)[race.prepared.rows.size :], 0.0)
+    return replace(place, new=new, gap=gap, errors=np.hstack(columns)), used
+
+
+def untrained(simulator: FreshSimulator, predictor: Predictor, point: Setting) -> Bools:
+    """Rows of a predictor at conditions of which no run trained the emulator, if these can change a run."""
+    found, training, mapping = np.zeros(predictor.which.size, bool), simulator.training, simulator.mapping
+    measures = {scene.measure.scene: scene.measure for scene in training.scenes}
+
+    def conditions(scene: Path, at: Numbers) -> tuple[str, ...]:
+        return training.simulator.overrides(measures[scene], at, {}, point.effects)
+
+    made = {(run.scene, conditions(run.scene, run.at)) for run in training.runs}
+    for observable, rows, stated in predictor.requests:
+        scene = training.simulator.measures[mapping.observables[observable.name]].scene
+        known = mapping.known(stated)
+        found[rows] = [(scene, conditions(scene, row_at(known, k))) not in made for k in range(rows.size)]
+    return found
 
 
 def outcome_of(simulated: float, p: float, gap: GapPart | None) -> Outcome:

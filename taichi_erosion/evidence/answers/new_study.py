@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.foreign_code import read_effect_files
 from taichi_erosion.evidence.answers.scene_templates import (
     LENGTHS,
     TEMPLATES,
@@ -26,9 +27,10 @@ from taichi_erosion.evidence.answers.written_files import Content, StudyFiles, w
 from taichi_erosion.evidence.data.column_faults import column_faults, unusual_cells
 from taichi_erosion.evidence.data.measured import read_rows, with_limits
 from taichi_erosion.evidence.data.tables.column_roles import CONDITION, NOT_USED, Column, Told
-from taichi_erosion.evidence.data.tables.interview import Ask, Interview
+from taichi_erosion.evidence.data.tables.interview import Ask, Interview, has_no_scale
 from taichi_erosion.evidence.data.tables.rows import NAME, Faults, Table
 from taichi_erosion.evidence.models import reduced
+from taichi_erosion.evidence.models.simulator import FOR_EFFECTS
 from taichi_erosion.evidence.models.table_columns import declared_units
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.scene.paths import unit_of_path
@@ -209,6 +211,11 @@ def condition_places(table: Table, told: Told) -> dict[str, str]:
         for unit in [table.units[table.conditions.index(name)] or "UNIT"]
         if not place
     ]
+    for name, unit in zip(table.conditions, table.units, strict=True):
+        allowed = None if unit else place_range(stated[name].split(",")[0])
+        if allowed is not None and has_no_scale(allowed):
+            told = f"has no unit in its heading; write it there: '{name} [UNIT]', such as {allowed.unit}"
+            faults.append(f"{table.file}: column '{name}': {told}")
     if faults:
         raise BadInput(*faults)
     return stated
@@ -376,6 +383,8 @@ def told_of(wishes: Wishes) -> Told:
 
     A condition that every scene has keeps its place, and takes the unit for its column. Raises BadInput.
     """
+    from taichi_erosion.effects import load_library
+
     measures = dict.fromkeys(name for each in TEMPLATES.values() for name in each.observables)
     conditions, own, known = dict[str, str](), dict[str, str](), dict[str, str]()
     if wishes.scene is not None:
@@ -384,6 +393,8 @@ def told_of(wishes: Wishes) -> Told:
         for name, unit in declared_units(wishes.scene).items():
             own[CONDITION + name], conditions[name] = unit, CONDITION + name
     said_of = wishes.told
+    effects = load_library(read_effect_files(wishes.effects)).values()
+    ignored = {*FOR_EFFECTS}.difference(*(effect.reads for effect in effects))
     optional = {*conditions, *known} - said_of.observables.keys() - said_of.conditions.keys()
     for text, said in said_of.conditions.items():
         name, unit = plain_words(read_heading(text).name).replace(" ", "_"), unit_in(said)
@@ -404,6 +415,7 @@ def told_of(wishes: Wishes) -> Told:
         own_units=own,
         sd=wishes.sd,
         fill_down=wishes.fill_down,
+        ignored=frozenset(CONDITION + name for name in ignored),
         complete=True,
         reads=frozenset(CLOSED_FORM_CONDITIONS) if wishes.closed_form else None,
     )

@@ -1,7 +1,8 @@
 """Command `predict`: a study and a table of conditions in, values with 90 % intervals out.
 
 The race answers without candidates: what is adopted belongs to the model. Every fitted row is predicted from
-the others to check the intervals, and so are held-out rows where an adoption has opened the vault.
+the others to check the intervals, and so are held-out rows where an adoption has opened the vault. Scenes are
+simulated at conditions that are new to their emulator.
 """
 
 from collections.abc import Iterator
@@ -20,12 +21,20 @@ from taichi_erosion.evidence.answers.commands import framed, open_study
 from taichi_erosion.evidence.answers.files import Document
 from taichi_erosion.evidence.answers.rounds import Question, answered, last_plan
 from taichi_erosion.evidence.data.held_out_rows import COUNTER, openings, read_counter, record_opening
-from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Progress
+from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Progress, rows_picked
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import LONGEST_CHAIN, NO_OPTIONS, StudyOptions, load_study
 from taichi_erosion.evidence.models.table_columns import NewConditions, place_units, read_new_conditions
-from taichi_erosion.evidence.race.outlook import elsewhere, forecast, held_out_rows, left_out, new_rows
+from taichi_erosion.evidence.race.fit import Race
+from taichi_erosion.evidence.race.outlook import (
+    Elsewhere,
+    elsewhere,
+    forecast,
+    held_out_rows,
+    left_out,
+    new_rows,
+)
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.record import CheckPart, PredictedPart, PredictionPart
 from taichi_erosion.evidence.words.answer_lines import Answer, prediction_answer
@@ -34,6 +43,7 @@ from taichi_erosion.scene.schema.units import Scale
 
 SHARE = 0.9  # of the probability that an interval holds
 RECORD = TypeAdapter(PredictionPart)
+ROW_WISE = ("observable", "conditions", "group")  # of new conditions, as the race takes them
 
 
 @dataclass(frozen=True)
@@ -80,10 +90,16 @@ def predict_study(
     with open_study(chosen, options) as study:
         places = place_units(study.file, study.path, study.effect_files)
         wanted = read_new_conditions(at, study.file, places, study.problem.measurements, study.path.parent)
-        question = Question("predict", without_candidates, lambda found: [found.about_bare], most=1)
+        at_rows = zip(wanted.observable, *wanted.conditions.values(), strict=True)
+        sets = {(study.file.observables[name].scene, *values) for name, *values in at_rows}
+        question = replace(
+            Question("predict", without_candidates, lambda found: [found.about_bare], most=1),
+            asked=lambda found: asked_rows(found.posterior.race, wanted),
+            asked_sets=len(sets),
+        )
         found, ready = answered(study, last_plan(study), question, progress)
         opened = bool(study.file.adopted) and len(study.problem.vault.rows) > 0
-        record = prediction(found.posterior, wanted, opened)
+        record = replace(prediction(found.posterior, wanted, opened, found.asked), new_runs=found.asked_runs)
         record, model = replace(record, outdated=outdated), found.posterior.race.prepared.predictor
         name, seen = f"predict {study.path.stem}", openings(study.results, study.drawn_from)
         if opened and name not in read_counter(study.results / COUNTER).get(study.drawn_from, []):
@@ -115,16 +131,27 @@ def adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tuple[Path,
     return path, ()
 
 
-def prediction(posterior: Posterior, wanted: NewConditions, opened: bool = False) -> PredictionPart:
-    """Predictions at new rows, and checks of their intervals; `opened`: the vault may be compared with."""
+def asked_rows(race: Race, wanted: NewConditions) -> Elsewhere:
+    """Wanted rows of the fitted observables, with the model there."""
+    known = np.isin(wanted.observable, race.prepared.rows.names)
+    chosen = NewConditions(**rows_picked({key: getattr(wanted, key) for key in ROW_WISE}, known))
+    return elsewhere(race, new_rows(race.prepared, chosen))
+
+
+def prediction(
+    posterior: Posterior, wanted: NewConditions, opened: bool = False, asked: Elsewhere | None = None
+) -> PredictionPart:
+    """Predictions at new rows, and checks of their intervals.
+
+    `opened`: the vault may be compared with; `asked`: the new rows with runs there.
+    """
     fitted = posterior.race.prepared.rows
-    known = np.array([name in fitted.names for name in wanted.observable], dtype=np.bool_)
-    lost = [name for name, there in zip(wanted.observable, known, strict=True) if not there]
+    lost = [name for name in wanted.observable if name not in fitted.names]
     held_out = None
     if opened and (held := held_out_rows(posterior.race.prepared)) is not None:
         held_out = check_of(forecast(posterior, elsewhere(posterior.race, held)).below(), ~held.censored)
     return PredictionPart(
-        rows=tuple(predicted_rows(posterior, wanted, np.flatnonzero(known).tolist())),
+        rows=tuple(predicted_rows(posterior, wanted, asked)),
         fitted=check_of(left_out(posterior), ~fitted.censored),
         held_out=held_out,
         unlisted=sum(p for hypothesis, p in posterior.probability.items() if hypothesis.beyond),
@@ -134,19 +161,21 @@ def prediction(posterior: Posterior, wanted: NewConditions, opened: bool = False
     )
 
 
-def predicted_rows(posterior: Posterior, wanted: NewConditions, chosen: list[int]) -> Iterator[PredictedPart]:
-    """Predictions of some of the wanted rows, in the units of the observables."""
+def predicted_rows(
+    posterior: Posterior, wanted: NewConditions, asked: Elsewhere | None
+) -> Iterator[PredictedPart]:
+    """Predictions of the wanted rows of fitted observables, in the units of the observables."""
     race, table = posterior.race, posterior.race.prepared.problem.measurements
-    names, at = [wanted.observable[i] for i in chosen], {k: c[chosen] for k, c in wanted.conditions.items()}
-    groups = [wanted.group[i] if wanted.group else "" for i in chosen]
-    place = elsewhere(race, new_rows(race.prepared, NewConditions(tuple(names), at, tuple(groups))))
+    place = asked or asked_rows(race, wanted)
+    names, groups = place.rows.names, place.rows.group
+    chosen = np.flatnonzero(np.isin(wanted.observable, race.prepared.rows.names)).tolist()
     seen = race.prepared.rows.group if any(block.kind == "group" for block in race.blocks) else groups
     told, fit = forecast(posterior, place), race.bare
-    model = place.model.sure_mean((), fit.v)[fit.mean.size :]
+    model = place.model.sure_mean((), fit.v)[fit.mean.size :] + place.gap
     units = dict(zip(table.observable, table.unit, strict=True))
     means, single = told.intervals(told.mean), told.intervals(told.measured)
     for k, (i, mean, measured) in enumerate(zip(chosen, means, single, strict=True)):
-        observable = place.rows.observable_at(k)
+        observable = place.rows.observables[place.rows.which[k]]
         yield PredictedPart(
             line=wanted.lines[i] if wanted.lines else i + 1,
             observable=names[k],
@@ -160,6 +189,7 @@ def predicted_rows(posterior: Posterior, wanted: NewConditions, chosen: list[int
             outside=dict(beyond(table, names[k], wanted, i)),
             group=groups[k],
             unseen=groups[k] not in seen,
+            simulated=place.new is not None and bool(place.new[k] and np.isfinite(model[k])),
         )
 
 

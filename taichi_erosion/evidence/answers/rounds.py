@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.evidence.answers import files
-from taichi_erosion.evidence.answers.fresh_test import fresh_test, kinds_of, setting_of
+from taichi_erosion.evidence.answers.fresh_test import fresh_test, kinds_of, runs_at, setting_of
 from taichi_erosion.evidence.answers.set_up import blocked, refuse_blocked
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.data.transforms import effect_of, is_strength
@@ -32,6 +32,7 @@ from taichi_erosion.evidence.race.decision import Decision
 from taichi_erosion.evidence.race.doses import from_axis
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis
+from taichi_erosion.evidence.race.outlook import Elsewhere
 from taichi_erosion.evidence.race.posterior import Posterior, strained
 from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.race.record import FreshPart
@@ -51,6 +52,8 @@ class RacedStudy:
     posterior: Posterior
     decision: Decision
     fresh: FreshPart | None = None  # None: nothing that fresh runs can test
+    asked: Elsewhere | None = None  # new rows, with runs of the calibrated model
+    asked_runs: int = 0  # at these rows
 
     def about(self, fit: Fit) -> Setting:
         """The setting of a fit as the centre of a round; adopted effects may stand among its numbers."""
@@ -88,6 +91,8 @@ class Question:
     ahead: bool = False  # whether it needs conditions that were not measured but could be
     missing: bool = False  # whether it asks what is missing: required points and mechanisms are tried
     tested: bool = False  # by fresh runs
+    asked: Callable[[RacedStudy], Elsewhere] | None = None  # new rows, at which the answer ends with runs
+    asked_sets: int = 0  # of their conditions, at most
 
 
 def discovery_question(
@@ -217,7 +222,9 @@ def wider_runs(
 
 
 def test_cost(runs: TrainingRuns, question: Question, own: list[Points], key: str) -> int:
-    """Most runs that the test of an answer takes; none where it was made after the same rounds."""
+    """Most runs that end an answer; none where it was tested after the same rounds."""
+    if question.asked is not None:
+        return question.asked_sets * runs.plan_size.fresh
     known = stored(runs.study)["fresh"].get(key)
     if not question.tested or (known is not None and known["rounds"] == len(own)):
         return 0
@@ -227,20 +234,24 @@ def test_cost(runs: TrainingRuns, question: Question, own: list[Points], key: st
 def with_fresh_runs(
     question: Question, found: RacedStudy, ready: Study, runs: TrainingRuns, key: str, progress: Progress
 ) -> tuple[RacedStudy, Study]:
-    """The answer with its test by fresh runs, and the study with these counted.
+    """The answer with its test by fresh runs, or with runs at new rows, and the study with these counted.
 
     Where they contradict it, the next answer starts with a round about what was tested.
     """
-    if not question.tested or not (found.decision.named or found.decision.group):
+    if question.asked is None and not (question.tested and (found.decision.named or found.decision.group)):
         return found, ready
     study, known, rounds = runs.study, stored(runs.study)["fresh"], read_rounds(runs.study)
     mapping, race = ready.problem.model, found.posterior.race
     assert isinstance(mapping, NameMapping)
     made = frozenset(run for entry in known.values() for run in entry["runs"])
     simulator = FreshSimulator(runs, mapping, made, runs.plan_size.fresh)
-    part, used = fresh_test(found.posterior, found.decision, simulator.simulate, progress)
-    count = len(rounds[key])
-    if part.outcome == "contradicted":
+    part, count = found.fresh, len(rounds[key])
+    if question.asked is not None:
+        asked, used = runs_at(question.asked(found), simulator, progress)
+        found = replace(found, asked=asked, asked_runs=len(used))
+    else:
+        part, used = fresh_test(found.posterior, found.decision, simulator.simulate, progress)
+    if part is not None and part.outcome == "contradicted":
         about = [found.about(kind.fits[0]) for kind in kinds_of(race, found.decision)]
         if training_runs.within_budget(runs, about):
             rounds[key].append(about)

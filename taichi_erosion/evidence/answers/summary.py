@@ -39,8 +39,10 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
     after, bare, model = fit_of(posterior, found), race.bare, race.model
     stop: parts.Stop = "budget" if race.stopped else ""
     sound = is_adequate(posterior.best)  # else what is missing looks like an error of rows and levels
-    before, p_before, p_repeats = chi_square(bare), misfit_p(bare, levels=False), lack_of_fit_p(race, bare)
-    now, p_now, p_repeats_now = chi_square(after), misfit_p(after, levels=True), lack_of_fit_p(race, after)
+    # chi-square of the rows with levels, sources and groups at their best
+    before, now = (float(fit.evidence.solved.rows.weight @ residual(fit) ** 2) for fit in (bare, after))
+    p_before, p_repeats = misfit_p(bare, levels=False), lack_of_fit_p(race, bare)
+    p_now, p_repeats_now = misfit_p(after, levels=True), lack_of_fit_p(race, after)
     return Record(
         decided=decided(posterior, found),
         effects={name: effect_part(posterior, found, name) for name in model.candidates},
@@ -92,11 +94,6 @@ def repeat_parts(race: Race, after: Fit) -> Iterator[parts.RepeatPart]:
         likely = [line for line in each.suspects if (each.observable, line) in bad]
         found = each.suspects if len(each.suspects) == 1 else likely
         yield parts.RepeatPart(each.observable, each.lines, each.gap, found[0] if len(found) == 1 else 0)
-
-
-def chi_square(fit: Fit) -> float:
-    """Chi-square of the rows with levels, sources and groups at their best."""
-    return float(fit.evidence.solved.rows.weight @ residual(fit) ** 2)
 
 
 def interval(values: Floats, weight: Floats) -> Interval:

@@ -93,10 +93,6 @@ class ComparisonRows:
         place = {observable.name: index for index, observable in enumerate(self.observables)}
         return np.array([place[name] for name in names], dtype=np.int64)
 
-    def observable_at(self, row: int) -> Observable:
-        """Observable of one row."""
-        return self.observables[self.which[row]]
-
     def conditions_at(self, row: int) -> dict[str, float]:
         """Conditions of one row."""
         return {name: float(column[row]) for name, column in self.conditions.items()}

@@ -105,21 +105,16 @@ def shared_share(rows: ComparisonRows, matrix: Floats) -> Floats:
         found[np.ix_(members, members)] += np.minimum.outer(count, count)
     if not on:
         return found
-    whole = repeats_of(rows)
+    whole = np.array([sum(own.values()) for own in rows.heaps])  # repeats behind each row
     found *= matrix[np.ix_(rows.which, rows.which)] / np.sqrt(np.outer(whole, whole))
     found[rows.which[:, np.newaxis] == rows.which] = 0.0
     return found
 
 
-def repeats_of(rows: ComparisonRows) -> Floats:
-    """Number of repeats behind each row."""
-    return np.array([sum(own.values()) for own in rows.heaps])
-
-
 def model_correlation(rows: ComparisonRows, replicates: Replicates) -> Floats:
     """Correlation of the model's replicates, less where the laboratory scatters more than the model."""
     found = np.eye(len(rows.observables))
-    single = scatter_variance(rows) * repeats_of(rows)
+    single = scatter_variance(rows) * [sum(own.values()) for own in rows.heaps]
     share = np.zeros(len(rows.observables))
     for k, observable in enumerate(rows.observables):
         own = single[(rows.which == k) & np.isfinite(single)]

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from decimal import Decimal
+from difflib import get_close_matches
 from itertools import pairwise
 from math import inf, isfinite, isnan, nan
 from pathlib import Path
@@ -22,7 +23,6 @@ from taichi_erosion.evidence.data.tables.rows import (
     Faults,
     Row,
     Table,
-    is_tidy,
     listed_rows,
     shown,
     table_of,
@@ -69,7 +69,8 @@ def read_rows(path: Path, name: str, told: Told, interview: Interview, faults: F
     cells = read_cells(path, name, faults)
     if not cells.rows:
         raise BadInput(*faults or [f"{name}: is empty; the first row names the columns: observable, ..."])
-    if is_tidy(cells.heading):
+    names = [cell.partition("[")[0].strip().lower() for cell in cells.heading]
+    if get_close_matches("observable", names, n=1, cutoff=0.85):  # a tidy table, if under another spelling
         tidy = faults.of(tidy_columns, cells)
         faults += [f"--sd {text}: this table has a column 'sd' for it" for text in told.sd]
         return None if tidy is None else table_of(cells, tidy, faults, told)

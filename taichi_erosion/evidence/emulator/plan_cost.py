@@ -31,7 +31,7 @@ class PlanCost:
     first: int  # to be made at once
     later: int  # at most, in rounds about the answers
     rounds: int
-    fresh: int  # at most, that test the answer
+    fresh: int  # at most, with which the answer ends
     workers: int
     phases: tuple[float, ...]  # expected seconds of runs and statistics in turn
 
@@ -48,13 +48,15 @@ class PlanCost:
         kept = f"; {self.kept} more are kept from before" if self.kept else ""
         rounds = "1 round" if self.rounds == 1 else f"{self.rounds} rounds"
         later = f", then at most {self.later} in {rounds} about the answer" if self.later else ""
-        later += f"{' and' if later else ', then'} at most {self.fresh} that test it" if self.fresh else ""
+        later += (
+            f"{' and' if later else ', then'} at most {self.fresh} that it ends with" if self.fresh else ""
+        )
         cores = "1 process" if self.workers == 1 else f"{self.workers} processes"
         return f"{self.first} runs to make{later}: at most about {span(self.seconds)} on {cores}{kept}."
 
 
 def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) -> PlanCost:
-    """Cost of the planned runs, of `rounds` more about so many points each, and of `fresh` that test it."""
+    """Cost of the planned runs, of `rounds` more about so many points each, and of `fresh` at its end."""
     _, requests, _ = requested(training)
     wanted = {request.key: request for request in requests}
     done = finished_runs(training.simulator.opened(), list(wanted))

@@ -79,10 +79,15 @@ class CachedModel:
     def __call__(
         self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
     ) -> Floats:
-        """Values [seed, row]."""
+        """Values [seed, row]; raises BudgetSpentError before the cap is passed: a run is one row."""
         request = request_digest(self.identity, observable, conditions, parameters, effects)
         keys = [sha256(request + int(seed).to_bytes(8, "little", signed=True)).digest() for seed in seeds]
-        self.count(keys, row_count(conditions))
+        self.asked.update(dict.fromkeys(keys, row_count(conditions)))
+        if self.cap is not None and (total := sum(self.asked.values())) > self.cap:
+            raise BudgetSpentError(
+                f"the budget of {self.cap:,} runs is used up: {total:,} and more are needed; those that were "
+                "made are kept. Raise budget.runs"
+            )
         known = self.store.found(keys)
         missing = [k for k, key in enumerate(keys) if key not in known]
         if missing:
@@ -91,15 +96,6 @@ class CachedModel:
                 known[keys[k]] = values
                 self.store.put(keys[k], values)
         return np.array([known[key] for key in keys])
-
-    def count(self, keys: list[bytes], rows: int) -> None:
-        """Count the runs behind new keys: one a row. Raises BudgetSpentError before the cap is passed."""
-        self.asked.update(dict.fromkeys(keys, rows))
-        if self.cap is not None and (total := sum(self.asked.values())) > self.cap:
-            raise BudgetSpentError(
-                f"the budget of {self.cap:,} runs is used up: {total:,} and more are needed; those that were "
-                "made are kept. Raise budget.runs"
-            )
 
 
 def request_digest(

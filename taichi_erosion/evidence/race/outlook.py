@@ -50,6 +50,9 @@ class Elsewhere:
     rows: ComparisonRows
     simulated: Floats  # (m,), variance of the simulated mean
     model: RaceModel
+    new: Bools | None = None  # (m,), rows at which runs answer in place of the model
+    gap: Floats | float = 0.0  # (m,), of these runs from the model; NaN where none could be made
+    errors: Floats | None = None  # (m, q), of these runs
 
 
 def new_rows(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows:
@@ -224,6 +227,9 @@ def outlook(place: Elsewhere, fit: Fit) -> Outlook:
     acting = model.strengths(fit.hypothesis.names, v)
     varied = None if doses is None else {fit.hypothesis.kind: from_axis(doses.w)}
     own = model.prepared.model_errors(model.numbers(v[: model.count]), acting, varied, n)
+    if place.new is not None and place.errors is not None:
+        mean, own[n:][place.new] = np.append(mean[:n], mean[n:] + place.gap), 0.0
+        own = np.hstack([own, np.vstack([np.zeros((n, place.errors.shape[1])), place.errors])])
     errors, blocks = np.hstack([both.shared, own]), both_blocks(place, fit, both, doses)
     known = replace(
         fit,

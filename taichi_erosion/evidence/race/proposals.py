@@ -107,7 +107,7 @@ def experiment(
     rows: ComparisonRows, rivals: Sequence[Rival], at: int, chance: float, cost: float
 ) -> ExperimentPart:
     """One measurement with what every explanation expects of it."""
-    expected, observable = {}, rows.observable_at(at)
+    expected, observable = {}, rows.observables[rows.which[at]]
     for each in rivals:
         z = each.mean[at] + np.sqrt(each.covariance[at, at]) * ndtri([0.5, 0.05, 0.95])
         ends = np.maximum(from_scale(observable, z), 0.0 if observable.transform == "log_floor" else -np.inf)

@@ -301,6 +301,7 @@ class PredictedPart:
     outside: Mapping[str, float]  # end of the measured range, of every condition beyond it
     group: str = ""  # soil or batch that the table of new conditions names
     unseen: bool = False  # that is none of those measured, where these differ
+    simulated: bool = False  # anew, at its conditions
 
 
 @dataclass(frozen=True)
@@ -323,3 +324,4 @@ class PredictionPart:
     outdated: tuple[str, ...]  # effects adopted before the study or its table changed: left out
     lost: tuple[str, ...]  # observables without a row of known scatter: not predicted
     constant: Mapping[str, float]  # conditions that the table does not set, as in the study
+    new_runs: int = 0  # of scenes, at the new conditions

@@ -242,22 +242,23 @@ def prediction_answer(found: PredictionPart, about: Mapping[str, Any], units: Ta
     model = f"the adopted model, with {with_} ({name})" if with_ else f"the calibrated model of {name}"
     every, new = f"of {counted(len(found.rows), 'prediction')}", sum(row.unseen for row in found.rows)
     soil = f"; for {new} {every} the soil or batch was not measured (a column `group` names it)" * bool(new)
-    value = f"`value` is the model corrected by what its residuals show{soil}."
-    missing = [f"Predicted by {model}.", value]
-    if found.lost:
-        missing += [f"Not predicted: {say.joined(found.lost)}, of which no row has a known scatter."]
-    if found.outdated:
-        words = "adopted before the table or the study changed; `adopt` again takes it in"
-        missing += [f"Left out: {say.joined(found.outdated)}, {words}."]
+    again = "adopted before the table or the study changed; `adopt` again takes it in"
+    missing = [f"Predicted by {model}.", f"`value` is the model corrected by what its residuals show{soil}."]
+    lost = f"Not predicted: {say.joined(found.lost)}, of which no row has a known scatter."
+    missing += [lost] * bool(found.lost)
+    missing += [f"Left out: {say.joined(found.outdated)}, {again}."] * bool(found.outdated)
     holds = [check_line("fitted rows, each predicted from the others,", found.fitted)]
     if found.held_out is not None:
         holds += [check_line("held-out rows", found.held_out)]
     elif hidden:
         holds += [f"{counted(hidden, 'held-out row')} stay unseen for `adopt`."]
-    following = []
-    if outside := sum(bool(row.outside) for row in found.rows):
-        lie = f"{'lies' if outside == 1 else 'lie'} outside the measured conditions"
-        following += [f"{outside} {every} {lie}: nothing checks the model there."]
+    runs, fresh = counted(found.new_runs, "new simulation"), sum(row.simulated for row in found.rows)
+    holds += [f"{runs} answer for {fresh} {every}."] * bool(found.new_runs)
+    outside, none = sum(bool(row.outside) for row in found.rows), sum(isnan(row.value) for row in found.rows)
+    why = "no value: the model could not be run there, or its budget is spent"
+    following = [f"{none} {every} {'has' if none == 1 else 'have'} {why}."] * bool(none)
+    lie = f"{'lies' if outside == 1 else 'lie'} outside the measured conditions"
+    following += [f"{outside} {every} {lie}: nothing checks the model there."] * bool(outside)
     if found.constant:
         following += [f"As in the study, not in the table: {units.setting_text(found.constant)}."]
     return Answer(tuple(missing), tuple(holds), tuple(following), prediction_rows(found, units))

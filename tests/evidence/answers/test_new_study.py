@@ -287,3 +287,34 @@ def test_a_condition_that_an_own_scene_does_not_declare_is_told(tmp_path):
     wishes = Wishes(Told(conditions={"roots": "g/kg"}), scene=ROOT / "doe" / "own_effect" / "fall.toml")
     (fault,) = faults_of(tmp_path, b"roots [g/kg];settling velocity [m/s]\n0;1.9\n2;1.8\n", wishes)
     assert "does not declare the condition 'roots'; write [conditions.extra]" in fault
+
+
+def test_a_slope_without_a_unit_is_asked_for_whatever_the_table_and_the_model(tmp_path):
+    """Degrees, radians and per cent are as usual; the closed form would count in radians."""
+    lines = "threshold_u_star,0.25,0.01,3,m/s,0\nthreshold_u_star,0.26,0.01,3,m/s,10\n"
+    tables = {
+        "own": "slope,threshold u* [m/s],sd [m/s],n\n0,0.25,0.01,3\n10,0.26,0.01,3\n",
+        "tidy": f"observable,value,sd,n,unit,slope\n{lines}",
+    }
+    for name, text in tables.items():
+        table = tmp_path / f"{name}.csv"
+        table.write_text(text, encoding="utf-8")
+        with pytest.raises(BadInput, match=r"'slope':? has no unit .*such as deg"):
+            new_study(table, Wishes(closed_form=True), lambda _, guess: guess)
+        table.write_text(text.replace("slope", "slope [deg]"), encoding="utf-8")
+        found = new_study(table, Wishes(closed_form=True), lambda _, guess: guess)
+        assert found["conditions"]["slope"] == "0 to 10 deg"
+
+
+def test_a_column_that_no_effect_of_scenes_reads_is_left_out_where_it_has_blanks(tmp_path):
+    table = tmp_path / "heaps.csv"
+    for heading, used in (("salt content [g/kg]", False), ("moisture [%]", True)):
+        head = f"diameter [mm],{heading},repose angle [deg],sd [deg],n"
+        table.write_text(f"{head}\n1,,28,0.6,4\n1,5,28.4,0.5,4\n2,5,27,0.5,4\n", encoding="utf-8")
+        if used:
+            with pytest.raises(BadInput, match="is blank in row 2"):
+                new_study(table, Wishes(folder=tmp_path / "used"), lambda _, guess: guess)
+        else:
+            found = new_study(table, Wishes(), lambda _, guess: guess)
+            assert list(found["conditions"]) == ["diameter"]
+            assert f"not used: '{heading}' (it is not known in every row)" in found["assumed"]

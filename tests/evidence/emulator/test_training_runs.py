@@ -153,7 +153,7 @@ def test_a_quick_discovery_takes_about_a_hundred_runs_whose_cost_is_told_before_
     # for the name and for a runner-up, of which angularity does not change the bare model
     count = len(keys(loop.runs["discover"]))
     assert loop.discover.cost.runs == count <= 16 + 24 + 8 + 3 * 8 + 2 * (8 + 8 + 2)
-    numbers = re.findall(r"(\d+) (?:runs to make|in 1 round|that test it)", loop.cost)
+    numbers = re.findall(r"(\d+) (?:runs to make|in 1 round|that it ends with)", loop.cost)
     first, later, tests = (int(number) for number in numbers)
     assert first == len(set(loop.runs["discover"][0]))
     assert count <= first + later + tests

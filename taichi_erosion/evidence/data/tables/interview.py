@@ -60,6 +60,7 @@ BESIDE = "the repeats stand beside it"
 OWN = "own"  # answer of who keeps a column as a condition of its own
 UNREAD = "no effect of the model reads it"
 SHARES = ("%", "‰", "1", "-")
+PURE_UNITS = ("1", "kg kg-1")  # of places and observables that are shares or pure numbers
 RESERVED = (
     *"observable value unit sd n group source vault replicate repeat date note comment remark".split(),
 )
@@ -343,7 +344,7 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
     measured = [c.place for c in columns if c.role == "observable"]
     rows = [row for _, row in reading.cells.lines if not all(is_missing(row[place]) for place in measured)]
     if reads is None or not rows:
-        return list(columns)
+        return [without_blanks(column, rows, reading) for column in columns]
     own = [c for c in columns if c.role == "condition" and c.name not in reads]
     others = [c for c in columns if c.role == "condition" and c.name in reads]
     labels = [c.place for c in columns if c.role in ("group", "source")]
@@ -371,6 +372,16 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
             names.append(column.title)
         found.append(column)
     return found
+
+
+def without_blanks(column: Column, rows: Sequence[Sequence[str]], reading: Reading) -> Column:
+    """A column, not used where it is blank in some rows and no effect of scenes reads it."""
+    told = reading.told
+    named = told.fill_down or column.name in told.conditions.values() or column.role != "condition"
+    if named or column.name not in told.ignored or all(row[column.place] for row in rows):
+        return column
+    reading.interview.assume(f"not used: '{column.heading.text}' (it is not known in every row)")
+    return replace(column, role="remark")
 
 
 def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Column]:
@@ -468,19 +479,25 @@ def with_usual_unit(column: Column, values: Sequence[float], reading: Reading) -
     allowed, measured = range_of(column), column.role == "observable"
     if allowed is None or not values:
         return column
-    several = measured and allowed.usual is None and allowed.unit != "1"  # units that may be meant
+    several = has_no_scale(allowed)
     if not several and all(map(allowed.is_usual, values)):
-        told = "a pure number or share, 1 is all" if allowed.unit in ("1", "kg kg-1") else allowed.unit
+        told = "a pure number or share, 1 is all" if allowed.unit in PURE_UNITS else allowed.unit
         interview.assume(f"'{text}' has no unit in its heading: taken as {told} (--unit '{text}=UNIT')")
-        return in_unit(column, allowed.unit) if measured else column
+        return column if allowed.unit in PURE_UNITS else in_unit(column, allowed.unit)
     units = ["UNIT"] if several else likely_units(values, None, allowed) or [allowed.unit] * measured
     span = f"its numbers are {min(values):g} to {max(values):g}"
-    likely = "such as g/(m s), mm" if several else f"likely {' or '.join(units) or 'none'}"
+    likely = f"such as {allowed.unit}" if several else f"likely {' or '.join(units) or 'none'}"
     question = f"Unit of column '{text}' ({span}; {likely})"
     if answer := interview.choice(question, "", ""):
         return in_unit(column, answer)
     told = f"has no unit in its heading: {span}; write it there: '{text} [{units[0]}]'" if units else ""
+    told += f", {likely}" * several
     return reading.fault(column, told) if units else column
+
+
+def has_no_scale(allowed: PhysicalRange) -> bool:
+    """Whether numbers of a quantity can be of any size, so that none tells its unit."""
+    return allowed.usual is None and allowed.low <= 0.0 and allowed.unit not in PURE_UNITS
 
 
 def in_unit(column: Column, unit: str) -> Column:

@@ -109,12 +109,6 @@ class Table:
     columns: tuple[Column, ...] = ()  # what was understood of each
 
 
-def is_tidy(heading: Sequence[str]) -> bool:
-    """Whether a heading is that of a tidy table: it has a column 'observable', if under another spelling."""
-    names = [cell.partition("[")[0].strip().lower() for cell in heading]
-    return bool(get_close_matches("observable", names, n=1, cutoff=0.85))
-
-
 def tidy_columns(cells: Cells) -> list[Column]:
     """Columns of a tidy table; raises BadInput with all faults of its heading."""
     columns, faults, file = list[Column](), Faults(), cells.file
