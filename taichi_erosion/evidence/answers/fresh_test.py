@@ -202,7 +202,7 @@ def runs_at(
             columns.append(np.zeros((rows.size, runs[0].columns.shape[1])))
             columns[-1][own] = runs[0].columns
     gap = np.where(new, mean - place.model.sure_mean((), race.bare.v)[race.prepared.rows.size :], 0.0)
-    return replace(place, new=new, gap=gap, errors=np.hstack(columns)), used
+    return replace(place, runs=(new, gap, np.hstack(columns))), used
 
 
 def untrained(simulator: FreshSimulator, predictor: Predictor, point: Setting) -> Bools:

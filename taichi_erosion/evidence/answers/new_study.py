@@ -214,8 +214,8 @@ def condition_places(table: Table, told: Told) -> dict[str, str]:
     for name, unit in zip(table.conditions, table.units, strict=True):
         allowed = None if unit else place_range(stated[name].split(",")[0])
         if allowed is not None and has_no_scale(allowed):
-            told = f"has no unit in its heading; write it there: '{name} [UNIT]', such as {allowed.unit}"
-            faults.append(f"{table.file}: column '{name}': {told}")
+            words = f"has no unit in its heading; write it there: '{name} [UNIT]', such as {allowed.unit}"
+            faults.append(f"{table.file}: column '{name}': {words}")
     if faults:
         raise BadInput(*faults)
     return stated

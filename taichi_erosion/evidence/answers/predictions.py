@@ -171,7 +171,8 @@ def predicted_rows(
     chosen = np.flatnonzero(np.isin(wanted.observable, race.prepared.rows.names)).tolist()
     seen = race.prepared.rows.group if any(block.kind == "group" for block in race.blocks) else groups
     told, fit = forecast(posterior, place), race.bare
-    model = place.model.sure_mean((), fit.v)[fit.mean.size :] + place.gap
+    model, runs = place.model.sure_mean((), fit.v)[fit.mean.size :], place.runs
+    model = model if runs is None else model + runs[1]
     units = dict(zip(table.observable, table.unit, strict=True))
     means, single = told.intervals(told.mean), told.intervals(told.measured)
     for k, (i, mean, measured) in enumerate(zip(chosen, means, single, strict=True)):
@@ -189,7 +190,7 @@ def predicted_rows(
             outside=dict(beyond(table, names[k], wanted, i)),
             group=groups[k],
             unseen=groups[k] not in seen,
-            simulated=place.new is not None and bool(place.new[k] and np.isfinite(model[k])),
+            simulated=runs is not None and bool(runs[0][k] and np.isfinite(model[k])),
         )
 
 

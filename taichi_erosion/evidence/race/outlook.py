@@ -50,9 +50,7 @@ class Elsewhere:
     rows: ComparisonRows
     simulated: Floats  # (m,), variance of the simulated mean
     model: RaceModel
-    new: Bools | None = None  # (m,), rows at which runs answer in place of the model
-    gap: Floats | float = 0.0  # (m,), of these runs from the model; NaN where none could be made
-    errors: Floats | None = None  # (m, q), of these runs
+    runs: tuple[Bools, Floats, Floats] | None = None  # where runs answer (m,), their gap (m,), errors (m, q)
 
 
 def new_rows(prepared: PreparedProblem, wanted: NewConditions) -> ComparisonRows:
@@ -227,9 +225,9 @@ def outlook(place: Elsewhere, fit: Fit) -> Outlook:
     acting = model.strengths(fit.hypothesis.names, v)
     varied = None if doses is None else {fit.hypothesis.kind: from_axis(doses.w)}
     own = model.prepared.model_errors(model.numbers(v[: model.count]), acting, varied, n)
-    if place.new is not None and place.errors is not None:
-        mean, own[n:][place.new] = np.append(mean[:n], mean[n:] + place.gap), 0.0
-        own = np.hstack([own, np.vstack([np.zeros((n, place.errors.shape[1])), place.errors])])
+    if place.runs is not None:
+        mean, own[n:][place.runs[0]] = np.append(mean[:n], mean[n:] + place.runs[1]), 0.0
+        own = np.hstack([own, np.vstack([np.zeros((n, place.runs[2].shape[1])), place.runs[2]])])
     errors, blocks = np.hstack([both.shared, own]), both_blocks(place, fit, both, doses)
     known = replace(
         fit,
@@ -319,12 +317,12 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     if not good.any():
         return None
     size = error_sd(place, told[1])
-    before, after, *other = [misfit(place, each, size, good) for each in told]
+    gaps, reach = (((rows.z - each.mean(False)) / size)[good] for each in told), (rows.reach / size)[good]
+    before, after, *other = (float(np.mean(working(gap, reach).residual ** 2)) for gap in gaps)
     seen, opened = good & ~rows.censored, race.prepared.problem.vault.opened + 1
     p_after, p_worse = misfit_chance(place, told[1], seen), chance_of_worse(place, told[0], told[1], seen)
-    misfit_of_wrong, name = (other[0], wrong[0].names[0]) if other else (np.nan, "")
-    opening = opened, tuple(names), name
-    return HeldOutPart(int(good.sum()), before, after, p_after, misfit_of_wrong, *opening, p_worse)
+    control, name = (other[0], wrong[0].names[0]) if other else (np.nan, "")
+    return HeldOutPart(int(good.sum()), before, after, p_after, control, opened, tuple(names), name, p_worse)
 
 
 def error_sd(place: Elsewhere, told: Outlook) -> Floats:
@@ -333,12 +331,6 @@ def error_sd(place: Elsewhere, told: Outlook) -> Floats:
     That of the tested one measures its rivals too: what explains rows by errors alone expects large ones.
     """
     return np.sqrt(place.rows.variance + place.simulated + told.variance(False))
-
-
-def misfit(place: Elsewhere, told: Outlook, size: Floats, good: Bools) -> float:
-    """Mean square of (z - m) / s of some rows."""
-    work = working(((place.rows.z - told.mean(False)) / size)[good], (place.rows.reach / size)[good])
-    return float(np.mean(work.residual**2))
 
 
 def misfit_chance(place: Elsewhere, told: Outlook, good: Bools) -> float:
