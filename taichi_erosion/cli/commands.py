@@ -13,6 +13,7 @@ from contextlib import nullcontext
 from dataclasses import asdict
 from functools import partial
 from importlib import import_module
+from math import isfinite
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -40,6 +41,7 @@ from taichi_erosion.cli.progress import LOG, open_log, reporting
 from taichi_erosion.core.engine import SWITCH, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput, ExitCode
 from taichi_erosion.core.files import check_writable, refuse_foreign
+from taichi_erosion.measures.result import without_nan
 
 if TYPE_CHECKING:
     from taichi_erosion.core.foreign_code import EffectFile
@@ -173,6 +175,42 @@ def run(
     output.print_result(document, as_json, lambda found: output.print_run(found, verbose))
     if any(replica.get("stopped") for replica in document["replicas"]):
         raise typer.Exit(ExitCode.STOPPED)
+
+
+@app.command(**help_of("sweep", SIMULATE))
+def sweep(
+    scene: SceneFile,
+    over: Annotated[str, Option("--over", metavar="PATH=A,B,C", help="Entry of the scene and its values.")],
+    override: Override = None,
+    replicas: Annotated[
+        int | None, Option(min=1, help="Repeats at each value; default: the scene's.")
+    ] = None,
+    workers: Annotated[int | None, Option(min=1, help="Local processes; default: one per core.")] = None,
+    scheduler: Annotated[str | None, Option(metavar="ADDRESS", help="Dask scheduler.")] = None,
+    effect: EffectFiles = None,
+    out: Annotated[Path | None, Option("--out", metavar="DIR", help="Folder of table and picture.")] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Run a scene along values of one entry; write the measures with their scatter, and a picture."""
+    from taichi_erosion.campaign import sweep as sweeps
+    from taichi_erosion.core.files import ListedFolder
+    from taichi_erosion.report.figure_style import raster, sweep_figure
+
+    path, _ = sweeps.parse_over(over)
+    folder = out or Path("recordings") / f"{scene.stem}-{path}"
+    ListedFolder(folder).refuse_foreign((sweeps.TABLE, sweeps.FIGURE), force)
+    options = given(replicas=replicas, effect_files=effect)
+    with reporting("sweeping") as progress:
+        where = folder, workers, scheduler
+        points = sweeps.sweep(scene, over, override or (), **options, where=where, progress=progress)
+    curves: dict[str, list[tuple[str, float, float]]] = {}
+    for one in [known for known in points if isfinite(known.value)] or points:
+        curves.setdefault(f"{one.measure} [{one.unit}]", []).append((one.entry, one.value, one.sd))
+    files = sweeps.write_sweep(folder, over, points, raster(sweep_figure(path, curves)))
+    rows = [asdict(one) for one in points]
+    document = {"path": path, "points": rows, "files": [str(file) for file in files]}
+    output.print_result(without_nan(document), as_json, output.print_sweep)
 
 
 def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ...], as_json: bool) -> None:

@@ -27,6 +27,7 @@ run scenes/funnel_repose.toml
 run scenes/funnel_repose.toml --set contact.soil-soil.friction_rolling=0.3 --replicas 5
 run scenes/funnel_repose.toml --check
 run scenes/rotating_drum.toml --checkpoint drum.npz --every 0.5
+sweep scenes/funnel_repose.toml --over contact.soil-soil.friction_rolling=0.1,0.3,0.5
 live scenes/column_collapse.toml
 live scenes/column_collapse.toml --set grains.count=300 --web
 live scenes/column_collapse.toml < SCRIPT
@@ -36,6 +37,7 @@ view STUDY
 snapshot recordings/sample.rrd -o heap.png
 snapshot recordings/sample.rrd --time 0.5 --view Grains -o heap.png
 export recordings/sample.rrd --vtk paraview
+export RECORDING --netcdf tables --chains chains.png --time 0.5
 measure repose IMAGE
 measure repose IMAGE --crop 100,50,900,600 --background light
 doe design doe/first_calibration.toml

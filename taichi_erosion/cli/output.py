@@ -47,6 +47,16 @@ def print_lines(sentences: Iterable[str], lead: str = "") -> None:
         typer.echo(f"{lead}{sentence}")
 
 
+def print_sweep(document: Record) -> None:
+    """Print measures along the values of an entry, and the files that were written."""
+    rows = []
+    for row in document["points"]:
+        numbers = ("-" if row[key] is None else f"{row[key]:.4g}" for key in ("value", "sd"))
+        rows.append((row["measure"], row["entry"], *numbers, row["unit"], str(row["n"]), row["note"]))
+    print_table("", ("measure", document["path"], "value", "sd", "unit", "n", "note"), rows)
+    print_lines(document["files"])
+
+
 def print_table(title: str, columns: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
     """Print a table at its own width, and at most at that of the terminal or of COLUMNS."""
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)

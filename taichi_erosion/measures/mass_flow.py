@@ -21,7 +21,7 @@ from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.result import Measurement, no_measurement
 from taichi_erosion.measures.wind_bed import LEAST_FRAMES, blocked
 
-LEAST_SHARE = 0.5  # of the mass [1]
+LEAST_SHARE = 0.25  # of the mass [1]: between a burst at the beginning and the end of the supply
 TINY = 1e-300  # keeps the error of no flow finite [kg2 s-2]
 FEW = 200  # grains in the steady part: fewer make an error of more than 1 / sqrt(200) = 7 %
 

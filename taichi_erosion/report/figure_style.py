@@ -104,6 +104,21 @@ def curve_figure(time: Sequence[float], value: Sequence[float], name: str) -> Fi
 
 
 @page_style()
+def sweep_figure(path: str, curves: Mapping[str, Sequence[tuple[str, float, float]]]) -> Figure:
+    """Curves of measures over an entry, one panel each: (entry, mean, sd); words stand evenly spaced."""
+    figure, frames = panels(len(curves), 2)
+    for frame, (name, points) in zip(frames, curves.items(), strict=True):
+        entries, value, sd = zip(*points, strict=True)
+        try:
+            at = [float(entry) for entry in entries]
+        except ValueError:
+            at = list(entries)
+        frame.errorbar(at, value, yerr=np.nan_to_num(sd), marker="o", ms=4, lw=1.2, capsize=3)
+        frame.set(xlabel=path, ylabel=name)
+    return figure
+
+
+@page_style()
 def raster(figure: Figure, dots_per_inch: int = DOTS_PER_INCH) -> bytes:
     """Figure as PNG; equal figures give equal bytes."""
     page = io.BytesIO()

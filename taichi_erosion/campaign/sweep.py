@@ -1,0 +1,111 @@
+"""Sweep: the measures of a scene along values of one entry, each value run with the same seeds."""
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite, nan
+from pathlib import Path
+
+import numpy as np
+
+from taichi_erosion.campaign.execute import execute
+from taichi_erosion.campaign.ledger import close_ledger, open_ledger
+from taichi_erosion.campaign.request import RunResult, scene_request
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.files import ListedFolder, make_parent
+from taichi_erosion.run import Report
+from taichi_erosion.run.checks import named_effects, read_scene
+
+TABLE, FIGURE = "sweep.csv", "sweep.png"
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """A measure at one value of the entry."""
+
+    entry: str  # value as it was given
+    measure: str
+    value: float  # mean over the seeds, NaN without any
+    sd: float  # of single runs; of one run what the measure says of itself
+    unit: str
+    n: int  # seeds that gave a value
+    note: str  # why seeds gave none, or what a value lacks
+
+
+def parse_over(over: str) -> tuple[str, list[str]]:
+    """Path and values of `PATH=a,b,c`. Raises BadInput."""
+    path, _, text = over.partition("=")
+    values = [value.strip() for value in text.split(",")]
+    if not path.strip() or len(values) < 2 or "" in values or "[" in text or len(set(values)) < len(values):
+        raise BadInput(f"--over {over}: write PATH=a,b,c with two or more values that differ")
+    return path.strip(), values
+
+
+def sweep(
+    scene: Path,
+    over: str,
+    overrides: Sequence[str] = (),
+    replicas: int | None = None,
+    effect_files: Sequence[Path] = (),
+    where: tuple[Path, int | None, str | None] = (Path("sweep"), None, None),
+    progress: Report | None = None,
+) -> list[SweepPoint]:
+    """All measures at all values; `where`: folder of the ledger, local workers, Dask scheduler.
+
+    Runs that stand in the ledger are not made again. Raises BadInput for what cannot run.
+    """
+    path, values = parse_over(over)
+    files, (folder, workers, scheduler) = named_effects(effect_files), where
+    stated = [(*overrides, f"{path}={value}") for value in values]
+    first = read_scene(scene, stated[0], files)
+    seeds = [first.run.seed + k for k in range(replicas or first.run.replicas)]
+    if not first.measure:
+        raise BadInput(f"{scene}: has no [measure], so a sweep has no curve")
+    requests = [scene_request(scene, one, seed, files) for one in stated for seed in seeds]
+    make_parent(folder / TABLE)
+    ledger = open_ledger(folder)
+    try:
+        results = execute(requests, ledger, workers, scheduler, progress)
+    finally:
+        close_ledger(ledger)
+    rows = [results[k : k + len(seeds)] for k in range(0, len(results), len(seeds))]
+    return [
+        point(value, name, row) for name in first.measure for value, row in zip(values, rows, strict=True)
+    ]
+
+
+def point(entry: str, name: str, results: Sequence[RunResult]) -> SweepPoint:
+    """One measure of the runs of one value; values that say nothing are left out and told."""
+    found = [result.record.get("measures", {}).get(name, {}) for result in results]
+    blocking = [[lack for lack in one.get("shortfalls", ()) if lack["blocks"]] for one in found]
+    values = [
+        (result.value(name), one["sd"])
+        for result, one, block in zip(results, found, blocking, strict=True)
+        if isfinite(result.value(name)) and not block
+    ]
+    notes = [result.failure or result.record.get("stopped") for result in results]
+    notes += [lack["sentence"] for one in found for lack in one.get("shortfalls", ()) if not lack["stated"]]
+    notes += ["; ".join(one["notes"]) for one in found if one and one["value"] is None]
+    numbers = np.array([value for value, _ in values])
+    sd = (
+        float(numbers.std(ddof=1))
+        if len(values) > 1
+        else nan
+        if not values or values[0][1] is None
+        else values[0][1]
+    )
+    unit, mean = next((one["unit"] for one in found if one), ""), float(numbers.mean()) if values else nan
+    return SweepPoint(entry, name, mean, sd, unit, len(values), "; ".join(dict.fromkeys(filter(None, notes))))
+
+
+def write_sweep(folder: Path, over: str, points: Sequence[SweepPoint], figure: bytes) -> list[Path]:
+    """Write table and figure."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow([parse_over(over)[0], "measure", "value", "sd", "unit", "n", "note"])
+    for one in points:
+        numbers = [f"{x:.6g}" if isfinite(x) else "" for x in (one.value, one.sd)]
+        table.writerow([one.entry, one.measure, *numbers, one.unit, one.n, one.note])
+    files = {TABLE: text.getvalue().encode(), FIGURE: figure}
+    return [ListedFolder(folder).write(name, content) for name, content in files.items()]
