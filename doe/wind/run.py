@@ -27,7 +27,7 @@ SALTATION, IMPACT, FLUID = TABLES
 HOPPING = FOLDER / "hopping.csv"
 CREYSSELS = ROOT / "doe" / "measured" / "flux_creyssels2009.csv"
 STARTING = 0.6  # m s-1, that starts transport in scenes/saltation.toml
-BLOWING = range(2, 7)  # its stages in which the measured wind blows
+BLOWING = (2,)  # its stages that state the measured wind blows
 
 REFERENCE = 0.24e-3  # m, diameter of scenes/impact_threshold.toml
 DIAMETERS = (0.24e-3, 1.0e-3, 0.1e-3, 0.5e-3, 0.15e-3, 0.7e-3, 0.075e-3)  # m

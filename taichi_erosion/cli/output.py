@@ -86,7 +86,8 @@ def print_run(document: Record, verbose: bool = False) -> None:
     typer.echo(f"{document['scene']}: {repeats} in {document['wall_s']:.1f} s")
     table = words.run_table(document)
     print_table("", table.columns, table.rows)
-    told = [*words.comparisons(document), *(f"{WARNING}{line}" for line in words.run_warnings(document))]
+    told = [*words.comparisons(document), *dict.fromkeys(words.steadiness(document))]
+    told += (f"{WARNING}{line}" for line in words.run_warnings(document))
     if not verbose and len(told) > MOST_TOLD:
         told = [*told[:MOST_TOLD], f"{len(told) - MOST_TOLD} more: --verbose"]
     print_lines(told)

@@ -133,6 +133,21 @@ def drift_shortfalls(means: Sequence[float]) -> Iterator[Shortfall]:
         yield Shortfall("drift", words, t, DRIFT, False)
 
 
+def unsteady_shortfalls(lasted: float, length: float, departure: float, most: float) -> Iterator[Shortfall]:
+    """Shortfall of transport whose air still gains or loses momentum, or of a stage too short to tell."""
+    if lasted < length:
+        words = (
+            f"transport was watched for {lasted:.2g} s, and {length:.2g} s are needed: a longer last stage"
+        )
+        yield Shortfall("unsteady", words, lasted, length, True)
+    elif departure > most:
+        words = (
+            f"transport never became steady: air and grains carry up to {departure:.0%} more or less than "
+            f"the stress of the wind ({most:.0%} is allowed): a longer last stage, repeats, or steady_air"
+        )
+        yield Shortfall("unsteady", words, departure, most, True)
+
+
 def touching_shortfalls(share: float) -> Iterator[Shortfall]:
     """Shortfall of a settling velocity where grains rest on each other."""
     if share > 0.5:

@@ -26,6 +26,7 @@ from taichi_erosion.measures.result import Measurement, no_measurement
 from taichi_erosion.measures.wind_bed import Patch
 
 LEAST_LANDINGS = 10  # fewer make no share worth the name
+FAST = 0.5  # m s-1, of a landing whose rebound is compared with experiments that shoot grains at a bed
 
 
 @dataclass(frozen=True)
@@ -111,16 +112,25 @@ def ejecta_share(found: Splash) -> Measurement:
 
 
 def rebound_speed(found: Splash) -> Measurement:
-    """Mean speed after a rebound over that before [1]; `details` hold mean impact speed and both angles."""
-    name, back = "rebound_speed", np.isfinite(found.bounced[:, 0])
-    if np.count_nonzero(back) < LEAST_LANDINGS:
-        return no_measurement(name, "1", f"{np.count_nonzero(back)} rebounds; {LEAST_LANDINGS} are needed")
+    """Mean speed after a rebound over the mean speed before, of landings faster than `FAST` [1].
+
+    A mean of ratios would be ruled by slow landings. `sd` is the standard error of the ratio of means,
+    that of (after - ratio before) over the mean before; `details` hold mean impact speed and both angles.
+
+    Reference: Cochran (1977), Sampling Techniques, 2.11.
+    """
+    name = "rebound_speed"
+    back = np.isfinite(found.bounced[:, 0]) & (np.hypot(*found.impacts.T) >= FAST)
+    if (count := np.count_nonzero(back)) < LEAST_LANDINGS:
+        words = f"{count} rebounds of landings above {FAST:g} m/s; {LEAST_LANDINGS} are needed"
+        return no_measurement(name, "1", words)
     before, after = found.impacts[back], found.bounced[back]
-    ratios = np.hypot(*after.T) / np.hypot(*before.T)
+    speed, left = np.hypot(*before.T), np.hypot(*after.T)
+    ratio = float(left.mean() / speed.mean())
     details = {
         "impact_speed": hypot(*before.mean(axis=0)),
         "impact_angle": degrees(atan2(*before.mean(axis=0)[::-1])),
         "rebound_angle": degrees(atan2(*after.mean(axis=0)[::-1])),
     }
-    error = float(ratios.std(ddof=1) / sqrt(len(ratios)))
-    return Measurement(name, float(ratios.mean()), error, "1", details=details)
+    error = float((left - ratio * speed).std(ddof=1) / (speed.mean() * sqrt(count)))
+    return Measurement(name, ratio, error, "1", details=details)

@@ -34,7 +34,8 @@ CONVERSION = (
     f"by the simulated map of the working section, u* known to {MAP_SD:.1%}: +- {{shared_sd:.2f}} m/s "
     "for all beds alike; over the flat plate of textbooks {flat_plate:.2f} m/s"
 )
-SHARED = ("shared_sd", "flat_plate")  # details of a bed that all beds share, averaged in the pooled value
+# details of a bed that all beds share, averaged in the pooled value
+SHARED = ("shared_sd", "flat_plate", "window_start", "stress_over_wind")
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,7 @@ class Tunnel:
     fetch: float  # m, from the inlet
     diameter: float  # m, of the grains
     viscosity: float  # m2 s-1, kinematic
+    ratio: float | None = None  # u* over the free-stream speed, where it was measured [1]
 
 
 def bracketed(name: str, bracket: Bracket | None) -> Measurement:
@@ -118,11 +120,13 @@ def wind_speed(friction: float, tunnel: Tunnel, ratio: Sequence[float] = MAP_RAT
     with x the fetch [m], d the diameter [m], and c the ratio of u* in the simulated air of the working
     section to that of a flat plate, 6 m from the inlet: straight lines between the speeds of the map, and
     constant beyond. The standard deviation of u* at a stated U is `MAP_SD` u*. A ratio of 1 (`PLATE`) gives
-    the flat plate.
+    the flat plate. Where the tunnel has a measured u*/U, that is all there is to it.
 
     Reference: Schlichting & Gersten (2017), Boundary-Layer Theory, 18.2; Coles (1956), J. Fluid Mech. 1, 191;
     doe/tunnel_map.
     """
+    if tunnel.ratio is not None:
+        return friction / tunnel.ratio
 
     def excess(speed: float) -> float:
         depth = flat_plate_thickness(speed, tunnel.fetch, tunnel.viscosity)
@@ -135,15 +139,16 @@ def wind_speed(friction: float, tunnel: Tunnel, ratio: Sequence[float] = MAP_RAT
 def tunnel_speed(name: str, bracket: Bracket | None, tunnel: Tunnel) -> Measurement:
     """Free-stream speed at the threshold of one bed [m s-1]; `sd` is that of its bracket.
 
-    `details`: ends of the bracket as speeds; `shared_sd`, the standard deviation of the map, which all beds
-    share; `flat_plate`, the speed over a flat plate.
+    `details`: ends of the bracket as speeds; by the map also `shared_sd`, its standard deviation, which all
+    beds share, and `flat_plate`, the speed over a flat plate.
     """
     if bracket is None:
         return no_measurement(name, UNIT, NOT_REACHED)
     low, middle, high = (wind_speed(each, tunnel) for each in (bracket.low, bracket.middle, bracket.high))
-    beyond = wind_speed(bracket.middle * (1.0 + MAP_SD), tunnel)
-    details = {"low": low, "high": high, "shared_sd": beyond - middle}
-    details["flat_plate"] = wind_speed(bracket.middle, tunnel, PLATE)
+    details = {"low": low, "high": high}
+    if tunnel.ratio is None:
+        details["shared_sd"] = wind_speed(bracket.middle * (1.0 + MAP_SD), tunnel) - middle
+        details["flat_plate"] = wind_speed(bracket.middle, tunnel, PLATE)
     return Measurement(name, middle, middle * bracket.sd / bracket.middle, UNIT, details=details)
 
 
@@ -158,12 +163,11 @@ def pool_beds(repeats: Sequence[Measurement]) -> Measurement:
     """
     plain = pool(repeats)
     brackets = [r.details for r in repeats if {"low", "high"} <= set(r.details)]
-    shared = {
-        key: float(np.mean([b[key] for b in brackets])) for key in SHARED if key in next(iter(brackets), {})
-    }
+    held = {key: [r.details[key] for r in repeats if key in r.details] for key in SHARED}
+    shared = {key: float(np.mean(values)) for key, values in held.items() if values}
     counts_beds = plain.name in THRESHOLDS or brackets  # other measures lack no beds
     lacking = (*plain.shortfalls, *(bed_shortfalls(plain) if counts_beds else ()))
-    notes = (*plain.notes, CONVERSION.format(**shared)) if shared else plain.notes
+    notes = (*plain.notes, CONVERSION.format(**shared)) if "shared_sd" in shared else plain.notes
     plain = replace(plain, notes=notes, shortfalls=lacking, details=plain.details | shared)
     if len(brackets) < 2:
         return plain

@@ -1,4 +1,16 @@
-"""Grains in air: settling velocity, pressure drop and height of a bed, flux, stresses and hop heights."""
+"""Grains in air: settling velocity, pressure drop and height of a bed, flux, stresses and hop heights.
+
+Transport is measured where it is steady. The momentum P of the air over the bed changes by
+
+    dP/dt = rho u*^2 - tau,    tau the stress that air and grains carry across the lowest height of flight,
+
+so that a mean of tau / (rho u*^2) over a time T differs from 1 by what the air has gained or lost, over
+rho u*^2 T. Air that is too fast for its grains, or too slow, shows there for as long as a second: grains gain
+from it, and their flux rises and falls again, without a slope over the whole. A window is steady where its
+first dozen hop times and both of its halves are within `BALANCE` of 1, as means over all repeats. Few grains
+fly over a small patch, and column and grains swing slowly about the balance: air without inertia
+(`steady_air` of a stage) does not.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,8 +20,8 @@ import numpy as np
 
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import AirProfile, Snapshot
-from taichi_erosion.measures.result import Measurement, no_measurement
-from taichi_erosion.measures.shortfalls import drift_shortfalls
+from taichi_erosion.measures.result import Measurement, Shortfall, no_measurement
+from taichi_erosion.measures.shortfalls import drift_shortfalls, unsteady_shortfalls
 
 BLOCKS = 8  # of a time series: each so long that their means are nearly independent
 LEAST_FRAMES = 16  # two a block
@@ -17,6 +29,25 @@ TOP_SHARE = 0.98  # of the grains lie below what is called the top of a bed [1]
 FLIGHT = 1.0  # diameters above the bed from which on a grain counts as flying [1]
 FIT_SHARE = (0.05, 0.95)  # of the flux above the bed: the part of the profile that is fitted [1]
 BINS = 24  # of the flux profile
+BALANCE = 0.05  # of the stress of the wind: largest departure of a part of a steady window [1]
+LEAST_HOP_TIMES = 12  # duration of a steady window in those of a hop [1]
+# duration of a hop over u* / g [1]; Reference: Sauermann, Kroy & Herrmann (2001), Phys. Rev. E 64, 031305
+HOP_TIME = 1.7
+
+
+@dataclass(frozen=True)
+class Window:
+    """Frames of a stage, to its end, over which transport is measured."""
+
+    first: int  # frame
+    start: float  # s after the begin of the stage
+    balance: float  # stress of air and grains over that of the wind, mean over the window [1]
+    lacking: tuple[Shortfall, ...] = ()  # where transport never became steady
+
+    @property
+    def details(self) -> dict[str, float]:
+        """As details of a measurement."""
+        return {"window_start": self.start, "stress_over_wind": self.balance}
 
 
 @dataclass(frozen=True)
@@ -128,19 +159,54 @@ def air_stress(air: AirProfile, patch: Patch) -> Floats:
     return patch.density * open_share * (patch.viscosity + air.eddy_viscosity[1:]) * shear
 
 
+def air_stress_at_bed(air: AirProfile, patch: Patch) -> float:
+    """Stress that the air itself carries a diameter over the undisturbed bed [Pa]."""
+    return float(np.interp(patch.clear, air.face[1:-1], air_stress(air, patch)))
+
+
+def grain_stress_at_bed(air: AirProfile, patch: Patch) -> float:
+    """Stress that grains carry across that height [Pa]: what they take from the air above."""
+    share = np.clip((air.face[1:] - patch.clear) / np.diff(air.face), 0.0, 1.0)
+    return -float((air.drag[:, 0] * np.diff(air.face) * share).sum())
+
+
 def bed_stress(airs: Sequence[AirProfile], patch: Patch) -> Measurement:
     """Stress that the air itself still carries just above the grains of the undisturbed bed [Pa].
 
     Below that height, one diameter over the bed, grains at rest take it all within a layer or two.
     """
-    series = [float(np.interp(patch.clear, air.face[1:-1], air_stress(air, patch))) for air in airs]
-    return blocked("bed_stress", series, "Pa")
+    return blocked("bed_stress", [air_stress_at_bed(air, patch) for air in airs], "Pa")
 
 
 def grain_stress(airs: Sequence[AirProfile], patch: Patch) -> Measurement:
-    """Stress that grains carry across the height of `bed_stress` [Pa]: what they take from the air above."""
-    series = []
-    for air in airs:
-        share = np.clip((air.face[1:] - patch.clear) / np.diff(air.face), 0.0, 1.0)
-        series.append(-float((air.drag[:, 0] * np.diff(air.face) * share).sum()))
-    return blocked("grain_stress", series, "Pa")
+    """Stress that grains carry across the height of `bed_stress` [Pa]."""
+    return blocked("grain_stress", [grain_stress_at_bed(air, patch) for air in airs], "Pa")
+
+
+def stress_share(airs: Sequence[AirProfile], patch: Patch, stress: float) -> Floats:
+    """Stress of air and grains together over that of the wind [Pa], by frame [1]."""
+    both = [air_stress_at_bed(air, patch) + grain_stress_at_bed(air, patch) for air in airs]
+    return np.array(both) / stress
+
+
+def steady_window(times: Sequence[float], shares: Sequence[Floats], hop: float) -> Window:
+    """Longest steady window that reaches to the last of some times [s] after the begin of a stage.
+
+    `shares` are those of `stress_share`, by repeat; `hop` is the duration of a hop [s]. Where no window is
+    steady, the shortest admissible one, or the later half of a stage that is too short for it.
+    """
+    count = min(len(share) for share in shares)
+    mean, times = np.mean([share[:count] for share in shares], axis=0), times[:count]
+    length = LEAST_HOP_TIMES * hop
+    admissible = [k for k in range(count) if times[-1] - times[k] >= length] or [count // 2]
+
+    def departure(first: int) -> float:
+        begin = mean[first : int(np.searchsorted(times, times[first] + length)) + 1]
+        parts = (begin, *np.array_split(mean[first:], 2))
+        return max(abs(float(part.mean()) - 1.0) for part in parts)
+
+    long_enough = times[-1] - times[0] >= length
+    steady = (k for k in admissible if long_enough and departure(k) <= BALANCE)
+    first = next(steady, admissible[-1])
+    lacking = unsteady_shortfalls(times[-1], length, departure(first), BALANCE)
+    return Window(first, float(times[first]), float(mean[first:].mean()), tuple(lacking))

@@ -30,7 +30,7 @@ from taichi_erosion.simulation import export_state
 Arrays = dict[str, NDArray[Any]]
 
 # the number is raised when the layout of the file, or what a state holds, changes
-SCHEMA = f"checkpoint 6 of taichi_erosion {__version__}"
+SCHEMA = f"checkpoint 7 of taichi_erosion {__version__}"
 HEAD = "head"  # member that holds the header
 STATE = "state/"  # prefix of the members that hold the arrays
 ARRAY = "array"  # key under which a record names an array of the checkpoint

@@ -178,7 +178,8 @@ def situation(scene: Scene | AirScene) -> list[Any]:
         return [scene.conditions, scene.air.model_dump(include=set(OF_BOX))]
     wind = scene.wind and scene.wind.model_dump(include=set(OF_AIR))
     winds = [(each.friction_velocity, each.through_flow) for each in scene.stages]
-    return [scene.conditions, scene.gravity, wind, winds, scene.grains.model_copy(update={"count": 1})]
+    grains, tunnel = scene.grains.model_copy(update={"count": 1}), scene.threshold.tunnel_ratio
+    return [scene.conditions, scene.gravity, wind, winds, grains, tunnel]
 
 
 def library_of(*scenes: Scene) -> dict[str, Any]:

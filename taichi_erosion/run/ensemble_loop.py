@@ -17,6 +17,7 @@ from taichi_erosion.run.stages import (
     begin_stage,
     lifting_energy,
     measure_stage,
+    settle_air,
     stage_is_over,
     store_frame,
     tilt_gravity,
@@ -66,6 +67,7 @@ class EnsembleRun:
     scenes: list[Scene]  # by replica
     sim: Simulation
     states: list[ReplicaState]  # by replica
+    repeats: bool = False  # of one scene: what its last stage measures is taken in one window for all
     checks: int = 0  # check intervals done
     grain_steps: float = 0.0  # released grains times steps
     sums: Floats = field(default_factory=lambda: np.zeros((0, 6)))  # of simulation.energies
@@ -106,6 +108,10 @@ def run_ensemble(ensemble: EnsembleRun, callbacks: list[Callback]) -> None:
                 check_replica(ensemble, replica, state)
         for callback in callbacks:
             callback(ensemble)
+    if ensemble.repeats:
+        scene = ensemble.scenes[0]
+        ended = {replica: state for replica, state in enumerate(ensemble.states) if state.finished}
+        measure_stage(sim, scene, len(scene.stages) - 1, ended)
 
 
 def check_replica(ensemble: EnsembleRun, replica: int, state: ReplicaState) -> None:
@@ -116,11 +122,13 @@ def check_replica(ensemble: EnsembleRun, replica: int, state: ReplicaState) -> N
         return
     tilt_gravity(sim, scene, replica, state, now)
     store_frame(sim, scene, replica, state, now)
+    settle_air(sim, scene, replica, state)
     kinetic, lifting = float(ensemble.sums[replica, 0]), float(ensemble.lifting_energies[replica])
     if stage_is_over(sim, scene, replica, state, now, (kinetic, lifting)):
         state.failure = count_failure(sim, replica, now)
         if state.failure is None:
-            measure_stage(sim, scene, replica, state)
+            if not ensemble.repeats or state.stage + 1 < len(scene.stages):
+                measure_stage(sim, scene, state.stage, {replica: state})
             begin_stage(sim, scene, replica, state, now)
 
 

@@ -25,7 +25,7 @@ from taichi_erosion.scene import Scene
 from taichi_erosion.scene.preparation.air import surface_height
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
 from taichi_erosion.scene.schema.geometry import ORIGIN, Cylinder, Disc, Funnel, Plane, Wall
-from taichi_erosion.scene.schema.scene import Measure
+from taichi_erosion.scene.schema.scene import SPLASH, Measure
 
 AZIMUTHS = 12  # silhouettes of a heap where the scene names no number
 CONE_SHARE = 0.5  # of the grains of a planned heap, without which no cone has its rows [1]
@@ -46,16 +46,27 @@ class MeasureInput:
     thresholds: Mapping[str, threshold.Bracket] = field(default_factory=dict)  # found so far, by name
     profile: Callable[[], GrainFields] | None = None  # coarse-grained fields over the height, at the end
     period: Triple = (0.0, 0.0, 0.0)  # m, 0 where open
+    window: wind_bed.Window | None = None  # of steady transport; None: the whole stage
 
     @property
     def patch(self) -> wind_bed.Patch:
         return patch_of(self.scene)
 
     @property
+    def steady_frames(self) -> tuple[Snapshot, ...]:
+        """Frames of steady transport."""
+        return self.frames[self.window.first :] if self.window else self.frames
+
+    @property
+    def steady_airs(self) -> tuple[AirProfile, ...]:
+        """Air of those frames."""
+        return self.airs[self.window.first :] if self.window else self.airs
+
+    @property
     def tunnel(self) -> threshold.Tunnel:
         """The tunnel in which the patch lies."""
-        patch = self.patch
-        return threshold.Tunnel(self.scene.threshold.fetch, patch.diameter, patch.viscosity)
+        patch, search = self.patch, self.scene.threshold
+        return threshold.Tunnel(search.fetch, patch.diameter, patch.viscosity, search.tunnel_ratio)
 
     @property
     def plate(self) -> Wall | None:
@@ -91,8 +102,8 @@ class MeasureInput:
 
     @cached_property
     def landings(self) -> splash.Splash:
-        """Landings of grains in the frames."""
-        return splash.splash(self.frames, self.patch, self.scene.gravity.magnitude)
+        """Landings of grains in steady transport."""
+        return splash.splash(self.steady_frames, self.patch, self.scene.gravity.magnitude)
 
 
 def patch_of(scene: Scene) -> wind_bed.Patch:
@@ -150,10 +161,10 @@ OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "settling_velocity": lambda e: wind_bed.settling_velocity(e.end),
     "pressure_drop": lambda e: wind_bed.pressure_drop(e.airs),
     "bed_height": lambda e: wind_bed.bed_height(e.end),
-    "flux": lambda e: wind_bed.flux(e.frames, e.patch),
-    "flux_height": lambda e: wind_bed.flux_height(e.frames, e.patch),
-    "bed_stress": lambda e: wind_bed.bed_stress(e.airs, e.patch),
-    "grain_stress": lambda e: wind_bed.grain_stress(e.airs, e.patch),
+    "flux": lambda e: wind_bed.flux(e.steady_frames, e.patch),
+    "flux_height": lambda e: wind_bed.flux_height(e.steady_frames, e.patch),
+    "bed_stress": lambda e: wind_bed.bed_stress(e.steady_airs, e.patch),
+    "grain_stress": lambda e: wind_bed.grain_stress(e.steady_airs, e.patch),
     "rebound_share": lambda e: splash.rebound_share(e.landings),
     "rebound_speed": lambda e: splash.rebound_speed(e.landings),
     "ejecta_share": lambda e: splash.ejecta_share(e.landings),
@@ -229,10 +240,9 @@ LACKING: dict[str, Callable[[MeasureInput, Measurement], Iterable[Shortfall]]] =
     **dict.fromkeys(ANGLES, heap_shortfalls),
     "dynamic_angle": surface_shortfalls,
     "settling_velocity": touching_shortfalls,
-    **dict.fromkeys(
-        ("flux", "flux_height", "rebound_share", "rebound_speed", "ejecta_share"), hop_shortfalls
-    ),
+    **dict.fromkeys(("flux", "flux_height", *SPLASH), hop_shortfalls),
 }
+OF_TRANSPORT = ("flux", "flux_height", "bed_stress", "grain_stress", *SPLASH)  # measured where it is steady
 
 
 def measure(name: str, given: MeasureInput) -> Measurement:
@@ -242,7 +252,10 @@ def measure(name: str, given: MeasureInput) -> Measurement:
     outlet = min((wall.outlet[2] for wall in walls if isinstance(wall, Funnel)), default=inf)
     if (left := (height > outlet).sum()) > LEFT_MOST * height.size:
         return no_measurement(name, found.unit, f"{left:,} of {height.size:,} grains are still in the funnel")
-    lacking = LACKING[name](given, found) if name in LACKING else ()
+    lacking = tuple(LACKING[name](given, found) if name in LACKING else ())
+    if given.window and name in OF_TRANSPORT:
+        found = replace(found, details=found.details | given.window.details)
+        lacking += given.window.lacking
     if given.fallen and name in OF_HEAP:
         fallen = height.size - given.heap.radius.size
         notes, details = (*found.notes, given.fallen), found.details | {"fallen_grains": fallen}

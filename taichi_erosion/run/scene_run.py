@@ -141,7 +141,8 @@ def assemble_run(
     arch = arch_of(options.arch, options.decomposition, grains, has_grids(setups))
     numerics = Numerics(arch, options.threads, scene.run.precision, options.decomposition)
     sim = assemble(setups, laws(effective), numerics)
-    ensemble = EnsembleRun([effective] * len(seeds), sim, [ReplicaState(seed) for seed in seeds])
+    states = [ReplicaState(seed) for seed in seeds]
+    ensemble = EnsembleRun([effective] * len(seeds), sim, states, repeats=True)
     if resume:
         import_state(sim, resume[0])
         restore_run(ensemble, *resume)

@@ -1,5 +1,6 @@
 """Stages of an experiment: state of each replica, start and end of a stage, frames and measurements in it."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import radians
@@ -11,8 +12,9 @@ from taichi_erosion import simulation
 from taichi_erosion.core.setup import Motion, Setup
 from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot
 from taichi_erosion.measures.result import Measurement
+from taichi_erosion.measures.wind_bed import HOP_TIME, Window, steady_window, stress_share
 from taichi_erosion.run.grain_fields import fields_now
-from taichi_erosion.run.observables import MeasureInput, measure
+from taichi_erosion.run.observables import MeasureInput, measure, patch_of
 from taichi_erosion.run.threshold_search import ROUNDING, ThresholdSearch, advance_search, begin_search
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.schema.scene import Stage
@@ -58,12 +60,12 @@ def whole_intervals(time: float, interval: float) -> int:
 def begin_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float) -> None:
     """Begin the next stage at a time [s]; after the last one the replica is finished."""
     state.stage += 1
-    state.began = time
     state.energy = None
-    state.frames, state.tilts, state.airs = [], [], []
     if state.stage == len(scene.stages):
         state.finished = True
         return
+    state.began = time
+    state.frames, state.tilts, state.airs = [], [], []
     stage = scene.stages[state.stage]
     change_boundaries(sim, replica, stage)
     if stage.until == "threshold":
@@ -94,6 +96,20 @@ def tilt_gravity(sim: Simulation, scene: Scene, replica: int, state: ReplicaStat
     x, y, z = turn.apply(upright)
     simulation.set_gravity(sim, replica, (float(x), float(y), float(z)))
     state.energy = None
+
+
+def friction_velocity_in(scene: Scene, stage: int) -> float:
+    """u* of a stage that reaches the patch [m s-1]: as stated in it, or last before it."""
+    assert scene.wind is not None
+    stated = [each.friction_velocity for each in scene.stages[: stage + 1]]
+    values = (value for value in (*reversed(stated), scene.wind.friction_velocity) if value is not None)
+    return scene.wind.partition * next(values)
+
+
+def settle_air(sim: Simulation, scene: Scene, replica: int, state: ReplicaState) -> None:
+    """Steady profile of the air over the grains as they fly now, in a stage whose air has no inertia."""
+    if scene.stages[state.stage].steady_air:
+        simulation.spin_up_wind(sim, replica, simulation.friction_velocity(sim, replica))
 
 
 def store_frame(sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float) -> None:
@@ -149,18 +165,34 @@ def lifting_energy(setup: Setup) -> float:
     return float(masses.sum() * np.linalg.norm(setup.gravity) * 2.0 * setup.grains.radius.mean())
 
 
-def measure_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaState) -> None:
-    """Measure the observables that belong to the end of the stage."""
-    names = measured_in(scene, state.stage)
-    if not names:
-        return
-    end = simulation.snapshot(sim, replica)
-    air = simulation.air_profile(sim, replica) if scene.wind is not None else None
-    thresholds = {} if state.search is None else state.search.found
-    profile, period = partial(fields_now, sim, replica), sim.setups[replica].period
-    kept = end, tuple(state.frames), tuple(state.tilts), air, tuple(state.airs), thresholds, profile, period
-    for name in names:
-        given = MeasureInput(scene, scene.measure[name], *kept)
-        state.measurements[name] = measure(name, given)
-        if given.fallen in state.measurements[name].notes:
-            state.warn(given.fallen)
+def measure_stage(sim: Simulation, scene: Scene, stage: int, replicas: Mapping[int, ReplicaState]) -> None:
+    """Measure the observables of the end of a stage in replicas that repeat one scene.
+
+    Means of transport are taken over one window for all of them, in which their air is steady.
+    """
+    names = measured_in(scene, stage)
+    window = transport_window(scene, stage, list(replicas.values())) if names else None
+    for replica, state in replicas.items() if names else ():
+        end = simulation.snapshot(sim, replica)
+        air = simulation.air_profile(sim, replica) if scene.wind is not None else None
+        thresholds = {} if state.search is None else state.search.found
+        profile, period = partial(fields_now, sim, replica), sim.setups[replica].period
+        kept = end, tuple(state.frames), tuple(state.tilts), air, tuple(state.airs), thresholds
+        for name in names:
+            given = MeasureInput(scene, scene.measure[name], *kept, profile, period, window)
+            state.measurements[name] = measure(name, given)
+            if given.fallen in state.measurements[name].notes:
+                state.warn(given.fallen)
+
+
+def transport_window(scene: Scene, stage: int, states: Sequence[ReplicaState]) -> Window | None:
+    """Window in which transport by wind is steady; None without wind or where a grid carries the stress."""
+    wind = scene.wind
+    if wind is None or wind.columns != (1, 1) or (friction := friction_velocity_in(scene, stage)) <= 0.0:
+        return None
+    if any(len(state.airs) < 2 for state in states):
+        return None
+    patch, stress = patch_of(scene), wind.density * friction**2
+    times = [frame.time - states[0].began for frame in states[0].frames]
+    hop = HOP_TIME * friction / scene.gravity.magnitude
+    return steady_window(times, [stress_share(state.airs, patch, stress) for state in states], hop)

@@ -8,8 +8,9 @@
 
 Where the scene names the wind of the transport, the search begins with `start`, over the grains as they are.
 
-At every change of u* the air takes its steady profile at once. Below the threshold nothing happens for long:
-in a steady wind a trial ends early once the bed is at rest.
+At every change of u* the air takes its steady profile at once, and where the scene asks for it at every check
+of a transport: a column that is spun up over few grains is too fast for those that will fly. Below the
+threshold nothing happens for long: in a steady wind a trial ends early once the bed is at rest.
 """
 
 from collections.abc import Callable
@@ -33,6 +34,7 @@ REST_AFTER = 0.2  # of a trial, before which a bed does not count as at rest [1]
 ROUNDING = 1e-9  # of an interval: what lies on its end counts as reached [1]
 DURATION = {"ramp": "rise_hold", "hold": "hold", "start": "spin_up", "fall": "fall_hold"}  # by phase
 FROM_REST = ("hold", "start")  # phases whose trials begin with the bed at rest
+TRANSPORT = ("start", "fall")  # phases in which grains blow
 # measures that ask for the start and the fall
 IMPACT = ("impact_threshold", "impact_threshold_linear", "threshold_ratio")
 
@@ -115,6 +117,8 @@ def new_trial(sim: Simulation, replica: int, friction_velocity: float, time: flo
 def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time: float) -> bool:
     """Record the motion since the last check; where a trial ends begin the next one. True after the last."""
     record_motion(search, snapshot(sim, replica))
+    if search.scene.threshold.steady_air and search.phase in TRANSPORT:
+        spin_up_wind(sim, replica, search.trial.friction_velocity)
     # neither an effect nor an eddy changes the wind over grains at rest
     steady = not sim.world.grain_effects.any and (sim.coupling.air is None or sim.coupling.air.is_column)
     moved = trial_outcome(search, time, steady)

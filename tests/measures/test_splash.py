@@ -67,6 +67,15 @@ def test_what_the_ends_of_the_series_cut_off_is_not_counted():
     assert (len(landed.impacts), landed.ejected) == (1, 1)
 
 
+def test_slow_landings_do_not_rule_the_speed_of_rebounds():
+    before = np.array([[1.0, -0.2]] * 20 + [[0.05, -0.01]] * 20)
+    after = np.array([[0.5, 0.2]] * 20 + [[0.5, 0.2]] * 20)  # ten times as fast as the slow ones came
+    speed = splash.rebound_speed(splash.Splash(before, after, 0))
+    assert speed.value == pytest.approx(hypot(0.5, 0.2) / hypot(1.0, 0.2))
+    assert speed.sd == pytest.approx(0.0, abs=1e-12)
+    assert splash.rebound_speed(splash.Splash(before[20:], after[20:], 0)).n == 0
+
+
 def test_a_grain_that_nothing_weighs_flies_on():
     landed = splash.splash(frames([throws(0.1, [(0.4, 1.0)])]), PATCH, 0.0)
     assert (len(landed.impacts), landed.ejected) == (0, 0)

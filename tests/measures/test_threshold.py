@@ -1,10 +1,12 @@
 """Thresholds of several beds, and the wind speed of a tunnel."""
 
 import csv
+from math import log
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from scipy.stats import t as student
 
 from taichi_erosion.measures.threshold import (
@@ -19,6 +21,7 @@ from taichi_erosion.measures.threshold import (
     tunnel_speed,
     wind_speed,
 )
+from taichi_erosion.scene.schema.wind import Threshold
 
 
 def beds(thresholds: np.ndarray, width: float, seed: int = 0):
@@ -108,3 +111,22 @@ def test_beds_share_the_uncertainty_of_the_map():
     # 5.6 % of u*, and a little more of the speed, which grows faster than u*
     assert 0.056 < pooled.details["shared_sd"] / pooled.value < 0.065
     assert pooled.details["flat_plate"] == pytest.approx(wind_speed(0.299, tunnel, PLATE), rel=0.01)
+
+
+def test_a_tunnel_of_ones_own_needs_no_map():
+    found = tunnel_speed("threshold_wind_speed", Bracket(0.24, 0.25), Tunnel(6.0, 0.25e-3, 1.5e-5, 0.048))
+    assert found.value == pytest.approx(0.06**0.5 / 0.048)
+    assert set(found.details) == {"low", "high"}
+    assert pool_beds([found, found]).notes == ()  # of the map
+
+
+def test_the_law_of_the_wall_gives_the_ratio_of_a_measured_profile():
+    heights = (0.002, 0.006, 0.02, 0.05, 0.3)
+    speeds = (*(0.3 / 0.4 * log(height / 1e-5) for height in heights[:-1]), 7.5)
+    own = Threshold(profile_heights=heights, profile_speeds=speeds)
+    assert own.tunnel_ratio == pytest.approx(0.3 / 7.5)
+    assert Threshold().tunnel_ratio is None
+    wrong = ({"profile_heights": heights}, {"profile_heights": heights[::-1], "profile_speeds": speeds})
+    for entries in (*wrong, {"profile_heights": heights, "profile_speeds": speeds, "speed_ratio": 0.05}):
+        with pytest.raises(ValidationError, match="profile"):
+            Threshold(**entries)

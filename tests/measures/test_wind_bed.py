@@ -50,3 +50,42 @@ def test_stresses_at_the_bed_are_those_of_the_profile():
     assert wind_bed.bed_stress(airs, PATCH).value == pytest.approx(0.05)
     # the drag reaches to 2 mm, and only what lies a diameter of 0.25 mm over the bed of 1 mm counts
     assert wind_bed.grain_stress(airs, PATCH).value == pytest.approx(30.0 * 0.75e-3)
+
+
+HUMP = [1.18, 1.36, 1.47, 1.28, 1.24, 1.18, 1.08, 1.00]  # eighths of a second, as eight beds once had it
+SWINGS = {"up and down": (1.2, 0.8), "down and up": (0.7, 1.3), "always above": (1.06,)}
+
+
+def window_of(parts: list[float], seconds: float, noise: float = 0.0, beds: int = 2) -> wind_bed.Window:
+    """Window of some beds whose shares go through `parts` in turn, at 200 frames a second."""
+    count = round(200 * seconds)
+    share = np.repeat(parts, -(-count // len(parts)))[:count]
+    random = np.random.default_rng(4)
+    shares = [share + noise * random.standard_normal(count) for _ in range(beds)]
+    return wind_bed.steady_window((np.arange(1, count + 1) / 200).tolist(), shares, hop=0.05)
+
+
+def test_a_hump_of_the_start_is_left_out_of_the_window():
+    found = window_of([*HUMP, *[1.0] * 24], 4.0)
+    assert not found.lacking
+    assert 0.55 < found.start < 1.1  # the hump has a tail of a few percent
+    assert found.balance == pytest.approx(1.0, abs=0.03)
+
+
+def test_a_hump_alone_is_not_steady_and_blocks_a_comparison():
+    (lacking,) = window_of(HUMP, 1.0).lacking
+    assert lacking.flag == "unsteady"
+    assert lacking.blocks
+    (longer,) = window_of(HUMP, 2.0).lacking  # the same, slower: now long enough to be judged
+    assert longer.needed == wind_bed.BALANCE
+    assert longer.found > wind_bed.BALANCE
+
+
+@pytest.mark.parametrize("parts", SWINGS.values(), ids=SWINGS)
+def test_momentum_that_comes_and_goes_does_not_pass_for_balance(parts):
+    assert window_of(list(parts), 1.2).lacking
+
+
+def test_scatter_of_beds_that_are_balanced_is_averaged_over_them():
+    found = window_of([1.0], 2.0, noise=0.3, beds=8)  # a half has 1,600 values: 0.8 %
+    assert (found.first, found.lacking) == (0, ())

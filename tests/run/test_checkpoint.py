@@ -275,6 +275,6 @@ def test_foreign_files_headers_and_pickled_objects_are_refused_in_one_line(tmp_p
 def test_a_checkpoint_of_another_scene_or_program_is_refused(saved: Path, monkeypatch):
     with pytest.raises(BadInput, match="belongs to scene 5eed, not to beef"):
         load_checkpoint(saved, "beef")
-    monkeypatch.setattr(checkpoint, "SCHEMA", "checkpoint 6 of taichi_erosion 99.0")
-    with pytest.raises(BadInput, match="cannot be resumed as 'checkpoint 6"):
+    monkeypatch.setattr(checkpoint, "SCHEMA", "checkpoint 7 of taichi_erosion 99.0")
+    with pytest.raises(BadInput, match="cannot be resumed as 'checkpoint 7"):
         load_checkpoint(saved)

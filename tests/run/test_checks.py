@@ -91,6 +91,7 @@ SHIPPED = Path(__file__).parents[2] / "scenes"
     [
         ("saltation", "stages.3.friction_velocity=0.5", False),
         ("saltation", "stages.3.duration_max=3.0", True),
+        ("wind_threshold", "threshold.speed_ratio=0.048", False),
         ("channel", "air.driving_gradient=[-4.0, 0.0, 0.0]", False),
         ("channel", "air.cells=[1, 1, 48]", True),
     ],

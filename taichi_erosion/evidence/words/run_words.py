@@ -79,6 +79,16 @@ def known(sd: float | None) -> float:
     return sd if sd is not None and isfinite(sd) else 0.0
 
 
+def steadiness(document: Document) -> Iterator[str]:
+    """Where the window begins in which transport was steady, once for all measures that share it."""
+    for found in document["measures"].values():
+        shared, lacking = found.get("details", {}), {each["flag"] for each in found.get("shortfalls", ())}
+        if "window_start" in shared and "unsteady" not in lacking:
+            start, balance = plain(shared["window_start"], 2), plain(shared["stress_over_wind"], 3)
+            carried = f"air and grains together carry {balance} of the stress of the wind"
+            yield f"Transport is steady from {start} s of its stage on: {carried}."
+
+
 def run_warnings(document: Document) -> list[str]:
     """What the set-up lacks for its measures, and what went wrong: each once, the gravest first."""
     lacking: dict[str, list[tuple[str, Document]]] = {}

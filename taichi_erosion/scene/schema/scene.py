@@ -142,6 +142,10 @@ class Stage(Section):
     friction_velocity: float | None = number(
         None, "m s-1", "u* from now on, its profile at once steady", 0.0, FASTEST_FRICTION
     )
+    steady_air: bool = Field(
+        default=False,
+        description="the air has no inertia: its steady profile over the flying grains is set at every check",
+    )
     through_flow: float | None = number(
         None, "m s-1", "superficial velocity of air rising through the bed from now on", -100.0, 100.0
     )
@@ -356,7 +360,7 @@ def wind_problems(scene: Scene) -> Iterator[str]:
     """Stages, clumps and moving walls that do not go with the air, or with none."""
     wind = scene.wind
     if wind is None:
-        paths = stages_with(scene, "friction_velocity") + stages_with(scene, "through_flow")
+        paths = stages_with(scene, "friction_velocity", "through_flow", "steady_air")
         yield from (f"{path} needs a [wind] section" for path in paths)
         return
     if scene.grains.clump is not None:
@@ -373,11 +377,11 @@ def wind_problems(scene: Scene) -> Iterator[str]:
         yield "wind.drive = 'gradient': one column is driven by its lid; state wind.columns"
 
 
-def stages_with(scene: Scene, name: str) -> list[str]:
-    """Paths of an entry in the stages that state it."""
-    return [
-        f"stages.{k}.{name}" for k, stage in enumerate(scene.stages) if getattr(stage, name) not in (None, {})
-    ]
+def stages_with(scene: Scene, *names: str) -> list[str]:
+    """Paths of some entries in the stages that state them."""
+    stages, unstated = list(enumerate(scene.stages)), (None, {}, False)
+    stated = ((k, name) for name in names for k, stage in stages if getattr(stage, name) not in unstated)
+    return [f"stages.{k}.{name}" for k, name in stated]
 
 
 def grid_problems(scene: Scene, wind: Wind) -> Iterator[str]:
@@ -391,5 +395,7 @@ def grid_problems(scene: Scene, wind: Wind) -> Iterator[str]:
     for name in OF_ONE_COLUMN:
         if name in scene.measure:
             yield f"measure.{name} reads a single column of air; leave wind.columns out"
+    for path in stages_with(scene, "steady_air"):
+        yield f"{path} needs a single column of air; leave wind.columns out"
     if "turbulent_gusts" in scene.effects and wind.closure != "mixing_length":
         yield "effects.turbulent_gusts: the grid has gusts of its own; leave the effect or the eddies out"

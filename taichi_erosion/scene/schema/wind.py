@@ -1,5 +1,8 @@
 """Wind over a periodic patch of grains: one column of cells, or a grid; and the search for thresholds."""
 
+from itertools import pairwise
+from math import log
+from statistics import linear_regression
 from typing import Literal
 
 from pydantic import Field, model_validator
@@ -12,6 +15,8 @@ Columns = tuple[int, int]
 COLUMNS_MOST = 256  # along either side of a patch
 COLUMNS_LEAST = 4  # in each direction of a grid: fewer carry no wave
 LONGEST_HOLD = 1e3  # longest time that a search for thresholds may hold a wind [s]
+LEAST_HEIGHTS = 4  # of a profile: three below the free stream
+KARMAN = 0.4  # von Karman's constant [1]
 FASTEST_FRICTION = 10.0  # largest friction velocity that a scene may name [m s-1]
 
 
@@ -97,4 +102,34 @@ class Threshold(Section):
     ceased: float = number(
         0.01, "1", "flux over that of the start below which transport has ceased", 1e-6, 0.5
     )
+    steady_air: bool = Field(
+        default=False, description="transport that starts and falls: as a stage's steady_air, at every check"
+    )
     fetch: float = number(6.0, "m", "distance from the inlet of the tunnel that is compared", 0.01, 1e4)
+    speed_ratio: float | None = number(
+        None, "1", "u*/U of a tunnel of one's own, in place of the built-in map", 1e-3, 0.5
+    )
+    profile_heights: tuple[float, ...] = number(
+        (), "m", "heights over the bed of its wind profile, upwards, the last in the free stream", 0.0, 1e4
+    )
+    profile_speeds: tuple[float, ...] = number((), "m s-1", "wind speeds there, for u*/U", 0.0, 1e3)
+
+    @model_validator(mode="after")
+    def _has_one_map(self) -> "Threshold":
+        heights, speeds = self.profile_heights, self.profile_speeds
+        if len(heights) != len(speeds) or 0 < len(heights) < LEAST_HEIGHTS:
+            raise contradiction(f"profile_heights and profile_speeds need {LEAST_HEIGHTS} or more pairs")
+        if heights and self.speed_ratio is not None:
+            raise contradiction("speed_ratio and a profile state the same; leave one out")
+        grow = (low < high for each in (heights, speeds[:-1]) for low, high in pairwise((0.0, *each)))
+        if not all(grow):
+            raise contradiction("profile_heights and profile_speeds below the last must grow upwards")
+        return self
+
+    @property
+    def tunnel_ratio(self) -> float | None:
+        """u*/U as stated, or by the law of the wall below the last height, u* = 0.4 du / dln z."""
+        if not self.profile_heights:
+            return self.speed_ratio
+        ln, speed = [log(height) for height in self.profile_heights[:-1]], self.profile_speeds[:-1]
+        return KARMAN * linear_regression(ln, speed).slope / self.profile_speeds[-1]
