@@ -64,7 +64,7 @@ def error_text(found: parts.LevelPart | parts.ErrorPart, voc: say.Vocabulary) ->
     return {
         "factor": f"{name} reads {factor_text(found.size)} at all conditions{unit}",
         "offset": f"{name} reads {size} than the model at all conditions",
-        "scatter": f"the scatter of {name}{f' of {label}' if label else ''} is {times} what is stated",
+        "scatter": f"the scatter of {name}{f' of {label}' if label else ''} is {times} that of sd or repeats",
         "row": f"row {label} reads {name} {size} than it should: check it",
     }.get(found.kind, f"{name} of {label} lies {far} {lies} {other} at equal conditions")
 
