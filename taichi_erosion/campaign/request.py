@@ -9,7 +9,7 @@ On a graphics processor a batch is as many runs of one number of grains as it ha
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from math import nan
 from pathlib import Path
@@ -21,9 +21,11 @@ from taichi_erosion.core.engine import engine_mark
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.core.setup import Arch, Numerics
-from taichi_erosion.run.checks import EffectFiles, compatibility_key, read_scene, with_effects
+from taichi_erosion.run.checks import EffectFiles, compatibility_key, library_of, read_scene, with_effects
 from taichi_erosion.scene import Scene, resolved, scene_hash
 from taichi_erosion.scene.preparation.limits import time_step
+from taichi_erosion.scene.preparation.sizes import template_spheres
+from taichi_erosion.simulation.scene_setup import effective_scene
 
 Payloads = Sequence[dict[str, Any]]
 SendRecord = Callable[[int, dict[str, Any]], None]  # (place in the batch, record)
@@ -125,9 +127,11 @@ def numerics_of(scene: Scene, device: WorkersEntry) -> Numerics:
 
 
 def work_of(scene: Scene) -> float:
-    """Most grain-steps that a run of this scene can take."""
-    duration = sum(stage.duration_max for stage in scene.stages)
-    return scene.grains.count * duration / time_step(scene)
+    """Most steps of contact spheres that a run of this scene can take, after its effects."""
+    with suppress(BadInput):  # impossible with its effects: as without
+        scene = effective_scene(scene, library_of(scene))
+    spheres = scene.grains.count * (len(template_spheres(scene.grains.clump)) if scene.grains.clump else 1)
+    return spheres * sum(stage.duration_max for stage in scene.stages) / time_step(scene)
 
 
 @contextmanager

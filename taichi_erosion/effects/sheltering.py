@@ -50,7 +50,8 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     mixed = Sieve(law="sieve", rows=rows, table=None)
     count = max(1, round(scene.grains.count * size.diameter**3 / mean_cube(mixed)))
     lagged = with_section(scene, "grains", size=mixed, count=count)
-    return with_wider_fill(lagged, (1.0 + SCATTER) * params.ratio)
+    mean = mean_cube(mixed) ** (1.0 / 3.0) / size.diameter
+    return with_wider_fill(lagged, (1.0 + SCATTER) * params.ratio, mean)
 
 
 def checks(probe: Probe) -> Checks:

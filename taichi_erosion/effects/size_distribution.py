@@ -6,9 +6,8 @@
 
 with D50 the mass median [m], q the spread [1], c the cut in standard deviations [1], Phi the normal
 distribution. The masses are those of CLASSES sieves, equal in ln d. The number of grains changes so that
-their mass stays. Strength multiplies sigma. A stated time step shrinks with the finest grain, and grains
-start farther apart by the factor of the coarsest. Acts on scenes of one size. Holds for exp(2 c sigma)
-below 20, beyond which the neighbour search costs more than the contacts.
+their mass stays. Strength multiplies sigma. A stated time step shrinks with the finest grain. Acts on scenes
+of one size. Holds for exp(2 c sigma) below 20, beyond which the neighbour search costs more than contacts.
 
 Reference: Folk & Ward (1957), J. Sediment. Petrol. 27, 3 (spread of sands).
 """
@@ -55,11 +54,11 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
         return scene
     if not isinstance(size, Monodisperse):
         raise BadInput("effects.size_distribution: grains.size has a distribution already")
-    widest = exp(params.cut * sigma)
-    sizes = sieves(size.diameter, sigma, params.cut)
+    widest, sizes = exp(params.cut * sigma), sieves(size.diameter, sigma, params.cut)
     count = max(1, round(scene.grains.count * size.diameter**3 / mean_cube(sizes)))
+    mean = mean_cube(sizes) ** (1.0 / 3.0) / size.diameter
     spread = with_section(scene, "grains", size=sizes, count=count)
-    return with_shorter_step(with_wider_fill(spread, widest), 1.0 / widest)
+    return with_shorter_step(with_wider_fill(spread, widest, mean), 1.0 / widest)
 
 
 def checks(probe: Probe) -> Checks:

@@ -6,7 +6,7 @@ and stands in no list of effects; it is asked for by name.
 """
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, make_dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -17,6 +17,8 @@ import numpy as np
 from taichi_erosion.core.effect import Effect, quantity
 from taichi_erosion.core.effect_loading import MEMBER
 from taichi_erosion.core.foreign_code import EffectFile
+from taichi_erosion.scene import Scene
+from taichi_erosion.scene.physical_ranges import place_range
 
 TABLE = Path(__file__).with_name("table.toml")
 DOSE = "dose"  # parameter of every mechanism
@@ -87,3 +89,19 @@ def dose_range(mechanism: Effect) -> tuple[float, float]:
     """Least and largest dose for which a mechanism is meant [1]."""
     declared = next(f for f in fields(mechanism.params) if f.name == DOSE).metadata
     return declared["low"], declared["high"]
+
+
+def physical_doses(mechanism: Effect, scenes: Iterable[Scene]) -> tuple[float, float]:
+    """Doses for which a mechanism is meant, and with which no number that it is a factor of is unusual."""
+    low, high = dose_range(mechanism)
+    for bare in scenes if mechanism.place == "scene" else ():
+        halved = mechanism.act(mechanism.params(dose=-0.5), 1.0, {}, bare)
+        for place in ("contact", "materials"):
+            for name, entries in getattr(bare, place).items():
+                half = getattr(halved, place)[name]
+                for entry, value in entries:
+                    allowed = place_range(f"{place}.{name}.{entry}")
+                    if allowed is not None and value and getattr(half, entry) == 0.5 * value:
+                        least, most = allowed.usual or (allowed.low, allowed.high)
+                        low, high = max(low, least / value - 1.0), min(high, most / value - 1.0)
+    return min(low, 0.0), max(high, 0.0)

@@ -41,29 +41,26 @@ def with_shorter_step(scene: Scene, factor: float) -> Scene:
     return with_section(scene, "run", time_step=scene.run.time_step * factor)
 
 
-def with_wider_fill(scene: Scene, factor: float) -> Scene:
-    """The scene with initial distances of grains multiplied by a factor above 1, as larger grains need.
+def with_wider_fill(scene: Scene, factor: float, mean: float | None = None) -> Scene:
+    """The scene with initial distances of grains multiplied, for largest grains that are larger by a factor.
 
-    Layers of rain then hold fewer grains and the column is taller by the factor cubed; tubes that a stage
-    removes are lengthened alike.
+    Coarse grains of rain leave out points of its net, whose pitch follows the cube root of their mean volume,
+    larger by `mean` (left out: by the factor too). Its column is taller by the cube of `mean`; tubes that a
+    stage removes are lengthened.
     """
-    fill = scene.fill
+    fill, mean = scene.fill, factor if mean is None else mean
     if factor <= 1.0 or not isinstance(fill, Rain | Lattice | Layers):
         return scene
-    wider = {"pitch": fill.pitch * factor}
+    net = mean if isinstance(fill, Rain) else factor
+    wider = {"pitch": fill.pitch * net, "jitter": fill.jitter * min(net, 1.0)}
     if not isinstance(fill, Lattice):
-        wider["first_height"] = fill.first_height * factor
-    spread = fill.model_copy(update=wider)
-    if not isinstance(fill, Rain):
-        return scene.model_copy(update={"fill": spread})
-    removed = {name for stage in scene.stages for name in stage.remove}
-    geometry = {
-        name: wall.model_copy(update={"length": wall.length * factor**3})
-        if name in removed and isinstance(wall, Cylinder)
-        else wall
-        for name, wall in scene.geometry.items()
-    }
-    return scene.model_copy(update={"fill": spread, "geometry": geometry})
+        wider["first_height"] = fill.first_height * net
+    spread = with_section(scene, "fill", **wider)
+    geometry, removed = dict(scene.geometry), {name for stage in scene.stages for name in stage.remove}
+    for name, wall in scene.geometry.items() if isinstance(fill, Rain) else ():
+        if name in removed and isinstance(wall, Cylinder):
+            geometry[name] = wall.model_copy(update={"length": wall.length * max(factor, mean**3)})
+    return spread.model_copy(update={"geometry": geometry})
 
 
 def drag_partition(density: float, basal_ratio: float, drag_ratio: float, worst_spot: float) -> float:

@@ -22,15 +22,16 @@ from taichi_erosion.scene.preparation.air import (
 from taichi_erosion.scene.preparation.contacts import young_effective
 from taichi_erosion.scene.preparation.fill import lattice_points, places_per_layer
 from taichi_erosion.scene.preparation.sizes import (
+    mean_cube,
     nominal_diameter,
     reach_over_diameter,
     size_range,
     template_spheres,
 )
-from taichi_erosion.scene.preparation.walls import outward, revolved_rows
+from taichi_erosion.scene.preparation.walls import distance_to_wall, revolved_rows
 from taichi_erosion.scene.schema.air import AirScene, box_problems
 from taichi_erosion.scene.schema.fields import unit_vector
-from taichi_erosion.scene.schema.geometry import UPWARDS, Cylinder, Funnel, Plane
+from taichi_erosion.scene.schema.geometry import UPWARDS, Cylinder, Funnel
 from taichi_erosion.scene.schema.grains import Lattice, Layers, Positions, Pour, Rain
 from taichi_erosion.scene.schema.scene import Scene, observable_problems, reference_problems
 from taichi_erosion.scene.schema.wind import Wind
@@ -142,7 +143,8 @@ def grid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
 
 def check_fill(scene: Scene) -> Iterator[str]:
     """Grains start apart and find room."""
-    fill, reach = scene.fill, reach_over_diameter(scene.grains) * size_range(scene.grains.size)[1]
+    fill, largest, share = scene.fill, size_range(scene.grains.size)[1], reach_over_diameter(scene.grains)
+    reach, mean = share * largest, min(mean_cube(scene.grains.size) ** (1.0 / 3.0), largest)
     if isinstance(fill, Positions):
         yield from listed_checks(scene, fill)
     elif isinstance(fill, Layers) and scene.wind is None:
@@ -155,7 +157,7 @@ def check_fill(scene: Scene) -> Iterator[str]:
         if fill.speed == 0.0 and scene.gravity.magnitude == 0.0:
             yield "fill.speed = 0.0 without gravity: poured grains would never fall"
     else:
-        yield from net_checks(scene, fill, 2.0 * reach)
+        yield from net_checks(scene, fill, 2.0 * share * (mean if isinstance(fill, Rain) else largest))
 
 
 def tube_checks(scene: Scene, fill: Rain | Lattice | Pour) -> Iterator[str]:
@@ -176,12 +178,13 @@ def tube_checks(scene: Scene, fill: Rain | Lattice | Pour) -> Iterator[str]:
                 yield f"fill.radius = {fill.radius:g} m: grains would start outside the wall; {told}"
 
 
-def net_checks(scene: Scene, fill: Rain | Lattice | Layers, largest: float) -> Iterator[str]:
-    """A net is wider than the largest grain [m] and has enough places."""
-    if fill.pitch - 2.0 * fill.jitter < largest:
+def net_checks(scene: Scene, fill: Rain | Lattice | Layers, size: float) -> Iterator[str]:
+    """A net has enough places and is wider than the largest grain [m]; of rain, than the mean one."""
+    if fill.pitch - 2.0 * fill.jitter < size:
+        which = "mean" if isinstance(fill, Rain) else "largest"
         yield (
-            f"fill.pitch = {fill.pitch:g} m less twice the jitter is smaller than the largest grain, "
-            f"{largest:g} m: grains would start inside each other"
+            f"fill.pitch = {fill.pitch:g} m less twice the jitter is smaller than the {which} grain, "
+            f"{size:g} m: grains would start inside each other"
         )
     elif isinstance(fill, Lattice):
         cells = (2.0 * fill.radius + fill.length) ** 3 / fill.pitch**3
@@ -196,7 +199,7 @@ def net_checks(scene: Scene, fill: Rain | Lattice | Layers, largest: float) -> I
 
 
 def listed_checks(scene: Scene, fill: Positions) -> Iterator[str]:
-    """Explicitly placed grains are as many as stated, and apart from each other and from planes."""
+    """Explicitly placed grains are as many as stated, and apart from each other and from walls."""
     if len(fill.grains) != scene.grains.count:
         yield f"grains.count = {scene.grains.count}, but fill.grains lists {len(fill.grains)}"
         return
@@ -209,12 +212,10 @@ def listed_checks(scene: Scene, fill: Positions) -> Iterator[str]:
         overlap = radius[i] + radius[j] - float(np.linalg.norm(centres[i] - centres[j]))
         if overlap > scene.run.overlap_limit * min(radius[i], radius[j]):
             yield f"fill.grains.{j} overlaps fill.grains.{i} by {overlap:.3g} m"
-    planes = {name: wall for name, wall in scene.geometry.items() if isinstance(wall, Plane)}
-    for i, grain in enumerate(fill.grains if scene.grains.clump is None else ()):
-        for name, wall in planes.items():
-            overlap = radius[i] - outward(grain.position, wall)
-            if overlap > scene.run.overlap_limit * radius[i]:
-                yield f"fill.grains.{i} overlaps geometry.{name} by {overlap:.3g} m"
+    for name in scene.geometry if scene.grains.clump is None else ():
+        for i, gap in enumerate(distance_to_wall(scene, name, centres)):
+            if radius[i] - gap > scene.run.overlap_limit * radius[i]:
+                yield f"fill.grains.{i} overlaps geometry.{name} by {radius[i] - gap:.3g} m"
 
 
 def check_numbers(scene: Scene) -> Iterator[str]:

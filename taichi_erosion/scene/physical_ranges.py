@@ -54,7 +54,8 @@ OBSERVED: Mapping[str, PhysicalRange] = {
     "lateral_stress_ratio": PhysicalRange("1", 0.0, 50.0),
     "mass_flow": PhysicalRange("kg/s", -1e6, 1e6),
 }
-USUAL: Mapping[str, tuple[float, float]] = {  # of places, in their units
+USUAL: Mapping[str, tuple[float, float]] = {  # of places, or of their last word, in their units
+    **dict.fromkeys(("friction_sliding", "friction_rolling"), (0.0, 1.5)),
     "grains.size.diameter": GRAIN,
     "conditions.diameter": GRAIN,
     "conditions.moisture": (5e-4, 0.6),
@@ -80,7 +81,8 @@ def place_range(path: str) -> PhysicalRange | None:
     number = None if path.startswith("conditions.extra.") else number_at(path)
     if number is None:
         return OWN_RANGES.get(path)
-    return PhysicalRange(number.unit, number.low, number.high, USUAL.get(path))
+    usual = USUAL.get(path, USUAL.get(path.split(".")[-1]))
+    return PhysicalRange(number.unit, number.low, number.high, usual)
 
 
 def scale_of(unit: str | None, allowed: PhysicalRange) -> Scale | None:

@@ -82,3 +82,13 @@ def test_what_the_device_cannot_run_is_refused_or_left_to_the_cpu(folder, monkey
     on_grid, usual = (scene_request(path, (), 3, device=AUTO) for path in (GRID, write_scene(folder)))
     assert (on_grid.arch, usual.arch) == ("cpu", "cuda")
     assert on_grid.key == scene_request(GRID, (), 3).key
+
+
+def test_the_work_of_a_run_counts_the_spheres_and_steps_that_its_effects_make():
+    scene = SCENES / "column_collapse.toml"
+    plain, long, spread = (
+        scene_request(scene, words, 1).work
+        for words in ((), ("effects.grain_shape.strength=1.0",), ("effects.size_distribution.strength=1.0",))
+    )
+    assert long / plain == pytest.approx(2.0 * (1.0 + 1.5 * 0.3 - 0.5 * 0.3**3) ** (1.0 / 3.0), rel=1e-4)
+    assert spread / plain > 2.0

@@ -142,6 +142,9 @@ def effect_part(posterior: Posterior, found: Decision, name: str) -> parts.Effec
     limit = max(float(action[0]) / information, 0.0) + EXCLUDED * sd if is_adequate(about) else np.inf
     alike = tuple(other for other in found.group if other != name) if name in found.group else ()
     status, unseen = status_of(name, found, factor, limit, most, absorption), 2.0 * ONE_SIDED * sd
+    above = [ended for tried, ended in race.model.candidates[name].tried if tried >= limit]
+    if status == "excluded" and 2 * sum(above) <= len(above) > 0:  # most runs that would show it have stopped
+        status = "untestable"
     return parts.EffectPart(status, share, strength, limit, factor, absorption, unseen, alike, most)
 
 

@@ -166,6 +166,7 @@ class Candidate:
     mask: Mask | None = None  # conditions -> where the effect can act at all; None: anywhere
     dose: Callable[[Conditions], Floats] | None = None  # of a law of a mechanism, at strength 1; None: no law
     expected: tuple[tuple[str, int], ...] = ()  # observable, +1 up or -1 down: what its source says
+    tried: tuple[tuple[float, bool], ...] = ()  # strengths of its runs, and whether each has ended
 
 
 @dataclass(frozen=True)

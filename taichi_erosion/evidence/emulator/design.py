@@ -15,7 +15,7 @@ import scipy
 
 from taichi_erosion.core.effect import read_params
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.data.problem import Candidate, Floats, Mechanism, Numbers, expected_strength
+from taichi_erosion.evidence.data.problem import Candidate, Mechanism, Numbers, expected_strength
 from taichi_erosion.evidence.data.transforms import Axis, axis_value
 from taichi_erosion.evidence.models.simulator import (
     SceneMeasure,
@@ -104,19 +104,21 @@ def relevant_axes(scene: StudyScene, effects: Sequence[str]) -> list[Axis]:
     return [axis for axis in scene.axes if parameter_matters(axis.name, present)]
 
 
+def made(scene: StudyScene, numbers: Numbers) -> Scene:
+    """The scene with calibrated numbers, in which nothing is missing."""
+    words = scene.simulator.overrides(scene.measure, {}, numbers, {})
+    return scene.simulator.scene(scene.measure.scene, words)
+
+
 def calibrated_factors(scene: StudyScene) -> dict[str, str]:
     """Mechanisms that are a factor of a calibrated number, with its path: a half of them is half of it."""
     simulator, start = scene.simulator, {axis.name: axis_value(axis, 0.0) for axis in scene.axes}
-
-    def made(numbers: Numbers) -> Scene:
-        return simulator.scene(scene.measure.scene, simulator.overrides(scene.measure, {}, numbers, {}))
-
-    found, bare = {}, made(start)
+    found, bare = {}, made(scene, start)
     for effect in (simulator.library[name] for name in simulator.mechanisms):
         if effect.place == "scene":
             halved = effect.act(effect.params(dose=-0.5), 1.0, {}, bare)
             for path, value in start.items():
-                if halved != bare and made(start | {path: 0.5 * value}) == halved:
+                if halved != bare and made(scene, start | {path: 0.5 * value}) == halved:
                     found[effect.name] = path
     return found
 
@@ -231,22 +233,16 @@ def sampled_runs(
     """
     rows, free = distinct_conditions(scene, names), relevant_axes(scene, names)
     centre = {axis.name: rounded(axis_value(axis, 0.0)) for axis in scene.axes}
-    parameter, strength = values
-    runs = []
-    for number, point in enumerate(sobol_points(key, count if rows else 0, len(free) + more)):
+    (parameter, strength), runs = values, []
+    start = np.random.default_rng(int.from_bytes(sha256(key.encode()).digest()[:4], "little"))
+    sobol = scipy.stats.qmc.Sobol(len(free) + more, scramble=True, rng=start)
+    points = sobol.random_base2(int(np.ceil(np.log2(max(count, 2)))))
+    for number, point in enumerate(points[: count if rows else 0]):
         chosen = {a.name: rounded(parameter(a, share)) for a, share in zip(free, point, strict=False)}
         acting = {n: rounded(strength(n, s)) for n, s in zip(names, point[len(free) :], strict=False)}
         row = rows[min(int(point[-1] * len(rows)), len(rows) - 1)]
         runs.append(TrainingRun(scene.measure.scene, row, centre | chosen, acting, seed_of(key, number)))
     return runs
-
-
-def sobol_points(key: str, count: int, dimensions: int) -> Floats:
-    """Evenly spread points (count, dimensions) in the unit cube, the same for the same key."""
-    start = int.from_bytes(sha256(key.encode()).digest()[:4], "little")
-    power = int(np.ceil(np.log2(max(count, 2))))
-    points = scipy.stats.qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng(start))
-    return points.random_base2(power)[:count]
 
 
 def seed_of(key: str, number: int) -> int:

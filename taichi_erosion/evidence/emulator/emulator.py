@@ -204,7 +204,9 @@ def fit_emulators(
     for name in inputs.scene.observables:
         measure = inputs.scene.simulator.measures[name]
         values = np.array([simulator.value_in_unit(result, measure) for result in results])
-        scale = emulator_scale(observables[name], values)
+        scale, known = observables[name], values[np.isfinite(values)]
+        if scale.transform == "identity" and known.size and known.min() > 0.0:
+            scale = Observable(name, "log")
         z = to_scale(scale, values)
         good = np.isfinite(z)
         if good.sum() < LEAST_RUNS:
@@ -257,14 +259,6 @@ def scatter_correlation(one: ObservableEmulator, other: ObservableEmulator) -> t
     a, b = (contrasts[:, share < SMOOTH].T @ value for value in values)
     energy = float((a @ a) * (b @ b))
     return (float(a @ b) / np.sqrt(energy) if energy > 0.0 else 0.0), float(a.size)
-
-
-def emulator_scale(observable: Observable, values: Floats) -> Observable:
-    """The comparison scale; the logarithm for an identity whose values all lie above 0."""
-    known = values[np.isfinite(values)]
-    if observable.transform != "identity" or not known.size or known.min() <= 0.0:
-        return observable
-    return Observable(observable.name, "log")
 
 
 def condition_scales(rows: Sequence[Mapping[str, float]], accepted: frozenset[str]) -> dict[str, AxisScale]:

@@ -57,14 +57,17 @@ class PlanCost:
 
 def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) -> PlanCost:
     """Cost of the planned runs, of `rounds` more about so many points each, and of `fresh` at its end."""
-    _, requests, _ = requested(training)
+    runs, requests, _ = requested(training)
+    effects = {request.key: tuple(run.effects) for run, request in zip(runs, requests, strict=True)}
     wanted = {request.key: request for request in requests}
     done = finished_runs(training.simulator.opened(), list(wanted))
     left = [request for key, request in wanted.items() if key not in done]
     workers = training.study.file.campaign.workers or usable_cores()
     if any(request.arch != "cpu" for request in left):
         workers = 1  # holds the device
-    second = pace(wanted, done) / workers
+    second, kinds = pace(wanted, done) / workers, {effects[key] for key in done}
+    done_of = {each: {key: done[key] for key in done if effects[key] == each} for each in kinds}
+    own = {each: pace(wanted, ended) / workers for each, ended in done_of.items()}
     room = max(room_left(training), 0)
     ensembles = points * len(training.scenes)
     size = training.plan_size.round * ensembles
@@ -72,7 +75,8 @@ def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) 
     fresh = min(fresh, room - rounds * size)
     mean = sum(request.work for request in wanted.values()) / max(len(wanted), 1)
     groups, answer = len({request.group for request in left}), ANSWER * len(wanted)
-    first = second * sum(request.work for request in left) + START * ceil(groups / workers)
+    first = sum(own.get(effects[each.key], second) * each.work for each in left)
+    first += START * ceil(groups / workers)
     round_s = second * mean * size + START * ceil(ensembles / workers)
     phases = [first, answer, *[round_s, answer] * rounds]
     phases += [second * mean * fresh + START] if fresh else []

@@ -6,6 +6,7 @@ answered again. All runs stand in a ledger; a command that was stopped goes on w
 scene cannot show is known from the scene itself, before a run is spent on it.
 """
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -28,7 +29,7 @@ from taichi_erosion.evidence.data.problem import (
     SetUpFault,
     expected_strength,
 )
-from taichi_erosion.evidence.data.transforms import parameter_axis
+from taichi_erosion.evidence.data.transforms import axis_value, parameter_axis
 from taichi_erosion.evidence.emulator import design
 from taichi_erosion.evidence.emulator.design import PlanSize, Row, Setting, StudyScene, TrainingRun
 from taichi_erosion.evidence.emulator.emulator import (
@@ -42,7 +43,7 @@ from taichi_erosion.evidence.emulator.emulator import (
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.models.simulator import Simulator, dotted_paths, row_at, value_in_unit
-from taichi_erosion.mechanisms.library import dose_range, load_mechanisms, physical_mechanisms
+from taichi_erosion.mechanisms.library import load_mechanisms, physical_doses, physical_mechanisms
 
 LEVELS = 3  # of every condition that could be set
 LEAST_BARE, LEAST_EFFECT = 4, 4  # runs that a small budget leaves, per number and of every effect
@@ -219,7 +220,8 @@ def with_mechanisms(training: TrainingRuns) -> TrainingRuns:
     names = list(dict.fromkeys(name for own in tried for name in own))
     simulator = training.simulator.with_mechanisms(names)
     scenes = tuple(replace(scene, simulator=simulator) for scene in training.scenes)
-    known = {name: Mechanism(name, *dose_range(load_mechanisms()[name])) for name in names}
+    bare = [design.made(scene, {axis.name: axis_value(axis, 0.0) for axis in scene.axes}) for scene in scenes]
+    known = {name: Mechanism(name, *physical_doses(load_mechanisms()[name], bare)) for name in names}
     runs = list(training.runs)
     for scene, own in zip(scenes, tried, strict=True):
         for each in (known[name] for name in own):
@@ -281,12 +283,18 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
         except SimulationStopped as error:
             told = [fault.sentence for fault in faults if fault.blocks]
             raise SimulationStopped("; ".join([*told, str(error)])) from None
+    ended = [(run.effects, not result.failure) for run, result in zip(runs, results, strict=True)]
+    candidates = tuple(
+        replace(each, tried=tuple((acting[each.name], ok) for acting, ok in ended if each.name in acting))
+        for each in problem.candidates
+    )
     count = len({request.key for request in requests})
     told = f"{count} runs train the emulator that answers."
     return replace(
         study,
         problem=replace(
             emulated_problem(problem, Emulator(emulators)),
+            candidates=candidates,
             mechanisms=training.mechanisms,
             replicates=run_replicates(emulators),
         ),
@@ -304,7 +312,10 @@ def run_faults(
     failures = [result.failure for result in results if result.failure]
     if failures:
         name, count = scene.measure.scene.name, f"{len(failures)} of {len(results)}"
-        words = f"{name}: {count} runs stopped and are left out; the first: {failures[0]}"
+        tried = Counter(name for run, _ in trained for name in run.effects)
+        lost = Counter(name for run, result in trained if result.failure for name in run.effects)
+        which = "".join(f", {lost[each]} of {tried[each]} with {each}" for each in lost)
+        words = f"{name}: {count} runs stopped and are left out{which}; the first: {failures[0]}"
         yield SetUpFault("failed_runs", name, words, len(failures) > COMMON * len(results))
     bare = [result for run, result in trained if not run.effects] or results
     ended = [result for result in bare if not result.failure]

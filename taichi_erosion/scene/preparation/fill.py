@@ -5,15 +5,19 @@ from hashlib import sha256
 from math import cos, pi, sin, sqrt
 
 import numpy as np
+import scipy
 
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.preparation.sizes import nominal_diameter, sample_diameters
+from taichi_erosion.scene.preparation.walls import distance_to_wall
 from taichi_erosion.scene.schema.fields import Vector, unit_vector
 from taichi_erosion.scene.schema.grains import Lattice, Layers, Positions, Pour, Rain
 from taichi_erosion.scene.schema.scene import Scene
 from taichi_erosion.scene.schema.wind import Wind
 
 CLEARANCE = 1.05  # distance of two layers over the sum of their largest radii [1]
+MOST_LAYERS = 200  # of rain in which none of the points is free for a grain [1]
 TRIES = 400  # random places tried for a grain before its layer is closed [1]
 
 
@@ -103,16 +107,18 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
         position = np.column_stack([place, np.zeros(count)]) + np.array(fill.centre)
         velocity = np.tile((0.0, 0.0, -fill.speed), (count, 1))
     else:
-        position = net_places(scene, fill, random)
+        position = net_places(scene, fill, reach * diameter, random)
         speed = fill.speed_sd * sqrt(gravity * nominal)
         velocity = speed * stream(seed, "velocities").standard_normal(position.shape)
     return InitialBodies(position, velocity, np.zeros_like(position), diameter, release)
 
 
-def net_places(scene: Scene, fill: Rain | Lattice | Layers, random: np.random.Generator) -> Floats:
-    """Jittered places of a net, [count, 3] m."""
+def net_places(
+    scene: Scene, fill: Rain | Lattice | Layers, radius: Floats, random: np.random.Generator
+) -> Floats:
+    """Jittered places of a net for bodies of bounding radii [m], [count, 3] m."""
     if isinstance(fill, Rain):
-        return rain(fill, scene.grains.count, random)
+        return first_free(scene, fill, radius, random)
     if isinstance(fill, Lattice):
         return lattice(fill, scene.grains.count, random)
     assert scene.wind is not None
@@ -139,28 +145,43 @@ def places_per_layer(wind: Wind, fill: Layers) -> tuple[int, int]:
     return int(wind.length / fill.pitch), int(wind.width / fill.pitch)
 
 
-def rain(fill: Rain, count: int, random: np.random.Generator) -> Floats:
-    """Centres of loose random layers, lowest layer first, [count, 3] m."""
-    layers: list[Floats] = []
-    found = 0
-    while found < count:
-        height = fill.first_height + len(layers) * fill.pitch
-        layer = net_layer(fill, random)
-        lift = height + fill.jitter * random.uniform(-1.0, 1.0, len(layer))
-        layers.append(np.column_stack([layer, lift]))
-        found += len(layer)
-    return np.concatenate(layers)[:count] + np.array(fill.axis_point)
+def first_free(scene: Scene, fill: Rain, radius: Floats, random: np.random.Generator) -> Floats:
+    """Places of bodies, each at the first point of the layers that is clear of walls and of earlier bodies.
+
+    Where the net is wider than all these are its points in turn. Raises BadInput where one finds none.
+    """
+    points, free, place = np.empty((0, 3)), np.empty(0), np.empty((len(radius), 3))
+    number, last, first, largest = 0, 0, 0, radius.max()
+    meets = radius + largest > fill.pitch - 2.0 * fill.jitter
+    for k, r in enumerate(radius):
+        while not (fits := free[first:] >= r).any():
+            if number - last > MOST_LAYERS:
+                raise BadInput(f"fill: a grain with a reach of {r:g} m finds no place between walls")
+            layer, number = net_layer(fill, number, random), number + 1
+            lowest = layer[:, 2].min(initial=np.inf) - 2.0 * largest
+            near = np.flatnonzero(meets[:k] & (place[:k, 2] > lowest))
+            gaps = scipy.spatial.distance.cdist(layer, place[near]) - radius[near]
+            walls = [distance_to_wall(scene, name, layer) for name in scene.geometry]
+            points = np.concatenate([points, layer])
+            free = np.append(free, np.min(np.column_stack([gaps, *walls]), axis=1, initial=np.inf))
+        place[k], free[first + fits.argmax()] = points[first + fits.argmax()], -np.inf
+        if meets[k]:
+            free = np.minimum(free, np.linalg.norm(points - place[k], axis=1) - r)
+        last, first = number, first + int((free[first:] >= radius.min()).argmax())
+    return place
 
 
-def net_layer(fill: Rain, random: np.random.Generator) -> Floats:
-    """Points of a square net, jittered, shifted and turned, inside the radius, in random order, [n, 2] m."""
+def net_layer(fill: Rain, number: int, random: np.random.Generator) -> Floats:
+    """Points of a square net, jittered, shifted and turned, inside the radius, in random order, [n, 3] m."""
     angle, shift = random.uniform(0.0, 0.5 * pi), random.uniform(0.0, fill.pitch, 2)
     reach = int(fill.radius / fill.pitch * sqrt(2.0)) + 2
     line = np.arange(-reach, reach + 1) * fill.pitch
     net = np.stack(np.meshgrid(line, line, indexing="ij"), axis=-1).reshape(-1, 2) + shift
     net += fill.jitter * random.uniform(-1.0, 1.0, net.shape)
     points = net @ np.array([[cos(angle), sin(angle)], [-sin(angle), cos(angle)]])
-    return random.permutation(points[np.hypot(points[:, 0], points[:, 1]) <= fill.radius])
+    points = random.permutation(points[np.hypot(points[:, 0], points[:, 1]) <= fill.radius])
+    lift = fill.first_height + number * fill.pitch + fill.jitter * random.uniform(-1.0, 1.0, len(points))
+    return np.column_stack([points, lift]) + np.array(fill.axis_point)
 
 
 def lattice(fill: Lattice, count: int, random: np.random.Generator) -> Floats:

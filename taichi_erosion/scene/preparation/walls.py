@@ -103,6 +103,21 @@ def wall_rows(scene: Scene, name: str) -> list[Row]:
     return [(PrimitiveKind.REVOLVED, numbers) for numbers in revolved_rows(wall)]
 
 
+def distance_to_wall(scene: Scene, name: str, points: Floats) -> Floats:
+    """Distance of points [n, 3] m from a wall, [n] m; inf from a mesh, negative behind a plane."""
+    found = np.full(len(points), np.inf)
+    for kind, row in wall_rows(scene, name) if not isinstance(scene.geometry[name], Mesh) else ():
+        arm, axis = points - row[:3], np.array(row[3:6])
+        along = arm @ axis
+        if kind == PrimitiveKind.REVOLVED:  # a segment in the plane of radius and height
+            start, step = np.array(row[6:8]), np.subtract(row[8:10], row[6:8])
+            place = np.column_stack([np.linalg.norm(arm - np.outer(along, axis), axis=1), along]) - start
+            share = np.clip(place @ step / (step @ step), 0.0, 1.0)
+            along = np.linalg.norm(place - np.outer(share, step), axis=1)
+        found = np.minimum(found, along)
+    return found
+
+
 def box_rows(box: Box) -> list[Row]:
     """Faces of a box as planes that look inwards."""
     rows: list[Row] = []
@@ -169,9 +184,3 @@ def wall_bounds(scene: Scene, name: str) -> Floats:
 def bounds_of(points: Floats) -> Floats:
     """Low and high corner [2, 3] m of the box around points."""
     return np.array([points.min(axis=0), points.max(axis=0)])
-
-
-def outward(point: Vector, wall: Plane) -> float:
-    """Distance of a point from a plane, positive on the free side [m]."""
-    normal = unit_vector(wall.normal)
-    return sum((p - q) * n for p, q, n in zip(point, wall.point, normal, strict=True))

@@ -202,10 +202,44 @@ def test_runs_that_stop_and_heaps_that_are_too_small_are_told_before_any_effect(
     found = ask("discover", write(tmp_path, 1.5, text), options=QUICK)
     stops, small = found.about["faults"]
     assert (stops["kind"], small["kind"]) == ("failed_runs", "too_small")
-    assert stops["sentence"].endswith("runs stopped and are left out; the first: grains overlap")
+    assert re.search(r"runs stopped and are left out.*; the first: grains overlap$", stops["sentence"])
     assert found.about["set_up"][0] == f"error: pile_height: {LACKING['sentence']}"
     assert found.record.decided.verdict == "not_testable"
     assert found.answer().lines[0] == "No effect is named before the errors above are fixed."
+
+
+@pytest.mark.parametrize("stops", [False, True])
+def test_an_effect_whose_strong_runs_stop_is_named_with_its_failures_and_not_excluded(
+    tmp_path, monkeypatch, stops
+):
+    make = executing([])
+
+    def execute(wanted, store, **options):
+        strengths = [request.payload["scene"]["effects"].get("dry_adhesion", {}) for request in wanted]
+        strong = [stops and each.get("strength", 0.0) > 0.1 for each in strengths]
+        results = make(wanted, store)
+        return [
+            replace(made, record={}, failure="grains overlap") if lost else made
+            for made, lost in zip(results, strong, strict=True)
+        ]
+
+    monkeypatch.setattr(training_runs, "execute", execute)
+    found = ask("discover", write(tmp_path, 0.0), options=QUICK)
+    assert found.record.effects["dry_adhesion"].status == ("untestable" if stops else "excluded")
+    told = [fault["sentence"] for fault in found.about["faults"] if fault["kind"] == "failed_runs"]
+    assert [bool(re.search(r"left out, (\d+) of \d+ with dry_adhesion;", each)) for each in told] == [
+        True
+    ] * stops
+
+
+def test_doses_keep_the_numbers_that_they_multiply_within_their_usual_range(tmp_path):
+    text = STUDY + '[parameters."contact.grain-grain.friction_sliding"]\nstart = 0.9\nlow = 0.5\nhigh = 1.2\n'
+    first = training_runs.initial_training_runs(load_study(write(tmp_path, 0.0, text=text)), (), "quick")
+    assert first is not None
+    doses = {each.name: (each.low, each.high) for each in training_runs.with_mechanisms(first).mechanisms}
+    assert doses["sliding_friction"] == pytest.approx((-0.95, 1.5 / 0.9 - 1.0))
+    assert doses["restitution"][1] == pytest.approx(1.0 / 0.5 - 1.0)
+    assert doses["gap_pull"] == (0.0, 100.0)
 
 
 RANGES = "[laboratory]\nranges = { angularity = [0.0, 1.0] }\n"

@@ -9,8 +9,13 @@ import pytest
 from scene_tables import changed, good_table
 from scipy.spatial import KDTree
 
+from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import GrainTable
+from taichi_erosion.effects import load_library
 from taichi_erosion.scene import build_setup, parse_scene
+from taichi_erosion.scene.change import SAMPLE, with_section
+from taichi_erosion.scene.preparation.fill import initial_bodies
+from taichi_erosion.simulation.scene_setup import effective_scene
 
 RAIN = {"law": "rain", "pitch_d": 1.15, "jitter_d": 0.05, "radius_d": 8.4}
 RAIN |= {"first_height_d": 0.7, "speed_sd": 0.5}
@@ -143,3 +148,36 @@ def test_changing_the_sizes_leaves_the_places_of_rain_alone():
     first, other = (grains_of(table | {"grains": table["grains"] | {"size": size}}) for size in sizes)
     assert np.array_equal(first.position, other.position)
     assert not np.array_equal(first.radius, other.radius)
+
+
+@pytest.mark.parametrize(
+    ("name", "strength"),
+    [
+        ("size_distribution", 0.3),
+        ("size_distribution", 1.9),
+        ("sheltering", 1.0),
+        ("sieve_diameter", 1.0),
+        ("grain_shape", 1.0),
+    ],
+)
+def test_coarse_and_spread_grains_start_clear_of_tube_plate_and_each_other_and_as_low_as_equal_ones(
+    name: str, strength: float
+):
+    table = SAMPLE | {"grains": SAMPLE["grains"] | {"count": 300}}
+    equal = build_setup(parse_scene(table), 3).grains
+    scene = effective_scene(parse_scene(table | {"effects": {name: {"strength": strength}}}), load_library())
+    grains = build_setup(scene, 3).grains
+    net = scene.fill.pitch / parse_scene(table).fill.pitch  # wider for larger grains of one size alone
+    assert np.all(np.hypot(*grains.position[:, :2].T) + grains.radius <= 5e-3)
+    assert np.all(grains.position[:, 2] >= grains.radius)
+    assert grains.position[:, 2].max() <= 1.5 * max(net, 1.0) ** 3 * equal.position[:, 2].max()
+    assert grains.position[:, 2].max() + grains.radius.max() < scene.geometry["tube"].length
+    assert scene.grains.clump is not None or smallest_gap(grains) >= 0.0
+
+
+def test_a_grain_that_fits_nowhere_between_the_walls_is_refused():
+    scene = parse_scene(SAMPLE)
+    tube = scene.geometry["tube"].model_copy(update={"radius": 0.4e-3, "length": 1.0})
+    narrow = with_section(scene, "fill", radius=0.35e-3).model_copy(update={"geometry": {"tube": tube}})
+    with pytest.raises(BadInput, match="finds no place between walls"):
+        initial_bodies(narrow, 1, 0.5)

@@ -1,5 +1,6 @@
 """Walls of a scene become primitives, and the box that no grain may leave."""
 
+from math import sqrt
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from scene_tables import changed, good_table
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import PrimitiveKind
 from taichi_erosion.scene import build_setup, parse_scene
-from taichi_erosion.scene.preparation.walls import TRAY
+from taichi_erosion.scene.preparation.walls import TRAY, distance_to_wall
 
 
 def test_a_mesh_that_is_none_is_told_with_its_path(tmp_path: Path):
@@ -65,3 +66,18 @@ def test_a_plane_leaves_more_room_to_run_away_than_a_plate():
     table["geometry"]["floor"] = {"shape": "plane", "material": "steel"}
     endless = build_setup(parse_scene(table), 1).domain
     assert endless[1][0] > 2.0 * bounded[1][0] > 0.2
+
+
+def test_distances_from_a_plane_a_tube_and_a_funnel_are_those_to_their_nearest_points():
+    table = good_table()
+    table["geometry"] |= {
+        "floor": {"shape": "plane", "material": "soil", "point": [0.0, 0.0, -0.5], "normal": [0.0, 0.0, 2.0]},
+        "tube": {"shape": "cylinder", "material": "soil", "radius": 0.03, "length": 0.2},
+    }
+    scene, points = parse_scene(table), np.array([[0.01, 0.0, 0.1], [0.0, 0.07, 0.05], [0.0, 0.03, 0.24]])
+    assert distance_to_wall(scene, "floor", points) == pytest.approx([0.6, 0.55, 0.74])
+    assert distance_to_wall(scene, "tube", points) == pytest.approx([0.02, 0.04, 0.04])
+    middle = [[0.0, 0.0, 0.07], [0.0, 0.0, 0.04]]  # outlet 0.01 at 0.05, rim 0.04 at 0.09: a slope of 4 in 3
+    assert distance_to_wall(scene, "funnel", np.array(middle)) == pytest.approx(
+        [0.025 * 0.8, 0.01 * sqrt(2.0)]
+    )
