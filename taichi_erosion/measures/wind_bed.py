@@ -151,17 +151,13 @@ def flux_height(frames: Sequence[Snapshot], patch: Patch) -> Measurement:
     return Measurement("flux_height", value, sd, "m", details=details)
 
 
-def air_stress(air: AirProfile, patch: Patch) -> Floats:
-    """Stress that the air carries across the inner faces of its layers [Pa]."""
+def air_stress_at_bed(air: AirProfile, patch: Patch) -> float:
+    """Stress that the air itself carries a diameter over the undisturbed bed [Pa]."""
     centre = 0.5 * (air.face[1:] + air.face[:-1])
     shear = np.diff(air.velocity[:, 0]) / np.diff(centre)
     open_share = 0.5 * (air.void_fraction[1:] + air.void_fraction[:-1])
-    return patch.density * open_share * (patch.viscosity + air.eddy_viscosity[1:]) * shear
-
-
-def air_stress_at_bed(air: AirProfile, patch: Patch) -> float:
-    """Stress that the air itself carries a diameter over the undisturbed bed [Pa]."""
-    return float(np.interp(patch.clear, air.face[1:-1], air_stress(air, patch)))
+    stress = patch.density * open_share * (patch.viscosity + air.eddy_viscosity[1:]) * shear
+    return float(np.interp(patch.clear, air.face[1:-1], stress))
 
 
 def grain_stress_at_bed(air: AirProfile, patch: Patch) -> float:
@@ -193,7 +189,7 @@ def steady_window(times: Sequence[float], shares: Sequence[Floats], hop: float) 
     """Longest steady window that reaches to the last of some times [s] after the begin of a stage.
 
     `shares` are those of `stress_share`, by repeat; `hop` is the duration of a hop [s]. Where no window is
-    steady, the shortest admissible one, or the later half of a stage that is too short for it.
+    steady, the one nearest to it; of a stage that is too short, the later half.
     """
     count = min(len(share) for share in shares)
     mean, times = np.mean([share[:count] for share in shares], axis=0), times[:count]
@@ -205,8 +201,8 @@ def steady_window(times: Sequence[float], shares: Sequence[Floats], hop: float) 
         parts = (begin, *np.array_split(mean[first:], 2))
         return max(abs(float(part.mean()) - 1.0) for part in parts)
 
-    long_enough = times[-1] - times[0] >= length
-    steady = (k for k in admissible if long_enough and departure(k) <= BALANCE)
-    first = next(steady, admissible[-1])
+    balanced = (k for k in admissible if departure(k) <= BALANCE)
+    first = next(balanced, None)
+    first = min(admissible, key=departure) if first is None else first
     lacking = unsteady_shortfalls(times[-1], length, departure(first), BALANCE)
     return Window(first, float(times[first]), float(mean[first:].mean()), tuple(lacking))
