@@ -31,6 +31,10 @@ def mass_flow(
 ) -> Measurement:
     """Mass a second that passes a plane along its normal [kg s-1]; `sd` is the standard error of the mean."""
     name, unit = "mass_flow", "kg s-1"
+    if len(frames) <= LEAST_FRAMES:
+        return no_measurement(
+            name, unit, f"{len(frames)} frames of the stage; more than {LEAST_FRAMES} are needed"
+        )
     pairs = list(pairwise(frames))
     counted = [
         crossed(one, two, np.asarray(point), np.asarray(normal), np.asarray(period)) for one, two in pairs

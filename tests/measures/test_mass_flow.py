@@ -53,6 +53,8 @@ def test_a_plane_that_nothing_crosses_has_no_flow(hopper):
     found = mass_flow(hopper, (0.0, 0.0, 50.0), DOWN)
     assert np.isnan(found.value)
     assert found.notes == ("no grain crossed the plane",)
+    (few,) = mass_flow(hopper[:1], PLANE, DOWN).notes
+    assert few.startswith("1 frames")
 
 
 def test_back_and_forth_cancels_and_a_period_counts_once():
