@@ -241,7 +241,8 @@ def repose_angle(
             name, "deg", f"no heap: {height:.1f} diameters high, no flank of three diameters"
         )
     flags = raise_flags(views, grain)
-    if plate_radius and rim_share(position, grain, plate_radius) > RIM_SHARE:
+    beyond = np.linalg.norm(position[:, :2], axis=1) > (plate_radius or np.inf) - grain
+    if plate_radius and float(beyond.sum()) * grain / (2.0 * pi * plate_radius) > RIM_SHARE:  # of the rim
         flags.append("truncated_by_plate")
     flanks = [flank for view in views for flank in view.found]
     details = {
@@ -288,12 +289,6 @@ def spread(values: list[float]) -> float:
 def bends_of(views: Sequence[View]) -> list[float]:
     """Mean bend of the flanks of every azimuth that has any [deg]."""
     return [float(np.mean([flank.bend for flank in view.found])) for view in views if view.found]
-
-
-def rim_share(position: Floats, grain: float, plate_radius: float) -> float:
-    """Share of the rim of a round plate about the z axis that is lined with grains."""
-    near = np.linalg.norm(position[:, :2], axis=1) > plate_radius - grain
-    return float(np.sum(near)) * grain / (2.0 * pi * plate_radius)
 
 
 def raise_flags(views: Sequence[View], grain: float) -> list[str]:

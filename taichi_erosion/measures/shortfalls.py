@@ -77,13 +77,6 @@ def enough_grains(wanted: float, rows: float, grains: int, angle: float) -> int:
     return two_digits_up(grains * (height_for(wanted) / height_for(rows)) ** 3)
 
 
-def small_heap_advice(rows: float, grains: int, angle: float) -> str:
-    """How many grains a heap needs that is too small for its angle [deg], in words."""
-    least = enough_grains(LEAST_ROWS, rows, grains, angle)
-    have = f"{rows:.1f} of {LEAST_ROWS:g} rows of grains on its flank"
-    return f"{have}; use at least {least:,} grains ({grains:,} now)"
-
-
 def heap_shortfalls(
     rows: float, grains: int, poured: bool, angle: float, simulated: float
 ) -> Iterator[Shortfall]:
@@ -91,8 +84,10 @@ def heap_shortfalls(
     wanted = next((each for each in (angle, simulated) if isfinite(each)), USUAL_ANGLE)
     settled = POURED_ROWS if poured else COLUMN_ROWS  # rows up to which an angle changes with its size
     if rows < LEAST_ROWS:
-        words = f"the heap is too small for an angle: {small_heap_advice(rows, grains, wanted)}"
         enough = enough_grains(LEAST_ROWS, rows, grains, wanted)
+        have = f"{rows:.1f} of {LEAST_ROWS:g} rows of grains on its flank"
+        need = f"use at least {enough:,} grains ({grains:,} now)"
+        words = f"the heap is too small for an angle: {have}; {need}"
         yield Shortfall("small_heap", words, rows, LEAST_ROWS, True, enough)
     elif rows < settled:
         enough = enough_grains(settled, rows, grains, wanted)

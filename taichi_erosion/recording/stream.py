@@ -134,12 +134,6 @@ def lock_part_file(part: Path) -> BufferedWriter:
     return file
 
 
-def abandon_writer(stream: Any) -> None:
-    """Let the program leave without waiting for a writer that has ended: at exit, and with its stream."""
-    atexit.unregister(rr.rerun_shutdown)
-    ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
-
-
 def open_stream(
     path: Path, name: str, layout: "rrb.Blueprint", application: str = APPLICATION, viewer: str | None = None
 ) -> Recording:
@@ -372,7 +366,9 @@ def flush(recording: Recording) -> None:
     try:
         recording.stream.flush(timeout_sec=FLUSH_LIMIT)
     except RuntimeError:
-        abandon_writer(recording.stream)
+        # the program leaves without waiting for the writer that has ended, at exit and with its stream
+        atexit.unregister(rr.rerun_shutdown)
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(recording.stream))
         kept = f"{part_path(recording.path)} holds the beginning"
         raise BadInput(f"{recording.path}: cannot be written to its end; {kept}") from None
 
