@@ -122,7 +122,7 @@ def check_replica(ensemble: EnsembleRun, replica: int, state: ReplicaState) -> N
         return
     tilt_gravity(sim, scene, replica, state, now)
     store_frame(sim, scene, replica, state, now)
-    settle_air(sim, scene, replica, state)
+    settle_air(sim, scene.stages[state.stage], replica)
     kinetic, lifting = float(ensemble.sums[replica, 0]), float(ensemble.lifting_energies[replica])
     if stage_is_over(sim, scene, replica, state, now, (kinetic, lifting)):
         state.failure = count_failure(sim, replica, now)

@@ -51,7 +51,7 @@ from taichi_erosion.run.recorder import (
     side_view,
 )
 from taichi_erosion.run.scene_run import scene_text
-from taichi_erosion.run.stages import at_rest, change_boundaries, lifting_energy, whole_intervals
+from taichi_erosion.run.stages import at_rest, change_boundaries, lifting_energy, settle_air, whole_intervals
 from taichi_erosion.scene import Scene, laws, resolved
 from taichi_erosion.scene.paths import leaves, meaning_of
 from taichi_erosion.scene.preparation.contacts import contact_table
@@ -132,6 +132,7 @@ def run_to(session: Session, time: float) -> None:
         stopped = simulation.failure(session.sim, 0)
         if stopped is not None:
             raise SimulationStopped(failure_message(stopped, session.seed))
+        settle_air(session.sim, session.scene.stages[session.stage], 0)
         for callback in session.callbacks:
             callback(session)
 

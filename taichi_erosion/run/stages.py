@@ -106,9 +106,9 @@ def friction_velocity_in(scene: Scene, stage: int) -> float:
     return scene.wind.partition * next(values)
 
 
-def settle_air(sim: Simulation, scene: Scene, replica: int, state: ReplicaState) -> None:
+def settle_air(sim: Simulation, stage: Stage, replica: int) -> None:
     """Steady profile of the air over the grains as they fly now, in a stage whose air has no inertia."""
-    if scene.stages[state.stage].steady_air:
+    if stage.steady_air:
         simulation.spin_up_wind(sim, replica, simulation.friction_velocity(sim, replica))
 
 

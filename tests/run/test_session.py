@@ -55,6 +55,13 @@ def test_a_session_plays_the_scene_to_its_measured_end(session) -> None:
         live.next_stage(session)
 
 
+def test_air_without_inertia_settles_at_every_check_of_its_stage(session, monkeypatch) -> None:
+    settled = []
+    monkeypatch.setattr(live, "settle_air", lambda sim, stage, replica: settled.append(stage.name))
+    live.run_for(session, 2.0 * session.scene.run.check_interval)
+    assert settled == [session.scene.stages[0].name] * 2
+
+
 def test_gravity_that_is_turned_off_while_running_lets_grains_drift_and_compiles_nothing(session) -> None:
     world = session.sim.world
     live.run_for(session, 2e-3)
