@@ -300,26 +300,38 @@ def shared_parts(
 
 
 def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
-    """Trends of the bare model's residual along every condition, as one more column each (Holm)."""
-    rows, found = race.prepared.rows, []
+    """Trends of the bare model's residual along every condition, clearest first (Holm).
+
+    The line and the square of a clearer one are columns beside the next: where conditions are not fully crossed,
+    one shows the trend of another.
+    """
+    rows, named, columns = race.prepared.rows, [], []
     kept = [b for b in bare.blocks if b.kind != "discrepancy"]
     linear, _ = race.linear(replace(bare, blocks=tuple(kept)))
     u = bare.evidence.solved.scales_of(linear.scales)
     u[linear.blocks :] = np.minimum(u[linear.blocks :], 0.0)
-    solved = linear.solved(u)
-    for observable, own in race.prepared.by_observable():
+    for measured, own in race.prepared.by_observable():
         for name, values in rows.conditions.items():
             axis = axis_scale(values[own])
-            if axis is None:
-                continue
-            column = race.prepared.white(np.where(own, axis(values), 0.0))
-            along, gram = solved.against(column[:, np.newaxis])
-            z = float(along[0] / np.sqrt(max(gram[0, 0], 1e-12)))
-            found.append((2.0 * float(special.ndtr(-abs(z))), observable.name, name, 1 if z > 0.0 else -1))
-    least = 0.0  # an adjusted p is no smaller than those before it
-    for rank, (p, observable, name, sign) in enumerate(sorted(found)):
-        least = max(least, min(1.0, p * (len(found) - rank)))
-        yield parts.PlacePart(observable, name, sign, least)
+            if axis is not None:
+                named.append((measured.name, name))
+                columns += [
+                    race.prepared.white(np.where(own, axis(values) ** power, 0.0)) for power in (1, 2)
+                ]
+    along, gram = linear.solved(u).against(np.reshape(columns, (-1, rows.size)).T)
+    alone, left, least = gram.diagonal().copy(), [*range(len(named))], 0.0
+    while left:
+        z = np.where(gram.diagonal() > 1e-6 * alone, along / np.sqrt(np.maximum(gram.diagonal(), 1e-12)), 0.0)
+        k = max(left, key=lambda k: abs(z[2 * k]))
+        # an adjusted p is no smaller than those before it
+        least = max(least, min(1.0, 2.0 * float(special.ndtr(-abs(z[2 * k]))) * len(left)))
+        observable, name = named[k]
+        yield parts.PlacePart(observable, name, 1 if z[2 * k] > 0.0 else -1, least)
+        left.remove(k)
+        for j in (2 * k, 2 * k + 1):
+            if gram[j, j] > 1e-6 * alone[j]:
+                share = gram[j] / gram[j, j]
+                along, gram = along - share * along[j], gram - np.outer(share, gram[j])
 
 
 def rows_part(race: Race, bare: Fit, after: Fit) -> parts.RowsPart:

@@ -161,6 +161,22 @@ def test_a_mistyped_repeat_is_told_first_with_its_row_in_the_users_table(tmp_pat
     assert not [error for error in compared.record.errors if error.kind == "scatter"]
 
 
+@pytest.mark.parametrize(("salt", "trends"), [(0.0, {"moisture"}), (1.5, {"moisture", "salinity"})])
+def test_one_condition_does_not_show_the_trend_of_another(tmp_path, salt, trends):
+    """Wetter heaps are saltier, and angles rise as the root of moisture; salt acts in one table of two."""
+    random = np.random.default_rng(3)
+    moisture = np.repeat([0.0, 0.2, 0.5, 1.0, 2.0, 4.0], 6)
+    salinity = np.round(2.0 + 2.0 * moisture + np.repeat(random.uniform(0.0, 4.0, 18), 2), 2)
+    angle = 28.0 + 4.0 * np.sqrt(moisture) + salt * salinity + 0.3 * random.standard_normal(moisture.size)
+    rows = [f"{w},{s:.2f},{y:.2f}" for w, s, y in zip(moisture, salinity, angle, strict=True)]
+    head = "moisture [%],salinity [g/kg],repose angle [deg]"
+    (tmp_path / "lab.csv").write_text("\n".join([head, *rows, ""]), "utf-8")
+    words = ["--closed-form", "--yes", "--diameter", "0.3mm", "--sd", "repose angle=0.3 deg"]
+    assert main(["study", "new", str(tmp_path / "lab.csv"), *words, "--out", str(tmp_path / "s")]) == 0
+    places = ask("compare", tmp_path / "s" / "lab.toml").record.where
+    assert {place.axis for place in places if place.p < 0.01} == trends
+
+
 def test_without_candidates_only_what_no_list_holds_is_left(study):
     text = study_text().split("[candidates]")[0] + "[vault]\nfraction = 0.3\n"
     assert ask("discover", study(text=text)).record.decided.verdict == "outside_library"
