@@ -302,8 +302,8 @@ def shared_parts(
 def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
     """Trends of the bare model's residual along every condition, clearest first (Holm).
 
-    The line and the square of a clearer one are columns beside the next: where conditions are not fully crossed,
-    one shows the trend of another.
+    The line and the square of a clearer one are columns beside the next: where conditions are not fully
+    crossed, one shows the trend of another.
     """
     rows, named, columns = race.prepared.rows, [], []
     kept = [b for b in bare.blocks if b.kind != "discrepancy"]
