@@ -33,8 +33,11 @@ from taichi_erosion.cli.options import (
     AsJson,
     Decomposition,
     EffectFiles,
+    File,
     Force,
+    Text,
     Verbose,
+    Whole,
     help_of,
 )
 from taichi_erosion.cli.progress import LOG, open_log, reporting
@@ -72,7 +75,7 @@ RecordingOrStudy = Annotated[
 ]
 
 
-def given(**options: Any) -> dict[str, Any]:
+def typed_options(**options: Any) -> dict[str, Any]:
     """Options that were typed, without those left at None."""
     return {name: value for name, value in options.items() if value is not None}
 
@@ -106,7 +109,7 @@ def program(
         ),
     ] = None,
     log: Annotated[
-        Path | None,
+        File,
         Option(
             metavar="FILE", help="Append command, progress, warnings and exit code to a log; before COMMAND."
         ),
@@ -122,28 +125,24 @@ def program(
 def run(
     scene: SceneFile,
     override: Override = None,
-    seed: Annotated[int | None, Option(min=0, help="Seed of the first replica.")] = None,
-    replicas: Annotated[
-        int | None, Option(min=1, help="Number of repeats; default: that of the scene.")
-    ] = None,
+    seed: Annotated[Whole, Option(min=0, help="Seed of the first replica.")] = None,
+    replicas: Annotated[Whole, Option(min=1, help="Number of repeats; default: that of the scene.")] = None,
     arch: Arch = None,
     decomposition: Decomposition = None,
     threads: Annotated[
-        int | None, Option(min=1, max=1024, help="CPU threads at most; default: all cores.")
+        Whole, Option(min=1, max=1024, help="CPU threads at most; default: all cores.")
     ] = None,
     precision: Annotated[Literal["f32", "f64"] | None, Option(help="Floating-point type.")] = None,
-    record: Annotated[
-        Path | None, Option("--record", metavar="FILE", help="Recording to write (.rrd).")
-    ] = None,
+    record: Annotated[File, Option("--record", metavar="FILE", help="Recording to write (.rrd).")] = None,
     no_record: Annotated[bool, Option("--no-record", help="Write no recording.")] = False,
     checkpoint: Annotated[
-        Path | None, Option("--checkpoint", metavar="FILE", help="File for the saved state.")
+        File, Option("--checkpoint", metavar="FILE", help="File for the saved state.")
     ] = None,
     every: Annotated[
         float | None, Option("--every", metavar="T", help="Simulated seconds between saves.")
     ] = None,
     resume: Annotated[
-        Path | None,
+        File,
         Option("--resume", metavar="FILE", help="Continue from a checkpoint.", exists=True, dir_okay=False),
     ] = None,
     effect: EffectFiles = None,
@@ -163,9 +162,9 @@ def run(
     from taichi_erosion.evidence.words.run_words import run_warnings
     from taichi_erosion.run import RunOptions, run_scene
 
-    options = given(seed=seed, replicas=replicas, arch=arch, threads=threads, precision=precision)
-    options |= given(decomposition=decomposition, checkpoint_interval=every, record=record)
-    options |= given(checkpoint=checkpoint, resume=resume, overrides=overrides, effect_files=effects)
+    options = typed_options(seed=seed, replicas=replicas, arch=arch, threads=threads, precision=precision)
+    options |= typed_options(decomposition=decomposition, checkpoint_interval=every, record=record)
+    options |= typed_options(checkpoint=checkpoint, resume=resume, overrides=overrides, effect_files=effects)
     with reporting("simulating") as progress:
         document = run_scene(
             scene, RunOptions(no_record=no_record, force=force, progress=progress, **options)
@@ -200,7 +199,7 @@ def sweep(
     path, _ = sweeps.parse_over(over)
     folder = out or Path("recordings") / f"{scene.stem}-{path}"
     ListedFolder(folder).refuse_foreign((sweeps.TABLE, sweeps.FIGURE), force)
-    options = given(replicas=replicas, effect_files=effect)
+    options = typed_options(replicas=replicas, effect_files=effect)
     with reporting("sweeping") as progress:
         where = folder, workers, scheduler
         points = sweeps.sweep(scene, over, override or (), **options, where=where, progress=progress)
@@ -222,7 +221,7 @@ def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ..
 
     def print_text(found: output.Record) -> None:
         typer.echo(f"{scene}: valid, hash {found['hash']}")
-        output.print_lines(output.examined_effects(found["effects"]))
+        output.print_lines(output.effect_check_lines(found["effects"]))
         output.print_lines(found.get("limits", {}).get("warnings", ()), output.WARNING)
         output.print_lines(consequences(found))
 
@@ -231,22 +230,19 @@ def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ..
 
 def examine_effect(file: "EffectFile") -> dict[str, Any]:
     """Check of the effect of a file; imports the device."""
-    from taichi_erosion.verification.effect_contract import examined_file
+    from taichi_erosion.verification.effect_contract import examine_file
 
-    return examined_file(file)
+    return examine_file(file)
 
 
 @app.command(**help_of("live", SIMULATE))
 def live(
     scene: SceneFile,
     override: Override = None,
-    seed: Annotated[int | None, Option(min=0, help="Seed of the grains.")] = None,
-    record: Annotated[
-        Path | None, Option(metavar="FILE", help="Recording to write during the session.")
-    ] = None,
+    seed: Annotated[Whole, Option(min=0, help="Seed of the grains.")] = None,
+    record: Annotated[File, Option(metavar="FILE", help="Recording to write during the session.")] = None,
     viewer: Annotated[
-        str | None,
-        Option(metavar="URL", help="Viewer to stream to, such as rerun+http://127.0.0.1:9876/proxy."),
+        Text, Option(metavar="URL", help="Viewer to stream to, such as rerun+http://127.0.0.1:9876/proxy.")
     ] = None,
     web: Annotated[bool, Option("--web", help="Serve a live viewer for a browser.")] = False,
     effect: EffectFiles = None,
@@ -261,7 +257,7 @@ def live(
     if effect:
         from taichi_erosion.verification.effect_contract import refuse_unusable
 
-        for sentence in output.examined_effects(refuse_unusable(effect)):
+        for sentence in output.effect_check_lines(refuse_unusable(effect)):
             typer.echo(sentence, err=True)
     session = open_session(scene, tuple(override or ()), seed, effect or ())
     path = record or unused_name(Path("recordings") / f"{scene.stem}-live-{session.seed}.rrd")
@@ -312,11 +308,9 @@ def snapshot(
         float | None, Option(metavar="T", help="Simulated time in seconds; default: the end.")
     ] = None,
     to: Annotated[
-        Path | None, Option("-o", "--output", metavar="PNG", help="Picture file; default: FILE.snapshot.png.")
+        File, Option("-o", "--output", metavar="PNG", help="Picture file; default: FILE.snapshot.png.")
     ] = None,
-    only: Annotated[
-        str | None, Option("--view", metavar="NAME", help="One view alone, such as Grains.")
-    ] = None,
+    only: Annotated[Text, Option("--view", metavar="NAME", help="One view alone, such as Grains.")] = None,
     force: Force = False,
 ) -> None:
     """Draw one moment of a run, or a study, without a screen."""
@@ -357,12 +351,12 @@ app.command(**help_of("audit", CHECK))(audit)
 @measure.command(**help_of("measure repose"))
 def repose(
     image: Annotated[Path, existing(metavar="IMAGE", help="Side view of a heap, PNG or JPEG.")],
-    crop: Annotated[str | None, Option(metavar="X0,Y0,X1,Y1", help="Part of the picture, in pixels.")] = None,
+    crop: Annotated[Text, Option(metavar="X0,Y0,X1,Y1", help="Part of the picture, in pixels.")] = None,
     background: Annotated[
         Literal["auto", "dark", "light"] | None, Option(help="Brightness behind the heap.")
     ] = None,
     to: Annotated[
-        Path | None,
+        File,
         Option(
             "-o", "--output", metavar="PNG", help="Picture of the detection; default: IMAGE.detected.png."
         ),
@@ -376,7 +370,7 @@ def repose(
     picture = to or image.with_suffix(".detected.png")
     refuse_foreign(picture, image, force)
     check_writable(picture)
-    options = given(background=background)
+    options = typed_options(background=background)
     if crop is not None:
         try:
             left, top, right, bottom = map(int, crop.split(","))
@@ -441,19 +435,18 @@ def bench(
     if cases is None:
         raise BadInput("bench: the timed cases are in the source tree, not in the installed program")
     with reporting("timing") as progress:
-        document = cases.run_benchmarks(progress, **given(arch=arch, size=size))
+        document = cases.run_benchmarks(progress, **typed_options(arch=arch, size=size))
     output.print_result(document, as_json, output.print_cases)
 
 
 @app.command(**help_of("schema", CHECK))
 def schema(
     to: Annotated[
-        Path | None, Option("-o", "--output", metavar="FILE", help="Default: scenes/scene.schema.json.")
+        File, Option("-o", "--output", metavar="FILE", help="Default: scenes/scene.schema.json.")
     ] = None,
     study: Annotated[bool, Option("--study", help="Of study files; default: doe/study.schema.json.")] = False,
     entry: Annotated[
-        str | None,
-        Option("--entry", metavar="PATH", help="Print an entry or a section of scene files instead."),
+        Text, Option("--entry", metavar="PATH", help="Print an entry or a section of scene files instead.")
     ] = None,
 ) -> None:
     """Write the JSON schema of scene or study files, for completion and checks in editors."""

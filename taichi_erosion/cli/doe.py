@@ -12,7 +12,7 @@ import typer
 from typer import Argument, Option
 
 from taichi_erosion.cli import output
-from taichi_erosion.cli.options import Arch, AsJson, Decomposition, Force, help_of
+from taichi_erosion.cli.options import Arch, AsJson, Decomposition, File, Force, Text, Whole, help_of
 from taichi_erosion.cli.progress import KEPT, reporting
 from taichi_erosion.evidence.words import shell_command
 
@@ -29,10 +29,10 @@ StudyPath = Annotated[Path, Argument(metavar="STUDY", help="Calibration study (T
 def audit(
     table: Annotated[Path, Argument(metavar="TABLE", help="Table of runs (text or workbook).")],
     response: Annotated[
-        str | None, Option(metavar="NAME", help="Column of the response; default: the last one of results.")
+        Text, Option(metavar="NAME", help="Column of the response; default: the last one of results.")
     ] = None,
     claims: Annotated[
-        Path | None,
+        File,
         Option(
             "--claims",
             metavar="FILE",
@@ -138,9 +138,9 @@ def add_step(step: 'Step | Literal["calibrate"]', summary: str, show: Show) -> N
 
     def command(
         study: StudyPath,
-        workers: Annotated[int | None, Option(min=1, help="Local processes; default: one per core.")] = None,
+        workers: Annotated[Whole, Option(min=1, help="Local processes; default: one per core.")] = None,
         scheduler: Annotated[
-            str | None, Option(metavar="ADDRESS", help="Dask scheduler whose workers make the runs.")
+            Text, Option(metavar="ADDRESS", help="Dask scheduler whose workers make the runs.")
         ] = None,
         arch: Arch = None,
         decomposition: Decomposition = None,

@@ -6,7 +6,6 @@ Measured shifts and known answers are the tables in `effects/measured/`, which s
 import csv
 from dataclasses import fields
 from importlib.resources import files
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -14,7 +13,7 @@ from typer import Argument, Option
 
 from taichi_erosion.cli import output
 from taichi_erosion.cli.new_effect import NEW, ScaffoldPlace, write_effect_file
-from taichi_erosion.cli.options import EXPLAIN, AsJson, EffectFiles, help_of
+from taichi_erosion.cli.options import EXPLAIN, AsJson, EffectFiles, File, help_of
 from taichi_erosion.core.errors import BadInput, ExitCode, did_you_mean
 from taichi_erosion.evidence.words import shell_command
 
@@ -45,7 +44,7 @@ def effects(
     ] = None,
     effect: EffectFiles = None,
     discovery: Annotated[
-        Path | None,
+        File,
         Option(
             "--from-discovery",
             metavar="STUDY",

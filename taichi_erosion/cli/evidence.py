@@ -17,8 +17,11 @@ from taichi_erosion.cli.options import (
     AsJson,
     Decomposition,
     EffectFiles,
+    File,
     Force,
+    Text,
     Verbose,
+    Whole,
     help_of,
 )
 from taichi_erosion.cli.progress import KEPT, announce, reporting
@@ -41,18 +44,18 @@ StudyFile = Annotated[Path, Argument(metavar="STUDY", help="Evidence study (TOML
 
 def options_of(
     budget: Annotated[
-        str | None,
+        Text,
         Option(
             metavar="quick|full|RUNS",
             help="quick: fewer runs and fewer rounds about the answer. full: all of them. A number: at most "
             "so many runs. One run is one set-up, simulated with one seed.",
         ),
     ] = None,
-    workers: Annotated[int | None, Option(min=1, help="Local processes; default: one a core.")] = None,
+    workers: Annotated[Whole, Option(min=1, help="Local processes; default: one a core.")] = None,
     arch: Arch = None,
     decomposition: Decomposition = None,
     seed: Annotated[
-        int | None, Option(min=0, help="Seed of the runs in place of the study's; another one: fresh runs.")
+        Whole, Option(min=0, help="Seed of the runs in place of the study's; another one: fresh runs.")
     ] = None,
     effect: EffectFiles = None,
     force: Annotated[
@@ -150,7 +153,7 @@ def predict(
         ),
     ],
     options: "StudyOptions",
-    out: Annotated[Path | None, Option("--out", metavar="FILE", help="Table to write (CSV).")] = None,
+    out: Annotated[File, Option("--out", metavar="FILE", help="Table to write (CSV).")] = None,
     bare: Annotated[
         bool, Option("--bare", help="The model of STUDY itself, adopted effects left out.")
     ] = False,
@@ -179,9 +182,7 @@ def report(
     source: Annotated[
         Path, Argument(metavar="STUDY|RUN", help="Study (TOML), or the .json or .rrd file of a run.")
     ],
-    to: Annotated[
-        Path | None, Option("-o", "--output", "--out", metavar="FILE", help="Page to write.")
-    ] = None,
+    to: Annotated[File, Option("-o", "--output", "--out", metavar="FILE", help="Page to write.")] = None,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
@@ -198,8 +199,7 @@ def report(
 def new(
     table: Annotated[Path, Argument(metavar="TABLE", help="Table of measurements (.csv or .xlsx).")],
     out: Annotated[
-        Path | None,
-        Option("--out", metavar="FOLDER", help="Folder to write; default: beside TABLE, its name."),
+        File, Option("--out", metavar="FOLDER", help="Folder to write; default: beside TABLE, its name.")
     ] = None,
     yes: Annotated[bool, Option("--yes", help="Take every guess; ask nothing.")] = False,
     observable: Annotated[
@@ -217,24 +217,20 @@ def new(
         Pairs, Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column; may be repeated.")
     ] = None,
     roughness: Annotated[
-        str | None,
-        Option(metavar="LENGTH", help="Roughness length of the bed under winds measured at a height."),
+        Text, Option(metavar="LENGTH", help="Roughness length of the bed under winds measured at a height.")
     ] = None,
     apparatus: Annotated[
-        str | None,
-        Option(metavar="NAME", help="cylinder, collapse, funnel, drum, threshold, impact or saltation."),
+        Text, Option(metavar="NAME", help="cylinder, collapse, funnel, drum, threshold, impact or saltation.")
     ] = None,
     diameter: Annotated[
-        str | None, Option(metavar="LENGTH", help="Grain diameter where no column states it: '0.4 mm'.")
+        Text, Option(metavar="LENGTH", help="Grain diameter where no column states it: '0.4 mm'.")
     ] = None,
-    density: Annotated[
-        str | None, Option(metavar="DENSITY", help="Density of the grains: '2650 kg/m3'.")
-    ] = None,
+    density: Annotated[Text, Option(metavar="DENSITY", help="Density of the grains: '2650 kg/m3'.")] = None,
     grains: Annotated[
-        int | None, Option(min=1, help="Grains of a run; default: as many as its measure needs.")
+        Whole, Option(min=1, help="Grains of a run; default: as many as its measure needs.")
     ] = None,
     scene: Annotated[
-        Path | None, Option("--scene", metavar="FILE", help="Scene of your own, in place of a ready one.")
+        File, Option("--scene", metavar="FILE", help="Scene of your own, in place of a ready one.")
     ] = None,
     sd: Annotated[
         Pairs,
@@ -264,7 +260,7 @@ def new(
     told = Told(pairs(observable, "--observable"), pairs(condition, "--condition"), pairs(unit, "--unit"))
     own = (diameter, density, grains, scene, tuple(effect or ()))
     wishes = Wishes(told, out, apparatus, closed_form, roughness, anew, *own, pairs(sd, "--sd"), fill_down)
-    document = new_study(table, wishes, (lambda _, guess: guess) if yes or as_json else asked)
+    document = new_study(table, wishes, (lambda _, guess: guess) if yes or as_json else ask_user)
     output.print_result(document, as_json, output.print_new_study)
 
 
@@ -287,7 +283,7 @@ def pairs(stated: Pairs, option: str) -> Mapping[str, str]:
     return found
 
 
-def asked(question: str, guess: str) -> str:
+def ask_user(question: str, guess: str) -> str:
     """Answer of the user; Enter takes the guess."""
     try:
         return str(typer.prompt(question, default=guess, err=True))

@@ -186,7 +186,7 @@ def usage(name: str) -> str:
     return next(line for line in HELP.split("\n") if line.startswith(f"{name} "))
 
 
-def leave(session: Session) -> str:
+def quit_session(session: Session) -> str:
     raise EOFError
 
 
@@ -208,7 +208,7 @@ COMMANDS: dict[str, Callable[..., str]] = {  # of a session and the words behind
     "history": lambda session: "\n".join(session.history),
     "script": script,
     "help": help_text,
-    "quit": leave,
+    "quit": quit_session,
 }
 
 
@@ -261,29 +261,27 @@ def enable_completion(session: Session) -> None:
     readline.parse_and_bind("tab: complete")
 
 
-def read_commands(session: Session) -> None:
-    """Run line after line and print the texts; an error ends a session of a pipe alone."""
-    for line in input_lines(session):
-        try:
-            text = execute(session, line)
-        except (BadInput, SimulationStopped) as error:
-            if not sys.stdin.isatty():
-                raise
-            text = str(error)
-        except KeyboardInterrupt:
-            text = "interrupted; the session is at its last check"
-        if text:
-            typer.echo(text)
-
-
 def run_prompt(session: Session, path: Path, viewer: str | None) -> None:
-    """Run commands to the end of the input, with a growing recording for a viewer."""
+    """Run commands to the end of the input, with a growing recording for a viewer.
+
+    An error ends a session of a pipe; in a terminal it is printed.
+    """
     recorder = live.record_session(session, path, viewer)
     session.callbacks.append(Sampler())
     for sentence in live.warnings_now(session):
         typer.echo(f"warning: {sentence}")
     try:
-        read_commands(session)
+        for line in input_lines(session):
+            try:
+                text = execute(session, line)
+            except (BadInput, SimulationStopped) as error:
+                if not sys.stdin.isatty():
+                    raise
+                text = str(error)
+            except KeyboardInterrupt:
+                text = "interrupted; the session is at its last check"
+            if text:
+                typer.echo(text)
     except EOFError:
         return
     finally:

@@ -41,7 +41,10 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def run_command(words: list[str]) -> int:
-    """Run one command; an expected failure becomes a line on stderr and an exit code."""
+    """Run one command; a failure becomes a line on stderr and an exit code.
+
+    Where TRACEBACK_SWITCH is set, an unexpected failure prints its traceback.
+    """
     name = os.environ.get(NAME_SWITCH, "taichi-erosion")
     try:
         return app(words, prog_name=name, obj=words, standalone_mode=False) or ExitCode.SUCCESS
@@ -54,7 +57,15 @@ def run_command(words: list[str]) -> int:
     except SimulationStopped as error:
         return print_error(str(error), ExitCode.STOPPED)
     except Exception as error:
-        return report_unexpected(error)
+        from taichi_erosion.core.effect_loading import compile_failure
+
+        if os.environ.get(TRACEBACK_SWITCH) == "1":
+            typer.echo("".join(traceback.format_exception(error)), err=True)
+            return ExitCode.FAILURE
+        if (reason := compile_failure(error)) is not None:  # in the user's own effect
+            return print_error(f"{reason}; `effects NAME --effect FILE` checks an effect", ExitCode.BAD_INPUT)
+        sentence = f"unexpected {type(error).__name__}: {error} ({TRACEBACK_SWITCH}=1 shows where)"
+        return print_error(sentence, ExitCode.FAILURE)
 
 
 def print_error(sentence: str, code: ExitCode) -> ExitCode:
@@ -64,16 +75,3 @@ def print_error(sentence: str, code: ExitCode) -> ExitCode:
         LOG.error(line)
         typer.echo(line, err=True)
     return code
-
-
-def report_unexpected(error: Exception) -> ExitCode:
-    """Print an unexpected error in one line, or its traceback where TRACEBACK_SWITCH is set."""
-    from taichi_erosion.core.effect_loading import compile_failure
-
-    if os.environ.get(TRACEBACK_SWITCH) == "1":
-        typer.echo("".join(traceback.format_exception(error)), err=True)
-        return ExitCode.FAILURE
-    if (reason := compile_failure(error)) is not None:  # in the user's own effect
-        return print_error(f"{reason}; `effects NAME --effect FILE` checks an effect", ExitCode.BAD_INPUT)
-    sentence = f"unexpected {type(error).__name__}: {error} ({TRACEBACK_SWITCH}=1 shows where)"
-    return print_error(sentence, ExitCode.FAILURE)

@@ -40,12 +40,12 @@ def write_effect_file(
     if name in load_library() or path.exists():
         raise BadInput(f"effects new {name}: there is an effect or a file of this name; take another one")
     blank = "stateful_effect" if memory else f"{place}_effect"
-    text = law_file(name, discovery) if discovery else rendered(blank).replace("NAME", name)
+    text = law_file(name, discovery) if discovery else render(blank).replace("NAME", name)
     path.write_text(text, encoding="utf-8")
     return path
 
 
-def rendered(kind: str, **entries: Any) -> str:
+def render(kind: str, **entries: Any) -> str:
     """Text of a new effect file."""
     loader = PackageLoader("taichi_erosion.cli", "scaffold")
     environment = Environment(loader=loader, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
@@ -64,11 +64,11 @@ def law_file(name: str, source: Path) -> str:
     if not (result.name.endswith(RESULT) and result.is_file()):
         raise BadInput(f"{source}: is not a result of discover (STUDY{RESULT}), nor a study that has one")
     title = name.replace("_", " ").capitalize()
-    entries = law_entries(found_law(result), *names_of_study(study))
-    return rendered("mechanism_law", name=name, title=title, source=result.name, **entries)
+    entries = law_entries(read_law(result), *names_of_study(study))
+    return render("mechanism_law", name=name, title=title, source=result.name, **entries)
 
 
-def found_law(result: Path) -> "LawPart":
+def read_law(result: Path) -> "LawPart":
     """Law of the dose of a mechanism that a discovery found. Raises BadInput where there is none."""
     from taichi_erosion.evidence.answers.files import read_reply
     from taichi_erosion.mechanisms.library import load_mechanisms

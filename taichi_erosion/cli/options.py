@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 
 from typer import Option
 
+File, Text, Whole = Path | None, str | None, int | None  # None where nothing is typed
 AsJson = Annotated[bool, Option("--json", help="Print one JSON document and nothing else.")]
 EffectFiles = Annotated[
     list[Path] | None,

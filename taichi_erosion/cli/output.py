@@ -97,12 +97,12 @@ def print_run(document: Record, verbose: bool = False) -> None:
     print_lines(words.after_run(document))
 
 
-def examined_effects(found: Sequence[Record]) -> Iterator[str]:
+def effect_check_lines(checks: Sequence[Record]) -> Iterator[str]:
     """Sentences on the check of effect files."""
-    if found:
-        from taichi_erosion.verification.effect_contract import examined_words
+    if checks:
+        from taichi_erosion.verification.effect_contract import check_sentence
 
-        yield from ((WARNING if each["breaches"] else "") + examined_words(each) for each in found)
+        yield from ((WARNING if each["breaches"] else "") + check_sentence(each) for each in checks)
 
 
 def print_measurement(record: Record) -> None:
@@ -148,17 +148,40 @@ def print_cases(document: Record) -> None:
 
 
 def print_answer(reply: "Reply", options: Sequence[str], verbose: bool) -> None:
-    """Print the set-up, the sentences with the table, and where asked all that the record has beyond.
+    """Print the set-up, and the sentences with the table.
 
-    `options` are those that the following commands need too.
+    `verbose` adds limits of the candidates, calibrated numbers, notes and cost. `options` are those that the
+    following commands need too.
     """
     answer = reply.answer(*options)
-    set_up, room = reply.about["set_up"], max(MOST_LINES - len(answer.lines), 1)
+    set_up = reply.about["set_up"]
+    room = max(MOST_LINES - len(answer.lines), 1)
     if not verbose and len(set_up) > room:
         set_up = [*set_up[: room - 1], f"{counted(len(set_up) - room + 1, 'sentence')} more: --verbose"]
     print_parts(set_up, answer)
-    if verbose:
-        print_details(reply)
+    if not verbose:
+        return
+    from taichi_erosion.evidence.words.vocabulary import interval
+
+    about, record = reply.about, reply.record
+    number, share = partial(significant, form=".3g"), partial(significant, form=".0%")
+    limits = (
+        (name, number(part.limit), number(part.unseen_below), share(part.absorption))
+        for name, part in record.effects.items()
+    )
+    numbers = (
+        (path, plain(part.start), interval(part.before, 3), interval(part.now, 3), share(part.prior_share))
+        for path, part in record.numbers.items()
+    )
+    if record.effects:
+        print_table("limits of the strengths", LIMITS, limits)
+    if record.numbers:
+        print_table("calibrated numbers (90 %)", NUMBERS, numbers)
+    print_lines([*about["notes"], *about["warnings"]], "note: ")
+    print_lines(about.get("files", ()), "written: ")
+    settings, runs = counted(record.cost.settings, "setting"), counted(record.cost.runs, "run")
+    typer.echo(f"{settings} of the model, {runs}, {record.cost.seconds:.1f} s, seed {record.cost.seed}")
+    typer.echo(f"results in {about['results']}; {', '.join(map(' '.join, about['versions'].items()))}")
 
 
 def print_parts(set_up: Iterable[str], answer: "Answer") -> None:
@@ -167,31 +190,6 @@ def print_parts(set_up: Iterable[str], answer: "Answer") -> None:
     if answer.table is not None:
         print_table(answer.table.title, answer.table.columns, answer.table.rows)
     print_lines(answer.following)
-
-
-def print_details(reply: "Reply") -> None:
-    """Print limits of the candidates, calibrated numbers, notes, warnings and cost."""
-    from taichi_erosion.evidence.words.vocabulary import interval as told
-
-    about, found = reply.about, reply.record
-    number, share = partial(significant, form=".3g"), partial(significant, form=".0%")
-    limits = (
-        (name, number(part.limit), number(part.unseen_below), share(part.absorption))
-        for name, part in found.effects.items()
-    )
-    numbers = (
-        (path, plain(part.start), told(part.before, 3), told(part.now, 3), share(part.prior_share))
-        for path, part in found.numbers.items()
-    )
-    if found.effects:
-        print_table("limits of the strengths", LIMITS, limits)
-    if found.numbers:
-        print_table("calibrated numbers (90 %)", NUMBERS, numbers)
-    print_lines([*about["notes"], *about["warnings"]], "note: ")
-    print_lines(about.get("files", ()), "written: ")
-    settings, runs = counted(found.cost.settings, "setting"), counted(found.cost.runs, "run")
-    typer.echo(f"{settings} of the model, {runs}, {found.cost.seconds:.1f} s, seed {found.cost.seed}")
-    typer.echo(f"results in {about['results']}; {', '.join(map(' '.join, about['versions'].items()))}")
 
 
 def print_new_study(document: Record) -> None:
@@ -215,7 +213,7 @@ def print_check(document: Record) -> None:
     """Print that a study is valid, what it holds, and what an answer costs."""
     typer.echo(f"{document['study']}: valid; nothing was run")
     if document["kind"] == "evidence":
-        print_lines(examined_effects(document["effects"]))
+        print_lines(effect_check_lines(document["effects"]))
         print_content(document)
         if document["held_out"]:
             typer.echo(f"held-out rows: drawn_from = {document['drawn_from']}")

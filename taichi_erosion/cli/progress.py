@@ -66,8 +66,8 @@ def reporting(title: str, kept: str = "") -> Iterator[Report]:
     console = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn()
     bar = Progress(*columns, console=console, transient=True, speed_estimate_period=PACE_WINDOW)
-    task, began = bar.add_task(title, total=1.0), monotonic()
-    last = began
+    task = bar.add_task(title, total=1.0)
+    began = last = monotonic()
 
     def report(share: float, words: str) -> None:
         nonlocal last
@@ -76,7 +76,8 @@ def reporting(title: str, kept: str = "") -> Iterator[Report]:
         if console.is_terminal and now - began > SHOWN_AFTER:
             bar.start()
         if now - last >= LINE_INTERVAL:
-            last, left = now, bar.tasks[task].time_remaining
+            last = now
+            left = bar.tasks[task].time_remaining
             line = f"{title}: {share:.0%}, {words}"
             line += "" if left is None else f", about {timedelta(seconds=round(left))} left"
             LOG.info(line)

@@ -182,20 +182,15 @@ def initial_wind(setup: AirSetup, friction_velocity: float) -> Floats:
     wind[0] = log_profile(
         centre, friction_velocity, setup.initial_turbulence.roughness, setup.constants.karman
     )
-    waves = random_waves(setup, np.maximum(centre, 0.0) / (setup.high[2] - setup.ground))
-    return wind + setup.initial_turbulence.deviation * friction_velocity * waves
-
-
-def random_waves(setup: AirSetup, height: Floats) -> Floats:
-    """Fluctuations [3, nx, ny, nz] of standard deviation 1 above the bed [1]; heights over the lid's."""
-    assert setup.initial_turbulence is not None
+    height = np.maximum(centre, 0.0) / (setup.high[2] - setup.ground)
     random = np.random.Generator(np.random.Philox(setup.initial_turbulence.seed))
     x, y = (2.0 * np.pi * np.arange(n) / n for n in setup.cells[:2])
-    total = np.zeros((3, *setup.cells))
+    waves = np.zeros((3, *setup.cells))
     for a, b, m in product(range(WAVES_X + 1), range(-WAVES_Y, WAVES_Y + 1), range(1, HALF_WAVES + 1)):
         phase = random.uniform(0.0, 2.0 * np.pi, 3)
         level = np.cos(a * x[None, :, None] + b * y[None, None, :] + phase[:, None, None])
-        total += level[..., None] * np.sin(np.pi * m * height)
+        waves += level[..., None] * np.sin(np.pi * m * height)
     above = height > 0.0
-    deviation = np.sqrt((total[..., above] ** 2).mean(axis=(1, 2, 3), keepdims=True))
-    return total / np.maximum(deviation, np.finfo(float).tiny)
+    deviation = np.sqrt((waves[..., above] ** 2).mean(axis=(1, 2, 3), keepdims=True))
+    waves /= np.maximum(deviation, np.finfo(float).tiny)
+    return wind + setup.initial_turbulence.deviation * friction_velocity * waves

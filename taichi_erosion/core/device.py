@@ -52,15 +52,6 @@ class StringRef(ctypes.Structure):
     _fields_ = (("data", ctypes.c_void_p), ("length", ctypes.c_size_t))
 
 
-def loaded_library() -> tuple[int, Path]:
-    """Address and file of the library in which Taichi brings LLVM; ValueError where it is not loaded."""
-    for line in Path("/proc/self/maps").read_text(encoding="utf-8").splitlines():
-        words = line.split()
-        if len(words) == 6 and "/taichi_python." in words[5] and int(words[2], 16) == 0:
-            return int(words[0].partition("-")[0], 16), Path(words[5])
-    raise ValueError("Taichi's library is not loaded")
-
-
 def search_symbols(file: Path) -> tuple[int, int]:
     """Addresses within an ELF file of the function that names the processor and of the table; ValueError."""
     with file.open("rb") as opened, mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ) as image:
@@ -80,9 +71,14 @@ def search_symbols(file: Path) -> tuple[int, int]:
 
 
 def compiler_rows() -> tuple[str, dict[str, int]]:
-    """What LLVM calls this processor, and the addresses of the rows of its table by name."""
-    base, file = loaded_library()
-    function, table = search_symbols(file)
+    """What LLVM calls this processor, and the addresses of the rows of its table by name; ValueError."""
+    maps = map(str.split, Path("/proc/self/maps").read_text(encoding="utf-8").splitlines())
+    libraries = (words for words in maps if len(words) == 6 and "/taichi_python." in words[5])
+    first = next((words for words in libraries if int(words[2], 16) == 0), None)
+    if first is None:
+        raise ValueError("Taichi's library is not loaded")
+    base = int(first[0].partition("-")[0], 16)
+    function, table = search_symbols(Path(first[5]))
     named = ctypes.CFUNCTYPE(StringRef)(base + function)()
     addresses = range(base + table, base + table + TABLE_BYTES, ROW)
     rows = {ctypes.string_at(ctypes.c_uint64.from_address(at).value).decode(): at for at in addresses}
@@ -130,33 +126,6 @@ def compiler_target() -> str:
     return name
 
 
-def cache_folder() -> Path:
-    """Folder of compiled kernels, shared by all runs of this user with one engine on processors of one name.
-
-    The key of a kernel knows no processor, and its loops are laid out for one before it is kept.
-    """
-    engine = f"{engine_mark()}-{engine_version()}" if engine_mark() else ""
-    root = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(root) / "taichi_erosion" / "kernels" / f"{compiler_target()}{engine}"
-
-
-def is_writable(folder: Path) -> bool:
-    """Whether a file can be made there; Taichi crashes at exit when its cache folder refuses."""
-    try:
-        check_writable(folder / "any")
-    except BadInput:
-        return False
-    return True
-
-
-def remove_stale_lock(folder: Path) -> None:
-    """Remove the lock of a killed process, which would keep every later run from the cache."""
-    lock = folder / LOCK
-    with contextlib.suppress(OSError):
-        if time.time() - lock.stat().st_mtime > LOCK_SECONDS:
-            lock.unlink()
-
-
 def start_device(numerics: Numerics, pool_least: int = 1) -> int:
     """Start Taichi and return the number of workers that run at the same time.
 
@@ -168,11 +137,18 @@ def start_device(numerics: Numerics, pool_least: int = 1) -> int:
     back to another device.
     """
     threads = numerics.threads or usable_cores()
-    folder = cache_folder()
-    offline = is_writable(folder)
-    remove_stale_lock(folder)
-    if not offline:  # Taichi makes this folder at exit even where it keeps nothing there, or crashes
-        folder = Path(__file__).parent
+    engine = f"{engine_mark()}-{engine_version()}" if engine_mark() else ""
+    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    # the key of a kernel knows no processor, and its loops are laid out for one before it is kept
+    folder, offline = root / "taichi_erosion" / "kernels" / f"{compiler_target()}{engine}", True
+    try:
+        check_writable(folder / "any")
+    except BadInput:  # Taichi makes its folder at exit even where it keeps nothing there, or crashes
+        folder, offline = Path(__file__).parent, False
+    lock = folder / LOCK
+    with contextlib.suppress(OSError):  # of a killed process: it would keep every later run from the cache
+        if time.time() - lock.stat().st_mtime > LOCK_SECONDS:
+            lock.unlink()
     with contextlib.redirect_stdout(io.StringIO()):
         ti.init(
             arch=getattr(ti, numerics.arch),
@@ -202,7 +178,8 @@ def multiprocessors() -> int:
 
     Reference: CUDA driver API, cuDeviceGetAttribute, CU_DEVICE_ATTRIBUTE_MULTIPROCESSOR_COUNT.
     """
-    count, driver = ctypes.c_int(), ctypes.CDLL("libcuda.so.1")
+    count = ctypes.c_int()
+    driver = ctypes.CDLL("libcuda.so.1")
     if driver.cuDeviceGetAttribute(ctypes.byref(count), MULTIPROCESSORS, 0) != 0:
         raise BadInput("--arch cuda: the driver does not say how many multiprocessors there are")
     return count.value

@@ -188,16 +188,12 @@ def replica_effect(
     """Constants and reach of a device effect in one replica; `radius` is that of its largest grain [m]."""
     assert effect.constants is not None
     constants = effect.constants(params, strength, conditions)
-    if not isinstance(constants, dict) or not all(map(is_finite_number, constants.values())):
+    numbers = constants.values() if isinstance(constants, dict) else (None,)
+    if not all(isinstance(number, Real) and isfinite(number) for number in numbers):
         told = f"constants must give a dict of finite numbers by name, not {constants!r}"
         raise BadInput(f"effects.{effect.name}: {told}")
     start = initial_state(effect, params, strength, conditions)
     return ReplicaEffect(effect, constants, effect.reach(constants, radius), start)
-
-
-def is_finite_number(value: Any) -> bool:
-    """Whether a value is one finite number, of Python or NumPy."""
-    return isinstance(value, Real) and isfinite(value)
 
 
 def longest_reaches(effects: Sequence[ReplicaEffect]) -> tuple[float, float]:

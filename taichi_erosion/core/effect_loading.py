@@ -24,9 +24,8 @@ MEMBER = "EFFECT"  # name of the record in an effect's file
 REMEDY = "`effects new NAME` writes a file of the present interface"
 ON_DEVICE = ("pair", "first_contact", "grain")  # places of effects whose `act` is a ti.func
 MOST_FILES = 64  # executed files that are kept
-COMPILED = re.compile(
-    rf'File "([^"]+):[0-9a-f]{{{DIGITS}}}", line (\d+), in (\w+):'
-)  # in a compiler's message
+# in a compiler's message
+COMPILED = re.compile(rf'File "([^"]+):[0-9a-f]{{{DIGITS}}}", line (\d+), in (\w+):')
 SOURCE = re.compile(rf"(.+):[0-9a-f]{{{DIGITS}}}")  # name under which the text of a file is compiled
 STRUCT = re.compile(r"'Struct\d+' object")  # name of the compiler for what `act` reads
 USE = 'effect_device.py", line'  # where functions of effects are called
@@ -35,21 +34,19 @@ USE = 'effect_device.py", line'  # where functions of effects are called
 @lru_cache(maxsize=MOST_FILES)
 def effect_in(file: EffectFile) -> Effect:
     """The effect that a file defines; the file is executed once. Raises BadInput."""
-    effect = getattr(executed(file), MEMBER, None)
-    return checked_effect(effect, str(file))
+    return checked_effect(getattr(execute(file), MEMBER, None), str(file))
 
 
 def checked_effect(effect: Any, origin: str) -> Effect:
     """The effect itself. Raises BadInput for anything else, or one of another interface."""
     if not isinstance(effect, Effect):
         raise BadInput(f"{origin}: holds no {MEMBER} = Effect(...); {REMEDY}")
-    problem = interface_problem(effect)
-    if problem is not None:
+    if problem := interface_problem(effect):
         raise BadInput(f"{origin}: {problem}; {REMEDY}")
     return effect
 
 
-def executed(file: EffectFile) -> ModuleType:
+def execute(file: EffectFile) -> ModuleType:
     """Module of the text of a file; the compiler reads that text too, whatever becomes of the file."""
     name, source = f"effect_file_{file.path.stem}_{file.digest}", f"{file.path}:{file.digest}"
     linecache.cache[source] = (len(file.text), None, file.text.splitlines(keepends=True), source)

@@ -10,6 +10,7 @@ out is the initial one. The device must have been started for effects that act o
 """
 
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
 from math import pi
 from typing import Any
@@ -200,15 +201,22 @@ def device_probe(effect: Effect, bench: Bench) -> Probe:
                 numbers = asdict(state or fresh).items()
                 upload([(getattr(effects.states[0], name), [value]) for name, value in numbers], at)
         place = bench.grain if advances else getattr(bench, effect.place)
-        upload([(parts(place)[name], [value]) for name, value in (zeros(place) | members).items()])
-        return advanced_state(effect, effects, bench) if advances else result(effect, effects, bench)
+        set_members(place, members)
+        if not advances:
+            return result(effect, effects, bench)
+        assert effect.grain_state is not None
+        advance_state(bench.grain, effects)
+        names = [f.name for f in fields(effect.grain_state)]
+        after = download([getattr(effects.states[0], name) for name in names], PLACE_I, 1)
+        return effect.grain_state(**{name: float(one[0]) for name, one in zip(names, after, strict=True)})
 
     return probe
 
 
-def zeros(place: Any) -> dict[str, Any]:
-    """Zeros for all members of a struct field."""
-    return {name: np.zeros(getattr(member, "n", 1)) for name, member in parts(place).items()}
+def set_members(place: Any, members: Mapping[str, Any]) -> None:
+    """Write the members of a struct field, 0 where one is not named."""
+    zeros = {name: np.zeros(getattr(getattr(place, name), "n", 1)) for name in place.keys}
+    upload([(getattr(place, name), [value]) for name, value in (zeros | dict(members)).items()])
 
 
 def result(effect: Effect, effects: DeviceEffects, bench: Bench) -> Any:
@@ -223,21 +231,7 @@ def result(effect: Effect, effects: DeviceEffects, bench: Bench) -> Any:
     return read(bench.force)[0].astype(np.float64) if effect.vector else float(read(bench.scalar)[0])
 
 
-def advanced_state(effect: Effect, effects: DeviceEffects, bench: Bench) -> Any:
-    """State of the grain of the bench after one exchange interval."""
-    assert effect.grain_state is not None
-    advance_state(bench.grain, effects)
-    names = [f.name for f in fields(effect.grain_state)]
-    numbers = download([getattr(effects.states[0], name) for name in names], PLACE_I, 1)
-    return effect.grain_state(**{name: float(one[0]) for name, one in zip(names, numbers, strict=True)})
-
-
-def parts(place: Any) -> dict[str, Any]:
-    """Fields of the members of a struct field, by name."""
-    return {name: getattr(place, name) for name in place.keys}
-
-
-def falsified(probe: Probe, name: str, factor: float) -> Probe:
+def falsify(probe: Probe, name: str, factor: float) -> Probe:
     """The same probe with one parameter made wrong by a factor."""
 
     def wrong(params: Any, conditions: Conditions, **members: Any) -> Any:

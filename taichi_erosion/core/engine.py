@@ -68,7 +68,9 @@ def take_shortcuts() -> None:
     module: Any = import_module(path)
     for name in readers:
         setattr(module, name, once_a_code(getattr(module, name)))
-    module.textwrap = SimpleNamespace(fill=bare_line, dedent=textwrap.dedent)  # lines are not wrapped
+    module.textwrap = SimpleNamespace(  # a line is not wrapped: without its end, tabs as spaces
+        fill=lambda line, tabsize, width: line.rstrip().expandtabs(tabsize), dedent=textwrap.dedent
+    )
     if engine == "taichi":
         cache_positions()
     else:
@@ -84,11 +86,6 @@ def once_a_code(read: Callable[[Any], Any]) -> Callable[[Any], Any]:
         return known.get(code) or known.setdefault(code, read(function))
 
     return answer
-
-
-def bare_line(line: str, tabsize: int, width: int) -> str:
-    """A line of source without its end, tabs as spaces."""
-    return line.rstrip().expandtabs(tabsize)
 
 
 def cache_positions() -> None:

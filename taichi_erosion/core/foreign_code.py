@@ -16,7 +16,7 @@ from taichi_erosion.core.files import one_line_name, read_text_file
 SUFFIX = ".py"
 DIGITS = 12  # hexadecimal, of a digest
 OPTION = "--effect"  # what names a file that neither a scene nor a study names
-told: set[Path] = set()  # files that this process has named
+NAMED: set[Path] = set()  # files that this process has named
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ def shown(path: Path) -> str:
 def tell_execution(path: Path, named_by: str) -> None:
     """Write `executes FILE (named by SCENE-OR-STUDY)` on stderr, once a file, before it runs."""
     file = path.resolve()
-    if file not in told:
-        told.add(file)
+    if file not in NAMED:
+        NAMED.add(file)
         sys.stderr.write(f"executes {one_line_name(shown(file))} (named by {one_line_name(named_by)})\n")
 
 

@@ -25,7 +25,7 @@ from taichi_erosion.core.effect_loading import (
     line_of,
     reason,
 )
-from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsified, make_bench, probe_of
+from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsify, make_bench, probe_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import Numerics
@@ -55,7 +55,7 @@ RESTING = TYPICAL["grain"] | {"velocity": (0.0, 0.0, 0.0), "spin": (0.0, 0.0, 0.
 READINGS = ("repose_angle", "threshold_u_star", "fluid_threshold_stress", "flux", "pile_height")
 
 
-def holds(check: Check) -> bool:
+def is_right(check: Check) -> bool:
     """Whether a line of a table is right."""
     return isclose(check.got, check.want, rel_tol=check.rtol, abs_tol=check.atol)
 
@@ -112,13 +112,13 @@ def table_is_right(effect: Effect, probe: Probe) -> Iterator[str]:
     table = list(effect.checks(probe))
     if len(table) < LEAST_CHECKS:
         yield f"its table has {len(table)} lines; at least {LEAST_CHECKS} are needed"
-    yield from (f"{c.claim}: got {c.got:.6g}, want {c.want:.6g}" for c in table if not holds(c))
+    yield from (f"{c.claim}: got {c.got:.6g}, want {c.want:.6g}" for c in table if not is_right(c))
 
 
 def parameters_are_pinned(effect: Effect, probe: Probe) -> Iterator[str]:
     """Making any one parameter wrong by 10 % breaks some line of the table."""
     for f in fields(effect.params):
-        if all(holds(check) for check in effect.checks(falsified(probe, f.name, WRONG))):
+        if all(is_right(check) for check in effect.checks(falsify(probe, f.name, WRONG))):
             yield f"no line of its table notices that {f.name} is wrong by 10 %"
 
 
@@ -336,7 +336,7 @@ def examine(effect: Effect) -> Examination:
         stop_device()
 
 
-def examined_file(file: EffectFile) -> dict[str, Any]:
+def examine_file(file: EffectFile) -> dict[str, Any]:
     """Name, breaches and time [s] of the check of the effect of a file. Raises BadInput if it cannot act."""
     effect = effect_in(file)
     found = examine(effect)
@@ -348,10 +348,10 @@ def examined_file(file: EffectFile) -> dict[str, Any]:
 
 def refuse_unusable(paths: Iterable[Path]) -> list[dict[str, Any]]:
     """Checks of effect files before a session. Raises BadInput where an effect cannot act."""
-    return [examined_file(file) for file in read_effect_files(paths)]
+    return [examine_file(file) for file in read_effect_files(paths)]
 
 
-def examined_words(found: Mapping[str, Any]) -> str:
+def check_sentence(found: Mapping[str, Any]) -> str:
     """One sentence on the check of a file."""
     told = f"effect '{found['effect']}' of {found['file']}"
     if not found["breaches"]:

@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 
 from taichi_erosion.cli.main import main
-from taichi_erosion.cli.new_effect import rendered
+from taichi_erosion.cli.new_effect import render
 from taichi_erosion.core.effect_loading import effect_in
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import read_effect_file, read_effect_files
 from taichi_erosion.effects import load_library
 
-PULL = rendered("pair_effect").replace("NAME", "constant_pull")
+PULL = render("pair_effect").replace("NAME", "constant_pull")
 EXECUTES = "executes glue.py (named by --effect)"
 REMEDY = "`effects new NAME` writes a file of the present interface"
 BROKEN = {  # change of a good file -> what is told of it

@@ -56,14 +56,14 @@ def test_the_scaffold_keeps_the_contract_as_it_is(words, here, bench, capsys):
     assert (effect.grain_state is None) == (words != ["--with-memory"])
 
 
-def found_law(here: Path, law: LawPart) -> Effect:
+def read_law(here: Path, law: LawPart) -> Effect:
     """The effect that is written of a discovered law."""
     assert main(["effects", "new", "found", "--from-discovery", discovery(here, law)]) == 0
     return load_library([here / "found.py"])["found"]
 
 
 def test_a_discovered_law_becomes_an_effect_that_gives_what_the_discovery_wrote(here, bench):
-    effect = found_law(here, LAW)
+    effect = read_law(here, LAW)
     assert breaches(effect, usable_probe(effect, bench)) == []
     assert (effect.reads, effect.mechanism) == (("diameter", "colour"), "rolling_friction")
     for conditions, dose in LAW.doses:
@@ -104,6 +104,6 @@ def test_a_discovery_without_a_law_of_a_mechanism_begins_no_file(law, sentence, 
 
 def test_a_law_of_a_force_keeps_the_contract_too(here, capsys):
     """The last test: it starts a device of its own."""
-    found_law(here, replace(LAW, mechanism="contact_pull"))
+    read_law(here, replace(LAW, mechanism="contact_pull"))
     assert main(["effects", "found", "--effect", "found.py"]) == 0
     assert "It keeps the contract of effects." in capsys.readouterr().out

@@ -10,9 +10,9 @@ import pytest
 from taichi_erosion.core.device import start_device, stop_device
 from taichi_erosion.core.effect import Probe, replica_effect
 from taichi_erosion.core.effect_device import bind
-from taichi_erosion.core.effect_probe import evaluate_grain, make_bench, parts, probe_of, zeros
+from taichi_erosion.core.effect_probe import evaluate_grain, make_bench, probe_of, set_members
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.core.transfer import read, upload
+from taichi_erosion.core.transfer import read
 from taichi_erosion.coupling.drag import LAWS, drag_law
 from taichi_erosion.effects import load_library
 from taichi_erosion.effects.turbulent_gusts import EFFECT, Params
@@ -143,8 +143,7 @@ def test_lift_and_torque_feel_the_gust():
     def answer(names: list[str], members: dict[str, Any]) -> np.ndarray:
         effects = [replica_effect(library[n], library[n].params(), 1.0, {}, 0.0) for n in names]
         bound = bind("grain", [effects])
-        values = zeros(bench.grain) | members
-        upload([(parts(bench.grain)[name], [value]) for name, value in values.items()])
+        set_members(bench.grain, members)
         evaluate_grain(bound, bench.grain, bench.force, bench.torque)
         return np.concatenate([read(bench.force)[0], read(bench.torque)[0]])
 

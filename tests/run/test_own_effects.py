@@ -6,13 +6,13 @@ import pytest
 from small_scene import write_scene
 
 from taichi_erosion.campaign.request import request_of, simulating
-from taichi_erosion.cli.new_effect import rendered
+from taichi_erosion.cli.new_effect import render
 from taichi_erosion.run import ensemble
 from taichi_erosion.run.checks import library_of, read_scene
 from taichi_erosion.scene import scene_hash
 from taichi_erosion.simulation import prepare
 
-PULL = rendered("pair_effect").replace("NAME", "constant_pull")
+PULL = render("pair_effect").replace("NAME", "constant_pull")
 ON = ("effects.constant_pull.strength=1.0",)
 
 

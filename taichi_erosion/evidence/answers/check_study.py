@@ -20,7 +20,7 @@ from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, initial
 from taichi_erosion.evidence.models.load_study import NO_OPTIONS, PLANS, Study, StudyOptions, load_study
 from taichi_erosion.run.checks import read_scene
 from taichi_erosion.tables.number_words import with_unit
-from taichi_erosion.verification.effect_contract import examined_file
+from taichi_erosion.verification.effect_contract import examine_file
 
 Document = dict[str, Any]
 
@@ -39,7 +39,7 @@ def check_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Document:
         faults.tell()
         return {"study": str(path), "kind": "calibration", "observables": names}
     study = load_study(path, options)
-    examined = [faults.of(examined_file, each) for each in study.effect_files]
+    examined = [faults.of(examine_file, each) for each in study.effect_files]
     faults.tell()
     return study_document(study) | {"effects": examined}
 
