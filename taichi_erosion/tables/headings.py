@@ -378,7 +378,8 @@ def meaning_alone(heading: Heading) -> str:
 
 def near_meaning(heading: str) -> str:
     """Observable or condition that a heading seems to misspell, or may mean beside others; else empty."""
-    plain, words = plain_words(heading), vocabulary()
+    plain = plain_words(heading)
+    words = vocabulary()
     if longest_word(heading, "others")[0] or of_another(heading):
         return ""
     several = (*words["asked"].items(), *words["alone"].items())

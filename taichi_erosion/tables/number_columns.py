@@ -81,7 +81,8 @@ def why_no_condition(
     """
     if not np.isfinite(own).all():
         return "it is not known in every row"
-    distinct, whole = np.unique(own), bool(np.all(own == np.round(own)))
+    distinct = np.unique(own)
+    whole = bool(np.all(own == np.round(own)))
     if distinct.size == 1:
         return "it is the same in all rows"
     counts = distinct.size == own.size == 1 + np.ptp(own)

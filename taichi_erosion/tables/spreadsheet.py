@@ -78,7 +78,7 @@ def read_cells(path: Path, name: str, faults: list[str]) -> Cells:
     if content.startswith(WORKBOOK) or path.suffix.lower() in (".xlsx", ".xlsm"):
         rows, comma, form = workbook_rows(content, name)
     else:
-        text, encoding = decoded(content, name)
+        text, encoding = decode(content, name)
         separator = separator_of(text)
         rows = text_rows(text, separator, name)
         comma = has_decimal_comma((cell for _, cells in rows for cell in cells), separator)
@@ -86,7 +86,7 @@ def read_cells(path: Path, name: str, faults: list[str]) -> Cells:
         form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
     start = next((k for k, (_, cells) in enumerate(rows) if sum(map(bool, cells)) > 1), 0)  # below titles
     rows = with_repeats(with_one_heading(rows[start:]))
-    return written_out(Cells(name, tuple(rectangular(rows, name, faults)), comma, form))
+    return write_out(Cells(name, tuple(trim_rows(rows, name, faults)), comma, form))
 
 
 def file_bytes(path: Path, name: str) -> bytes:
@@ -101,7 +101,7 @@ def file_bytes(path: Path, name: str) -> bytes:
         raise BadInput(f"{name}: cannot be read: {str(error).splitlines()[0]}") from None
 
 
-def decoded(content: bytes, name: str) -> tuple[str, str]:
+def decode(content: bytes, name: str) -> tuple[str, str]:
     """Text of a file and the name of its encoding."""
     marked = next((code for mark, code in MARKS.items() if content.startswith(mark)), None)
     for encoding in (marked or "utf-8", "cp1252"):
@@ -198,22 +198,14 @@ def sheets_of(content: bytes, name: str) -> Iterator[tuple[str, list[tuple[int, 
                 told = "a formula that was never computed; save the workbook in a spreadsheet program"
                 raise BadInput(f"{name}: sheet '{sheet.title}', cell {cell.coordinate}: {told}")
         rows = [(k, [cell_value(cell) for cell in row]) for k, row in enumerate(sheet.iter_rows(), 1)]
-        fill_merged(rows, [merged.bounds for merged in sheet.merged_cells.ranges])
+        # a cell merged over rows below the heading counts in each of them, unless it is a measured quantity
+        heading = next((k for k, row in rows if sum(v not in (None, "") for v in row) > 1), 0)
+        for column, first, _, last in (merged.bounds for merged in sheet.merged_cells.ranges):
+            above = [str(v) for v in rows[heading - 1][1][:column] if v not in (None, "")] if heading else []
+            measured = bool(above) and meaning_of(read_heading(above[-1]).name)[0] == "observable"
+            for _, row in () if measured or first <= heading else rows[first:last]:
+                row[column - 1] = rows[first - 1][1][column - 1]
         yield sheet.title, [(k, row) for k, row in rows if any(v not in (None, "") for v in row)]
-
-
-def fill_merged(rows_out: list[tuple[int, list[Any]]], merged: Iterable[tuple[int, int, int, int]]) -> None:
-    """Write the value of cells that are merged over rows below the heading into each of these rows.
-
-    Not of a measured quantity, which is one measurement. Bounds: first column, first row, last column, last
-    row, from 1.
-    """
-    heading = next((k for k, row in rows_out if sum(v not in (None, "") for v in row) > 1), 0)
-    for column, first, _, last in merged:
-        above = [str(v) for v in rows_out[heading - 1][1][:column] if v not in (None, "")] if heading else []
-        measured = bool(above) and meaning_of(read_heading(above[-1]).name)[0] == "observable"
-        for _, row in () if measured or first <= heading else rows_out[first:last]:
-            row[column - 1] = rows_out[first - 1][1][column - 1]
 
 
 def cell_value(cell: Any) -> Any:
@@ -260,19 +252,15 @@ def with_one_heading(rows: Lines) -> Lines:
         return [(line, above), *others]  # numbers of repeats
     if len(filled) < 2 or numbers or not (units or merged):
         return rows
-    return [(line, list(joined_headings(above, below))), *others]
-
-
-def joined_headings(above: Sequence[str], below: Sequence[str]) -> Iterator[str]:
-    """Heading of each column from two rows: `repose angle` above `SD [deg]`; a lone unit gets brackets."""
-    last = ""
+    headings, last = list[str](), ""
     for text, under in zip_longest(above, below, fillvalue=""):
         last = text or last
         name, unit = last if under else text, without_brackets(under)
-        if name and unit_in(unit):
-            yield name if read_heading(name).unit else f"{name} [{unit}]"
+        if not (name and unit_in(unit)):
+            headings.append(f"{name} {under}".strip())  # `repose angle` above `SD [deg]`
         else:
-            yield f"{name} {under}".strip()
+            headings.append(name if read_heading(name).unit else f"{name} [{unit}]")
+    return [(line, headings), *others]
 
 
 def without_brackets(cell: str) -> str:
@@ -288,7 +276,8 @@ def with_repeats(rows: Lines) -> Lines:
     if not rows:
         return rows
     (line, heading), *others = rows
-    first, width = 0, max(last_filled(cells) for _, cells in rows)
+    first = 0
+    width = max(last_filled(cells) for _, cells in rows)
     heading = [*heading, *[""] * (width - len(heading))]
     found = list(heading)
     for k in range(1, width):
@@ -303,7 +292,7 @@ def with_repeats(rows: Lines) -> Lines:
     return [(line, found), *others]
 
 
-def rectangular(rows: Lines, name: str, faults: list[str]) -> Iterator[tuple[int, tuple[str, ...]]]:
+def trim_rows(rows: Lines, name: str, faults: list[str]) -> Iterator[tuple[int, tuple[str, ...]]]:
     """Rows as wide as the heading, without remarks behind it; of the others the first is a fault."""
     width = last_filled(rows[0][1]) if rows else 0
     rows = [(line, cells if has_digit(cells[width:]) else cells[:width]) for line, cells in rows]
@@ -320,13 +309,20 @@ def rectangular(rows: Lines, name: str, faults: list[str]) -> Iterator[tuple[int
             yield line, tuple(cells[:width])
 
 
-def written_out(cells: Cells) -> Cells:
+def write_out(cells: Cells) -> Cells:
     """The cells without marks of significance; numbers of a law, such as sizes in phi, as what they mean."""
-    columns, notes = [list(column) for column in zip(*(row for _, row in cells.rows), strict=True)], []
+    columns = [list(column) for column in zip(*(row for _, row in cells.rows), strict=True)]
+    notes = []
     for column in columns:
         heading, content = read_heading(column[0]), column[1:]
         known = heading.unit or meaning_of(heading.name)[0] not in ("group", "source", "remark", "unknown")
-        plain = without_marks(content) if known else content
+        matches = [MARKED.fullmatch(plain_cell(cell)) for cell in content] if known else []
+        letters = {sign for match in matches if match for sign in match["mark"] + match["last"]}
+        plain = content
+        # of groups that do not differ, `27.9a`: an 'a' is among them, which is no unit, or two capital ones
+        if "a" in letters or letters == {"*"} or len(letters & set("ABCDEFGH")) > 1:
+            pairs = zip(matches, content, strict=True)
+            plain = [f"{m['value']}{m['sd'] or ''}" if m else cell for m, cell in pairs]
         column[1:] = [in_unit(cell, heading, cells.decimal_comma) for cell in plain]
         told = vocabulary()["conversions"][heading.law or "mesh"] if column[1:] != plain else ()
         marks = ("letters or stars behind numbers are left out",) if plain != content else ()
@@ -335,24 +331,13 @@ def written_out(cells: Cells) -> Cells:
     return replace(cells, rows=tuple(rows), notes=tuple(notes))
 
 
-def without_marks(content: list[str]) -> list[str]:
-    """Cells of a column without letters of groups that do not differ, `27.9a`, and stars behind numbers.
-
-    Letters are such ones where an 'a' is among them, which is no unit; capital ones where there are two.
-    """
-    found = [MARKED.fullmatch(plain_cell(cell)) for cell in content]
-    letters = {sign for match in found if match for sign in match["mark"] + match["last"]}
-    if not ("a" in letters or letters == {"*"} or len(letters & set("ABCDEFGH")) > 1):
-        return content
-    return [f"{m['value']}{m['sd'] or ''}" if m else cell for m, cell in zip(found, content, strict=True)]
-
-
 def in_unit(cell: str, heading: Heading, comma: bool) -> str:
     """A cell whose number follows a law, or is that of a sieve, as a number in the unit of its column.
 
     What cannot be turned gets the law as its unit, which nobody knows.
     """
-    mark, sieve = "," if comma else ".", SIEVE.fullmatch(plain_cell(cell))
+    mark = "," if comma else "."
+    sieve = SIEVE.fullmatch(plain_cell(cell))
     if sieve is not None and (heading.law == "mesh" or sieve["unit"]):
         sizes = [vocabulary()["sieves"].get(number, ("nan",))[0] for number in sieve.group(1, 2) if number]
         if "nan" not in sizes:

@@ -40,7 +40,7 @@ from taichi_erosion.scene.schema.units import (
 )
 from taichi_erosion.tables.headings import SCATTER, meaning_of, read_heading
 from taichi_erosion.tables.number_words import plain, set_up_name, with_unit
-from taichi_erosion.tables.spreadsheet import Cells, read_cells, written_out
+from taichi_erosion.tables.spreadsheet import Cells, read_cells, write_out
 
 AMOUNTS = ("flux", "flux_height")  # observables that can be none
 SPREAD_WORDS = {  # of numbers behind ±, by the role of their column
@@ -99,7 +99,7 @@ def upright(cells: Cells, interview: Interview) -> Cells:
         return cells
     columns = zip(*(row for _, row in cells.rows), strict=True)
     rows = tuple((k, column) for k, column in enumerate(columns, 1) if any(column))
-    return written_out(replace(cells, file=f"{cells.file} (rows and columns exchanged)", rows=rows))
+    return write_out(replace(cells, file=f"{cells.file} (rows and columns exchanged)", rows=rows))
 
 
 def filled_down(cells: Cells, columns: Sequence[Column], told: Told, interview: Interview) -> Cells:
