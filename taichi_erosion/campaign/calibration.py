@@ -11,14 +11,7 @@ from typing import Any, Literal, get_args
 import pandas as pd
 
 from taichi_erosion.campaign import calibration_steps as calculate
-from taichi_erosion.campaign.calibration_steps import (
-    STAGES,
-    Climb,
-    DesignRun,
-    DesignRunner,
-    ResponseSurface,
-    Screening,
-)
+from taichi_erosion.campaign.calibration_steps import STAGES, Climb, DesignRunner, ResponseSurface, Screening
 from taichi_erosion.campaign.execute import SIMULATE
 from taichi_erosion.campaign.ledger import close_ledger, open_ledger
 from taichi_erosion.campaign.study_file import CalibrationStudy, read_calibration_study, with_entry
@@ -38,7 +31,7 @@ from taichi_erosion.experiments.fit import (
 from taichi_erosion.experiments.optimise import Optimisation
 from taichi_erosion.run import Report
 from taichi_erosion.run.checks import read_scene
-from taichi_erosion.scene import Scene, resolved, scene_hash
+from taichi_erosion.scene import resolved, scene_hash
 from taichi_erosion.scene.load import file_text, parse_scene
 from taichi_erosion.scene.paths import parsed
 from taichi_erosion.scene.schema.geometry import Mesh
@@ -88,14 +81,26 @@ def calibrate(
     write_design(found, "screen", planned)
     if until != "design":
         steps = STEPS[: STEPS.index(until) + 1]
-        ledger, where = open_ledger(file.folder), file.study.campaign.model_copy(update=stated)
+        ledger = open_ledger(file.folder)
+        where = file.study.campaign.model_copy(update=stated)
         stages = [stage for stage in STAGES if LAST_STEP[stage] in steps]
         runner = DesignRunner(file, ledger, where, progress, function, stages)
         try:
             run_steps(found, runner, steps)
         finally:
             close_ledger(ledger)
-        write_runs(file, runner.runs)
+        measures = dict.fromkeys(
+            name for run in runner.runs for name in run.result.record.get("measures", {})
+        )
+        table = pd.DataFrame(
+            {"stage": run.stage, "row": run.row, "seed": run.seed, "key": run.result.key}
+            | {path: f"{run.settings[path]:.6g}" for path in file.study.parameters}
+            | {name: "" if (y := run.result.value(name)) != y else f"{y:.7g}" for name in measures}
+            | {"failure": run.result.failure, "cpu_s": f"{run.result.record.get('cpu_s', 0.0):.1f}"}
+            for run in runner.runs
+        )
+        text = table.to_csv(index=False, lineterminator="\n")
+        ListedFolder(file.folder).write("runs.csv", text.encode())
         found.document["runs"] = len(runner.runs)
         found.document["cpu_s"] = sum(run.result.record.get("cpu_s", 0.0) for run in runner.runs)
     found.document["wall_s"] = time.perf_counter() - started
@@ -159,20 +164,6 @@ def write_design(found: Calibration, name: str, design: Design) -> Path:
     return ListedFolder(found.file.folder).write(f"{name}.csv", design_text(design).encode())
 
 
-def write_runs(file: CalibrationStudy, runs: list[DesignRun]) -> Path:
-    """Write the table of every run: settings, all measures, reason of a failure, cost."""
-    measures = dict.fromkeys(name for run in runs for name in run.result.record.get("measures", {}))
-    table = pd.DataFrame(
-        {"stage": run.stage, "row": run.row, "seed": run.seed, "key": run.result.key}
-        | {path: f"{run.settings[path]:.6g}" for path in file.study.parameters}
-        | {name: "" if (y := run.result.value(name)) != y else f"{y:.7g}" for name in measures}
-        | {"failure": run.result.failure, "cpu_s": f"{run.result.record.get('cpu_s', 0.0):.1f}"}
-        for run in runs
-    )
-    text = table.to_csv(index=False, lineterminator="\n")
-    return ListedFolder(file.folder).write("runs.csv", text.encode())
-
-
 def path_document(design: Design) -> Document:
     """Settings and responses row by row."""
     rows = [
@@ -187,7 +178,8 @@ def path_document(design: Design) -> Document:
 
 def effect_document(fit: Fit, labels: Mapping[str, str]) -> Document:
     """Effects of one response with their limits, curvature and figures of merit."""
-    bent, (found, limits) = curvature(fit), calculate.screened_effects(fit)
+    bent = curvature(fit)
+    found, limits = calculate.screened_effects(fit)
     ordered = sorted(found, key=lambda effect: -abs(effect.value))
     return {
         "effects": [asdict(effect) | {"label": term_label(effect.name, labels)} for effect in ordered],
@@ -236,25 +228,24 @@ def calibrated_path(file: CalibrationStudy, scene: Path) -> Path:
 
 
 def write_calibrated_scene(file: CalibrationStudy, scene: Path, overrides: Sequence[str]) -> Path:
-    """Write a scene with the settings of the confirmation runs, below a comment that says so."""
-    wanted, path = read_scene(scene, tuple(overrides)), calibrated_path(file, scene)
-    last = "with the numbers that its last step confirmed"
-    head = f"# Written by `doe calibrate` {file.path.name}: {scene.name} {last}.\n"
-    text = without_mark(calibrated_text(scene, overrides, wanted))
-    return write_atomic(path, marked_toml(path, file.path, head + text))
+    """Write a scene with the settings of the confirmation runs, below a comment that says so.
 
-
-def calibrated_text(scene: Path, overrides: Sequence[str], wanted: Scene) -> str:
-    """Text of a scene with changed entries; comments stay where the result is the same scene."""
+    Comments of the scene stay where the changed text is that scene.
+    """
     import tomlkit
 
+    wanted = read_scene(scene, tuple(overrides))
     lines = file_text(scene, str(scene)).splitlines(keepends=True)
     text = "".join(line for line in lines if not line.startswith(SCHEMA_LINE))
     try:
         for override in overrides:
             path, _, value = override.partition("=")
             text = with_entry(text, path.strip().split("."), parsed(value.strip()))
-        again = parse_scene(tomllib.loads(text), str(scene), scene.parent)
+        is_same = scene_hash(parse_scene(tomllib.loads(text), str(scene), scene.parent)) == scene_hash(wanted)
     except BadInput:
-        return tomlkit.dumps(resolved(wanted))
-    return text if scene_hash(again) == scene_hash(wanted) else tomlkit.dumps(resolved(wanted))
+        is_same = False
+    body = without_mark(text if is_same else tomlkit.dumps(resolved(wanted)))
+    last = "with the numbers that its last step confirmed"
+    head = f"# Written by `doe calibrate` {file.path.name}: {scene.name} {last}.\n"
+    path = calibrated_path(file, scene)
+    return write_atomic(path, marked_toml(path, file.path, head + body))

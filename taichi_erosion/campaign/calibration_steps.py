@@ -76,27 +76,21 @@ class DesignRunner:
     stages: Sequence[str] = STAGES  # to be made
     runs: list[DesignRun] = field(default_factory=list)
 
-    def stage_progress(self, stage: str) -> Report | None:
-        """Progress of one stage, as a share of all: each counts alike."""
-        report, place = self.progress, self.stages.index(stage)
-        if report is None:
-            return None
-        return lambda share, words: report((place + share) / len(self.stages), f"{stage}: {words}")
-
 
 def run_design(runner: DesignRunner, stage: str, design: Design) -> Design:
     """The design with the values of all targets; NaN where a run gave none."""
-    file, observables = runner.file, list(runner.file.study.targets)
+    file, report = runner.file, runner.progress
     first = file.study.study.seed + SEEDS_APART * STAGES.index(stage)
     plan = [(int(row), scene) for row in np.argsort(design.run_order) for scene in file.scenes]
     settings = [complete_settings(file, design.settings(row)) for row in range(len(design))]
     requests = [design_request(runner, scene, settings[row], stage, row, first + row) for row, scene in plan]
+    place, count = runner.stages.index(stage), len(runner.stages)  # every stage counts alike
     results = execute(
         requests,
         runner.ledger,
         workers=runner.where.workers,
         scheduler=runner.where.scheduler,
-        progress=runner.stage_progress(stage),
+        progress=report and (lambda share, words: report((place + share) / count, f"{stage}: {words}")),
         function=runner.function,
     )
     found = dict(zip(plan, results, strict=True))
@@ -107,7 +101,7 @@ def run_design(runner: DesignRunner, stage: str, design: Design) -> Design:
     ]
     columns = {
         name: [found[row, file.scene(name)].value(file.measure(name)) for row in range(len(design))]
-        for name in observables
+        for name in file.study.targets
     }
     return design.with_responses(**columns)
 
@@ -145,7 +139,8 @@ def screened_effects(fit: Fit) -> tuple[list[Effect], EffectLimits]:
 
     With a centre: the same model on the corners alone, its error that of the model with the curvature.
     """
-    corner, bent = np.any(np.abs(fit.coded) > SAME_POINT, axis=1), curvature(fit)
+    corner = np.any(np.abs(fit.coded) > SAME_POINT, axis=1)
+    bent = curvature(fit)
     part = replace(fit, coded=fit.coded[corner], values=fit.values[corner], rows=fit.rows[corner])
     if bent is None or np.linalg.matrix_rank(model_matrix(part.coded, fit.terms)) <= len(fit.terms):
         return effects(fit)
@@ -230,7 +225,8 @@ def centre_value(design: Design, name: str, otherwise: float) -> float:
 
 def surface_factors(runner: DesignRunner, screening: Screening, path: Climb) -> list[Factor]:
     """Ranges around the best point of the climb, moved where they would leave the limits."""
-    study, found = runner.file.study, []
+    study = runner.file.study
+    found = []
     for factor, level in zip(screening.kept, path.design.natural[path.best], strict=True):
         low, high = study.parameters[factor.path].limits
         half = min(study.design.surface_half * factor.half, 0.5 * (high - low))
@@ -278,7 +274,8 @@ def find_optimum(runner: DesignRunner, surface: ResponseSurface) -> Optimisation
     """Settings that meet all targets, with a warning where a surface does not predict new runs."""
     goals = [Goal(name, target.value) for name, target in runner.file.study.targets.items()]
     fits = list(surface.fits.values())
-    found, warnings = optimise(fits, goals), [line for fit in fits if (line := overfitted(fit))]
+    found = optimise(fits, goals)
+    warnings = [line for fit in fits if (line := overfitted(fit))]
     remedy = "; a larger surface_half in [design] lets the factors stand out"
     return replace(found, sentences=(*found.sentences, *(line + remedy for line in warnings)))
 

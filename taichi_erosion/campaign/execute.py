@@ -93,28 +93,23 @@ def execute(
             refuse_missing_devices(archs)
             count = 1 if archs else min(len(left), workers or usable_cores())
             pool = start_pool(function, ledger.folder, count)
-        work = sum(wanted[key].work for key in left)
+        campaign = Campaign(wanted, ledger, pool, progress, sum(wanted[key].work for key in left))
         try:
-            run_all(Campaign(wanted, ledger, pool, progress, work))
+            while left := unfinished(ledger, list(wanted)):  # here or at another parent
+                submit_batches(campaign, left)
+                for ended in pool.ended(POLL):
+                    enter_batch(campaign, ended)
+                if time.monotonic() - campaign.renewed > HEARTBEAT:
+                    campaign.renewed = time.monotonic()
+                    ledgers.renew_leases(ledger)
+                    ledgers.release_stale_leases(ledger)
+                report_progress(campaign, list(left))
+            report_progress(campaign, [])
         finally:
             pool.close()
             with suppress(BadInput):  # a ledger that cannot be written has raised before; its leases lapse
                 ledgers.release_leases(ledger, ledger.owner)
     return ledgers.read_results(ledger, [request.key for request in requests])
-
-
-def run_all(campaign: Campaign) -> None:
-    """Go on until every run has ended, here or at another parent."""
-    while left := unfinished(campaign.ledger, list(campaign.requests)):
-        submit_batches(campaign, left)
-        for ended in campaign.pool.ended(POLL):
-            enter_batch(campaign, ended)
-        if time.monotonic() - campaign.renewed > HEARTBEAT:
-            campaign.renewed = time.monotonic()
-            ledgers.renew_leases(campaign.ledger)
-            ledgers.release_stale_leases(campaign.ledger)
-        report_progress(campaign, list(left))
-    report_progress(campaign, [])
 
 
 def submit_batches(campaign: Campaign, left: dict[str, tuple[str, int]]) -> None:
@@ -151,7 +146,9 @@ def report_progress(campaign: Campaign, left: Sequence[str]) -> None:
     """Report how many runs have ended, and the share of the work that is done."""
     if campaign.progress is None:
         return
-    wanted, now, rest = campaign.requests, time.monotonic(), 0.0
+    wanted = campaign.requests
+    now = time.monotonic()
+    rest = 0.0
     second = pace(wanted, finished_runs(campaign.ledger, list(wanted)))
     for key in left:
         start, whole = campaign.begun.get(key, (now, 0.0))

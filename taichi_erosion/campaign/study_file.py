@@ -340,10 +340,14 @@ def evidence_problems(file: StudyFile) -> Iterator[str]:
     """What an evidence study lacks in a valid study file, and what it holds that only a calibration reads."""
     if not file.study.measurements:
         yield "study.measurements is missing"
-    for name, entry in file.parameters.items():
-        if isnan(entry.start):
-            yield f"parameters.{name}.start is missing"
-    yield from doubly_set(file)
+    yield from (
+        f"parameters.{name}.start is missing" for name, e in file.parameters.items() if isnan(e.start)
+    )
+    for column, paths in file.conditions.items():
+        for path in map(str.strip, paths.split(",")):
+            if path in file.parameters:
+                told = "a number that the table states is not calibrated; leave out one of the two"
+                yield f"parameters.{path}: column '{column}' sets it too: {told}"
     if len(file.parameters) > CALIBRATED_MOST:
         yield f"parameters has {len(file.parameters)} entries; at most {CALIBRATED_MOST} allowed"
     calibration_only = [f"parameters.{name}.also" for name, entry in file.parameters.items() if entry.also]
@@ -351,19 +355,16 @@ def evidence_problems(file: StudyFile) -> Iterator[str]:
         yield f"{place} is read by a calibration alone; state the value in the scene"
 
 
-def doubly_set(file: StudyFile) -> Iterator[str]:
-    """Numbers that are calibrated although a column of the table sets them."""
-    for column, paths in file.conditions.items():
-        for path in map(str.strip, paths.split(",")):
-            if path in file.parameters:
-                told = "a number that the table states is not calibrated; leave out one of the two"
-                yield f"parameters.{path}: column '{column}' sets it too: {told}"
-
-
 def read_study_file(path: Path, problems: Callable[[StudyFile], Iterator[str]]) -> StudyFile:
     """Study of a TOML file in which `problems` finds none; raises BadInput with one line."""
     name = one_line_name(path)
-    table = nested_candidates(with_tuples(toml_table(path, "study")))
+    table = with_tuples(toml_table(path, "study"))
+    if isinstance(candidates := table.get("candidates"), dict):  # sections of single effects go apart
+        single = {key: entry for key, entry in candidates.items() if key not in ("effects", "mechanisms")}
+        names = candidates.get("effects", ())
+        listed = {"effects": (names,) if isinstance(names, str) else names, "tables": single}
+        listed |= {key: candidates[key] for key in ("mechanisms",) if key in candidates}
+        table = table | {"candidates": listed}
     try:
         file = StudyFile.model_validate(table)
     except ValidationError as error:
@@ -375,19 +376,6 @@ def read_study_file(path: Path, problems: Callable[[StudyFile], Iterator[str]]) 
     if found := list(problems(file)):
         raise BadInput(*(f"{name}: {line}" for line in found))
     return file
-
-
-def nested_candidates(table: dict[str, Any]) -> dict[str, Any]:
-    """The table with the sections of single effects moved apart from the list of their names."""
-    candidates = table.get("candidates")
-    if not isinstance(candidates, dict):
-        return table
-    single = {name: entry for name, entry in candidates.items() if name not in ("effects", "mechanisms")}
-    names = candidates.get("effects", ())
-    listed = {"effects": (names,) if isinstance(names, str) else names, "tables": single}
-    if "mechanisms" in candidates:
-        listed["mechanisms"] = candidates["mechanisms"]
-    return table | {"candidates": listed}
 
 
 def with_entry(text: str, path: Sequence[str], value: float | str | list[str], note: str = "") -> str:

@@ -54,9 +54,7 @@ class Curvature:
 
 def replicate_error(fit: Fit) -> Row:
     """Pure error: scatter of the runs that stand at one point."""
-    keys = (
-        np.round(fit.coded / SAME_POINT) + 0.0
-    )  # -0.0 is the same point; a misprint may lie beyond integers
+    keys = np.round(fit.coded / SAME_POINT) + 0.0  # -0.0 is the same point; a misprint may exceed integers
     groups = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
     counts = np.bincount(groups)
     means = np.bincount(groups, weights=fit.values) / counts
@@ -66,7 +64,9 @@ def replicate_error(fit: Fit) -> Row:
 
 def anova(fit: Fit) -> list[Row]:
     """The table: model, terms, residual, lack of fit, pure error, total; terms against residuals."""
-    pure, total, against = replicate_error(fit), fit.ss_total, (fit.ms_error, fit.df_error)
+    pure = replicate_error(fit)
+    total = fit.ss_total
+    against = (fit.ms_error, fit.df_error)
     rows = [variance_row("Model", total - fit.ss_error, len(fit.terms), *against)]
     rows += [
         variance_row(name, float(ss), 1, *against) for name, ss in zip(fit.names, term_sums(fit), strict=True)

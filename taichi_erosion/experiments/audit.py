@@ -105,10 +105,17 @@ class Audit:
 def audit(path: Path, response: str | None = None, claims_file: Path | None = None) -> Audit:
     """Audit a table and the claims beside it. Raises BadInput."""
     table, claims = published.read_published(path, response), published.claims_of(path, claims_file)
-    structure, folder = examine_structure(table.coded), (claims_file or path).parent
+    structure = examine_structure(table.coded)
+    folder = (claims_file or path).parent
     assumed = [f"{name} is another result; --response names it" for name in table.others]
     findings, fits, comparisons = list(structure_findings(table, structure)), list[Fit](), list[Comparison]()
-    for terms in dict.fromkeys(((), printed_terms(folder, claims, table))):
+    sheet = published.read_sheet(folder / claims.anova) if claims.anova else None
+    names = [factor.path for factor in table.factors]
+    printed = list[Term]()  # terms of the lines of the printed analysis of variance
+    for text in next(iter(sheet.columns.values())) if sheet else ():
+        with suppress(BadInput):  # told where the lines are compared
+            printed += [] if word_of("lines", text) else [parse_term(text, names)]
+    for terms in dict.fromkeys(((), tuple(printed))):
         try:
             fits.append(fit_table(table, claims, structure, terms))
         except BadInput as fault:
@@ -116,9 +123,12 @@ def audit(path: Path, response: str | None = None, claims_file: Path | None = No
     fit = max(fits, key=lambda each: sum(c.agrees for c in compare(claims, folder, each)[0]), default=None)
     if fit is not None:
         comparisons, said, actual = compare(claims, folder, fit)
-        comparisons = rounded(comparisons, table, lambda drawn: recomputed(drawn, claims, actual), fit)
+        comparisons = allow_rounding(comparisons, table, lambda drawn: recompute(drawn, claims, actual), fit)
         findings += [*said, *number_findings(comparisons), *fit_findings(fit, comparisons)]
-        findings += target_findings(claims.target, fit) if claims.target else ()
+        if claims.target:  # what the fitted surface says of it
+            best = optimise([fit], [Goal(fit.response, claims.target.value)])
+            nearest = best.optima[0].predictions[fit.response].value
+            findings += [Finding("target", sentence, found=nearest) for sentence in best.sentences]
         assumed += [f"the model has the terms {', '.join(fit.names)}"] if fit is not fits[0] else []
         assumed += ["the equation is in actual factors"] if actual else []
     told = tuple(replace(each, table=each.table or path.name) for each in findings)
@@ -144,10 +154,10 @@ def examine_structure(coded: Floats) -> Structure:
 def soundness(coded: Floats) -> tuple[bool, bool]:
     """Whether levels are balanced, and whether they are orthogonal."""
     counts = [np.unique(np.round(column, 6), return_counts=True)[1] for column in coded.T]
-    return all(np.array_equal(each, each[::-1]) for each in counts), not shared(coded)
+    return all(np.array_equal(each, each[::-1]) for each in counts), not dependent_pairs(coded)
 
 
-def shared(coded: Floats) -> list[tuple[int, int]]:
+def dependent_pairs(coded: Floats) -> list[tuple[int, int]]:
     """Pairs of columns that are not orthogonal."""
     places = [np.unique(np.round(column, 6), return_inverse=True)[1].ravel() for column in coded.T]
     centred = [levels - levels.mean() for levels in places]
@@ -162,11 +172,11 @@ def restoring_cells(coded: Floats) -> Iterator[Cell]:
             continue  # no cell of this column can restore the others
         for row, level in product(range(len(coded)), np.unique(coded[:, column]).tolist()):
             cell = Cell(row, column, level)
-            if level != coded[row, column] and all(soundness(restored(coded, cell))):
+            if level != coded[row, column] and all(soundness(restore(coded, cell))):
                 yield cell
 
 
-def restored(coded: Floats, cell: Cell | None) -> Floats:
+def restore(coded: Floats, cell: Cell | None) -> Floats:
     """The levels with one cell changed."""
     changed = coded.copy()
     if cell is not None:
@@ -187,7 +197,8 @@ def structure_findings(table: PublishedTable, structure: Structure) -> Iterator[
     yield from not_orthogonal(table)
     count = len(structure.cells)
     for each in structure.cells:
-        factor, printed = table.factors[each.column], f"{table.levels[each.row, each.column]:g}"
+        factor = table.factors[each.column]
+        printed = f"{table.levels[each.row, each.column]:g}"
         level = factor.centre + factor.half * each.level
         only = "it is the only such cell" if count == 1 else f"one of {count} such cells"
         sentence = f"row {each.row + 1}, {factor.path} is printed {printed}; "
@@ -197,7 +208,8 @@ def structure_findings(table: PublishedTable, structure: Structure) -> Iterator[
 
 def not_orthogonal(table: PublishedTable) -> Iterator[Finding]:
     """The factor that shares something with others; the worst pair where there is no such single one."""
-    names, pairs = [factor.path for factor in table.factors], shared(table.coded)
+    names = [factor.path for factor in table.factors]
+    pairs = dependent_pairs(table.coded)
     if not pairs:
         return
     common = set(pairs[0]).intersection(*pairs)
@@ -215,19 +227,9 @@ def not_orthogonal(table: PublishedTable) -> Iterator[Finding]:
     yield Finding("not orthogonal", sentence, column=names[one], found=most)
 
 
-def printed_terms(folder: Path, claims: Claims, table: PublishedTable) -> tuple[Term, ...]:
-    """Terms of the lines of the printed analysis of variance; none where there is no such analysis."""
-    sheet = published.read_sheet(folder / claims.anova) if claims.anova else None
-    names, terms = [factor.path for factor in table.factors], list[Term]()
-    for text in next(iter(sheet.columns.values())) if sheet else ():
-        with suppress(BadInput):  # told where the lines are compared
-            terms += [] if word_of("lines", text) else [parse_term(text, names)]
-    return tuple(terms)
-
-
 def fit_table(table: PublishedTable, claims: Claims, structure: Structure, terms: tuple[Term, ...]) -> Fit:
     """The model of these terms, or that of the study, or the largest that the runs determine."""
-    coded = restored(table.coded, structure.chosen)
+    coded = restore(table.coded, structure.chosen)
     design = arranged(table.name, table.factors, [("factorial", coded)])
     design = design.with_responses(**{table.response: table.values})
     guesses: tuple[Order, ...] = ("quadratic", "interactions")[structure.two_level :]
@@ -238,7 +240,7 @@ def fit_table(table: PublishedTable, claims: Claims, structure: Structure, terms
     return models.fit_model(design, table.response, terms or claims.model or "linear")
 
 
-def recomputed(fit: Fit, claims: Claims, actual: bool) -> Numbers:
+def recompute(fit: Fit, claims: Claims, actual: bool) -> Numbers:
     """Every number that a study may print; its equation is in actual or in coded factors."""
     names = [factor.path for factor in fit.factors]
     known = models.natural_polynomial(fit) if actual else models.coded_polynomial(fit)
@@ -255,20 +257,22 @@ def compare(claims: Claims, folder: Path, fit: Fit) -> tuple[list[Comparison], l
     cells += [("quality", name, "quality", cell) for name, cell in claims.quality.items()]
     equations = [
         [Comparison(*cell, known.get((cell[1], cell[2]), nan)) for cell in cells]
-        for known in (recomputed(fit, claims, False), recomputed(fit, claims, True))
+        for known in (recompute(fit, claims, False), recompute(fit, claims, True))
     ]
     coded, actual = (sum(one.agrees for one in equation) for equation in equations)
     comparisons = [one for one in [*comparisons, *equations[actual > coded]] if np.isfinite(one.found)]
     return comparisons, findings, actual > coded
 
 
-def rounded(
+def allow_rounding(
     comparisons: list[Comparison], table: PublishedTable, known: Callable[[Fit], Numbers], fit: Fit
 ) -> list[Comparison]:
     """The comparisons; found numbers may be off as far as digits that the table lacks move them."""
     if all(one.agrees for one in comparisons):
         return comparisons
-    rng, draws, half = np.random.default_rng(0), list[Numbers](), table.rounding[fit.rows]
+    rng = np.random.default_rng(0)
+    draws = list[Numbers]()
+    half = table.rounding[fit.rows]
     for _ in range(DRAWS):
         shift = half * rng.uniform(-1.0, 1.0, half.shape)
         draws.append(known(replace(fit, values=fit.values + shift[:, 0], coded=fit.coded + shift[:, 1:])))
@@ -281,17 +285,15 @@ def rounded(
     return found if len(lines) > 1 or half[:, 1:].any() else comparisons
 
 
-def plain_term(text: str) -> str:
-    """A name or a product without signs, capitals, raised and lowered digits."""
-    return re.sub(r"[ *^.\u00b7\u00d7:_\-\u2013]", "", unicodedata.normalize("NFKC", text).casefold())
-
-
 def short_names(text: str) -> list[str]:
     """A heading, its name without a unit, its symbol and the rest: `A-sliding friction`, `friction (A)`."""
     plain = unicodedata.normalize("NFKC", text).casefold().replace("\u2013", "-").strip()
     match = SYMBOL.fullmatch(plain)
     parts = (match["symbol"] or match["behind"], match["rest"] or match["name"]) if match else ()
-    return [plain_term(each) for each in (plain, read_heading(plain).name, *parts)]
+    names = (
+        unicodedata.normalize("NFKC", each).casefold() for each in (plain, read_heading(plain).name, *parts)
+    )
+    return [re.sub(r"[ *^.\u00b7\u00d7:_\-\u2013]", "", name) for name in names]  # and products alike
 
 
 def parse_term(text: str, names: Sequence[str]) -> Term:
@@ -318,7 +320,8 @@ def parse_term(text: str, names: Sequence[str]) -> Term:
 
 def compare_anova(path: Path, fit: Fit) -> tuple[list[Comparison], list[Finding]]:
     """Every number of a printed analysis of variance; and what is wrong with its headings."""
-    sheet, names = published.read_sheet(path), [factor.path for factor in fit.factors]
+    sheet = published.read_sheet(path)
+    names = [factor.path for factor in fit.factors]
     (_, sources), *columns = sheet.columns.items()
     findings, lines, rows = list[Finding](), dict[int, str](), {row.source: asdict(row) for row in anova(fit)}
     for place, text in enumerate(sources):
@@ -392,14 +395,6 @@ def fit_findings(fit: Fit, comparisons: Sequence[Comparison]) -> Iterator[Findin
         f"freedom{'; the printed F values count it as noise' if hidden else ''}"
     )
     yield Finding("curvature", sentence, found=found.sum_of_squares)
-
-
-def target_findings(target: Printed, fit: Fit) -> Iterator[Finding]:
-    """What the fitted surface says of the study's target."""
-    best = optimise([fit], [Goal(fit.response, target.value)])
-    nearest = best.optima[0].predictions[fit.response].value
-    for sentence in best.sentences:
-        yield Finding("target", sentence, found=nearest)
 
 
 def as_document(result: Audit) -> dict[str, Any]:

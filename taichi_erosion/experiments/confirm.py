@@ -54,25 +54,25 @@ class Confirmation:
     detectable: float  # difference noticed with a power of 0.8
 
 
-def sample(values: Sequence[float]) -> Sample:
-    """Mean and spread of single repeats."""
-    known = np.asarray(values, dtype=float)
-    known = known[np.isfinite(known)]
-    if len(known) < 2:
-        raise BadInput(f"confirm: {len(known)} run(s) with a result; needs at least 2")
-    return Sample(float(known.mean()), float(known.std(ddof=1)), len(known))
-
-
 def confirm(values: Sequence[float], wanted: Sample | float) -> Confirmation:
     """Welch's test of fresh runs against a number or a measurement.
 
     The difference that would matter is the standard deviation of a single measurement, or of a run where that
     is exact.
     """
-    runs = sample(values)
+    known = np.asarray(values, dtype=float)
+    known = known[np.isfinite(known)]
+    if len(known) < 2:
+        raise BadInput(f"confirm: {len(known)} run(s) with a result; needs at least 2")
+    runs = Sample(float(known.mean()), float(known.std(ddof=1)), len(known))
     goal = wanted if isinstance(wanted, Sample) else Sample(float(wanted))
-    matter, difference = goal.sd or runs.sd, runs.mean - goal.mean
-    spread, df = welch_error(runs, goal)
+    matter = goal.sd or runs.sd
+    difference = runs.mean - goal.mean
+    first, second = runs.sd**2 / runs.n, goal.sd**2 / goal.n
+    spread, df = nan, nan  # without any scatter there is no test
+    if first + second > 0.0:
+        spread = sqrt(first + second)
+        df = (first + second) ** 2 / (first**2 / (runs.n - 1.0) + second**2 / (goal.n - 1.0))
     reach = critical(df) * spread
     t = difference / spread
     return Confirmation(
@@ -88,15 +88,6 @@ def confirm(values: Sequence[float], wanted: Sample | float) -> Confirmation:
         resolve=matter,
         detectable=detectable(spread, df),
     )
-
-
-def welch_error(one: Sample, other: Sample) -> tuple[float, float]:
-    """Standard error of the difference, NaN without any spread, and its degrees of freedom."""
-    first, second = one.sd**2 / one.n, other.sd**2 / other.n
-    if first + second <= 0.0:
-        return nan, nan
-    share = first**2 / (one.n - 1.0) + second**2 / (other.n - 1.0)
-    return sqrt(first + second), (first + second) ** 2 / share
 
 
 def critical(df: float) -> float:

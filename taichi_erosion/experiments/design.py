@@ -151,30 +151,6 @@ TOGETHER = {
 }
 
 
-def plackett_burman_points(count: int) -> Floats:
-    """Smallest Plackett-Burman design: right shifts of its first row, then a row of -1."""
-    sizes = [runs for runs in CYCLES if runs > count]
-    if not sizes:
-        raise BadInput(f"Plackett-Burman: {count} factors; at most {max(CYCLES) - 1} are allowed")
-    first = np.array([1.0 if sign == "+" else -1.0 for sign in CYCLES[sizes[0]]])
-    shifts = [np.roll(first, turn) for turn in range(len(first))]
-    return np.array([*shifts, -np.ones(len(first))])[:, :count]
-
-
-def box_behnken_points(count: int) -> Floats:
-    """Edge midpoints of Box and Behnken without centre points; 3 to 7 factors."""
-    if count not in TOGETHER:
-        allowed = f"{min(TOGETHER)} to {max(TOGETHER)}"
-        raise BadInput(f"Box-Behnken: {count} factors; allowed are {allowed}")
-    blocks = []
-    for letters in TOGETHER[count]:
-        corners = grid_points(len(letters), 2)
-        block = np.zeros((len(corners), count))
-        block[:, [ord(letter) - ord("A") for letter in letters]] = corners
-        blocks.append(block)
-    return np.concatenate(blocks)
-
-
 def grid_points(count: int, levels: int = 3) -> Floats:
     """All combinations of `levels` equidistant levels between -1 and +1."""
     from pyDOE3 import fullfact
@@ -188,14 +164,31 @@ Axial = Literal["rotatable", "spherical", "faced"]
 
 def plackett_burman(factors: Sequence[Factor], centre_points: int = 1, seed: int | None = None) -> Design:
     """Screening of main effects in the smallest multiple of four runs, in textbook order."""
-    corners: Part = ("factorial", plackett_burman_points(len(factors)))
-    return arranged("Plackett-Burman", factors, [corners, centres(len(factors), centre_points)], seed)
+    count = len(factors)
+    sizes = [runs for runs in CYCLES if runs > count]
+    if not sizes:
+        raise BadInput(f"Plackett-Burman: {count} factors; at most {max(CYCLES) - 1} are allowed")
+    first = np.array([1.0 if sign == "+" else -1.0 for sign in CYCLES[sizes[0]]])
+    shifts = [np.roll(first, turn) for turn in range(len(first))]  # to the right; then a row of -1
+    corners = np.array([*shifts, -np.ones(len(first))])[:, :count]
+    parts: list[Part] = [("factorial", corners), centres(count, centre_points)]
+    return arranged("Plackett-Burman", factors, parts, seed)
 
 
 def box_behnken(factors: Sequence[Factor], centre_points: int = 5, seed: int | None = None) -> Design:
     """Quadratic response surface on the midpoints of the edges, in Design-Expert's standard order."""
-    edges: Part = ("edge", box_behnken_points(len(factors)))
-    return arranged("Box-Behnken", factors, [edges, centres(len(factors), centre_points)], seed)
+    count = len(factors)
+    if count not in TOGETHER:
+        allowed = f"{min(TOGETHER)} to {max(TOGETHER)}"
+        raise BadInput(f"Box-Behnken: {count} factors; allowed are {allowed}")
+    blocks = []
+    for letters in TOGETHER[count]:
+        corners = grid_points(len(letters), 2)
+        block = np.zeros((len(corners), count))
+        block[:, [ord(letter) - ord("A") for letter in letters]] = corners
+        blocks.append(block)
+    parts: list[Part] = [("edge", np.concatenate(blocks)), centres(count, centre_points)]
+    return arranged("Box-Behnken", factors, parts, seed)
 
 
 def central_composite(

@@ -243,7 +243,9 @@ class Quality:
 def quality(fit: Fit) -> Quality:
     """Figures of merit of a fit."""
     total, df_total = fit.ss_total, len(fit.values) - 1
-    sd, mean, influence = sqrt(fit.ms_error), float(fit.values.mean()), OLSInfluence(fit.results)
+    sd = sqrt(fit.ms_error)
+    mean = float(fit.values.mean())
+    influence = OLSInfluence(fit.results)
     # a run that alone fixes a coefficient cannot be predicted from the others
     alone = np.any(1.0 - np.asarray(influence.hat_matrix_diag) < CERTAIN)
     press = nan if alone else float(np.sum(np.asarray(influence.resid_press) ** 2))

@@ -107,7 +107,7 @@ def optimise(fits: Sequence[Fit], goals: Sequence[Goal]) -> Optimisation:
     """Best settings within the design, coded levels from -1 to +1; fits share their factors."""
     known = {fit.response: fit for fit in fits}
     models = [known[goal.response] for goal in goals]
-    reach = {fit.response: reachable(fit) for fit in models}
+    reach = {fit.response: prediction_range(fit) for fit in models}
     limited = []
     for goal, fit in zip(goals, models, strict=True):  # limits that hold all runs and all that is predicted
         low = min(float(fit.values.min()), reach[fit.response].low)
@@ -135,7 +135,17 @@ def local_optima(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[Optimum]:
     for place in np.lexsort((certainty, np.round(missing / MET), -np.round(overall / MET))):
         if all(np.max(np.abs(ends[place] - ends[other])) > SEPARATE for other in kept):
             kept.append(int(place))
-    return [as_optimum(fits, ends[place], float(overall[place])) for place in kept[:MOST_OPTIMA]]
+    optima = []
+    for place in kept[:MOST_OPTIMA]:
+        point = ends[place]
+        predicted = dict[str, Prediction]()
+        for fit in fits:
+            low, high = fit.interval(point[None, :])[0]
+            predicted[fit.response] = Prediction(
+                float(fit.predict(point[None, :])[0]), float(low), float(high)
+            )
+        optima.append(Optimum(point, settings_at(fits[0].factors, point), predicted, float(overall[place])))
+    return optima
 
 
 def starts(count: int) -> Floats:
@@ -175,18 +185,10 @@ def shortfall(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softnes
     return 1.0 - desirability(each) + np.sum(np.maximum(-each, 0.0), axis=1)
 
 
-def as_optimum(fits: Sequence[Fit], coded: Floats, worth: float) -> Optimum:
-    """A point with everything that is predicted there."""
-    predicted = {}
-    for fit in fits:
-        low, high = fit.interval(coded[None, :])[0]
-        predicted[fit.response] = Prediction(float(fit.predict(coded[None, :])[0]), float(low), float(high))
-    return Optimum(coded, settings_at(fits[0].factors, coded), predicted, worth)
-
-
-def reachable(fit: Fit) -> Reach:
+def prediction_range(fit: Fit) -> Reach:
     """Range of the predictions in the cube."""
-    begin, ends = starts(len(fit.factors)), []
+    begin = starts(len(fit.factors))
+    ends = []
     for sign in (1.0, -1.0):
 
         def signed(points: Floats, sign: float = sign) -> Floats:

@@ -171,7 +171,8 @@ class Sheet:
 
         A column with a lone + has signs for its levels. Without `strict` words are NaN too.
         """
-        found, signed = np.full(len(self.columns[heading]), nan), "+" in self.columns[heading]
+        found = np.full(len(self.columns[heading]), nan)
+        signed = "+" in self.columns[heading]
         for row, cell in enumerate(self.columns[heading]):
             match = BRACKETED.fullmatch(cell.replace("\N{EN DASH}", "-"))
             plain = plain_cell(match["level"] if match else cell.replace("\N{EN DASH}", "-"))
@@ -254,7 +255,8 @@ def usable_columns(sheet: Sheet) -> dict[str, Floats]:
     found = dict[str, Floats]()
     for heading in sheet.columns:
         numbers = sheet.numbers(heading)
-        role, counter = word_of("columns", heading), np.arange(1.0, len(numbers) + 1.0)
+        role = word_of("columns", heading)
+        counter = np.arange(1.0, len(numbers) + 1.0)
         varies = len(np.unique(numbers[np.isfinite(numbers)])) > 1
         counts = not role and np.array_equal(np.sort(numbers), counter)
         if varies and not counts and role in ("", "result") and meaning_of(heading)[0] not in SCATTER:
