@@ -58,7 +58,8 @@ def places(record: Record) -> list[tuple[str, str]]:
     """Every observable along the conditions where it fails, else along its worst one; the worst first."""
     conditions = record.rows.conditions
     ranked = sorted((each for each in record.where if each.axis in conditions), key=lambda each: each.p)
-    fails, found = failing(record), []
+    fails = failing(record)
+    found = []
     for each in ranked:
         if each in fails or each.observable not in {name for name, _ in found}:
             found.append((each.observable, each.axis))
@@ -91,28 +92,23 @@ def limit_of(low: float, high: float) -> str:
     return "below" if low == -np.inf else "above" if high == np.inf else "between" if low < high else ""
 
 
-def measured_text(record: Record, voc: Vocabulary, place: int) -> str:
-    """`0.3 m/s (0.28 to 0.32)`, `below 0.3 m/s`, `between 0.2 m/s and 0.3 m/s`."""
-    rows, name = record.rows, record.rows.observable[place]
+def row_text(record: Record, voc: Vocabulary, place: int) -> str:
+    """Everything about one row: `measured below 0.3 m/s`, predicted, conditions."""
+    rows, units = record.rows, voc.units
+    name = rows.observable[place]
     value, low, high = (float(column[place]) for column in (rows.measured, rows.low, rows.high))
     side = limit_of(low, high)
-    if side == "between":
-        return f"between {' and '.join(voc.units.value_text(name, end) for end in (low, high))}"
-    if side:
-        return f"{side} {voc.units.value_text(name, value)}"
     error = ONE_SIDED * float(np.nan_to_num(rows.sd[place]))
     ends = Interval(value, value - error, value + error)
-    return interval(ends, 3, voc.scale(name), voc.units.value_unit(name))
-
-
-def row_text(record: Record, voc: Vocabulary, place: int) -> str:
-    """Everything about one row: measured, predicted, conditions."""
-    rows, name, units = record.rows, record.rows.observable[place], voc.units
+    measured = interval(ends, 3, voc.scale(name), units.value_unit(name))
+    if side == "between":
+        measured = f"between {' and '.join(units.value_text(name, end) for end in (low, high))}"
+    elif side:
+        measured = f"{side} {units.value_text(name, value)}"
     models = {page_words.BARE: rows.before, page_words.added_words(record): rows.after}
     told = [f"{key}: {units.value_text(name, float(of[place]))}" for key, of in models.items() if key]
     at = {axis: float(column[place]) for axis, column in rows.conditions.items()}
-    measured = f"{page_words.MEASURED} {measured_text(record, voc, place)}"
-    return "\n".join([measured, *told, *units.setting_text(at).split(", ")])
+    return "\n".join([f"{page_words.MEASURED} {measured}", *told, *units.setting_text(at).split(", ")])
 
 
 def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, number: int) -> Picture:
@@ -200,29 +196,23 @@ def posterior_picture(record: Record) -> Picture:
     return responsive(draw, page_words.CAPTIONS["posterior"], "posterior")
 
 
-def strength_bars(record: Record) -> Iterator[tuple[str, Interval | None, float, bool]]:
-    """Candidates: strength where one acts, else what is not seen, and whether more is excluded."""
-    names = {name for names in acting(record.decided) for name in names}
-    for name, part in sorted(record.effects.items(), key=lambda item: -item[1].probability):
-        acts = name in names or part.probability > LIKELY
-        excluded = part.status == "excluded" and not acts
-        end = np.nan_to_num(part.limit if excluded else part.unseen_below, nan=part.most)
-        yield name, part.strength if acts else None, min(float(end), part.most), excluded
-
-
 def strength_picture(record: Record) -> Picture:
     """Strengths of what acts, and of the others as far as these measurements see them."""
-    bars = list(strength_bars(record))
+    acting_names = {name for names in acting(record.decided) for name in names}
+    parts = sorted(record.effects.items(), key=lambda item: -item[1].probability)
 
     def draw(width: float) -> Figure:
-        figure, frame, at = chart(width, [name for name, *_ in bars])
+        figure, frame, at = chart(width, [name for name, _ in parts])
         frame.axvline(1.0, color=SOFT, lw=0.8, ls=":")
-        for y, (_, strength, end, excluded) in zip(at, bars, strict=True):
-            if strength is not None:
-                draw_interval(frame, y, strength, AFTER)
+        for y, (name, part) in zip(at, parts, strict=True):
+            if name in acting_names or part.probability > LIKELY:
+                draw_interval(frame, y, part.strength, AFTER)
                 continue
+            is_excluded = part.status == "excluded"
+            unseen = np.nan_to_num(part.limit if is_excluded else part.unseen_below, nan=part.most)
+            end = min(float(unseen), part.most)
             frame.barh(y, end, 0.3, color=CONTROL, alpha=0.45)
-            if excluded:
+            if is_excluded:
                 frame.plot([end, end], [y - 0.3, y + 0.3], color=CONTROL, lw=1.8)
         frame.set_xlim(left=0.0)
         frame.set_xlabel("strength")

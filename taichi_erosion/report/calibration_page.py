@@ -53,17 +53,21 @@ MOST_RUNS = 9  # recorded runs side by side
 def publish(found: Calibration) -> Path:
     """Write page and pictures into the folder of a completed study."""
     folder = ListedFolder(found.file.folder)
-    for name, figure in drawn(found):
+    for name, figure in page_figures(found):
         folder.write(f"{PICTURES}/{name}.png", raster(figure, RESOLUTION))
     pages = Environment(loader=PackageLoader("taichi_erosion.report"), undefined=StrictUndefined)
-    document, targets = found.document, found.file.study.targets
+    assert found.surface is not None
+    document, targets, sizes = found.document, found.file.study.targets, found.file.study.design
     tests = document["confirm"]["tests"]
+    runs = found.surface.design
+    names = {"box_behnken": "Box-Behnken design", "latin_hypercube": "Latin hypercube"}
+    design = names.get(sizes.surface, f"Central composite design ({sizes.surface_axial})")
     text = pages.get_template(PAGE_TEMPLATE).render(
         file=found.file,
         study=found.file.study,
         document=document,
         leading=next(iter(targets)),
-        design=surface_design_words(found),
+        design=f"{design} of {len(runs)} runs, {runs.kinds.count('centre')} of them at the centre",
         verdicts={name: verdict(tests[name], name, target.unit) for name, target in targets.items()},
         scenes=[Path(path).name for path in document.get("calibrated_scenes", [])],
         scatter=with_scatter_of,
@@ -79,7 +83,7 @@ def publish(found: Calibration) -> Path:
     return folder.write(PAGE, (text.rstrip() + "\n").encode())
 
 
-def drawn(found: Calibration) -> Iterator[tuple[str, Figure]]:
+def page_figures(found: Calibration) -> Iterator[tuple[str, Figure]]:
     """All figures of the page by their names."""
     assert found.climb is not None
     assert found.surface is not None
@@ -100,18 +104,10 @@ def drawn(found: Calibration) -> Iterator[tuple[str, Figure]]:
     yield f"climb_{name}", figures.climb_curve(found.climb.design, name, found.climb.best, target)
 
 
-def surface_design_words(found: Calibration) -> str:
-    """`Box-Behnken design of 17 runs, 5 of them at the centre`."""
-    assert found.surface is not None
-    design, sizes = found.surface.design, found.file.study.design
-    names = {"box_behnken": "Box-Behnken design", "latin_hypercube": "Latin hypercube"}
-    name = names.get(sizes.surface, f"Central composite design ({sizes.surface_axial})")
-    return f"{name} of {len(design)} runs, {design.kinds.count('centre')} of them at the centre"
-
-
 def effect_table(found: Calibration, name: str) -> Cells:
     """Effects, largest first, with the published values where the study has any."""
-    parameters, screened = found.file.study.parameters, found.document["analyse"]["responses"][name]
+    parameters = found.file.study.parameters
+    screened = found.document["analyse"]["responses"][name]
     rows = []
     for effect in screened["effects"]:
         entry, t = parameters[effect["name"]], effect["t"]
@@ -189,17 +185,14 @@ def optimum_table(found: Calibration) -> Cells:
     paths = list(optima[0]["settings"])
     rows = []
     for one in optima:
-        intervals = (interval_words(one["predicted"][name]) for name in targets)
-        rows.append((*(number(one["settings"][path]) for path in paths), *intervals))
+        row = [number(one["settings"][path]) for path in paths]
+        for predicted in (one["predicted"][name] for name in targets):
+            half = 0.5 * (predicted["high"] - predicted["low"])  # as many digits as the interval deserves
+            value, low, high = (with_scatter_of(predicted[key], half) for key in ("value", "low", "high"))
+            row.append(f"{value} ({low} to {high})")
+        rows.append(row)
     header = (*(found.file.labels[path] for path in paths), *(f"{name}, predicted" for name in targets))
     return header, rows
-
-
-def interval_words(predicted: Mapping[str, float]) -> str:
-    """`33.5 (32.4 to 34.7)`, with as many digits as the width of the interval deserves."""
-    half = 0.5 * (predicted["high"] - predicted["low"])
-    value, low, high = (with_scatter_of(predicted[key], half) for key in ("value", "low", "high"))
-    return f"{value} ({low} to {high})"
 
 
 def samples(test: Mapping[str, Any]) -> dict[str, str]:
@@ -210,7 +203,7 @@ def samples(test: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def finished(study: Path) -> CalibrationStudy:
+def read_finished(study: Path) -> CalibrationStudy:
     """Study whose page and table of runs exist. Raises BadInput where the calibration is not finished."""
     file = read_calibration_study(study)
     if not (file.folder / PAGE).is_file() or not (file.folder / "runs.csv").is_file():
@@ -220,7 +213,7 @@ def finished(study: Path) -> CalibrationStudy:
 
 def write_report(study: Path, to: Path | None = None, force: bool = False) -> Path:
     """Write the HTML page of a calibration. Raises BadInput where the calibration is not finished."""
-    file = finished(study)
+    file = read_finished(study)
     title, _, text = (file.folder / PAGE).read_text(encoding="utf-8").partition("\n")
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
     body = PICTURE.sub(lambda found: f'<img src="{address_of(file.folder / found[1])}"', body)
@@ -241,39 +234,14 @@ def write_report(study: Path, to: Path | None = None, force: bool = False) -> Pa
 
 def write_recording(study: Path) -> Path:
     """Write the recording of a calibration. Raises BadInput where the calibration is not finished."""
-    file = finished(study)
+    file = read_finished(study)
     table = pd.read_csv(file.folder / "runs.csv", dtype={"failure": str}).fillna({"failure": ""})
     rows = [{str(name): cell for name, cell in row.items()} for row in table.to_dict("records")]
     pictures = {path.stem.replace("_", " "): path for path in sorted((file.folder / PICTURES).glob("*.png"))}
     lines = (file.folder / PAGE).read_text(encoding="utf-8").splitlines()
-    page = StudyPage(
-        title=file.study.study.title or study.stem,
-        summary="\n".join(line for line in lines if not line.startswith("![")),
-        table=run_table(file, rows),
-        figures={name: path.read_bytes() for name, path in pictures.items()},
-        runs=list(recorded_runs(file, rows))[:MOST_RUNS],
-        properties={f"target_{name}": target.value for name, target in file.study.targets.items()},
-        columns={re.sub(r"[.-]", "_", str(name)): column.to_list() for name, column in table.items()},
-    )
-    return record_study(file.folder / RECORDING, page)
-
-
-def run_table(file: CalibrationStudy, rows: Sequence[Row]) -> str:
-    """Settings and responses of every run."""
     keys = (*file.study.parameters, *map(file.measure, file.study.targets))
-    cells = [
-        [run_name(row), *("" if row[key] != row[key] else f"{row[key]}" for key in keys)] for row in rows
-    ]
-    return markdown_table(["run", *file.labels.values(), *file.study.targets], cells)
-
-
-def run_name(row: Row) -> str:
-    """`surface-3`."""
-    return f"{row['stage']}-{row['row']}"
-
-
-def recorded_runs(file: CalibrationStudy, rows: Sequence[Row]) -> Iterator[RecordedRun]:
-    """Runs with an existing recording, those of the last stage first."""
+    cells = [[run_name(row), *("" if row[k] != row[k] else f"{row[k]}" for k in keys)] for row in rows]
+    runs = []  # with an existing recording, those of the last stage first
     for row in sorted(rows, key=lambda row: -STAGES.index(row["stage"])):
         recording = file.folder / "recordings" / f"{run_name(row)}-{row['seed']}.rrd"
         if recording.is_file():
@@ -282,4 +250,19 @@ def recorded_runs(file: CalibrationStudy, rows: Sequence[Row]) -> Iterator[Recor
             texts = (f"{name} {y:.3g} {file.study.targets[name].unit}" for name, y in responses.items())
             settings = {re.sub(r"[.-]", "_", path): row[path] for path in file.study.parameters}
             caption = f"{run_name(row)}: {', '.join(texts)}"
-            yield RecordedRun(run_name(row), caption, recording, settings | responses)
+            runs.append(RecordedRun(run_name(row), caption, recording, settings | responses))
+    page = StudyPage(
+        title=file.study.study.title or study.stem,
+        summary="\n".join(line for line in lines if not line.startswith("![")),
+        table=markdown_table(["run", *file.labels.values(), *file.study.targets], cells),
+        figures={name: path.read_bytes() for name, path in pictures.items()},
+        runs=runs[:MOST_RUNS],
+        properties={f"target_{name}": target.value for name, target in file.study.targets.items()},
+        columns={re.sub(r"[.-]", "_", str(name)): column.to_list() for name, column in table.items()},
+    )
+    return record_study(file.folder / RECORDING, page)
+
+
+def run_name(row: Row) -> str:
+    """`surface-3`."""
+    return f"{row['stage']}-{row['row']}"

@@ -90,7 +90,8 @@ def perturbation(fit: Fit, names: Names, unit: str, at: Floats) -> Figure:
     for k, factor in enumerate(fit.factors):
         points = np.tile(at, (TICKS, 1))
         points[:, k] = ticks
-        name, dash = names.get(factor.path, factor.path), DASHES[k % len(DASHES)]
+        name = names.get(factor.path, factor.path)
+        dash = DASHES[k % len(DASHES)]
         axes.plot(ticks, fit.predict(points), linestyle=dash, label=name)
     axes.set(xlabel="coded level of the factor [1]", ylabel=f"{fit.response} [{unit}]")
     axes.legend(fontsize=8)

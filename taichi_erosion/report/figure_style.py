@@ -17,9 +17,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from taichi_erosion.core.setup import Floats
 
 DOTS_PER_INCH = 150
 INK, SOFT, PAPER = "#1c2227", "#5b6670", "#fdfefe"
@@ -51,9 +50,7 @@ WIDE_RANGE = 20.0  # largest over smallest value from which an axis is logarithm
 TICKS = 5  # most intervals on an axis
 SVG = "http://www.w3.org/2000/svg"
 LARGEST_SCALE = 1.65  # px of the page over points of the figure
-UNDATED = dict.fromkeys(
-    ("Creator", "Date", "Format", "Type")
-)  # metadata of an SVG, none of which are written
+UNDATED = dict.fromkeys(("Creator", "Date", "Format", "Type"))  # metadata of an SVG, of which none is written
 NAME = re.compile(r'(\bid="|href="#|url\(#)([^":)]+)(?=["\)])')  # identifiers, but those of rows
 
 page_style = partial(mpl.rc_context, STYLE)  # context and decorator: the style of the figures of a page

@@ -19,7 +19,8 @@ OUTLINE, BASE, FLANK = "#35c0ff", "#ffd23f", "#ff5c39"
 
 def draw_detection(photograph: Path, record: Mapping[str, Any], to: Path) -> Path:
     """Write the photograph with the detection of `measure_photograph` over it. Raises BadInput."""
-    grey, details = read_grey(photograph), record["details"]
+    grey = read_grey(photograph)
+    details = record["details"]
     rows, columns = grey.shape
     width = WIDTH / DOTS_PER_INCH
     figure = Figure(figsize=(width, width * rows / columns))

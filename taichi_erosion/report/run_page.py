@@ -6,7 +6,6 @@ from math import nan
 from pathlib import Path
 from typing import Any
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from taichi_erosion.core.errors import BadInput
@@ -84,27 +83,22 @@ def draw_measures(document: Document) -> Picture | None:
         columns = min(len(names), COLUMNS) if width == WIDE else 1
         figure, frames = panels(len(names), columns, (min(width / columns, MOST_WIDE), 2.6))
         for frame, name in zip(frames, names, strict=True):
-            draw_measure(frame, document, name)
+            pooled, wanted = document["measures"][name], document["measured"].get(name)
+            seeds = [one["measures"].get(name, {}).get("value") for one in document["replicas"]]
+            values = [nan if value is None else value for value in seeds]
+            if wanted:
+                sd = wanted.get("sd") or 0.0
+                frame.axhspan(wanted["value"] - sd, wanted["value"] + sd, color=BEFORE, alpha=0.2, lw=0.0)
+                frame.axhline(wanted["value"], color=BEFORE, lw=1.0)
+            frame.plot([0.0] * len(values), values, "o", ms=3.5, color=AFTER, alpha=0.6)
+            frame.errorbar([1.0], [pooled["value"]], [pooled["sd"] or 0.0], fmt="s", color=AFTER, capsize=3)
+            frame.set(title=heading(quantity(name), pooled["unit"]), xlim=(-0.6, 1.6))
+            frame.set_xticks([0.0, 1.0], ["seeds", "mean, sd"])
         return figure
 
     return responsive(
         draw, "Measures by seed, their means with one standard deviation; red: measured.", "measures"
     )
-
-
-def draw_measure(frame: Axes, document: Document, name: str) -> None:
-    """One measure by seed, its mean, and the measured value."""
-    pooled, wanted = document["measures"][name], document["measured"].get(name)
-    seeds = [one["measures"].get(name, {}).get("value") for one in document["replicas"]]
-    values = [nan if value is None else value for value in seeds]
-    if wanted:
-        sd = wanted.get("sd") or 0.0
-        frame.axhspan(wanted["value"] - sd, wanted["value"] + sd, color=BEFORE, alpha=0.2, lw=0.0)
-        frame.axhline(wanted["value"], color=BEFORE, lw=1.0)
-    frame.plot([0.0] * len(values), values, "o", ms=3.5, color=AFTER, alpha=0.6)
-    frame.errorbar([1.0], [pooled["value"]], [pooled["sd"] or 0.0], fmt="s", color=AFTER, capsize=3)
-    frame.set(title=heading(quantity(name), pooled["unit"]), xlim=(-0.6, 1.6))
-    frame.set_xticks([0.0, 1.0], ["seeds", "mean, sd"])
 
 
 def pictures(document: Document, source: Path) -> Iterator[Picture]:

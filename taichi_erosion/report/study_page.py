@@ -6,7 +6,7 @@ next, each with its lines, tables and figures; the method stands at the end.
 """
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -45,13 +45,13 @@ class Section:
 
 def write_report(study: Path, to: Path | None = None, force: bool = False) -> Path:
     """Write the HTML page of a study. Raises BadInput before its first answer."""
-    page, _ = told(study)
+    page, _ = page_and_answer(study)
     return write_page(to or folder_of(study) / f"{study.stem}.report.html", study, force, TEMPLATE, page)
 
 
 def write_recording(study: Path) -> Path:
     """Write the recording of a study. Raises BadInput before its first answer."""
-    page, first = told(study)
+    page, first = page_and_answer(study)
     about, seed, sections = first.about, first.record.cost.seed, page["sections"]
     pictures = [page["first"], *(picture for section in sections for picture in section.pictures)]
     tables = [table for section in sections for table in section.tables]
@@ -68,7 +68,7 @@ def write_recording(study: Path) -> Path:
     return record_study(folder_of(study) / f"{study.stem}.{RECORDING}", recorded)
 
 
-def told(study: Path) -> tuple[dict[str, Any], Reply]:
+def page_and_answer(study: Path) -> tuple[dict[str, Any], Reply]:
     """Fields of the page of a study, and one of its answers. Raises BadInput before the first one."""
     replies, others = stored_replies(study)
     found = replies.values()
@@ -80,7 +80,12 @@ def told(study: Path) -> tuple[dict[str, Any], Reply]:
         records["discover"] = after_adoption(records["discover"], records["adopt"])
     page = answer_page(first.about["title"] or study.stem, records, first.vocabulary(), first.about["model"])
     page["warnings"], page["notes"] = (list(filter(None, dict.fromkeys(each))) for each in (warnings, notes))
-    page["sections"] += prediction_sections(study, first)
+    stems = dict.fromkeys((Path(first.about.get("written", study)).stem, study.stem))  # the adopted one first
+    stored = (read_prediction(folder_of(study), stem) for stem in stems)
+    for found in [each for each in stored if each and each.about["digest"] == first.about["digest"]][:1]:
+        answer = found.answer()
+        tables = [answer.table] if answer.table else []
+        page["sections"].append(Section(page_words.PREDICTIONS, answer.lines, tables, []))
     return page, first
 
 
@@ -89,7 +94,9 @@ def stored_replies(study: Path) -> tuple[dict[Command, Reply], list[Command]]:
 
     Raises BadInput where none says what is missing.
     """
-    folder, found, age = folder_of(study), {}, {}
+    folder = folder_of(study)
+    found = {}
+    age = {}
     for command in COMMANDS:
         if reply := read_reply(folder, study.stem, command):
             found[command] = reply
@@ -107,15 +114,6 @@ def folder_of(study: Path) -> Path:
     return results_folder(study, read_evidence_study(study))
 
 
-def prediction_sections(study: Path, first: Reply) -> Iterator[Section]:
-    """The last predictions, of the adopted model where there is one, that rest on the table of the page."""
-    stems = dict.fromkeys((Path(first.about.get("written", study)).stem, study.stem))
-    stored = (read_prediction(folder_of(study), stem) for stem in stems)
-    for found in [each for each in stored if each and each.about["digest"] == first.about["digest"]][:1]:
-        answer = found.answer()
-        yield Section(page_words.PREDICTIONS, answer.lines, [answer.table] if answer.table else [], [])
-
-
 def first_figure(reply: Reply) -> Figure:
     """Measured values, the model before and after, where it fails most."""
     place = figures.places(reply.record)[0]
@@ -126,14 +124,30 @@ def answer_page(
     title: str, records: Mapping[str, Record], vocabulary: Vocabulary, model: str = ""
 ) -> dict[str, Any]:
     """Fields of the page of a study, from its records by command, the last one at the end: it leads."""
-    voc = portable(vocabulary)
+    home = Path(vocabulary.study).parent
+    files = {key: getattr(vocabulary, key) for key in FILES}
+    # files as seen from the folder of the study: a page is read on other machines
+    nearby = {key: os.path.relpath(file, home) for key, file in files.items() if os.path.isabs(file)}
+    voc = replace(vocabulary, **nearby)
     lead = [name for name in records if name in page_words.LEADING][-1]
-    leading, found = records[lead], page_words.answers(records, voc)
+    leading = records[lead]
+    found = page_words.answers(records, voc)
     parts = page_words.page_lines(found, lead)
     shown = figures.places(leading)  # the worst first
     first, *others = (figures.row_picture(leading, voc, *place, number) for number, place in enumerate(shown))
-    missing = missing_pictures(records["discover"], voc) if "discover" in found else []
-    drawn = missing, [*holding_pictures(records.get("adopt", leading)), *others], []
+    missing = list[Picture]()  # what explains the measurements
+    if "discover" in found:
+        record = records["discover"]
+        acts = {name for names in acting(record.decided) for name in names}
+        if record.law and record.law.mechanism in acts:
+            missing += figures.dose_pictures(record.law, voc)
+        missing += (figures.curve_picture(each, voc, number) for number, each in enumerate(record.curves))
+        missing += [figures.posterior_picture(record)]
+        missing += [figures.strength_picture(record)] if record.effects else []
+    held = records.get("adopt", leading)
+    misfits = [figures.ladder_picture(held)] if page_words.added_words(held) else []
+    numbers = [figures.number_picture(held)] if held.numbers else []
+    drawn = missing, [*misfits, *numbers, *others], []
     tables = ([found[key].table for key in keys if key in found] for keys in TABLES)
     *titles, method_title = page_words.SECTIONS
     return {
@@ -153,29 +167,3 @@ def answer_page(
         "notes": [],  # on table and runs
         "acting": {name for names in acting(records.get("discover", leading).decided) for name in names},
     }
-
-
-def portable(voc: Vocabulary) -> Vocabulary:
-    """Files as seen from the folder of the study: a page is read on other machines."""
-    home, files = Path(voc.study).parent, {key: getattr(voc, key) for key in FILES}
-    return replace(
-        voc, **{key: os.path.relpath(file, home) for key, file in files.items() if os.path.isabs(file)}
-    )
-
-
-def missing_pictures(record: Record, voc: Vocabulary) -> list[Picture]:
-    """What explains the measurements."""
-    acts = {name for names in acting(record.decided) for name in names}
-    law = record.law if record.law and record.law.mechanism in acts else None
-    doses = figures.dose_pictures(law, voc) if law else ()
-    strengths = [figures.strength_picture(record)] if record.effects else []
-    curves = (figures.curve_picture(each, voc, number) for number, each in enumerate(record.curves))
-    return [*doses, *curves, figures.posterior_picture(record), *strengths]
-
-
-def holding_pictures(record: Record) -> Iterator[Picture]:
-    """Misfit before and after, and calibrated numbers."""
-    if page_words.added_words(record):
-        yield figures.ladder_picture(record)
-    if record.numbers:
-        yield figures.number_picture(record)
