@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from functools import cache, lru_cache
 from hashlib import sha256
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 from pathlib import Path
 from pkgutil import iter_modules
 
@@ -45,12 +45,19 @@ def effect_titles(files: Iterable[Path] = ()) -> dict[str, str]:
 
 @lru_cache(maxsize=4)
 def installed_effects(_search_path: tuple[str, ...]) -> Mapping[str, Effect]:
-    """Effects of this folder and of installed packages."""
+    """Effects of this folder and of installed packages. Raises BadInput."""
     library: dict[str, Effect] = {}
     for name in shipped():
         add(library, getattr(import_module(f"{__name__}.{name}"), MEMBER), name)
-    for point in entry_points(group=GROUP):
-        add(library, effect_of_package(point), f"the package's entry point {point.name} = {point.value}")
+    for point in entry_points(group=GROUP):  # its value is a module, or the record in it
+        entry = f"entry point {point.name} = {point.value}"
+        try:
+            found = point.load()
+        except Exception as error:
+            told = " ".join(reason(error).split())
+            raise BadInput(f"{entry} of an installed package: {told}") from None
+        effect = found if isinstance(found, Effect) else getattr(found, MEMBER, None)
+        add(library, checked_effect(effect, f"{entry} of an installed package"), f"the package's {entry}")
     return library
 
 
@@ -63,27 +70,12 @@ def add(library: dict[str, Effect], effect: Effect, origin: str) -> None:
     library[effect.name] = effect
 
 
-def effect_of_package(point: EntryPoint) -> Effect:
-    """Effect of an entry point, whose value is a module, or the record in it. Raises BadInput."""
-    origin = f"entry point {point.name} = {point.value} of an installed package"
-    try:
-        found = point.load()
-    except Exception as error:
-        raise BadInput(f"{origin}: {' '.join(reason(error).split())}") from None
-    return checked_effect(found if isinstance(found, Effect) else getattr(found, MEMBER, None), origin)
-
-
 def package_digests(names: Iterable[str]) -> dict[str, str]:
     """Digests of the source of those effects that come from installed packages."""
     own, library = set(shipped()), installed_effects(tuple(sys.path))
     foreign = [name for name in names if name in library and name not in own]
-    return {name: source_digest(library[name]) for name in foreign}
-
-
-def source_digest(effect: Effect) -> str:
-    """Digest of the file that defines an effect."""
-    file = Path(inspect.getfile(inspect.unwrap(effect.act)))
-    return sha256(file.read_bytes()).hexdigest()[:DIGITS]
+    files = {name: Path(inspect.getfile(inspect.unwrap(library[name].act))) for name in foreign}
+    return {name: sha256(file.read_bytes()).hexdigest()[:DIGITS] for name, file in files.items()}
 
 
 @cache

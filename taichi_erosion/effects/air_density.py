@@ -45,18 +45,6 @@ class Params:
     temperature: float = quantity(293.15, "K", "where the conditions state none", low=200.0, high=400.0)
 
 
-def sutherland(temperature: float) -> float:
-    """Dynamic viscosity of air [Pa s] at a temperature [K]."""
-    ratio = (temperature / REFERENCE_TEMPERATURE) ** 1.5
-    return VISCOSITY * ratio * (REFERENCE_TEMPERATURE + SUTHERLAND) / (temperature + SUTHERLAND)
-
-
-def saturated_vapour(temperature: float) -> float:
-    """Pressure of saturated vapour over water [Pa] at a temperature [K], Buck (1981)."""
-    celsius = temperature - FREEZING
-    return 611.21 * exp(17.502 * celsius / (240.97 + celsius))
-
-
 def change(params: Params, strength: float, conditions: Conditions, scene: Scene) -> Scene:
     """The scene in its true air; without wind, or where nothing is stated, as it is."""
     wind = scene.wind
@@ -66,11 +54,15 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     specific = GAS_CONSTANT * temperature / MOLAR_MASS
     column = params.pressure * exp(-GRAVITY * conditions.get("altitude", 0.0) / specific)
     pressure = conditions.get("pressure", column)
-    vapour = min(conditions.get("relative_humidity", 0.0) * saturated_vapour(temperature), pressure)
+    celsius = temperature - FREEZING
+    saturated = 611.21 * exp(17.502 * celsius / (240.97 + celsius))  # Pa, Buck (1981)
+    vapour = min(conditions.get("relative_humidity", 0.0) * saturated, pressure)
     density = (pressure - VAPOUR_LIGHTER * vapour) / specific
     bare = wind.viscosity * wind.density
     mixed = wind.density + strength * (density - wind.density)
-    viscosity = (bare + strength * (sutherland(temperature) - bare)) / mixed
+    ratio = (temperature / REFERENCE_TEMPERATURE) ** 1.5
+    dynamic = VISCOSITY * ratio * (REFERENCE_TEMPERATURE + SUTHERLAND) / (temperature + SUTHERLAND)
+    viscosity = (bare + strength * (dynamic - bare)) / mixed
     return with_section(scene, "wind", density=mixed, viscosity=viscosity)
 
 

@@ -51,12 +51,8 @@ def constants(params: Params, strength: float, conditions: Conditions) -> Consta
     """Numbers of one replica; moist grains hold no charge, and without wind no sand blows."""
     blows = float(conditions.get("moisture", 0.0) <= DRY and "bed_height" in conditions)
     return {
-        "lift": blows
-        * strength
-        * SPHERE_ON_PLANE
-        * pi
-        * PERMITTIVITY
-        * params.field**2,  # force over d^2 [Pa]
+        # force over d^2 [Pa]
+        "lift": blows * strength * SPHERE_ON_PLANE * pi * PERMITTIVITY * params.field**2,
         "pull": blows * strength * params.charge * params.field,  # force over mass at the bed [m s-2]
         "height": params.scale_height,
     }
@@ -92,9 +88,8 @@ def checks(probe: Probe) -> Checks:
     yield Check("a grain on the bed is lifted like a sphere on a plane", lift(1e-4), bed)
     yield Check("in flight the bed pulls it with q E", lift(0.02), -9.96e-8 * 0.36787944)
     yield Check("two scale heights up by another e", lift(0.04), -9.96e-8 * 0.13533528)
-    yield Check(
-        "at a diameter above the bed it is half of each", lift(2e-4), 0.5 * (bed - 9.96e-8 * 0.99004983)
-    )
+    both = 0.5 * (bed - 9.96e-8 * 0.99004983)
+    yield Check("at a diameter above the bed it is half of each", lift(2e-4), both)
     yield Check("deep grains are screened", lift(-4e-4), 0.0)
     yield Check("a moist bed holds no charge", lift(1e-4, moisture=0.01), 0.0)
     yield Check("without wind there is no field", lift(1e-4, bed={}), 0.0)

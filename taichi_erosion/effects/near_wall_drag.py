@@ -86,9 +86,8 @@ def checks(probe: Probe) -> Checks:
         wall = 1.0 + 0.138 * exp(-2.0 * gap) + 9.0 / (16.0 + 32.0 * gap)
         return wall * (1.0 + a * reynolds**b) / (1.0 + 0.15 * reynolds**0.687) - 1.0
 
-    yield Check(
-        "in creeping flow O'Neill's factor of a touching sphere", gained(1e-4, 1e-6), 0.7009, rtol=2e-3
-    )
+    creeping = gained(1e-4, 1e-6)
+    yield Check("in creeping flow O'Neill's factor of a touching sphere", creeping, 0.7009, rtol=2e-3)
     yield Check("on the bed at Re = 20", gained(1e-4, 1.5), law(0.0, 20.0))
     yield Check("half a diameter above it", gained(2e-4, 1.5), law(0.5, 20.0))
     yield Check("at Re = 200", gained(1e-4, 15.0), law(0.0, 200.0))

@@ -62,9 +62,8 @@ def checks(probe: Probe) -> Checks:
 
     yield Check("a growing overlap is resisted with A k v", force(0.5), -dissipative * 3000.0 * 0.5)
     yield Check("a shrinking overlap is held back alike", force(-0.5), dissipative * 3000.0 * 0.5)
-    yield Check(
-        "a wall counts as a grain without end: m* doubles", force(0.5, mass_j=0.0), force(0.5) * 2.0**0.4
-    )
+    at_wall = force(0.5, mass_j=0.0)
+    yield Check("a wall counts as a grain without end: m* doubles", at_wall, force(0.5) * 2.0**0.4)
     yield Check("grains that do not touch lose nothing", force(0.5, gap=1e-9, stiffness=0.0), 0.0)
 
 

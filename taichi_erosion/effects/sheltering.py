@@ -39,7 +39,8 @@ def around(diameter: float, mass: float) -> tuple[float, float, float]:
 
 def change(params: Params, strength: float, conditions: Conditions, scene: Scene) -> Scene:
     """The scene with a coarse lag."""
-    size, share = scene.grains.size, strength * params.share
+    size = scene.grains.size
+    share = strength * params.share
     if share == 0.0:
         return scene
     if not isinstance(size, Monodisperse):

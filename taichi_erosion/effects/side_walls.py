@@ -42,7 +42,8 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     if contact is None or PANE in scene.materials:
         raise BadInput(f"effects.side_walls: needs contact.{grain}-{grain} and no material named '{PANE}'")
     friction = strength * params.friction * contact.friction_sliding
-    half, fill = 0.5 * params.width * nominal_diameter(scene.grains.size), getattr(scene.fill, "radius", 0.0)
+    half = 0.5 * params.width * nominal_diameter(scene.grains.size)
+    fill = getattr(scene.fill, "radius", 0.0)
     if fill > half:
         raise BadInput(f"effects.side_walls: walls {2 * half:.3g} m apart cut a fill {2 * fill:.3g} m wide")
     walls = {

@@ -125,14 +125,12 @@ def checks(probe: Probe) -> Checks:
         return force(x, 0.0, 0, state_i, WALL, **at)
 
     loose = {"rtol": 1e-3}  # places of f32, of a millionth of a millimetre
-    yield Check(
-        "half way to breaking a bond holds with half its strength", force(1e-6, 0.0, 0), 0.5 * FULL, **loose
-    )
+    half = force(1e-6, 0.0, 0)
+    yield Check("half way to breaking a bond holds with half its strength", half, 0.5 * FULL, **loose)
     yield Check("sideways too", force(0.0, 1e-6, 1), 0.5 * FULL, **loose)
     yield Check("and against compression", force(-1e-6, 0.0, 0), -0.5 * FULL, **loose)
-    yield Check(
-        "just before it breaks it holds with all of it", force(1.99e-6, 0.0, 0), 0.995 * FULL, **loose
-    )
+    most = force(1.99e-6, 0.0, 0)
+    yield Check("just before it breaks it holds with all of it", most, 0.995 * FULL, **loose)
     yield Check("a broken bond holds nothing", force(2.01e-6, 0.0, 0), 0.0)
     yield Check("sideways neither", force(1.5e-6, 1.5e-6, 1), 0.0)
     yield Check("in their places the bond is without force", force(0.0, 0.0, 0), 0.0, atol=1e-3 * FULL)

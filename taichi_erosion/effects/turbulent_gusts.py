@@ -172,7 +172,8 @@ def checks_at_wall(probe: Probe) -> Checks:
 
     def felt(diameter: float, longest: float = 10.0, time: float = 0.03) -> float:
         """Gust over the mean wind, with T+ = 5 in the sublayer."""
-        params, given = replace(GUSTY, timescale=longest, wall_timescale=5.0), {"grain_diameter": diameter}
+        params = replace(GUSTY, timescale=longest, wall_timescale=5.0)
+        given = {"grain_diameter": diameter}
         found = probe(params, given, time=time, **PROBED | thin | carried)[0][0]
         return float(found) / (4.0 * 4e-6 * STOKES)
 

@@ -29,7 +29,7 @@ def factor_of(strength: float, dose: float) -> float:
     return max(1.0 + strength * dose, LEAST)
 
 
-def scaled(change: Change, params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
+def scale(change: Change, params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
     """The scene with a number multiplied by 1 + strength D."""
     return scene if strength * params.dose == 0.0 else change(scene, factor_of(strength, params.dose))
 
@@ -44,7 +44,7 @@ def with_contact_number(entry: str, walls: bool, scene: Scene, factor: float) ->
     return with_contacts(scene, changed, walls)
 
 
-def rolling(walls: bool, params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
+def change_rolling(walls: bool, params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
     """The scene with rolling friction times 1 + strength D, or with strength D `reference` where it is 0.
 
     The elastic-plastic law comes with it where the scene has none; its other contacts then roll freely.
@@ -52,7 +52,8 @@ def rolling(walls: bool, params: Any, strength: float, conditions: Conditions, s
     if strength * params.dose == 0.0:
         return scene
     bare = scene.laws.rolling == "none"
-    factor, added = factor_of(strength, params.dose), max(strength * params.dose, 0.0) * params.reference
+    factor = factor_of(strength, params.dose)
+    added = max(strength * params.dose, 0.0) * params.reference
 
     def changed(contact: Contact) -> Contact:
         before = 0.0 if bare else contact.friction_rolling
@@ -136,11 +137,6 @@ def material_checks(entry: str, power: float, dose: float, params: Any, probe: P
     yield Check("the time step shortens", step, 1e-6 * (1.0 + dose) ** power)
 
 
-def amplified(params: Any, strength: float, conditions: Conditions, observable: str, value: float) -> float:
-    """Value that the laboratory reads."""
-    return value * factor_of(strength, params.dose)
-
-
 def gain_checks(params: Any, probe: Probe) -> Iterator[Check]:
     def reading(dose: float, strength: float = 1.0) -> float:
         return probe(params(dose=dose), {}, observable="flux", value=0.02, strength=strength)
@@ -148,11 +144,6 @@ def gain_checks(params: Any, probe: Probe) -> Iterator[Check]:
     yield Check("a dose of 0.5 is a gain of 1.5", reading(0.5), 0.03)
     yield Check(HALF, reading(0.5, 0.5), 0.025)
     yield Check("a dose of -0.2 loses a fifth", reading(-0.2), 0.016)
-
-
-def shifted(params: Any, strength: float, conditions: Conditions, observable: str, value: float) -> float:
-    """Value that the laboratory reads."""
-    return value + strength * params.dose * params.scale
 
 
 def offset_checks(params: Any, probe: Probe) -> Iterator[Check]:
@@ -167,14 +158,15 @@ def offset_checks(params: Any, probe: Probe) -> Iterator[Check]:
 
 def contact_row(entry: str, walls: bool) -> tuple[Any, Any, dict[str, Any]]:
     """Row of a number of contacts of grains with walls, or with each other."""
-    multiplied = partial(scaled, partial(with_contact_number, entry, walls))
-    act = partial(rolling, walls) if entry == "friction_rolling" else multiplied
+    act = partial(scale, partial(with_contact_number, entry, walls))
+    if entry == "friction_rolling":
+        act = partial(change_rolling, walls)
     return act, partial(contact_checks, entry, walls), {}
 
 
 def material_row(entry: str, power: float, dose: float) -> tuple[Any, Any, dict[str, Any]]:
     """Row of a number of the grains' material; `dose` is that of its checks."""
-    act = partial(scaled, partial(with_material, entry, power))
+    act = partial(scale, partial(with_material, entry, power))
     return act, partial(material_checks, entry, power, dose), {}
 
 
@@ -185,9 +177,10 @@ FACTORS = {  # mechanism -> act, checks, other members
     "wall_rolling_friction": contact_row("friction_rolling", walls=True),
     "restitution": contact_row("restitution", walls=False),
     "wall_restitution": contact_row("restitution", walls=True),
-    "bed_stress": (partial(scaled, with_stress), stress_checks, {}),
+    "bed_stress": (partial(scale, with_stress), stress_checks, {}),
     "grain_weight": material_row("density", 0.5, dose=-0.5),
     "stiffness": material_row("young_modulus", -0.5, dose=3.0),
-    "reading_gain": (amplified, gain_checks, {}),
-    "reading_offset": (shifted, offset_checks, {}),
+    # the value that the laboratory reads
+    "reading_gain": (lambda p, s, _, name, value: value * factor_of(s, p.dose), gain_checks, {}),
+    "reading_offset": (lambda p, s, _, name, value: value + s * p.dose * p.scale, offset_checks, {}),
 }

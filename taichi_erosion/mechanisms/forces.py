@@ -54,11 +54,6 @@ def pull_checks(length: float, share: float, params: Any, probe: Probe) -> Itera
     yield Check("a wall counts as a grain of twice the diameter", force(ends, **WALL), 1.962e-7, rtol=1e-4)
 
 
-def vertical_constants(params: Any, strength: float, conditions: Conditions) -> Constants:
-    """Numbers of one replica."""
-    return {"acceleration": strength * params.dose * GRAVITY}
-
-
 @ti.func
 def push_upwards(constants, grain):
     """Force [N] and torque [N m]."""
@@ -75,11 +70,6 @@ def vertical_checks(params: Any, probe: Probe) -> Iterator[Check]:
     yield Check(HALF, force(2, strength=0.5), 2.4525e-8)
     yield Check("a heavier grain is pushed more", force(2, 2e-8), 9.81e-8)
     yield Check("nothing along the wind", force(0), 0.0)
-
-
-def drag_constants(params: Any, strength: float, conditions: Conditions) -> Constants:
-    """Numbers of one replica."""
-    return {"more": factor_of(strength, params.dose) - 1.0}
 
 
 @ti.func
@@ -105,11 +95,6 @@ def drag_checks(params: Any, probe: Probe) -> Iterator[Check]:
     yield Check("a dose of 0.5 adds half the drag", gained(0.5), 0.5)
     yield Check(HALF, gained(0.5, 0.5), 0.25)
     yield Check("a negative dose takes drag away", gained(-0.4), -0.4)
-
-
-def lift_constants(params: Any, strength: float, conditions: Conditions) -> Constants:
-    """Numbers of one replica."""
-    return {"coefficient": strength * params.dose * SAFFMAN}
 
 
 @ti.func
@@ -149,7 +134,8 @@ def gust_constants(params: Any, strength: float, conditions: Conditions) -> Cons
 def gust_checks(params: Any, probe: Probe) -> Iterator[Check]:
     # probes have creeping flow, drag 3 pi mu d s; the grain is carried by the air
     air = {"air_density": 1e-6, "air_viscosity": 1.0, "radius": 1e-4, "chance": 0.375}
-    stokes, lognormal = 3.0 * pi * 2e-4, turbulent_gusts.lognormal
+    stokes = 3.0 * pi * 2e-4
+    lognormal = turbulent_gusts.lognormal
 
     def gust(time: float, strength: float = 1.0, wind: float = 4.0) -> float:
         carried = {"air_velocity": (wind, 0.0, 0.0), "velocity": (wind, 0.0, 0.0), "friction_velocity": 0.2}
@@ -163,18 +149,27 @@ def gust_checks(params: Any, probe: Probe) -> Iterator[Check]:
     yield Check("half the wind has half the gust", half_wind, 2.0 * lognormal(0.2, 0.09), rtol=3e-3)
 
 
-def pulling(length: float, share: float) -> tuple[Any, Any, dict[str, Any]]:
+def pull_row(length: float, share: float) -> tuple[Any, Any, dict[str, Any]]:
     """Row of a pull between grains; arguments as those of `pull_checks`."""
     members = {"constants": partial(pull_constants, length), "reach": reach}
     return pull, partial(pull_checks, length, share), members
 
 
+def proportional(name: str, unit: float) -> dict[str, Any]:
+    """Members of a row whose one constant is the dose in this unit."""
+    return {"constants": lambda params, strength, _: {name: strength * params.dose * unit}}
+
+
 FORCES = {  # mechanism -> act, checks, other members
-    "contact_pull": pulling(1.0, 0.01),
-    "gap_pull": pulling(DIAMETER_OVER_EFFECTIVE, 0.2),
-    "vertical_force": (push_upwards, vertical_checks, dict(constants=vertical_constants)),
-    "drag": (no_push, drag_checks, dict(constants=drag_constants, drag=drag_factor)),
-    "lift": (push_across, lift_checks, dict(constants=lift_constants)),
+    "contact_pull": pull_row(1.0, 0.01),
+    "gap_pull": pull_row(DIAMETER_OVER_EFFECTIVE, 0.2),
+    "vertical_force": (push_upwards, vertical_checks, proportional("acceleration", GRAVITY)),
+    "drag": (
+        no_push,
+        drag_checks,
+        {"constants": lambda p, s, _: {"more": factor_of(s, p.dose) - 1.0}, "drag": drag_factor},
+    ),
+    "lift": (push_across, lift_checks, proportional("coefficient", SAFFMAN)),
     "gustiness": (
         turbulent_gusts.push,
         gust_checks,
