@@ -25,7 +25,6 @@ from taichi_erosion.air.pressure.multigrid import MultigridLevels, allocate_leve
 from taichi_erosion.core.air_setup import SIDES, AirModel, AirSetup
 from taichi_erosion.core.device import is_serial
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import device_record, is_host, upload, write
 
@@ -157,30 +156,6 @@ def ghosted(shape: tuple[int, ...], replicas: int, vector: bool = False) -> Any:
     return made
 
 
-def allocate_krylov(cells: tuple[int, int, int], replicas: int) -> KrylovFields:
-    """Fields of the conjugate gradients."""
-    columns = cells[0] * cells[1]
-    blocks = {
-        name: ti.field(real, shape=(replicas, columns, cells[2]))
-        for name in ("psi", "direction", "laplacian")
-    }
-    sums = {name: ti.field(real, shape=(replicas, columns)) for name in ("column_sum", "column_worst")}
-    scalars = ("residual_product", "step_length", "direction_weight")
-    return KrylovFields(**blocks, **sums, **{name: ti.field(real, shape=replicas) for name in scalars})
-
-
-def allocate_numbers(replicas: int) -> AirNumbers:
-    """Fields of clocks and constants."""
-    scalars = {name: ti.field(real, shape=replicas) for name in ("time", *FROM_SETUP, *FROM_CONSTANTS)}
-    vectors = {n: ti.Vector.field(3, real, shape=replicas) for n in ("low", "width", "driving_gradient")}
-    return AirNumbers(
-        **scalars,
-        **vectors,
-        side_velocity=ti.Vector.field(3, real, shape=(replicas, len(SIDES))),
-        side_roughness=ti.field(real, shape=(replicas, len(SIDES))),
-    )
-
-
 def allocate_air(setups: Sequence[AirSetup]) -> Air:
     """Air for an ensemble, as its setups describe it; the device must have been started.
 
@@ -188,8 +163,25 @@ def allocate_air(setups: Sequence[AirSetup]) -> Air:
     """
     first, count = setups[0], len(setups)
     for setup in setups:
-        refuse_mixture(first, setup)
+        if (setup.cells, setup.model) != (first.cells, first.model):
+            raise BadInput("air: replicas of an ensemble share the numbers of cells and the model")
+        if any(setup.sides[name].kind != first.sides[name].kind for name in SIDES):
+            raise BadInput("air: replicas of an ensemble share the kinds of sides")
     cells, layers = first.cells, first.cells[2:]
+    scalars = {name: ti.field(real, shape=count) for name in ("time", *FROM_SETUP, *FROM_CONSTANTS)}
+    vectors = {n: ti.Vector.field(3, real, shape=count) for n in ("low", "width", "driving_gradient")}
+    numbers = AirNumbers(
+        **scalars,
+        **vectors,
+        side_velocity=ti.Vector.field(3, real, shape=(count, len(SIDES))),
+        side_roughness=ti.field(real, shape=(count, len(SIDES))),
+    )
+    by_cell = (count, cells[0] * cells[1], cells[2])
+    krylov = KrylovFields(
+        **{name: ti.field(real, shape=by_cell) for name in ("psi", "direction", "laplacian")},
+        **{name: ti.field(real, shape=by_cell[:2]) for name in ("column_sum", "column_worst")},
+        **{n: ti.field(real, shape=count) for n in ("residual_product", "step_length", "direction_weight")},
+    )
     air = Air(
         count=count,
         cells=cells,
@@ -197,12 +189,12 @@ def allocate_air(setups: Sequence[AirSetup]) -> Air:
         kinds={name: first.sides[name].kind for name in SIDES},
         serial=is_serial(count * cells[0] * cells[1]),
         serial_replicas=is_host(),
-        numbers=allocate_numbers(count),
+        numbers=numbers,
         inlet_fluctuation=ghosted(cells[1:], count, vector=True),
         active=ti.field(ti.i32, shape=count),
         mass_residual=ti.field(real, shape=count),
         levels=allocate_levels(first, count),
-        krylov=allocate_krylov(cells, count),
+        krylov=krylov,
         waves=allocate_waves(setups),
         **{name: ghosted(cells, count) for name in CELL_SCALARS},
         **{name: ghosted(cells, count, vector=True) for name in CELL_VECTORS},
@@ -212,14 +204,6 @@ def allocate_air(setups: Sequence[AirSetup]) -> Air:
     write_layers(air, setups)
     write_initial_state(air, setups)
     return air
-
-
-def refuse_mixture(first: AirSetup, setup: AirSetup) -> None:
-    """Raise BadInput where an ensemble differs in what is compiled in."""
-    if (setup.cells, setup.model) != (first.cells, first.model):
-        raise BadInput("air: replicas of an ensemble share the numbers of cells and the model")
-    if any(setup.sides[name].kind != first.sides[name].kind for name in SIDES):
-        raise BadInput("air: replicas of an ensemble share the kinds of sides")
 
 
 def write_numbers(air: Air, setups: Sequence[AirSetup]) -> None:
@@ -254,24 +238,16 @@ def write_layers(air: Air, setups: Sequence[AirSetup]) -> None:
 
 def write_initial_state(air: Air, setups: Sequence[AirSetup]) -> None:
     """Upload the initial velocities; all cells are air."""
-    starts = np.stack([initial_velocity(setup) for setup in setups])
+    starts = np.zeros((len(setups), 3, *air.cells))
+    for whole, setup in zip(starts, setups, strict=True):
+        if setup.start is not None:
+            start = np.asarray(setup.start, np.float64)
+            whole[: 1 if start.ndim == 1 else 3] = start  # a profile is that of the wind along x
     ghosts = ((0, 0), (1, 1), (1, 1), (1, 1))
     for axis, velocity in enumerate(air.velocities):
         write(velocity, np.pad(starts[:, axis], ghosts, mode="edge"))
     for full in (air.void_fraction, air.void_before):
         write(full, 1.0)
-
-
-def initial_velocity(setup: AirSetup) -> Floats:
-    """Initial velocities [3, nx, ny, nz] in m s-1."""
-    whole = np.zeros((3, *setup.cells))
-    if setup.start is None:
-        return whole
-    start = np.asarray(setup.start, np.float64)
-    if start.ndim == 1:
-        whole[0] = start
-        return whole
-    return start
 
 
 @ti.func

@@ -49,7 +49,8 @@ def replica_table(air: Air, replica: int) -> Floats:
 
 def air_snapshot(air: Air, replica: int) -> AirSnapshot:
     """Snapshot of the air of one replica."""
-    table, numbers = replica_table(air, replica), air.numbers
+    table = replica_table(air, replica)
+    numbers = air.numbers
     nx, ny, nz = air.cells
     faces = read(air.face)[replica, 1:]
     low, width = read(numbers.low)[replica], read(numbers.width)[replica]

@@ -57,20 +57,6 @@ class CouplingState:
     grain_type: Any
 
 
-def allocate_partition_sums(replicas: int, parts: int, chunk: int, cells: int) -> PartitionSums:
-    shape = (replicas * parts, cells)
-    return PartitionSums(
-        parts, chunk, **block(shape, f64="volume rate volume_flow", f64x3="drag_source impulse")
-    )
-
-
-def allocate_exchange(replicas: int, cells: int, layers: int) -> Exchange:
-    """Fields by replica."""
-    table = arrays(replicas, i32="look_steps last_exchange seed", f64="surface through_flow")
-    table |= arrays((replicas, layers), f64="rise_velocity pressure_lift")
-    return Exchange(**table, **arrays((replicas, cells), f64x3="residual_momentum"))
-
-
 def upload_exchange_settings(exchange: Exchange, setups: Sequence[Setup]) -> None:
     """Interval and parameters of the exchange of every replica; none has exchanged yet."""
     names = ("look_steps", "seed", "surface", "through_flow")
@@ -86,15 +72,21 @@ def allocate_coupling(setups: Sequence[Setup], laws: Laws, parts: int, chunk: in
     airs: list[AirSetup] = [s.air for s in setups if s.air is not None]
     layers = airs[0].cells[2] if airs else 1
     cells = prod(airs[0].cells) if airs else 1
-    exchange = allocate_exchange(len(setups), cells, layers)
-    upload_exchange_settings(exchange, setups)
+    replicas = len(setups)
     law = drag_law(laws.drag)
+    by_replica = arrays(replicas, i32="look_steps last_exchange seed", f64="surface through_flow")
+    by_layer = arrays((replicas, layers), f64="rise_velocity pressure_lift")
+    by_cell = arrays((replicas, cells), f64x3="residual_momentum")
+    exchange = Exchange(**by_replica, **by_layer, **by_cell)
+    upload_exchange_settings(exchange, setups)
+    most = parts if airs else 1
+    sums = block((replicas * most, cells), f64="volume rate volume_flow", f64x3="drag_source impulse")
     return CouplingState(
         has_air=bool(airs),
         has_through_flow=any(s.coupling.rising or s.coupling.through_flow != 0.0 for s in setups),
         host_driven=any(air.cells[:2] != (1, 1) for air in airs),
         air=allocate_air(airs) if airs else None,
-        sums=allocate_partition_sums(len(setups), parts if airs else 1, chunk, cells),
+        sums=PartitionSums(most, chunk, **sums),
         exchange=exchange,
         drag_law=law,
         grain_type=compile_grain_type(law),

@@ -52,22 +52,6 @@ class MultigridLevels:
     residual: Any  # [m3 s-1]
 
 
-def level_shapes(setup: AirSetup) -> list[tuple[int, int, int, int]]:
-    """Cells along x and y of every level, and how many merge along x and y in the next; the last: 1, 1."""
-    nx, ny, _ = setup.cells
-    width_x, width_y = ((setup.high[axis] - setup.low[axis]) / setup.cells[axis] for axis in range(2))
-    periodic_x, periodic_y = (setup.sides[name].kind == "periodic" for name in ("x_low", "y_low"))
-    shapes = []
-    while True:
-        by_x, by_y = merged_cells(nx, ny, width_x, width_y)
-        if (periodic_x and nx > 1 and nx % 2) or (periodic_y and ny > 1 and ny % 2):
-            by_x, by_y = 1, 1  # two colours do not fit an odd period
-        shapes.append((nx, ny, by_x, by_y))
-        if by_x == by_y == 1:
-            return shapes
-        nx, ny, width_x, width_y = nx // by_x, ny // by_y, width_x * by_x, width_y * by_y
-
-
 def merged_cells(nx: int, ny: int, width_x: float, width_y: float) -> tuple[int, int]:
     """Cells that merge along x and y: two where their number is even and they are not already the wider."""
     can_x, can_y = nx % 2 == 0, ny % 2 == 0
@@ -79,8 +63,18 @@ def merged_cells(nx: int, ny: int, width_x: float, width_y: float) -> tuple[int,
 
 
 def allocate_levels(setup: AirSetup, replicas: int) -> MultigridLevels:
-    """Fields of all levels, and the first column of each."""
-    shapes = np.array(level_shapes(setup))
+    """Fields of all levels, and the first column of each; of the last level no cells merge."""
+    nx, ny, _ = setup.cells
+    width_x, width_y = ((setup.high[axis] - setup.low[axis]) / setup.cells[axis] for axis in range(2))
+    periodic_x, periodic_y = (setup.sides[name].kind == "periodic" for name in ("x_low", "y_low"))
+    rows, by_x, by_y = list[tuple[int, int, int, int]](), 0, 0
+    while not by_x == by_y == 1:
+        by_x, by_y = merged_cells(nx, ny, width_x, width_y)
+        if (periodic_x and nx > 1 and nx % 2) or (periodic_y and ny > 1 and ny % 2):
+            by_x, by_y = 1, 1  # two colours do not fit an odd period
+        rows.append((nx, ny, by_x, by_y))
+        nx, ny, width_x, width_y = nx // by_x, ny // by_y, width_x * by_x, width_y * by_y
+    shapes = np.array(rows)
     sizes = shapes[:, 0] * shapes[:, 1]
     first = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     cells = (replicas, int(sizes.sum()), setup.cells[2])
@@ -90,8 +84,8 @@ def allocate_levels(setup: AirSetup, replicas: int) -> MultigridLevels:
         serial=tuple(is_serial(replicas * int(size)) for size in sizes),
         serial_replicas=is_host(),
         columns=tuple(int(n) for n in shapes[:, :2].max(axis=1)),
-        periodic_x=setup.sides["x_low"].kind == "periodic",
-        periodic_y=setup.sides["y_low"].kind == "periodic",
+        periodic_x=periodic_x,
+        periodic_y=periodic_y,
         shape=ti.field(ti.i32, shape=(len(shapes), 5)),
         conductance_z=ti.field(real, shape=(*cells[:2], cells[2] + 1)),
         **{name: ti.field(real, shape=cells) for name in (*names, "right_side", "solution", "residual")},
