@@ -1,6 +1,6 @@
 """Answers of a study from Python: sentences, tables, figures."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from taichi_erosion.evidence.answers.files import Reply
     from taichi_erosion.evidence.answers.predictions import PredictionReply
-    from taichi_erosion.evidence.race.record import CurvePart, ExperimentPart, LawPart, Record
+    from taichi_erosion.evidence.race.record import LawPart, Record
     from taichi_erosion.report.figure_style import Figure
 
 DRAWS = 2000  # of a posterior
@@ -182,7 +182,15 @@ class DiscoveryResult(RaceResult):
     @property
     def curves(self) -> pd.DataFrame:
         """Effect of something unlisted along conditions, in table units."""
-        rows = (row for curve in self.record.curves for row in curve_rows(curve, self.units))
+        rows = list[dict[str, Any]]()
+        units = self.units
+        for curve in self.record.curves:
+            name, axis, is_offset = curve.observable, curve.condition, curve.kind == "offset"
+            unit = unit_of(units, name) if is_offset else "factor"
+            stated = {"observable": name, "unit": unit, "condition": condition_heading(units, axis)}
+            for at, size in curve.points:
+                sizes = {key: units.value(name, x) if is_offset else x for key, x in vars(size).items()}
+                rows.append(stated | {"at": units.condition(axis, at)} | sizes)
         return frame(rows, columns=("observable", "unit", "condition", "at", "value", "low", "high"))
 
 
@@ -211,7 +219,17 @@ class ExperimentsResult(RaceResult):
     @property
     def table(self) -> pd.DataFrame:
         """Proposed experiments, the best first, with what each explanation expects, in units of the table."""
-        rows = (experiment_row(each, self.units) for each in self.record.experiments)
+        rows = list[dict[str, Any]]()
+        units = self.units
+        for found in self.record.experiments:
+            name = found.observable
+            row: dict[str, Any] = {"observable": name, "unit": unit_of(units, name)}
+            for axis, x in found.conditions.items():
+                row[condition_heading(units, axis)] = units.condition(axis, x)
+            for key, expected in found.predictions.items():
+                ends = {key: expected.value, f"{key} low": expected.low, f"{key} high": expected.high}
+                row |= {column: units.value(name, number) for column, number in ends.items()}
+            rows.append(row | {"chance": found.chance, "cost": found.cost})
         return frame(rows, columns=("observable", "unit", "chance", "cost"))
 
 
@@ -240,26 +258,6 @@ def prediction_table(reply: "PredictionReply") -> pd.DataFrame:
         for row in reply.record.rows
     )
     return frame(rows, columns=("observable", *PREDICTED))
-
-
-def experiment_row(found: "ExperimentPart", units: TableUnits) -> dict[str, Any]:
-    """An experiment in the units of the table; columns of what is expected are named by the explanation."""
-    name, at = found.observable, found.conditions.items()
-    row: dict[str, Any] = {"observable": name, "unit": unit_of(units, name)}
-    row |= {condition_heading(units, condition): units.condition(condition, x) for condition, x in at}
-    for key, expected in found.predictions.items():
-        ends = {key: expected.value, f"{key} low": expected.low, f"{key} high": expected.high}
-        row |= {column: units.value(name, number) for column, number in ends.items()}
-    return row | {"chance": found.chance, "cost": found.cost}
-
-
-def curve_rows(found: "CurvePart", units: TableUnits) -> Iterator[dict[str, Any]]:
-    """Points of a curve."""
-    name, axis, is_offset = found.observable, found.condition, found.kind == "offset"
-    unit, label = unit_of(units, name) if is_offset else "factor", condition_heading(units, axis)
-    for at, size in found.points:
-        own = {key: units.value(name, x) if is_offset else x for key, x in vars(size).items()}
-        yield {"observable": name, "unit": unit, "condition": label, "at": units.condition(axis, at)} | own
 
 
 def unit_of(units: TableUnits, observable: str) -> str:

@@ -150,7 +150,10 @@ def run(
             progress=report,
             **options,
         )
-        return Run(run_scene(scene_file(scene, Path(folder)), chosen))
+        file = Path(folder) / "scene.toml" if isinstance(scene, Mapping) else Path(scene)
+        if isinstance(scene, Mapping):
+            file.write_text(tomlkit.dumps(scene), encoding="utf-8")
+        return Run(run_scene(file, chosen))
 
 
 def stated_changes(
@@ -169,15 +172,6 @@ def open_run(file: PathLike) -> Run:
     from taichi_erosion.report.run_page import read_document
 
     return Run(read_document(Path(file).with_suffix(".json")))
-
-
-def scene_file(scene: SceneLike, folder: Path) -> Path:
-    """Scene file; a mapping becomes one in a folder."""
-    if not isinstance(scene, Mapping):
-        return Path(scene)
-    path = folder / "scene.toml"
-    path.write_text(tomlkit.dumps(scene), encoding="utf-8")
-    return path
 
 
 def override(path: str, value: Any) -> str:

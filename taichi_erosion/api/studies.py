@@ -126,7 +126,8 @@ def study(
     refuse_other_kind(Path(path), "study")
     if not Path(path).is_file():
         raise BadInput(f"{path}: there is no such file")
-    size, files = stated_budget(budget), tuple(map(Path, effect_files))
+    size = stated_budget(budget)
+    files = tuple(map(Path, effect_files))
     stated = StudyOptions(*size, workers, seed, files, arch=arch, decomposition=decomposition)
     return Study(Path(path), stated)
 

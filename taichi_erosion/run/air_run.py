@@ -66,7 +66,8 @@ def run_air_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     refuse_unwritable_outputs(path, options, record)
     arch = "cuda" if options.arch == "cuda" else "cpu"
     threads = start_device(Numerics(arch, options.threads, "f64"))
-    run, recording = AirRun(scene, allocate_air(setups), seeds, setups[0].time_step), None
+    run = AirRun(scene, allocate_air(setups), seeds, setups[0].time_step)
+    recording = None
     if not options.no_record:
         text = path.read_text(encoding="utf-8")
         recording = open_wind_recording(record, scene.scene.title or path.stem, text, CURVES)

@@ -24,7 +24,6 @@ from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.run.ensemble_loop import EnsembleRun
 from taichi_erosion.run.stages import ReplicaState, whole_intervals
 from taichi_erosion.run.threshold_search import ThresholdSearch, Trial
-from taichi_erosion.scene import Scene
 from taichi_erosion.simulation import export_state
 
 Arrays = dict[str, NDArray[Any]]
@@ -99,28 +98,17 @@ def restore_run(ensemble: EnsembleRun, arrays: Arrays, meta: dict[str, Any]) -> 
     """Inverse of `run_state`, into an ensemble of the same scenes."""
     ensemble.checks, ensemble.grain_steps = meta["checks"], meta["grain_steps"]
     records = with_arrays(meta["replicas"], arrays)
-    ensemble.states = [
-        restored(record, scene) for record, scene in zip(records, ensemble.scenes, strict=True)
-    ]
-
-
-def restored(record: dict[str, Any], scene: Scene) -> ReplicaState:
-    """State of a replica from its record."""
-    state = ReplicaState(**record)
-    if failed := record["failure"]:
-        state.failure = Failure(**failed | {"status": Status(failed["status"])})
-    state.measurements = MEASUREMENTS.validate_python(record["measurements"])
-    state.frames = [Snapshot(**frame) for frame in record["frames"]]
-    state.airs = [AirProfile(**air) for air in record["airs"]]
-    if search := record["search"]:
-        trial, found = Trial(**search["trial"]), search["found"].items()
-        brackets = {name: Bracket(**bracket) for name, bracket in found}
-        state.search = ThresholdSearch(scene, **search | {"trial": trial, "found": brackets})
-    return state
-
-
-def seeds_of(meta: dict[str, Any]) -> list[int]:
-    return [record["seed"] for record in meta["replicas"]]
+    ensemble.states = [ReplicaState(**record) for record in records]
+    for state, record, scene in zip(ensemble.states, records, ensemble.scenes, strict=True):
+        if failed := record["failure"]:
+            state.failure = Failure(**failed | {"status": Status(failed["status"])})
+        state.measurements = MEASUREMENTS.validate_python(record["measurements"])
+        state.frames = [Snapshot(**frame) for frame in record["frames"]]
+        state.airs = [AirProfile(**air) for air in record["airs"]]
+        if search := record["search"]:
+            trial, brackets = Trial(**search["trial"]), search["found"].items()
+            found = {name: Bracket(**bracket) for name, bracket in brackets}
+            state.search = ThresholdSearch(scene, **search | {"trial": trial, "found": found})
 
 
 def save_checkpoint(path: Path, state: Arrays, meta: dict[str, Any]) -> None:

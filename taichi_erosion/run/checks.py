@@ -80,16 +80,6 @@ def explained(scene: Scene) -> dict[str, Any]:
     return found | {"warnings": [*found["warnings"], *(line for line in told if line)]}
 
 
-def refuse_failing_effects(scene: Scene) -> None:
-    """Raise BadInput where a function of an effect on the host fails in a scene; starts no device."""
-    from taichi_erosion.scene.preparation.sizes import size_range
-    from taichi_erosion.simulation.scene_setup import device_effects, effective_scene
-
-    library = library_of(scene)
-    after = effective_scene(scene, library)
-    device_effects(after, library, 0.5 * size_range(after.grains.size)[1])
-
-
 def named_effects(paths: Sequence[Path]) -> EffectFiles:
     """Effect files named on the command line, each of which holds an effect. Raises BadInput."""
     files = read_effect_files(paths)
@@ -104,18 +94,14 @@ def idle_entries(scene: Scene, files: EffectFiles) -> list[str]:
     """Sentences on effects of a scene and of named files that do not act, and on conditions without one."""
     if not files and not scene.effects and not any(scene.conditions.stated().values()):
         return []  # and the device is not imported
-    return [*idle_effects(scene, files), *unread_conditions(scene, files)]
-
-
-def idle_effects(scene: Scene, files: EffectFiles) -> list[str]:
-    """Sentences on effects that do not act in a scene: of named files that it does not name, and its own."""
     from taichi_erosion.core.effect_loading import effect_in
 
-    told, own = "the scene does not name it; --set effects.{}.strength=1", (effect_in(f).name for f in files)
-    reasons = {name: told.format(name) for name in own if name not in scene.effects}
+    names = [name for file in files if (name := effect_in(file).name) not in scene.effects]
+    reasons = {name: f"the scene does not name it; --set effects.{name}.strength=1" for name in names}
     library = library_of(scene)
     reasons |= {name: idle_reason(scene, library[name]) for name in scene.effects}
-    return [f"effect '{name}' does not act: {reason}" for name, reason in reasons.items() if reason]
+    idle = [f"effect '{name}' does not act: {reason}" for name, reason in reasons.items() if reason]
+    return [*idle, *unread_conditions(scene, files)]
 
 
 def idle_reason(scene: Scene, effect: Any) -> str:
@@ -217,7 +203,12 @@ def check_scene(
         if examine is not None:
             examined = [examine(file) for file in dict.fromkeys((*scene.effect_files, *named))]
         if scene.effects:
-            refuse_failing_effects(scene)
+            from taichi_erosion.scene.preparation.sizes import size_range
+            from taichi_erosion.simulation.scene_setup import device_effects, effective_scene
+
+            library = library_of(scene)
+            after = effective_scene(scene, library)
+            device_effects(after, library, 0.5 * size_range(after.grains.size)[1])  # none of them fails
         limits = explained(scene)
         limits["warnings"] += idle_entries(scene, named)
     found = {"scene": str(path), "hash": scene_hash(scene), "resolved": resolved(scene), "limits": limits}
@@ -232,8 +223,14 @@ def compatibility_key(scene: Scene) -> str:
     """
     effective, effects = compiled_effects(scene)
     clumped = effective.grains.clump is not None
+    air = None
+    if effective.wind is not None:  # the layers of the air are fixed, and whether air may rise
+        rising = any(stage.through_flow is not None for stage in effective.stages)
+        names = {"closure", "columns", "drive", "surface", "length", "width", "height", "cell", "growth"}
+        size = effective.grains.size.model_dump()
+        air = [effective.wind.model_dump(include=names), rising, effective.grains.count, size]
     choices = [scene.scene.kind, asdict(laws(effective)), scene.run.precision, clumped, effects]
-    return json.dumps([*choices, scene.run.check_interval, air_layer_key(effective)], sort_keys=True)
+    return json.dumps([*choices, scene.run.check_interval, air], sort_keys=True)
 
 
 def compiled_effects(scene: Scene) -> tuple[Scene, list[tuple[str, bool]]]:
@@ -253,12 +250,3 @@ def compiled_effects(scene: Scene) -> tuple[Scene, list[tuple[str, bool]]]:
         return effective_scene(scene, library), compiled
     except (BadInput, KeyError):
         return scene, named
-
-
-def air_layer_key(scene: Scene) -> Any:
-    """Entries that fix the layers of the air, and whether air may rise; None without wind."""
-    if scene.wind is None:
-        return None
-    rising = any(stage.through_flow is not None for stage in scene.stages)
-    names = {"closure", "columns", "drive", "surface", "length", "width", "height", "cell", "growth"}
-    return [scene.wind.model_dump(include=names), rising, scene.grains.count, scene.grains.size.model_dump()]

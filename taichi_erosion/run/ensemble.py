@@ -128,7 +128,8 @@ class ResultReporter:
         state = ensemble.states[replica]
         state.measurements = apply_instruments(state.measurements, request.scene, self.library)
         record = replica_record(ensemble, replica)
-        recorder, hashed = self.recorders.get(replica), scene_hash(request.scene)
+        recorder = self.recorders.get(replica)
+        hashed = scene_hash(request.scene)
         if recorder is not None:
             properties = {"scene": {"hash": hashed}} | dict(request.properties or {})
             record |= finish_recording(recorder, ensemble, record, properties)

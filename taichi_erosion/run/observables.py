@@ -190,7 +190,8 @@ OF_HEAP = (*ANGLES, "pile_height", "centroid_height", "radius_90", "runout_radiu
 
 def heap_shortfalls(given: MeasureInput, found: Measurement) -> Iterable[Shortfall]:
     """Whether the heap is large enough for an angle."""
-    state, measured = given.heap, given.scene.measured.get(found.name)
+    state = given.heap
+    measured = given.scene.measured.get(found.name)
     if heap.defect(state) or (measured is not None and measured.same_size):
         return ()
     height = found.details.get("height") or heap.pile_height(state, given.base_height).value
@@ -231,15 +232,10 @@ def hop_shortfalls(given: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
     return shortfalls.hop_shortfalls(len(given.landings.impacts)) if given.frames else ()
 
 
-def touching_shortfalls(given: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
-    """Whether the grains fall freely."""
-    return shortfalls.touching_shortfalls(float((given.end.contacts > 0).mean()))
-
-
 LACKING: dict[str, Callable[[MeasureInput, Measurement], Iterable[Shortfall]]] = {
     **dict.fromkeys(ANGLES, heap_shortfalls),
     "dynamic_angle": surface_shortfalls,
-    "settling_velocity": touching_shortfalls,
+    "settling_velocity": lambda e, _: shortfalls.touching_shortfalls(float((e.end.contacts > 0).mean())),
     **dict.fromkeys(("flux", "flux_height", *SPLASH), hop_shortfalls),
 }
 OF_TRANSPORT = ("flux", "flux_height", "bed_stress", "grain_stress", *SPLASH)  # measured where it is steady

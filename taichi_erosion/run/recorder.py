@@ -97,7 +97,8 @@ def meshes_of(scene: Scene, setup: Setup) -> tuple[WallMesh, ...]:
 
 def apparatus_box(setup: Setup) -> tuple[Triple, Triple]:
     """Corners [m] of a box around finite walls and starting grains, with a margin for what spreads."""
-    table, nowhere = setup.primitives, ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    table = setup.primitives
+    nowhere = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     walls = [
         triangulate(PrimitiveKind(kind), row, nowhere)[0]
         for kind, row in zip(table.kind, table.shape, strict=True)
@@ -155,7 +156,16 @@ def log_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snapshot:
     now = simulation.snapshot(sim, recorder.replica)
     stream.log_frame(recorder.recording, now, recorder.resting_speed)
     stream.log_totals(recorder.recording, simulation.totals(sim, recorder.replica))
-    log_walls(recorder, sim)
+    movable = [wall for wall in recorder.walls if wall.moving]
+    poses = simulation.wall_poses(sim, recorder.replica) if movable else {}
+    for wall in movable:
+        pose = poses[wall.name]
+        if not pose.present:
+            stream.log_wall_removed(recorder.recording, wall.name)
+            continue
+        if recorder.is_rewritten:
+            stream.log_wall(recorder.recording, wall)
+        stream.log_wall_pose(recorder.recording, wall.name, pose.rotation, pose.translation)
     if scene.record.contacts:
         stream.log_contacts(recorder.recording, simulation.contact_network(sim, recorder.replica))
     if scene.record.fields and len(now.mass):
@@ -185,20 +195,6 @@ def present_walls(walls: tuple[WallMesh, ...], sim: Simulation, replica: int) ->
     )
 
 
-def log_walls(recorder: Recorder, sim: Simulation) -> None:
-    """Write the poses of walls that can move, and which of them are gone, at the present time."""
-    movable = [wall for wall in recorder.walls if wall.moving]
-    poses = simulation.wall_poses(sim, recorder.replica) if movable else {}
-    for wall in movable:
-        pose = poses[wall.name]
-        if not pose.present:
-            stream.log_wall_removed(recorder.recording, wall.name)
-            continue
-        if recorder.is_rewritten:
-            stream.log_wall(recorder.recording, wall)
-        stream.log_wall_pose(recorder.recording, wall.name, pose.rotation, pose.translation)
-
-
 def finish_recording(
     recorder: Recorder, ensemble: EnsembleRun, record: dict[str, Any], properties: Properties
 ) -> dict[str, str]:
@@ -223,7 +219,8 @@ def finish_recording(
 
 def write_pictures(recorder: Recorder, ensemble: EnsembleRun) -> dict[str, str]:
     """Write silhouettes of the heap, where they were measured, and the film; returns the files by kind."""
-    path, files = recorder.recording.path, {}
+    path = recorder.recording.path
+    files = {}
     for name in ("repose_angle", "angle_of_repose"):
         measurement = ensemble.states[recorder.replica].measurements.get(name)
         if measurement is not None and measurement.details.get("lines"):

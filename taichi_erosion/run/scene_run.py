@@ -19,7 +19,7 @@ from taichi_erosion.core.setup import Arch, ArchChoice, Decomposition, Numerics
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
 from taichi_erosion.run import RunOptions
-from taichi_erosion.run.checkpoint import Checkpointer, load_checkpoint, restore_run, seeds_of
+from taichi_erosion.run.checkpoint import Checkpointer, load_checkpoint, restore_run
 from taichi_erosion.run.checks import explained, idle_entries, library_of, named_effects, read_scene
 from taichi_erosion.run.ensemble_loop import (
     Callback,
@@ -105,9 +105,12 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
         title = f"{scene.scene.title or path.stem}, seed {scene.run.seed}"
         text = scene_text(path, options.overrides)
         recorder = open_recorder(record, title, text, ensemble.sim, ensemble.scenes[0], 0)
-    kept, interval = options.checkpoint or record.with_suffix(".checkpoint.npz"), options.checkpoint_interval
+    interval = options.checkpoint_interval
     checkpointer = Checkpointer(
-        kept, interval, {"scene_hash": hashed}, whole_intervals(ensemble.time, interval)
+        options.checkpoint or record.with_suffix(".checkpoint.npz"),
+        interval,
+        {"scene_hash": hashed},
+        whole_intervals(ensemble.time, interval),
     )
     run_with_outputs(ensemble, recorder, checkpointer, options)
     with deferred_signals():  # a signal that comes now acts once everything is written
@@ -132,8 +135,8 @@ def assemble_run(
     """All replicas of a scene, at their beginning or where the checkpoint left them. Raises BadInput."""
     seeds = [scene.run.seed + k for k in range(scene.run.replicas)]
     resume = load_checkpoint(options.resume, scene_hash(scene)) if options.resume else None
-    if resume and seeds_of(resume[1]) != seeds:
-        raise BadInput(f"{options.resume}: holds seeds {seeds_of(resume[1])}, not {seeds}")
+    if resume and (saved := [record["seed"] for record in resume[1]["replicas"]]) != seeds:
+        raise BadInput(f"{options.resume}: holds seeds {saved}, not {seeds}")
     setups = [prepare(scene, seed, library) for seed in seeds]
     refuse_unwritable_outputs(path, options, record)
     effective = effective_scene(scene, library)

@@ -100,7 +100,8 @@ def open_session(
     """Load a scene and assemble one replica of it, at the beginning of its first stage. Raises BadInput."""
     files = named_effects(effect_files)
     scene = read_scene(Path(path), overrides, files)
-    library, chosen = library_of(scene), scene.run.seed if seed is None else seed
+    library = library_of(scene)
+    chosen = scene.run.seed if seed is None else seed
     sim = build(scene, chosen, library)
     session = Session(Path(path), scene, overrides, chosen, library, sim, effect_files=files)
     change_boundaries(session.sim, 0, scene.stages[0])
@@ -109,7 +110,8 @@ def open_session(
 
 def build(scene: Scene, seed: int, library: Mapping[str, Effect]) -> Simulation:
     """Simulation of one replica."""
-    numerics, effective = Numerics(precision=scene.run.precision), simulation.effective_scene(scene, library)
+    numerics = Numerics(precision=scene.run.precision)
+    effective = simulation.effective_scene(scene, library)
     return simulation.assemble([simulation.prepare(scene, seed, library)], laws(effective), numerics)
 
 
@@ -162,7 +164,15 @@ def set_entry(session: Session, path: str, value: str) -> str:
     overrides = (*session.overrides, f"{path}={value}")
     scene = read_scene(session.path, overrides, session.effect_files)
     changed = changed_fields(session.scene, scene)
-    refuse_fixed(session.scene, scene, changed)
+    fixed = [name for name in changed if name not in LIVE]
+    if "wind" in changed:
+        if session.scene.wind is None or scene.wind is None:
+            fixed.append("wind")
+        else:
+            entries = set(changed_fields(session.scene.wind, scene.wind)) - LIVE_WIND
+            fixed += [f"wind.{name}" for name in sorted(entries)]
+    if fixed:
+        raise BadInput(f"{fixed[0]} is fixed once a run has begun; live are {', '.join(LIVE)}")
     library = library_of(scene)
     done = apply_change(session, scene, library, set(changed))
     session.scene, session.overrides, session.library = scene, overrides, library
@@ -178,19 +188,6 @@ def warnings_now(session: Session) -> list[str]:
 def changed_fields(before: Any, after: Any) -> list[str]:
     """Names of the fields in which two models differ."""
     return [name for name in type(after).model_fields if getattr(before, name) != getattr(after, name)]
-
-
-def refuse_fixed(before: Scene, after: Scene, changed: list[str]) -> None:
-    """Raise BadInput where a change needs a new run."""
-    fixed = [name for name in changed if name not in LIVE]
-    if "wind" in changed:
-        if before.wind is None or after.wind is None:
-            fixed.append("wind")
-        else:
-            entries = set(changed_fields(before.wind, after.wind)) - LIVE_WIND
-            fixed += [f"wind.{name}" for name in sorted(entries)]
-    if fixed:
-        raise BadInput(f"{fixed[0]} is fixed once a run has begun; live are {', '.join(LIVE)}")
 
 
 def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], changed: set[str]) -> str:
@@ -267,28 +264,28 @@ def session_status(session: Session) -> dict[str, float | int | str]:
 
 
 def side_picture(session: Session, is_lettered: bool) -> Picture:
-    """The grains seen from the side, with time and scale if they can be read."""
-    setup, now = session.sim.setups[0], simulation.snapshot(session.sim, 0)
+    """The grains seen from the side, with time and scale if they can be read.
+
+    A picture of few pixels has the grains alone in its window.
+    """
+    setup = session.sim.setups[0]
+    now = simulation.snapshot(session.sim, 0)
     walls = walls_now(session)
     speeds = (resting_speed(setup), stream.FASTEST_COLOUR)
     if is_lettered:
         return pictures.film_frame(now, side_view(setup), walls, speeds)
-    return pictures.side_picture(now, close_view(now), walls, speeds)
+    view = SideView((-MARGIN, 0.0), (MARGIN, MARGIN), WINDOW)
+    if len(now.position):
+        points, margin = now.position[:, [0, 2]], 4.0 * float(now.radius.max())
+        low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+        floor = float(points[:, 1].min() - now.radius.max())
+        view = SideView((float(low[0]), floor), (float(high[0]), float(high[1])), WINDOW)
+    return pictures.side_picture(now, view, walls, speeds)
 
 
 def walls_now(session: Session) -> tuple[WallMesh, ...]:
     """The walls that stand, where they are."""
     return present_walls(meshes_of(session.scene, session.sim.setups[0]), session.sim, 0)
-
-
-def close_view(state: Snapshot) -> SideView:
-    """Window around the grains alone, for pictures of few pixels; without grains a small one."""
-    if not len(state.position):
-        return SideView((-MARGIN, 0.0), (MARGIN, MARGIN), WINDOW)
-    points, margin = state.position[:, [0, 2]], 4.0 * float(state.radius.max())
-    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
-    floor = float(points[:, 1].min() - state.radius.max())
-    return SideView((float(low[0]), floor), (float(high[0]), float(high[1])), WINDOW)
 
 
 def write_picture(session: Session, path: Path) -> Path:
@@ -359,14 +356,9 @@ def status_numbers(session: Session) -> dict[str, float]:
     return {name: float(value) for name, value in found if not isinstance(value, str)}
 
 
-def number_names(session: Session) -> list[str]:
-    """Names of the numbers that can be plotted and watched."""
-    return [*status_numbers(session), *session.scene.measure]
-
-
 def refuse_unknown_number(session: Session, name: str) -> None:
     """Raise BadInput for a name that is no number of the status and no measure."""
-    known = number_names(session)
+    known = [*status_numbers(session), *session.scene.measure]
     if name not in known:
         raise BadInput(f"no number '{name}'{did_you_mean(name, known)}; there are {', '.join(known)}")
 
@@ -412,9 +404,10 @@ def meaning(session: Session, path: str) -> str:
     if name not in library:
         raise BadInput(f"no effect '{name}'{did_you_mean(name, library)}; `help effects` lists them")
     effect = library[name]
-    if not parameter:
-        return f"{path}: {effect.title}; entries: {', '.join(parameter_names(effect))}{source(effect)}"
-    return f"{path}: {parameter_meaning(effect, parameter)}{source(effect)}"
+    entries = ", ".join(parameter_names(effect))
+    told = parameter_meaning(effect, parameter) if parameter else f"{effect.title}; entries: {entries}"
+    source = reference(effect)
+    return f"{path}: {told}" + (f"; source: {source}" if source else "")
 
 
 def parameter_meaning(effect: Effect, name: str) -> str:
@@ -430,9 +423,3 @@ def parameter_meaning(effect: Effect, name: str) -> str:
     stated, about = known[name], known[name].metadata
     default = "" if stated.default is MISSING else f", default {stated.default:g}"
     return f"{about['meaning']} [{about['unit']}] from {about['low']:g} to {about['high']:g}{default}"
-
-
-def source(effect: Effect) -> str:
-    """`; source: ...` with the first reference of an effect."""
-    found = reference(effect)
-    return f"; source: {found}" if found else ""

@@ -140,7 +140,8 @@ def advance_search(sim: Simulation, replica: int, search: ThresholdSearch, time:
 
 def record_motion(search: ThresholdSearch, state: Snapshot) -> None:
     """Update which grains have rolled or risen, the largest motion and the flux."""
-    trial, far = search.trial, search.scene.threshold.distance * search.diameter
+    trial = search.trial
+    far = search.scene.threshold.distance * search.diameter
     moved = periodic_displacement(state.position, trial.start, search.period)
     trial.rolled = trial.rolled | (np.hypot(moved[:, 0], moved[:, 1]) > far)
     trial.risen = trial.risen | (moved[:, 2] > far)
