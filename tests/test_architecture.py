@@ -31,7 +31,7 @@ LONGEST_FUNCTION = {False: 60, True: 40}  # lines of a host and of a device func
 LONGEST_FILE = 500  # lines
 MOST_ARGUMENTS, MOST_DEVICE_ARGUMENTS = 7, 14
 # a command has one argument for every word that can be typed
-TYPED = {PACKAGE / "cli" / name for name in ("commands.py", "evidence.py")}
+TYPED = {PACKAGE / "cli" / name for name in ("commands.py", "evidence.py", "wind.py")}
 MOST_MODULES = 15  # of a folder; one effect or mechanism is one file, so theirs may hold more
 
 SOURCES = [*sorted(PACKAGE.rglob("*.py")), ROOT / "erosion"]

@@ -19,9 +19,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "taichi_erosion"
 SCENE, STUDY, PAGE = "lid_cavity.toml", "my_lab.toml", "page.html"
-SHIPPED_SCENES = (  # those from which `study new` starts
+SHIPPED_SCENES = (  # those from which `study new` and `wind` start
     *("column_collapse.toml", "funnel_repose.toml", "impact_threshold.toml", "lifting_cylinder.toml"),
-    *("rotating_drum.toml", "saltation.toml", "wind_threshold.toml"),
+    *("quartz_flux.toml", "quartz_wind.toml", "rotating_drum.toml", "saltation.toml", "wind_threshold.toml"),
 )
 STUDY_FILES = (STUDY, "my_lab.py", "measured/my_lab.csv")
 COMMANDS = {

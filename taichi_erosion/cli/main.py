@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import typer
 
-from taichi_erosion.cli import effects, evidence
+from taichi_erosion.cli import effects, evidence, wind
 from taichi_erosion.cli.commands import app
 from taichi_erosion.cli.progress import LOG, close_log
 from taichi_erosion.core.errors import BadInput, ExitCode, SimulationStopped
@@ -24,6 +24,7 @@ logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 app.add_typer(evidence.app)
 app.add_typer(effects.app)
+app.add_typer(wind.app)
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -32,6 +32,9 @@ sweep scenes/funnel_repose.toml --over contact.soil-soil.friction_rolling=0.1,0.
 live scenes/column_collapse.toml
 live scenes/column_collapse.toml --set grains.count=300 --web
 live scenes/column_collapse.toml < SCRIPT
+wind --sand 0.18mm --wind 0.3,0.4,0.5
+wind --sand 0.24mm --formulas
+wind --sand 0.25mm --moisture 1% --table TABLE --out my_sand
 view recordings/sample.rrd
 view recordings/sample.rrd --web
 view STUDY

@@ -189,12 +189,12 @@ def steady_window(times: Sequence[float], shares: Sequence[Floats], hop: float) 
     """Longest steady window that reaches to the last of some times [s] after the begin of a stage.
 
     `shares` are those of `stress_share`, by repeat; `hop` is the duration of a hop [s]. Where no window is
-    steady, the one nearest to it; of a stage that is too short, the later half.
+    steady, the one nearest to it; of a stage that is too short, the whole.
     """
     count = min(len(share) for share in shares)
     mean, times = np.mean([share[:count] for share in shares], axis=0), times[:count]
     length = LEAST_HOP_TIMES * hop
-    admissible = [k for k in range(count) if times[-1] - times[k] >= length] or [count // 2]
+    admissible = [k for k in range(count) if times[-1] - times[k] >= length] or [0]
 
     def departure(first: int) -> float:
         begin = mean[first : int(np.searchsorted(times, times[first] + length)) + 1]

@@ -81,6 +81,11 @@ def test_a_hump_alone_is_not_steady_and_blocks_a_comparison():
     assert longer.found > wind_bed.BALANCE
 
 
+def test_a_stage_that_is_too_short_is_measured_whole_and_says_so():
+    found = window_of([1.0], 0.4)  # of a dozen hops of 0.05 s
+    assert (found.first, [each.needed for each in found.lacking]) == (0, [pytest.approx(0.6)])
+
+
 @pytest.mark.parametrize("parts", SWINGS.values(), ids=SWINGS)
 def test_momentum_that_comes_and_goes_does_not_pass_for_balance(parts):
     assert window_of(list(parts), 1.2).lacking

@@ -117,13 +117,13 @@ class Threshold(Section):
     @model_validator(mode="after")
     def _has_one_map(self) -> "Threshold":
         heights, speeds = self.profile_heights, self.profile_speeds
-        if len(heights) != len(speeds) or 0 < len(heights) < LEAST_HEIGHTS:
-            raise contradiction(f"profile_heights and profile_speeds need {LEAST_HEIGHTS} or more pairs")
+        grow = (low < high for each in (heights, speeds[:-1]) for low, high in pairwise((0.0, *each)))
+        if len(heights) != len(speeds) or 0 < len(heights) < LEAST_HEIGHTS or not all(grow):
+            raise contradiction(
+                f"profile_heights and profile_speeds: {LEAST_HEIGHTS} or more pairs that grow upwards"
+            )
         if heights and self.speed_ratio is not None:
             raise contradiction("speed_ratio and a profile state the same; leave one out")
-        grow = (low < high for each in (heights, speeds[:-1]) for low, high in pairwise((0.0, *each)))
-        if not all(grow):
-            raise contradiction("profile_heights and profile_speeds below the last must grow upwards")
         return self
 
     @property

@@ -1,0 +1,74 @@
+"""Command `wind`: thresholds and flux of one's own sand, simulated beside published formulas."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer import Option
+
+from taichi_erosion.cli import output
+from taichi_erosion.cli.options import SIMULATE, AsJson, Force, help_of
+from taichi_erosion.cli.progress import announce, reporting
+from taichi_erosion.core.files import write_atomic
+from taichi_erosion.core.setup import usable_cores
+
+app = typer.Typer()
+
+
+@app.command("wind", **help_of("wind", SIMULATE))
+def survey_wind(
+    sand: Annotated[str, Option(metavar="DIAMETER", help="Diameter of the grains, such as 0.18mm.")],
+    wind: Annotated[
+        str | None,
+        Option(metavar="U*,...", help="Friction velocities in m/s; default: of the table, or three."),
+    ] = None,
+    moisture: Annotated[str, Option(help="Mass of water over that of solid, such as 1%.")] = "0%",
+    density: Annotated[str, Option(help="Density of the grains.")] = "2650kg/m3",
+    table: Annotated[Path | None, Option(metavar="FILE", help="Measured fluxes by u*.", exists=True)] = None,
+    beds: Annotated[int, Option(min=1, max=1000, help="Beds, each packed anew.")] = 3,
+    out: Annotated[Path | None, Option(metavar="FOLDER", help="Default: wind-DIAMETER.")] = None,
+    formulas: Annotated[bool, Option("--formulas", help="Print the formulas; simulate nothing.")] = False,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Simulate both thresholds and the flux of your own sand, beside the formulas and your measurements."""
+    from taichi_erosion.evidence.answers import wind_survey as surveys
+    from taichi_erosion.measures.wind_formulas import Sand
+    from taichi_erosion.tables.cell_numbers import stated_number
+
+    diameter = stated_number(sand, "m", "--sand", "0.18mm")
+    grains = Sand(diameter, stated_number(density, "kg/m3", "--density", "2650kg/m3"))
+    water, measured = (
+        stated_number(moisture, "1", "--moisture", "1%"),
+        surveys.measured_fluxes(table) if table else (),
+    )
+    survey = surveys.Survey(grains, surveys.asked_winds(wind, grains, measured), water, beds, measured)
+    folder, runs = out or Path(f"wind-{1e3 * diameter:g}mm"), {}
+    files = [] if formulas else [folder / "wind.json", folder / "wind.png"]
+    if files:
+        cost, cores = survey.core_minutes, usable_cores()
+        wall = f"{cost / min(cores, beds):.0f} minutes on {cores} cores"
+        announce(f"{beds} beds, {len(survey.winds)} winds: about {cost:.0f} core-minutes, {wall}")
+        with reporting("wind") as progress:
+            for name, document in surveys.run_survey(survey, folder, force, progress):
+                runs[name] = document
+                announce(f"{name}: done in {document['wall_s']:.0f} s")
+    found = surveys.survey_document(survey, runs, files)
+    if files:
+        from taichi_erosion.measures.result import json_value, without_nan
+        from taichi_erosion.report.wind_figure import survey_picture
+
+        write_atomic(files[0], json.dumps(without_nan(found), indent=1, default=json_value).encode() + b"\n")
+        write_atomic(files[1], survey_picture(found))
+    output.print_result(found, as_json, print_survey)
+
+
+def print_survey(document: output.Record) -> None:
+    """Print thresholds and fluxes, comparisons, warnings and the files."""
+    from taichi_erosion.evidence.words import wind_words as words
+
+    for table in (words.threshold_table(document), words.flux_table(document)):
+        output.print_table(table.title, table.columns, table.rows)
+    output.print_lines(words.survey_notes(document))
+    output.print_lines(document["written"], "written: ")

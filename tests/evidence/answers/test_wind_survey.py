@@ -1,0 +1,105 @@
+"""Survey of one's own sand: its scenes, its comparison with a table, and what is refused."""
+
+import json
+import tomllib
+
+import pytest
+
+from taichi_erosion.cli.main import main
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.evidence.answers import wind_survey
+from taichi_erosion.evidence.answers.wind_survey import Survey, asked_winds, scenes_of
+from taichi_erosion.measures.wind_formulas import Sand
+from taichi_erosion.run.checks import check_scene
+
+SAND = Sand(0.18e-3, 2600.0)
+TABLE = "u* [cm/s];Flux [g/(m s)]\n30;10\n40;20,5\n40;21,5\n"
+
+
+@pytest.fixture
+def measured(tmp_path):
+    path = tmp_path / "flux.csv"
+    path.write_text(TABLE, encoding="utf-8")
+    return path, wind_survey.measured_fluxes(path)
+
+
+def test_all_scenes_of_a_survey_have_one_sand_one_contact_one_drag_law_and_the_same_forces():
+    texts = scenes_of(Survey(SAND, (0.3, 0.5), 0.01, 4))
+    assert list(texts) == ["thresholds", "flux_0.3", "flux_0.5"]
+    scenes = [tomllib.loads(text) for text in texts.values()]
+    for name in ("grains", "contact", "effects", "conditions", "laws", "fill"):
+        assert scenes[0][name] == scenes[1][name] == scenes[2][name], name
+    assert scenes[0]["wind"]["drag"] == scenes[1]["wind"]["drag"]
+    assert scenes[0]["grains"]["size"]["median"] == 0.18e-3
+    assert scenes[0]["materials"]["sand"]["density"] == 2600.0
+    assert scenes[0]["conditions"] == {"moisture": 0.01}
+    assert scenes[0]["effects"]["liquid_bridge"] == {"strength": 1.0}
+    assert scenes[0]["threshold"]["hold"] == 5.0  # a tunnel watches its bed, whatever the grains
+    assert [scene["stages"][2]["friction_velocity"] for scene in scenes[1:]] == [0.3, 0.5]
+    assert all(scene["run"]["replicas"] == 4 for scene in scenes)
+
+
+@pytest.mark.parametrize("diameter", [0.1e-3, 0.25e-3, 1e-3])
+def test_scenes_of_fine_and_coarse_sands_are_valid_without_a_warning(diameter, tmp_path):
+    for name, text in scenes_of(Survey(Sand(diameter), (0.4,), 0.0, 2)).items():
+        path = tmp_path / f"{name}.toml"
+        path.write_text(text, encoding="utf-8")
+        assert check_scene(path)["limits"].get("warnings", []) == []
+
+
+def test_a_table_is_compared_in_its_own_winds_and_in_no_other(measured):
+    _, rows = measured
+    assert [row[:2] for row in rows] == [
+        pytest.approx(pair) for pair in ((0.3, 0.01), (0.4, 0.0205), (0.4, 0.0215))
+    ]
+    survey = Survey(SAND, (0.3, 0.4, 0.5), 0.0, 2, rows)
+    assert survey.measured_at(0.4)["value"] == pytest.approx(0.021)
+    assert (survey.measured_at(0.4)["n"], survey.measured_at(0.5)) == (2, {})
+    texts = scenes_of(survey)
+    assert tomllib.loads(texts["flux_0.4"])["measured"]["flux"]["value"] == pytest.approx(0.021)
+    assert "measured" not in tomllib.loads(texts["flux_0.5"])
+    assert asked_winds(None, SAND, rows) == (0.3, 0.4)
+
+
+def test_the_speed_of_a_tunnel_is_not_taken_for_a_friction_velocity():
+    assert asked_winds("0.3,0.4m/s", SAND, ()) == (0.3, 0.4)
+    for text, told in (("6,8", "not the speed of the wind"), ("fast", "write friction velocities")):
+        with pytest.raises(BadInput, match=told):
+            asked_winds(text, SAND, ())
+
+
+def test_the_command_runs_its_scenes_and_leaves_numbers_and_a_picture(
+    measured, tmp_path, monkeypatch, capsys
+):
+    def run(path, options):
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        name = "fluid_threshold" if "threshold" in table else "flux"
+        value = {"value": 0.02, "sd": 0.002, "n": 2, "unit": "", "details": {}, "shortfalls": []}
+        return {
+            **{"measures": {name: value}, "measured": table.get("measured", {}), "wall_s": 1.0},
+            **{"replicas": [], "limits": {"warnings": []}},
+        }
+
+    monkeypatch.setattr(wind_survey, "run_scene", run)
+    folder, (table, _) = tmp_path / "out", measured
+    words = ["wind", "--sand", "0.18 mm", "--table", str(table), "--out", str(folder)]
+    assert main(words) == 0
+    printed = capsys.readouterr()
+    assert "core-minutes" in printed.err  # before the runs
+    assert sorted(path.name for path in folder.iterdir()) == sorted(
+        ["thresholds.toml", "flux_0.3.toml", "flux_0.4.toml", "wind.json", "wind.png"]
+    )
+    document = json.loads((folder / "wind.json").read_text())
+    assert document["runs"]["flux_0.4"]["measured"]["flux"]["value"] == pytest.approx(0.021)
+    assert "flux_0.3: The sand flux is" in printed.out
+    (folder / "thresholds.toml").write_text("# mine\n")
+    assert main(words) == 2  # what a user has changed stays
+    assert main(["wind", "--sand", "0.18mm", "--formulas", "--json"]) == 0
+    formulas = json.loads(capsys.readouterr().out)
+    assert formulas["runs"] == {}
+    assert formulas["fluid_threshold"]["Iversen & White (1982)"] == pytest.approx(0.243, abs=5e-4)
+
+
+def test_a_row_without_a_scatter_states_none():
+    survey = Survey(SAND, (0.3,), 0.0, 2, ((0.3, 0.01, float("nan"), "own"),))
+    assert "sd" not in survey.measured_at(0.3)
