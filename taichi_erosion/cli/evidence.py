@@ -240,6 +240,12 @@ def new(
             help="Scatter of single measurements where no column states it: 'angle=0.8 deg', 'flux=8 %'.",
         ),
     ] = None,
+    between_codes: Annotated[
+        Pairs, Option("--between-codes", metavar="NAME=SD", help="Error of a level: 'radius_90=5 %'.")
+    ] = None,
+    measured: Annotated[
+        Pairs, Option("--measured", metavar="NUMBER=VALUE", help="'sliding_friction=0.5 ± 0.05', of grains.")
+    ] = None,
     fill_down: Annotated[
         bool, Option("--fill-down", help="A blank cell of a condition repeats the one above it.")
     ] = False,
@@ -259,7 +265,9 @@ def new(
 
     told = Told(pairs(observable, "--observable"), pairs(condition, "--condition"), pairs(unit, "--unit"))
     own = (diameter, density, grains, scene, tuple(effect or ()))
-    wishes = Wishes(told, out, apparatus, closed_form, roughness, anew, *own, pairs(sd, "--sd"), fill_down)
+    more = pairs(between_codes, "--between-codes"), pairs(measured, "--measured")
+    own = (*own, pairs(sd, "--sd"), fill_down, *more)
+    wishes = Wishes(told, out, apparatus, closed_form, roughness, anew, *own)
     document = new_study(table, wishes, (lambda _, guess: guess) if yes or as_json else ask_user)
     output.print_result(document, as_json, output.print_new_study)
 

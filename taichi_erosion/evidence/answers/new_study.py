@@ -5,6 +5,7 @@ What the table does not say is asked; every question has a guess, which counts w
 
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
@@ -37,7 +38,7 @@ from taichi_erosion.scene.paths import unit_of_path
 from taichi_erosion.scene.physical_ranges import OBSERVED, OWN_RANGES, PhysicalRange, place_range
 from taichi_erosion.scene.schema.grains import Monodisperse
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
-from taichi_erosion.tables.cell_numbers import stated_number
+from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, read_cell, stated_number
 from taichi_erosion.tables.headings import (
     DIAMETER,
     FRICTION_VELOCITY,
@@ -109,6 +110,10 @@ class Wishes:
     effects: tuple[Path, ...] = ()  # files with effects of the user's own
     sd: Mapping[str, str] = field(default_factory=dict)  # column or observable -> scatter of single repeats
     fill_down: bool = False  # blank cells below a condition, a set-up or a source repeat it
+    between_codes: Mapping[str, str] = field(
+        default_factory=dict
+    )  # observable -> sd of the laboratory's level
+    measured: Mapping[str, str] = field(default_factory=dict)  # calibrated number -> value and its sd
 
 
 @dataclass(frozen=True)
@@ -145,6 +150,11 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     refuse_unused(asked)
     asked = with_grains(asked) if wishes.closed_form else asked
     content = closed_form_content(asked) if wishes.closed_form else scene_content(asked)
+    titles = {each.heading.name: each.name for each in measured.columns if each.name in content.observables}
+    codes = {titles.get(name, name): text for name, text in wishes.between_codes.items()}
+    content = replace(content, shared={name: shared_error(name, codes[name], content) for name in codes})
+    for name, text in wishes.measured.items():
+        content = replace(content, parameters=with_measured(content.parameters, name, text))
     files = StudyFiles(
         folder,
         table.stem,
@@ -162,6 +172,29 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
         "assumed": list(interview.assumed),
         **written_files(files, wishes.anew),
     }
+
+
+def shared_error(name: str, text: str, content: Content) -> str:
+    """Entry of the error that all rows of an observable share with another code. Raises BadInput."""
+    if name not in content.observables or name not in OBSERVED:
+        raise BadInput(f"--between-codes {name}: is none of {', '.join(content.observables)}")
+    key, unit = ("sd_shared_relative", "1") if "%" in text else ("sd_shared", OBSERVED[name].unit)
+    sd = stated_number(text, unit, f"--between-codes {name}", f"1 {OBSERVED[name].unit}, or 5 %")
+    return f"{key} = {sd:g}    # of the level, between the laboratory and the model"
+
+
+def with_measured(numbers: Sequence[Calibrated], name: str, text: str) -> list[Calibrated]:
+    """Calibrated numbers, of which one was measured on the grains, `0.5 ± 0.05`. Raises BadInput."""
+    cell, last = CellNumber(), {each: sorted(each.path.rpartition(".")[2].split("_")) for each in numbers}
+    known = [each for each in numbers if name == each.path or sorted(name.split("_")) == last[each]]
+    with suppress(CellFault):
+        cell = read_cell(text, comma=False, single=True)
+    inside = [each for each in known if each.low < cell.value < each.high]
+    if not known or known != inside or not cell.sd > 0.0 or cell.unit:
+        ranges = ", ".join(f"{each.path} ({each.low:g} to {each.high:g})" for each in numbers)
+        raise BadInput(f"--measured {name}={text}: write NUMBER=0.5 ± 0.05, for one of {ranges}")
+    told = {"start": cell.value, "sd_log": cell.sd / cell.value, "why": "as measured"}
+    return [replace(each, **told) if each in known else each for each in numbers]
 
 
 def refuse_unused(asked: Asked) -> None:

@@ -232,21 +232,26 @@ def curve_part(
 
 
 def level_parts(posterior: Posterior) -> Iterator[parts.LevelPart]:
-    """Level of every observable, averaged over all explanations, where more likely off than not."""
-    race = posterior.race
+    """Level of an observable with the stated error that rows share, where it is off and of a sure sign."""
+    race, rows = posterior.race, posterior.race.prepared.rows
     weight = np.concatenate([each.weight for each in posterior.draws])
     for observable, own in race.prepared.by_observable():
-        sizes = np.array([])  # in standard errors of a row
+        sizes, unit, shared = (
+            np.array([]),
+            np.median(race.prepared.sd[own]),
+            np.median(rows.shared[own], axis=0),
+        )
         for each in posterior.draws:
             index = [(b.kind, b.observable) for b in each.fit.blocks].index(("level", observable.name))
             column = int(np.argmax(each.fit.evidence.solved.rows.block == index))
-            sizes = np.append(sizes, each.values[:, column])
-        chance = float(weight @ (np.abs(sizes) > 0.5)) / float(weight.sum())
-        if chance > 0.5:
+            stated = each.values[:, each.fit.v.size : each.fit.v.size + shared.size] @ shared
+            sizes = np.append(sizes, unit * each.values[:, column] + stated)
+        chance = float(weight @ (np.abs(sizes) > 0.5 * unit)) / float(weight.sum())
+        told = interval(sizes, weight)
+        if chance > 0.5 and told.low * told.high > 0.0:
             name = kind_of(observable)
-            values = np.median(race.prepared.sd[own]) * sizes
-            values = np.exp(values) if name == "factor" else values
-            yield parts.LevelPart(observable.name, name, interval(values, weight), chance)
+            size = interval(np.exp(sizes), weight) if name == "factor" else told
+            yield parts.LevelPart(observable.name, name, size, chance)
 
 
 def error_parts(posterior: Posterior) -> Iterator[parts.ErrorPart]:

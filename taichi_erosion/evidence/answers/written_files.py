@@ -9,7 +9,7 @@ import shlex
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -61,6 +61,7 @@ class Content:
     parameters: Sequence[Calibrated]
     scenes: Mapping[str, str] = field(default_factory=dict)  # of its own: name -> text
     model: str = ""
+    shared: Mapping[str, str] = field(default_factory=dict)  # observable -> entry of its error between codes
 
 
 @dataclass(frozen=True)
@@ -227,6 +228,7 @@ def study_text(files: StudyFiles, candidates: Sequence[str], drawn_from: str) ->
         lines += [f"scene = {quoted(scene)}"] if scene else []
         lines += [f"unit = {quoted(known.unit)}"] if content.model and known else []
         lines += scale_lines(files.rows, name, known.unit if content.model and known else "")
+        lines += [content.shared[name]] if name in content.shared else []
     lines += [
         "",
         "[conditions]",
@@ -284,14 +286,15 @@ def acting_candidates(study: Study) -> list[str]:
     """Effects of the library that can change what is measured here.
 
     Where the literature does not say which observables an effect changes, it is a candidate if the table
-    holds a condition that it reads. Where that leaves none, all that can act are candidates.
+    holds a condition that it reads; always where one is called like its number, `spread`. Where that leaves
+    none, all that can act are candidates.
     """
     simulator = study.simulator
     assert simulator is not None
     scenes, measured = study_scenes(study, simulator), study.file.observables
     known = {*measured, *(EXPECTED_AS[name] for name in measured if name in EXPECTED_AS)}
-    for paths in study.file.conditions.values():
-        known |= {path.removeprefix("conditions.") for path in dotted_paths(paths)}
+    for path in (path for paths in study.file.conditions.values() for path in dotted_paths(paths)):
+        known |= {path.removeprefix("conditions."), *path.rpartition(".")[2].split("_")}
     own = {effect_in(file).name for file in study.effect_files}
     able = [
         candidate.name
@@ -301,5 +304,5 @@ def acting_candidates(study: Study) -> list[str]:
         )
     ]
     effects = {name: simulator.library[name] for name in able}
-    expected = [n for n, each in effects.items() if n in own or {*(each.expected or each.reads)} & known]
-    return expected or able
+    tells = {n: {*(e.expected or e.reads), *(f.name for f in fields(e.params))} for n, e in effects.items()}
+    return [n for n in effects if n in own or tells[n] & known] or able

@@ -138,10 +138,15 @@ def merged_rows(observables: tuple[Observable, ...], index: int, table: Measurem
     notes, table = row_notes(observable, table, usable), table.rows(usable)
     z, reach, steepness, value = (column[usable] for column in (z, reach, steepness, value))
     cell, exact = repeat_numbers(table), np.where(table.censored, np.nan, z)  # a limit is no repeat
-    repeats, shapes = np.where(table.n >= 1.0, table.n, 1.0), scatter_shapes(observable, value, steepness)
+    repeats, usual = np.where(table.n >= 1.0, table.n, 1.0), observable.transform == "identity"
+    shapes = np.array([steepness, np.abs(value) * steepness])[:: 1 if usual else -1]  # of sd; usual first
     scatter = measurement_scatter(exact, np.abs(table.sd * steepness), repeats, cell, shapes)
     weight = repeats / np.where(np.isfinite(scatter.variance), scatter.variance, 1.0)
-    first, mean, total = weighted_means(z, weight, keys := repeat_keys(table, cell, reach, scatter.off))
+    alone = np.where(scatter.off, np.arange(scatter.off.size), -1)
+    labels = zip(cell, table.group, table.source, reach, alone, strict=True)  # equal for repeats
+    first, mean, total = weighted_means(
+        z, weight, keys := np.array(["|".join(map(str, each)) for each in labels])
+    )
     steep, own, heaps = steepness[first], table.rows(first), np.array(heap_keys(table))
     numerical = (observable.sd_numerical * steep) ** 2
     if (unknown := ~np.isfinite(scatter.variance[first])).any():
@@ -215,13 +220,6 @@ def repeat_numbers(table: Measurements | ComparisonRows) -> Floats:
     return condition_numbers(table) * table.size + np.unique(np.array(made), return_inverse=True)[1]
 
 
-def repeat_keys(table: Measurements, cell: Floats, reach: Floats, off: Bools) -> np.ndarray:
-    """Keys by row, equal for rows that repeat one measurement: same conditions, group, source and reach."""
-    alone = np.where(off, np.arange(off.size), -1)
-    labels = zip(cell, table.group, table.source, reach, alone, strict=True)
-    return np.array(["|".join(map(str, each)) for each in labels])
-
-
 def censored_scale(observable: Observable, value: Floats, reach: Floats) -> tuple[Floats, Floats]:
     """Values and reaches on the comparison scale; an interval with an end off it has the upper one.
 
@@ -243,12 +241,6 @@ def weighted_means(z: Floats, weight: Floats, keys: np.ndarray) -> tuple[Integer
     order = np.argsort(first)
     mean = np.bincount(inverse, weight * z)[order] / total[order] if z.size else z
     return first[order], mean, total[order]
-
-
-def scatter_shapes(observable: Observable, value: Floats, steepness: Floats) -> Floats:
-    """Ways in which sd may vary with the value, on the comparison scale: that of the scale itself first."""
-    relative, absolute = np.abs(value) * steepness, steepness
-    return np.array([absolute, relative] if observable.transform == "identity" else [relative, absolute])
 
 
 def condition_numbers(table: Measurements | ComparisonRows) -> Floats:

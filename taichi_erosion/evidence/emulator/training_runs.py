@@ -97,7 +97,7 @@ def initial_training_runs(
 
 def affordable(training: TrainingRuns) -> TrainingRuns:
     """The plan within the study's cap: every question of a study has the same bare runs. Raises BadInput."""
-    most, every = run_cap(training.study), known_effects(training.study.problem)
+    most, every = training.study.file.budget.runs or 10**9, known_effects(training.study.problem)
     size, whole = scaled_to(
         most, training.plan_size, lambda size: first_runs(replace(training, plan_size=size), every)
     )
@@ -168,12 +168,6 @@ def proposed_rows(study: Study, scene: StudyScene) -> tuple[Row, ...]:
         for chosen in product(*levels)
         if chosen
     )
-
-
-def run_cap(study: Study) -> int:
-    """Most runs that the study may make, over all its commands; one run is one set-up with one seed."""
-    runs = study.file.budget.runs
-    return 10**9 if runs is None else runs
 
 
 def known_effects(problem: Problem) -> dict[str, Candidate]:
@@ -255,7 +249,7 @@ def within_budget(training: TrainingRuns, about: Sequence[Setting]) -> bool:
 
 def room_left(training: TrainingRuns) -> int:
     """Runs that the study's cap leaves beside those planned."""
-    return run_cap(training.study) - len(training.runs) - training.elsewhere
+    return (training.study.file.budget.runs or 10**9) - len(training.runs) - training.elsewhere
 
 
 def emulated_study(training: TrainingRuns, progress: Progress) -> Study:

@@ -126,7 +126,10 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     file = with_options(stated, options)
     named = read_effect_files(file.study.effect_files, path.parent, str(path))
     files = tuple(dict.fromkeys((*named, *read_effect_files(options.effect_files))))
-    measurements, notes = study_table(path, file, files)
+    table = read_table(path.parent / file.study.measurements, file.study.measurements, file)
+    measurements, notes = study_measurements(table, file, str(path), place_units(file, path, files))
+    if impossible := list(study_value_faults(table, file, path.parent)):
+        raise BadInput(*impossible)
     vault = file.vault
     hidden, vault_note = split(measurements, vault.fraction, vault.ranges, vault.drawn_from, vault.sources)
     results, digest = results_folder(path, file), content_digest(measurements)
@@ -154,15 +157,6 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     known = path, file, problem, results, digest, found.identity, store, (*notes, *found.notes, vault_note)
     fresh = "" if file.study.seed == stated.study.seed else f"seed {file.study.seed}|"
     return Study(*known, found.simulator, options=options, fresh=fresh, effect_files=files)
-
-
-def study_table(path: Path, file: StudyFile, files: EffectFiles) -> tuple[Measurements, Sequence[str]]:
-    """Measurements of a study, and what is to be told of them. Raises BadInput."""
-    table = read_table(path.parent / file.study.measurements, file.study.measurements, file)
-    found = study_measurements(table, file, str(path), place_units(file, path, files))
-    if impossible := list(study_value_faults(table, file, path.parent)):
-        raise BadInput(*impossible)
-    return found
 
 
 def wanted_mechanisms(path: Path, file: StudyFile, declared: tuple[Mechanism, ...]) -> tuple[Mechanism, ...]:

@@ -311,20 +311,14 @@ def uncertain_parameters(
     for candidate in candidates:
         effect = simulator.library[candidate.name]
         ranges = {each.name: each.metadata for each in fields(effect.params)}
-        if not effect.uncertain or level_count(file, table, candidate, effect) < 2:
-            continue
-        for name, sd in effect.uncertain.items():
+        read = {f"{CONDITIONS}{name}" for name in effect.reads}
+        columns = [table.conditions[name] for name, p in file.conditions.items() if read & {*dotted_paths(p)}]
+        mask = np.ones(table.size, bool) if candidate.mask is None else candidate.mask(table.conditions)
+        levels = {tuple(f"{column[i]:.9g}" for column in columns) for i in np.flatnonzero(mask)}
+        for name, sd in effect.uncertain.items() if len(levels) > 1 else ():
             path, scenes = f"effects.{effect.name}.{name}", (m.scene for m in simulator.measures.values())
             stated = (simulator.stated_numbers(scene, effect.name) for scene in scenes)
             start = next((entry[name] for entry in stated if name in entry), getattr(effect.params(), name))
             if path not in file.parameters:
                 found.append(Parameter(path, start, ranges[name]["low"], ranges[name]["high"], sd))
     return tuple(found)
-
-
-def level_count(file: StudyFile, table: Measurements, candidate: Candidate, effect: Effect) -> int:
-    """Different values of the conditions that an effect reads, among the rows where it can act."""
-    read = {f"{CONDITIONS}{name}" for name in effect.reads}
-    columns = [table.conditions[name] for name, p in file.conditions.items() if read & {*dotted_paths(p)}]
-    mask = np.ones(table.size, bool) if candidate.mask is None else candidate.mask(table.conditions)
-    return len({tuple(f"{column[i]:.9g}" for column in columns) for i in np.flatnonzero(mask)})

@@ -65,13 +65,6 @@ def scale_draws(
     return [(*own, weight) for own, weight in zip(found, weights, strict=True) if weight > 0.0]
 
 
-def draws_of(fit: Fit, probability: float, random: np.random.Generator) -> Draws:
-    """Draws of a fit with its probability."""
-    each = max(4, int(DRAWS * probability / SCALES))
-    _, values, weights = zip(*scale_draws(fit.evidence.solved, probability, random, each), strict=True)
-    return Draws(fit, np.vstack(values), np.repeat(np.array(weights) / each, each))
-
-
 @dataclass(frozen=True)
 class Posterior:
     """All hypotheses of a race with their probabilities."""
@@ -88,10 +81,13 @@ class Posterior:
     @cached_property
     def draws(self) -> list[Draws]:
         """Draws of every hypothesis that matters."""
-        random = np.random.default_rng(SEED)
+        found, random = list[Draws](), np.random.default_rng(SEED)
         told = {h: p for h, p in self.probability.items() if p > 1e-3}
-        total = sum(told.values())
-        return [draws_of(self.race.fits[h], p / total, random) for h, p in told.items()]
+        for fit, share in [(self.race.fits[h], p / sum(told.values())) for h, p in told.items()]:
+            each = max(4, int(DRAWS * share / SCALES))
+            _, values, weights = zip(*scale_draws(fit.evidence.solved, share, random, each), strict=True)
+            found.append(Draws(fit, np.vstack(values), np.repeat(np.array(weights) / each, each)))
+        return found
 
     @cached_property
     def numbers(self) -> tuple[Floats, Floats]:

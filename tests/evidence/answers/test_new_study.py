@@ -318,3 +318,40 @@ def test_a_column_that_no_effect_of_scenes_reads_is_left_out_where_it_has_blanks
             found = new_study(table, Wishes(), lambda _, guess: guess)
             assert list(found["conditions"]) == ["diameter"]
             assert f"not used: '{heading}' (it is not known in every row)" in found["assumed"]
+
+
+SIZES = """angle_of_repose [deg],radius_90 [mm],sd angle_of_repose,sd radius_90 [mm],size_spread,d [mm],n
+24.1,19.4,0.6,0.2,0,1.5,3
+23.7,19.6,0.6,0.2,0.2,1.5,3
+20.9,20.7,0.6,0.2,0.4,1.5,3
+"""
+
+
+def test_errors_between_codes_and_measured_numbers_enter_the_study_and_a_spread_its_effect(tmp_path):
+    stated = {"between_codes": {"angle_of_repose": "1 deg", "radius_90": "5 %"}}
+    stated |= {"measured": {"sliding_friction": "0.6 ± 0.06"}}
+    wishes = Wishes(Told(conditions={"size_spread": "1"}), apparatus="collapse", grains=900, **stated)
+    document, study = made(tmp_path, SIZES, wishes)
+    seen = {
+        each.name: (each.sd_shared, each.sd_shared_relative) for each in study.problem.observables.values()
+    }
+    assert seen == {"repose_angle": (1.0, 0.0), "radius_90": (0.0, 0.05)}
+    for each in study.problem.parameters:  # of the grains in both apparatus
+        if each.path.endswith("friction_sliding"):
+            assert (each.start, each.prior_sd_log) == pytest.approx((0.6, 0.1))
+    assert "size_distribution" in document["candidates"]
+
+
+@pytest.mark.parametrize(
+    ("stated", "words"),
+    [
+        ({"between_codes": {"pile_height": "5 %"}}, "none of repose_angle, radius_90"),
+        ({"between_codes": {"radius_90": "1 deg"}}, "number and its unit"),
+        ({"measured": {"sliding_friction": "0.6"}}, "NUMBER=0.5 ± 0.05"),
+        ({"measured": {"friction": "0.6 ± 0.1"}}, "NUMBER=0.5 ± 0.05"),
+        ({"measured": {"sliding_friction": "3 ± 0.1"}}, "0.1 to 1.2"),
+    ],
+)
+def test_an_error_or_a_number_that_fits_nothing_is_refused(tmp_path, stated, words):
+    wishes = Wishes(Told(conditions={"size_spread": "1"}), apparatus="collapse", grains=900, **stated)
+    assert words in faults_of(tmp_path, SIZES.encode(), wishes)[0]

@@ -226,6 +226,17 @@ def test_an_offset_of_the_laboratory_is_told_as_a_level_and_along_no_condition()
     assert not any("Where the model fails" in line for line in lines)
 
 
+@pytest.mark.parametrize("shared", [0.0, 3.0 * OFFSET])
+def test_a_stated_error_of_a_laboratory_is_part_of_the_level_that_is_told(shared: float):
+    problem = replace(off({}), observables={"y": Observable("y", sd_shared=shared)})
+    (shift,) = summary(raced(problem, 1)).levels
+    assert shift.size.low < OFFSET < shift.size.high
+    assert (
+        summary(raced(replace(made()[0], observables={"y": Observable("y", sd_shared=shared)}), 3)).levels
+        == ()
+    )
+
+
 @pytest.mark.parametrize(
     ("factor", "words"),
     [(10.0, "(another unit?)"), (57.3, "(degrees for radians?)"), (3.0, "at all conditions.")],

@@ -98,8 +98,13 @@ def column_roles(cells: Cells, told: Told, faults: list[str]) -> list[Column]:
     faults += heading_faults(cells)
     named = stated_names(cells, told, faults)
     columns = [with_unit(column_of(cells, place, named), told) for place in range(len(cells.heading))]
-    if not any(column.role == "observable" for column in columns):
-        columns = [with_meaning_alone(column) for column in columns]
+    measured = any(column.role == "observable" for column in columns)
+    for place, column in enumerate(
+        columns if not measured else ()
+    ):  # as what it means where nothing known is
+        if not column.sure and column.numeric and (alone := meaning_alone(column.heading)):
+            words = {"role": "observable", "name": alone, "near": "", "unclear": column.heading.name}
+            columns[place] = replace(column, sure=True, **words)
     found, plain = [], {column.name for column in columns}
     for column in columns:
         if column.changed and column.near in plain:  # another column states the quantity itself
@@ -109,13 +114,6 @@ def column_roles(cells: Cells, told: Told, faults: list[str]) -> list[Column]:
         column = replace(column, title=told.titles.get(column.name) or tidy_name(column.name))
         found.append(replace(column, role="remark", sure=True) if wrong else column)
     return found
-
-
-def with_meaning_alone(column: Column) -> Column:
-    """A column of a table where nothing known is measured, as what it means there."""
-    alone = "" if column.sure or not column.numeric else meaning_alone(column.heading)
-    words = {"near": "", "unclear": column.heading.name}
-    return replace(column, role="observable", name=alone, sure=True, **words) if alone else column
 
 
 def with_unit(column: Column, told: Told) -> Column:
