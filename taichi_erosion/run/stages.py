@@ -190,7 +190,7 @@ def transport_window(scene: Scene, stage: int, states: Sequence[ReplicaState]) -
     wind = scene.wind
     if wind is None or wind.columns != (1, 1) or (friction := friction_velocity_in(scene, stage)) <= 0.0:
         return None
-    if any(len(state.airs) < 2 for state in states):
+    if not states or any(len(state.airs) < 2 for state in states):
         return None
     patch, stress = patch_of(scene), wind.density * friction**2
     times = [frame.time - states[0].began for frame in states[0].frames]
