@@ -27,8 +27,8 @@ from taichi_erosion.evidence.answers.scene_templates import (
 from taichi_erosion.evidence.answers.written_files import Content, StudyFiles, written_files
 from taichi_erosion.evidence.data.column_faults import column_faults, unusual_cells
 from taichi_erosion.evidence.data.measured import read_rows, with_limits
-from taichi_erosion.evidence.data.tables.column_roles import CONDITION, NOT_USED, Column, Told
-from taichi_erosion.evidence.data.tables.interview import Ask, Interview, has_no_scale
+from taichi_erosion.evidence.data.tables.column_roles import CONDITION, NOT_USED, Column, Told, has_no_scale
+from taichi_erosion.evidence.data.tables.interview import Ask, Interview
 from taichi_erosion.evidence.data.tables.rows import NAME, Faults, Table
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.simulator import FOR_EFFECTS

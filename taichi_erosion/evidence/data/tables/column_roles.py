@@ -14,6 +14,7 @@ from math import isnan, log, nan
 
 from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.measures.boundary_layer import KARMAN
+from taichi_erosion.scene.physical_ranges import OBSERVED, PhysicalRange, place_range
 from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale
 from taichi_erosion.tables.cell_numbers import is_missing, is_quantity, plain_cell, reason, stated_number
 from taichi_erosion.tables.headings import (
@@ -38,6 +39,7 @@ from taichi_erosion.tables.spreadsheet import Cells, has_digit
 
 NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of numbers
 HALF = 0.5  # from a diameter of a heap to its radius [1]
+PURE_UNITS = ("1", "kg kg-1")  # of places and observables that are shares or pure numbers
 NOT_USED = "-"  # in place of a name
 NOTE = "note"  # first word of the heading of a column that is not used
 UNUSED = f"a column that is not used has a heading that begins with '{NOTE}'"
@@ -259,3 +261,14 @@ def roughness_length(text: str, height: float) -> float:
         told = f"must lie above 0 and below a tenth of the height of the wind, {height:g} m"
         raise BadInput(f"roughness length '{text}': {told}")
     return value
+
+
+def range_of(column: Column) -> PhysicalRange | None:
+    """Range of what a column measures or sets; None where none is known."""
+    measured = column.role == "observable"
+    return OBSERVED.get(column.name) if measured else place_range(column.name.split(",")[0].strip())
+
+
+def has_no_scale(allowed: PhysicalRange) -> bool:
+    """Whether numbers of a quantity can be of any size, so that none tells its unit."""
+    return allowed.usual is None and allowed.low <= 0.0 and allowed.unit not in PURE_UNITS

@@ -17,17 +17,20 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     CONDITION,
     HALF,
     NOT_USED,
+    PURE_UNITS,
     ROUGHNESS_LENGTH,
     UNUSED,
     Column,
     Told,
     column_roles,
     friction_factor,
+    has_no_scale,
+    range_of,
     roughness_length,
     tidy_name,
     with_stated_sd,
 )
-from taichi_erosion.scene.physical_ranges import OBSERVED, PhysicalRange, likely_units, place_range
+from taichi_erosion.scene.physical_ranges import likely_units
 from taichi_erosion.scene.schema.units import parse_unit, scale_between
 from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, is_missing, read_cell
 from taichi_erosion.tables.headings import (
@@ -60,7 +63,6 @@ BESIDE = "the repeats stand beside it"
 OWN = "own"  # answer of who keeps a column as a condition of its own
 UNREAD = "no effect of the model reads it"
 SHARES = ("%", "‰", "1", "-")
-PURE_UNITS = ("1", "kg kg-1")  # of places and observables that are shares or pure numbers
 RESERVED = (
     *"observable value unit sd n group source vault replicate repeat date note comment remark".split(),
 )
@@ -312,12 +314,6 @@ def column_fault(column: Column, seen: Mapping[str, str], told: Told) -> str:
     return f"{own}; places: {', '.join(vocabulary()['conditions'])}"
 
 
-def range_of(column: Column) -> PhysicalRange | None:
-    """Range of what a column measures or sets; None where none is known."""
-    measured = column.role == "observable"
-    return OBSERVED.get(column.name) if measured else place_range(column.name.split(",")[0].strip())
-
-
 def with_right_unit(column: Column, reading: Reading) -> Column:
     """A column whose unit is one of what it measures or sets; the basis of a moisture is told."""
     heading, allowed = column.heading, range_of(column)
@@ -493,11 +489,6 @@ def with_usual_unit(column: Column, values: Sequence[float], reading: Reading) -
     told = f"has no unit in its heading: {span}; write it there: '{text} [{units[0]}]'" if units else ""
     told += f", {likely}" * several
     return reading.fault(column, told) if units else column
-
-
-def has_no_scale(allowed: PhysicalRange) -> bool:
-    """Whether numbers of a quantity can be of any size, so that none tells its unit."""
-    return allowed.usual is None and allowed.low <= 0.0 and allowed.unit not in PURE_UNITS
 
 
 def in_unit(column: Column, unit: str) -> Column:
