@@ -33,9 +33,9 @@ def survey_wind(
     as_json: AsJson = False,
 ) -> None:
     """Simulate both thresholds and the flux of your own sand, beside the formulas and your measurements."""
-    from taichi_erosion.evidence.answers import wind_survey as surveys
     from taichi_erosion.measures.wind_formulas import Sand
     from taichi_erosion.tables.cell_numbers import stated_number
+    from taichi_erosion.wind import survey as surveys
 
     diameter = stated_number(sand, "m", "--sand", "0.18mm")
     grains = Sand(diameter, stated_number(density, "kg/m3", "--density", "2650kg/m3"))
@@ -66,7 +66,7 @@ def survey_wind(
 
 def print_survey(document: output.Record) -> None:
     """Print thresholds and fluxes, comparisons, warnings and the files."""
-    from taichi_erosion.evidence.words import wind_words as words
+    from taichi_erosion.wind import words
 
     for table in (words.threshold_table(document), words.flux_table(document)):
         output.print_table(table.title, table.columns, table.rows)

@@ -7,10 +7,10 @@ import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers import wind_survey
-from taichi_erosion.evidence.answers.wind_survey import Survey, asked_winds, scenes_of
 from taichi_erosion.measures.wind_formulas import Sand
 from taichi_erosion.run.checks import check_scene
+from taichi_erosion.wind import survey as wind_survey
+from taichi_erosion.wind.survey import Survey, asked_winds, scenes_of
 
 SAND = Sand(0.18e-3, 2600.0)
 TABLE = "u* [cm/s];Flux [g/(m s)]\n30;10\n40;20,5\n40;21,5\n"

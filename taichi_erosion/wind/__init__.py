@@ -1,0 +1,1 @@
+"""Thresholds and flux of one's own sand by one command, beside published formulas and a table."""
