@@ -29,7 +29,7 @@ from taichi_erosion.evidence.answers.set_up import (
     table_faults,
     unit_faults,
 )
-from taichi_erosion.evidence.answers.summary import decided, summary
+from taichi_erosion.evidence.answers.summary import decided, law_part, summary
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH, is_strength
@@ -112,7 +112,7 @@ def adopt_study(
         refuse_foreign_files(study, effects, options.force)
 
         def points(found: RacedStudy) -> list[Any]:
-            return [found.about_bare, found.about(given(found.posterior, effects).best)]
+            return found.about(found.posterior.race.bare, given(found.posterior, effects).best)
 
         question = Question(f"adopt {' '.join(effects)}", whole, points, names, most=2)
         found, ready = answer_of(study, last_plan(study), question, progress)
@@ -170,9 +170,11 @@ def discover_record(found: RacedStudy) -> Record:
 
     A name that fresh runs contradict is not stable.
     """
-    record = replace(summary(found.posterior, found.decision), law=told_law(found.posterior, found.decision))
-    if found.fresh is not None and found.fresh.outcome == "contradicted":
-        doubted = (*record.decided.named, *record.decided.group)
+    record = replace(
+        summary(found.posterior, found.decision), law=law_part(told_law(found.posterior, found.decision))
+    )
+    doubted = (*record.decided.named, *record.decided.group)
+    if found.fresh is not None and found.fresh.outcome == "contradicted" and doubted:
         record = replace(record, decided=replace(record.decided, verdict="unstable", named=(), group=doubted))
     return replace(record, fresh=found.fresh)
 

@@ -196,7 +196,9 @@ def document(record: Record) -> Document:
     }
     columns["conditions"] = {name: column.tolist() for name, column in record.rows.conditions.items()}
     found = {"where": parts["where"], "repeats": parts["repeats"], "rows": columns}
-    found |= {key: parts["decided"][key] for key in ("verdict", "named", "group", "probabilities")}
+    found |= {
+        key: parts["decided"][key] for key in ("verdict", "named", "group", "together", "probabilities")
+    }
     told = ("n", "chi2_before", "chi2_after", "p_lack_of_fit", "p_lack_of_fit_after")
     found |= {key: parts["fit"][key] for key in told}
     found |= {

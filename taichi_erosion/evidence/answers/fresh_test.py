@@ -25,12 +25,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import sqrt
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from taichi_erosion.evidence.data.comparison_rows import condition_numbers
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Numbers, Progress
-from taichi_erosion.evidence.emulator.design import Setting
+from taichi_erosion.evidence.emulator.design import Setting, rounded
 from taichi_erosion.evidence.emulator.fresh_runs import (
     MOST_CONDITIONS,
     FreshCampaign,
@@ -38,15 +39,15 @@ from taichi_erosion.evidence.emulator.fresh_runs import (
     FreshSimulator,
     Request,
 )
+from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.models.predictor import Predictor
 from taichi_erosion.evidence.models.simulator import row_at
-from taichi_erosion.evidence.race.decision import Decision
-from taichi_erosion.evidence.race.expansion import Acting
-from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
+from taichi_erosion.evidence.race.decision import MOST_TOLD, Decision
+from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race, score
 from taichi_erosion.evidence.race.outlook import Elsewhere
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import DRAWS, SEED, SURE
-from taichi_erosion.evidence.race.record import FreshPart, GapPart, Outcome
+from taichi_erosion.evidence.race.record import FreshPart, GapPart, Outcome, Verdict
 
 Simulate = Callable[[Sequence[Setting], Sequence[Request], Floats, Progress], FreshCampaign]
 OFF = 0.01  # chance below which an emulator is off: a right answer is lost one time in a hundred
@@ -62,35 +63,40 @@ class Kind:
     fits: tuple[Fit, ...]  # of the set, alone and beside what no list holds; the first is simulated
 
     @property
-    def names(self) -> Acting:
-        """Effects that act."""
-        return self.fits[0].hypothesis.names
+    def names(self) -> tuple[str, ...]:
+        """Effects and mechanisms that act."""
+        return tuple(sorted(self.fits[0].hypothesis.acting - {"?"}))
 
     def judged(self, mean: Floats, columns: Floats) -> list[Fit]:
         """The fits with a simulated mean and its errors in rows that have one, the emulator's in others."""
         at, known = self.fits[0], np.isfinite(mean)[:, np.newaxis]
-        errors, own = self.race.model.errors(self.names, at.v), self.emulator
+        errors, own = self.race.model.errors(at.hypothesis.names, at.v, at.doses), self.emulator
         before = self.race.prepared.rows.shared.shape[1]
         errors[:, before : before + own.shape[1]] = np.where(known, 0.0, own)
         mean, columns = np.where(known[:, 0], mean, at.mean), np.where(known, columns, 0.0)
-        errors = np.hstack([errors, columns])
-        jacobian = self.slopes(mean, columns)
-        about = [replace(fit, v=at.v, mean=mean, jacobian=jacobian, errors=errors) for fit in self.fits]
+        shown = self.shown(mean, columns)
+        jacobian = at.jacobian * np.where(np.arange(at.v.size) < self.race.model.count, 1.0, shown)
+        change: dict[str, Any] = {"v": at.v, "mean": mean, "jacobian": jacobian}
+        if at.dose is not None:
+            *blocks, dosed = at.blocks
+            change["blocks"] = (*blocks, replace(dosed, columns=shown * dosed.columns))
+            change["dose"] = replace(at.dose, slope=shown * at.dose.slope)
+        about = [replace(fit, **change, errors=np.hstack([errors, columns])) for fit in self.fits]
         return [self.race.solved(fit, start=fit.scales, fresh=True) for fit in about]
 
-    def slopes(self, mean: Floats, columns: Floats) -> Floats:
-        """Slopes (n, d) about a simulated mean with errors."""
+    def shown(self, mean: Floats, columns: Floats) -> float:
+        """Share a of what effects and mechanisms do that a simulated mean with errors shows."""
         at, model, prepared = self.fits[0], self.race.model, self.race.prepared
         without = prepared.predictor.mean(where(self.race, at)[0], {}, prepared.seeds.fitting) + model.shift
         action, white = prepared.white(at.mean - without), prepared.white(columns)
         along = np.linalg.solve(np.eye(action.size) + white @ white.T, action)
-        shown = 1.0 + along @ prepared.white(mean - at.mean) / (1.0 + along @ action)
-        return at.jacobian * np.where(np.arange(at.v.size) < model.count, 1.0, shown)
+        return float(1.0 + along @ prepared.white(mean - at.mean) / (1.0 + along @ action))
 
     @property
     def emulator(self) -> Floats:
         """Errors of the emulator (n, q)."""
-        return self.race.prepared.predictor.model_errors(*where(self.race, self.fits[0]))
+        at = self.fits[0]
+        return self.race.prepared.predictor.model_errors(*where(self.race, at), at.doses)
 
     def if_right(self, runs: FreshRuns, random: np.random.Generator) -> Floats:
         """Draws of ln of prior times evidence by as many runs of a right emulator."""
@@ -113,13 +119,20 @@ def where(race: Race, fit: Fit) -> tuple[Floats, dict[str, float]]:
 
 
 def setting_of(race: Race, fit: Fit) -> Setting:
-    """What a fit has the simulator do."""
-    return Setting(*race.prepared.predictor.setting(*where(race, fit)))
-
-
-def score(fit: Fit) -> float:
-    """Ln of prior times evidence."""
-    return fit.log_evidence + fit.log_prior
+    """What a fit has the simulator do, without meaningless digits, which would make it another run."""
+    told = race.prepared.predictor.setting(*where(race, fit))
+    numbers, acting = ({key: rounded(x) for key, x in each.items()} for each in told)
+    if fit.dose is None:
+        return Setting(numbers, acting)
+    model, conditions = race.prepared.problem.model, race.prepared.rows.conditions
+    known = model.known(conditions) if isinstance(model, NameMapping) else conditions
+    doses = []
+    for row in range(fit.mean.size):
+        at = {path: x for path, x in row_at(known, row).items() if np.isfinite(x)}
+        doses.append((at, {name: rounded(column[row]) for name, column in fit.doses.items()}))
+    top = {name: rounded(column[np.argmax(np.abs(column))]) for name, column in fit.doses.items()}
+    unique = {repr(each): each for each in doses}
+    return Setting(numbers, {**acting, **top}, [*unique.values()], fit.hypothesis.along)
 
 
 def total(fits: Sequence[Fit]) -> float:
@@ -128,22 +141,23 @@ def total(fits: Sequence[Fit]) -> float:
 
 
 def is_true(decision: Decision, hypothesis: Hypothesis) -> bool:
-    """Whether all that is named acts in an explanation, and one of the group."""
+    """Whether all that is named acts in an explanation, and one of the group; of mechanisms the first."""
     acting, group = hypothesis.acting, set(decision.group)
-    return set(decision.named) <= acting and (not group or bool(group & acting))
+    return decision.sure <= acting and (not group or bool(group & acting))
 
 
 def kinds_of(race: Race, decision: Decision) -> list[Kind]:
-    """The answer, what contradicts it, and no effect at all: each with the likeliest of constant strength."""
+    """The answer, what contradicts it, and nothing of the list: each with the likeliest."""
     kinds: dict[str, list[Fit]] = {"answer": [], "rival": [], "bare": []}
     for hypothesis, fit in race.fits.items():
         bare = not hypothesis.names and fit.dose is None
         kinds["answer" if is_true(decision, hypothesis) else "bare" if bare else "rival"].append(fit)
     found = []
     for fits in kinds.values():
-        able = sorted((each for each in fits if each.refined and each.dose is None), key=score, reverse=True)
+        able = sorted((each for each in fits if each.refined), key=score, reverse=True)
         if able:
-            own = tuple(each for each in able if each.hypothesis.names == able[0].hypothesis.names)
+            own = tuple(f for f in able if f.hypothesis.names == able[0].hypothesis.names and f.dose is None)
+            own = own if able[0].dose is None else (able[0],)
             found.append(Kind(race, total(fits), own))
     return found
 
@@ -151,12 +165,12 @@ def kinds_of(race: Race, decision: Decision) -> list[Kind]:
 def fresh_test(
     posterior: Posterior, decision: Decision, simulate: Simulate, progress: Progress
 ) -> tuple[FreshPart, frozenset[str]]:
-    """What fresh runs say of an answer that names effects, and the keys of these runs."""
+    """What fresh runs say of an answer that names effects or mechanisms, and the keys of these runs."""
     race = posterior.race
     kinds, asked = kinds_of(race, decision), race.prepared.predictor.requests
     made = simulate([setting_of(race, kind.fits[0]) for kind in kinds], asked, apart(race, kinds), progress)
     if not made.runs:
-        return FreshPart("not_made", needed=len(made.keys)), frozenset()
+        return FreshPart("not_made", kinds[0].names, needed=len(made.keys)), frozenset()
     each, none = list(zip(kinds, made.runs, strict=True)), np.full(race.prepared.rows.size, np.nan)
     known = np.array([total(kind.judged(none, run.columns)) for kind, run in each])
     simulated = np.array([total(kind.judged(run.mean, run.columns)) for kind, run in each])
@@ -165,12 +179,31 @@ def fresh_test(
     random = np.random.default_rng(SEED)
     right = np.transpose([kind.if_right(run, random) for kind, run in each])
     before, after = (float(chance(kinds, found - known)) for found in (known, simulated))
+    rival = next((k for k, kind in enumerate(kinds) if k and kind.names), 0)
+    other = float(chance(kinds, simulated - known, rival)) if rival else 0.0
     p, gap = float(np.mean(chance(kinds, right - known) <= after)), gap_of(race, kinds, made.runs)
     few = made.failed > MOST_FAILED * len(made.keys) or not made.runs[0].tests
     outcome = "undecided" if few else outcome_of(after, p, gap)
     agreement = float(np.mean(chance(kinds, np.array(alone) - known) > 0.5))
-    cost = (len(made.keys), made.seeds, made.failed)
-    return FreshPart(outcome, kinds[0].names, before, after, p, agreement, gap, *cost), made.keys
+    told = FreshPart(outcome, kinds[0].names, before, after, p, agreement, gap, len(made.keys), made.seeds)
+    return replace(told, failed=made.failed, rival=kinds[rival].names * bool(rival), rivals=other), made.keys
+
+
+def after_runs(told: Decision, part: FreshPart) -> Decision:
+    """The decision with mechanisms as runs show them: one that they do not confirm, beside its runner-up.
+
+    None is told where they contradict it and leave more than chance to the model without effects, and none
+    where the runner-up is a set.
+    """
+    if not told.mechanisms or part.outcome == "confirmed":
+        return told
+    tested, left = [*part.effects, *part.rival], 1.0 - part.simulated - part.rivals
+    if (part.outcome == "contradicted" and left > 1.0 - SURE) or len(part.rival) > 1:
+        verdict: Verdict = "outside_library" if told.outside >= SURE else "none_detected"
+        return replace(told, verdict=verdict, mechanisms=(), together=False)
+    order = tested[::-1] if part.rivals > part.simulated else tested
+    group = dict.fromkeys(name for name in (*order, *told.mechanisms) if name not in told.named)
+    return replace(told, mechanisms=tuple(group)[:MOST_TOLD], together=False)
 
 
 def runs_at(
@@ -230,10 +263,10 @@ def outcome_of(simulated: float, p: float, gap: GapPart | None) -> Outcome:
     return "contradicted" if p < OFF else "undecided"
 
 
-def chance(kinds: Sequence[Kind], change: Floats) -> Floats:
-    """Probability of the answer, the first kind, after a change (..., kinds) of the evidence of each."""
+def chance(kinds: Sequence[Kind], change: Floats, of: int = 0) -> Floats:
+    """Probability of one kind, by default the answer, after a change (..., kinds) of the evidence of each."""
     weights = np.array([kind.log_weight for kind in kinds]) + change
-    return np.exp(weights[..., 0] - np.logaddexp.reduce(weights, axis=-1))
+    return np.exp(weights[..., of] - np.logaddexp.reduce(weights, axis=-1))
 
 
 def apart(race: Race, kinds: Sequence[Kind]) -> Floats:

@@ -17,29 +17,28 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.evidence.answers import files
-from taichi_erosion.evidence.answers.fresh_test import fresh_test, kinds_of, runs_at, setting_of
+from taichi_erosion.evidence.answers.fresh_test import after_runs, fresh_test, kinds_of, runs_at, setting_of
 from taichi_erosion.evidence.answers.set_up import blocked, refuse_blocked
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.data.transforms import effect_of, is_strength
 from taichi_erosion.evidence.emulator import training_runs
-from taichi_erosion.evidence.emulator.design import Setting
+from taichi_erosion.evidence.emulator.design import LEAST_DOSE, Setting
 from taichi_erosion.evidence.emulator.fresh_runs import FreshSimulator, fresh_count
 from taichi_erosion.evidence.emulator.plan_cost import WORTH_TELLING, function_cost, plan_cost, shares
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns
 from taichi_erosion.evidence.models.load_study import BudgetName, Study
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.race.decision import Decision
-from taichi_erosion.evidence.race.doses import from_axis
 from taichi_erosion.evidence.race.expansion import Acting
-from taichi_erosion.evidence.race.fit import Fit, Hypothesis
+from taichi_erosion.evidence.race.fit import Fit, Race, score
 from taichi_erosion.evidence.race.outlook import Elsewhere
 from taichi_erosion.evidence.race.posterior import Posterior, strained
-from taichi_erosion.evidence.race.priors import KEEP, SURE
+from taichi_erosion.evidence.race.priors import KEEP, MOST, SURE
 from taichi_erosion.evidence.race.record import FreshPart
 from taichi_erosion.scene.load import file_text
 
 MOST_POINTS = 3  # explanations about which a round simulates
-MOST_REQUIRED = 4  # rounds beyond the planned ones, about points that an answer requires
+MOST_REQUIRED = 4  # rounds beyond the planned ones, about effects or mechanisms that an answer requires
 FRESH = "seed "  # first word of the names of rounds with other seeds than the study's
 Points = list[Setting]
 Rounds = dict[str, list[Points]]  # command and budget -> its rounds
@@ -55,28 +54,22 @@ class RacedStudy:
     asked: Elsewhere | None = None  # new rows, with runs of the calibrated model
     asked_runs: int = 0  # at these rows
 
-    def about(self, fit: Fit) -> Setting:
-        """The setting of a fit as the centre of a round; adopted effects may stand among its numbers."""
-        setting = setting_of(self.posterior.race, fit)
-        acting = {name: strength for name, strength in setting.effects.items() if strength > 0.0}
-        numbers = setting.parameters.items()
-        acting |= {str(effect_of(path)): value for path, value in numbers if is_strength(path)}
-        return Setting({path: value for path, value in numbers if not is_strength(path)}, acting)
-
-    def about_doses(self, fit: Fit) -> Points:
-        """Two settings of the mechanism of a fit: with its largest dose, and with half of it."""
-        assert fit.dose is not None
-        point, dose = self.about(fit), from_axis(fit.dose.w)
-        top = float(dose[np.argmax(np.abs(dose))])
-        return [
-            replace(point, effects={**point.effects, fit.hypothesis.kind: share * top})
-            for share in (1.0, 0.5)
-        ]
+    def about(self, *fits: Fit) -> Points:
+        """Settings of fits as centres of a round, twice where doses vary; adopted effects may be numbers."""
+        found = []
+        for fit in fits:
+            setting = setting_of(self.posterior.race, fit)
+            acting = {name: strength for name, strength in setting.effects.items() if strength != 0.0}
+            numbers = setting.parameters.items()
+            acting |= {str(effect_of(path)): value for path, value in numbers if is_strength(path)}
+            plain = {path: value for path, value in numbers if not is_strength(path)}
+            found += [replace(setting, parameters=plain, effects=acting)] * (1 + bool(setting.doses))
+        return found
 
     @property
     def about_bare(self) -> Setting:
         """The calibrated model as the centre of a round."""
-        return self.about(self.posterior.race.bare)
+        return self.about(self.posterior.race.bare)[0]
 
 
 @dataclass(frozen=True)
@@ -105,13 +98,17 @@ def discovery_question(
 
 
 def sets(posterior: Posterior) -> Mapping[Acting, float]:
-    """Probability of every set of listed effects, whatever is beside them."""
+    """Probability of every set of effects and mechanisms, likeliest first, whatever is beside them."""
     found: dict[Acting, float] = {}
     for hypothesis, p in posterior.probability.items():
-        names = hypothesis.names
-        if names or hypothesis.kind in ("", "?"):
-            found[names] = found.get(names, 0.0) + p
-    return found
+        names = tuple(sorted(hypothesis.acting - {"?"}))
+        found[names] = found.get(names, 0.0) + p
+    return dict(sorted(found.items(), key=lambda each: -each[1]))
+
+
+def closest(race: Race, names: Acting) -> Fit:
+    """The likeliest fit with exactly some effects and mechanisms."""
+    return max((fit for h, fit in race.fits.items() if h.acting == {*names}), key=score)
 
 
 def undecided(found: Decision) -> bool:
@@ -127,30 +124,25 @@ def settled(found: RacedStudy) -> bool:
 
 
 def points(found: RacedStudy) -> Points:
-    """The likeliest sets of effects, the bare model first; none where more runs decide nothing."""
-    share = sets(found.posterior)
-    likely = [names for names in sorted(share, key=lambda names: -share[names]) if share[names] >= KEEP]
+    """The likeliest explanations, the bare model first; none where more runs decide nothing."""
+    likely = [names for names, p in sets(found.posterior).items() if p >= KEEP]
     if not undecided(found.decision) or len(likely) < 2:
         return []
-    fits = found.posterior.race.fits
-    return [found.about(fits[Hypothesis(names)]) for names in sorted(likely[:MOST_POINTS], key=bool)]
+    return found.about(
+        *(closest(found.posterior.race, names) for names in sorted(likely[:MOST_POINTS], key=bool))
+    )
 
 
 def required(found: RacedStudy) -> Points:
     """Before it is said that no list holds what acts: the closest effect and set, or likely mechanisms."""
     if found.decision.verdict != "outside_library":
         return []
-    race = found.posterior.race
-    doses: dict[str, Fit] = {}
-    for fit in race.likely(KEEP, lambda fit: fit.hypothesis.kind in found.decision.beyond):
-        doses.setdefault(fit.hypothesis.kind, fit)
-    if doses:
-        return [point for fit in [*doses.values()][:MOST_POINTS] for point in found.about_doses(fit)]
-    fits = [fit for fit in race.fits.values() if fit.refined and not fit.hypothesis.beyond]
-    single = [fit for fit in fits if len(fit.hypothesis.names) == 1]
-    several = [fit for fit in fits if len(fit.hypothesis.names) > 1]
-    best = [max(kind, key=lambda fit: fit.log_evidence) for kind in (single, several) if kind]
-    return [found.about(fit) for fit in best]
+    race, share = found.posterior.race, sets(found.posterior)
+    fits = [closest(race, names) for names, p in share.items() if p >= KEEP]
+    if dosed := [fit for fit in fits if fit.dose is not None]:
+        return found.about(*dosed[:MOST_POINTS])
+    refined = [[f for f in race.sets(*sizes) if f.refined] for sizes in ((1,), range(2, MOST + 1))]
+    return found.about(*(max(kind, key=score) for kind in refined if kind))
 
 
 def answered(
@@ -205,7 +197,7 @@ def answered_by(
         if (wider := wider_runs(runs, ready, question, found)) is None:
             steps = part_of(progress, phases, len(phases) - 1)
             return with_fresh_runs(question, found, ready, runs, key, steps)
-        runs, cost = wider, plan_cost(wider, 0, 0)
+        runs, cost = wider, plan_cost(wider, 1, 2 * MOST_POINTS, test_cost(wider, question, own, key))
         study.options.announce(f"No listed effect suffices. {cost.sentence}")
         phases = [*phases[:phase], *cost.phases, *phases[phase:]]
 
@@ -238,7 +230,8 @@ def with_fresh_runs(
 
     Where they contradict it, the next answer starts with a round about what was tested.
     """
-    if question.asked is None and not (question.tested and (found.decision.named or found.decision.group)):
+    told = found.decision
+    if question.asked is None and not (question.tested and (told.named or told.group or told.mechanisms)):
         return found, ready
     study, known, rounds = runs.study, stored(runs.study)["fresh"], read_rounds(runs.study)
     mapping, race = ready.problem.model, found.posterior.race
@@ -250,9 +243,10 @@ def with_fresh_runs(
         asked, used = runs_at(question.asked(found), simulator, progress)
         found = replace(found, asked=asked, asked_runs=len(used))
     else:
-        part, used = fresh_test(found.posterior, found.decision, simulator.simulate, progress)
+        part, used = fresh_test(found.posterior, told, simulator.simulate, progress)
+        found = replace(found, decision=after_runs(told, part))
     if part is not None and part.outcome == "contradicted":
-        about = [found.about(kind.fits[0]) for kind in kinds_of(race, found.decision)]
+        about = found.about(*(kind.fits[0] for kind in kinds_of(race, told)))
         if training_runs.within_budget(runs, about):
             rounds[key].append(about)
             part = replace(part, more_runs=runs.plan_size.round * len(about) * len(runs.scenes))
@@ -267,14 +261,14 @@ def with_fresh_runs(
 def replayed(runs: TrainingRuns, key: str) -> tuple[TrainingRuns, list[Points], set[frozenset[str]]]:
     """Runs with those of earlier rounds; rounds of one question, effects of others by the same plan."""
     study, rounds = runs.study, read_rounds(runs.study)
-    known, budget = training_runs.known_effects(study.problem), key.rpartition(" ")[2]
+    budget = key.rpartition(" ")[2]
     start, is_fresh = study.fresh or FRESH, bool(study.fresh)  # of rounds whose seeds a study uses
     past = {name: made for name, made in rounds.items() if name != key and name.startswith(start) == is_fresh}
     own = list(rounds.get(key, []))
     for name, made in [*past.items(), (key, own)]:
         for number, about in enumerate(made):
             spent = name.rpartition(" ")[2]
-            if not runs.mechanisms and any(set(point.effects) - set(known) for point in about):
+            if not runs.mechanisms and dosed(about):
                 runs = training_runs.with_mechanisms(runs)
             runs = training_runs.refined_training_runs(runs, about, f"{name}|{number}", spent)
     tests = {run for entry in stored(study)["fresh"].values() for run in entry["runs"]}
@@ -293,8 +287,14 @@ def next_points(
     known = earlier | {acting(point) for about in own for point in about}
     needed = required(found) if question.missing else []
     about = [point for point in needed if acting(point) not in known]
-    done = len(own) >= runs.plan_size.rounds + MOST_REQUIRED
+    alike = [made for made in own[runs.plan_size.rounds :] if dosed(made) == dosed(about)]
+    done = len(alike) >= MOST_REQUIRED
     return None if done or not about or not training_runs.within_budget(runs, about) else about
+
+
+def dosed(about: Points) -> bool:
+    """Whether a round is about mechanisms."""
+    return any(point.doses for point in about)
 
 
 def part_of(progress: Progress, phases: Sequence[float], phase: int) -> Progress:
@@ -304,8 +304,13 @@ def part_of(progress: Progress, phases: Sequence[float], phase: int) -> Progress
 
 
 def acting(point: Setting) -> frozenset[str]:
-    """Effects and mechanisms that act at a point."""
-    return frozenset(name for name, strength in point.effects.items() if strength != 0.0)
+    """Effects and mechanisms that act at a point, these with the condition and the signs of their doses."""
+    found = []
+    for name, strength in point.effects.items():
+        doses = [own[name] for _, own in point.doses if name in own]
+        signs = {int(np.sign(dose)) for dose in doses if abs(dose) > LEAST_DOSE * abs(strength)}
+        found += [f"{name}|{point.along}|{sorted(signs)}" if doses else name] * (strength != 0.0)
+    return frozenset(found)
 
 
 def stored(study: Study) -> Mapping[str, Any]:
@@ -336,9 +341,9 @@ def rounds_file(study: Study) -> Path:
 
 
 def state_of(study: Study) -> str:
-    """Digest of a study file, its measurements and its effect files."""
-    known = [study.digest, file_text(study.path, str(study.path)), *(f.digest for f in study.effect_files)]
-    return sha256("|".join(known).encode()).hexdigest()[:16]
+    """Digest of a study file and its measurements; a round serves an effect file that joins them too."""
+    known = f"{study.digest}|{file_text(study.path, str(study.path))}"
+    return sha256(known.encode()).hexdigest()[:16]
 
 
 def last_plan(study: Study) -> Sequence[BudgetName]:

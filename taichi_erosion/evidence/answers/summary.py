@@ -8,7 +8,8 @@ For a signature g of strength 1 about the bare model, with P = V^-1 under nothin
 Reference: Cowan et al. (2011), Eur. Phys. J. C 71, 1554 (upper limits of a strength that is not negative).
 """
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import nan
 from typing import Literal
@@ -16,14 +17,17 @@ from typing import Literal
 import numpy as np
 from scipy import special
 
+from taichi_erosion.evidence.data.comparison_rows import tested_by_repeats
 from taichi_erosion.evidence.data.problem import Bools, Floats, Observable
 from taichi_erosion.evidence.data.transforms import axis_value, from_scale
 from taichi_erosion.evidence.models.predictor import axis_scale
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race import record as parts
-from taichi_erosion.evidence.race.adequacy import is_adequate, lack_of_fit_p, misfit_p, residual
+from taichi_erosion.evidence.race.adequacy import is_adequate, misfit_p, residual
 from taichi_erosion.evidence.race.blocks import columns_of
 from taichi_erosion.evidence.race.decision import Decision, decide, fit_of
+from taichi_erosion.evidence.race.dose_forms import Form
+from taichi_erosion.evidence.race.dose_laws import Law
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles
 from taichi_erosion.evidence.race.priors import KEEP, SURE
@@ -64,12 +68,12 @@ def decided(posterior: Posterior, found: Decision) -> parts.Decided:
     named = {*found.inclusion, *found.beyond}
     table: dict[str, float] = {"none": found.none, "outside_library": 0.0}
     for hypothesis, p in posterior.probability.items():
-        acting = (*hypothesis.names, *({hypothesis.kind} & named))
+        acting = (*hypothesis.names, *(each for each in hypothesis.kind.split("+") if each in named))
         if acting or hypothesis.kind == "?":
             key = "+".join(acting) or "outside_library"
             table[key] = table.get(key, 0.0) + p
     acts = found.verdict, found.named, found.group, found.mechanisms
-    return parts.Decided(*acts, table, found.familywise, found.refuted, found.outside)
+    return parts.Decided(*acts, table, found.familywise, found.refuted, found.outside, found.together)
 
 
 def scatter_parts(race: Race) -> Iterator[parts.ScatterPart]:
@@ -94,6 +98,16 @@ def repeat_parts(race: Race, after: Fit) -> Iterator[parts.RepeatPart]:
         likely = [line for line in each.suspects if (each.observable, line) in bad]
         found = each.suspects if len(each.suspects) == 1 else likely
         yield parts.RepeatPart(each.observable, each.lines, each.gap, found[0] if len(found) == 1 else 0)
+
+
+def lack_of_fit_p(race: Race, fit: Fit) -> float:
+    """Chance that repeats scatter as far from a fit as their means do; NaN without repeats."""
+    p = race.prepared
+    own, bad = p.white(fit.jacobian), list(fit.evidence.bad)
+    leverage = np.einsum("ij,jk,ik->i", own, fit.covariance, own)
+    left = residual(fit)
+    leverage[bad], left[bad] = 1.0, 0.0
+    return tested_by_repeats(p.rows, p.variance, left, leverage)
 
 
 def interval(values: Floats, weight: Floats) -> Interval:
@@ -229,6 +243,55 @@ def curve_part(
     ends = ends if kind == "offset" else np.exp(ends)
     places = tuple((float(x), Interval(*map(float, each))) for x, each in zip(points, ends, strict=True))
     return parts.CurvePart(observable.name, along, kind, shape, turn, places)
+
+
+def law_part(found: Law | None) -> parts.LawPart | None:
+    """A law with its intervals."""
+    if found is None:
+        return None
+    mechanism, best, share = found
+    form, draws = best.form, best.draws()
+    numbers = dict(zip(("a", *form.names), map(law_interval, best.numbers, draws.T), strict=True))
+    values = {name: f"{each.value:.3g}" for name, each in numbers.items()}
+    columns = [best.rows.conditions[name].tolist() for name in form.conditions]
+    at = sorted(set(zip(*columns, strict=True))) or [()]
+    sets = dict(zip(form.conditions, np.array(at).T, strict=True)) or {"": np.zeros(1)}
+    spread = np.array([form.dose(sets, each) for each in draws]).T
+    doses = map(law_interval, form.dose(sets, best.numbers), spread)
+    named = [dict(zip(form.conditions, each, strict=True)) for each in at]
+    return parts.LawPart(
+        mechanism,
+        form.conditions,
+        form.name,
+        form.text.format(**values),
+        form.python.format(**{name: f"params.{name}" for name in values}),
+        numbers,
+        {condition: numbers[name] for condition, name in form.exponents.items()},
+        tuple(zip(named, doses, strict=True)),
+        share,
+        *written(form, numbers),
+    )
+
+
+def written(form: Form, numbers: Mapping[str, Interval]) -> tuple[str, dict[str, tuple[str, float]]]:
+    """The expression with sizes of conditions named, and these; none where a number has another unit."""
+    if form.name == "exponential":
+        return "", {}
+    sizes: dict[str, tuple[str, float]] = {}
+    names = iter(form.conditions)
+
+    def named(found: re.Match[str]) -> str:
+        name = next(names)
+        sizes[f"{name}_0"] = name, float(found[0])
+        return f"{{{name}_0}}"
+
+    text = re.sub(r"(?<=/ )[\d.e+-]+(?=\))", named, form.text)
+    return text, sizes | ({"k": (form.conditions[0], numbers["k"].value)} if "k" in numbers else {})
+
+
+def law_interval(value: float, draws: Floats) -> Interval:
+    """A best value with the 90 % interval of its draws."""
+    return Interval(float(value), *map(float, np.quantile(draws, (0.05, 0.95))))
 
 
 def level_parts(posterior: Posterior) -> Iterator[parts.LevelPart]:

@@ -32,6 +32,7 @@ MOST_STRENGTH = 3.0  # likewise; effects that much stronger are read off the emu
 WARP = 1.5  # > 1 puts more of the tried strengths below the middle
 JITTER_NUMBERS = 0.4  # prior sd by which runs of a later round spread about an explanation
 JITTER_STRENGTH = 0.25  # likewise, share of the strength
+LEAST_DOSE = 0.1  # of the largest of an explanation, below which a run shows no mechanism
 BOTH_SIDES = 1.25  # runs along a dose, which has two signs, over those along a strength
 DIGITS = 6  # of a number in a run: rounding errors must not make it another run
 SEEDS = 2**30  # seeds of runs lie below
@@ -67,7 +68,16 @@ class Setting:
     """Calibrated numbers and strengths of one explanation."""
 
     parameters: Mapping[str, float]
-    effects: Mapping[str, float]  # strengths of effects, and the dose of a mechanism; 0: none
+    effects: Mapping[str, float]  # strengths of effects, and the largest dose of a mechanism; 0: none
+    doses: Sequence[tuple[Row, Numbers]] = ()  # of mechanisms under sets of conditions that are stated
+    along: str = ""  # condition with which the doses vary
+
+    def at(self, row: Row) -> list[Numbers]:
+        """What acts under some conditions; where some are left out, under each set that has the others."""
+        known = {path: value for path, value in row.items() if np.isfinite(value)}.items()
+        sets = sorted(self.doses, key=lambda each: len(each[0]))
+        found = [{**self.effects, **own} for at, own in sets if known <= at.items()]
+        return found or [dict(self.effects)]
 
 
 @dataclass(frozen=True)
@@ -162,7 +172,7 @@ def spread_runs(
     """
     names = () if acting is None else (acting.name,)
 
-    def strength(_: str, share: float) -> float:
+    def strength(_: str, share: float, __: Row) -> float:
         assert acting is not None
         return strength_at(acting, share)
 
@@ -206,8 +216,11 @@ def refinement_runs(
     """Runs about one explanation, within limits of strengths and doses, with fresh seeds."""
     names = tuple(name for name, strength in about.effects.items() if strength != 0.0)
 
-    def strength(name: str, share: float) -> float:
-        jittered = about.effects[name] * (1.0 + JITTER_STRENGTH * (2.0 * share - 1.0))
+    def strength(name: str, share: float, row: Row) -> float:
+        least = LEAST_DOSE * abs(about.effects[name])
+        own = sorted({each[name] for each in about.at(row) if abs(each[name]) >= least}) or [least]
+        place, jitter = divmod(share * len(own), 1.0)
+        jittered = own[int(place)] * (1.0 + JITTER_STRENGTH * (2.0 * jitter - 1.0))
         return float(np.clip(jittered, *limits[name]))
 
     def parameter(axis: Axis, share: float) -> float:
@@ -223,13 +236,13 @@ def sampled_runs(
     names: Sequence[str],
     count: int,
     key: str,
-    values: tuple[Callable[[Axis, float], float], Callable[[str, float], float]],
+    values: tuple[Callable[[Axis, float], float], Callable[[str, float, Row], float]],
     more: int,
 ) -> list[TrainingRun]:
     """Runs at Sobol points over calibrated numbers, strengths and conditions; none where no effect can act.
 
-    `values` turn a share of the unit interval into a calibrated number and into a strength; `more` counts the
-    dimensions beside the calibrated numbers.
+    `values` turn a share of the unit interval into a calibrated number, and into a strength under some
+    conditions; `more` counts the dimensions beside the calibrated numbers.
     """
     rows, free = distinct_conditions(scene, names), relevant_axes(scene, names)
     centre = {axis.name: rounded(axis_value(axis, 0.0)) for axis in scene.axes}
@@ -239,8 +252,8 @@ def sampled_runs(
     points = sobol.random_base2(int(np.ceil(np.log2(max(count, 2)))))
     for number, point in enumerate(points[: count if rows else 0]):
         chosen = {a.name: rounded(parameter(a, share)) for a, share in zip(free, point, strict=False)}
-        acting = {n: rounded(strength(n, s)) for n, s in zip(names, point[len(free) :], strict=False)}
         row = rows[min(int(point[-1] * len(rows)), len(rows) - 1)]
+        acting = {n: rounded(strength(n, s, row)) for n, s in zip(names, point[len(free) :], strict=False)}
         runs.append(TrainingRun(scene.measure.scene, row, centre | chosen, acting, seed_of(key, number)))
     return runs
 

@@ -23,7 +23,7 @@ from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Numbers, Observable, Progress
 from taichi_erosion.evidence.data.transforms import from_scale, slope, to_scale
-from taichi_erosion.evidence.emulator.design import Setting, StudyScene, distinct_conditions, rounded, seed_of
+from taichi_erosion.evidence.emulator.design import Setting, StudyScene, distinct_conditions, seed_of
 from taichi_erosion.evidence.emulator.emulator import Emulator, ObservableEmulator, request_points
 from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, executed, room_left
 from taichi_erosion.evidence.models.plugin import NameMapping
@@ -96,7 +96,7 @@ class TestedRow:
     def point(self, setting: Setting) -> Point:
         """What is simulated for it; rows that differ in nothing that a run reads share a point."""
         simulator = self.emulator.inputs.scene.simulator
-        words = simulator.overrides(self.measure, self.at, setting.parameters, setting.effects)
+        words = simulator.overrides(self.measure, self.at, setting.parameters, setting.at(self.at)[0])
         return self.measure.scene, words
 
 
@@ -113,13 +113,6 @@ class FreshSimulator:
         self, settings: Sequence[Setting], asked: Sequence[Request], weight: Floats, progress: Progress
     ) -> FreshCampaign:
         """Runs of all settings at the conditions whose rows weigh most."""
-        settings = [  # without meaningless digits, which would make it another run elsewhere
-            Setting(
-                {path: rounded(value) for path, value in each.parameters.items()},
-                {name: rounded(value) for name, value in each.effects.items() if value > 0.0},
-            )
-            for each in settings
-        ]
         rows = self.weighty_rows(asked, weight)
         points = list(dict.fromkeys(row.point(setting) for setting in settings for row in rows))
         keys = frozenset[str]()
@@ -262,7 +255,9 @@ class SettingRows:
             return None
         kept, found = list(first.values()), rows[0].emulator
         at = {path: np.array([row.at[path] for row in kept]) for path in kept[0].at}
-        inputs = request_points(found.inputs, at, self.setting.parameters, self.setting.effects)
+        acting = [self.setting.at(row.at)[0] for row in kept]
+        effects = {name: np.array([each[name] for each in acting]) for name in acting[0]}
+        inputs = request_points(found.inputs, at, self.setting.parameters, effects)
         pairs = [self.reading(row) for row in kept]
         mean = np.array([seed_mean(own[:, np.newaxis])[0] for own, _ in pairs])
         error = np.array([float(np.linalg.norm(errors)) for _, errors in pairs])

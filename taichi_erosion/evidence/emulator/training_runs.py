@@ -230,7 +230,8 @@ def refined_training_runs(
 ) -> TrainingRuns:
     """The runs with a further round about some explanations; rounds of other keys have other seeds.
 
-    `budget`: that of the command which made the round.
+    `budget`: that of the command which made the round. Points about effects that the study has no more stay
+    without runs.
     """
     limits = {name: (0.0, each.maximum) for name, each in known_effects(training.study.problem).items()}
     limits |= {each.name: (each.low, each.high) for each in training.mechanisms}
@@ -238,7 +239,8 @@ def refined_training_runs(
     more: list[TrainingRun] = []
     for scene in training.scenes:
         for number, point in enumerate(about):
-            more += design.refinement_runs(scene, limits, point, count, f"{key}|{number}")
+            if point.effects.keys() <= limits.keys():
+                more += design.refinement_runs(scene, limits, point, count, f"{key}|{number}")
     return replace(training, runs=(*training.runs, *more))
 
 

@@ -5,7 +5,7 @@
 V holds errors of known size, levels, sources and groups of rows, and the scatter f over what is stated: no
 smooth discrepancy counts as chance. Doses of a mechanism are held where the model has gone: what linear rows
 promise beyond has not been seen. Where measurements are repeated, the rows must also lie no farther from
-the explanation than their repeats scatter (`tested_by_repeats`).
+the explanation than their repeats scatter (`lack_of_fit_p` of `answers/summary.py`).
 """
 
 from dataclasses import replace
@@ -13,9 +13,8 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
-from taichi_erosion.evidence.data.comparison_rows import tested_by_repeats
 from taichi_erosion.evidence.data.problem import Bools, Floats
-from taichi_erosion.evidence.race.fit import Fit, Race
+from taichi_erosion.evidence.race.fit import Fit
 from taichi_erosion.evidence.race.priors import ADEQUATE
 
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(7)  # of a normal distribution
@@ -50,16 +49,6 @@ def misfit_p(fit: Fit, levels: bool) -> float:
     doubt = np.nan_to_num(rows.scales.doubt)
     size = [rows.y @ rows.solved(u + z * doubt).precision[0] for z in NODES]
     return float(WEIGHTS @ special.chdtrc(rows.y.size, np.maximum(size, 0.0)) / WEIGHTS.sum())
-
-
-def lack_of_fit_p(race: Race, fit: Fit) -> float:
-    """Chance that repeats scatter as far from a fit as their means do; NaN without repeats."""
-    p = race.prepared
-    own, bad = p.white(fit.jacobian), list(fit.evidence.bad)
-    leverage = np.einsum("ij,jk,ik->i", own, fit.covariance, own)
-    left = residual(fit)
-    leverage[bad], left[bad] = 1.0, 0.0
-    return tested_by_repeats(p.rows, p.variance, left, leverage)
 
 
 def is_adequate(fit: Fit, least: float = ADEQUATE) -> bool:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_erosion.evidence.race.adequacy import is_adequate
-from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
+from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race, score
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SURE
 from taichi_erosion.evidence.race.record import Verdict
@@ -34,13 +34,19 @@ class Decision:
     verdict: Verdict
     named: tuple[str, ...]  # effects that act
     group: tuple[str, ...]  # of which one acts
-    mechanisms: tuple[str, ...]  # of which one acts, best first
+    mechanisms: tuple[str, ...]  # of which one acts, best first, or all
     none: float  # probability that nothing is missing
     outside: float  # that something acts that is not in the list, alone or beside effects
     inclusion: dict[str, float]  # of every effect, that it acts
     beyond: dict[str, float]  # of every mechanism
     familywise: float
     refuted: tuple[str, ...] = ()  # what would be named, where the rows refute it
+    together: bool = False  # whether all mechanisms act
+
+    @property
+    def sure(self) -> frozenset[str]:
+        """What acts where the answer is true; of mechanisms that are not told apart the first."""
+        return frozenset((*self.named, *self.mechanisms[: None if self.together else 1]))
 
 
 def decide(posterior: Posterior) -> Decision:
@@ -57,22 +63,28 @@ def decide(posterior: Posterior) -> Decision:
     refuted: tuple[str, ...] = ()
     if chance > FAMILYWISE:
         named, group = (), ()
-    elif not holds(race, named, group):
-        named, group, refuted = (), (), (*named, *group)
     sound = {name: p for name, p in beyond.items() if reaches(race, name)}
-    together = sound if refuted else inclusion | sound
-    likely = () if named or group else smallest(posterior, list(together), together, MOST_TOLD)
+    both = tuple(name for name, p in sound.items() if p >= SURE)
+    if (named or group) and not holds(race, named, group, both):
+        named, group, refuted = (), (), (*named, *group)
+    single = sound if refuted or named else inclusion | sound
+    likely = both if both or group else smallest(posterior, list(single), single, MOST_TOLD)
     verdict: Verdict = "group" if group else "present" if named else "none_detected"
-    if verdict == "none_detected" and (outside >= SURE or set(likely) & set(mechanisms)):
+    if both or (verdict == "none_detected" and (outside >= SURE or set(likely) & set(mechanisms))):
         verdict = "outside_library"
     held = likely if verdict == "outside_library" else ()
-    return Decision(verdict, named, group, held, none, outside, inclusion, beyond, chance, refuted)
+    together = len(both) > 1
+    return Decision(verdict, named, group, held, none, outside, inclusion, beyond, chance, refuted, together)
 
 
-def holds(race: Race, named: tuple[str, ...], group: tuple[str, ...]) -> bool:
-    """Whether the rows do not refute what is named, with one of the group, at strengths of the list."""
-    sets = [(*named, name) for name in group] or [named]
-    fits = [fit for names in sets if (fit := race.fits.get(Hypothesis(tuple(sorted(names))))) is not None]
+def holds(race: Race, named: tuple[str, ...], group: tuple[str, ...], beside: tuple[str, ...]) -> bool:
+    """Whether the rows do not refute what is named, with one of the group, at strengths of the list.
+
+    Alone, or `beside` mechanisms that act.
+    """
+    sets = [{*named, name} for name in group] or [{*named}]
+    wanted = [names | more for names in sets for more in (set[str](), {*beside})]
+    fits = [fit for h, fit in race.fits.items() if h.acting in wanted]
     if not fits:
         return False
     best = max(fits, key=lambda fit: fit.log_evidence)
@@ -83,17 +95,21 @@ def holds(race: Race, named: tuple[str, ...], group: tuple[str, ...]) -> bool:
 
 def reaches(race: Race, mechanism: str) -> bool:
     """Whether the likeliest doses of a mechanism, where the model has gone, are not refuted by the rows."""
-    fits = [fit for fit in race.fits.values() if fit.hypothesis.kind == mechanism]
-    best = max(fits, key=lambda fit: fit.log_evidence + fit.log_prior, default=None)
+    fits = [fit for fit in race.fits.values() if mechanism in fit.hypothesis.acting]
+    best = max(fits, key=score, default=None)
     return best is not None and is_adequate(best, FAMILYWISE)
 
 
 def fit_of(posterior: Posterior, found: Decision) -> Fit:
-    """The likeliest explanation of exactly what is told; of all of them where a group or no set is told."""
+    """The likeliest explanation of what is told, of mechanisms of the first; of all where a group is told."""
+    race = posterior.race
     if found.verdict == "none_detected":
-        return posterior.race.bare
-    alone = posterior.race.fits.get(Hypothesis(tuple(sorted(found.named))))
-    return alone if found.verdict == "present" and alone is not None else posterior.best
+        return race.bare
+    alone = race.fits.get(Hypothesis(tuple(sorted(found.named))))
+    if found.verdict == "present" and alone is not None:
+        return alone
+    share = posterior.probability
+    return race.fits[max([h for h in share if h.acting >= found.sure] or share, key=lambda h: share[h])]
 
 
 def probability(posterior: Posterior, names: Iterable[str]) -> float:

@@ -17,24 +17,21 @@ References: Golub & Pereyra (1973), SIAM J. Numer. Anal. 10, 413 (linear unknown
 Ann. Stat. 6, 461 (price of a number); Stone (1974), J. R. Stat. Soc. B 36, 111 (cross-validation).
 """
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
 import scipy
 
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows
 from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race.decision import Decision, fit_of
 from taichi_erosion.evidence.race.dose_forms import POWERS, Form, forms_of
-from taichi_erosion.evidence.race.doses import STILL, Dosing, dosings, from_axis, to_axis
-from taichi_erosion.evidence.race.fit import Fit, Race
+from taichi_erosion.evidence.race.doses import STILL, Dosing, dosing_of, to_axis
+from taichi_erosion.evidence.race.fit import Fit, Race, from_axis
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import CARRIED, DRAWS, SEED, STEP
-from taichi_erosion.evidence.race.record import Interval, LawPart
 
 FOLDS = 6  # of the groups, at most
 ROUNDS = 3  # expansions of a form about its own mean
@@ -71,17 +68,13 @@ class LawRows:
 
     def left_out(self, w: Floats, inside: Bools, outside: Bools) -> Floats:
         """Ln density of rows outside given those inside, and their misfit."""
-        linear = self.linear(w)
+        linear, found = self.linear(w), []
         variance = self.variance + linear[:, 1:] @ linear[:, 1:].T
-        some, known = (log_density(linear[k, 0], variance[np.ix_(k, k)]) for k in (inside | outside, inside))
-        return some - known
-
-
-def log_density(r: Floats, variance: Floats) -> Floats:
-    """Ln of a normal density, and r^T V^-1 r."""
-    root = scipy.linalg.cholesky(variance, lower=True)
-    misfit = float(np.sum(scipy.linalg.solve_triangular(root, r, lower=True) ** 2))
-    return np.array([-0.5 * misfit - float(np.sum(np.log(np.diag(root)))), misfit])
+        for k in (inside | outside, inside):
+            root = scipy.linalg.cholesky(variance[np.ix_(k, k)], lower=True)
+            misfit = float(np.sum(scipy.linalg.solve_triangular(root, linear[k, 0], lower=True) ** 2))
+            found.append([-0.5 * misfit - float(np.sum(np.log(np.diag(root)))), misfit])
+        return np.subtract(*found)
 
 
 @dataclass(frozen=True)
@@ -144,7 +137,12 @@ class FittedForm:
         return found.clip(*self.ends)
 
 
-def told_law(posterior: Posterior, found: Decision) -> LawPart | None:
+Law = tuple[
+    str, FittedForm, float
+]  # mechanism, form, share of the misfit of left-out groups that it explains
+
+
+def told_law(posterior: Posterior, found: Decision) -> Law | None:
     """The law of the doses of a mechanism that is told; None without one, or where the budget is spent."""
     if not found.mechanisms:
         return None
@@ -154,30 +152,33 @@ def told_law(posterior: Posterior, found: Decision) -> LawPart | None:
         return None
 
 
-def law_of(race: Race, fit: Fit) -> LawPart | None:
-    """The law of the mechanism of a fit; None without one, or with few rows. Raises BudgetSpentError."""
-    if fit.dose is None or fit.mean.size < FOLDS:
+def law_of(race: Race, fit: Fit) -> Law | None:
+    """The law of the mechanism of a fit; None without one or with two, or with few rows.
+
+    Raises BudgetSpentError.
+    """
+    if fit.dose is None or len(fit.doses) > 1 or fit.mean.size < FOLDS:
         return None
-    every = dosings(race, {fit.hypothesis.along: fit.dose.factor})
-    dosing = next(each for each in every if each.hypothesis == fit.hypothesis)
+    dosing = dosing_of(race, fit, fit.dose.factor)
     curve = tabulated(dosing, fit.v, fit.dose.w)
     place = Place(fit.v, fit.dose.w, fit.mean, along(curve, fit.dose.w)[:, 1:])
     rows = rows_about(race, fit, curve, place)
     first = [first_fit(rows, form, place.w) for form in forms_of(rows.conditions)]
     first.sort(key=lambda each: 0.5 * each.misfit + each.price)
     settled = [settled_form(race, dosing, fit, place, each) for each in first[:CARRIED]]
-    settled = [each for each in settled if dosing.holds(each.doses())]
+    low, high = dosing.ends + np.array([[-STILL], [STILL]])
+    settled = [each for each in settled if np.all((low < each.doses()) & (each.doses() < high))]
     if not settled:
         return None
     scores, misfits = np.array([cross_validated(each.rows, each) for each in settled]).T
     best = int(np.argmax(scores - [each.price for each in settled]))
     nothing = cross_validated(rows)[1]
-    return told(dosing.name, settled[best], float(1.0 - misfits[best] / nothing))
+    return fit.hypothesis.kind, settled[best], float(1.0 - misfits[best] / nothing)
 
 
 def tabulated(dosing: Dosing, v: Floats, w: Floats) -> "scipy.interpolate.PPoly":
     """M along one dose for all rows, with slopes at the ends of the range, of doses and at 0."""
-    low, top = dosing.ends
+    low, top = dosing.ends[:, 0]
     ends = np.unique(np.clip([low, w.min(), 0.0, w.max(), top], low, top).round(2))
     near = np.linspace(ends[1], ends[-2], NODES)
     nodes = np.unique(np.concatenate([ends, np.linspace(low, top, NODES), near]).round(2))
@@ -200,17 +201,16 @@ def along(curve: "scipy.interpolate.PPoly", w: Floats) -> Floats:
     return ((a * t + b) * t + c) * t + d
 
 
-def fold_numbers(rows: ComparisonRows) -> Integers:
-    """Fold of each row; rows of one group, or of one set of conditions where groups are few, share it."""
-    labels = np.array(rows.group)
-    if np.unique(labels).size < FOLDS // 2:
-        labels = np.array([repr(each) for each in zip(*rows.conditions.values(), strict=True)])
-    return np.unique(labels, return_inverse=True)[1] % FOLDS
-
-
 def rows_about(race: Race, fit: Fit, curve: "scipy.interpolate.PPoly", place: Place) -> LawRows:
-    """Rows with M exact at a place, and the scales and bad rows of the evidence of a fit."""
+    """Rows with M exact at a place, and the scales and bad rows of the evidence of a fit.
+
+    Rows of one group share a fold; of one set of conditions, where groups are few.
+    """
     p, now = race.prepared, fit.evidence.solved
+    labels = np.array(p.rows.group)
+    if np.unique(labels).size < FOLDS // 2:
+        labels = np.array([repr(each) for each in zip(*p.rows.conditions.values(), strict=True)])
+    folds = np.unique(labels, return_inverse=True)[1] % FOLDS
     work, root = p.working(place.mean), np.sqrt(now.row_share)
     shared = now.rows.block != len(fit.blocks) - 1
     shared[: fit.v.size] = False
@@ -218,7 +218,7 @@ def rows_about(race: Race, fit: Fit, curve: "scipy.interpolate.PPoly", place: Pl
     gain = (root * work.weight)[:, np.newaxis] * p.white(np.eye(root.size))
     offset = np.column_stack([place.mean - place.slopes @ place.v, place.slopes]) - along(curve, place.w)
     y, variance = root * work.residual + gain @ place.mean, np.eye(root.size) + columns @ columns.T
-    return LawRows(p.rows.conditions, fold_numbers(p.rows), curve, offset, y, gain, variance)
+    return LawRows(p.rows.conditions, folds, curve, offset, y, gain, variance)
 
 
 def first_fit(rows: LawRows, form: Form, w: Floats) -> FittedForm:
@@ -252,49 +252,3 @@ def cross_validated(rows: LawRows, fit: FittedForm | None = None) -> Floats:
         w = np.zeros(outside.size) if fit is None else fit.to(rows, ~outside).doses()
         found += rows.left_out(w, ~outside, outside)
     return found
-
-
-def told(mechanism: str, best: FittedForm, share: float) -> LawPart:
-    """The law with its intervals."""
-    form, draws = best.form, best.draws()
-    numbers = dict(zip(("a", *form.names), map(interval, best.numbers, draws.T), strict=True))
-    values = {name: f"{each.value:.3g}" for name, each in numbers.items()}
-    columns = [best.rows.conditions[name].tolist() for name in form.conditions]
-    at = sorted(set(zip(*columns, strict=True))) or [()]
-    sets = dict(zip(form.conditions, np.array(at).T, strict=True)) or {"": np.zeros(1)}
-    spread = np.array([form.dose(sets, each) for each in draws]).T
-    doses = map(interval, form.dose(sets, best.numbers), spread)
-    named = [dict(zip(form.conditions, each, strict=True)) for each in at]
-    return LawPart(
-        mechanism,
-        form.conditions,
-        form.name,
-        form.text.format(**values),
-        form.python.format(**{name: f"params.{name}" for name in values}),
-        numbers,
-        {condition: numbers[name] for condition, name in form.exponents.items()},
-        tuple(zip(named, doses, strict=True)),
-        share,
-        *written(form, numbers),
-    )
-
-
-def written(form: Form, numbers: Mapping[str, Interval]) -> tuple[str, dict[str, tuple[str, float]]]:
-    """The expression with sizes of conditions named, and these; none where a number has another unit."""
-    if form.name == "exponential":
-        return "", {}
-    sizes: dict[str, tuple[str, float]] = {}
-    names = iter(form.conditions)
-
-    def named(found: re.Match[str]) -> str:
-        name = next(names)
-        sizes[f"{name}_0"] = name, float(found[0])
-        return f"{{{name}_0}}"
-
-    text = re.sub(r"(?<=/ )[\d.e+-]+(?=\))", named, form.text)
-    return text, sizes | ({"k": (form.conditions[0], numbers["k"].value)} if "k" in numbers else {})
-
-
-def interval(value: float, draws: Floats) -> Interval:
-    """A best value with the 90 % interval of its draws."""
-    return Interval(float(value), *map(float, np.quantile(draws, (0.05, 0.95))))

@@ -10,22 +10,26 @@ runs as any other setting.
 Reference: Rasmussen & Williams (2006), Gaussian Processes, 3.4 (Gauss-Newton steps of a latent function).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import log
 
 import numpy as np
 
-from taichi_erosion.evidence.data.problem import Floats
+from taichi_erosion.evidence.data.problem import Floats, Mechanism
 from taichi_erosion.evidence.race.blocks import Block, dose_columns
-from taichi_erosion.evidence.race.fit import FAR, SHARES, SLACK, Doses, Fit, Hypothesis, Race
+from taichi_erosion.evidence.race.expansion import Acting
+from taichi_erosion.evidence.race.fit import FAR, SLACK, Doses, Fit, Hypothesis, Race, score
 from taichi_erosion.evidence.race.linear_evidence import scale
-from taichi_erosion.evidence.race.priors import CARRIED, DOSE
-from taichi_erosion.evidence.race.search import log_prior_mechanism
+from taichi_erosion.evidence.race.priors import CARRIED, DOSE, KEEP, STEP, UNLISTED
 
+SHARES = (1.0, 0.4, 0.16, 0.06)  # of a step of doses, that are tried in turn
 LEAST_DOSE = -0.95  # a place that is almost switched off
 LARGEST_STEP, STILL = 0.7, 0.02  # of w
 FIRST, THEN = 4, 14  # steps with the scales at their priors, so that no level takes what a dose does; all
+
+Seen = tuple["Dosing", Fit, Floats]  # mechanisms, a fit from which they start, and their doses there
 
 
 def to_axis(dose: Floats) -> Floats:
@@ -33,77 +37,77 @@ def to_axis(dose: Floats) -> Floats:
     return np.where(dose > 0.0, np.log1p(np.maximum(dose, 0.0)), dose)
 
 
-def from_axis(w: Floats) -> Floats:
-    """Doses of places on that axis."""
-    return np.where(w > 0.0, np.expm1(np.maximum(w, 0.0)), w)
-
-
 @dataclass(frozen=True)
 class Dosing:
-    """A mechanism with one kernel of its doses."""
+    """Mechanisms with one kernel of their doses, alone or beside listed effects."""
 
     race: Race
-    name: str
-    ends: Floats  # (2,), range of its doses on their axis
+    mechanisms: tuple[Mechanism, ...]
     log_prior: float
     axis: str  # condition along which the doses vary
-    factor: Floats  # (n, r), L of the kernel
+    factor: Floats  # (n, r), L of the kernel of each
+    names: Acting = ()  # effects beside them
 
     @property
     def hypothesis(self) -> Hypothesis:
         """Its key in the race."""
-        return Hypothesis((), f"{self.name}|{self.axis}")
+        return Hypothesis(self.names, f"{'+'.join(each.name for each in self.mechanisms)}|{self.axis}")
 
-    def holds(self, w: Floats) -> bool:
-        """Whether all doses, on their axis, lie in the range of the mechanism."""
-        return bool(np.all((self.ends[0] - STILL < w) & (w < self.ends[1] + STILL)))
+    @cached_property
+    def ends(self) -> Floats:
+        """Range (2, m n) of the doses on their axis."""
+        ends = [[max(each.low, LEAST_DOSE), each.high] for each in self.mechanisms]
+        return np.repeat(to_axis(np.array(ends, dtype=np.float64).T), self.factor.shape[0], axis=1)
+
+    @cached_property
+    def root(self) -> Floats:
+        """Factor (m n, m r) of all doses."""
+        return np.asarray(np.kron(np.eye(len(self.mechanisms)), self.factor), dtype=np.float64)
 
     def within(self, beta: Floats) -> Floats:
         """Coefficients whose doses are nearest to those of some within the range."""
-        w = self.factor @ beta
-        return beta + Doses(np.clip(w, *self.ends) - w, w, self.factor).coefficients
+        w = self.root @ beta
+        return beta + Doses(np.clip(w, *self.ends) - w, w, self.root).coefficients
 
     def at(self, v: Floats, w: Floats) -> tuple[Floats, Floats]:
         """Doses on their axis within the range, and the mean (n,) there."""
         held = np.round(np.clip(w, *self.ends), 3)
-        return held, self.race.model.dosed(v, self.name, from_axis(held))
+        return held, self.race.model.mean(self.names, v, self.hypothesis.doses(held))
 
     def slope(self, v: Floats, w: Floats, mean: Floats) -> Floats:
-        """Slope (n,) of the mean along w."""
-        h = np.where(w > np.mean(self.ends), -0.05, 0.05)
-        return np.nan_to_num((self.at(v, w + h)[1] - mean) / h)
+        """Slope (m n,) of the mean along w."""
+        found, each = [], np.arange(w.size) // mean.size
+        for k in range(len(self.mechanisms)):
+            h = np.where(each == k, np.where(w > np.mean(self.ends, axis=0), -0.05, 0.05), 0.0)
+            found.append(np.nan_to_num((self.at(v, w + h)[1] - mean) / h[each == k]))
+        return np.concatenate(found)
 
     def expanded(self, at: Fit, beta: Floats, w: Floats, u: Floats | None, steps: int) -> Fit:
         """The race's rows about numbers, doses w and their coefficients."""
-        slope = self.slope(at.v, w, at.mean)
-        block = Block("dose", "", slope[:, np.newaxis] * self.factor, scale("dose", cauchy=DOSE))
-        return self.race.solved(
-            replace(
-                at,
-                hypothesis=self.hypothesis,
-                blocks=(*self.race.blocks, block),
-                dose=Doses(self.factor @ beta, slope, self.factor),
-                log_prior=self.log_prior,
-            ),
-            steps,
-            u,
-        )
+        dose = Doses(self.root @ beta, self.slope(at.v, w, at.mean), self.root)
+        block = Block("dose", "", dose.change(self.root, at.mean.size), scale("dose", cauchy=DOSE))
+        known = {"hypothesis": self.hypothesis, "log_prior": self.log_prior, "refined": True}
+        return self.race.solved(replace(at, **known, blocks=(*self.race.blocks, block), dose=dose), steps, u)
+
+    def behind(self, fit: Fit) -> bool:
+        """Whether a fit is so unlikely that no few steps more make it worth another run."""
+        return score(fit) < max(map(score, self.race.fits.values())) + 2.0 * log(KEEP)
 
     def fitted(self, start: Fit, w: Floats) -> Fit:
         """Numbers and doses by Gauss-Newton steps from some, none of which raises the misfit."""
-        beta, u = Doses(w, w, self.factor).coefficients, None
-        w, mean = self.at(start.v, self.factor @ beta)
+        beta, u = Doses(w, w, self.root).coefficients, None
+        w, mean = self.at(start.v, self.root @ beta)
         fit = replace(start, mean=mean)
         for step in range(THEN):
             fit = self.expanded(fit, beta, w, u, 0 if step < FIRST else 4)
             u, change, turn, tau = fit.scales, *self.steps_of(fit, beta)
-            small = np.max(np.abs(change), initial=0.0) < 0.05 and np.max(np.abs(self.factor @ turn)) < STILL
-            if small and step >= FIRST:
+            small = np.max(np.abs(change), initial=0.0) < 0.05 and np.max(np.abs(self.root @ turn)) < STILL
+            if step >= FIRST and (small or self.behind(fit)):
                 break
             before = self.race.misfit(fit, fit.mean, fit.v) + float(beta @ beta) / tau**2
             for share in SHARES:
                 v, tried = fit.v + share * change, self.within(beta + share * turn)
-                there, mean = self.at(v, self.factor @ tried)
+                there, mean = self.at(v, self.root @ tried)
                 after = self.race.misfit(fit, np.nan_to_num(mean, nan=1e6), v) + float(tried @ tried) / tau**2
                 if after < before + 0.1 * SLACK:
                     break
@@ -111,10 +115,10 @@ class Dosing:
                 break
             gone, jacobian = share * change, fit.jacobian
             if np.max(np.abs(gone), initial=0.0) > 0.1:
-                linear = fit.mean + fit.dose.slope * (there - w) if fit.dose is not None else fit.mean
+                linear = fit.mean + (fit.dose.change(there - w, mean.size) if fit.dose is not None else 0.0)
                 jacobian = jacobian + np.outer(mean - linear - jacobian @ gone, gone) / (gone @ gone)
             fit, beta, w = replace(fit, v=v, mean=mean, jacobian=jacobian), tried, there
-        fit = replace(fit, errors=self.race.model.errors((), fit.v, {self.name: from_axis(w)}))
+        fit = replace(fit, errors=self.race.model.errors(self.names, fit.v, self.hypothesis.doses(w)))
         found = self.arrived(self.expanded(fit, beta, w, u, 8), beta)
         return self.race.better(found, self.race.fits.get(self.hypothesis, found))
 
@@ -132,30 +136,28 @@ class Dosing:
         own = now.rows.block == len(self.race.blocks)
         tau = float(np.exp(fit.scales[len(self.race.blocks)]))
         turn = tau * now.centre[own] - beta
-        turn *= min(1.0, LARGEST_STEP / max(float(np.max(np.abs(self.factor @ turn))), 1e-12))
+        turn *= min(1.0, LARGEST_STEP / max(float(np.max(np.abs(self.root @ turn))), 1e-12))
         return np.clip(fit.target - fit.v, -FAR, FAR), turn, tau
 
     def slopes(self, v: Floats, w: Floats, mean: Floats) -> Floats:
         """Slopes (n, p) of the mean along the numbers, by differences towards the prior."""
         steps = np.diag(np.where(v > 0.0, -0.1, 0.1))
         columns = [((self.at(v + h, w)[1] - mean) / h.sum())[:, np.newaxis] for h in steps]
-        return np.nan_to_num(np.hstack([np.zeros((w.size, 0)), *columns]))
+        return np.nan_to_num(np.hstack([np.zeros((mean.size, 0)), *columns]))
 
 
 def dosings(race: Race, kernels: Mapping[str, Floats]) -> list[Dosing]:
     """Every mechanism with every kernel L of a condition."""
-    return [
-        Dosing(
-            race,
-            each.name,
-            to_axis(np.array([max(each.low, LEAST_DOSE), each.high])),
-            log_prior_mechanism(race) - log(len(kernels)),
-            axis,
-            factor,
-        )
-        for each in race.prepared.problem.mechanisms
-        for axis, factor in kernels.items()
-    ]
+    places = race.prepared.problem.mechanisms
+    prior = log((1.0 - STEP) * UNLISTED * (1.0 - STEP) / len(places)) - log(len(kernels))
+    return [Dosing(race, (each,), prior, *kernel) for each in places for kernel in kernels.items()]
+
+
+def dosing_of(race: Race, fit: Fit, factor: Floats) -> Dosing:
+    """The mechanisms of a fit with a kernel over some rows."""
+    places = {each.name: each for each in race.prepared.problem.mechanisms}
+    acting, h = tuple(places[name] for name in fit.hypothesis.kind.split("+")), fit.hypothesis
+    return Dosing(race, acting, fit.log_prior, h.along, factor, h.names)
 
 
 def add_doses(race: Race) -> None:
@@ -171,12 +173,48 @@ def add_doses(race: Race) -> None:
     for each in every:
         each.fitted(start, start.w)
     share = race.posterior()
-    total = {one.name: sum(p for h, p in share.items() if h.kind == one.name) for one in every}
-    for name in sorted(total, key=lambda name: -total[name])[:CARRIED]:
-        own = [one for one in every if one.name == name]
-        for one in sorted(own, key=lambda one: -share[one.hypothesis])[:2]:
+    places = dict.fromkeys(one.mechanisms for one in every)
+    total = {each: sum(share[o.hypothesis] for o in every if o.mechanisms == each) for each in places}
+    for each in sorted(places, key=lambda each: -total[each])[:CARRIED]:
+        own = [one for one in every if one.mechanisms == each]
+        for rank, one in enumerate(sorted(own, key=lambda one: -share[one.hypothesis])[:2]):
             seen = race.fits[one.hypothesis]
-            slopes = one.slopes(seen.v, seen.w, seen.mean)
-            fit = one.fitted(replace(seen, jacobian=slopes), seen.w)
-            if one.ends[0] < 0.0:  # the other side of 0, which no step crosses to
+            if rank and one.behind(seen):
+                break
+            fit = one.fitted(replace(seen, jacobian=one.slopes(seen.v, seen.w, seen.mean)), seen.w)
+            if one.ends[0, 0] < 0.0:  # the other side of 0, which no step crosses to
                 one.fitted(start, -0.5 * fit.w)
+    add_second(race, every)
+
+
+def beside(race: Race, one: Dosing, fit: Fit, others: Sequence[Dosing]) -> Iterator[Seen]:
+    """A likely mechanism with each listed effect, and with other mechanisms along the same condition."""
+    for name in race.model.candidates:
+        if (start := race.with_effect(fit, name, fit.log_prior)) is not None:
+            yield replace(one, names=(name,)), start, fit.w
+    for other in others:
+        if other.axis == one.axis:
+            pair, w = (*one.mechanisms, *other.mechanisms), np.append(fit.w, 0.0 * fit.w)
+            yield replace(one, mechanisms=pair, log_prior=one.log_prior + log(2.0)), fit, w
+
+
+def add_second(race: Race, every: Sequence[Dosing]) -> None:
+    """A second cause beside likely mechanisms and effects, seen from afar; what may be likely is followed."""
+    share = race.posterior()
+    likely, tried = sorted(every, key=lambda one: -share[one.hypothesis]), list[Seen]()
+    others, count = likely, len(race.prepared.problem.mechanisms)
+    for _ in range(min(2, count)):
+        one, others = others[0], [other for other in others if other.mechanisms != others[0].mechanisms]
+        tried += beside(race, one, race.fits[one.hypothesis], others)
+    for fit in sorted(race.sets(1), key=score, reverse=True)[:2]:
+        some = likely[: len(likely) // 2]
+        tried += [(replace(one, names=fit.hypothesis.names), fit, 0.0 * fit.mean) for one in some]
+    more = log(STEP / max(len(race.model.candidates) + count - 1, 1))
+    found = []
+    for one, start, w in tried:
+        own = replace(one, log_prior=one.log_prior + more)
+        found.append((own, own.expanded(start, Doses(w, w, own.root).coefficients, w, None, FIRST), w))
+    least = max(map(score, race.fits.values())) + log(KEEP)
+    for one, seen, w in sorted(found, key=lambda each: -score(each[1]))[:CARRIED]:
+        if score(seen) > least:
+            one.fitted(seen, w)

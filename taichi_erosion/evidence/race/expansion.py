@@ -110,20 +110,21 @@ class RaceModel:
         self.settings += 1
         self.progress(f"{self.settings} settings of the model", self.settings / self.most)
 
-    def mean(self, names: Acting, v: Floats) -> Floats:
-        """Mean (n,) as many seeds would have it."""
-        return self.values(names, v, self.prepared.seeds.fitting) + self.shift
-
-    def dosed(self, v: Floats, name: str, doses: Floats) -> Floats:
-        """Mean (n,) with a dose of a mechanism of its own in every row: as many runs as one setting."""
+    def mean(self, names: Acting, v: Floats, doses: Conditions | None = None) -> Floats:
+        """Mean (n,) as many seeds would have it; each row with its own doses, at the cost of one setting."""
+        seeds = self.prepared.seeds.fitting
+        if not doses:
+            return self.values(names, v, seeds) + self.shift
         self.spend()
-        x, p, found = self.numbers(v[: self.count]), self.predictor, np.zeros(doses.size)
+        x, acting, p = self.numbers(v[: self.count]), self.strengths(names, v), self.predictor
         if self.prepared.problem.dosed_by_row:
-            return seed_mean(p.compute(x, {}, self.prepared.seeds.fitting, {name: doses})) + self.shift
-        for dose in np.unique(doses):
-            rows = np.flatnonzero(doses == dose)
+            return seed_mean(p.compute(x, acting, seeds, doses)) + self.shift
+        found, table = np.zeros(p.which.size), np.array(list(doses.values()))
+        for dose in np.unique(table, axis=1).T:
+            rows = np.flatnonzero(np.all(table.T == dose, axis=1))
             own = p.over(p.observables, p.which[rows], {n: c[rows] for n, c in p.conditions.items()})
-            found[rows] = seed_mean(own.compute(x, {name: float(dose)}, self.prepared.seeds.fitting))
+            there = {name: float(each) for name, each in zip(doses, dose, strict=True)}
+            found[rows] = seed_mean(own.compute(x, acting | there, seeds))
         return found + self.shift
 
     def sure_mean(self, names: Acting, v: Floats) -> Floats:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.special import logsumexp
 
-from taichi_erosion.evidence.data.problem import Floats, Integers
+from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.race.blocks import Block, columns_of, nuisance, unlisted
 from taichi_erosion.evidence.race.expansion import Acting, RaceModel
@@ -30,7 +30,11 @@ FAR = 1.5  # farthest step of one coordinate
 STILL = 0.1  # squared length of a step, in posterior sd, that is not made
 MOST_STEPS, TRIES, FIRMER = 8, 8, 4.0  # of a fit, of one of its steps, and the factor by which damping grows
 GAINS = (0.5, 2.0)  # of a step over what slopes promise, between which they are updated
-SHARES = (1.0, 0.4, 0.16, 0.06)  # of a step of doses, that are tried in turn
+
+
+def from_axis(w: Floats) -> Floats:
+    """Doses of places on that axis."""
+    return np.where(w > 0.0, np.expm1(np.maximum(w, 0.0)), w)
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,7 @@ class Hypothesis:
     """Effects that act, and what acts beside them that is no effect of constant strength."""
 
     names: Acting
-    beyond: str = ""  # "?" what no list holds, or a mechanism; behind "|" the condition along which it acts
+    beyond: str = ""  # "?" what no list holds, or mechanisms a+b; behind "|" the condition with which it acts
 
     @property
     def kind(self) -> str:
@@ -47,27 +51,36 @@ class Hypothesis:
 
     @property
     def acting(self) -> frozenset[str]:
-        """What acts: effects, a mechanism, something that is not in the list."""
-        return frozenset((*self.names, self.kind)) - {""}
+        """What acts: effects, mechanisms, something that is not in the list."""
+        return frozenset((*self.names, *self.kind.split("+"))) - {""}
 
     @property
     def along(self) -> str:
         """Condition along which it acts."""
         return self.beyond.partition("|")[2]
 
+    def doses(self, w: Floats) -> Conditions:
+        """Doses of every mechanism, from those of all on their axis."""
+        names = self.kind.split("+")
+        return dict(zip(names, from_axis(w).reshape(len(names), -1), strict=True))
+
 
 @dataclass(frozen=True)
 class Doses:
-    """Doses of a mechanism in all rows, on their axis w, and what they change."""
+    """Doses of m mechanisms in all n rows, one mechanism after the other, on their axis w."""
 
-    w: Floats  # (n,)
-    slope: Floats  # (n,), of the mean along w
-    factor: Floats  # (n, r), L of their prior
+    w: Floats  # (m n,)
+    slope: Floats  # (m n,), of the mean along w
+    factor: Floats  # (m n, r), L of their prior
 
     @property
     def coefficients(self) -> Floats:
         """Coefficients (r,) b of w = L b."""
         return np.asarray(np.linalg.lstsq(self.factor, self.w, rcond=None)[0], dtype=np.float64)
+
+    def change(self, each: Floats, n: int) -> Floats:
+        """Change (n, ...) of the mean where the doses change by (m n, ...)."""
+        return np.sum((self.slope * each.T).T.reshape(-1, n, *each.shape[1:]), axis=0)
 
 
 @dataclass(frozen=True)
@@ -112,9 +125,19 @@ class Fit(Expansion):
         return np.zeros(self.mean.size) if self.dose is None else self.dose.w
 
     @property
+    def doses(self) -> Conditions:
+        """Doses in every row, by mechanism."""
+        return {} if self.dose is None else self.hypothesis.doses(self.dose.w)
+
+    @property
     def scales(self) -> Floats:
         """Ln of the scales of all errors."""
         return self.evidence.solved.u
+
+
+def score(fit: Fit) -> float:
+    """Ln of prior times evidence."""
+    return fit.log_evidence + fit.log_prior
 
 
 def scatter_of(prepared: PreparedProblem) -> tuple[Integers, Scales]:
@@ -159,7 +182,8 @@ class Race:
         shared = np.hstack([fixed, *white])
         shared[p.rows.censored] = 0.0
         block = np.repeat(np.arange(-1, len(white)), [columns.shape[1], *(each.shape[1] for each in white)])
-        linear = jacobian @ at.v + (0.0 if at.dose is None else p.white(at.dose.slope * at.dose.w))
+        dosed = 0.0 if at.dose is None else p.white(at.dose.change(at.dose.w, at.mean.size))
+        linear = jacobian @ at.v + dosed
         scales = sum((b.scale for b in at.blocks), Scales.none()) + self.scatter_scales
         y, x = work.residual + work.weight * linear, jacobian * work.weight[:, np.newaxis]
         rows = LinearRows(y, np.hstack([x, shared]), block, self.scatter, scales, np.ones(y.size))
@@ -276,9 +300,9 @@ class Race:
         """Nothing is missing."""
         return self.fits[Hypothesis(())]
 
-    def sets(self, size: int) -> list[Fit]:
-        """Plain sets of so many effects."""
-        return [fit for h, fit in self.fits.items() if not h.beyond and len(h.names) == size]
+    def sets(self, *sizes: int) -> list[Fit]:
+        """Plain sets of so many effects, by default of any number."""
+        return [f for h, f in self.fits.items() if not h.beyond and (not sizes or len(h.names) in sizes)]
 
     def calibrated(self, log_prior: float) -> Fit:
         """Nothing is missing; also from levels as large as they may be, where a unit is wrong.
@@ -326,7 +350,7 @@ class Race:
         at = self.model.count + names.index(name)
         for t in (0.0, -1.0, -2.0, -4.0):
             v = np.insert(parent.v, at, t)
-            mean = self.model.mean(names, v)
+            mean = self.model.mean(names, v, parent.doses)
             if np.all(np.isfinite(mean)):
                 break
         else:
@@ -334,9 +358,8 @@ class Race:
         if np.array_equal(mean, parent.mean):
             return None
         jacobian = np.insert(parent.jacobian, at, SPREAD * (mean - parent.mean), axis=1)
-        hypothesis = Hypothesis(names)
-        fit = Expansion(hypothesis, v, mean, jacobian, parent.errors, parent.blocks, log_prior)
-        return self.kept(self.solved(fit, 5))
+        known = Hypothesis(names, parent.hypothesis.beyond), v, mean, jacobian, parent.errors, parent.blocks
+        return self.solved(Expansion(*known, log_prior, dose=parent.dose), 5)
 
     def without_effect(self, parent: Fit, name: str, log_prior: float) -> Fit:
         """The better of the fit without one of the parent's effects, if known, and one from its optimum."""
@@ -357,7 +380,7 @@ class Race:
 
     def posterior(self) -> dict[Hypothesis, float]:
         """Probability of every hypothesis that was visited."""
-        scores = np.array([fit.log_evidence + fit.log_prior for fit in self.fits.values()])
+        scores = np.array([*map(score, self.fits.values())])
         share = np.exp(scores - logsumexp(scores))
         return dict(zip(self.fits, map(float, share), strict=True))
 

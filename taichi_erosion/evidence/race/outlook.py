@@ -30,7 +30,7 @@ from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, con
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.adequacy import NODES, WEIGHTS
 from taichi_erosion.evidence.race.blocks import Block, columns_of, dose_columns, nuisance, unlisted
-from taichi_erosion.evidence.race.doses import dosings, from_axis
+from taichi_erosion.evidence.race.doses import dosing_of
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import Doses, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import Solved
@@ -195,11 +195,12 @@ def expanded(place: Elsewhere, fit: Fit) -> tuple[Floats, Floats, Doses | None]:
         return model.sure_mean(names, v), model.jacobian(names, v, model.mean(names, v)), None
     both = model.prepared.rows
     kernels = dose_columns(both, np.arange(both.size) < n)
-    race = replace(place.race, model=model)
-    own = next(each for each in dosings(race, kernels) if each.hypothesis == fit.hypothesis)
-    w = own.factor @ np.linalg.lstsq(own.factor[:n], fit.dose.w, rcond=None)[0]
-    w, mean = own.at(v, np.append(fit.dose.w, w[n:]))
-    return mean, own.slopes(v, w, mean), Doses(w, own.slope(v, w, mean), own.factor)
+    own = dosing_of(replace(place.race, model=model), fit, kernels[fit.hypothesis.along])
+    known = np.tile(np.arange(both.size) < n, len(fit.doses))
+    w = own.root @ np.linalg.lstsq(own.root[known], fit.dose.w, rcond=None)[0]
+    w[known] = fit.dose.w
+    w, mean = own.at(v, w)
+    return mean, own.slopes(v, w, mean), Doses(w, own.slope(v, w, mean), own.root)
 
 
 def both_blocks(place: Elsewhere, fit: Fit, both: ComparisonRows, doses: Doses | None) -> list[Block]:
@@ -210,7 +211,7 @@ def both_blocks(place: Elsewhere, fit: Fit, both: ComparisonRows, doses: Doses |
     large = unlisted(both, known, usual)[fit.hypothesis.along] if fit.hypothesis.kind == "?" else []
     built = {block.scale.names[0]: block.columns for block in (*usual, *large)}
     if doses is not None:
-        built["dose"] = doses.slope[:, np.newaxis] * doses.factor
+        built["dose"] = doses.change(doses.factor, both.size)
     return [replace(block, columns=built[block.scale.names[0]]) for block in fit.blocks]
 
 
@@ -223,7 +224,8 @@ def outlook(place: Elsewhere, fit: Fit) -> Outlook:
     mean, jacobian, doses = expanded(place, fit)
     both = both_rows(race.prepared.rows, place.rows, mean[n:])
     acting = model.strengths(fit.hypothesis.names, v)
-    varied = None if doses is None else {fit.hypothesis.kind: from_axis(doses.w)}
+    varied = doses and fit.hypothesis.doses(doses.w)
+    known_w = np.tile(np.arange(mean.size) < n, len(fit.doses))
     own = model.prepared.model_errors(model.numbers(v[: model.count]), acting, varied, n)
     if place.runs is not None:
         mean, own[n:][place.runs[0]] = np.append(mean[:n], mean[n:] + place.runs[1]), 0.0
@@ -235,7 +237,7 @@ def outlook(place: Elsewhere, fit: Fit) -> Outlook:
         jacobian=jacobian[:n],
         errors=errors[:n],
         blocks=tuple(replace(block, columns=block.columns[:n]) for block in blocks),
-        dose=doses and Doses(doses.w[:n], doses.slope[:n], doses.factor[:n]),
+        dose=doses and Doses(doses.w[known_w], doses.slope[known_w], doses.factor[known_w]),
     )
     rows = race.linear(known)[0]
     seen = np.any(rows.columns != 0.0, axis=0)
@@ -244,7 +246,7 @@ def outlook(place: Elsewhere, fit: Fit) -> Outlook:
     columns = [columns_of(block, jacobian[:, : model.count]) for block in blocks]
     return Outlook(
         replace(kept, block=rows.block[seen]).with_bad(fit.evidence.bad).solved(fit.evidence.solved.u),
-        (mean - jacobian @ v - (doses.slope * doses.w if doses else 0.0))[n:],
+        (mean - jacobian @ v - (doses.change(doses.w, mean.size) if doses else 0.0))[n:],
         np.hstack([jacobian, errors, *columns])[n:, order],
         rows.block[~seen],
         kinds[rows.block[order]],
@@ -316,21 +318,13 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     good = np.all([np.isfinite(each.start) for each in told], axis=0)
     if not good.any():
         return None
-    size = error_sd(place, told[1])
+    size = np.sqrt(rows.variance + place.simulated + told[1].variance(False))  # rivals may expect large ones
     gaps, reach = (((rows.z - each.mean(False)) / size)[good] for each in told), (rows.reach / size)[good]
     before, after, *other = (float(np.mean(working(gap, reach).residual ** 2)) for gap in gaps)
     seen, opened = good & ~rows.censored, race.prepared.problem.vault.opened + 1
     p_after, p_worse = misfit_chance(place, told[1], seen), chance_of_worse(place, told[0], told[1], seen)
     control, name = (other[0], wrong[0].names[0]) if other else (np.nan, "")
     return HeldOutPart(int(good.sum()), before, after, p_after, control, opened, tuple(names), name, p_worse)
-
-
-def error_sd(place: Elsewhere, told: Outlook) -> Floats:
-    """Errors s (m,) of rows by an explanation, s^2 = V + diag cov m, with physics, levels and sources alone.
-
-    That of the tested one measures its rivals too: what explains rows by errors alone expects large ones.
-    """
-    return np.sqrt(place.rows.variance + place.simulated + told.variance(False))
 
 
 def misfit_chance(place: Elsewhere, told: Outlook, good: Bools) -> float:
@@ -351,7 +345,7 @@ def chance_of_worse(place: Elsewhere, before: Outlook, after: Outlook, good: Boo
 
         (r + d)^2 - r^2 = d^2 + 2 d r,   r ~ N(0, 1)
     """
-    size = error_sd(place, after)
+    size = np.sqrt(place.rows.variance + place.simulated + after.variance(False))
     change = ((after.mean(False) - before.mean(False)) / size)[good]
     left = ((place.rows.z - after.mean(False)) / size)[good]
     return float(special.ndtr(change @ left / max(float(np.sqrt(change @ change)), 1e-12)))

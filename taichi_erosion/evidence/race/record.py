@@ -40,11 +40,12 @@ class Decided:
     verdict: Verdict
     named: tuple[str, ...]  # effects that act
     group: tuple[str, ...]  # effects of which one acts
-    mechanisms: tuple[str, ...]  # of which one acts, best first
+    mechanisms: tuple[str, ...]  # of which one acts, best first, or all
     probabilities: Mapping[str, float]  # "none", "outside_library", "a", "a+b"; sums to 1
     familywise: float  # chance of a name as good if nothing acts
     refuted: tuple[str, ...] = ()  # would be named, but the fit fails or the strength is beyond the list
     unlisted: float = 0.0  # probability that something not in the list acts, alone or beside effects
+    together: bool = False  # whether all mechanisms act
 
 
 @dataclass(frozen=True)
@@ -252,6 +253,8 @@ class FreshPart:
     failed: int = 0  # runs without a value
     needed: int = 0  # runs for which the budget has no room, where none was made
     more_runs: int = 0  # about these explanations, that the next answer makes first
+    rival: tuple[str, ...] = ()  # effects of the likeliest explanation that contradicts the answer
+    rivals: float = nan  # probability of all that do and have an effect, by the fresh runs
 
 
 @dataclass(frozen=True)

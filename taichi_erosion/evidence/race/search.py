@@ -16,7 +16,7 @@ import numpy as np
 
 from taichi_erosion.evidence.race.adequacy import is_adequate
 from taichi_erosion.evidence.race.expansion import Acting
-from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
+from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race, score
 from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, NOTHING, STEP, UNLISTED
 
 
@@ -33,11 +33,6 @@ def log_prior(race: Race, hypothesis: Hypothesis) -> float:
         return beyond + (log(STEP) if mechanisms else 0.0)
     whole = sum(STEP**k for k in range(1, min(MOST, count) + 1))
     return log((1.0 - NOTHING - UNLISTED) * STEP**size / whole) - each
-
-
-def log_prior_mechanism(race: Race) -> float:
-    """Ln prior of one mechanism."""
-    return log((1.0 - STEP) * UNLISTED * (1.0 - STEP) / len(race.prepared.problem.mechanisms))
 
 
 def search(race: Race) -> None:
@@ -70,7 +65,8 @@ def add_each(race: Race, parent: Fit, effects: Sequence[str]) -> None:
     for name in effects:
         hypothesis = Hypothesis(tuple(sorted((*parent.hypothesis.names, name))))
         if name not in parent.hypothesis.names and hypothesis not in race.fits:
-            race.with_effect(parent, name, log_prior(race, hypothesis))
+            if (found := race.with_effect(parent, name, log_prior(race, hypothesis))) is not None:
+                race.kept(found)
 
 
 def add_unlisted(race: Race, parent: Fit) -> None:
@@ -107,27 +103,22 @@ def leading(race: Race, size: int, least: float, most: int) -> list[Fit]:
 
     Where all are refuted, one that is far behind may be the nearest to what is right.
     """
-    plain = plain_fits(race)
+    plain = race.sets()
     fits = sorted(race.sets(size), key=lambda fit: -fit.log_evidence)
-    total = float(np.logaddexp.reduce([fit.log_evidence + fit.log_prior for fit in plain]))
+    total = float(np.logaddexp.reduce([*map(score, plain)]))
     if is_adequate(max(plain, key=lambda fit: fit.log_evidence)):
-        fits = [fit for fit in fits if fit.log_evidence + fit.log_prior > total + log(least)]
+        fits = [fit for fit in fits if score(fit) > total + log(least)]
     return fits[:most]
 
 
 def prune(race: Race) -> None:
     """Sets without one member of the best, fitted from its optimum, until none of them is better."""
     best = None
-    while best is not (now := max(plain_fits(race), key=lambda fit: fit.log_evidence + fit.log_prior)):
+    while best is not (now := max(race.sets(), key=score)):
         best = now
         for name in best.hypothesis.names if len(best.hypothesis.names) > 1 else ():
             rest = Hypothesis(without(best.hypothesis.names, name))
             race.without_effect(best, name, log_prior(race, rest))
-
-
-def plain_fits(race: Race) -> list[Fit]:
-    """Sets of effects without anything beside them."""
-    return [fit for fit in race.fits.values() if not fit.hypothesis.beyond]
 
 
 def without(names: Acting, name: str) -> Acting:

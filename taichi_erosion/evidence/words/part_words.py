@@ -170,8 +170,8 @@ def acting(decided: parts.Decided) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What acts for sure, and of what one does; nothing where new runs of the scene change the answer."""
     if decided.verdict == "unstable":
         return (), ()
-    sure, either = (decided.mechanisms, ()) if len(decided.mechanisms) == 1 else ((), decided.mechanisms)
-    return (*decided.named, *sure), (*decided.group, *either)
+    sure = decided.mechanisms if decided.together or len(decided.mechanisms) == 1 else ()
+    return (*decided.named, *sure), (*decided.group, *(() if sure else decided.mechanisms))
 
 
 def headline(record: Record, voc: say.Vocabulary) -> str:

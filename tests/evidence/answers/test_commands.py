@@ -39,8 +39,7 @@ def replies(wet) -> dict[str, Reply]:
 def test_a_reply_is_read_as_it_was_stored(wet, replies, command: Command):
     found = read_reply(Path(replies[command].about["results"]), wet.stem, command)
     last = replies["again" if command == "discover" else command]
-    assert found.answer() == last.answer()
-    assert found.document == last.document
+    assert (found.answer(), found.document) == (last.answer(), last.document)
     np.testing.assert_array_equal(found.record.rows.measured, last.record.rows.measured)
     json.dumps(found.document, allow_nan=False)
 

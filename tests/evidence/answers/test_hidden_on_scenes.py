@@ -86,8 +86,7 @@ def test_a_pull_that_no_list_holds_is_found_and_adopted(study_of, monkeypatch):
     study = study_of("wet")
     monkeypatch.chdir(study.parent)
     found = ask("discover", study, options=MANY).record
-    assert found.decided.verdict == "outside_library"
-    assert found.decided.mechanisms[0] == "contact_pull"
+    assert (found.decided.verdict, found.decided.mechanisms[0]) == ("outside_library", "contact_pull")
     doses = {at["moisture"]: dose.value for at, dose in found.law.doses}
     assert doses[max(doses)] > doses[min(doses)]
     results = str(study.parent / "wet-results" / "wet.discover.json")

@@ -39,8 +39,7 @@ def test_a_setting_beyond_the_measured_ones_is_told_and_less_certain():
     wanted = NewConditions(("y", "y", "z"), {"x": np.array([0.5, 2.0, 0.0])})
     found = prediction(raced(linear_problem({}, {}, seed=1), 1), wanted)
     near, far = found.rows
-    assert near.outside == {}
-    assert far.outside == {"x": 1.0}
+    assert (near.outside, far.outside) == ({}, {"x": 1.0})
     assert far.high - far.low > near.high - near.low
     assert near.measured_high - near.measured_low > near.high - near.low
     assert found.lost == ("z",), "an observable without a fitted row"

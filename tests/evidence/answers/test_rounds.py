@@ -17,17 +17,19 @@ from taichi_erosion.campaign.study_file import WorkersEntry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers import rounds
 from taichi_erosion.evidence.answers.commands import bare, discover_record, no_progress, open_study, whole
-from taichi_erosion.evidence.answers.fresh_test import fresh_test, is_true, kinds_of
+from taichi_erosion.evidence.answers.fresh_test import after_runs, fresh_test, is_true, kinds_of, setting_of
 from taichi_erosion.evidence.answers.rounds import RacedStudy, answered, discovery_question, settled
 from taichi_erosion.evidence.answers.set_up import small_heaps
 from taichi_erosion.evidence.data.problem import SetUpFault
 from taichi_erosion.evidence.data.transforms import to_scale
 from taichi_erosion.evidence.emulator import gaussian_process, training_runs
+from taichi_erosion.evidence.emulator.design import Setting
 from taichi_erosion.evidence.emulator.fresh_runs import FreshCampaign, FreshRuns, FreshSimulator, GapTest
 from taichi_erosion.evidence.models.load_study import PLANS, BudgetName, StudyOptions
-from taichi_erosion.evidence.race.decision import Decision, decide
+from taichi_erosion.evidence.models.simulator import row_at
+from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.fit import Hypothesis
-from taichi_erosion.evidence.race.posterior import Posterior, raced, strained
+from taichi_erosion.evidence.race.posterior import raced, strained
 from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.race.record import FreshPart
 from taichi_erosion.scene.load import SOURCE, load_scene
@@ -36,6 +38,7 @@ from tests.evidence.emulator.test_training_runs import executing, keys, write
 NAME = "rolling_resistance"
 STRONG, WEAK, OPEN = 1.5, 0.1, 0.3  # strengths of a name that is sure at once, and of two that are not
 NULL, SINGLE, UNLISTED = 1, 33, 113  # cases of one seed of clean ones
+MECHANISM = (58, "beyond", 5058)  # restitution that grows with moisture
 OFF = 0.2  # sd of the training values, by which a wrong emulator overstates the effect at strength 1
 
 
@@ -55,8 +58,8 @@ def told(path: Path, wrong: bool = False, plans: Sequence[BudgetName] = ("quick"
 
 
 @cache
-def on_function(number: int) -> RacedStudy:
-    posterior = raced(FAMILIES["clean"](4242, number).problem, number)
+def on_function(number: int, family: str = "clean", seed: int = 4242) -> RacedStudy:
+    posterior = raced(FAMILIES[family](seed, number).problem, number)
     return RacedStudy(posterior, decide(posterior))
 
 
@@ -114,8 +117,7 @@ def test_a_name_by_a_wrong_emulator_is_contradicted_and_more_runs_come_first(tmp
     assert fresh.gap.p < 0.01
     assert fresh.gap.emulated > fresh.gap.simulated, "the effect was overstated"
     assert fresh.more_runs == 24
-    decided = answer.decided
-    assert (decided.verdict, decided.named, decided.group) == ("unstable", (), (NAME,))
+    assert (answer.decided.verdict, answer.decided.named, answer.decided.group) == ("unstable", (), (NAME,))
     before = keys(answer.runs)
     again = told(path, wrong=True)
     training, *tests = again.runs
@@ -154,30 +156,27 @@ SEEDS = 2
 SIMILAR = {"o": GapTest(0.5, 0, 1.0, 0.1, 1.0, 0.1)}
 
 
-def named() -> tuple[Posterior, Decision]:
-    """An answer that names one strong effect."""
-    found = on_function(SINGLE)
-    return found.posterior, found.decision
-
-
 def asked(
-    share: float = 1.0, noise: float = 0.1, fails: float = 0.0, tests=SIMILAR, seed: int = 1
+    share: float = 1.0, noise: float = 0.1, fails: float = 0.0, tests=SIMILAR, seed: int = 1, case=(SINGLE,)
 ) -> FreshPart:
-    """The test by a simulator in which every effect has a share of its strength and a run scatters by so many
-    sd of a row."""
-    posterior, decision = named()
+    """The test by a simulator in which effects have a share of their strength and runs scatter by noise."""
+    posterior, decision = (found := on_function(*case)).posterior, found.decision
     prepared, model = posterior.race.prepared, posterior.race.prepared.problem.model
     sd, random = prepared.sd * noise, np.random.default_rng(seed)
+
+    def value(setting: Setting, observable, at) -> float:
+        weaker = {name: share * strength for name, strength in setting.at(row_at(at, 0))[0].items()}
+        exact = model(observable.name, at, setting.parameters, weaker, np.arange(1, 200))
+        return np.mean(to_scale(observable, exact))
 
     def simulate(settings, requests, weight, progress):
         assert weight.max() > 1.0
         made = []
         for setting in settings:
-            weaker = {name: share * strength for name, strength in setting.effects.items()}
             values = np.full((SEEDS, sd.size), np.nan)
             for observable, rows, at in requests:
-                exact = model(observable.name, dict(at), dict(setting.parameters), weaker, np.arange(1, 200))
-                values[:, rows] = np.mean(to_scale(observable, np.asarray(exact)), axis=0)
+                for k, row in enumerate(rows):
+                    values[:, row] = value(setting, observable, {name: x[[k]] for name, x in at.items()})
             values += sd * random.standard_normal(values.shape)
             made.append(FreshRuns(values, np.diag(sd / np.sqrt(SEEDS)), tests))
         keys = frozenset(map(str, range(SEEDS * len(settings))))
@@ -188,21 +187,23 @@ def asked(
     return part
 
 
-def test_runs_that_agree_confirm_the_name():
-    part = asked()
-    assert (part.outcome, part.effects) == ("confirmed", named()[1].named)
-    assert part.emulated == pytest.approx(named()[1].inclusion[part.effects[0]], abs=0.02)
-    assert part.simulated > SURE
-    assert part.agreement == 1.0
-    assert part.p > 0.05
+@pytest.mark.parametrize("case", [(SINGLE,), MECHANISM])
+@pytest.mark.parametrize(("share", "outcome"), [(1.0, "confirmed"), (0.0, "contradicted")])
+def test_runs_confirm_what_they_show_and_contradict_what_they_do_not(share, outcome, case):
+    part, decision = asked(share, case=case), on_function(*case).decision
+    assert (part.outcome, part.effects) == (outcome, decision.named or decision.mechanisms)
+    assert (part.agreement > 0.5, part.emulated > SURE) == (share == 1.0, True)
+    assert (part.simulated > SURE, part.p > 0.05) == (share == 1.0,) * 2
+    assert after_runs(decision, part).mechanisms == decision.mechanisms * int(share)
 
 
-def test_runs_in_which_the_effect_does_nothing_contradict_it():
-    part = asked(share=0.0)
-    assert part.outcome == "contradicted"
-    assert part.simulated < 0.1 < SURE < part.emulated
-    assert part.agreement == 0.0
-    assert part.p < 0.01
+def test_a_mechanism_is_simulated_at_its_own_doses_and_told_beside_what_takes_its_place():
+    found = on_function(*MECHANISM)
+    (name,), told = found.decision.mechanisms, setting_of(found.posterior.race, found.posterior.best)
+    assert {own[name] for at, own in told.doses if at["moisture"] == 0.0} == {0.0}
+    assert len({own[name] for _, own in told.doses}) > 3
+    rival = FreshPart("undecided", (name,), simulated=0.3, rival=("lift",), rivals=0.65)
+    assert after_runs(found.decision, rival).mechanisms == ("lift", name)
 
 
 @pytest.mark.parametrize(("share", "never"), [(1.0, "contradicted"), (0.0, "confirmed")])
@@ -223,7 +224,7 @@ def test_an_effect_half_as_strong_runs_that_fail_and_a_gap_by_chance(world, outc
 
 
 def test_only_a_confirmed_name_of_the_small_plan_is_settled():
-    found = [RacedStudy(*named(), asked(fails=share)) for share in (0.0, 0.6)]
+    found = [replace(on_function(SINGLE), fresh=asked(fails=share)) for share in (0.0, 0.6)]
     assert [settled(each) for each in found] == [True, False]
 
 
@@ -235,19 +236,16 @@ def test_an_emulator_that_is_off_by_more_than_its_errors_is_believed_nowhere():
 
 
 def test_without_room_for_runs_nothing_is_said():
-    part, keys = fresh_test(
-        *named(), lambda *_: FreshCampaign((), frozenset("abc"), 0), lambda words, share: None
-    )
+    found, spent = on_function(SINGLE), FreshCampaign((), frozenset("abc"), 0)
+    part, keys = fresh_test(found.posterior, found.decision, lambda *_: spent, lambda words, share: None)
     assert (part.outcome, part.needed, keys) == ("not_made", 3, frozenset())
 
 
 def test_the_rival_contradicts_the_answer_and_the_bare_model_has_no_effect():
-    posterior, decision = named()
-    told, rival, bare = kinds_of(posterior.race, decision)
-    assert told.names == decision.named
-    assert rival.names
-    assert not is_true(decision, Hypothesis(rival.names))
-    assert bare.names == ()
+    found = on_function(SINGLE)
+    told, rival, bare = kinds_of(found.posterior.race, found.decision)
+    assert (told.names, bare.names, bool(rival.names)) == (found.decision.named, (), True)
+    assert not is_true(found.decision, Hypothesis(rival.names))
     assert {fit.hypothesis.names for fit in bare.fits} == {()}
 
 

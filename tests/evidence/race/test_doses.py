@@ -13,15 +13,16 @@ from doe.trials.reduced import beyond
 from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.answers.commands import discover_record
 from taichi_erosion.evidence.answers.rounds import RacedStudy
+from taichi_erosion.evidence.answers.summary import law_part
 from taichi_erosion.evidence.data.problem import Mechanism, Parameter, Problem
 from taichi_erosion.evidence.models.prepared_problem import prepare
 from taichi_erosion.evidence.race.blocks import dose_columns
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.dose_forms import forms_of
 from taichi_erosion.evidence.race.dose_laws import law_of
-from taichi_erosion.evidence.race.doses import dosings, from_axis
+from taichi_erosion.evidence.race.doses import dosings
 from taichi_erosion.evidence.race.expansion import RaceModel
-from taichi_erosion.evidence.race.fit import Race
+from taichi_erosion.evidence.race.fit import Race, from_axis
 from taichi_erosion.evidence.race.posterior import raced
 from taichi_erosion.evidence.race.record import LawPart
 from taichi_erosion.evidence.words.answer_lines import discover_answer
@@ -34,8 +35,7 @@ def test_a_mechanism_is_told_with_its_doses():
     problem, truth = beyond.draw(CASE)
     posterior = raced(problem, 58)
     found = decide(posterior)
-    assert found.verdict == "outside_library"
-    assert found.mechanisms == (truth.name,)
+    assert (found.verdict, found.mechanisms) == ("outside_library", (truth.name,))
     share = posterior.probability
     fit = posterior.race.fits[max(share, key=lambda h: share[h])]
     assert fit.hypothesis.along == truth.condition
@@ -61,25 +61,37 @@ def test_a_mechanism_is_judged_with_the_errors_of_the_model_at_its_own_doses():
         np.testing.assert_allclose(size, 0.01 * np.abs(from_axis(fit.dose.w)), atol=1e-4)
 
 
-def test_a_model_that_takes_a_dose_for_each_row_answers_as_one_that_takes_one():
+def test_a_model_that_takes_doses_for_each_row_answers_as_one_that_takes_one():
     problem, truth = beyond.draw(CASE)
 
     def by_row(observable, at, parameters, effects, seeds):
-        columns = []
-        for row in range(at["moisture"].size):
-            own = {name: column[[row]] for name, column in at.items()}
+        def value(row):
             doses = {name: float(np.broadcast_to(d, at["moisture"].size)[row]) for name, d in effects.items()}
-            columns.append(problem.model(observable, own, parameters, doses, seeds))
-        return np.hstack(columns)
+            return problem.model(observable, {n: c[[row]] for n, c in at.items()}, parameters, doses, seeds)
+
+        return np.hstack([value(row) for row in range(at["moisture"].size)])
 
     prepared = prepare(problem, problem.visible(), 58)
-    rows = replace(problem, model=by_row, dosed_by_row=True)
-    one = RaceModel(prepared)
-    each = RaceModel(
-        replace(prepared, problem=rows, predictor=replace(prepared.predictor, model=by_row, cache={}))
-    )
-    v, doses = np.zeros(one.count), np.linspace(0.0, 0.8, prepared.rows.size).round(1)
-    np.testing.assert_allclose(each.dosed(v, truth.name, doses), one.dosed(v, truth.name, doses))
+    own = replace(prepared.predictor, model=by_row, cache={})
+    rows = replace(prepared, problem=replace(problem, model=by_row, dosed_by_row=True), predictor=own)
+    doses = np.linspace(0.0, 0.8, prepared.rows.size).round(1)
+    both, v = {truth.name: doses, "drag": doses[::-1]}, np.zeros(len(prepared.axes))
+    np.testing.assert_allclose(*(RaceModel(each).mean((), v, both) for each in (rows, prepared)))
+
+
+@pytest.mark.parametrize("second", ["bed_stress", "dry_cohesion"])
+def test_two_mechanisms_and_a_mechanism_beside_a_listed_effect_are_both_told(second):
+    problem, truth = beyond.draw(0, shares=(1.0, 0.0, 0.0))
+    table, listed = problem.measurements, second in beyond.CANDIDATES
+    dose = beyond.doses(truth, table.conditions)
+    value = table.value + 0.3 * table.sd * np.random.default_rng(1).standard_normal(table.size)
+    for row, (name, size) in enumerate(zip(table.observable, dose, strict=True)):
+        at = {key: column[[row]] for key, column in table.conditions.items()}
+        acting = {truth.name: size, second: 1.2 if listed else 0.8 * size}
+        value[row] += beyond.reduced_places.expected(name, at, truth.parameters, acting)[0] - table.value[row]
+    found = decide(raced(replace(problem, measurements=replace(table, value=value)), 58))
+    assert {*found.named, *found.mechanisms} == {truth.name, second}
+    assert (found.together, bool(found.named)) == (not listed, listed)
 
 
 def test_a_dose_is_zero_where_its_condition_is():
@@ -140,7 +152,7 @@ def law(exponent: float, seed: int, apart: bool = False) -> tuple[LawPart, int]:
     pull = dosings(race, kernels)[0]
     fit = pull.fitted(bare, bare.w)
     before = race.model.settings
-    found = law_of(race, fit)
+    found = law_part(law_of(race, fit))
     assert found is not None
     assert law_of(race, bare) is None
     return found, race.model.settings - before

@@ -56,8 +56,7 @@ def test_batches_are_not_taken_for_an_effect_nor_for_something_unlisted():
     problem, table = made()
     shift = 3.0 * SD * np.random.default_rng(5).standard_normal(12)
     record = told(problem, value=table.value + shift[np.arange(COUNT) % 12])
-    assert record.decided.verdict == "none_detected"
-    assert set(kinds(record)) == {"group"}
+    assert (record.decided.verdict, set(kinds(record))) == ("none_detected", {"group"})
 
 
 def test_a_source_that_reads_higher_is_told_with_its_size():
@@ -156,8 +155,7 @@ def test_rows_of_one_heap_are_whitened_together():
 
 
 def test_an_effect_of_single_heaps_is_found():
-    assert told(heaps(1)).decided.named == ()
-    assert told(heaps(1, strength=0.5)).decided.named == ("bend",)
+    assert (told(heaps(1)).decided.named, told(heaps(1, strength=0.5)).decided.named) == ((), ("bend",))
 
 
 SD_X, SLOPE, TABLES, ROWS = 0.25, 1.2, 24, 24
@@ -209,8 +207,7 @@ def test_a_level_of_amounts_does_not_follow_the_noise_of_its_rows():
     problem = off({}, factor=2.0)
     problem = replace(problem, observables={"y": Observable("y", "log_floor", 1.0)})
     level = raced(problem, 1, bare=True).race.blocks[0]
-    assert level.kind == "level"
-    assert np.ptp(level.columns) == 0.0
+    assert (level.kind, np.ptp(level.columns)) == ("level", 0.0)
 
 
 def test_an_offset_of_the_laboratory_is_told_as_a_level_and_along_no_condition():

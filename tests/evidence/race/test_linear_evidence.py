@@ -88,8 +88,7 @@ def test_one_bad_row_is_found_and_weighs_little():
     y = table.y.copy()
     y[9] += 12.0
     dirty = evidence(replace(table, y=y), table.scales.start, 20)
-    assert clean.bad == frozenset()
-    assert dirty.bad == {9}
+    assert (clean.bad, dirty.bad) == (frozenset(), {9})
     assert dirty.solved.rows.weight[9] == pytest.approx(BAD_SD**-2)
     np.testing.assert_allclose(dirty.solved.centre[:2], clean.solved.centre[:2], atol=0.25)
     assert clean.log_evidence - dirty.log_evidence < 12.0

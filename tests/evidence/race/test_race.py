@@ -53,8 +53,7 @@ def test_the_effect_that_acts_is_named_with_its_strength():
 
 def test_what_no_list_holds_is_told_as_such():
     _, found = answered(UNLISTED)
-    assert found.verdict == "outside_library"
-    assert found.named == ()
+    assert (found.verdict, found.named) == ("outside_library", ())
 
 
 def test_a_twin_of_what_acts_makes_a_group():
@@ -69,15 +68,13 @@ def test_a_twin_of_what_acts_makes_a_group():
 
     twins = replace(problem, model=Twinned(), candidates=(*problem.candidates, Candidate("twin")))
     found = decide(raced(twins, SINGLE))
-    assert set(found.group) == {name, "twin"}
-    assert found.named == ()
+    assert (set(found.group), found.named) == ({name, "twin"}, ())
 
 
 def test_an_answer_at_the_cap_is_told_as_such():
     posterior = raced(case(SINGLE).problem, SINGLE, most=60)
     assert posterior.race.stopped
-    assert posterior.race.model.settings == 60
-    assert summary(posterior).cost.stopped == "budget"
+    assert (posterior.race.model.settings, summary(posterior).cost.stopped) == (60, "budget")
     assert decide(posterior).none < 0.1  # what is known by then already
 
 
