@@ -26,12 +26,12 @@ from taichi_erosion.evidence.race import record as parts
 from taichi_erosion.evidence.race.adequacy import is_adequate, misfit_p, residual
 from taichi_erosion.evidence.race.blocks import columns_of
 from taichi_erosion.evidence.race.decision import Decision, decide, fit_of
-from taichi_erosion.evidence.race.dose_forms import Form
 from taichi_erosion.evidence.race.dose_laws import Law
 from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles
 from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.race.record import Interval, Record
+from taichi_erosion.mechanisms.dose_forms import Form
 
 EXCLUDED = float(special.ndtri(0.99))  # sd above which a strength is excluded, wrongly one time in a hundred
 ONE_SIDED = float(special.ndtri(0.95))  # sd beyond which 5 % of a normal distribution lie

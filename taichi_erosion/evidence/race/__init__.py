@@ -24,7 +24,7 @@ tau and f. What is said has SURE of the probability of all hypotheses together, 
     blocks             the blocks
     expansion          standard coordinates, the model and its slopes
     fit, search        the best setting of one hypothesis; which of them are visited
-    doses, dose_laws   mechanisms, and the law that their doses follow (forms in dose_forms)
+    doses, dose_laws   mechanisms, and the law that their doses follow (forms: mechanisms/dose_forms)
     posterior          the race of a study; probabilities and draws, averaged over hypotheses
     decision           the one rule, and whether a name is better than chance makes it
     outlook            rows that the race has not seen: predictions, held-out rows

@@ -27,11 +27,11 @@ import scipy
 from taichi_erosion.evidence.data.problem import Bools, Conditions, Floats, Integers
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race.decision import Decision, fit_of
-from taichi_erosion.evidence.race.dose_forms import POWERS, Form, forms_of
 from taichi_erosion.evidence.race.doses import STILL, Dosing, dosing_of, to_axis
 from taichi_erosion.evidence.race.fit import Fit, Race, from_axis
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import CARRIED, DRAWS, SEED, STEP
+from taichi_erosion.mechanisms.dose_forms import POWERS, Form, forms_of
 
 FOLDS = 6  # of the groups, at most
 ROUNDS = 3  # expansions of a form about its own mean

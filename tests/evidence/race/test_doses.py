@@ -18,7 +18,6 @@ from taichi_erosion.evidence.data.problem import Mechanism, Parameter, Problem
 from taichi_erosion.evidence.models.prepared_problem import prepare
 from taichi_erosion.evidence.race.blocks import dose_columns
 from taichi_erosion.evidence.race.decision import decide
-from taichi_erosion.evidence.race.dose_forms import forms_of
 from taichi_erosion.evidence.race.dose_laws import law_of
 from taichi_erosion.evidence.race.doses import dosings
 from taichi_erosion.evidence.race.expansion import RaceModel
@@ -26,6 +25,7 @@ from taichi_erosion.evidence.race.fit import Race, from_axis
 from taichi_erosion.evidence.race.posterior import raced
 from taichi_erosion.evidence.race.record import LawPart
 from taichi_erosion.evidence.words.answer_lines import discover_answer
+from taichi_erosion.mechanisms.dose_forms import forms_of
 from tests.evidence.ten_records import VOC
 
 CASE = 5058  # restitution that grows with moisture

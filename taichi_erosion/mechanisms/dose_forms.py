@@ -21,8 +21,10 @@ from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from taichi_erosion.evidence.data.problem import Conditions, Floats
+Floats = NDArray[np.float64]
+Conditions = Mapping[str, Floats]  # columns by name
 
 SIZES = (("diameter", "d"), ("u_star", "friction_velocity"))  # names of columns
 GROUPS = {  # name -> powers of diameter and wind
