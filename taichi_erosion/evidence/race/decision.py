@@ -90,7 +90,7 @@ def holds(race: Race, named: tuple[str, ...], group: tuple[str, ...], beside: tu
     best = max(fits, key=lambda fit: fit.log_evidence)
     strengths = race.model.strengths(best.hypothesis.names, best.target)
     largest = {name: race.model.candidates[name].maximum for name in strengths}
-    return is_adequate(best) and all(strengths[name] <= largest[name] for name in strengths)
+    return is_adequate(best, FAMILYWISE) and all(strengths[name] <= largest[name] for name in strengths)
 
 
 def reaches(race: Race, mechanism: str) -> bool:
