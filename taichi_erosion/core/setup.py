@@ -31,6 +31,7 @@ Arch = Literal["cpu", "cuda"]
 ArchChoice = Literal["auto", "cpu", "cuda"]  # auto: a graphics processor for much work
 Decomposition = Literal["partitions", "grains"]  # what one thread advances
 
+MotionRow = tuple[float, ...]  # time [s], velocity [m s-1] (3) and spin [rad s-1] (3)
 EVERYWHERE: tuple[Triple, Triple] = ((-inf, -inf, -inf), (inf, inf, inf))  # m, a domain without an end
 
 
@@ -154,9 +155,14 @@ class Setup:
     gravity: Triple = (0.0, 0.0, -9.81)  # m s-2
     clumps: ClumpTable | None = None
     domain: tuple[Triple, Triple] = EVERYWHERE  # m, low and high
+    removes_outside: bool = (
+        False  # whether grains that leave the domain are taken out; else one stops the run
+    )
     period: Triple = (0.0, 0.0, 0.0)  # m, 0 where the box is open; a period starts at domain low
     overlap_limit: float = 0.2  # overlap over the smaller radius that stops the run [1]
     skin: float = 0.05  # least list margin of a grain over its radius [1]
+    tables: tuple[tuple[MotionRow, ...], ...] = ()  # motions that surfaces may follow
+    has_servos: bool = False  # whether a surface may have a servo
     effects: "tuple[ReplicaEffect, ...]" = ()  # optional physics between and on grains
     air: "AirSetup | None" = None  # a column of cells with exchange, or none
     coupling: Coupling = Coupling()
@@ -169,6 +175,18 @@ class Motion:
     velocity: Triple = (0.0, 0.0, 0.0)  # m s-1
     spin: Triple = (0.0, 0.0, 0.0)  # rad s-1
     centre: Triple = (0.0, 0.0, 0.0)  # m, a point of the spin axis
+    table: tuple[MotionRow, ...] = ()  # a motion that follows the time since it was set; one of Setup.tables
+    servo: "Servo | None" = None  # motion along or about an axis beside that
+
+
+@dataclass(frozen=True)
+class Servo:
+    """Motion by which a surface pushes the grains with a constant force or torque."""
+
+    is_torque: bool
+    target: float  # N along the axis, or N m about it
+    axis: Triple  # unit vector; that of a torque goes through Motion.centre
+    fastest: float  # m s-1 or rad s-1
 
 
 def usable_cores() -> int:

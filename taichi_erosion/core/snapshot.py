@@ -15,7 +15,7 @@ class Status(IntEnum):
 
     RUNNING = 0
     OVERLAP = 1  # two bodies overlap beyond the limit
-    LOST = 2  # a grain left the domain
+    LOST = 2  # a grain left a domain that it should not leave
     NOT_FINITE = 3  # a coordinate is NaN or infinite
     ENERGY = 4  # mechanical energy appeared
     OVERFLOW = 5  # a list was too short; the host enlarges it and continues
@@ -41,6 +41,7 @@ class Snapshot:
     effect_state: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     # [n, 3] N, resultant of contacts, air, effects and gravity at the last step; None where it is not known
     force: NDArray[np.float64] | None = None
+    removed: int = 0  # spheres taken out, since they left the domain
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,20 @@ class Totals:
     speed_largest: float  # m s-1
     released: int
     rebuilds: int
+
+
+@dataclass(frozen=True)
+class WallPose:
+    """A wall as it stands: a point p of it at the start is now at  R p + t."""
+
+    present: bool  # False once removed
+    rotation: Floats  # R [3, 3]
+    translation: Floats  # t [3] m
+
+    @property
+    def has_moved(self) -> bool:
+        """Whether it stands elsewhere than at the start."""
+        return bool(np.any(self.translation) or np.any(self.rotation != np.eye(3)))
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from taichi_erosion.grains.state import arrays, side_block
 
 SPREAD = 2.0  # half width of the box over the standard deviation of the grains' positions [1]; few lie beyond
 WIDER = 1.1  # factor on the width of cells while they are too many [1]
+GONE = -1  # cell of a grain that is taken out
 PERIOD_CELLS_LEAST = 3  # with fewer cells along a period a pair would be found twice
 
 
@@ -172,7 +173,10 @@ def grain_cell(cells: ti.template(), grains: ti.template(), replicas: ti.templat
 
 @ti.func
 def sort_grains(cells_out: ti.template(), grains: ti.template(), replicas: ti.template(), r):
-    """Counting sort of replica r by cell, stable, by one worker: the order never depends on scheduling."""
+    """Counting sort of replica r by cell, stable, by one worker: the order never depends on scheduling.
+
+    Grains that are taken out, whose cell is GONE, get no rank.
+    """
     count = replicas.released[r]
     base = side_block(grains, r, replicas.side[r])
     row = r * grains.capacity
@@ -183,19 +187,21 @@ def sort_grains(cells_out: ti.template(), grains: ti.template(), replicas: ti.te
     for c in range(total + 1):
         cells_out.first[first + c] = 0
     for i in range(count):
-        c = grain_cell(cells_out, grains, replicas, r, base + i)
-        cells_out.cell[row + i] = c
-        cells_out.first[first + c + 1] = cells_out.first[first + c + 1] + 1
+        if replicas.leaving[r] == 0 or cells_out.cell[row + i] != GONE:
+            c = grain_cell(cells_out, grains, replicas, r, base + i)
+            cells_out.cell[row + i] = c
+            cells_out.first[first + c + 1] = cells_out.first[first + c + 1] + 1
     for c in range(total):
         cells_out.first[first + c + 1] = cells_out.first[first + c + 1] + cells_out.first[first + c]
     for k in range(count):
         # backwards, so that filling a cell from its end keeps the old order and leaves `first` one cell early
         i = count - 1 - k
         c = cells_out.cell[row + i]
-        rank = cells_out.first[first + c + 1] - 1
-        cells_out.first[first + c + 1] = rank
-        cells_out.order[row + rank] = i
-    cells_out.first[first + total + 1] = count
+        if c != GONE:
+            rank = cells_out.first[first + c + 1] - 1
+            cells_out.first[first + c + 1] = rank
+            cells_out.order[row + rank] = i
+    cells_out.first[first + total + 1] = count - replicas.leaving[r]
 
 
 @ti.func

@@ -19,6 +19,8 @@ from taichi_erosion.core.transfer import device_record
 from taichi_erosion.grains.integrate import kick_time
 from taichi_erosion.grains.state import REBUILD, arrays, force_block, side_block
 
+NOWHERE = -1  # of `rank`
+
 
 @device_record
 class Clumps:
@@ -34,7 +36,7 @@ class Clumps:
     mass_inverse: Any  # f64 [kg-1]
     inertia_inverse: Any  # f64 vec3, principal [kg-1 m-2]
     offset: Any  # f64 vec3 by sphere, in the body's frame [m]
-    rank: Any  # i32 by sphere, where it is now
+    rank: Any  # i32 by sphere, where it is now; NOWHERE once taken out
 
 
 def allocate_clumps(replicas: int, bodies: int, spheres: int) -> Clumps:
@@ -156,7 +158,7 @@ def place_spheres(world_out: ti.template(), r, b):
 @ti.func
 def released_bodies(world: ti.template(), r):
     """Number of bodies of replica r whose spheres have been released."""
-    released, bodies = world.replicas.released[r], 0
+    released, bodies = world.replicas.released[r] + world.replicas.removed[r], 0
     if released > 0:
         bodies = world.source.body[r * world.grains.capacity + released - 1] + 1
     return bodies
@@ -165,9 +167,11 @@ def released_bodies(world: ti.template(), r):
 @ti.func
 def advance_clump(world_out: ti.template(), r, k, step):
     """Advance body k of replica r; returns REBUILD where one of its spheres has left its skin."""
-    b = r * world_out.clumps.capacity + k
-    advance_body(world_out, r, b, ti.cast(kick_time(world_out.replicas, r, step), ti.f64))
-    return place_spheres(world_out, r, b)
+    b, need = r * world_out.clumps.capacity + k, 0
+    if world_out.clumps.rank[r * world_out.grains.capacity + world_out.clumps.first[b]] != NOWHERE:
+        advance_body(world_out, r, b, ti.cast(kick_time(world_out.replicas, r, step), ti.f64))
+        need = place_spheres(world_out, r, b)
+    return need
 
 
 @ti.func

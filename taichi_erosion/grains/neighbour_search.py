@@ -185,10 +185,11 @@ def search_grain(world_out: ti.template(), r, rank, entry, limit):
 
 @ti.func
 def release_grain(world_out: ti.template(), r, rank):
-    """Put the grain of row `rank` of the GrainTable at that place of the valid side, with empty lists."""
+    """Put the next grain of the GrainTable at place `rank` of the valid side, with empty lists."""
     grains_out, source = ti.static((world_out.grains, world_out.source))
     i = side_block(grains_out, r, world_out.replicas.side[r]) + rank
-    row = r * grains_out.capacity + rank
+    ident = rank + world_out.replicas.removed[r]
+    row = r * grains_out.capacity + ident
     grains_out.origin[i] = source.position[row]
     grains_out.shift[i] = 0.0 * source.velocity[row]
     grains_out.velocity[i] = source.velocity[row]
@@ -196,7 +197,7 @@ def release_grain(world_out: ti.template(), r, rank):
     grains_out.radius[i] = source.radius[row]
     grains_out.mass_inverse[i] = source.mass_inverse[row]
     grains_out.material[i] = source.material[row]
-    grains_out.ident[i] = rank
+    grains_out.ident[i] = ident
     if ti.static(world_out.driven):
         clear_frozen_drag(world_out.frozen_drag, i)
     if ti.static(world_out.sleeps):
@@ -211,10 +212,11 @@ def release_grain(world_out: ti.template(), r, rank):
 
 @ti.func
 def is_due(world: ti.template(), r, rank):
-    """Whether a grain of row `rank` exists and its release step has come."""
+    """Whether a grain waits that would get place `rank`, and its release step has come."""
     (replicas,) = ti.static((world.replicas,))
-    row = r * world.grains.capacity + rank
-    return rank < replicas.total[r] and world.source.release_step[row] <= replicas.step[r]
+    ident = rank + replicas.removed[r]
+    row = r * world.grains.capacity + ident
+    return ident < replicas.total[r] and world.source.release_step[row] <= replicas.step[r]
 
 
 @ti.func

@@ -63,6 +63,9 @@ class Replicas:
     side: Any  # i32, 0 or 1
     partitions: Any  # i32, number of partitions of the grains
     released: Any  # i32, grains simulated
+    removes: Any  # i32, 1 where grains outside the box are taken out, 0 where one stops the replica
+    leaving: Any  # i32, grains that the present rebuild takes out
+    removed: Any  # i32, grains taken out so far
     total: Any  # i32, rows of the GrainTable
     step: Any  # i32
     stale: Any  # i32, 1 where the host asks for a rebuild
@@ -72,8 +75,8 @@ class Replicas:
     status: Any  # i32, core.snapshot.Status
     time_step: Any  # [s]
     gravity: Any  # vec3 [m s-2]
-    low: Any  # f64 vec3 [m], lost below
-    high: Any  # f64 vec3 [m], lost above
+    low: Any  # f64 vec3 [m], outside below
+    high: Any  # f64 vec3 [m], outside above
     period: Any  # f64 vec3 [m], 0 where open
     skin_least: Any  # skin of a resting grain over its radius [1]
     skin_most: Any  # largest skin [m]
@@ -151,10 +154,11 @@ def allocate_source(replicas: int, capacity: int) -> Source:
 def allocate_replicas(count: int, partitions: int) -> Replicas:
     """Fields of clocks and counters."""
     signals = "status spins_most late pause"  # the last three of a team
+    counts = "released removes leaving removed"
     skins = "skin_least skin_most skin_time cell_reach reach met_reach wall_travel"
     table = arrays(
         count,
-        i32=f"side partitions stale crowded released total step steps_left rebuilds pair_row {signals}",
+        i32=f"side partitions stale crowded {counts} total step steps_left rebuilds pair_row {signals}",
         real=f"time_step {skins} overlap_limit",
         realx3="gravity",
         f64x3="low high period",

@@ -32,8 +32,11 @@ from taichi_erosion.grains.simd_batch import (
 from taichi_erosion.grains.sleep import is_asleep
 from taichi_erosion.grains.state import block, force_block, partition_first, side_block
 from taichi_erosion.grains.walls import (
+    NO_SERVO,
+    TORQUE,
     into_wall_frame,
     out_of_wall_frame,
+    servo_place,
     surface_of,
     surface_velocity,
     wall_distance,
@@ -193,20 +196,44 @@ def apply_wall(world_out: ti.template(), batch: ti.template(), n, r, p, base):
     """Apply the contact in lane n to its grain."""
     rank, radius = batch.owner[n], batch.radius_i[n]
     report_overlap(world_out.replicas, r, p, rank, batch.partner[n], batch.overlap[n], radius)
-    add_wall_force(world_out, batch, n, r, base, force_block(world_out.grains, world_out.replicas, r, p))
+    force = add_wall_force(
+        world_out, batch, n, r, base, force_block(world_out.grains, world_out.replicas, r, p)
+    )
+    if ti.static(world_out.walls.servos > 0):
+        add_push(world_out, batch, n, p, base, force)
+
+
+@ti.func
+def add_push(world_out: ti.template(), batch: ti.template(), n, p, base, force):
+    """Add a force on the grain in lane n [N] to what the servo of its wall reads."""
+    (walls_out,) = ti.static((world_out.walls,))
+    s = surface_of(walls_out, -1 - batch.partner[n])
+    if walls_out.servo[s] != NO_SERVO:
+        along = walls_out.axis[s]
+        if walls_out.servo[s] == TORQUE:
+            distance = ti.cast(batch.radius_i[n], ti.f64) - batch.overlap[n]
+            point = position_at(world_out.grains, base + batch.owner[n]) - distance * lane(batch.offset, n)
+            along = along.cross(point - walls_out.centre[s] - walls_out.shift[s])
+        row = world_out.wall_pairs.label[batch.entry[n]] >> ROW_SHIFT
+        width = batch.root_radius[n] * ti.sqrt(ti.max(batch.overlap[n], 0.0))
+        place = servo_place(walls_out, world_out.replicas, p, s)
+        walls_out.push[place] = walls_out.push[place] - along.dot(force)
+        stiff = 2.0 * world_out.materials.young[row] * width * along.norm_sqr()
+        walls_out.stiffness[place] = walls_out.stiffness[place] + stiff
 
 
 @ti.func
 def add_wall_force(world_out: ti.template(), batch: ti.template(), n, r, base, buffer):
-    """Add the force in lane n to the buffer of its grain, and store its history."""
+    """Add the force in lane n to the buffer of its grain, and store its history; returns the force [N]."""
     grains_out, entries_out = ti.static((world_out.grains, world_out.wall_pairs))
     e, rank, radius = batch.entry[n], batch.owner[n], batch.radius_i[n]
-    place = buffer + rank
+    place, total = buffer + rank, ti.Vector.zero(float, 3)
     if batch.acts[n] == 1:
         store_contact(entries_out, batch, n)
         # until the next rebuild: a contact that ends is cleared at once
         entries_out.clearance_squared[base + rank] = 0.0
-        grains_out.force[place] = grains_out.force[place] + lane(batch.force, n)
+        total = lane(batch.force, n)
+        grains_out.force[place] = grains_out.force[place] + total
         torque = lane(batch.moment, n) - radius * lane(batch.torque_per_radius, n)
         grains_out.torque[place] = grains_out.torque[place] + torque
     else:
@@ -215,6 +242,8 @@ def add_wall_force(world_out: ti.template(), batch: ti.template(), n, r, base, b
         if effects_act(world_out.materials, entries_out, e):
             pull = wall_effect_force(world_out, r, batch, n, base + rank)
             grains_out.force[place] = grains_out.force[place] + pull
+            total += pull
+    return total
 
 
 @ti.func

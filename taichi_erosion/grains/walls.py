@@ -16,6 +16,9 @@ from taichi_erosion.grains.state import arrays
 
 PLANE = int(PrimitiveKind.PLANE)
 REVOLVED = int(PrimitiveKind.REVOLVED)
+NO_SERVO, FORCE, TORQUE = range(3)  # of Walls.servo
+GAIN = 0.1  # of a servo, see `control` [1]
+RAMP = 3e-4  # of its largest speed that a servo without contact gains in a step [1]
 LENGTH_LEAST = 1e-30  # keeps directions finite for a centre on the wall itself [m]
 
 
@@ -42,10 +45,24 @@ class Walls:
     velocity: Any  # f64 vec3 by surface [m s-1]
     spin: Any  # f64 vec3 by surface [rad s-1]
     centre: Any  # f64 vec3 by surface, a point of the spin axis at the start [m]
-    sweep: Any  # f64 by surface, largest speed at which its shape moves [m s-1]
+    sweep: Any  # f64 by surface, largest speed at which its shape moves but for a servo [m s-1]
+    rows: int  # of all tables of motion of a replica
+    table: Any  # f64 by row: time, velocity and spin, seven numbers
+    row: Any  # i32 by surface, first row of the table that it follows
+    row_count: Any  # i32 by surface, 0 where it follows none
+    begun: Any  # i32 by surface, step at which its motion was set
+    servos: int  # partitions whose forces on walls are summed; 0 where no wall has a servo
+    servo: Any  # i32 by surface, NO_SERVO, FORCE or TORQUE
+    axis: Any  # f64 vec3 by surface, of the servo
+    target: Any  # f64 by surface, force [N] or torque [N m] of the wall on the grains
+    fastest: Any  # f64 by surface [m s-1] or [rad s-1]
+    servo_speed: Any  # f64 by surface, of the last step, likewise
+    servo_reach: Any  # f64 by surface, speed of its shape over that of the servo [1] or [m]
+    push: Any  # f64 by partition, replica and surface: force or torque of the grains along the axis
+    stiffness: Any  # f64 likewise: of the contacts, along the axis [N m-1] or [N m]
 
 
-def allocate_walls(replicas: int, primitives: int, surfaces: int) -> Walls:
+def allocate_walls(replicas: int, primitives: int, surfaces: int, rows: int = 0, servos: int = 0) -> Walls:
     """Fields for the walls of all replicas; at least one place of each, since a field cannot be empty."""
     bodies, pieces = replicas * max(surfaces, 1), replicas * max(primitives, 1)
     table = arrays(
@@ -58,7 +75,12 @@ def allocate_walls(replicas: int, primitives: int, surfaces: int) -> Walls:
     table |= arrays(
         bodies, i32="material present moving moved", f64="sweep", f64x3="shift velocity spin centre"
     )
-    return Walls(primitives, surfaces, **table, turn=ti.Matrix.field(3, 3, ti.f64, shape=bodies))
+    table |= arrays(replicas * max(rows, 1), f64x7="table")
+    numbers = "target fastest servo_speed servo_reach"
+    table |= arrays(bodies, i32="row row_count begun servo", f64=numbers, f64x3="axis")
+    table |= arrays(max(servos, 1) * bodies, f64="push stiffness")
+    turn = ti.Matrix.field(3, 3, ti.f64, shape=bodies)
+    return Walls(primitives, surfaces, rows=rows, servos=servos, **table, turn=turn)
 
 
 @ti.func
@@ -182,10 +204,71 @@ def move_walls(walls_out: ti.template(), replicas_out: ti.template(), r):
     for k in range(walls_out.surfaces):
         s = r * walls_out.surfaces + k
         if walls_out.moving[s] == 1:
+            if ti.static(walls_out.rows > 0):
+                follow_table(walls_out, s, (replicas_out.step[r] - walls_out.begun[s] + 0.5) * dt)
+            if ti.static(walls_out.servos > 0):
+                sweep = ti.max(sweep, walls_out.sweep[s] + control(walls_out, replicas_out, r, s, dt))
             walls_out.shift[s] = walls_out.shift[s] + walls_out.velocity[s] * dt
             walls_out.turn[s] = rotation(walls_out.spin[s] * dt) @ walls_out.turn[s]
             sweep = ti.max(sweep, walls_out.sweep[s])
     replicas_out.wall_travel[r] = replicas_out.wall_travel[r] + ti.cast(sweep * dt, float)
+
+
+@ti.func
+def follow_table(walls_out: ti.template(), s, time):
+    """Set velocity and spin of surface s as its table says, linear in time; after its end the last ones."""
+    count = walls_out.row_count[s]
+    if count > 0:
+        low = walls_out.row[s]
+        while low < walls_out.row[s] + count - 2 and walls_out.table[low + 1][0] <= time:
+            low += 1
+        before, after = walls_out.table[low], walls_out.table[ti.min(low, walls_out.row[s] + count - 2) + 1]
+        share = ti.math.clamp((time - before[0]) / (after[0] - before[0]), 0.0, 1.0)
+        now = before + share * (after - before)
+        walls_out.velocity[s] = ti.Vector([now[1], now[2], now[3]])
+        walls_out.spin[s] = ti.Vector([now[4], now[5], now[6]])
+        walls_out.servo_speed[s] = 0.0
+
+
+@ti.func
+def control(walls_out: ti.template(), replicas: ti.template(), r, s, dt):
+    """Let the servo of surface s move on; returns the largest speed at which its shape then moves by it.
+
+        v = GAIN (F_target - F) / (K dt),    |v| <= fastest
+
+    F force of the wall on the grains, K sum of the stiffnesses 2 E* a of its contacts (for a torque, times
+    the squares of their levers). A gain near dt over the duration of a contact damps best.
+    Reference: Itasca, PFC documentation, servomechanism for walls.
+    """
+    bound = ti.cast(0.0, ti.f64)
+    if walls_out.servo[s] != NO_SERVO:
+        push, stiffness = bound, bound
+        for p in range(replicas.partitions[r]):
+            place = servo_place(walls_out, replicas, p, s)
+            push += walls_out.push[place]
+            stiffness += walls_out.stiffness[place]
+            walls_out.push[place], walls_out.stiffness[place] = 0.0, 0.0
+        fastest = walls_out.fastest[s]
+        wanted = GAIN * (walls_out.target[s] + push) / ti.max(stiffness * dt, LENGTH_LEAST)
+        speed = ti.math.clamp(wanted, -fastest, fastest)
+        if stiffness == 0.0:  # without a contact it gathers speed from rest, so that it does not hammer
+            towards = ti.select(speed > 0.0, 1.0, -1.0)
+            before = ti.max(towards * walls_out.servo_speed[s], 0.0)
+            speed = towards * ti.min(before + RAMP * fastest, ti.abs(speed))
+        change = (speed - walls_out.servo_speed[s]) * walls_out.axis[s]
+        if walls_out.servo[s] == FORCE:
+            walls_out.velocity[s] = walls_out.velocity[s] + change
+        else:
+            walls_out.spin[s] = walls_out.spin[s] + change
+        walls_out.servo_speed[s] = speed
+        bound = ti.abs(speed) * walls_out.servo_reach[s]
+    return bound
+
+
+@ti.func
+def servo_place(walls: ti.template(), replicas: ti.template(), p, s):
+    """Place of partition p and surface s, counted over all replicas, in the sums of servos."""
+    return p * replicas.count * walls.surfaces + s
 
 
 @ti.func

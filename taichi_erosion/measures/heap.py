@@ -55,6 +55,17 @@ def chosen_grains(snapshot: Snapshot, chosen: NDArray[np.bool_]) -> Snapshot:
     return replace(snapshot, **kept, effect_state={}, force=None)
 
 
+def inside(rows: Floats, position: Floats) -> NDArray[np.bool_]:
+    """Positions inside a surface of revolution: rows of axis point, axis, radius and height of both ends."""
+    found = np.zeros(len(position), bool)
+    for row in rows:
+        arm = position - row[:3]
+        height = arm @ row[3:6]
+        radius = np.linalg.norm(arm - height[:, np.newaxis] * row[3:6], axis=1)
+        found |= radius < np.interp(height, row[[7, 9]], row[[6, 8]], left=0.0, right=0.0)
+    return found
+
+
 def grain_diameter(snapshot: Snapshot) -> float:
     """Diameter d that halves the volume of the grains [m]: the sieve median."""
     radius = np.sort(snapshot.radius)

@@ -84,9 +84,9 @@ def run_replicas_after(
 
 def refusal_record(request: ReplicaRequest, reason: str) -> dict[str, Any]:
     """Record of a replica that could not start."""
-    empty = {"seed": request.seed, "measures": {}, "warnings": [], "stopped": "refused", "time": 0.0}
+    empty = {"seed": request.seed, "measures": {}, "warnings": [], "removed": [], "time": 0.0}
     cost = {"wall_s": 0.0, "cpu_s": 0.0, "versions": versions()}
-    return empty | cost | {"hash": scene_hash(request.scene), "failure": reason}
+    return empty | cost | {"hash": scene_hash(request.scene), "stopped": "refused", "failure": reason}
 
 
 def recorders_of(requests: list[ReplicaRequest], ensemble: EnsembleRun) -> dict[int, Recorder]:
@@ -97,7 +97,7 @@ def recorders_of(requests: list[ReplicaRequest], ensemble: EnsembleRun) -> dict[
             continue
         scene = ensemble.scenes[replica]
         text = json.dumps(resolved(request.scene), indent=1)  # a run of a campaign has no scene file
-        title = f"{scene.scene.title or scene.scene.kind}, seed {request.seed}"
+        title = f"{scene.scene.title or scene.scene.kind or 'scene'}, seed {request.seed}"
         try:
             recorders[replica] = open_recorder(request.record, title, text, ensemble.sim, scene, replica)
         except BadInput as error:

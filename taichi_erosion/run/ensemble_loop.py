@@ -17,13 +17,22 @@ from taichi_erosion.run.stages import (
     begin_stage,
     lifting_energy,
     measure_stage,
+    note_removed,
     settle_air,
     stage_is_over,
     store_frame,
     tilt_gravity,
 )
 from taichi_erosion.scene import Scene
-from taichi_erosion.simulation import Simulation, advance, energies, failure, snapshot, statuses
+from taichi_erosion.simulation import (
+    Simulation,
+    advance,
+    energies,
+    failure,
+    removed_spheres,
+    snapshot,
+    statuses,
+)
 
 ENERGY_RISE = 0.05  # of the mechanical energy above rest, in one check interval, that stops a replica [1]
 MASS_ERROR = 1e-5  # of the sum of all masses; they are stored in single precision [1]
@@ -35,8 +44,8 @@ FINDINGS = {  # of a check that stopped a replica, and the likely cause
     ),
     Status.LOST: (
         "grain {grain} left the domain at a coordinate of {value:.4g} m",
-        "a grain passed a gap in the walls or was shot away by an overlap; grains may fall off a disc alone "
-        "that a measure names as its plate",
+        "a grain passed a gap in the walls or was shot away by an overlap; [domain] outside = 'remove' takes "
+        "such grains out",
     ),
     Status.NOT_FINITE: (
         "grain {grain} has a coordinate that is not a number",
@@ -99,12 +108,13 @@ def run_ensemble(ensemble: EnsembleRun, callbacks: list[Callback]) -> None:
         ensemble.checks += 1
         ensemble.sums = energies(sim)
         running = np.array([state.active for state in ensemble.states])
-        stopped = statuses(sim) != Status.RUNNING
+        stopped, removed = statuses(sim) != Status.RUNNING, removed_spheres(sim)
         steps = interval / np.array([setup.time_step for setup in sim.setups])
         ensemble.grain_steps += float((running * steps * ensemble.sums[:, 5]).sum())
         for replica, state in enumerate(ensemble.states):
             if state.active:
                 state.failure = failure(sim, replica) if stopped[replica] else None
+                note_removed(sim, replica, state, ensemble.time, removed[replica])
                 check_replica(ensemble, replica, state)
         for callback in callbacks:
             callback(ensemble)
@@ -157,17 +167,17 @@ def energy_failure(ensemble: EnsembleRun, replica: int, state: ReplicaState) -> 
 def count_failure(sim: Simulation, replica: int, time: float) -> Failure | None:
     """Failure where grains are missing or doubled, a coordinate is not finite, or mass was lost.
 
-    A grain that leaves the domain stops its replica at once, so the grains inside must be the released rows
-    of the GrainTable, each once, with their masses.
+    The grains must be the released rows of the GrainTable, each once, with their masses, without those that
+    were counted when they left the domain.
     """
     state, table = snapshot(sim, replica), sim.setups[replica].grains
-    if not np.array_equal(state.ident, np.arange(len(state.ident))):
-        missing = np.setdiff1d(np.arange(len(state.ident)), state.ident)
-        return Failure(Status.COUNT, time, int(missing[0]), -1, float(len(missing)))
+    missing = np.setdiff1d(np.arange(len(state.ident) + state.removed), state.ident)
+    if len(missing) != state.removed:
+        return Failure(Status.COUNT, time, int([*missing, -1][0]), -1, float(len(missing) - state.removed))
     if not np.isfinite(state.position).all() or not np.isfinite(state.velocity).all():
         bad = ~np.isfinite(state.position + state.velocity).all(axis=1)
         return Failure(Status.NOT_FINITE, time, int(np.flatnonzero(bad)[0]), -1, float("nan"))
-    weighed, listed = float(state.mass.sum()), float(table.mass[: len(state.mass)].sum())
+    weighed, listed = float(state.mass.sum()), float(table.mass[state.ident].sum())
     if abs(weighed - listed) > MASS_ERROR * listed:
         return Failure(Status.COUNT, time, 0, -1, weighed / listed - 1.0)
     return None

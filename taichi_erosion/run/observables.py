@@ -6,10 +6,11 @@ from functools import cached_property
 from math import copysign, inf, nan
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats, Triple
-from taichi_erosion.core.snapshot import AirProfile, GrainFields, Snapshot
+from taichi_erosion.core.snapshot import AirProfile, GrainFields, Snapshot, WallPose
 from taichi_erosion.measures import (
     coarse_graining,
     drum_and_incline,
@@ -18,18 +19,21 @@ from taichi_erosion.measures import (
     shortfalls,
     splash,
     threshold,
+    wall_loads,
     wind_bed,
 )
 from taichi_erosion.measures.result import Measurement, Shortfall, no_measurement
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.preparation.air import surface_height
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
-from taichi_erosion.scene.schema.geometry import ORIGIN, Cylinder, Disc, Funnel, Plane, Wall
+from taichi_erosion.scene.preparation.walls import revolved_rows
+from taichi_erosion.scene.schema.fields import unit_vector
+from taichi_erosion.scene.schema.geometry import ORIGIN, Cone, Cylinder, Disc, Funnel, Plane, Wall
 from taichi_erosion.scene.schema.scene import SPLASH, Measure
 
 AZIMUTHS = 12  # silhouettes of a heap where the scene names no number
 CONE_SHARE = 0.5  # of the grains of a planned heap, without which no cone has its rows [1]
-LEFT_MOST = 0.05  # of the grains: more above its outlet, and a funnel has not emptied [1]
+LEFT_MOST = 0.05  # of the grains: more inside, and a funnel or tube has not emptied [1]
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,8 @@ class MeasureInput:
     profile: Callable[[], GrainFields] | None = None  # coarse-grained fields over the height, at the end
     period: Triple = (0.0, 0.0, 0.0)  # m, 0 where open
     window: wind_bed.Window | None = None  # of steady transport; None: the whole stage
+    loads: tuple[Floats, ...] = ()  # `wall_loads` of the frames, where a measure reads them
+    poses: Mapping[str, WallPose] = field(default_factory=dict)  # of walls at the end; others stand as built
 
     @property
     def patch(self) -> wind_bed.Patch:
@@ -75,6 +81,18 @@ class MeasureInput:
         return self.scene.geometry.get(next((each.plate for each in stated if each.plate), ""))
 
     @property
+    def axis(self) -> Floats:
+        """Axis that the measure states, a unit vector."""
+        return np.array(unit_vector(self.request.axis))
+
+    @property
+    def pressed(self) -> list[Floats]:
+        """Force and torque on the walls of the measure together, by frame."""
+        names = sorted(self.scene.geometry)
+        rows = [names.index(name) for name in self.request.walls or names]
+        return [load[rows].sum(axis=0) for load in self.loads]
+
+    @property
     def base_height(self) -> float:
         """Height of the plate at the origin [m]."""
         if isinstance(self.plate, Plane):
@@ -87,17 +105,43 @@ class MeasureInput:
         return self.plate.radius if isinstance(self.plate, Disc) else None
 
     @cached_property
-    def heap(self) -> Snapshot:
-        """The grains at the end, without those that fell off a round plate."""
+    def beside(self) -> NDArray[np.bool_]:
+        """Grains at the end that have fallen below a round plate."""
         if not isinstance(self.plate, Disc):
-            return self.end
+            return np.zeros(self.end.radius.size, bool)
         upwards = np.multiply(self.plate.axis, copysign(1.0, self.plate.axis[2]))
-        return heap.chosen_grains(self.end, (self.end.position - self.plate.centre) @ upwards > 0.0)
+        return (self.end.position - self.plate.centre) @ upwards <= 0.0
+
+    @cached_property
+    def held(self) -> NDArray[np.bool_]:
+        """Grains at the end inside a funnel or a lifted tube that ends above the plate."""
+        held = np.zeros(self.end.radius.size, bool)
+        for name, wall in self.scene.geometry.items() if held.size else ():
+            pose = self.poses.get(name, WallPose(True, np.eye(3), np.zeros(3)))
+            if isinstance(wall, Funnel) or (isinstance(wall, Cylinder | Cone) and pose.has_moved):
+                rows = np.array(revolved_rows(wall))
+                ends = [row[:3] + row[k] * row[3:6] for row in rows for k in (7, 9)]
+                lowest = (ends @ pose.rotation.T + pose.translation)[:, 2].min()
+                if pose.present and lowest > self.base_height + heap.grain_diameter(self.end):
+                    as_built = (self.end.position - pose.translation) @ pose.rotation
+                    held |= heap.inside(rows, as_built)
+        return held
+
+    @cached_property
+    def heap(self) -> Snapshot:
+        """The heap alone at the end: without grains that fell off a round plate or are held above it."""
+        away = self.beside | self.held
+        return heap.chosen_grains(self.end, ~away) if away.any() else self.end
+
+    @property
+    def fallen_grains(self) -> int:
+        """Number of grains that fell off the plate or left the domain."""
+        return int(self.beside.sum()) + self.end.removed
 
     @property
     def fallen(self) -> str:
-        """How many grains fell off a round plate, in words; empty where none did."""
-        whole, gone = self.end.radius.size, self.end.radius.size - self.heap.radius.size
+        """How many grains fell off the plate, in words; empty where none did."""
+        whole, gone = self.end.radius.size + self.end.removed, self.fallen_grains
         return f"{gone:,} of {whole:,} grains fell off the plate; the others are measured" if gone else ""
 
     @cached_property
@@ -151,6 +195,9 @@ OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "radius_90": lambda e: heap.radius_90(e.heap),
     "runout_radius": lambda e: heap.runout_radius(e.heap, e.base_height),
     "column_height": lambda e: heap.column_height(e.heap, e.base_height),
+    "wall_force": lambda e: wall_loads.force_along(e.pressed, e.axis),
+    "wall_torque": lambda e: wall_loads.torque_about(e.pressed, e.axis, np.array(e.request.centre)),
+    "friction_angle": lambda e: wall_loads.friction_angle(e.pressed, e.axis),
     "dynamic_angle": drum_angle,
     "sliding_angle": lambda e: drum_and_incline.sliding_angle(e.frames, e.tilts),
     "mass_flow": lambda e: mass_flow.mass_flow(
@@ -242,18 +289,17 @@ OF_TRANSPORT = ("flux", "flux_height", "bed_stress", "grain_stress", *SPLASH)  #
 
 
 def measure(name: str, given: MeasureInput) -> Measurement:
-    """The measurement, with what the set-up lacks for it; no value where a funnel has not emptied."""
+    """The measurement, with what the set-up lacks for it; no heap where a funnel or tube has not emptied."""
     found = OBSERVABLES[name](given)
-    height, walls = given.end.position[:, 2], given.scene.geometry.values()
-    outlet = min((wall.outlet[2] for wall in walls if isinstance(wall, Funnel)), default=inf)
-    if (left := (height > outlet).sum()) > LEFT_MOST * height.size:
-        return no_measurement(name, found.unit, f"{left:,} of {height.size:,} grains are still in the funnel")
+    if name in OF_HEAP and (left := int(given.held.sum())) > LEFT_MOST * given.held.size:
+        told = f"{left:,} of {given.held.size:,} grains are still in the funnel or tube"
+        return no_measurement(name, found.unit, told)
     lacking = tuple(LACKING[name](given, found) if name in LACKING else ())
     if given.window and name in OF_TRANSPORT:
         found = replace(found, details=found.details | given.window.details)
         lacking += given.window.lacking
     if given.fallen and name in OF_HEAP:
-        fallen = height.size - given.heap.radius.size
-        notes, details = (*found.notes, given.fallen), found.details | {"fallen_grains": fallen}
+        notes = (*found.notes, given.fallen)
+        details = found.details | {"fallen_grains": given.fallen_grains}
         found = replace(found, notes=notes, details=details)
     return replace(found, shortfalls=(*found.shortfalls, *lacking))

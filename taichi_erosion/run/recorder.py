@@ -67,7 +67,7 @@ def open_recorder(
     setup = sim.setups[replica]
     walls = meshes_of(scene, setup)
     header = stream.RunHeader(
-        *(title, scene.scene.kind, text, setup.grains.radius, walls),
+        *(title, scene.scene.kind or "own", text, setup.grains.radius, walls),
         contacts=scene.record.contacts,
         fields=scene.record.fields,
     )
@@ -91,8 +91,7 @@ def side_view(setup: Setup) -> SideView:
 def meshes_of(scene: Scene, setup: Setup) -> tuple[WallMesh, ...]:
     """All walls; endless ones end at the box around the apparatus."""
     moving = frozenset(wall for stage in scene.stages for wall in (*stage.remove, *stage.move))
-    meshes = wall_meshes(setup, apparatus_box(setup), moving)
-    return tuple(mesh for mesh in meshes if mesh.name in scene.geometry)  # no tray for fallen grains
+    return wall_meshes(setup, apparatus_box(setup), moving)
 
 
 def apparatus_box(setup: Setup) -> tuple[Triple, Triple]:

@@ -3,8 +3,9 @@
     scene           path of the scene file
     title, hash     title and hash of the scene
     seed            of the first replica
-    replicas        [{seed, measures, warnings, stopped, time}]: `stopped` is null or the name of a Status in
-                    small letters, `time` is simulated [s], `warnings` end with the reason of a stop
+    replicas        [{seed, measures, warnings, stopped, time, removed}]: `stopped` is null or the name of a
+                    Status in small letters, `time` is simulated [s], `warnings` end with the reason of a
+                    stop, `removed` [[time, number]] says how many grains have left the domain by a time
     measures        {observable: {name, value, sd, unit, n, notes, details, shortfalls}}, pooled over
                     replicas; a replica has its own, in the same form; `shortfalls` [{flag, sentence, found,
                     needed, blocks, grains}] say what the set-up lacks for the value, which says nothing where
@@ -142,6 +143,7 @@ def replica_record(ensemble: EnsembleRun, replica: int) -> dict[str, Any]:
         "warnings": state.warnings + ([failure_message(state.failure, state.seed)] if state.failure else []),
         "stopped": None if state.failure is None else state.failure.status.name.lower(),
         "time": step * sim.setups[replica].time_step,
+        "removed": state.removed,
     }
 
 

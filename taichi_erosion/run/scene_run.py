@@ -40,7 +40,7 @@ from taichi_erosion.run.result import (
 from taichi_erosion.run.stages import ReplicaState, whole_intervals
 from taichi_erosion.scene import Scene, laws, scene_hash
 from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare
-from taichi_erosion.simulation.capacities import has_grids
+from taichi_erosion.simulation.capacities import has_grids, has_servos
 from taichi_erosion.simulation.team import mean_threads
 
 CROSSOVER = 5_000  # grains of all replicas from which `auto` takes a graphics processor: docs/speed.md
@@ -141,7 +141,7 @@ def assemble_run(
     refuse_unwritable_outputs(path, options, record)
     effective = effective_scene(scene, library)
     grains = sum(len(setup.grains.radius) for setup in setups)
-    arch = arch_of(options.arch, options.decomposition, grains, has_grids(setups))
+    arch = arch_of(options.arch, options.decomposition, grains, has_grids(setups) or has_servos(setups))
     numerics = Numerics(arch, options.threads, scene.run.precision, options.decomposition)
     sim = assemble(setups, laws(effective), numerics)
     states = [ReplicaState(seed) for seed in seeds]

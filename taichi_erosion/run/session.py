@@ -24,8 +24,8 @@ from taichi_erosion.core.effect import STRENGTH, STRENGTH_MOST, Effect, paramete
 from taichi_erosion.core.errors import BadInput, SimulationStopped, did_you_mean
 from taichi_erosion.core.files import marked_png, refuse_foreign, write_atomic
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.result import Measurement
+from taichi_erosion.measures.wall_loads import wall_loads
 from taichi_erosion.recording import pictures, stream
 from taichi_erosion.recording.pictures import Picture, SideView, png_bytes
 from taichi_erosion.recording.wall_mesh import WallMesh
@@ -56,6 +56,7 @@ from taichi_erosion.scene import Scene, laws, resolved
 from taichi_erosion.scene.paths import leaves, meaning_of
 from taichi_erosion.scene.preparation.contacts import contact_table
 from taichi_erosion.scene.schema.fields import unit_vector
+from taichi_erosion.scene.schema.scene import OF_WALLS
 from taichi_erosion.simulation import Simulation
 
 NOT_SET = "not set"  # an entry that a scene lacks
@@ -153,8 +154,8 @@ def run_until_rest(session: Session) -> bool:
     limit = session.time + stage.duration_max
     while session.time < limit - 0.5 * session.time_step:
         run_for(session, session.scene.run.check_interval)
-        kinetic, *_, released = simulation.energies(session.sim)[0]
-        if at_rest(session.sim, 0, stage, int(released), (float(kinetic), lifting_energy(setup))):
+        kinetic = float(simulation.energies(session.sim)[0, 0])
+        if at_rest(session.sim, 0, stage, (kinetic, lifting_energy(setup))):
             return True
     return False
 
@@ -215,11 +216,14 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
 
 def measure_now(session: Session) -> dict[str, Measurement]:
     """All observables of the scene in the present state."""
-    end: Snapshot = simulation.snapshot(session.sim, 0)
-    profile = partial(fields_now, session.sim, 0)
+    sim, is_read = session.sim, bool(set(OF_WALLS) & set(session.scene.measure))
+    end, poses, scene = simulation.snapshot(sim, 0), simulation.wall_poses(sim, 0), session.scene
+    loads = (wall_loads(simulation.contact_network(sim, 0)),) if is_read else ()
+    profile = partial(fields_now, sim, 0)
+    kept = end, (end,), (0.0,)
     return {
-        name: measure(name, MeasureInput(session.scene, request, end, (end,), (0.0,), profile=profile))
-        for name, request in session.scene.measure.items()
+        name: measure(name, MeasureInput(scene, request, *kept, profile=profile, loads=loads, poses=poses))
+        for name, request in scene.measure.items()
     }
 
 
@@ -256,6 +260,7 @@ def session_status(session: Session) -> dict[str, float | int | str]:
         "time_s": round(session.time, 9),
         "stage": session.scene.stages[session.stage].name,
         "released": sums.released,
+        "removed": simulation.removed_spheres(session.sim)[0],
         "contacts": sums.contacts,
         "kinetic_J": sums.kinetic_translation + sums.kinetic_rotation,
         "speed_largest_m_s": sums.speed_largest,

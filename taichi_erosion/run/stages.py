@@ -3,21 +3,23 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from math import radians
+from math import isnan, radians
 
 import numpy as np
 import scipy
 
 from taichi_erosion import simulation
-from taichi_erosion.core.setup import Motion, Setup
+from taichi_erosion.core.setup import Floats, Setup
 from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot
 from taichi_erosion.measures.result import Measurement
+from taichi_erosion.measures.wall_loads import wall_loads
 from taichi_erosion.measures.wind_bed import HOP_TIME, Window, steady_window, stress_share
 from taichi_erosion.run.grain_fields import fields_now
 from taichi_erosion.run.observables import MeasureInput, measure, patch_of
 from taichi_erosion.run.threshold_search import ROUNDING, ThresholdSearch, advance_search, begin_search
 from taichi_erosion.scene import Scene
-from taichi_erosion.scene.schema.scene import Stage
+from taichi_erosion.scene.preparation.walls import motion_of
+from taichi_erosion.scene.schema.scene import OF_WALLS, Stage
 from taichi_erosion.simulation import Simulation
 
 GOALS = {"rest": "rest", "threshold": "all thresholds were found"}  # end of a stage by `until`
@@ -34,11 +36,15 @@ class ReplicaState:
     failure: Failure | None = None
     energy: float | None = None  # J, mechanical energy at the last check; None where work may have changed it
     released: int = 0
+    removed: list[list[float]] = field(default_factory=list)  # time [s], grains that had left the domain
     frames: list[Snapshot] = field(default_factory=list)
     tilts: list[float] = field(default_factory=list)
     measurements: dict[str, Measurement] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     airs: list[AirProfile] = field(default_factory=list)  # with the frames, where there is air
+    loads: list[Floats] = field(
+        default_factory=list
+    )  # `wall_loads` of the frames, where a measure reads them
     search: ThresholdSearch | None = None  # from the begin of a threshold stage on
 
     @property
@@ -57,15 +63,27 @@ def whole_intervals(time: float, interval: float) -> int:
     return int(time / interval * (1.0 + ROUNDING))
 
 
+def note_removed(sim: Simulation, replica: int, state: ReplicaState, time: float, spheres: int) -> None:
+    """Note the number of grains that have left the domain, where it has grown."""
+    setup = sim.setups[replica]
+    grains = spheres if setup.clumps is None else spheres * len(setup.clumps.mass) // len(setup.grains.mass)
+    if grains > (state.removed[-1][1] if state.removed else 0):
+        state.removed.append([time, grains])
+        state.energy = None
+
+
 def begin_stage(sim: Simulation, scene: Scene, replica: int, state: ReplicaState, time: float) -> None:
     """Begin the next stage at a time [s]; after the last one the replica is finished."""
     state.stage += 1
     state.energy = None
     if state.stage == len(scene.stages):
         state.finished = True
+        if state.removed and scene.domain.outside is None:
+            first, (_, gone) = state.removed[0][0], state.removed[-1]
+            state.warn(f"{gone:,.0f} grains left the domain, the first by {first:.3g} s, and were taken out")
         return
     state.began = time
-    state.frames, state.tilts, state.airs = [], [], []
+    state.frames, state.tilts, state.airs, state.loads = [], [], [], []
     stage = scene.stages[state.stage]
     change_boundaries(sim, replica, stage)
     if stage.until == "threshold":
@@ -76,8 +94,8 @@ def change_boundaries(sim: Simulation, replica: int, stage: Stage) -> None:
     """Boundary conditions of a stage: walls removed or set in motion, friction velocity, through-flow."""
     for name in stage.remove:
         simulation.remove_surface(sim, replica, name)
-    for name, motion in stage.move.items():
-        simulation.move_surface(sim, replica, name, Motion(motion.velocity, motion.spin, motion.centre))
+    for name, order in stage.move.items():
+        simulation.move_surface(sim, replica, name, motion_of(order))
     if stage.friction_velocity is not None:
         simulation.spin_up_wind(sim, replica, stage.friction_velocity)
     if stage.through_flow is not None:
@@ -122,6 +140,8 @@ def store_frame(sim: Simulation, scene: Scene, replica: int, state: ReplicaState
         state.tilts.append(radians(stage.tilt_rate) * (time - state.began))
         if scene.wind is not None:
             state.airs.append(simulation.air_profile(sim, replica))
+        if set(OF_WALLS) & set(measured_in(scene, state.stage)):
+            state.loads.append(wall_loads(simulation.contact_network(sim, replica)))
 
 
 def measured_in(scene: Scene, stage: int) -> list[str]:
@@ -146,14 +166,14 @@ def stage_is_over(
         return True
     if stage.until != "rest" or elapsed < stage.duration_min:
         return False
-    return at_rest(sim, replica, stage, state.released, energy)
+    return at_rest(sim, replica, stage, energy)
 
 
-def at_rest(sim: Simulation, replica: int, stage: Stage, released: int, energy: tuple[float, float]) -> bool:
-    """Criterion of rest: all grains released, most in contact, `energy` (as in `stage_is_over`) small."""
+def at_rest(sim: Simulation, replica: int, stage: Stage, energy: tuple[float, float]) -> bool:
+    """Criterion of rest: no grain waits, most are in contact, `energy` (as in `stage_is_over`) is small."""
     kinetic, lifting = energy
     return (
-        released == len(sim.setups[replica].grains.radius)
+        simulation.waiting_spheres(sim, replica) == 0
         and kinetic <= stage.rest_energy * lifting
         and simulation.share_touching(sim, replica) >= stage.rest_contact_share
     )
@@ -177,11 +197,15 @@ def measure_stage(sim: Simulation, scene: Scene, stage: int, replicas: Mapping[i
         air = simulation.air_profile(sim, replica) if scene.wind is not None else None
         thresholds = {} if state.search is None else state.search.found
         profile, period = partial(fields_now, sim, replica), sim.setups[replica].period
+        loads, poses = tuple(state.loads), simulation.wall_poses(sim, replica)
         kept = end, tuple(state.frames), tuple(state.tilts), air, tuple(state.airs), thresholds
         for name in names:
-            given = MeasureInput(scene, scene.measure[name], *kept, profile, period, window)
-            state.measurements[name] = measure(name, given)
-            if given.fallen in state.measurements[name].notes:
+            own = *kept, profile, period, window, loads, poses
+            given = MeasureInput(scene, scene.measure[name], *own)
+            state.measurements[name] = found = measure(name, given)
+            if isnan(found.value):
+                state.warn(f"{name} has no value: {'; '.join(found.notes)}")
+            elif given.fallen in found.notes:
                 state.warn(given.fallen)
 
 

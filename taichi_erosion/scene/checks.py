@@ -147,8 +147,11 @@ def check_fill(scene: Scene) -> Iterator[str]:
     reach, mean = share * largest, min(mean_cube(scene.grains.size) ** (1.0 / 3.0), largest)
     if isinstance(fill, Positions):
         yield from listed_checks(scene, fill)
-    elif isinstance(fill, Layers) and scene.wind is None:
-        yield "fill.law = 'layers' fills a patch: a [wind] section must state its length and width"
+    elif isinstance(fill, Layers) and scene.patch_size is None:
+        told = "a [wind] section must state its length and width, or [domain] its period"
+        yield f"fill.law = 'layers' fills a patch: {told}"
+    elif scene.domain.period is not None and not isinstance(fill, Layers):
+        yield f"fill.law = '{fill.law}': a periodic box is filled by 'layers' or 'positions'"
     elif not isinstance(fill, Layers) and fill.radius < reach:
         yield f"fill.radius = {fill.radius:g} m is smaller than a grain's reach of {reach:g} m"
     elif not isinstance(fill, Layers) and (lines := list(tube_checks(scene, fill))):
@@ -191,11 +194,15 @@ def net_checks(scene: Scene, fill: Rain | Lattice | Layers, size: float) -> Iter
         places = len(lattice_points(fill)) if cells < MOST_SPHERES else MOST_SPHERES
         if places < scene.grains.count:
             yield f"grains.count = {scene.grains.count}: the fill has {places} places"
-    if isinstance(fill, Layers) and scene.wind is not None:
-        for name, places in zip(("length", "width"), places_per_layer(scene.wind, fill), strict=True):
+    if isinstance(fill, Layers) and scene.patch_size is not None:
+        names = (
+            ("domain.period.0", "domain.period.1") if scene.wind is None else ("wind.length", "wind.width")
+        )
+        each = zip(names, scene.patch_size, places_per_layer(scene.patch_size, fill), strict=True)
+        for name, size, places in each:
             if places < PATCH_GRAINS_LEAST:
-                size, least = getattr(scene.wind, name), PATCH_GRAINS_LEAST
-                yield f"wind.{name} = {size:g} m holds {places} grains of this pitch; at least {least}"
+                least = PATCH_GRAINS_LEAST
+                yield f"{name} = {size:g} m holds {places} grains of this pitch; at least {least}"
 
 
 def listed_checks(scene: Scene, fill: Positions) -> Iterator[str]:

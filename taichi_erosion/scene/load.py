@@ -18,7 +18,7 @@ from taichi_erosion.scene.checks import air_checks, cross_checks
 from taichi_erosion.scene.paths import apply_override
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
 from taichi_erosion.scene.schema.air import AirScene
-from taichi_erosion.scene.schema.fields import DIAMETER, DIAMETERS
+from taichi_erosion.scene.schema.fields import DIAMETER, DIAMETERS, FOR_HASH
 from taichi_erosion.scene.schema.geometry import Mesh
 from taichi_erosion.scene.schema.grains import Size
 from taichi_erosion.scene.schema.scene import Scene
@@ -304,7 +304,7 @@ def scene_hash(scene: Scene | AirScene) -> str:
 
     Independent of seeds, number of replicas, recording, titles, measured values, comments, order of keys.
     """
-    table = scene.model_dump(mode="json", exclude_none=True, exclude=NOT_HASHED)
+    table = scene.model_dump(mode="json", exclude_none=True, exclude=NOT_HASHED, context=FOR_HASH)
     if isinstance(scene, Scene):
         table["contact"] = {"-".join(sorted(pair.split("-"))): row for pair, row in table["contact"].items()}
         table["meshes"] = {  # the content of a mesh file counts, not its name

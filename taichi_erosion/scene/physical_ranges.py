@@ -40,8 +40,11 @@ LENGTH = PhysicalRange("m", 0.0, 100.0)
 SHARE = PhysicalRange("1", 0.0, 1.0)
 OBSERVED: Mapping[str, PhysicalRange] = {
     **dict.fromkeys(
-        ("repose_angle", "cone_angle", "angle_of_repose", "dynamic_angle", "sliding_angle"), ANGLE
+        ("repose_angle", "cone_angle", "angle_of_repose", "dynamic_angle", "sliding_angle", "friction_angle"),
+        ANGLE,
     ),
+    "wall_force": PhysicalRange("N", -1e6, 1e6),
+    "wall_torque": PhysicalRange("N m", -1e6, 1e6),
     **dict.fromkeys(("threshold_u_star", "fluid_threshold", "impact_threshold", "rolling_onset"), THRESHOLD),
     "impact_threshold_linear": THRESHOLD,
     "threshold_wind_speed": TUNNEL_WIND,

@@ -12,11 +12,12 @@ from taichi_erosion.simulation.control import (
     set_gravity,
 )
 from taichi_erosion.simulation.readback import (
-    WallPose,
     energies,
+    removed_spheres,
     share_touching,
     snapshot,
     totals,
+    waiting_spheres,
     wall_poses,
 )
 from taichi_erosion.simulation.saved_state import export_bed, export_state, import_bed, import_state
@@ -30,7 +31,6 @@ from taichi_erosion.simulation.wind_driver import (
 
 __all__ = [
     "Simulation",
-    "WallPose",
     "advance",
     "air_profile",
     "assemble",
@@ -47,6 +47,7 @@ __all__ = [
     "move_surface",
     "prepare",
     "remove_surface",
+    "removed_spheres",
     "reuse_or_assemble",
     "set_contacts",
     "set_effects",
@@ -57,5 +58,6 @@ __all__ = [
     "spin_up_wind",
     "statuses",
     "totals",
+    "waiting_spheres",
     "wall_poses",
 ]

@@ -28,10 +28,12 @@ from taichi_erosion.grains.walls import allocate_walls
 from taichi_erosion.simulation.capacities import (
     Capacities,
     has_grids,
+    has_servos,
     initial_capacities,
     padded_with_copies,
     partition_count,
     refuse_grids,
+    refuse_servos,
     refuse_too_large,
 )
 from taichi_erosion.simulation.grain_decomposition.buffers import GrainBuffers, allocate_buffers
@@ -77,7 +79,13 @@ def build_world(setups: list[Setup], laws: Laws, capacities: Capacities, by_grai
         replicas=allocate_replicas(capacities.replicas, capacities.partitions),
         cells=allocate_cells(capacities.replicas, capacities.grains, capacities.cells),
         pairs=allocate_neighbour_list(capacities.replicas, capacities.grains, capacities.pairs, stride),
-        walls=allocate_walls(capacities.replicas, capacities.primitives, capacities.surfaces),
+        walls=allocate_walls(
+            capacities.replicas,
+            capacities.primitives,
+            capacities.surfaces,
+            capacities.motion_rows,
+            capacities.servos,
+        ),
         wall_pairs=allocate_wall_list(capacities.replicas, capacities.grains, capacities.wall_pairs),
         materials=allocate_materials(capacities.replicas, capacities.materials),
         laws=compiled,
@@ -167,6 +175,7 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
     capacities = initial_capacities(listed, numerics.by_grain)
     if numerics.by_grain:
         refuse_grids(has_grids(listed))
+        refuse_servos(has_servos(listed))
         refuse_too_large(capacities)
     threads = start_device(numerics, POOL_LEAST)
     on_cpu = numerics.arch == "cpu"

@@ -51,6 +51,8 @@ class Capacities:
     surfaces: int
     materials: int
     bodies: int
+    motion_rows: int = 0  # of the tables that surfaces may follow
+    servos: int = 0  # partitions whose forces on walls are summed for servos; 0: none
 
 
 def partition_count(setup: Setup) -> int:
@@ -93,6 +95,8 @@ def initial_capacities(setups: list[Setup], by_grain: bool = False) -> Capacitie
         surfaces=surfaces,
         materials=max(len(s.materials) for s in setups),
         bodies=max(bodies, 1),
+        motion_rows=max(sum(map(len, s.tables)) for s in setups),
+        servos=max(partition_count(s) for s in setups) if has_servos(setups) else 0,
     )
 
 
@@ -134,6 +138,17 @@ def verlet_skin(setup: Setup, by_grain: bool = False) -> VerletSkin:
 def has_grids(setups: Sequence[Setup]) -> bool:
     """Whether any replica has air in more than one column of cells."""
     return any(setup.air is not None and setup.air.cells[:2] != (1, 1) for setup in setups)
+
+
+def has_servos(setups: Sequence[Setup]) -> bool:
+    """Whether a wall of any replica may have a servo."""
+    return any(setup.has_servos for setup in setups)
+
+
+def refuse_servos(present: bool) -> None:
+    """Raise BadInput for servos with one thread per grain: forces on walls are summed in partitions only."""
+    if present:
+        raise BadInput(f"one thread per grain has no walls under a constant force or torque; {REMEDY}")
 
 
 def refuse_grids(present: bool) -> None:

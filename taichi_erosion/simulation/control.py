@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from taichi_erosion.core.effect_device import write_constants
 from taichi_erosion.core.setup import ContactTable, Floats, Motion, PrimitiveKind, Setup
 from taichi_erosion.core.transfer import download, upload
 from taichi_erosion.grains.materials import upload_materials
+from taichi_erosion.grains.walls import FORCE, NO_SERVO, TORQUE
 from taichi_erosion.simulation.assemble import Simulation
 
 AXIS_TOLERANCE = 1e-9  # of the extent: a surface of revolution turning about its own axis keeps its shape [1]
@@ -32,13 +34,34 @@ def move_surface(sim: Simulation, replica: int, name: str, motion: Motion) -> No
     """Set the rigid motion of a wall; it replaces the one before and starts from where the wall is."""
     walls = sim.world.walls
     place = surface_index(sim, replica, name)
-    moves = any((*motion.velocity, *motion.spin))
+    moves = any((*motion.velocity, *motion.spin, *motion.table)) or motion.servo is not None
     moved = moves or download([walls.moved], place, 1)[0][0] > 0.0
-    sweep = shape_speed(sim.setups[replica], place % sim.capacities.surfaces, motion)
+    setup, surface = sim.setups[replica], place % sim.capacities.surfaces
+    steady = [replace(motion, velocity=row[1:4], spin=row[4:7]) for row in motion.table] or [motion]
+    sweep = max(shape_speed(setup, surface, each) for each in steady)
     vectors = [(getattr(walls, name), [getattr(motion, name)]) for name in ("velocity", "spin", "centre")]
     words = [(walls.moving, [float(moves)]), (walls.moved, [float(moved)]), (walls.sweep, [sweep])]
-    upload([*words, *vectors], place)
+    upload([*words, *vectors, *driven_columns(sim, replica, surface, motion)], place)
     make_stale(sim, replica)
+
+
+def driven_columns(
+    sim: Simulation, replica: int, surface: int, motion: Motion
+) -> list[tuple[Any, list[Any]]]:
+    """Fields of a surface that say by which table and servo it moves, with their values."""
+    walls, setup, servo = sim.world.walls, sim.setups[replica], motion.servo
+    lengths, known = [len(table) for table in setup.tables], motion.table in setup.tables
+    first = sum(lengths[: setup.tables.index(motion.table)]) if known else 0
+    begun = download([sim.world.replicas.step], replica, 1)[0][0]
+    columns = [(walls.row, [replica * walls.rows + first]), (walls.row_count, [known * len(motion.table)])]
+    columns += [(walls.begun, [begun]), (walls.servo_speed, [0.0])]
+    if servo is None:
+        return [*columns, (walls.servo, [NO_SERVO])]
+    turning = replace(motion, velocity=(0.0, 0.0, 0.0), spin=servo.axis)
+    reach = shape_speed(setup, surface, turning) if servo.is_torque else 1.0
+    numbers = {"target": servo.target, "axis": servo.axis, "fastest": servo.fastest, "servo_reach": reach}
+    columns += [(getattr(walls, name), [value]) for name, value in numbers.items()]
+    return [*columns, (walls.servo, [TORQUE if servo.is_torque else FORCE])]
 
 
 def shape_speed(setup: Setup, surface: int, motion: Motion) -> float:

@@ -1,11 +1,9 @@
 """Readback of a running simulation: snapshots, poses of walls, energies."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from taichi_erosion.core.setup import Floats, Integers
-from taichi_erosion.core.snapshot import Snapshot, Totals
+from taichi_erosion.core.snapshot import Snapshot, Totals, WallPose
 from taichi_erosion.core.ti import ti
 from taichi_erosion.core.transfer import download
 from taichi_erosion.grains.cells import position_of
@@ -15,15 +13,6 @@ from taichi_erosion.grains.wall_contacts import position_in_wall_frame
 from taichi_erosion.grains.walls import wall_distance, wall_offset
 from taichi_erosion.simulation.assemble import Simulation
 from taichi_erosion.simulation.saved_state import effect_memory
-
-
-@dataclass(frozen=True)
-class WallPose:
-    """A wall as it stands: a point p of it at the start is now at  R p + t."""
-
-    present: bool  # False once removed
-    rotation: Floats  # R [3, 3]
-    translation: Floats  # t [3] m
 
 
 def wall_poses(sim: Simulation, replica: int) -> dict[str, WallPose]:
@@ -216,7 +205,8 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
         mass=1.0 / inverse[order],
         contacts=contacts[0, order],
         ident=ident[order].astype(np.int32),
-        waiting=len(sim.setups[replica].grains.radius) - released,
+        waiting=waiting_spheres(sim, replica),
+        removed=removed_spheres(sim)[replica],
         effect_state={name: values[order] for name, values in zip(kept, states, strict=True)},
         force=(rate / inverse[:, np.newaxis])[order],
     )
@@ -241,13 +231,24 @@ def totals(sim: Simulation, replica: int) -> Totals:
     )
 
 
+def removed_spheres(sim: Simulation) -> list[int]:
+    """Spheres of every replica that have left its domain and were taken out."""
+    return [int(number) for number in download([sim.world.replicas.removed], 0, len(sim.setups))[0]]
+
+
+def waiting_spheres(sim: Simulation, replica: int) -> int:
+    """Spheres of one replica that are not released yet."""
+    released = replica_row(sim, replica)[1]
+    return len(sim.setups[replica].grains.radius) - released - removed_spheres(sim)[replica]
+
+
 def energies(sim: Simulation) -> Floats:
     """Sums of `sum_chunks` up to `RELEASED`, [replicas, 6], for sanity checks and checks of rest."""
     return contact_sums(sim, 0, len(sim.setups))[1][:, : RELEASED + 1]
 
 
 def share_touching(sim: Simulation, replica: int) -> float:
-    """Share of the released grains with at least one contact [1]."""
+    """Share of the grains that are there with at least one contact [1]; 1 of none."""
     _, released, _, _ = replica_row(sim, replica)
     contacts, _ = contact_sums(sim, replica, replica + 1, counts=True)
-    return float(np.mean(contacts[0, :released] > 0)) if released else 0.0
+    return float(np.mean(contacts[0, :released] > 0)) if released else 1.0

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.effect_device import state_fields
 from taichi_erosion.core.transfer import download, read, upload, write
+from taichi_erosion.grains.clumps import NOWHERE
 from taichi_erosion.grains.frozen_drag import FROZEN_FIELDS
 from taichi_erosion.grains.sleep import SAVED_FIELDS
 from taichi_erosion.grains.state import REACH_FIELDS
@@ -15,7 +16,8 @@ from taichi_erosion.simulation.capacities import with_doubled_lists
 
 Arrays = dict[str, NDArray[Any]]
 
-REPLICA = ("partitions", "released", "step", "rebuilds", "status", "time_step", "gravity", "wall_travel")
+CLOCK = ("step", "rebuilds", "status", "time_step", "gravity", "wall_travel")
+REPLICA = ("partitions", "released", "removed", *CLOCK)
 MOTION = ("origin", "shift", "velocity", "spin")
 GRAIN = (*MOTION, "radius", "mass_inverse", "skin_squared", "material", "ident")
 FAULT = ("fault_grain", "fault_partner", "fault_value")
@@ -23,7 +25,10 @@ RATE = ("acceleration", "spin_rate")
 SPRINGS = ("tangential_displacement", "rolling_displacement")
 PAIR = ("neighbour", "label", "separation", "root_radius", "damping", "rolling_damping", *SPRINGS)
 WALL_PAIR = ("wall", "label", "root_radius", "damping", "rolling_damping", *SPRINGS)
-SURFACE = ("present", "moving", "moved", "shift", "turn", "velocity", "spin", "centre", "sweep")
+SURFACE = (
+    *("present", "moving", "moved", "shift", "turn", "velocity", "spin", "centre", "sweep"),
+    *("row", "row_count", "begun", "servo", "axis", "target", "fastest", "servo_speed", "servo_reach"),
+)
 AIR_CELLS = (
     *("velocity_x", "velocity_y", "velocity_z", "pressure", "void_fraction", "void_before"),
     *("exchange_coefficient", "exchange_force", "eddy_face"),
@@ -130,7 +135,8 @@ def import_state(sim: Simulation, state: Arrays) -> None:
     for name in FAULT:
         field = getattr(replicas, name)
         write(field, in_room(state[name], field.shape))
-    for gone in (replicas.need, world.grains.force, world.grains.torque):
+    sums = (world.walls.push, world.walls.stiffness)
+    for gone in (replicas.need, world.grains.force, world.grains.torque, *sums):
         write(gone, 0)
     if sim.capacities.surfaces:
         upload(columns("surface_", world.walls, SURFACE, state))
@@ -191,7 +197,7 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
     import_lists(sim, r, part)
     if world.clumped:
         upload(columns("body_", world.clumps, BODY, part), r * sim.capacities.bodies)
-        rank = np.zeros(rows)
+        rank = np.full(rows, NOWHERE)
         rank[part["ident"].astype(np.int64)] = np.arange(len(part["ident"]))
         upload([(world.clumps.rank, rank)], r * rows)
 

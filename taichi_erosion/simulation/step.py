@@ -5,8 +5,8 @@ import sys
 from taichi_erosion.core.snapshot import Status
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.exchange import exchange_momentum
-from taichi_erosion.grains.cells import fit_cells, position_of, sort_grains
-from taichi_erosion.grains.clumps import advance_clumps, locate_spheres
+from taichi_erosion.grains.cells import GONE, fit_cells, position_of, sort_grains, wrapped
+from taichi_erosion.grains.clumps import NOWHERE, advance_clumps, locate_spheres
 from taichi_erosion.grains.integrate import advance_grains, finish_partition, gather_forces
 from taichi_erosion.grains.neighbour_list import count_wide_grains
 from taichi_erosion.grains.neighbour_search import list_partition, move_grains, release_grains
@@ -27,7 +27,12 @@ OVERFLOW = int(Status.OVERFLOW)
 def position_fault(world: ti.template(), r, rank):
     """Whether the position of a grain is finite and inside the domain: 0, LOST or NOT_FINITE, and where."""
     grains, replicas = ti.static((world.grains, world.replicas))
-    position = position_of(grains, replicas, r, side_block(grains, r, replicas.side[r]) + rank)
+    i = side_block(grains, r, replicas.side[r]) + rank
+    position = position_of(grains, replicas, r, i)
+    if ti.static(world.clumped):  # all spheres of a clump leave together
+        sphere = r * grains.capacity + grains.ident[i]
+        body = r * world.clumps.capacity + world.source.body[sphere]
+        position = wrapped(world.clumps.position[body], replicas.period[r], replicas.low[r])
     fault, value = 0, ti.cast(0.0, float)
     for k in ti.static(range(3)):
         # not x - x == 0, which Mesa's driver for Vulkan takes to be true for every number
@@ -39,11 +44,38 @@ def position_fault(world: ti.template(), r, rank):
 
 @ti.func
 def check_positions(world_out: ti.template(), r):
-    """Stop the replica where a position is not finite or outside the domain."""
+    """Stop the replica where a position is not finite; a grain outside the domain too, or it is taken out."""
+    leaving = 0
     for rank in range(world_out.replicas.released[r]):
         fault, value = position_fault(world_out, r, rank)
-        if fault != 0:
+        gone = mark_leaving(world_out, r, rank, fault)
+        leaving += gone
+        if fault != 0 and gone == 0:
             stop_at(world_out.replicas, r, rank, fault, value)
+    world_out.replicas.leaving[r] = leaving
+
+
+@ti.func
+def mark_leaving(world_out: ti.template(), r, rank, fault):
+    """Note for the sort whether a grain is to be taken out, which stays in all lists; returns 1 if so."""
+    (grains,) = ti.static((world_out.grains,))
+    gone = world_out.replicas.removes[r] * ti.cast(fault == LOST, ti.i32)
+    if world_out.replicas.removes[r] == 1:
+        world_out.cells.cell[r * grains.capacity + rank] = GONE * gone
+        if ti.static(world_out.clumped):
+            if gone == 1:
+                i = side_block(grains, r, world_out.replicas.side[r]) + rank
+                world_out.clumps.rank[r * grains.capacity + grains.ident[i]] = NOWHERE
+    return gone
+
+
+@ti.func
+def count_out(replicas_out: ti.template(), r, number):
+    """Count so many grains as taken out of replica r, which are those of the last ranks."""
+    released = replicas_out.released[r] - number
+    replicas_out.released[r] = released
+    replicas_out.removed[r] = replicas_out.removed[r] + number
+    replicas_out.bounds[r, replicas_out.partitions[r]] = released
 
 
 @ti.func
@@ -64,6 +96,7 @@ def prepare_rebuild(world_out: ti.template(), r):
         if ti.static(not world_out.driven):
             fit_cells(world_out.cells, world_out.grains, world_out.replicas, r)
         sort_grains(world_out.cells, world_out.grains, world_out.replicas, r)
+        count_out(world_out.replicas, r, world_out.replicas.leaving[r])
         balance_partitions(world_out, r)
 
 
@@ -84,6 +117,7 @@ def swap_sides(replicas_out: ti.template(), r):
         short += replicas_out.short[r, p] + replicas_out.wall_short[r, p]
     if short > 0:
         replicas_out.status[r] = OVERFLOW
+        count_out(replicas_out, r, -replicas_out.leaving[r])
     else:
         replicas_out.side[r] = 1 - replicas_out.side[r]
         replicas_out.rebuilds[r] = replicas_out.rebuilds[r] + 1
@@ -139,9 +173,9 @@ def required_action(world: ti.template(), r):
     wanted = replicas.stale[r]
     for p in range(replicas.partitions[r]):
         wanted = ti.max(wanted, replicas.need[r, p])
-    released = replicas.released[r]
-    if released < replicas.total[r]:
-        if source.release_step[r * world.grains.capacity + released] <= replicas.step[r]:
+    ident = replicas.released[r] + replicas.removed[r]
+    if ident < replicas.total[r]:
+        if source.release_step[r * world.grains.capacity + ident] <= replicas.step[r]:
             wanted = ti.max(wanted, REBUILD)
     if replicas.wall_travel[r] > replicas.skin_most[r]:
         wanted = ti.max(wanted, REBUILD)

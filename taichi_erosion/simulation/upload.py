@@ -79,6 +79,7 @@ def upload_replicas(world: World, setups: list[Setup], reaches: Floats, partitio
             (replicas.pair_row, common_rows(setups, world.materials)),
             (replicas.time_step, [s.time_step for s in setups]),
             (replicas.gravity, [s.gravity for s in setups]),
+            (replicas.removes, [s.removes_outside for s in setups]),
             (replicas.low, [s.domain[0] for s in setups]),
             (replicas.high, [s.domain[1] for s in setups]),
             (replicas.period, [s.period for s in setups]),
@@ -122,6 +123,9 @@ def upload_walls(walls: Walls, setups: list[Setup]) -> None:
             (walls.ball_radius, padded([[b[1] for b in ball] for ball in balls], walls.primitives)),
         ]
     )
+    if walls.rows:
+        rows = [[row for table in s.tables for row in table] for s in setups]
+        upload([(walls.table, padded([np.reshape(each, (-1, 7)) for each in rows], walls.rows))])
     present = padded([np.ones(len(s.surfaces)) for s in setups], walls.surfaces)
     upload(
         [

@@ -160,14 +160,15 @@ def in_mid_search(windy: Path) -> ReplicaState:
     airs = [AirProfile(*numbers.random((6, 4))) for _ in frames]
     measured = {"flux": Measurement("flux", 1.0, 0.1, "kg m-1 s-1", 2, ("a note",), {"blocks": [1.0, 2.0]})}
     failure = Failure(Status.OVERLAP, 0.3, 1, -1, 0.5)
-    places = (7, 1, 0.4, True, failure, 1e-3, 3)
-    return ReplicaState(*places, frames, [0.1, 0.2], measured, ["a warning"], airs, search)
+    places, loads = (7, 1, 0.4, True, failure, 1e-3, 3, [[0.2, 1], [0.3, 4]]), [numbers.random((2, 6))]
+    return ReplicaState(*places, frames, [0.1, 0.2], measured, ["a warning"], airs, loads, search)
 
 
 def frame_of(count: int, numbers: np.random.Generator) -> Snapshot:
     vectors, scalars = numbers.random((3, count, 3)), numbers.random((2, count))
     ranks = np.arange(count, dtype=np.int32)
-    return Snapshot(0.1, 5, *vectors, *scalars, ranks, ranks, 1, {"ageing.age": numbers.random(count)})
+    memory = {"ageing.age": numbers.random(count)}
+    return Snapshot(0.1, 5, *vectors, *scalars, ranks, ranks, 1, memory, removed=2)
 
 
 def test_every_field_of_a_replica_is_in_the_checkpoint(windy, tmp_path):

@@ -65,7 +65,7 @@ NUMBERS = (
 ).split()
 NEEDED = (
     "materials.soil materials.soil.shear_modulus contact.soil-soil contact.steel-soil "
-    "scene.kind grains.size.law grains.size.median fill fill.law stages.0.name"
+    "grains.size.law grains.size.median fill fill.law stages.0.name"
 ).split()
 ABSURD = {  # values that are numbers, but not here
     "run.seed": (-1, 2**70, 0.5),

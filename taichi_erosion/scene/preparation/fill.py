@@ -14,7 +14,6 @@ from taichi_erosion.scene.preparation.walls import distance_to_wall
 from taichi_erosion.scene.schema.fields import Vector, unit_vector
 from taichi_erosion.scene.schema.grains import Lattice, Layers, Positions, Pour, Rain
 from taichi_erosion.scene.schema.scene import Scene
-from taichi_erosion.scene.schema.wind import Wind
 
 CLEARANCE = 1.05  # distance of two layers over the sum of their largest radii [1]
 MOST_LAYERS = 200  # of rain in which none of the points is free for a grain [1]
@@ -121,28 +120,28 @@ def net_places(
         return first_free(scene, fill, radius, random)
     if isinstance(fill, Lattice):
         return lattice(fill, scene.grains.count, random)
-    assert scene.wind is not None
-    return patch_layers(scene.wind, fill, scene.grains.count, random)
+    assert scene.patch_size is not None
+    return patch_layers(scene.patch_size, fill, scene.grains.count, random)
 
 
-def patch_layers(wind: Wind, fill: Layers, count: int, random: np.random.Generator) -> Floats:
+def patch_layers(size: tuple[float, float], fill: Layers, count: int, random: np.random.Generator) -> Floats:
     """Rectangular nets over a periodic patch, each shifted at random, lowest layer first, [count, 3] m."""
-    along, across = places_per_layer(wind, fill)
+    along, across = places_per_layer(size, fill)
     x, y = np.meshgrid(np.arange(along), np.arange(across), indexing="ij")
-    flat = np.column_stack([x.ravel() * wind.length / along, y.ravel() * wind.width / across])
+    flat = np.column_stack([x.ravel() * size[0] / along, y.ravel() * size[1] / across])
     layers = []
     for layer in range(-(-count // len(flat))):
         points = flat + random.uniform(0.0, fill.pitch, 2)
-        points = random.permutation(points % (wind.length, wind.width))
+        points = random.permutation(points % size)
         height = np.full((len(points), 1), fill.first_height + layer * fill.pitch)
         layers.append(np.hstack([points, height]))
     position = np.concatenate(layers)[:count]
     return position + fill.jitter * random.uniform(-1.0, 1.0, position.shape)
 
 
-def places_per_layer(wind: Wind, fill: Layers) -> tuple[int, int]:
-    """Places of a layer downwind and across."""
-    return int(wind.length / fill.pitch), int(wind.width / fill.pitch)
+def places_per_layer(size: tuple[float, float], fill: Layers) -> tuple[int, int]:
+    """Places of a layer along x and y in a period of a size [m]."""
+    return int(size[0] / fill.pitch), int(size[1] / fill.pitch)
 
 
 def first_free(scene: Scene, fill: Rain, radius: Floats, random: np.random.Generator) -> Floats:
@@ -226,8 +225,8 @@ def start_top(scene: Scene, reach_largest: float) -> float:
     if isinstance(fill, Lattice):
         return fill.centre[2] + box_of(fill)[2] + reach_largest
     if isinstance(fill, Layers):
-        assert scene.wind is not None
-        along, across = places_per_layer(scene.wind, fill)
+        assert scene.patch_size is not None
+        along, across = places_per_layer(scene.patch_size, fill)
         return fill.first_height + (scene.grains.count / (along * across) + 1.0) * fill.pitch + reach_largest
     # a layer holds at least half of its mean number, so twice the mean number of layers is an upper bound
     layers = 2.0 * scene.grains.count * fill.pitch**2 / (pi * fill.radius**2) + 2.0

@@ -181,7 +181,10 @@ def expected_speed(scene: Scene) -> float:
     for stage in scene.stages:
         for name, order in stage.move.items():
             arm = float(abs(wall_bounds(scene, name) - order.centre).max())
-            speeds.append(hypot(*order.velocity) + hypot(*order.spin) * arm)
+            own = 0.0 if order.force is None else order.fastest
+            own += 0.0 if order.torque is None else order.fastest * arm
+            for row in order.table or [(0.0, *order.velocity, *order.spin)]:
+                speeds.append(hypot(*row[1:4]) + hypot(*row[4:7]) * arm + own)
     return max(speeds)
 
 

@@ -11,7 +11,7 @@ from taichi_erosion.scene.preparation.contacts import contact_table, materials_u
 from taichi_erosion.scene.preparation.fill import InitialBodies, initial_bodies, stream
 from taichi_erosion.scene.preparation.limits import time_step
 from taichi_erosion.scene.preparation.sizes import Body, quadrature, reach_over_diameter, template_spheres
-from taichi_erosion.scene.preparation.walls import domain_box, primitive_table, with_tray
+from taichi_erosion.scene.preparation.walls import domain_box, motions, primitive_table, removes_outside
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.scene.schema.grains import Positions
 from taichi_erosion.scene.schema.scene import Scene
@@ -37,22 +37,24 @@ def build_setup(scene: Scene, seed: int) -> Setup:
     grains = (
         clump_spheres(start, body, clumps, material) if body and clumps else spheres(start, density, material)
     )
-    radius = float(grains.radius.max())
-    domain = domain_box(scene, grains.position, radius)
-    walled = with_tray(scene, domain, radius)
-    walls = sorted(walled.geometry, key=lambda name: (name not in scene.geometry, name))
+    walls = sorted(scene.geometry)
+    primitives = primitive_table(scene, walls)
     x, y, z = unit_vector(scene.gravity.direction)
     g = scene.gravity.magnitude
     setup = Setup(
         grains=grains,
         materials=tuple(names),
         contacts=contact_table(scene),
-        primitives=primitive_table(walled, walls),
-        surfaces=tuple(Surface(name, names.index(walled.geometry[name].material)) for name in walls),
+        primitives=primitives,
+        surfaces=tuple(Surface(name, names.index(scene.geometry[name].material)) for name in walls),
         time_step=time_step(scene),
         gravity=(g * x, g * y, g * z),
         clumps=clumps,
-        domain=domain,
+        period=(*(scene.domain.period or (0.0, 0.0)), 0.0),
+        domain=domain_box(scene, grains.position, float(grains.radius.max())),
+        removes_outside=removes_outside(scene, primitives),
+        tables=tuple(dict.fromkeys(each.table for each in motions(scene) if each.table)),
+        has_servos=any(each.servo for each in motions(scene)),
         overlap_limit=scene.run.overlap_limit,
         skin=scene.run.skin,
     )

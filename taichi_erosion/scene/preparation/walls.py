@@ -1,54 +1,35 @@
-"""Walls of a scene as primitives, their bounding boxes, and the domain that no grain may leave."""
+"""Walls of a scene as primitives, their bounding boxes, and the domain that holds all grains."""
 
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.setup import SHAPE_NUMBERS, Floats, PrimitiveKind, PrimitiveTable
+from taichi_erosion.core.setup import SHAPE_NUMBERS, Floats, Motion, PrimitiveKind, PrimitiveTable, Servo
 from taichi_erosion.scene.schema.fields import Vector, unit_vector
 from taichi_erosion.scene.schema.geometry import UPWARDS, Box, Cone, Cylinder, Disc, Funnel, Mesh, Plane
-from taichi_erosion.scene.schema.scene import Scene
+from taichi_erosion.scene.schema.scene import Movement, Scene
 
 MARGIN_OPEN = 30.0  # side margin over the apparatus where a plane lets splashed grains roll away [1]
 MARGIN_CLOSED = 0.5  # side margin otherwise [1]
 MARGIN_HEIGHT = 0.5  # margin above and below over the height of the apparatus [1]
 MARGIN_RADII = 20.0  # least margin, in largest radii [1]
 MARGIN_RADII_OPEN = 500.0  # likewise to the sides where a plane lets grains slide away [1]
-TRAY = "tray below"  # on which grains rest that fell off the disc of a heap
-CONE_RADII = 2.0  # height of a cone of n poured grains at 45 deg over the radius and n^(1/3) [1]
-TRAY_RADII = 2.0  # between tray and end of the domain, in largest radii [1]
 MOST_TRIANGLES = 500_000
 
 Row = tuple[PrimitiveKind, tuple[float, ...]]
 
 
-def heap_disc(scene: Scene) -> Disc | None:
-    """The disc on which a measure looks for a heap, where grains may fall off past all walls."""
-    walls = scene.geometry
-    if scene.wind is not None or any(isinstance(wall, Plane | Box) for wall in walls.values()):
-        return None
-    plates = (walls.get(order.plate or "") for order in scene.measure.values())
-    return next((plate for plate in plates if isinstance(plate, Disc)), None)
-
-
-def with_tray(scene: Scene, domain: tuple[Vector, Vector], radius_largest: float) -> Scene:
-    """The scene with a tray under such a disc, within the domain: fallen grains come to rest on it.
-
-    Measures of the heap leave them out. The name of the tray is none that a scene can have.
-    """
-    disc = heap_disc(scene)
-    if disc is None:
-        return scene
-    margin = TRAY_RADII * radius_largest
-    corners = zip(("low", "high"), np.add(domain, [[margin], [-margin]]), strict=True)
-    ends = {name: tuple(corner.tolist()) for name, corner in corners}
-    tray = Box.model_validate({"shape": "box", "material": disc.material, **ends})
-    return scene.model_copy(update={"geometry": scene.geometry | {TRAY: tray}})
+def removes_outside(scene: Scene, walls: PrimitiveTable) -> bool:
+    """Whether grains that leave the domain are taken out: as stated, or where no half space holds them up."""
+    if scene.domain.outside is not None or scene.wind is not None:
+        return scene.domain.outside == "remove"
+    normals = walls.shape[walls.kind == PrimitiveKind.PLANE, 3:6]
+    return not np.any(normals @ scene.gravity.direction < 0.0) or scene.gravity.magnitude == 0.0
 
 
 def domain_box(scene: Scene, centres: Floats, radius_largest: float) -> tuple[Vector, Vector]:
     """Low and high corner [m] around walls, starting grains and the travel of moving walls, with a margin.
 
-    A grain found outside is lost, and the run stops; the margin leaves room for a spreading heap.
+    The margin leaves room for a spreading heap.
     """
     boxes = [wall_bounds(scene, name) for name in scene.geometry] + [bounds_of(centres)]
     low = np.min(boxes, axis=0)[0] + travel(scene, np.minimum)
@@ -59,23 +40,48 @@ def domain_box(scene: Scene, centres: Floats, radius_largest: float) -> tuple[Ve
     extent = high - low
     side = max(share * max(extent[0], extent[1]), least * radius_largest)
     margin = np.maximum((side, side, MARGIN_HEIGHT * extent[2]), MARGIN_RADII * radius_largest)
-    if heap_disc(scene) is not None:  # all grains find room below it
-        margin[2] = max(margin[2], CONE_RADII * len(centres) ** (1.0 / 3.0) * radius_largest)
     (x, y, z), (a, b, c) = (low - margin).tolist(), (high + margin).tolist()
+    if scene.domain.period is not None:
+        x, y, a, b = 0.0, 0.0, *scene.domain.period
     return (x, y, z), (a, b, c)
 
 
 def travel(scene: Scene, extreme: np.ufunc) -> Floats:
-    """Farthest shift of a wall along each coordinate, towards the low or the high side [m]."""
+    """Farthest shift of a wall along each coordinate, towards the low or the high side [m].
+
+    That of servos, which press against grains, is left out.
+    """
     farthest = np.zeros(3)
     reached: dict[str, Floats] = {}
-    velocity: dict[str, Floats] = {}
+    orders: dict[str, tuple[Movement, Floats, float]] = {}  # with the shift before, and the time since
     for stage in scene.stages:
-        velocity |= {name: np.array(order.velocity) for name, order in stage.move.items()}
-        for name, v in velocity.items():
-            reached[name] = reached.get(name, np.zeros(3)) + v * stage.duration_max
-            farthest = extreme(farthest, reached[name])
+        orders |= {k: (order, reached.get(k, np.zeros(3)), 0.0) for k, order in stage.move.items()}
+        for name, (order, before, time) in orders.items():
+            orders[name] = order, before, time + stage.duration_max
+            path = before + shifts(order, time + stage.duration_max)
+            reached[name] = path[-1]
+            farthest = extreme(farthest, extreme.reduce(path))
     return farthest
+
+
+def shifts(order: Movement, duration: float) -> Floats:
+    """Shifts of a moved wall [n, 3] m at the times of its table, and at the end of a duration [s]."""
+    rows = np.array(order.table or [(time, *order.velocity, *order.spin) for time in (0.0, duration)])
+    time, velocity = np.append(rows[:, 0], max(duration, rows[-1, 0])), np.vstack([rows, rows[-1:]])[:, 1:4]
+    return np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time)[:, np.newaxis], axis=0)
+
+
+def motion_of(order: Movement) -> Motion:
+    """Motion of a wall as a stage orders it."""
+    target, servo = order.force if order.torque is None else order.torque, None
+    if target is not None:
+        servo = Servo(order.torque is not None, target, unit_vector(order.axis), order.fastest)
+    return Motion(order.velocity, order.spin, order.centre, order.table, servo)
+
+
+def motions(scene: Scene) -> list[Motion]:
+    """Motions of walls in all stages."""
+    return [motion_of(order) for stage in scene.stages for order in stage.move.values()]
 
 
 def primitive_table(scene: Scene, names: list[str]) -> PrimitiveTable:
@@ -137,7 +143,7 @@ def revolved_rows(wall: Disc | Cylinder | Cone | Funnel) -> list[tuple[float, ..
         return [(*wall.outlet, *UPWARDS, r, 0.0, r, stem), cone] if stem > 0.0 else [cone]
     axis = (*wall.centre, *unit_vector(wall.axis))
     if isinstance(wall, Disc):
-        return [(*axis, 0.0, 0.0, wall.radius, 0.0)]
+        return [(*axis, wall.hole, 0.0, wall.radius, 0.0)]
     if isinstance(wall, Cylinder):
         return [(*axis, wall.radius, 0.0, wall.radius, wall.length)]
     return [(*axis, wall.radius_low, 0.0, wall.radius_high, wall.length)]

@@ -16,9 +16,12 @@ from pydantic import (
     Field,
     GetJsonSchemaHandler,
     PrivateAttr,
+    SerializationInfo,
+    SerializerFunctionWrapHandler,
     StringConstraints,
     ValidationInfo,
     field_validator,
+    model_serializer,
     model_validator,
 )
 from pydantic_core import CoreSchema, PydanticCustomError
@@ -34,6 +37,7 @@ PairName = Annotated[
 
 DIAMETERS = "_d"  # suffix of a length in nominal diameters, or of a time in s per m of diameter
 SCALING_UNITS = ("m", "s")  # of quantities that may be given so
+FOR_HASH = {"hash": True}  # context of serialization
 DIAMETER = "diameter"  # the nominal one [m], in the context of validation
 FARTHEST = 1e4  # coordinates beyond it are taken for a wrong unit [m]
 LARGEST_APPARATUS = 3.0  # likewise walls, fills and patches whose grains are followed one by one [m]
@@ -104,6 +108,15 @@ class Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
     in_metres_only: ClassVar[bool] = False  # no length or time of it may be given in grain diameters
+    later: ClassVar[tuple[str, ...]] = ()  # entries that older scenes lack: at their default not in a hash
+
+    @model_serializer(mode="wrap")
+    def _leave_out_of_a_hash(self, dump: SerializerFunctionWrapHandler, about: SerializationInfo) -> Any:
+        table = dump(self)
+        for name in self.later if about.context == FOR_HASH else ():
+            if getattr(self, name) == type(self).model_fields[name].get_default(call_default_factory=True):
+                table.pop(name, None)
+        return table
 
     @model_validator(mode="before")
     @classmethod

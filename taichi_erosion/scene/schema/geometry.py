@@ -24,13 +24,22 @@ class Plane(Section):
 
 
 class Disc(Section):
-    """Thin round plate."""
+    """Thin round plate, or a ring."""
+
+    later = ("hole",)
 
     shape: Literal["disc"]
     material: Name
     centre: Vector = fields.position(ORIGIN, "centre")
     axis: Direction = fields.direction(UPWARDS, "normal of the disc")
     radius: float = fields.extent(..., "radius")
+    hole: float = fields.extent(0.0, "radius of a round hole in its middle; 0: none", low=0.0)
+
+    @model_validator(mode="after")
+    def _has_area(self) -> "Disc":
+        if self.hole >= self.radius:
+            raise fields.contradiction("hole must be smaller than radius")
+        return self
 
 
 class Cylinder(Section):
@@ -113,6 +122,23 @@ class Mesh(Section):
         if path.is_absolute() or ".." in path.parts or "\0" in self.file:
             raise fields.contradiction(f"file = '{self.file}' must lie beside or below the scene file")
         return self
+
+
+class Domain(Section):
+    """The box around the apparatus, with room to its sides."""
+
+    outside: Literal["remove", "stop"] | None = Field(
+        default=None,
+        description="what a grain does that leaves it: remove, it is taken out and counted; stop, it ends "
+        "the run; left out: remove where the floor is finite",
+    )
+    period: tuple[float, float] | None = fields.number(
+        None,
+        "m",
+        "periods along x and y, from 0: what leaves on one side returns on the other; left out: none",
+        1e-7,
+        fields.LARGEST_APPARATUS,
+    )
 
 
 Wall = Annotated[Plane | Disc | Cylinder | Cone | Funnel | Box | Mesh, Field(discriminator="shape")]

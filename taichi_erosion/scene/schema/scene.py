@@ -30,7 +30,7 @@ from taichi_erosion.scene.schema.fields import (
     number,
     position,
 )
-from taichi_erosion.scene.schema.geometry import ORIGIN, Wall
+from taichi_erosion.scene.schema.geometry import ORIGIN, Domain, Wall
 from taichi_erosion.scene.schema.grains import Contact, Fill, Grains, Material
 from taichi_erosion.scene.schema.wind import COLUMNS_LEAST, FASTEST_FRICTION, Threshold, Wind
 
@@ -40,20 +40,25 @@ FROM_THRESHOLDS = (
 )
 SPLASH = ("rebound_share", "rebound_speed", "ejecta_share")
 UNDER_WIND = (*("pressure_drop", "flux", "flux_height", "bed_stress", "grain_stress"), *SPLASH)  # means
+OF_WALLS = ("wall_force", "wall_torque", "friction_angle")  # read from the forces of the grains on walls
 OF_ONE_COLUMN = ("bed_stress", "pressure_drop")  # measures that read its mixing length or its rising air
 SHORTEST = 1e-12  # shortest time that a scene may name [s]
 LONGEST = 1e5  # longest [s]
 MOST_REPLICAS = 100_000
 
+MotionRow = tuple[float, float, float, float, float, float, float]
 Known = Mapping[str, Collection[str]]
+
+
+Kind = Literal[
+    "repose", "collapse", "lifting", "drum", "incline", "settling", "packed_bed", "threshold", "saltation"
+]
 
 
 class Head(Section):
     """What the scene is."""
 
-    kind: Literal[
-        "repose", "collapse", "lifting", "drum", "incline", "settling", "packed_bed", "threshold", "saltation"
-    ] = Field(description="kind of apparatus")
+    kind: Kind | None = Field(default=None, description="kind of apparatus; left out: one of your own")
     title: str = Field(default="", max_length=200, description="one line for people")
     notes: str = Field(default="", max_length=20_000, description="assumptions and sources")
     effect_files: tuple[str, ...] = Field(
@@ -112,13 +117,42 @@ class LawChoice(Section):
 class Movement(Section):
     """Rigid motion of a surface during a stage."""
 
+    later = ("table", "axis", "fastest")
+
     velocity: Vector = number(ORIGIN, "m s-1", "velocity", -FASTEST, FASTEST)
     spin: Vector = number(ORIGIN, "rad s-1", "angular velocity", -1e4, 1e4)
-    centre: Vector = position(ORIGIN, "a point of the spin axis")
+    centre: Vector = position(ORIGIN, "a point of the spin axis, also of a torque")
+    table: tuple[MotionRow, ...] = number(
+        (),
+        "s, m s-1, rad s-1",
+        "rows of time since the order, velocity along x, y, z and spin about x, y, z, joined by straight "
+        "lines; after the last row its motion goes on",
+        -LONGEST,
+        LONGEST,
+    )
+    force: float | None = number(
+        None, "N", "force along `axis` with which the wall pushes the grains, kept by a servo", -1e6, 1e6
+    )
+    torque: float | None = number(None, "N m", "torque about `axis`, likewise", -1e6, 1e6)
+    axis: Direction = direction((0.0, 0.0, 1.0), "axis of force or torque")
+    fastest: float = number(0.1, "m s-1 or rad s-1", "largest speed of the servo", 1e-9, FASTEST)
+
+    @model_validator(mode="after")
+    def _follows_one_order(self) -> "Movement":
+        if self.force is not None and self.torque is not None:
+            raise contradiction("force and torque: a servo keeps one of them")
+        if self.table and (any(self.velocity) or any(self.spin)):
+            raise contradiction("table: it states velocity and spin; leave these out")
+        times = [row[0] for row in self.table]
+        if len(times) == 1 or times != sorted(set(times)):
+            raise contradiction("table needs two rows at least, with times that rise")
+        return self
 
 
 class Stage(Section):
     """One act of the experiment; changes happen at its beginning."""
+
+    later = ("steady_air",)
 
     name: Name = Field(description="name by which measures refer to it")
     until: Literal["rest", "time", "threshold"] = Field(
@@ -160,12 +194,17 @@ class Stage(Section):
 class Measure(Section):
     """When and how one observable is read; what is left out is the measure's own choice."""
 
+    later = ("plane_normal", "walls", "axis", "centre")
+
     stage: Name | None = Field(None, description="stage at whose end it is read; left out: the last")
     azimuths: int | None = number(None, "1", "number of silhouettes over half a turn", 1, 360)
     every: float | None = number(None, "s", "interval of repeated reading within the stage", 1e-6, LONGEST)
     plate: Name | None = Field(None, description="surface on which the heap stands")
     plane_point: Vector | None = position(None, "a point of the plane that mass_flow counts through")
     plane_normal: Direction = direction((0.0, 0.0, -1.0), "direction in which that flow counts as positive")
+    walls: tuple[Name, ...] = Field((), description="walls on which a force is read; left out: all")
+    axis: Direction = direction((0.0, 0.0, 1.0), "direction of that force, axis of a torque, normal of shear")
+    centre: Vector = position(ORIGIN, "a point of the axis of a torque")
     of_this_size: bool = Field(
         default=False,
         description="the angle of a heap of this many grains is asked for, not the limit of large ones",
@@ -199,6 +238,8 @@ class Record(Section):
 class Scene(SceneFile):
     """One physical situation."""
 
+    later = ("domain",)
+
     scene: Head
     conditions: Conditions = Conditions()
     run: Run = Run()
@@ -208,6 +249,7 @@ class Scene(SceneFile):
     laws: LawChoice = LawChoice()
     contact: dict[PairName, Contact] = Field(min_length=1)
     geometry: dict[Name, Wall] = Field({})
+    domain: Domain = Domain()
     fill: Fill
     wind: Wind | None = Field(None, description="air over a periodic patch; left out: no air")
     threshold: Threshold = Field(Threshold(), description="search for thresholds of motion")
@@ -216,6 +258,11 @@ class Scene(SceneFile):
     measured: dict[Name, Measured] = Field({})
     record: Record = Record()
     effects: dict[Name, dict[Name, float]] = Field({}, description="optional physics: parameters by effect")
+
+    @property
+    def patch_size(self) -> tuple[float, float] | None:
+        """Periods along x and y [m]: under wind those of the patch; None without any."""
+        return self.domain.period if self.wind is None else (self.wind.length, self.wind.width)
 
     @property
     def grain_material(self) -> Material:
@@ -256,10 +303,12 @@ def name_problems(scene: Scene) -> Iterator[str]:
     named = {"grains.material": scene.grains.material}
     named |= {f"geometry.{name}.material": wall.material for name, wall in scene.geometry.items()}
     plates = {f"measure.{name}.plate": order.plate for name, order in scene.measure.items()}
+    pressed = {f"measure.{name}.walls": wall for name, order in scene.measure.items() for wall in order.walls}
     at_ends = {f"measure.{name}.stage": order.stage for name, order in scene.measure.items()}
     groups: tuple[tuple[Mapping[str, str | None], Collection[str], str], ...] = (
         (named, scene.materials, "[materials]"),
         (plates, scene.geometry, "[geometry]"),
+        (pressed, scene.geometry, "[geometry]"),
         (at_ends, stages, "stages"),
     )
     for names, known, where in groups:
@@ -335,7 +384,7 @@ def measure_problems(scene: Scene) -> Iterator[str]:
             yield f"measure.{name} needs a stage with until = 'threshold'"
         if name in UNDER_WIND and scene.wind is None:
             yield f"measure.{name} needs a [wind] section"
-        elif name in (*UNDER_WIND, "mass_flow") and order.every is None:
+        elif name in (*UNDER_WIND, *OF_WALLS, "mass_flow") and order.every is None:
             yield f"measure.{name}.every is missing: it is a mean over the stage"
 
 
@@ -363,14 +412,20 @@ def wind_problems(scene: Scene) -> Iterator[str]:
         paths = stages_with(scene, "friction_velocity", "through_flow", "steady_air")
         yield from (f"{path} needs a [wind] section" for path in paths)
         return
+    if scene.domain.outside == "remove":
+        yield "domain.outside = 'remove': measures under wind follow every grain; leave it out"
+    if scene.domain.period is not None:
+        yield "domain.period: under wind [wind] states length and width; leave it out"
     if scene.grains.clump is not None:
         yield "wind: drag acts on single spheres; grains.clump must be left out"
     if wind.sleep_after is not None:
         for path in stages_with(scene, "move"):
             yield f"{path}: no grain may sleep where walls move; leave wind.sleep_after out"
-    if wind.columns != (1, 1):
-        yield from grid_problems(scene, wind)
-        return
+    yield from column_problems(wind) if wind.columns == (1, 1) else grid_problems(scene, wind)
+
+
+def column_problems(wind: Wind) -> Iterator[str]:
+    """Whatever needs a grid of air, stated for a single column."""
     if wind.closure == "smagorinsky":
         yield "wind.closure = 'smagorinsky': one column has no eddies; state wind.columns"
     if wind.drive == "gradient":

@@ -81,6 +81,8 @@ class Threshold(Section):
     least one, have left it.
     """
 
+    later = ("steady_air", "profile_heights", "profile_speeds")
+
     share: float = number(0.01, "1", "share of the surface grains that must move", 1e-6, 1.0)
     distance: float = number(1.0, "1", "distance over the nominal diameter that counts as moved", 0.01, 100.0)
     first: float | None = number(

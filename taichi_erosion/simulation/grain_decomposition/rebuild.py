@@ -10,6 +10,7 @@ of pairs follow from its rank, those in the list of walls are taken as they come
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains import World
 from taichi_erosion.grains.cells import (
+    GONE,
     arrange_axes,
     cell_start,
     divide_box,
@@ -31,7 +32,7 @@ from taichi_erosion.grains.state import side_block
 from taichi_erosion.grains.wall_contacts import list_grain
 from taichi_erosion.simulation.grain_decomposition.buffers import GrainBuffers, Stage, sort_run
 from taichi_erosion.simulation.grain_decomposition.forces import clear_pair
-from taichi_erosion.simulation.step import position_fault, stop_at, swap_sides
+from taichi_erosion.simulation.step import count_out, mark_leaving, position_fault, stop_at, swap_sides
 
 
 @ti.func
@@ -48,15 +49,19 @@ def survey_chunk(world_out: ti.template(), coupling: ti.template(), buffers_out:
     """
     grains, replicas_out = ti.static((world_out.grains, world_out.replicas))
     begin, before = k * buffers_out.grain_chunk, replicas_out.released[r]
-    end, lost = begin, 0
+    end, lost, leaving = begin, 0, 0
     for rank in range(begin, ti.min(begin + buffers_out.grain_chunk, replicas_out.total[r])):
         if rank < before or is_due(world_out, r, rank):
             if rank >= before:
                 release_grain(world_out, r, rank)
-            if position_fault(world_out, r, rank)[0] != 0:
+            fault, _ = position_fault(world_out, r, rank)
+            gone = mark_leaving(world_out, r, rank, fault)
+            leaving += gone
+            if fault != 0 and gone == 0:
                 lost = rank + 1
             end = rank + 1
     ti.atomic_max(buffers_out.lost[r], lost)
+    ti.atomic_add(replicas_out.leaving[r], leaving)
     if end > begin:
         ti.atomic_max(replicas_out.bounds[r, 1], end)
     place = r * buffers_out.grain_chunks + k
@@ -93,7 +98,7 @@ def prepare_sort(world_out: ti.template(), coupling: ti.template(), buffers_out:
     replicas_out.released[r] = replicas_out.bounds[r, 1]
     replicas_out.short[r, 0], replicas_out.wall_short[r, 0] = 0, 0
     buffers_out.listed[r], buffers_out.listed_walls[r], buffers_out.walled[r] = 0, 0, 0
-    lost = buffers_out.lost[r] - 1
+    lost = buffers_out.lost[r] - 1  # a place that stops the replica
     if lost >= 0:
         fault, value = position_fault(world_out, r, lost)
         stop_at(replicas_out, r, lost, fault, value)
@@ -112,11 +117,24 @@ def prepare_sort(world_out: ti.template(), coupling: ti.template(), buffers_out:
 def count_in_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
     """Note the cell of a grain, and count it there: two places on, so that filling leaves the bounds."""
     cells_out, grains = ti.static((world_out.cells, world_out.grains))
-    if is_ready(world_out, r, rank):
+    if is_ready(world_out, r, rank) and is_kept(world_out, r, rank):
         i = side_block(grains, r, world_out.replicas.side[r]) + rank
         c = grain_cell(cells_out, grains, world_out.replicas, r, i)
         cells_out.cell[r * grains.capacity + rank] = c
         ti.atomic_add(cells_out.first[row_of_cells(cells_out, r) + c + 2], 1)
+
+
+@ti.func
+def is_kept(world: ti.template(), r, rank):
+    """Whether a grain is not taken out by this rebuild."""
+    return world.replicas.leaving[r] == 0 or world.cells.cell[r * world.grains.capacity + rank] != GONE
+
+
+@ti.func
+def end_sort(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, _):
+    """Count out the grains that the sort has left behind."""
+    if world_out.replicas.status[r] == 0:
+        count_out(world_out.replicas, r, world_out.replicas.leaving[r])
 
 
 @ti.func
@@ -148,7 +166,7 @@ def bound_cells(world_out: ti.template(), coupling: ti.template(), buffers: ti.t
 def put_in_cell(world_out: ti.template(), coupling: ti.template(), buffers: ti.template(), r, rank):
     """Put a grain at the next free place of its cell."""
     (cells_out,) = ti.static((world_out.cells,))
-    if is_ready(world_out, r, rank):
+    if is_ready(world_out, r, rank) and is_kept(world_out, r, rank):
         row = r * world_out.grains.capacity
         c = cells_out.cell[row + rank]
         place = ti.atomic_add(cells_out.first[row_of_cells(cells_out, r) + c + 2], 1)
@@ -291,9 +309,9 @@ def rebuild_stages(world: World, buffers: GrainBuffers) -> tuple[Stage, ...]:
     grains, cells, chunks = world.grains.capacity, world.cells.capacity, buffers.cell_chunks
     survey = ((survey_chunk, buffers.grain_chunks), (clear_cell, cells + 2), (clear_partners, grains))
     tasks = ((prepare_sort, 1), (count_in_cell, grains), (sum_cells, chunks), (bound_cells, chunks))
-    sort = ((put_in_cell, grains), (sort_cell, cells), (move_sorted, grains))
+    sort = (((put_in_cell, grains),), ((sort_cell, cells), (end_sort, 1)), ((move_sorted, grains),))
     lists, end = ((write_pairs, grains), (write_walls, grains)), ((end_rebuild, 1), (sort_partners, grains))
-    stages = [survey, *((task,) for task in (*tasks, *sort)), lists, end]
+    stages = [survey, *((task,) for task in tasks), *sort, lists, end]
     if world.clumped:
         stages.append(((locate_sphere, grains),))
     return tuple(tuple((is_renewing, *task) for task in stage) for stage in stages)

@@ -57,7 +57,7 @@ def judge(world_out: ti.template(), coupling: ti.template(), buffers_out: ti.tem
             ti.atomic_add(buffers_out.running[0], 1)
             if action == REBUILD:
                 renewing, buffers_out.listing[0], buffers_out.lost[r] = 1, 1, 0
-                replicas_out.bounds[r, 1] = replicas_out.released[r]
+                replicas_out.bounds[r, 1], replicas_out.leaving[r] = replicas_out.released[r], 0
     buffers_out.stepping[r], buffers_out.renewing[r] = stepping, renewing
     if is_exchanging(world_out, coupling, buffers_out, r):
         buffers_out.exchanging[0] = 1

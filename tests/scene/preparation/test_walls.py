@@ -10,7 +10,7 @@ from scene_tables import changed, good_table
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import PrimitiveKind
 from taichi_erosion.scene import build_setup, parse_scene
-from taichi_erosion.scene.preparation.walls import TRAY, distance_to_wall
+from taichi_erosion.scene.preparation.walls import distance_to_wall
 
 
 def test_a_mesh_that_is_none_is_told_with_its_path(tmp_path: Path):
@@ -47,17 +47,24 @@ def test_walls_become_the_primitives_that_they_describe():
     assert rows["funnel"][0, 8:].tolist() == rows["funnel"][1, 6:8].tolist() == pytest.approx([0.01, 0.01])
 
 
-def test_what_falls_off_the_disc_of_a_heap_lands_on_a_tray_that_nothing_else_touches():
-    setup = build_setup(parse_scene(good_table()), 1)
-    assert setup.surfaces[-1].name == TRAY
-    rows = setup.primitives.shape[setup.primitives.surface == len(setup.surfaces) - 1]
-    (floor,) = rows[rows[:, 5] == 1.0, 2]
-    low, largest = np.array(setup.domain[0]), setup.grains.radius.max()
-    assert (rows[:, 3:6] @ np.ones(3)).tolist() == [1.0, -1.0, 1.0, -1.0, 1.0]
-    assert low[2] < floor < -largest * len(setup.grains.radius) ** (1.0 / 3.0)
-    for other in ({"geometry.floor": {"shape": "plane", "material": "steel"}}, {"measure": {}}):
-        ((path, entry),) = other.items()
-        assert TRAY not in [each.name for each in build_setup(parse_scene(changed(path, entry)), 1).surfaces]
+STEEL = {"material": "steel"}
+PLANE = {"shape": "plane", **STEEL}
+SIDES = {"shape": "box", "low": [-1.0, -1.0, 0.0], "high": [1.0, 1.0, 1.0], **STEEL}
+
+
+@pytest.mark.parametrize(
+    ("path", "entry", "removes"),
+    [
+        ("geometry.floor", PLANE, False),
+        ("geometry.floor", PLANE | {"normal": [1.0, 0.0, 0.0]}, True),
+        ("geometry.floor", SIDES, False),
+        ("geometry.floor", SIDES | {"faces": ["x_low", "z_high"]}, True),
+        ("measure", {}, True),
+        ("domain", {"outside": "stop"}, False),
+    ],
+)
+def test_grains_that_leave_are_taken_out_unless_a_half_space_holds_all_up(path, entry, removes):
+    assert build_setup(parse_scene(changed(path, entry)), 1).removes_outside is removes
 
 
 def test_a_plane_leaves_more_room_to_run_away_than_a_plate():
@@ -81,3 +88,57 @@ def test_distances_from_a_plane_a_tube_and_a_funnel_are_those_to_their_nearest_p
     assert distance_to_wall(scene, "funnel", np.array(middle)) == pytest.approx(
         [0.025 * 0.8, 0.01 * sqrt(2.0)]
     )
+
+
+ROWS = [[0.0] * 7, [1.0, 0.2, 0.0, 0.0, 0.0, 0.0, 3.0], [3.0, 0.0, 0.0, -0.1, 0.0, 0.0, 0.0]]
+
+
+def test_a_wall_that_follows_a_table_or_a_servo_has_both_in_its_setup_and_its_way_in_the_domain():
+    way = {"table": ROWS}
+    moved = build_setup(parse_scene(changed("stages.1", stage_of(way))), 1)
+    assert moved.tables == (tuple(map(tuple, ROWS)),)
+    assert not moved.has_servos
+    still = build_setup(parse_scene(changed("stages.1", stage_of({}))), 1)
+    # 0.1 + 0.2 m along x, 0.1 m down until 3 s and 0.2 m more until 5 s; a margin grows with the extent
+    assert moved.domain[1][0] - still.domain[1][0] == pytest.approx(0.3 * 1.5)
+    assert still.domain[0][2] - moved.domain[0][2] > 0.3
+    servo = build_setup(parse_scene(changed("stages.1", stage_of({"force": -2.0}))), 1)
+    assert servo.has_servos
+    assert servo.tables == ()
+
+
+@pytest.mark.parametrize(
+    ("order", "told"),
+    [
+        ({"force": 1.0, "torque": 1.0}, "one of them"),
+        ({"table": ROWS, "velocity": [0.0, 0.0, 1.0]}, "leave these out"),
+        ({"table": ROWS[:1]}, "two rows"),
+        ({"table": [ROWS[1], ROWS[0]]}, "rise"),
+    ],
+)
+def test_orders_that_contradict_each_other_are_refused(order, told):
+    with pytest.raises(BadInput, match=told):
+        parse_scene(changed("stages.1", stage_of(order)))
+
+
+def stage_of(order: dict) -> dict:
+    """A stage of five seconds that moves the plate."""
+    return {"name": "lift", "duration_max": 5.0, "move": {"plate": order}}
+
+
+def test_a_box_may_be_periodic_without_wind_and_own_apparatus_needs_no_kind():
+    table = good_table()
+    del table["scene"]["kind"]
+    table["fill"] = {"law": "layers", "pitch": 4e-3, "first_height": 4e-3}
+    table["geometry"] = {"floor": PLANE}
+    table |= {"domain": {"period": [0.03, 0.04]}, "measure": {}, "stages": table["stages"][:1]}
+    setup = build_setup(parse_scene(table), 1)
+    assert setup.period == (0.03, 0.04, 0.0)
+    assert setup.domain[0][:2] == (0.0, 0.0)
+    assert (setup.grains.position[:, :2] < (0.034, 0.044)).all()
+    table["domain"]["period"] = [0.02, 0.04]
+    with pytest.raises(BadInput, match=r"period\.0 = 0\.02 m holds 5 grains"):
+        parse_scene(table)
+    table["fill"] = {"law": "rain", "pitch": 4e-3, "radius": 0.02, "first_height": 4e-3}
+    with pytest.raises(BadInput, match="filled by 'layers'"):
+        parse_scene(table)

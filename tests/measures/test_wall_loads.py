@@ -1,0 +1,49 @@
+"""Sums of contact forces on walls, and what is read from their series."""
+
+from math import atan, degrees
+
+import numpy as np
+import pytest
+
+from taichi_erosion.core.snapshot import ContactNetwork
+from taichi_erosion.measures.wall_loads import force_along, friction_angle, torque_about, wall_loads
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def network() -> ContactNetwork:
+    """One contact of two grains, two on wall 1, one on wall 0."""
+    second, zero = np.array([1, -2, -2, -1]), np.zeros((4, 3))
+    point = np.array([[9.0, 9.0, 9.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]])
+    force = np.array([[7.0, 7.0, 7.0], [0.0, 0.0, 2.0], [3.0, 0.0, 1.0], [0.0, 5.0, 0.0]])
+    first = np.arange(4, dtype=np.int32)
+    return ContactNetwork(0.0, first, second.astype(np.int32), zero, point, zero, zero, force, ("a", "b"))
+
+
+def test_the_load_of_a_wall_is_the_sum_of_its_contacts_with_opposite_sign():
+    loads = wall_loads(network())
+    assert loads[0].tolist() == [0.0, -5.0, 0.0, 5.0, 0.0, 0.0]  # z x -5 y = 5 x
+    assert loads[1].tolist() == [-3.0, 0.0, -3.0, -2.0, 2.0, 6.0]
+
+
+def test_forces_and_torques_are_means_with_the_scatter_of_blocks():
+    rng = np.random.default_rng(1)
+    loads = [np.array([0.0, 0.0, 2.0 + noise, 0.0, 1.0, 0.5]) for noise in rng.normal(0.0, 0.1, 64)]
+    force = force_along(loads, UP)
+    assert (force.value, force.unit) == (pytest.approx(2.0, abs=0.05), "N")
+    assert force.sd == pytest.approx(0.1 / 8.0, rel=0.5)
+    about = torque_about(loads, np.array([0.0, 1.0, 0.0]), np.array([3.0, 0.0, 0.0]))
+    assert about.value == pytest.approx(1.0 + 3.0 * force.value)  # -(3 x) x (F z) = 3 F y
+    assert force_along(loads[:1], UP).value == loads[0][2]
+    assert np.isnan(force_along(loads[:3], UP).value)
+
+
+def test_a_friction_angle_is_that_of_the_largest_mean_ratio():
+    ratio = np.concatenate([np.linspace(0.0, 0.7, 40), np.full(24, 0.5)])
+    loads = [np.array([each * 3.0, each * 4.0, -10.0, 0.0, 0.0, 0.0]) for each in ratio]  # T = 5 ratio
+    found = friction_angle(loads, UP)
+    assert found.value == pytest.approx(degrees(atan(0.5 * ratio[36:40].mean())))
+    assert found.details["end"] == pytest.approx(0.25)
+    assert found.details["normal_force"] == pytest.approx(10.0)
+    assert np.isnan(friction_angle(loads[:8], UP).value)
+    assert np.isnan(friction_angle([np.zeros(6)] * 20, UP).value)

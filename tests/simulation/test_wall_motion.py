@@ -1,0 +1,96 @@
+"""Walls that follow a table, or push with a constant force or torque."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from grain_worlds import GRAVITY, MASS, PLATE, RADIUS, ends, grains, heap, setup
+
+from taichi_erosion import simulation
+from taichi_erosion.core.device import stop_device
+from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Floats, Laws, Motion, Numerics, PrimitiveKind, Servo, Setup
+from taichi_erosion.measures.wall_loads import wall_loads
+from tests.verification.small_scenes import joined, primitive_table
+
+LAWS = Laws(rolling="elastic_plastic")
+FORCE = 20.0 * MASS * GRAVITY  # N
+HALF, WHOLE = 0.08, 0.1  # s
+TABLE = (
+    (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    (0.01, 0.2, 0.0, 0.0, 0.0, 0.0, 4.0),
+    (0.03, 0.0, 0.0, -0.1, 0.0, 0.0, 0.0),
+)
+
+
+@pytest.fixture(autouse=True)
+def stopped() -> Iterator[None]:
+    yield
+    stop_device()
+
+
+def press() -> Setup:
+    """A heap in a tube under a disc, which is surface 2."""
+    one = heap(60, 1)
+    top = one.grains.position[:, 2].max() + 1.5 * RADIUS
+    lid = (0.0, 0.0, top, 0.0, 0.0, 1.0, 0.0, 0.0, 0.99 * one.primitives.shape[1, 6], 0.0)
+    walls = joined(one.primitives, primitive_table(PrimitiveKind.REVOLVED, lid))
+    return replace(setup(one.grains, walls, one.contacts), has_servos=True, tables=(TABLE,))
+
+
+def mean_loads(sim: simulation.Simulation, until: float) -> Floats:
+    """Mean of twenty readings on the way to a time [s]."""
+    loads = []
+    for time in np.linspace(HALF, until, 21)[1:]:
+        ends(sim, float(time))
+        loads.append(wall_loads(simulation.contact_network(sim, 0)))
+    return np.mean(loads, axis=0)
+
+
+def test_a_servo_presses_with_its_force_and_a_run_resumes_under_it():
+    sim = simulation.assemble([press()], LAWS, Numerics("cpu", 1))
+    servo = Servo(False, -FORCE, (0.0, 0.0, 1.0), 0.2)
+    simulation.move_surface(sim, 0, "wall 2", Motion(servo=servo))
+    ends(sim, HALF)
+    kept = simulation.export_state(sim)
+    floor, tube, lid = mean_loads(sim, WHOLE)[:, 2]
+    assert lid == pytest.approx(FORCE, rel=0.1)
+    assert -floor - tube == pytest.approx(FORCE + 60 * MASS * GRAVITY, rel=0.1)
+    whole = ends(sim, WHOLE)
+    simulation.import_state(sim, kept)
+    assert ends(sim, WHOLE) == whole
+
+
+def test_a_servo_turns_a_wall_against_the_friction_of_grains_with_its_torque():
+    sim = simulation.assemble([press()], LAWS, Numerics("cpu", 1))
+    simulation.move_surface(sim, 0, "wall 2", Motion(servo=Servo(False, -10.0 * FORCE, (0.0, 0.0, 1.0), 0.2)))
+    ends(sim, HALF)
+    torque = 0.5 * FORCE * RADIUS
+    simulation.move_surface(sim, 0, "wall 2", Motion(servo=Servo(True, torque, (0.0, 0.0, 1.0), 5.0)))
+    before = wall_loads(simulation.contact_network(sim, 0))[2, 5]
+    ends(sim, WHOLE)
+    after = wall_loads(simulation.contact_network(sim, 0))[2, 5]
+    turn = simulation.wall_poses(sim, 0)["wall 2"].rotation
+    assert turn[1, 0] != 0.0
+    assert abs(after + torque) < 0.5 * abs(before + torque)  # grains that roll under it let it settle slowly
+
+
+@pytest.mark.parametrize("way", ["partitions", "grains"])
+def test_a_wall_follows_a_table(way):
+    table = grains(np.array([[0.0, 0.0, 0.05]]))
+    plate = primitive_table(PrimitiveKind.REVOLVED, (0.0, 0.0, -0.01, 0.0, 0.0, 1.0, 0.0, 0.0, 1e-3, 0.0))
+    world = setup(table, joined(PLATE, plate), tables=(TABLE,))
+    sim = simulation.assemble([world], LAWS, Numerics("cpu", 1, "f64", way))
+    ends(sim, 0.01)
+    simulation.move_surface(sim, 0, "wall 1", Motion(table=TABLE))
+    ends(sim, 0.05)  # 0.04 s later: 1 mm + 2 mm along x, -1 mm - 1 mm along z
+    pose = simulation.wall_poses(sim, 0)["wall 1"]
+    assert pose.translation == pytest.approx([0.003, 0.0, -0.002], abs=1e-9)
+    angle = 0.5 * 4.0 * 0.01 + 0.5 * 4.0 * 0.02
+    assert pose.rotation[1, 0] == pytest.approx(np.sin(angle), rel=1e-6)
+
+
+def test_one_thread_a_grain_refuses_a_servo():
+    with pytest.raises(BadInput, match="constant force or torque"):
+        simulation.assemble([press()], LAWS, Numerics("cpu", 1, "f32", "grains"))
