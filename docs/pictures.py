@@ -5,6 +5,7 @@ heap     its heap from the side, for docs/photograph.md
 live     a live session in a terminal
 study    the results of doe/funnel_soil.toml in the viewer
 table    thresholds of doe/windkanal.csv, measured and calculated, for docs/your_table.md
+benches  a hopper that empties, soil under a press and between plates, for docs/scene_files.md
 """
 
 import io
@@ -40,6 +41,7 @@ DARK = 0.55  # brightness of soil over that of dry sand [1]
 HEAP_SIZE = (900, 360)  # px
 FONT_FROM_AFAR = re.compile(r"@font-face \{.*?\}\s*", re.DOTALL)  # the picture needs no server
 WIDTH = 88  # characters
+BENCHES = {"hopper": 0.6, "uniaxial_press": 1.0, "plane_shear": 1.0}  # share of the run that is shown
 SCENE = "scenes/column_collapse.toml"
 CHANGES = ["grains.count=400", "geometry.tube.radius_d=5.0", "fill.radius_d=4.3"]
 COMMANDS = (
@@ -129,12 +131,29 @@ def until_prompt(terminal: int) -> str:
     return read.decode().replace("\r\n", "\n")
 
 
+def draw_benches() -> None:
+    """One moment of the film of each bench, side by side."""
+    parts = []
+    with tempfile.TemporaryDirectory() as folder:
+        for bench, share in BENCHES.items():
+            record = Path(folder) / f"{bench}.rrd"
+            command(["run", f"scenes/{bench}.toml", "--replicas", "1", "--record", str(record)])
+            with Image.open(record.with_suffix(".gif")) as film:
+                film.seek(int(share * (getattr(film, "n_frames", 1) - 1)))
+                parts.append(film.convert("RGB"))
+    whole = Image.new("RGB", (sum(part.width for part in parts), max(part.height for part in parts)), "white")
+    for place, part in enumerate(parts):
+        whole.paste(part, (sum(each.width for each in parts[:place]), whole.height - part.height))
+    whole.quantize(64).save(PICTURES / "benches.png", optimize=True)
+
+
 DRAWN = {
     "sample": draw_sample,
     "heap": draw_heap,
     "live": draw_live,
     "study": draw_study,
     "table": draw_table,
+    "benches": draw_benches,
 }
 
 if __name__ == "__main__":
