@@ -25,7 +25,6 @@ from taichi_erosion.run.checks import EffectFiles, compatibility_key, library_of
 from taichi_erosion.scene import Scene, resolved, scene_hash
 from taichi_erosion.scene.preparation.limits import time_step
 from taichi_erosion.scene.preparation.sizes import template_spheres
-from taichi_erosion.simulation.scene_setup import effective_scene
 
 Payloads = Sequence[dict[str, Any]]
 SendRecord = Callable[[int, dict[str, Any]], None]  # (place in the batch, record)
@@ -128,6 +127,8 @@ def numerics_of(scene: Scene, device: WorkersEntry) -> Numerics:
 
 def work_of(scene: Scene) -> float:
     """Most steps of contact spheres that a run of this scene can take, after its effects."""
+    from taichi_erosion.simulation.scene_setup import effective_scene  # only here: it loads Taichi
+
     with suppress(BadInput):  # impossible with its effects: as without
         scene = effective_scene(scene, library_of(scene))
     spheres = scene.grains.count * (len(template_spheres(scene.grains.clump)) if scene.grains.clump else 1)

@@ -44,7 +44,6 @@ from taichi_erosion.cli.progress import LOG, open_log, reporting
 from taichi_erosion.core.engine import SWITCH, engine_name, engine_version
 from taichi_erosion.core.errors import BadInput, ExitCode
 from taichi_erosion.core.files import check_writable, refuse_foreign
-from taichi_erosion.measures.result import without_nan
 
 if TYPE_CHECKING:
     from taichi_erosion.core.foreign_code import EffectFile
@@ -194,6 +193,7 @@ def sweep(
     """Run a scene along values of one entry; write the measures with their scatter, and a picture."""
     from taichi_erosion.campaign import sweep as sweeps
     from taichi_erosion.core.files import ListedFolder
+    from taichi_erosion.measures.result import without_nan
     from taichi_erosion.report.figure_style import raster, sweep_figure
 
     path, _ = sweeps.parse_over(over)

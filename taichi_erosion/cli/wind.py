@@ -11,7 +11,6 @@ from taichi_erosion.cli import output
 from taichi_erosion.cli.options import SIMULATE, AsJson, Force, help_of
 from taichi_erosion.cli.progress import announce, reporting
 from taichi_erosion.core.files import write_atomic
-from taichi_erosion.core.setup import usable_cores
 
 app = typer.Typer()
 
@@ -33,6 +32,7 @@ def survey_wind(
     as_json: AsJson = False,
 ) -> None:
     """Simulate both thresholds and the flux of your own sand, beside the formulas and your measurements."""
+    from taichi_erosion.core.setup import usable_cores
     from taichi_erosion.measures.wind_formulas import Sand
     from taichi_erosion.tables.cell_numbers import stated_number
     from taichi_erosion.wind import survey as surveys

@@ -28,7 +28,14 @@ COLUMNS: dict[str, tuple[str, float, float]] = {
     "rad s-1": ("rpm", 30.0, pi),
     "J m-2": ("mN/m", 72.0, 0.072),
 }
-NO_NUMBER = ("unit of the observable", "m, m, any mass", "m per file unit", "unit")  # no column can set these
+MOTION = ("s, m s-1, rad s-1", "m s-1 or rad s-1")
+NO_NUMBER = (
+    "unit of the observable",
+    "m, m, any mass",
+    "m per file unit",
+    "unit",
+    *MOTION,
+)  # not set by columns
 KEYS = {"contact": "soil-steel", "effects": "liquid_bridge"}  # names that stand for any key of a table
 
 
