@@ -57,12 +57,12 @@ def sweep(
     """
     path, values = parse_over(over)
     files, (folder, workers, scheduler) = named_effects(effect_files), where
-    stated = [(*overrides, f"{path}={value}") for value in values]
-    first = read_scene(scene, stated[0], files)
+    entries = [(*overrides, f"{path}={value}") for value in values]
+    first = read_scene(scene, entries[0], files)
     seeds = [first.run.seed + k for k in range(replicas or first.run.replicas)]
     if not first.measure:
         raise BadInput(f"{scene}: has no [measure], so a sweep has no curve")
-    requests = [scene_request(scene, one, seed, files) for one in stated for seed in seeds]
+    requests = [scene_request(scene, one, seed, files) for one in entries for seed in seeds]
     make_parent(folder / TABLE)
     ledger = open_ledger(folder)
     try:
@@ -77,16 +77,18 @@ def sweep(
 
 def point(entry: str, name: str, results: Sequence[RunResult]) -> SweepPoint:
     """One measure of the runs of one value; values that say nothing are left out and told."""
-    found = [result.record.get("measures", {}).get(name, {}) for result in results]
-    blocking = [[lack for lack in one.get("shortfalls", ()) if lack["blocks"]] for one in found]
+    measures = [result.record.get("measures", {}).get(name, {}) for result in results]
+    blocking = [[lack for lack in one.get("shortfalls", ()) if lack["blocks"]] for one in measures]
     values = [
         (result.value(name), one["sd"])
-        for result, one, block in zip(results, found, blocking, strict=True)
+        for result, one, block in zip(results, measures, blocking, strict=True)
         if isfinite(result.value(name)) and not block
     ]
     notes = [result.failure or result.record.get("stopped") for result in results]
-    notes += [lack["sentence"] for one in found for lack in one.get("shortfalls", ()) if not lack["stated"]]
-    notes += ["; ".join(one["notes"]) for one in found if one and one["value"] is None]
+    notes += [
+        lack["sentence"] for one in measures for lack in one.get("shortfalls", ()) if not lack["stated"]
+    ]
+    notes += ["; ".join(one["notes"]) for one in measures if one and one["value"] is None]
     numbers = np.array([value for value, _ in values])
     sd = (
         float(numbers.std(ddof=1))
@@ -95,7 +97,7 @@ def point(entry: str, name: str, results: Sequence[RunResult]) -> SweepPoint:
         if not values or values[0][1] is None
         else values[0][1]
     )
-    unit, mean = next((one["unit"] for one in found if one), ""), float(numbers.mean()) if values else nan
+    unit, mean = next((one["unit"] for one in measures if one), ""), float(numbers.mean()) if values else nan
     return SweepPoint(entry, name, mean, sd, unit, len(values), "; ".join(dict.fromkeys(filter(None, notes))))
 
 

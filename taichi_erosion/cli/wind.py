@@ -54,14 +54,14 @@ def survey_wind(
             for name, document in surveys.run_survey(survey, folder, force, progress):
                 runs[name] = document
                 announce(f"{name}: done in {document['wall_s']:.0f} s")
-    found = surveys.survey_document(survey, runs, files)
+    answer = surveys.survey_document(survey, runs, files)
     if files:
         from taichi_erosion.measures.result import json_value, without_nan
         from taichi_erosion.report.wind_figure import survey_picture
 
-        write_atomic(files[0], json.dumps(without_nan(found), indent=1, default=json_value).encode() + b"\n")
-        write_atomic(files[1], survey_picture(found))
-    output.print_result(found, as_json, print_survey)
+        write_atomic(files[0], json.dumps(without_nan(answer), indent=1, default=json_value).encode() + b"\n")
+        write_atomic(files[1], survey_picture(answer))
+    output.print_result(answer, as_json, print_survey)
 
 
 def print_survey(document: output.Record) -> None:

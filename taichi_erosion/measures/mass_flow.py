@@ -55,13 +55,13 @@ def mass_flow(
         notes.append(f"few grains: each is {1.0 / max(grains, 1):.1%} of the flow")
     if missing:
         notes.append(f"{missing:,} grains vanished near the plane and are counted by their speed")
-    found = blocked(name, rate[first:last].tolist(), unit)
-    details = found.details | {
+    flow = blocked(name, rate[first:last].tolist(), unit)
+    details = flow.details | {
         "time": [two.time for _, two in pairs],
         "rate": rate.tolist(),
         "steady": [begin, end],
     }
-    return replace(found, notes=(*found.notes, *notes), details=details)
+    return replace(flow, notes=(*flow.notes, *notes), details=details)
 
 
 def crossed(

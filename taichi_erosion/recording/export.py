@@ -86,12 +86,12 @@ def contact_table(networks: Sequence[ContactNetwork]) -> "xr.Dataset":
     return xr.Dataset(scalars | vectors | normal, places, {"walls": ", ".join(walls)})
 
 
-def field_table(found: Sequence[GrainFields]) -> "xr.Dataset":
+def field_table(profiles: Sequence[GrainFields]) -> "xr.Dataset":
     """Coarse-grained fields by time and coordinates; a coordinate of one place is a number by time."""
     import xarray as xr
 
     tables = []
-    for fields in found:
+    for fields in profiles:
         variables = {}
         for name, unit in FIELD_UNITS.items():
             values = getattr(fields, name)
@@ -101,7 +101,7 @@ def field_table(found: Sequence[GrainFields]) -> "xr.Dataset":
         table = xr.Dataset(variables, {**fields.at, **axes})
         tables.append(table.squeeze([name for name, places in fields.at.items() if len(places) == 1]))
     whole = xr.concat(tables, "time", join="outer", fill_value=NOTHING, coords="different", compat="equals")
-    return whole.assign_attrs(width=found[-1].width, stress="positive where it presses")
+    return whole.assign_attrs(width=profiles[-1].width, stress="positive where it presses")
 
 
 def wall_table(poses: Mapping[str, Any], network: ContactNetwork) -> "xr.Dataset":

@@ -15,11 +15,11 @@ Document = Mapping[str, Any]
 def threshold_table(document: Document) -> Table:
     """Thresholds u* by source, simulated ones first, with their intervals of 95 %."""
     rows = []
-    for name, found in document["runs"].get("thresholds", {}).get("measures", {}).items():
-        told, bounds = spread(found), found.get("details", {}).get("interval")
+    for name, measure in document["runs"].get("thresholds", {}).get("measures", {}).items():
+        text, bounds = spread(measure), measure.get("details", {}).get("interval")
         if bounds:
-            told = f"{plain(found['value'])} ({plain(bounds['low'])} to {plain(bounds['high'])})"
-        rows.append((quantity(name), "simulated", told))
+            text = f"{plain(measure['value'])} ({plain(bounds['low'])} to {plain(bounds['high'])})"
+        rows.append((quantity(name), "simulated", text))
     for name in ("fluid_threshold", "impact_threshold"):
         laws = document[name].items()
         rows += [(quantity(name), law, plain(value) if isfinite(value) else "-") for law, value in laws]
@@ -29,17 +29,18 @@ def threshold_table(document: Document) -> Table:
 def flux_table(document: Document) -> Table:
     """Flux by wind [g/(m s)]: simulated, by the formulas, measured; without columns that are empty."""
 
-    def grams(found: Document) -> str:
+    def grams(measure: Document) -> str:
         return spread(
-            dict(found) | {key: 1e3 * found[key] for key in ("value", "sd") if found.get(key) is not None}
+            dict(measure)
+            | {key: 1e3 * measure[key] for key in ("value", "sd") if measure.get(key) is not None}
         )
 
     runs, measured, laws = document["runs"], document["measured"], tuple(document["flux"][0])
     head = ("u* [m/s]", *["simulated"] * bool(runs), *laws, *["measured"] * any(measured))
     rows = []
     for wind, formulas, wanted in zip(document["winds"], document["flux"], measured, strict=True):
-        found = runs.get(f"flux_{wind:g}", {}).get("measures", {}).get("flux", {})
-        cells = [f"{wind:g}", *[grams(found)] * bool(runs), *(plain(1e3 * formulas[law]) for law in laws)]
+        measure = runs.get(f"flux_{wind:g}", {}).get("measures", {}).get("flux", {})
+        cells = [f"{wind:g}", *[grams(measure)] * bool(runs), *(plain(1e3 * formulas[law]) for law in laws)]
         rows.append((*cells, *[grams(wanted)] * any(measured)))
     return Table("flux [g/(m s)]", head, tuple(rows))
 
