@@ -30,6 +30,7 @@ MARK, EMPTY = "*", " "
 HELP = """\
 step [N]                   run N time steps
 run TIME | run until rest  run for a simulated time, such as 0.5s
+run to TIME                run to a simulated time
 stage                      begin the next stage of the scene
 set PATH VALUE             change an entry of the scene during the run
 get PATH                   show an entry of the scene
@@ -42,7 +43,7 @@ show                       a small picture and the numbers
 snapshot FILE              write the picture as PNG
 save [NAME]                save the state
 back [NAME]                return to a saved state
-history                    commands so far
+history                    commands that lead to the present state
 script FILE                run the commands in a file
 help [PATH]                this list; or meaning, unit and range of an entry
 quit                       end the session"""
@@ -59,11 +60,12 @@ def run(session: Session, *time: str) -> str:
     if time == ("until", "rest"):
         is_at_rest = live.run_until_rest(session)
         return status(session) + ("" if is_at_rest else "  (time limit of the stage, not at rest)")
+    start = 0.0 if time[:1] == ("to",) else session.time
     try:
-        seconds = float(" ".join(time).removesuffix("s"))
+        seconds = float(" ".join(time).removeprefix("to").removesuffix("s"))
     except ValueError:
         raise BadInput(f"'{' '.join(time)}' is not a duration; write for example 0.5s") from None
-    live.run_for(session, seconds)
+    live.run_to(session, start + seconds)
     return status(session)
 
 
@@ -227,9 +229,7 @@ def execute(session: Session, line: str) -> str:
         signature(COMMANDS[name]).bind(session, *words)
     except TypeError:
         raise BadInput(f"usage: {usage(name)}") from None
-    text = COMMANDS[name](session, *words)
-    session.history.append(line.strip())
-    return text
+    return COMMANDS[name](session, *words)
 
 
 def input_lines(session: Session) -> Iterator[str]:

@@ -77,6 +77,7 @@ class EnsembleRun:
     sim: Simulation
     states: list[ReplicaState]  # by replica
     repeats: bool = False  # of one scene: what its last stage measures is taken in one window for all
+    holds: bool = False  # a stage lasts until the caller begins the next one
     checks: int = 0  # check intervals done
     grain_steps: float = 0.0  # released grains times steps
     sums: Floats = field(default_factory=lambda: np.zeros((0, 6)))  # of simulation.energies
@@ -98,30 +99,36 @@ class EnsembleRun:
 
 def run_ensemble(ensemble: EnsembleRun, callbacks: list[Callback]) -> None:
     """Advance all replicas to their ends, check by check."""
-    sim, interval = ensemble.sim, ensemble.check_interval
+    sim = ensemble.sim
     for replica, state in enumerate(ensemble.states):
         if state.stage < 0:
             begin_stage(sim, ensemble.scenes[replica], replica, state, ensemble.time)
     while any(state.active for state in ensemble.states):
-        target = (ensemble.checks + 1) * interval
-        advance(sim, [target if state.active else 0.0 for state in ensemble.states])
-        ensemble.checks += 1
-        ensemble.sums = energies(sim)
-        running = np.array([state.active for state in ensemble.states])
-        stopped, removed = statuses(sim) != Status.RUNNING, removed_spheres(sim)
-        steps = interval / np.array([setup.time_step for setup in sim.setups])
-        ensemble.grain_steps += float((running * steps * ensemble.sums[:, 5]).sum())
-        for replica, state in enumerate(ensemble.states):
-            if state.active:
-                state.failure = failure(sim, replica) if stopped[replica] else None
-                note_removed(sim, replica, state, ensemble.time, removed[replica])
-                check_replica(ensemble, replica, state)
+        run_interval(ensemble)
         for callback in callbacks:
             callback(ensemble)
     if ensemble.repeats:
         scene = ensemble.scenes[0]
         ended = {replica: state for replica, state in enumerate(ensemble.states) if state.finished}
         measure_stage(sim, scene, len(scene.stages) - 1, ended)
+
+
+def run_interval(ensemble: EnsembleRun) -> None:
+    """Advance all active replicas to the next check, and check them."""
+    sim, interval = ensemble.sim, ensemble.check_interval
+    target = (ensemble.checks + 1) * interval
+    advance(sim, [target if state.active else 0.0 for state in ensemble.states])
+    ensemble.checks += 1
+    ensemble.sums = energies(sim)
+    running = np.array([state.active for state in ensemble.states])
+    stopped, removed = statuses(sim) != Status.RUNNING, removed_spheres(sim)
+    steps = interval / np.array([setup.time_step for setup in sim.setups])
+    ensemble.grain_steps += float((running * steps * ensemble.sums[:, 5]).sum())
+    for replica, state in enumerate(ensemble.states):
+        if state.active:
+            state.failure = failure(sim, replica) if stopped[replica] else None
+            note_removed(sim, replica, state, ensemble.time, removed[replica])
+            check_replica(ensemble, replica, state)
 
 
 def check_replica(ensemble: EnsembleRun, replica: int, state: ReplicaState) -> None:
@@ -133,6 +140,8 @@ def check_replica(ensemble: EnsembleRun, replica: int, state: ReplicaState) -> N
     tilt_gravity(sim, scene, replica, state, now)
     store_frame(sim, scene, replica, state, now)
     settle_air(sim, scene.stages[state.stage], replica)
+    if ensemble.holds:
+        return
     kinetic, lifting = float(ensemble.sums[replica, 0]), float(ensemble.lifting_energies[replica])
     if stage_is_over(sim, scene, replica, state, now, (kinetic, lifting)):
         state.failure = count_failure(sim, replica, now)

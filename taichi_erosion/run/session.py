@@ -14,9 +14,9 @@ nothing compiled anew; an effect that was not there is compiled in, which takes 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
-from functools import partial
 from itertools import chain, count
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from taichi_erosion import simulation
@@ -25,7 +25,6 @@ from taichi_erosion.core.errors import BadInput, SimulationStopped, did_you_mean
 from taichi_erosion.core.files import marked_png, refuse_foreign, write_atomic
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.measures.result import Measurement
-from taichi_erosion.measures.wall_loads import wall_loads
 from taichi_erosion.recording import pictures, stream
 from taichi_erosion.recording.pictures import Picture, SideView, png_bytes
 from taichi_erosion.recording.wall_mesh import WallMesh
@@ -38,9 +37,8 @@ from taichi_erosion.run.checks import (
     read_scene,
     scene_effect_files,
 )
-from taichi_erosion.run.ensemble_loop import failure_message
-from taichi_erosion.run.grain_fields import fields_now
-from taichi_erosion.run.observables import MeasureInput, measure
+from taichi_erosion.run.ensemble_loop import EnsembleRun, failure_message, run_interval
+from taichi_erosion.run.observables import measure
 from taichi_erosion.run.recorder import (
     Recorder,
     log_frame,
@@ -50,15 +48,23 @@ from taichi_erosion.run.recorder import (
     resting_speed,
     side_view,
 )
+from taichi_erosion.run.result import apply_instruments
 from taichi_erosion.run.scene_run import scene_text
-from taichi_erosion.run.stages import at_rest, change_boundaries, lifting_energy, settle_air, whole_intervals
+from taichi_erosion.run.stages import (
+    ReplicaState,
+    at_rest,
+    begin_stage,
+    measure_inputs,
+    transport_window,
+    whole_intervals,
+)
 from taichi_erosion.scene import Scene, laws, resolved
 from taichi_erosion.scene.paths import leaves, meaning_of
 from taichi_erosion.scene.preparation.contacts import contact_table
 from taichi_erosion.scene.schema.fields import unit_vector
-from taichi_erosion.scene.schema.scene import OF_WALLS
 from taichi_erosion.simulation import Simulation
 
+RUN_TO = "run to"  # command of the history: runs of several calls become one
 NOT_SET = "not set"  # an entry that a scene lacks
 STATUS_UNITS = {"time_s": "s", "kinetic_J": "J", "speed_largest_m_s": "m/s", "overlap_largest": "radii"}
 NO_PHYSICS = ("measured", "record", "measure")  # sections that do not act on grains
@@ -77,19 +83,30 @@ class Session:
     overrides: tuple[str, ...]
     seed: int
     library: Mapping[str, Effect]
-    sim: Simulation
+    ensemble: EnsembleRun  # of one replica, whose stages last until the next one is asked for
     time: float = 0.0  # s
-    stage: int = 0
-    history: list[str] = field(default_factory=list)
-    saved: dict[str, tuple["Session", dict[str, Any]]] = field(default_factory=dict)  # and its grains
-    callbacks: list[Callable[["Session"], object]] = field(default_factory=list)  # after each check interval
-    samples: list[dict[str, float]] = field(default_factory=list)  # numbers by name, at each check so far
+    history: list[str] = field(default_factory=list)  # commands that lead to the present state
+    saved: dict[str, "Kept"] = field(default_factory=dict)
+    callbacks: list[Callable[["Session"], object]] = field(default_factory=list)  # after each advance
+    samples: list[dict[str, float]] = field(default_factory=list)  # numbers by name, at each of these
     watched: dict[str, str] = field(default_factory=dict)  # units of the numbers that are printed, by name
     effect_files: EffectFiles = ()  # beside those that the scene names
 
     @property
+    def sim(self) -> Simulation:
+        return self.ensemble.sim
+
+    @property
+    def state(self) -> ReplicaState:
+        """Progress of the replica through its stages."""
+        return self.ensemble.states[0]
+
+    @property
     def time_step(self) -> float:
         return self.sim.setups[0].time_step
+
+
+Kept = tuple[Session, dict[str, Any]]  # a session as it was, and its grains
 
 
 def open_session(
@@ -103,41 +120,52 @@ def open_session(
     scene = read_scene(Path(path), overrides, files)
     library = library_of(scene)
     chosen = scene.run.seed if seed is None else seed
-    sim = build(scene, chosen, library)
-    session = Session(Path(path), scene, overrides, chosen, library, sim, effect_files=files)
-    change_boundaries(session.sim, 0, scene.stages[0])
-    return session
+    ensemble = build(scene, chosen, library)
+    begin_stage(ensemble.sim, ensemble.scenes[0], 0, ensemble.states[0], 0.0)
+    return Session(Path(path), scene, overrides, chosen, library, ensemble, effect_files=files)
 
 
-def build(scene: Scene, seed: int, library: Mapping[str, Effect]) -> Simulation:
-    """Simulation of one replica."""
+def build(scene: Scene, seed: int, library: Mapping[str, Effect]) -> EnsembleRun:
+    """Ensemble of one replica, before its first stage."""
     numerics = Numerics(precision=scene.run.precision)
     effective = simulation.effective_scene(scene, library)
-    return simulation.assemble([simulation.prepare(scene, seed, library)], laws(effective), numerics)
+    sim = simulation.assemble([simulation.prepare(scene, seed, library)], laws(effective), numerics)
+    return EnsembleRun([effective], sim, [ReplicaState(seed)], holds=True)
 
 
 def next_stage(session: Session) -> str:
     """Begin the next stage of the scene; returns its name. Raises BadInput after the last one."""
     stages = session.scene.stages
-    if session.stage + 1 == len(stages):
-        raise BadInput(f"stage '{stages[session.stage].name}' is the last one")
-    session.stage += 1
-    change_boundaries(session.sim, 0, stages[session.stage])
-    return stages[session.stage].name
+    if session.state.stage + 1 == len(stages):
+        raise BadInput(f"stage '{stages[-1].name}' is the last one")
+    begin_stage(session.sim, session.ensemble.scenes[0], 0, session.state, session.time)
+    session.history.append("stage")
+    return stages[session.state.stage].name
 
 
 def run_to(session: Session, time: float) -> None:
-    """Run until a time [s], with callbacks at every check interval. Raises SimulationStopped."""
-    interval = session.scene.run.check_interval
-    while session.time < time - 0.5 * session.time_step:
-        session.time = min(session.time + interval, time)
-        simulation.advance(session.sim, [session.time])
-        stopped = simulation.failure(session.sim, 0)
-        if stopped is not None:
-            raise SimulationStopped(failure_message(stopped, session.seed))
-        settle_air(session.sim, session.scene.stages[session.stage], 0)
+    """Run until a time [s], with callbacks at every check and at the end. Raises SimulationStopped."""
+    raise_failure(session)
+    ensemble, tolerance = session.ensemble, 0.5 * session.time_step
+    while session.time < time - tolerance:
+        if time < ensemble.time + ensemble.check_interval - tolerance:
+            simulation.advance(session.sim, [time])
+            session.time, session.state.failure = time, simulation.failure(session.sim, 0)
+        else:
+            run_interval(ensemble)
+            session.time = ensemble.time
+        if session.history and session.history[-1].startswith(RUN_TO):
+            session.history.pop()
+        session.history.append(f"{RUN_TO} {session.time!r}")
+        raise_failure(session)
         for callback in session.callbacks:
             callback(session)
+
+
+def raise_failure(session: Session) -> None:
+    """Raise SimulationStopped where a check has failed."""
+    if session.state.failure is not None:
+        raise SimulationStopped(failure_message(session.state.failure, session.seed))
 
 
 def run_for(session: Session, seconds: float) -> None:
@@ -150,14 +178,19 @@ def step(session: Session, steps: int = 1) -> None:
 
 def run_until_rest(session: Session) -> bool:
     """Run until the stage's criterion of rest holds or its time limit is over; returns whether it rests."""
-    stage, setup = session.scene.stages[session.stage], session.sim.setups[0]
-    limit = session.time + stage.duration_max
+    ensemble = session.ensemble
+    limit = session.time + session.scene.stages[session.state.stage].duration_max
     while session.time < limit - 0.5 * session.time_step:
-        run_for(session, session.scene.run.check_interval)
-        kinetic = float(simulation.energies(session.sim)[0, 0])
-        if at_rest(session.sim, 0, stage, (kinetic, lifting_energy(setup))):
+        run_to(session, min(ensemble.time + ensemble.check_interval, limit))
+        if is_at_rest(session):
             return True
     return False
+
+
+def is_at_rest(session: Session) -> bool:
+    """Whether the stage's criterion of rest holds now."""
+    stage, kinetic = session.scene.stages[session.state.stage], simulation.energies(session.sim)[0, 0]
+    return at_rest(session.sim, 0, stage, (float(kinetic), float(session.ensemble.lifting_energies[0])))
 
 
 def set_entry(session: Session, path: str, value: str) -> str:
@@ -177,7 +210,10 @@ def set_entry(session: Session, path: str, value: str) -> str:
     library = library_of(scene)
     done = apply_change(session, scene, library, set(changed))
     session.scene, session.overrides, session.library = scene, overrides, library
-    return done if changed else f"{path} is {value} already"
+    if not changed:
+        return f"{path} is {value} already"
+    session.history.append(f"set {path} {quote(value)}")
+    return done
 
 
 def warnings_now(session: Session) -> list[str]:
@@ -199,54 +235,74 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
     simulation.set_contacts(sim, 0, contact_table(effective))
     x, y, z = unit_vector(effective.gravity.direction)
     g = effective.gravity.magnitude
-    simulation.set_gravity(sim, 0, (g * x, g * y, g * z))
+    sim.setups[0] = replace(sim.setups[0], gravity=(g * x, g * y, g * z))
+    simulation.set_gravity(sim, 0, sim.setups[0].gravity)
     if "wind" in changed and scene.wind is not None:
         simulation.spin_up_wind(sim, 0, scene.wind.friction_velocity)
         simulation.set_through_flow(sim, 0, scene.wind.through_flow)
-    if not changed & {"effects", "conditions"}:
-        return "at once"
-    effects = simulation.device_effects(effective, library, float(sim.setups[0].grains.radius.max()))
-    if simulation.set_effects(sim, 0, effects):
-        return "at once"
-    state = simulation.export_state(sim)
-    session.sim = build(scene, session.seed, library)
-    simulation.import_state(session.sim, state)
-    return "after building the effect in"
+    state = {} if changed & {"effects", "conditions"} else None
+    if state is not None:
+        effects = simulation.device_effects(effective, library, float(sim.setups[0].grains.radius.max()))
+        state = None if simulation.set_effects(sim, 0, effects) else simulation.export_state(sim)
+    if state is not None:
+        sim = build(scene, session.seed, library).sim
+        simulation.import_state(sim, state)
+    # what was stated anew has done work
+    states = [replace(session.state, energy=None)]
+    session.ensemble = replace(session.ensemble, scenes=[effective], sim=sim, states=states)
+    return "at once" if state is None else "after building the effect in"
 
 
 def measure_now(session: Session) -> dict[str, Measurement]:
-    """All observables of the scene in the present state."""
-    sim, is_read = session.sim, bool(set(OF_WALLS) & set(session.scene.measure))
-    end, poses, scene = simulation.snapshot(sim, 0), simulation.wall_poses(sim, 0), session.scene
-    loads = (wall_loads(simulation.contact_network(sim, 0)),) if is_read else ()
-    profile = partial(fields_now, sim, 0)
-    kept = end, (end,), (0.0,)
-    return {
-        name: measure(name, MeasureInput(scene, request, *kept, profile=profile, loads=loads, poses=poses))
-        for name, request in scene.measure.items()
-    }
+    """All observables of the scene in the present state, of the frames of its stage where there are any."""
+    scene, state = session.scene, session.state
+    window = transport_window(scene, state.stage, [state])
+    if not state.frames:
+        state = replace(state, frames=[simulation.snapshot(session.sim, 0)], tilts=[0.0])
+    given = measure_inputs(session.sim, scene, 0, state, window)
+    found = {name: measure(name, given(name)) for name in scene.measure}
+    return apply_instruments(found, scene, session.library)
+
+
+def kept(session: Session) -> Kept:
+    """The session as it is, and its grains."""
+    return copied(session), simulation.export_state(session.sim)
+
+
+def copied(session: Session) -> Session:
+    """The session with lists of its own."""
+    lists = {name: list(value) for name, value in vars(session.state).items() if isinstance(value, list)}
+    ensemble = replace(session.ensemble, states=[replace(session.state, **lists)])
+    samples, history = list(session.samples), list(session.history)
+    return replace(session, ensemble=ensemble, samples=samples, history=history)
 
 
 def save(session: Session, name: str) -> None:
-    now = replace(session, samples=list(session.samples))
-    session.saved[name] = now, simulation.export_state(session.sim)
+    session.saved[name] = kept(session)
 
 
 def restore(session: Session, name: str) -> None:
-    """Restore a saved state, its parameters and samples included. Raises BadInput for an unknown name."""
-    then, state = saved_state(session, name)
+    """Return to a saved state, parameters, samples and history included. Raises BadInput for no such name."""
+    resume(session, saved_state(session, name))
+
+
+def resume(session: Session, state: Kept) -> None:
+    """Return to a state, bit for bit."""
+    then, grains = state
     if session.sim is then.sim:
         apply_change(session, then.scene, then.library, {"wind", "effects"})
+        sim = session.sim
     else:  # an effect has been built in since
-        session.sim = build(then.scene, session.seed, then.library)
-    simulation.import_state(session.sim, state)
+        sim = build(then.scene, session.seed, then.library).sim
+    simulation.import_state(sim, grains)
+    session.ensemble = replace(copied(then).ensemble, sim=sim)
     session.scene, session.library, session.overrides = then.scene, then.library, then.overrides
-    session.time, session.stage = then.time, then.stage
-    session.samples[:] = then.samples
+    session.time = then.time
+    session.samples[:], session.history[:] = then.samples, then.history
 
 
-def saved_state(session: Session, name: str) -> tuple[Session, dict[str, Any]]:
-    """The session and its grains when they were saved. Raises BadInput for an unknown name."""
+def saved_state(session: Session, name: str) -> Kept:
+    """The state that was saved under a name. Raises BadInput for an unknown name."""
     if name not in session.saved:
         there = ", ".join(session.saved) or "nothing"
         raise BadInput(f"nothing is saved as '{name}'{did_you_mean(name, session.saved)}; there is {there}")
@@ -258,7 +314,7 @@ def session_status(session: Session) -> dict[str, float | int | str]:
     sums = simulation.totals(session.sim, 0)
     return {
         "time_s": round(session.time, 9),
-        "stage": session.scene.stages[session.stage].name,
+        "stage": session.scene.stages[session.state.stage].name,
         "released": sums.released,
         "removed": simulation.removed_spheres(session.sim)[0],
         "contacts": sums.contacts,

@@ -1,6 +1,6 @@
 """Stages of an experiment: state of each replica, start and end of a stage, frames and measurements in it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import isnan, radians
@@ -193,20 +193,27 @@ def measure_stage(sim: Simulation, scene: Scene, stage: int, replicas: Mapping[i
     names = measured_in(scene, stage)
     window = transport_window(scene, stage, list(replicas.values())) if names else None
     for replica, state in replicas.items() if names else ():
-        end = simulation.snapshot(sim, replica)
-        air = simulation.air_profile(sim, replica) if scene.wind is not None else None
-        thresholds = {} if state.search is None else state.search.found
-        profile, period = partial(fields_now, sim, replica), sim.setups[replica].period
-        loads, poses = tuple(state.loads), simulation.wall_poses(sim, replica)
-        kept = end, tuple(state.frames), tuple(state.tilts), air, tuple(state.airs), thresholds
+        given = measure_inputs(sim, scene, replica, state, window)
         for name in names:
-            own = *kept, profile, period, window, loads, poses
-            given = MeasureInput(scene, scene.measure[name], *own)
-            state.measurements[name] = found = measure(name, given)
+            state.measurements[name] = found = measure(name, each := given(name))
             if isnan(found.value):
                 state.warn(f"{name} has no value: {'; '.join(found.notes)}")
-            elif given.fallen in found.notes:
-                state.warn(given.fallen)
+            elif each.fallen in found.notes:
+                state.warn(each.fallen)
+
+
+def measure_inputs(
+    sim: Simulation, scene: Scene, replica: int, state: ReplicaState, window: Window | None
+) -> Callable[[str], MeasureInput]:
+    """Input of each measure of one replica, by name: its present state and the frames of its stage."""
+    end = simulation.snapshot(sim, replica)
+    air = simulation.air_profile(sim, replica) if scene.wind is not None else None
+    thresholds = {} if state.search is None else state.search.found
+    profile, period = partial(fields_now, sim, replica), sim.setups[replica].period
+    loads, poses = tuple(state.loads), simulation.wall_poses(sim, replica)
+    kept = end, tuple(state.frames), tuple(state.tilts), air, tuple(state.airs), thresholds
+    own = *kept, profile, period, window, loads, poses
+    return lambda name: MeasureInput(scene, scene.measure[name], *own)
 
 
 def transport_window(scene: Scene, stage: int, states: Sequence[ReplicaState]) -> Window | None:

@@ -9,15 +9,17 @@ import pytest
 from recorded_heaps import read_series
 
 from taichi_erosion.cli import live as prompt
-from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.setup import Motion
+from taichi_erosion.core.snapshot import Failure, Status
 from taichi_erosion.measures.wind_bed import flux_of
 from taichi_erosion.recording.readback import read_rows
 from taichi_erosion.recording.stream import close
+from taichi_erosion.run import ensemble_loop
 from taichi_erosion.run import session as live
 from taichi_erosion.run.observables import patch_of
 from taichi_erosion.run.recorder import present_walls
-from taichi_erosion.simulation import friction_velocity, move_surface, snapshot
+from taichi_erosion.simulation import export_state, friction_velocity, move_surface, snapshot
 
 SCENES = Path(__file__).parents[2] / "scenes"
 FEW = ("grains.count=60",)
@@ -57,7 +59,7 @@ def test_a_session_plays_the_scene_to_its_measured_end(session) -> None:
 
 def test_air_without_inertia_settles_at_every_check_of_its_stage(session, monkeypatch) -> None:
     settled = []
-    monkeypatch.setattr(live, "settle_air", lambda sim, stage, replica: settled.append(stage.name))
+    monkeypatch.setattr(ensemble_loop, "settle_air", lambda sim, stage, replica: settled.append(stage.name))
     live.run_for(session, 2.0 * session.scene.run.check_interval)
     assert settled == [session.scene.stages[0].name] * 2
 
@@ -85,6 +87,42 @@ def test_going_back_restores_the_bits_and_the_parameters(session) -> None:
     assert session.scene.contact["grain-grain"].friction_sliding == 0.55
     live.run_for(session, 5e-3)
     assert np.array_equal(snapshot(session.sim, 0).position, once)
+
+
+def test_the_history_is_a_script_that_gives_the_same_bits_however_the_run_was_divided(session) -> None:
+    friction = "contact.grain-grain.friction_rolling"
+    live.run_for(session, 0.0123)
+    live.save(session, "there")
+    live.set_entry(session, "gravity.magnitude", "0.5")  # not in the history of what follows
+    live.run_for(session, 2e-3)
+    live.restore(session, "there")
+    for part in (1e-4, 7.3e-4, 0.0041):
+        live.run_for(session, part)
+    prompt.execute(session, f"set {friction} 0.3")
+    prompt.execute(session, "stage")
+    prompt.execute(session, "step 40")
+    once, lines = snapshot(session.sim, 0), list(session.history)
+    assert [line.split()[0] for line in lines] == ["run", "set", "stage", "run"]
+    live.restore(session, "begin")
+    assert session.history == []
+    for line in lines:
+        prompt.execute(session, line)
+    again = snapshot(session.sim, 0)
+    assert np.array_equal(again.position, once.position)
+    assert np.array_equal(again.spin, once.spin)
+    assert session.history == lines
+
+
+def test_a_session_that_has_failed_stays_until_it_returns_to_a_saved_state(session) -> None:
+    live.save(session, "good")
+    session.state.failure = Failure(Status.OVERLAP, 0.0, 7, 9, 0.31)
+    for _ in range(2):
+        with pytest.raises(SimulationStopped, match="grain 7 overlaps grain 9"):
+            live.run_for(session, 1e-3)
+    assert session.time == 0.0
+    live.restore(session, "good")
+    live.run_for(session, 1e-3)
+    assert session.time == 1e-3
 
 
 def test_entries_that_are_built_in_are_refused_with_what_may_change(session) -> None:
@@ -192,6 +230,18 @@ def test_changed_entries_are_listed_against_the_file_and_a_saved_state(session) 
     assert prompt.execute(session, "diff after before") == f"{path}: 0.3 -> 0.12"
     with pytest.raises(BadInput, match="did you mean before"):
         prompt.execute(session, "diff befor")
+
+
+def test_a_plate_tilts_in_a_session_and_gravity_that_is_set_tilts_with_it() -> None:
+    session = live.open_session(SCENES / "incline.toml")
+    while not session.scene.stages[session.state.stage].tilt_rate:
+        live.next_stage(session)
+    for magnitude in (9.81, 3.7):
+        live.set_entry(session, "gravity.magnitude", str(magnitude))
+        live.run_for(session, 2.0 * session.scene.run.check_interval)
+        gravity = export_state(session.sim)["gravity"][0]
+        assert np.linalg.norm(gravity) == pytest.approx(magnitude, rel=1e-6)  # in single precision
+        assert np.linalg.norm(gravity[:2]) > 0.0
 
 
 SMALL_PATCH = (
