@@ -42,6 +42,8 @@ class Snapshot:
     # [n, 3] N, resultant of contacts, air, effects and gravity at the last step; None where it is not known
     force: NDArray[np.float64] | None = None
     removed: int = 0  # spheres taken out, since they left the domain
+    kind: NDArray[np.int32] | None = None  # [n] place of the material among `kinds`; None where all are alike
+    kinds: tuple[str, ...] = ()  # materials of the grains in alphabetical order, where there are several
 
 
 @dataclass(frozen=True)

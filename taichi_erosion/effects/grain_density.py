@@ -17,6 +17,7 @@ from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_grain_material, with_shorter_step
+from taichi_erosion.scene.schema.grains import Material
 
 
 @dataclass(frozen=True)
@@ -27,12 +28,18 @@ class Params:
 
 def change(params: Params, strength: float, conditions: Conditions, scene: Scene) -> Scene:
     """The scene with heavier or lighter grains."""
-    bare = scene.materials[scene.grains.material].density
-    density = bare + strength * (params.solid_density * (1.0 - params.porosity) - bare)
-    if density <= 0.0:
-        raise BadInput(f"effects.grain_density: strength = {strength:g} gives {density:g} kg m-3")
-    changed = with_grain_material(scene, lambda material: material.model_copy(update={"density": density}))
-    return with_shorter_step(changed, (density / bare) ** 0.5)
+    ratios = []
+
+    def changed(material: Material) -> Material:
+        bare = material.density
+        density = bare + strength * (params.solid_density * (1.0 - params.porosity) - bare)
+        if density <= 0.0:
+            raise BadInput(f"effects.grain_density: strength = {strength:g} gives {density:g} kg m-3")
+        ratios.append(density / bare)
+        return material.model_copy(update={"density": density})
+
+    heavier = with_grain_material(scene, changed)
+    return with_shorter_step(heavier, min(ratios) ** 0.5)
 
 
 def checks(probe: Probe) -> Checks:

@@ -31,7 +31,7 @@ class Params:
 
 def change(params: Params, strength: float, conditions: Conditions, scene: Scene) -> Scene:
     """The scene with taps after its first stage."""
-    diameter = nominal_diameter(scene.grains.size)
+    diameter = nominal_diameter(scene.grains)
     gravity = scene.gravity.magnitude
     speed = strength * params.speed * (gravity * diameter) ** 0.5
     if speed == 0.0:

@@ -38,11 +38,11 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     if scene.wind is not None:
         raise BadInput("effects.side_walls: a patch under wind is periodic across and has no sides")
     grain = scene.grains.material
-    contact = scene.contact_of(grain, grain)
-    if contact is None or PANE in scene.materials:
-        raise BadInput(f"effects.side_walls: needs contact.{grain}-{grain} and no material named '{PANE}'")
+    contact = scene.contact_of(grain, grain) if grain else None
+    if grain is None or contact is None or PANE in scene.materials:
+        raise BadInput(f"effects.side_walls: needs one kind of grains and no material named '{PANE}'")
     friction = strength * params.friction * contact.friction_sliding
-    half = 0.5 * params.width * nominal_diameter(scene.grains.size)
+    half = 0.5 * params.width * nominal_diameter(scene.grains)
     fill = getattr(scene.fill, "radius", 0.0)
     if fill > half:
         raise BadInput(f"effects.side_walls: walls {2 * half:.3g} m apart cut a fill {2 * fill:.3g} m wide")

@@ -40,7 +40,9 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     factor = 1.0 + strength * (params.ratio - 1.0)
     if factor == 1.0:
         return scene
-    resized = with_section(scene, "grains", size=scaled(scene.grains.size, factor))
+    size, kinds = scene.grains.size, scene.grains.kinds
+    grown = {k: kind.model_copy(update={"size": scaled(kind.size, factor)}) for k, kind in kinds.items()}
+    resized = with_section(scene, "grains", size=size and scaled(size, factor), kinds=grown)
     return with_shorter_step(with_wider_fill(resized, factor), factor)
 
 

@@ -32,7 +32,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     wind, before = scene.wind, scene.grains.count
     if wind is None or strength == 0.0:
         return scene
-    covered = params.cover * wind.length * wind.width / nominal_diameter(scene.grains.size) ** 2
+    covered = params.cover * wind.length * wind.width / nominal_diameter(scene.grains) ** 2
     return with_section(scene, "grains", count=max(1, round(before * (covered / before) ** strength)))
 
 

@@ -43,7 +43,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     front = strength * conditions.get("roughness_density", FRONT * params.cover)
     if scene.wind is None or front == 0.0:
         return scene
-    diameter = nominal_diameter(scene.grains.size)
+    diameter = nominal_diameter(scene.grains)
     if params.height <= diameter:
         raise BadInput(
             f"effects.surface_roughness.height = {params.height:g} m: not above the {diameter:g} m"

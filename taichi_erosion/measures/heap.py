@@ -52,7 +52,8 @@ def chosen_grains(snapshot: Snapshot, chosen: NDArray[np.bool_]) -> Snapshot:
     """The snapshot of some grains alone, without what no measure of a heap reads."""
     names = ("position", "velocity", "spin", "radius", "mass", "contacts", "ident")
     kept = {name: getattr(snapshot, name)[chosen] for name in names}
-    return replace(snapshot, **kept, effect_state={}, force=None)
+    kind = None if snapshot.kind is None else snapshot.kind[chosen]
+    return replace(snapshot, **kept, kind=kind, effect_state={}, force=None)
 
 
 def inside(rows: Floats, position: Floats) -> NDArray[np.bool_]:

@@ -42,7 +42,9 @@ NO_CONTACTS = "holds no contacts; run the scene with --set record.contacts=true"
 
 def grain_frame(state: Snapshot) -> GrainFrame:
     """Frame of a state that has not been recorded."""
-    columns = {name: getattr(state, name) for name in ("velocity", "spin", "force", "mass", "contacts")}
+    columns = {
+        name: getattr(state, name) for name in ("velocity", "spin", "force", "mass", "contacts", "kind")
+    }
     columns = {name: values for name, values in columns.items() if values is not None}
     return GrainFrame(
         state.time, state.ident, state.position, state.radius, columns | dict(state.effect_state)

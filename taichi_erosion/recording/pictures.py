@@ -29,6 +29,7 @@ DUSK = (38, 44, 56)  # background near the ground
 SAND = (222, 184, 135)  # grain at rest
 STEEL = (138, 156, 178)  # walls
 EMBER = (255, 92, 57)  # fitted lines
+KIND_COLOURS = np.array([SAND, (118, 74, 46), (226, 224, 214), (128, 152, 84), (104, 122, 140)])  # at rest
 CHALK = (232, 230, 222)  # lettering
 
 SPEED_COLOURS = np.array(
@@ -61,16 +62,29 @@ HALF_BLOCK = "▀"  # upper half in the colour of the text, lower half in that o
 CELL = 2  # height over width of a character, about
 
 
-def resting_colours(ident: NDArray[np.int32]) -> Colours:
-    """Sand, a little brighter or darker from grain to grain so that single grains can be told apart."""
+def resting_colours(ident: NDArray[np.int32], kind: NDArray[np.int32] | None = None) -> Colours:
+    """Sand, a little brighter or darker from grain to grain so that single grains can be told apart.
+
+    Of several kinds each has a colour of its own.
+    """
     brightness = 1.0 + TINT_RANGE * (2.0 * np.mod(ident * TINT_TURN, 1.0) - 1.0)
-    return np.clip(np.multiply.outer(brightness, SAND), 0, 255).astype(np.uint8)
+    base = SAND if kind is None else KIND_COLOURS[kind % len(KIND_COLOURS)]
+    return np.clip(brightness[:, np.newaxis] * base, 0, 255).astype(np.uint8)
 
 
 def speed_colours(speed: Floats, low: float, high: float) -> Colours:
     """Colour of a moving grain, from sand at speed `low` to ice blue at `high` [m s-1], in equal ratios."""
     bounded = np.clip(speed, low, high)
     return interpolate_colours(np.log(bounded / low) / np.log(high / low), SPEED_COLOURS)
+
+
+def grain_colours(snapshot: Snapshot, low: float, high: float) -> Colours:
+    """Colours of grains: up to speed `low` [m s-1] those of resting ones, by kind, beyond by speed."""
+    speed = np.linalg.norm(snapshot.velocity, axis=1)
+    moving = speed > low
+    colours = resting_colours(snapshot.ident, snapshot.kind)
+    colours[moving] = speed_colours(speed[moving], low, high)
+    return colours
 
 
 def interpolate_colours(share: Floats, anchors: NDArray[np.int_]) -> Colours:
@@ -246,11 +260,7 @@ def side_picture(
     snapshot: Snapshot, view: SideView, walls: Sequence[WallMesh], speeds: tuple[float, float]
 ) -> Picture:
     """Grains from the side, coloured by speed in `speeds` (low, high) [m s-1]."""
-    speed = np.linalg.norm(snapshot.velocity, axis=1)
-    moving = speed > speeds[0]
-    colours = resting_colours(snapshot.ident)
-    colours[moving] = speed_colours(speed[moving], *speeds)
-    return render_side(snapshot.position, snapshot.radius, view, colours, walls)
+    return render_side(snapshot.position, snapshot.radius, view, grain_colours(snapshot, *speeds), walls)
 
 
 def film_frame(

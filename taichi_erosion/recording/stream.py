@@ -218,12 +218,10 @@ def log_frame(recording: Recording, snapshot: Snapshot, moving_speed: float) -> 
     set_time(recording, snapshot.time, snapshot.step)
     recording.static_grains, is_new = update_static_grains(recording.static_grains, snapshot, moving_speed)
     resting = np.isin(snapshot.ident, recording.static_grains.ident)
+    colours = pictures.grain_colours(snapshot, moving_speed, max(FASTEST_COLOUR, 2.0 * moving_speed))
     if is_new:
-        tints = pictures.resting_colours(snapshot.ident[resting])
-        log_grains(recording, "world/bed", snapshot, resting, tints)
-    speed = np.linalg.norm(snapshot.velocity[~resting], axis=1)
-    colours = pictures.speed_colours(speed, moving_speed, max(FASTEST_COLOUR, 2.0 * moving_speed))
-    log_grains(recording, "world/mobile", snapshot, ~resting, colours)
+        log_grains(recording, "world/bed", snapshot, resting, colours[resting])
+    log_grains(recording, "world/mobile", snapshot, ~resting, colours[~resting])
 
 
 def update_static_grains(
@@ -261,8 +259,8 @@ def log_grains(
 def grain_columns(snapshot: Snapshot, rows: NDArray[np.bool_]) -> dict[str, Any]:
     """Columns of some grains beside position and radius, as Arrow arrays, which have a type even where empty.
 
-    ident (row of the GrainTable), contacts (touching partners), velocity [m s-1], spin [rad s-1], force [N],
-    and the state variables of effects under EFFECT_NUMBER.
+    ident (row of the GrainTable), contacts (touching partners), kind, velocity [m s-1], spin [rad s-1],
+    force [N], and the state variables of effects under EFFECT_NUMBER.
     """
     import pyarrow as pa
 
@@ -271,6 +269,8 @@ def grain_columns(snapshot: Snapshot, rows: NDArray[np.bool_]) -> dict[str, Any]
         "ident": pa.array(snapshot.ident[rows], type=pa.int32()),
         "contacts": pa.array(snapshot.contacts[rows], type=pa.int16()),
     }
+    if snapshot.kind is not None:
+        columns["kind"] = pa.array(snapshot.kind[rows], type=pa.int16())
     for name, values in vectors.items():
         if values is not None:
             flat = pa.array(values[rows].ravel(), type=pa.float32())

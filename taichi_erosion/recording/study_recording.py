@@ -67,7 +67,7 @@ def record_study(path: Path, page: StudyPage) -> Path:
         set_properties(recording, run.name, run.properties)
         for frame in films[run.name]:
             stream.set_time(blueprint.TIMELINE, duration=frame.time)
-            colours = pictures.resting_colours(frame.ident)
+            colours = pictures.resting_colours(frame.ident, frame.state.get("kind"))
             stream.log(f"runs/{run.name}", rr.Points3D(frame.position, radii=frame.radius, colors=colours))
     return close(recording)
 

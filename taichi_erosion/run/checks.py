@@ -208,7 +208,7 @@ def check_scene(
 
             library = library_of(scene)
             after = effective_scene(scene, library)
-            device_effects(after, library, 0.5 * size_range(after.grains.size)[1])  # none of them fails
+            device_effects(after, library, 0.5 * size_range(after.grains)[1])  # none of them fails
         limits = explained(scene)
         limits["warnings"] += idle_entries(scene, named)
     found = {"scene": str(path), "hash": scene_hash(scene), "resolved": resolved(scene), "limits": limits}
@@ -227,7 +227,7 @@ def compatibility_key(scene: Scene) -> str:
     if effective.wind is not None:  # the layers of the air are fixed, and whether air may rise
         rising = any(stage.through_flow is not None for stage in effective.stages)
         names = {"closure", "columns", "drive", "surface", "length", "width", "height", "cell", "growth"}
-        size = effective.grains.size.model_dump()
+        size = effective.grains.model_dump(include={"size", "kinds"})
         air = [effective.wind.model_dump(include=names), rising, effective.grains.count, size]
     choices = [scene.scene.kind, asdict(laws(effective)), scene.run.precision, clumped, effects]
     return json.dumps([*choices, scene.run.check_interval, air], sort_keys=True)

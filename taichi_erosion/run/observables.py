@@ -154,7 +154,7 @@ def patch_of(scene: Scene) -> wind_bed.Patch:
     """The patch under the wind of a scene that has one."""
     wind = scene.wind
     assert wind is not None
-    diameter, surface = nominal_diameter(scene.grains.size), surface_height(scene, wind)
+    diameter, surface = nominal_diameter(scene.grains), surface_height(scene, wind)
     return wind_bed.Patch(wind.length * wind.width, surface, diameter, wind.density, wind.viscosity)
 
 
@@ -290,6 +290,10 @@ OF_TRANSPORT = ("flux", "flux_height", "bed_stress", "grain_stress", *SPLASH)  #
 
 def measure(name: str, given: MeasureInput) -> Measurement:
     """The measurement, with what the set-up lacks for it; no heap where a funnel or tube has not emptied."""
+    if (kind := given.request.kind) is not None:
+        of_kind = (heap.chosen_grains(s, s.kind == s.kinds.index(kind)) for s in (given.end, *given.frames))
+        end, *frames = of_kind
+        given = replace(given, end=end, frames=tuple(frames))
     found = OBSERVABLES[name](given)
     if name in OF_HEAP and (left := int(given.held.sum())) > LEFT_MOST * given.held.size:
         told = f"{left:,} of {given.held.size:,} grains are still in the funnel or tube"

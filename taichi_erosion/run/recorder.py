@@ -108,7 +108,7 @@ def apparatus_box(setup: Setup) -> tuple[Triple, Triple]:
     margin = OPEN_MARGIN * float((high - low).max()) + float(setup.grains.radius.max())
     side = np.array([margin, margin, 0.0])
     low, high = low - side, high + side
-    low[2] = min(low[2], 0.0)
+    low[2], high[2] = min(low[2], 0.0), high[2] + float(setup.grains.radius.max())
     return (low[0], low[1], low[2]), (high[0], high[1], high[2])
 
 

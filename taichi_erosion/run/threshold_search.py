@@ -82,7 +82,7 @@ class ThresholdSearch:
 
     @property
     def diameter(self) -> float:
-        return nominal_diameter(self.scene.grains.size)
+        return nominal_diameter(self.scene.grains)
 
     @property
     def grains_needed(self) -> int:
@@ -103,7 +103,7 @@ def begin_search(sim: Simulation, scene: Scene, replica: int, time: float) -> Th
 def weight_velocity(scene: Scene) -> float:
     """sqrt((s - 1) g d) of the scene's grains [m s-1], the velocity that friction velocities scale with."""
     assert scene.wind is not None
-    diameter, density = nominal_diameter(scene.grains.size), scene.grain_material.density
+    diameter, density = nominal_diameter(scene.grains), scene.grain_density
     return sqrt((density / scene.wind.density - 1.0) * scene.gravity.magnitude * diameter)
 
 

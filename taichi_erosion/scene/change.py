@@ -20,18 +20,19 @@ def with_contacts(scene: Scene, change: Callable[[Contact], Contact], walls: boo
 
     `walls`: those with walls alone, or those of grains with each other alone; None: both.
     """
-    grain, contacts = scene.grains.material, dict(scene.contact)
+    grains, contacts = set(scene.grains.parts), dict(scene.contact)
     for pair, contact in scene.contact.items():
-        chosen = walls is None or walls == (pair != f"{grain}-{grain}")
-        if chosen and grain in pair.split("-") and contact.acted_on:
+        ends = set(pair.split("-"))
+        chosen = walls is None or walls == (not ends <= grains)
+        if chosen and ends & grains and contact.acted_on:
             contacts[pair] = change(contact)
     return scene.model_copy(update={"contact": contacts})
 
 
 def with_grain_material(scene: Scene, change: Callable[[Material], Material]) -> Scene:
-    """The scene with the material of its grains changed."""
-    name = scene.grains.material
-    return scene.model_copy(update={"materials": scene.materials | {name: change(scene.materials[name])}})
+    """The scene with the materials of its grains changed."""
+    changed = {name: change(material) for name, material in scene.grain_materials.items()}
+    return scene.model_copy(update={"materials": scene.materials | changed})
 
 
 def with_shorter_step(scene: Scene, factor: float) -> Scene:

@@ -19,10 +19,10 @@ from taichi_erosion.scene.preparation.air import (
     longest_step,
     surface_height,
 )
-from taichi_erosion.scene.preparation.contacts import young_effective
-from taichi_erosion.scene.preparation.fill import lattice_points, places_per_layer
+from taichi_erosion.scene.preparation.fill import lattice_points, listed_diameters, places_per_layer
 from taichi_erosion.scene.preparation.sizes import (
-    mean_cube,
+    grain_cube,
+    kind_counts,
     nominal_diameter,
     reach_over_diameter,
     size_range,
@@ -65,7 +65,7 @@ def cross_checks(scene: Scene, observables: Collection[str] | None) -> Iterator[
 
 def check_sizes(scene: Scene) -> Iterator[str]:
     """Sizes that one neighbour search can serve, in replicas that fit into memory."""
-    low, high = size_range(scene.grains.size)
+    low, high = size_range(scene.grains)
     if high > LARGEST_RATIO * low:
         ratio = f"the largest may be {LARGEST_RATIO:g} times the smallest"
         yield f"grains.size: diameters from {low:g} to {high:g} m; {ratio}"
@@ -73,6 +73,9 @@ def check_sizes(scene: Scene) -> Iterator[str]:
     spheres = scene.grains.count * (len(template_spheres(clump)) if clump else 1) * replicas
     if spheres > MOST_SPHERES:
         yield f"run.replicas = {replicas}: {spheres} spheres in all replicas; at most {MOST_SPHERES} fit"
+    for name, count in kind_counts(scene).items() if scene.fill.law != "positions" else ():
+        if count == 0:
+            yield f"grains.kinds.{name}.share: no grain of {scene.grains.count}; raise it or grains.count"
 
 
 def check_wind(scene: Scene) -> Iterator[str]:
@@ -84,7 +87,7 @@ def check_wind(scene: Scene) -> Iterator[str]:
 
 def lid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
     """The lid lies above the bed, and where wind blows above most grains that hop."""
-    bed, diameter = surface_height(scene, wind), nominal_diameter(scene.grains.size)
+    bed, diameter = surface_height(scene, wind), nominal_diameter(scene.grains)
     blows = wind.friction_velocity > 0.0 or any(
         stage.until == "threshold" or stage.friction_velocity for stage in scene.stages
     )
@@ -98,9 +101,10 @@ def lid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
 
 def exchange_checks(scene: Scene, wind: Wind) -> Iterator[str]:
     """Exchanges come before drag has changed a velocity: Stokes' response time is rho_p d^2 / (18 mu)."""
-    density = scene.grain_material.density
-    smallest = size_range(scene.grains.size)[0]
-    response = density * smallest**2 / (18.0 * wind.viscosity * wind.density)
+    least = min(
+        m.density * size_range(scene.grains.parts[n].size)[0] ** 2 for n, m in scene.grain_materials.items()
+    )
+    response = least / (18.0 * wind.viscosity * wind.density)
     interval = wind.look_steps * limits.time_step(scene)
     if interval > EXCHANGE_SHARE * response:
         yield (
@@ -113,7 +117,7 @@ def sleep_checks(scene: Scene, wind: Wind) -> Iterator[str]:
     """The time at rest before sleep tells resting grains from falling ones."""
     if wind.sleep_after is None:
         return
-    least = REST_LEAST * sqrt(nominal_diameter(scene.grains.size))
+    least = REST_LEAST * sqrt(nominal_diameter(scene.grains))
     if wind.sleep_after * sqrt(scene.gravity.magnitude) < least:
         told = "so soon, grains that begin to fall seem to be at rest"
         yield f"wind.sleep_after = {wind.sleep_after:g} s: {told}; at least 0.1 sqrt(d / g)"
@@ -124,13 +128,13 @@ def grid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
     if wind.columns == (1, 1):
         return
     for place, (count, size) in enumerate(zip(wind.columns, (wind.length, wind.width), strict=True)):
-        if size / count < nominal_diameter(scene.grains.size):
+        if size / count < nominal_diameter(scene.grains):
             told = "narrower than a grain; averages over them mean nothing"
             yield f"wind.columns.{place} = {count}: columns of {size / count:.3g} m are {told}"
     friction = max([wind.friction_velocity, *(stage.friction_velocity or 0.0 for stage in scene.stages)])
     friction = wind.partition * max(friction, scene.threshold.transport or 0.0, scene.threshold.first or 0.0)
     above = wind.height - surface_height(scene, wind)
-    roughness = GRAIN_ROUGHNESS * nominal_diameter(scene.grains.size)
+    roughness = GRAIN_ROUGHNESS * nominal_diameter(scene.grains)
     fastest = friction * (log(1.0 + max(above, 0.0) / roughness) / ClosureConstants.karman + GUST)
     flown = fastest * wind.look_steps * limits.time_step(scene)
     most = COURANT_MOST * wind.length / wind.columns[0]
@@ -143,8 +147,8 @@ def grid_checks(scene: Scene, wind: Wind) -> Iterator[str]:
 
 def check_fill(scene: Scene) -> Iterator[str]:
     """Grains start apart and find room."""
-    fill, largest, share = scene.fill, size_range(scene.grains.size)[1], reach_over_diameter(scene.grains)
-    reach, mean = share * largest, min(mean_cube(scene.grains.size) ** (1.0 / 3.0), largest)
+    fill, largest, share = scene.fill, size_range(scene.grains)[1], reach_over_diameter(scene.grains)
+    reach, mean = share * largest, min(grain_cube(scene) ** (1.0 / 3.0), largest)
     if isinstance(fill, Positions):
         yield from listed_checks(scene, fill)
     elif isinstance(fill, Layers) and scene.patch_size is None:
@@ -210,11 +214,13 @@ def listed_checks(scene: Scene, fill: Positions) -> Iterator[str]:
     if len(fill.grains) != scene.grains.count:
         yield f"grains.count = {scene.grains.count}, but fill.grains lists {len(fill.grains)}"
         return
-    nominal = nominal_diameter(scene.grains.size)
+    kinds = scene.grains.kinds or {None: None}
+    for wrong in [k for k, grain in enumerate(fill.grains) if grain.kind not in kinds]:
+        known = ", ".join(scene.grains.kinds) or "none"
+        yield f"fill.grains.{wrong}.kind must be one of [grains.kinds]: {known}"
+        return
     centres = np.array([grain.position for grain in fill.grains])
-    radius = reach_over_diameter(scene.grains) * np.array(
-        [grain.diameter or nominal for grain in fill.grains]
-    )
+    radius = reach_over_diameter(scene.grains) * listed_diameters(scene, fill)
     for i, j in sorted(scipy.spatial.KDTree(centres).query_pairs(2.0 * float(radius.max()))):
         overlap = radius[i] + radius[j] - float(np.linalg.norm(centres[i] - centres[j]))
         if overlap > scene.run.overlap_limit * min(radius[i], radius[j]):
@@ -231,14 +237,14 @@ def check_numbers(scene: Scene) -> Iterator[str]:
     steps = sum(stage.duration_max for stage in scene.stages) / limits.time_step(scene)
     if steps > MOST_STEPS:
         yield f"stages: {steps:.2g} steps of {limits.time_step(scene):.2g} s; soften grains or shorten stages"
-    material, radius = scene.grain_material, limits.smallest_radius(scene)
-    young, speed = young_effective(material, material), limits.expected_speed(scene)
-    overlap = limits.impact_overlap(0.5 * limits.smallest_mass(scene), 0.5 * radius, young, speed) / radius
-    if overlap > scene.run.overlap_limit:
-        yield (
-            f"materials.{scene.grains.material}: too soft: an impact at {speed:.3g} m s-1 would overlap by "
-            f"{overlap:.2g} radii; run.overlap_limit is {scene.run.overlap_limit:g}"
-        )
+    speed = limits.expected_speed(scene)
+    for name, radius, mass, young in limits.smallest_impacts(scene):
+        overlap = limits.impact_overlap(0.5 * mass, 0.5 * radius, young, speed) / radius
+        if overlap > scene.run.overlap_limit:
+            yield (
+                f"materials.{name}: too soft: an impact at {speed:.3g} m s-1 would overlap by "
+                f"{overlap:.2g} radii; run.overlap_limit is {scene.run.overlap_limit:g}"
+            )
 
 
 def air_checks(scene: AirScene, observables: Collection[str] | None) -> Iterator[str]:

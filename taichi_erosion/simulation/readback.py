@@ -185,7 +185,7 @@ def positions(sim: Simulation, replica: int, first: int, released: int) -> Float
 def snapshot(sim: Simulation, replica: int) -> Snapshot:
     """Released grains of one replica in the order of its GrainTable, velocities as of the positions' time."""
     side, released, step, _ = replica_row(sim, replica)
-    grains, rows = sim.world.grains, sim.capacities.grains
+    grains, rows, setup = sim.world.grains, sim.capacities.grains, sim.setups[replica]
     fields = [grains.velocity, grains.spin, grains.radius, grains.mass_inverse, grains.ident]
     first = (2 * replica + side) * rows
     velocity, spin, radius, inverse, ident = download(fields, first, released)
@@ -194,9 +194,11 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
     states = download([numbers for numbers, _ in kept.values()], first, released) if kept else []
     contacts, _ = contact_sums(sim, replica, replica + 1, counts=True)
     order = np.argsort(ident, kind="stable")
-    half = 0.5 * sim.setups[replica].time_step * (step > 0)
+    materials, kind = np.unique(setup.grains.material, return_inverse=True)
+    several = len(materials) > 1
+    half = 0.5 * setup.time_step * (step > 0)
     return Snapshot(
-        time=step * sim.setups[replica].time_step,
+        time=step * setup.time_step,
         step=step,
         position=positions(sim, replica, first, released)[order],
         velocity=(velocity + half * rate)[order],
@@ -209,6 +211,8 @@ def snapshot(sim: Simulation, replica: int) -> Snapshot:
         removed=removed_spheres(sim)[replica],
         effect_state={name: values[order] for name, values in zip(kept, states, strict=True)},
         force=(rate / inverse[:, np.newaxis])[order],
+        kind=kind[ident[order].astype(int)].astype(np.int32) if several else None,
+        kinds=tuple(setup.materials[place] for place in materials) if several else (),
     )
 
 

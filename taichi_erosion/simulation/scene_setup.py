@@ -21,10 +21,10 @@ def circumstances_of(after: Scene) -> dict[str, float]:
 
     The scene is that after the effects that change it.
     """
-    known = {"grain_diameter": nominal_diameter(after.grains.size)}
+    known = {"grain_diameter": nominal_diameter(after.grains)}
     if after.wind is not None:
         known["bed_height"] = surface_height(after, after.wind)
-        known["density_ratio"] = after.materials[after.grains.material].density / after.wind.density
+        known["density_ratio"] = after.grain_density / after.wind.density
     return after.conditions.stated() | known
 
 

@@ -168,7 +168,8 @@ def frame_of(count: int, numbers: np.random.Generator) -> Snapshot:
     vectors, scalars = numbers.random((3, count, 3)), numbers.random((2, count))
     ranks = np.arange(count, dtype=np.int32)
     memory = {"ageing.age": numbers.random(count)}
-    return Snapshot(0.1, 5, *vectors, *scalars, ranks, ranks, 1, memory, removed=2)
+    kinds = {"kind": ranks, "kinds": ("loam", "sand")}
+    return Snapshot(0.1, 5, *vectors, *scalars, ranks, ranks, 1, memory, removed=2, **kinds)
 
 
 def test_every_field_of_a_replica_is_in_the_checkpoint(windy, tmp_path):

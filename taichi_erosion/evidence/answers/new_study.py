@@ -468,8 +468,8 @@ def own_template(file: Path, asked: Asked) -> Template:
         entry = f'[conditions.extra] {name} = {{ unit = "{unit}" }}'
         raise BadInput(f"{file}: does not declare the condition '{name}'; write {entry}")
     scene = read_scene(file, ())
-    pair, size = f"{scene.grains.material}-{scene.grains.material}", scene.grains.size
-    stated = scene.contact[pair]
+    pair = "-".join(2 * [max(scene.grains.parts.items(), key=lambda part: part[1].share)[0]])
+    stated, size = scene.contact[pair], scene.grains.size
     winds = [k for k, stage in enumerate(scene.stages) if stage.friction_velocity is not None]
     return Template(
         scene=file.stem,

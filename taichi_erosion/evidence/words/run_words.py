@@ -121,8 +121,8 @@ def run_notes(document: Document) -> Iterator[str]:
 def consequences(document: Document) -> Iterator[str]:
     """What reduced stiffness, adhesion and rolling friction of a scene imply."""
     limits = document.get("limits", {})
-    yield from (f"stiffness: {line}" for line in limits.get("softening", ()))
-    yield from (f"rolling friction: {line}" for line in limits.get("rolling", ()))
+    for word, name in (("grains", "kinds"), ("stiffness", "softening"), ("rolling friction", "rolling")):
+        yield from (f"{word}: {line}" for line in limits.get(name, ()))
     if adhesion := limits.get("adhesion"):
         yield (
             f"adhesion: grains pull with {adhesion['pull_off_force']:.3g} N, {adhesion['bond_number']:.3g} "

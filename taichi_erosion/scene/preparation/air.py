@@ -16,7 +16,7 @@ from taichi_erosion.core.air_setup import (
 )
 from taichi_erosion.core.setup import Coupling, Floats
 from taichi_erosion.scene.preparation.limits import time_step
-from taichi_erosion.scene.preparation.sizes import mean_cube, nominal_diameter
+from taichi_erosion.scene.preparation.sizes import grain_cube, nominal_diameter
 from taichi_erosion.scene.schema.air import (
     COURANT_MOST,
     AirBox,
@@ -45,13 +45,13 @@ def surface_height(scene: Scene, wind: Wind) -> float:
     """Height of the undisturbed bed of a patch [m]."""
     if wind.surface is not None:
         return wind.surface
-    volume = scene.grains.count * pi / 6.0 * mean_cube(scene.grains.size)
+    volume = scene.grains.count * pi / 6.0 * grain_cube(scene)
     return volume / (SOLID_SHARE * wind.length * wind.width)
 
 
 def patch_air(scene: Scene, wind: Wind, time_step: float, seed: int) -> AirSetup:
     """Air over a periodic patch of grains: one column of cells, or a grid."""
-    diameter = nominal_diameter(scene.grains.size)
+    diameter = nominal_diameter(scene.grains)
     fine_until = min(surface_height(scene, wind) + ABOVE_BED * diameter, 0.5 * wind.height)
     faces = air_setup.bed_faces(0.0, fine_until, wind.height, wind.cell or CELL_SHARE * diameter, wind.growth)
     ends = {"z_low": AirSide("wall"), "z_high": AirSide("stress" if wind.drive == "lid" else "symmetry")}

@@ -12,7 +12,7 @@ NEVER_READ = Contact(restitution=1.0, friction_sliding=0.0, rolling_damping=0.0)
 
 def materials_used(scene: Scene) -> list[str]:
     """Names of the materials of grains and walls, in alphabetical order."""
-    return sorted({scene.grains.material} | scene.wall_materials)
+    return sorted({*scene.grains.parts} | scene.wall_materials)
 
 
 def shear_modulus(material: Material) -> float:

@@ -8,8 +8,8 @@ import numpy as np
 import scipy
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.setup import Floats
-from taichi_erosion.scene.preparation.sizes import nominal_diameter, sample_diameters
+from taichi_erosion.core.setup import Floats, Integers
+from taichi_erosion.scene.preparation.sizes import kind_counts, nominal_diameter, sample_diameters
 from taichi_erosion.scene.preparation.walls import distance_to_wall
 from taichi_erosion.scene.schema.fields import Vector, unit_vector
 from taichi_erosion.scene.schema.grains import Lattice, Layers, Positions, Pour, Rain
@@ -83,23 +83,30 @@ class InitialBodies:
     position: Floats  # [n, 3] m, centre of mass
     velocity: Floats  # [n, 3] m s-1
     spin: Floats  # [n, 3] rad s-1
+    kind: Integers  # [n] place in the scene's `Grains.parts`
     diameter: Floats  # [n] m, nominal
     release_time: Floats  # [n] s, never decreasing
 
 
 def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
     """Bodies of one replica; `reach` is the bounding radius of a body over its diameter [1]."""
-    fill, gravity, nominal = scene.fill, scene.gravity.magnitude, nominal_diameter(scene.grains.size)
+    fill, gravity, nominal = scene.fill, scene.gravity.magnitude, nominal_diameter(scene.grains)
     if isinstance(fill, Positions):
         return InitialBodies(
             position=np.array([grain.position for grain in fill.grains]),
             velocity=np.array([grain.velocity for grain in fill.grains]),
             spin=np.array([grain.spin for grain in fill.grains]),
-            diameter=np.array([grain.diameter or nominal for grain in fill.grains]),
+            kind=np.array(
+                [
+                    list(scene.grains.parts).index(grain.kind or scene.grains.material or "")
+                    for grain in fill.grains
+                ]
+            ),
+            diameter=listed_diameters(scene, fill),
             release_time=np.zeros(len(fill.grains)),
         )
     count, random = scene.grains.count, stream(seed, "places")
-    diameter = sample_diameters(scene.grains.size, count, stream(seed, "diameters"))
+    kind, diameter = sample_kinds(scene, stream(seed, "diameters"), stream(seed, "kinds"))
     release = np.zeros(count)
     if isinstance(fill, Pour):
         place, release = pour_layers(fill, reach * diameter, gravity, random)
@@ -109,7 +116,27 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
         position = net_places(scene, fill, reach * diameter, random)
         speed = fill.speed_sd * sqrt(gravity * nominal)
         velocity = speed * stream(seed, "velocities").standard_normal(position.shape)
-    return InitialBodies(position, velocity, np.zeros_like(position), diameter, release)
+    return InitialBodies(position, velocity, np.zeros_like(position), kind, diameter, release)
+
+
+def listed_diameters(scene: Scene, fill: Positions) -> Floats:
+    """Diameters of explicitly placed grains [n] m."""
+    parts = scene.grains.parts
+    nominal = {name: nominal_diameter(part.size) for name, part in parts.items()}
+    return np.array([g.diameter or nominal[g.kind or scene.grains.material or ""] for g in fill.grains])
+
+
+def sample_kinds(
+    scene: Scene, sizes: np.random.Generator, order: np.random.Generator
+) -> tuple[Integers, Floats]:
+    """Kinds and diameters [m] of all grains; several kinds in random order."""
+    parts, counts = scene.grains.parts, kind_counts(scene)
+    diameter = np.concatenate([sample_diameters(parts[name].size, n, sizes) for name, n in counts.items()])
+    kind = np.repeat(np.arange(len(parts), dtype=np.int32), list(counts.values()))
+    if len(parts) == 1:
+        return kind, diameter
+    places = order.permutation(len(kind))
+    return kind[places], diameter[places]
 
 
 def net_places(

@@ -1,6 +1,7 @@
 """Limits of the time step, the step chosen, adhesion numbers: whatever a run prints about its own numbers."""
 
 from collections.abc import Iterator
+from itertools import combinations
 from math import hypot, pi, radians, sqrt, tan
 from typing import Any
 
@@ -14,7 +15,8 @@ from taichi_erosion.scene.preparation.contacts import (
 from taichi_erosion.scene.preparation.fill import start_top
 from taichi_erosion.scene.preparation.sizes import (
     SPHERE_REACH,
-    mean_cube,
+    grain_cube,
+    kind_counts,
     nominal_diameter,
     size_range,
     template_spheres,
@@ -59,21 +61,26 @@ def sticking_speed(energy: float, radius: float, young: float, mass: float) -> f
 
 
 def adhesion(scene: Scene) -> dict[str, float] | None:
-    """Adhesion numbers of two grains of the nominal diameter; None without adhesion.
+    """Adhesion numbers of two grains of the nominal diameter, of the kind that sticks most; None without.
 
     Bo = 3 pi gamma R* / (m g);  sigma_t = (3/4) phi Z gamma / d  (Rumpf 1962 with the JKR pull-off force);
     the stress under a cone of all grains at 30 degrees, of height H:  V = pi H^3 / (3 tan^2).
     """
-    name = scene.grains.material
+    found = [adhesion_of(scene, name) for name in scene.grains.parts]
+    return max((each for each in found if each), key=lambda each: each["bond_number"], default=None)
+
+
+def adhesion_of(scene: Scene, name: str) -> dict[str, float] | None:
+    """Adhesion numbers of one kind of grains."""
     material, contact = scene.materials[name], scene.contact_of(name, name)
     energy = surface_energy(contact, material, material) if contact and scene.laws.normal == "jkr" else 0.0
     if contact is None or energy <= 0.0:
         return None
-    diameter, gravity = nominal_diameter(scene.grains.size), scene.gravity.magnitude
+    diameter, gravity = nominal_diameter(scene.grains.parts[name].size), scene.gravity.magnitude
     radius, mass = 0.25 * diameter, material.density * pi / 6.0 * diameter**3
     young = young_effective(material, material)
     strength = 0.75 * SOLID_FRACTION * COORDINATION * energy / diameter
-    volume = scene.grains.count * pi / 6.0 * mean_cube(scene.grains.size) / SOLID_FRACTION
+    volume = scene.grains.count * pi / 6.0 * grain_cube(scene) / SOLID_FRACTION
     height = (3.0 * volume * tan(HEAP_SLOPE) ** 2 / pi) ** (1.0 / 3.0)
     heap_stress = SOLID_FRACTION * material.density * gravity * height
     pull, cohesion = 3.0 * pi * energy * radius, strength * contact.friction_sliding
@@ -107,7 +114,7 @@ def outlet_warnings(scene: Scene) -> Iterator[str]:
 
     Reference: Zuriguel et al. (2005), Phys. Rev. E 71, 051303.
     """
-    largest = size_range(scene.grains.size)[1]
+    largest = size_range(scene.grains)[1]
     for name, wall in sorted(scene.geometry.items()):
         if isinstance(wall, Funnel) and (ratio := 2.0 * wall.outlet_radius / largest) < OUTLET_LEAST:
             told = f"below {OUTLET_LEAST:g} grains may arch, and the funnel does not empty"
@@ -144,21 +151,27 @@ def impact_overlap(mass: float, radius: float, young: float, speed: float) -> fl
     return (15.0 * mass * speed**2 / (16.0 * sqrt(radius) * young)) ** 0.4
 
 
-def smallest_radius(scene: Scene) -> float:
-    """Radius of the smallest contact sphere that the scene can make [m]."""
-    diameters = [size_range(scene.grains.size)[0]]
-    if isinstance(scene.fill, Positions):
-        diameters = [grain.diameter or diameters[0] for grain in scene.fill.grains]
+def smallest_radii(scene: Scene) -> dict[str, float]:
+    """Radius of the smallest contact sphere that the scene can make [m], by material of the grains."""
     clump = scene.grains.clump
     share = min(radius for _, radius in template_spheres(clump)) if clump else SPHERE_REACH
-    return min(diameters) * share
+    least = {name: size_range(part.size)[0] for name, part in scene.grains.parts.items()}
+    if isinstance(scene.fill, Positions):
+        rows = [(grain.kind or scene.grains.material or "", grain.diameter) for grain in scene.fill.grains]
+        least = {
+            name: min(stated or low for kind, stated in rows if kind == name)
+            for name, low in least.items()
+            if any(kind == name for kind, _ in rows)
+        }
+    return {name: low * share for name, low in least.items()}
 
 
 def grain_rayleigh_time(scene: Scene) -> float:
-    """Rayleigh time of the smallest contact sphere [s]; walls do not vibrate."""
-    material = scene.grain_material
-    return rayleigh_time(
-        smallest_radius(scene), material.density, shear_modulus(material), material.poisson_ratio
+    """Rayleigh time of the contact sphere for which it is shortest [s]; walls do not vibrate."""
+    return min(
+        rayleigh_time(radius, material.density, shear_modulus(material), material.poisson_ratio)
+        for name, radius in smallest_radii(scene).items()
+        for material in [scene.materials[name]]
     )
 
 
@@ -174,7 +187,7 @@ def expected_speed(scene: Scene) -> float:
 
     v = sqrt(v_0^2 + 2 g h)
     """
-    top = start_top(scene, 0.5 * size_range(scene.grains.size)[1])
+    top = start_top(scene, 0.5 * size_range(scene.grains)[1])
     bottom = min((float(wall_bounds(scene, name)[0, 2]) for name in scene.geometry), default=top)
     fall = 2.0 * scene.gravity.magnitude * max(top - bottom, 0.0)
     speeds = [sqrt(start_speed(scene) ** 2 + fall)]
@@ -195,41 +208,48 @@ def start_speed(scene: Scene) -> float:
         return max(hypot(*grain.velocity) for grain in fill.grains)
     if isinstance(fill, Pour):
         return fill.speed
-    return 3.0 * fill.speed_sd * sqrt(scene.gravity.magnitude * nominal_diameter(scene.grains.size))
+    return 3.0 * fill.speed_sd * sqrt(scene.gravity.magnitude * nominal_diameter(scene.grains))
 
 
-def smallest_mass(scene: Scene) -> float:
-    """Mass of the smallest contact sphere [kg]."""
-    return scene.grain_material.density * 4.0 / 3.0 * pi * smallest_radius(scene) ** 3
+def smallest_impacts(scene: Scene) -> Iterator[tuple[str, float, float, float]]:
+    """Of the smallest grains of each kind: material, radius [m], mass [kg], effective modulus [Pa]."""
+    for name, radius in smallest_radii(scene).items():
+        material = scene.materials[name]
+        mass = material.density * 4.0 / 3.0 * pi * radius**3
+        yield name, radius, mass, young_effective(material, material)
 
 
 def limits(scene: Scene) -> dict[str, float | None]:
     """Limits of the time step [s]; None where one does not apply."""
-    speed, radius, material = expected_speed(scene), smallest_radius(scene), scene.grain_material
+    speed, least = expected_speed(scene), list(smallest_impacts(scene))
     found: dict[str, float | None] = dict.fromkeys(("rayleigh_time", "hertz", "jkr_neck", "speed"))
     found["rayleigh_time"] = grain_rayleigh_time(scene)
     if speed > 0.0:
-        young = young_effective(material, material)
-        impact = impact_duration(0.5 * smallest_mass(scene), 0.5 * radius, young, speed)
-        found["hertz"] = HERTZ_SHARE * impact
-        found["jkr_neck"] = neck_limit(scene, radius, speed)
-        found["speed"] = SPEED_SHARE * radius / speed
+        impacts = (
+            impact_duration(0.5 * mass, 0.5 * radius, young, speed) for _, radius, mass, young in least
+        )
+        found["hertz"] = HERTZ_SHARE * min(impacts)
+        found["jkr_neck"] = neck_limit(scene, speed)
+        found["speed"] = SPEED_SHARE * min(radius for _, radius, _, _ in least) / speed
     return found
 
 
-def neck_limit(scene: Scene, radius: float, speed: float) -> float | None:
+def neck_limit(scene: Scene, speed: float) -> float | None:
     """Shortest time to cross the range of adhesion, over all adhesive pairs with a grain in them [s].
 
-    dt = 0.1 * 1.19055 L^2 / (R* v),  L = (pi gamma R*^2 / E*)^(1/3);  R* = R/2 between grains, R at a wall.
+    dt = 0.1 * 1.19055 L^2 / (R* v),  L = (pi gamma R*^2 / E*)^(1/3);  R* = R/2 between equal grains, R at a
+    wall.
     """
-    grain, times = scene.grains.material, []
-    for other in materials_used(scene) if scene.laws.normal == "jkr" else []:
-        contact = scene.contact_of(grain, other)
+    radii, times = smallest_radii(scene), []
+    pairs = [(grain, other) for grain in radii for other in materials_used(scene)]
+    for grain, other in pairs if scene.laws.normal == "jkr" else []:
+        contact, radius = scene.contact_of(grain, other), radii[grain]
         a, b = scene.materials[grain], scene.materials[other]
         energy = surface_energy(contact, a, b) if contact else 0.0
-        for share, met in ((0.5, other == grain), (1.0, other in scene.wall_materials)):
-            if met and energy > 0.0:
-                times.append(tear_off_distance(energy, share * radius, young_effective(a, b)) / speed)
+        reduced = [radius] if other in scene.wall_materials else []
+        reduced += [radius * radii[other] / (radius + radii[other])] if other in radii else []
+        for size in reduced if energy > 0.0 else []:
+            times.append(tear_off_distance(energy, size, young_effective(a, b)) / speed)
     return NECK_SHARE * min(times) if times else None
 
 
@@ -265,29 +285,47 @@ def rolling_lines(scene: Scene) -> list[str]:
     The limiting torque is mu F R* here, and mu F R_i on grain i in EDEM's standard model; R* = R / 2 between
     equal grains and R at a wall.
     """
-    grain, lines = scene.grains.material, []
+    grains, lines = set(scene.grains.parts), []
     for pair, contact in sorted(scene.contact.items()):
-        reduced = contact.friction_rolling * contact.rolling_share
-        if scene.laws.rolling == "none" or reduced == 0.0 or grain not in pair.split("-"):
+        reduced, ends = contact.friction_rolling * contact.rolling_share, set(pair.split("-"))
+        if scene.laws.rolling == "none" or reduced == 0.0 or not ends & grains:
             continue
-        full, which = (reduced / 2.0, " (equal grains)") if pair == f"{grain}-{grain}" else (reduced, "")
+        full, which = (reduced / 2.0, " (equal grains)") if ends <= grains else (reduced, "")
         lines.append(f"{pair}: friction_rolling {reduced:.3g}, which is {full:.3g} in EDEM{which}")
+    return lines
+
+
+def kind_lines(scene: Scene) -> list[str]:
+    """Kinds of grains with their numbers, and pairs of them whose contact is mixed."""
+    if not scene.grains.kinds:
+        return []
+    counts = kind_counts(scene)
+    lines = [
+        f"{name}: {counts[name]:,} grains, {part.share:.3g} of the mass"
+        for name, part in scene.grains.parts.items()
+    ]
+    for a, b in combinations(counts, 2):
+        contact = scene.contact_of(a, b)
+        if contact is not None and not {f"{a}-{b}", f"{b}-{a}"} & set(scene.contact):
+            told = f"restitution {contact.restitution:.3g}, friction_sliding {contact.friction_sliding:.3g}"
+            lines.append(f"{a}-{b}: geometric means of {a}-{a} and {b}-{b}: {told}")
     return lines
 
 
 def explain(scene: Scene) -> dict[str, Any]:
     """Time step, limits, adhesion and warnings of a scene, for `run --check` and every result; SI units."""
     limit, chosen, sticking = limits(scene), time_step(scene), adhesion(scene)
-    low, high = size_range(scene.grains.size)
+    low, high = size_range(scene.grains)
     return {
         "time_step": chosen,
         "time_step_over_rayleigh": chosen / grain_rayleigh_time(scene),
         "limits": limit,
         "expected_speed": expected_speed(scene),
-        "diameter": {"low": low, "nominal": nominal_diameter(scene.grains.size), "high": high},
+        "diameter": {"low": low, "nominal": nominal_diameter(scene.grains), "high": high},
         "steps_most": int(sum(stage.duration_max for stage in scene.stages) / chosen) + 1,
         "softening": softening_lines(scene),
         "rolling": rolling_lines(scene),
+        "kinds": kind_lines(scene),
         "adhesion": sticking,
         "warnings": [
             *time_step_warnings(chosen, limit),

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
-from taichi_erosion.core.setup import ClumpTable, GrainTable, Laws, Setup, Surface
+from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Integers, Laws, Setup, Surface
 from taichi_erosion.scene.preparation.air import HEADROOM, patch_air, patch_coupling
 from taichi_erosion.scene.preparation.contacts import contact_table, materials_used
 from taichi_erosion.scene.preparation.fill import InitialBodies, initial_bodies, stream
@@ -31,8 +31,8 @@ def build_setup(scene: Scene, seed: int) -> Setup:
     body = quadrature(template_spheres(scene.grains.clump)) if scene.grains.clump else None
     start = initial_bodies(scene, seed, reach_over_diameter(scene.grains))
     names = materials_used(scene)
-    material = names.index(scene.grains.material)
-    density = scene.grain_material.density
+    material = np.array([names.index(name) for name in scene.grains.parts], dtype=np.int32)[start.kind]
+    density = np.array([each.density for each in scene.grain_materials.values()])[start.kind]
     clumps = clump_table(scene, seed, start, body, density) if body else None
     grains = (
         clump_spheres(start, body, clumps, material) if body and clumps else spheres(start, density, material)
@@ -73,7 +73,7 @@ def under_wind(setup: Setup, scene: Scene, wind: Wind, seed: int) -> Setup:
     )
 
 
-def spheres(start: InitialBodies, density: float, material: int) -> GrainTable:
+def spheres(start: InitialBodies, density: Floats, material: Integers) -> GrainTable:
     """Spherical grains."""
     return GrainTable(
         position=start.position,
@@ -81,12 +81,12 @@ def spheres(start: InitialBodies, density: float, material: int) -> GrainTable:
         spin=start.spin,
         radius=0.5 * start.diameter,
         mass=density * SPHERE_IN_CUBE * start.diameter**3,
-        material=np.full(len(start.diameter), material, dtype=np.int32),
+        material=material,
         release_time=start.release_time,
     )
 
 
-def clump_table(scene: Scene, seed: int, start: InitialBodies, body: Body, density: float) -> ClumpTable:
+def clump_table(scene: Scene, seed: int, start: InitialBodies, body: Body, density: Floats) -> ClumpTable:
     """Rigid bodies at random orientation; explicitly placed ones keep the orientation of their template."""
     count, size = len(start.diameter), len(body.radius)
     turned = scipy.spatial.transform.Rotation.random(count, rng=stream(seed, "orientations"))
@@ -97,13 +97,13 @@ def clump_table(scene: Scene, seed: int, start: InitialBodies, body: Body, densi
         body=np.repeat(np.arange(count, dtype=np.int32), size),
         offset=(start.diameter[:, None, None] * body.offset).reshape(-1, 3),
         mass=density * body.volume * start.diameter**3,
-        inertia=density * np.outer(start.diameter**5, body.inertia),
+        inertia=density[:, None] * np.outer(start.diameter**5, body.inertia),
         position=start.position + start.diameter[:, None] * shift,
         orientation=(turned * body.rotation).as_quat(canonical=True, scalar_first=True),  # w >= 0
     )
 
 
-def clump_spheres(start: InitialBodies, body: Body, clumps: ClumpTable, material: int) -> GrainTable:
+def clump_spheres(start: InitialBodies, body: Body, clumps: ClumpTable, material: Integers) -> GrainTable:
     """Contact spheres of all clumps, with the velocity of their body."""
     turned = scipy.spatial.transform.Rotation.from_quat(clumps.orientation[clumps.body], scalar_first=True)
     arm = turned.apply(clumps.offset)
@@ -114,6 +114,6 @@ def clump_spheres(start: InitialBodies, body: Body, clumps: ClumpTable, material
         spin=spin,
         radius=np.outer(start.diameter, body.radius).ravel(),
         mass=clumps.mass[clumps.body],
-        material=np.full(len(arm), material, dtype=np.int32),
+        material=material[clumps.body],
         release_time=start.release_time[clumps.body],
     )

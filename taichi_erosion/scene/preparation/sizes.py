@@ -16,6 +16,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.schema.fields import Vector
 from taichi_erosion.scene.schema.grains import Clump, Grains, Lognormal, Monodisperse, Sieve, SieveRow, Size
+from taichi_erosion.scene.schema.scene import Scene
 
 MOST_BODIES = 1024  # kept: a plan of runs has one for every strength of an effect on the shape
 VOXELS_ACROSS = 160  # cells along the longest side of a body: the volume of a sphere is right to 1e-4 [1]
@@ -59,8 +60,11 @@ def sieve_classes(size: Sieve) -> Floats:
     return classes
 
 
-def size_range(size: Size) -> tuple[float, float]:
-    """Smallest and largest diameter that a size law can give [m]."""
+def size_range(size: Size | Grains) -> tuple[float, float]:
+    """Smallest and largest diameter that a size law, or any of several kinds, can give [m]."""
+    if isinstance(size, Grains):
+        low, high = zip(*(size_range(part.size) for part in size.parts.values()), strict=True)
+        return min(low), max(high)
     if isinstance(size, Monodisperse):
         return size.diameter, size.diameter
     if isinstance(size, Lognormal):
@@ -69,8 +73,14 @@ def size_range(size: Size) -> tuple[float, float]:
     return float(classes[0, 0]), float(classes[-1, 1])
 
 
-def nominal_diameter(size: Size) -> float:
-    """The diameter d that names the scene [m]: the diameter, the median, or the sieve curve's mass median."""
+def nominal_diameter(size: Size | Grains) -> float:
+    """The diameter d that names the scene [m]: the diameter, the median, or the sieve curve's mass median.
+
+    Of several kinds it is their geometric mean by mass.
+    """
+    if isinstance(size, Grains):
+        of_kinds = [(part.share, nominal_diameter(part.size)) for part in size.parts.values()]
+        return of_kinds[0][1] if len(of_kinds) == 1 else exp(sum(w * log(d) for w, d in of_kinds))
     if isinstance(size, Monodisperse):
         return size.diameter
     if isinstance(size, Lognormal):
@@ -123,6 +133,27 @@ def mean_cube(size: Size) -> float:
         return lognormal_cube(size)
     low, high, share = sieve_classes(size).T
     return 1.0 / float(np.sum(share * (low**-3 - high**-3) / (3.0 * np.log(high / low))))
+
+
+def number_shares(scene: Scene) -> dict[str, float]:
+    """Shares of the number of grains by kind [1], from shares of the mass: n ~ w / (rho E[d^3])."""
+    weights = {
+        name: part.share / (scene.materials[name].density * mean_cube(part.size))
+        for name, part in scene.grains.parts.items()
+    }
+    return {name: weight / sum(weights.values()) for name, weight in weights.items()}
+
+
+def grain_cube(scene: Scene) -> float:
+    """Mean of d^3 over the grains of a scene [m3]."""
+    parts = scene.grains.parts
+    return sum(share * mean_cube(parts[name].size) for name, share in number_shares(scene).items())
+
+
+def kind_counts(scene: Scene) -> dict[str, int]:
+    """Numbers of grains by kind; they add up to the count of the scene."""
+    edges = np.rint(scene.grains.count * np.cumsum([0.0, *number_shares(scene).values()])).astype(int)
+    return dict(zip(scene.grains.parts, np.diff(edges).tolist(), strict=True))
 
 
 def lognormal_cube(size: Lognormal) -> float:

@@ -1,8 +1,10 @@
 """Grains, materials and contacts of a scene."""
 
-from typing import Annotated, Literal
+from math import sqrt
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic_core import PydanticCustomError
 
 from taichi_erosion.scene.schema.fields import (
     LARGEST_GRAIN,
@@ -111,13 +113,50 @@ class Clump(Section):
         return self
 
 
+class Kind(Section):
+    """Grains of one material among others."""
+
+    share: float = number(..., "any mass", "mass of them, in one unit for all kinds", 1e-9, MOST_MASS)
+    size: Size = Field(description="distribution of nominal diameters")
+
+
 class Grains(Section):
-    """What is poured."""
+    """What is poured: grains of one material, or several kinds of them."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"oneOf": [{"required": ["size", "material"]}, {"required": ["kinds"]}]}
+    )
+    later = ("kinds",)
 
     count: int = number(..., "1", "number of grains; a clump counts as one", 1, MOST_GRAINS)
-    size: Size = Field(description="distribution of nominal diameters")
-    material: Name = Field(description="name of a table under [materials]")
+    kinds: dict[Name, Kind] = Field(
+        {}, description="kinds of grains by their names under [materials], in place of size and material"
+    )
+    size: Size | None = Field(
+        default=None, validate_default=True, description="distribution of nominal diameters"
+    )
+    material: Name | None = Field(
+        default=None, validate_default=True, description="name of a table under [materials]"
+    )
     clump: Clump | None = Field(None, description="template of non-spherical grains; left out: spheres")
+
+    @field_validator("size", "material")
+    @classmethod
+    def _of_one_kind(cls, value: Any, about: ValidationInfo) -> Any:
+        if value is None and not about.data.get("kinds", True):
+            raise PydanticCustomError("missing", "missing")
+        if value is not None and about.data.get("kinds"):
+            raise contradiction("stands in every kind of [grains.kinds]; leave it out here")
+        return value
+
+    @property
+    def parts(self) -> dict[str, Kind]:
+        """Kinds by material; shares add up to 1."""
+        if self.material is not None and self.size is not None:
+            return {self.material: Kind.model_construct(share=1.0, size=self.size)}
+        total = sum(kind.share for _, kind in sorted(self.kinds.items()))
+        shares = {name: {"share": kind.share / total} for name, kind in sorted(self.kinds.items())}
+        return {name: self.kinds[name].model_copy(update=share) for name, share in shares.items()}
 
 
 class Softening(Section):
@@ -193,10 +232,25 @@ class Contact(Section):
         return self.effects is not False
 
 
+def mixed_contact(a: Contact, b: Contact) -> Contact:
+    """Contact of grains of two kinds from those of each with its own: geometric means.
+
+    Restitution, friction, rolling friction over R* and rolling damping are mixed as LAMMPS does (pair
+    granular); of the surface energy it is the rule of Good & Girifalco (1960), J. Phys. Chem. 64, 561.
+    """
+    names = ("restitution", "friction_sliding", "friction_rolling", "rolling_damping", "surface_energy")
+    mean = {name: sqrt(getattr(a, name) * getattr(b, name)) for name in names}
+    mean["friction_rolling"] *= sqrt(a.rolling_share * b.rolling_share)
+    return a.model_copy(
+        update=mean | {"rolling_radius": "effective", "effects": None if a.acted_on and b.acted_on else False}
+    )
+
+
 class GrainStart(Section):
     """One explicitly placed grain."""
 
     in_metres_only = True
+    later = ("kind",)
 
     position: Vector = position(..., "centre (of the template's origin for a clump)")
     velocity: Vector = number((0.0, 0.0, 0.0), "m s-1", "velocity", -1e3, 1e3)
@@ -204,6 +258,7 @@ class GrainStart(Section):
     diameter: float | None = number(
         None, "m", "diameter; left out: nominal diameter", SMALLEST_GRAIN, LARGEST_GRAIN
     )
+    kind: Name | None = Field(default=None, description="its name under [grains.kinds]")
 
 
 class Positions(Section):

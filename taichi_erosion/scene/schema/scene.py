@@ -31,7 +31,7 @@ from taichi_erosion.scene.schema.fields import (
     position,
 )
 from taichi_erosion.scene.schema.geometry import ORIGIN, Domain, Wall
-from taichi_erosion.scene.schema.grains import Contact, Fill, Grains, Material
+from taichi_erosion.scene.schema.grains import Contact, Fill, Grains, Material, mixed_contact
 from taichi_erosion.scene.schema.wind import COLUMNS_LEAST, FASTEST_FRICTION, Threshold, Wind
 
 FROM_THRESHOLDS = (
@@ -41,6 +41,8 @@ FROM_THRESHOLDS = (
 SPLASH = ("rebound_share", "rebound_speed", "ejecta_share")
 UNDER_WIND = (*("pressure_drop", "flux", "flux_height", "bed_stress", "grain_stress"), *SPLASH)  # means
 OF_WALLS = ("wall_force", "wall_torque", "friction_angle")  # read from the forces of the grains on walls
+BY_KIND = ("pile_height", "centroid_height", "radius_90", "runout_radius", "column_height", "bed_height")
+BY_KIND += ("mass_flow", "flux", "flux_height", "settling_velocity", *SPLASH)  # read from grains alone
 OF_ONE_COLUMN = ("bed_stress", "pressure_drop")  # measures that read its mixing length or its rising air
 SHORTEST = 1e-12  # shortest time that a scene may name [s]
 LONGEST = 1e5  # longest [s]
@@ -194,7 +196,7 @@ class Stage(Section):
 class Measure(Section):
     """When and how one observable is read; what is left out is the measure's own choice."""
 
-    later = ("plane_normal", "walls", "axis", "centre")
+    later = ("plane_normal", "walls", "axis", "centre", "kind")
 
     stage: Name | None = Field(None, description="stage at whose end it is read; left out: the last")
     azimuths: int | None = number(None, "1", "number of silhouettes over half a turn", 1, 360)
@@ -205,6 +207,7 @@ class Measure(Section):
     walls: tuple[Name, ...] = Field((), description="walls on which a force is read; left out: all")
     axis: Direction = direction((0.0, 0.0, 1.0), "direction of that force, axis of a torque, normal of shear")
     centre: Vector = position(ORIGIN, "a point of the axis of a torque")
+    kind: Name | None = Field(default=None, description="kind of grains that alone is read; left out: all")
     of_this_size: bool = Field(
         default=False,
         description="the angle of a heap of this many grains is asked for, not the limit of large ones",
@@ -265,9 +268,14 @@ class Scene(SceneFile):
         return self.domain.period if self.wind is None else (self.wind.length, self.wind.width)
 
     @property
-    def grain_material(self) -> Material:
-        """Material of the grains."""
-        return self.materials[self.grains.material]
+    def grain_materials(self) -> dict[str, Material]:
+        """Materials of the grains by name."""
+        return {name: self.materials[name] for name in self.grains.parts}
+
+    @property
+    def grain_density(self) -> float:
+        """Mean density of the grains by mass [kg m-3]."""
+        return sum(part.share * self.materials[name].density for name, part in self.grains.parts.items())
 
     @property
     def wall_materials(self) -> set[str]:
@@ -275,8 +283,12 @@ class Scene(SceneFile):
         return {wall.material for wall in self.geometry.values()}
 
     def contact_of(self, a: str, b: str) -> Contact | None:
-        """Parameters of a pair of materials, in whichever order the scene names it."""
-        return self.contact.get(f"{a}-{b}") or self.contact.get(f"{b}-{a}")
+        """Parameters of a pair of materials, as stated in either order or mixed from those of two kinds."""
+        stated = self.contact.get(f"{a}-{b}") or self.contact.get(f"{b}-{a}")
+        alike = [self.contact.get(f"{name}-{name}") for name in (a, b) if name in self.grains.kinds]
+        if stated or len(alike) < 2 or alike[0] is None or alike[1] is None:
+            return stated
+        return mixed_contact(alike[0], alike[1])
 
 
 def reference_problems(scene: Scene, observables: Collection[str] | None) -> Iterator[str]:
@@ -301,14 +313,17 @@ def name_problems(scene: Scene) -> Iterator[str]:
     """Materials, surfaces and stages that are named but not there, and stages of one name."""
     stages = [stage.name for stage in scene.stages]
     named = {"grains.material": scene.grains.material}
+    named |= {f"grains.kinds.{name}": name for name in scene.grains.kinds}
     named |= {f"geometry.{name}.material": wall.material for name, wall in scene.geometry.items()}
     plates = {f"measure.{name}.plate": order.plate for name, order in scene.measure.items()}
     pressed = {f"measure.{name}.walls": wall for name, order in scene.measure.items() for wall in order.walls}
+    kinds = {f"measure.{name}.kind": order.kind for name, order in scene.measure.items()}
     at_ends = {f"measure.{name}.stage": order.stage for name, order in scene.measure.items()}
     groups: tuple[tuple[Mapping[str, str | None], Collection[str], str], ...] = (
         (named, scene.materials, "[materials]"),
         (plates, scene.geometry, "[geometry]"),
         (pressed, scene.geometry, "[geometry]"),
+        (kinds, scene.grains.kinds, "[grains.kinds]"),
         (at_ends, stages, "stages"),
     )
     for names, known, where in groups:
@@ -322,8 +337,9 @@ def name_problems(scene: Scene) -> Iterator[str]:
 
 def contact_problems(scene: Scene) -> Iterator[str]:
     """Pairs of materials that are missing, doubled or without effect."""
-    grain = scene.grains.material
-    for name in sorted({grain} | scene.wall_materials):
+    grains = sorted(scene.grains.parts)
+    pairs = {(grain, name) for grain in grains for name in (grain, *scene.wall_materials)}
+    for grain, name in sorted(pairs):
         if scene.contact_of(grain, name) is None:
             yield f"contact.{grain}-{name} is missing"
     for pair, contact in scene.contact.items():
@@ -332,7 +348,7 @@ def contact_problems(scene: Scene) -> Iterator[str]:
             yield f"contact.{pair} and contact.{b}-{a} name the same pair"
         for name in {a, b} - set(scene.materials):
             yield f"contact.{pair}: '{name}' is not among [materials]"
-        of_walls = pair != f"{grain}-{grain}" or grain in scene.wall_materials
+        of_walls = not {a, b} <= {*grains} - scene.wall_materials
         if contact.rolling_radius == "grain" and of_walls:
             yield f"contact.{pair}.rolling_radius: at a wall both radii are the same; leave it out"
         if contact.surface_energy > 0.0 and scene.laws.normal == "hertz":
@@ -380,6 +396,8 @@ def measure_problems(scene: Scene) -> Iterator[str]:
     for name, order in scene.measure.items():
         if name == "mass_flow" and order.plane_point is None:
             yield "measure.mass_flow.plane_point is missing: a point of the plane that grains pass"
+        if order.kind is not None and name not in BY_KIND:
+            yield f"measure.{name}.kind: it reads all grains together; leave it out"
         if name in FROM_THRESHOLDS and not searched:
             yield f"measure.{name} needs a stage with until = 'threshold'"
         if name in UNDER_WIND and scene.wind is None:
