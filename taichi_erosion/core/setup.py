@@ -5,10 +5,11 @@ masses in kg, times in s, angles in rad. Nothing here knows Taichi.
 """
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from math import inf
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,6 +167,7 @@ class Setup:
     effects: "tuple[ReplicaEffect, ...]" = ()  # optional physics between and on grains
     air: "AirSetup | None" = None  # a column of cells with exchange, or none
     coupling: Coupling = Coupling()
+    bed: Mapping[str, NDArray[Any]] | None = None  # of another run, with its contacts
 
 
 @dataclass(frozen=True)

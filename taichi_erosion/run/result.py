@@ -47,10 +47,10 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import REMEDY, check_writable, write_atomic
 from taichi_erosion.measures.result import Measurement, as_record, json_value, without_nan
 from taichi_erosion.run import RunOptions
-from taichi_erosion.run.checkpoint import is_checkpoint
 from taichi_erosion.run.checks import comparable
 from taichi_erosion.run.ensemble_loop import EnsembleRun, failure_message
 from taichi_erosion.scene import Scene, resolved, scene_hash
+from taichi_erosion.scene.checkpoint_file import is_checkpoint
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.simulation.scene_setup import Library, checked_params, circumstances_of, effective_scene
 

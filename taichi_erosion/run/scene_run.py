@@ -19,7 +19,7 @@ from taichi_erosion.core.setup import Arch, ArchChoice, Decomposition, Numerics
 from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
 from taichi_erosion.run import RunOptions
-from taichi_erosion.run.checkpoint import Checkpointer, load_checkpoint, restore_run
+from taichi_erosion.run.checkpoint import Checkpointer, restore_run
 from taichi_erosion.run.checks import explained, idle_entries, library_of, named_effects, read_scene
 from taichi_erosion.run.ensemble_loop import (
     Callback,
@@ -29,6 +29,7 @@ from taichi_erosion.run.ensemble_loop import (
     run_ensemble,
 )
 from taichi_erosion.run.recorder import Recorder, finish_recording, open_recorder, record_replica
+from taichi_erosion.run.restart import adapt_state, apply_changes, changed_entries
 from taichi_erosion.run.result import (
     apply_instruments,
     record_of,
@@ -38,7 +39,8 @@ from taichi_erosion.run.result import (
     write_document_or_warn,
 )
 from taichi_erosion.run.stages import ReplicaState, whole_intervals
-from taichi_erosion.scene import Scene, laws, scene_hash
+from taichi_erosion.scene import Scene, laws, resolved, scene_hash
+from taichi_erosion.scene.checkpoint_file import load_checkpoint
 from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare
 from taichi_erosion.simulation.capacities import has_grids, has_servos
 from taichi_erosion.simulation.team import mean_threads
@@ -109,7 +111,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     checkpointer = Checkpointer(
         options.checkpoint or record.with_suffix(".checkpoint.npz"),
         interval,
-        {"scene_hash": hashed},
+        {"scene_hash": hashed, "scene": resolved(ensemble.scenes[0])},
         whole_intervals(ensemble.time, interval),
     )
     run_with_outputs(ensemble, recorder, checkpointer, options)
@@ -134,12 +136,14 @@ def assemble_run(
 ) -> EnsembleRun:
     """All replicas of a scene, at their beginning or where the checkpoint left them. Raises BadInput."""
     seeds = [scene.run.seed + k for k in range(scene.run.replicas)]
-    resume = load_checkpoint(options.resume, scene_hash(scene)) if options.resume else None
+    resume, changed = load_checkpoint(options.resume) if options.resume else None, []
     if resume and (saved := [record["seed"] for record in resume[1]["replicas"]]) != seeds:
         raise BadInput(f"{options.resume}: holds seeds {saved}, not {seeds}")
     setups = [prepare(scene, seed, library) for seed in seeds]
     refuse_unwritable_outputs(path, options, record)
     effective = effective_scene(scene, library)
+    if resume and options.resume and resume[1].get("scene_hash") != scene_hash(scene):
+        changed = changed_entries(options.resume, effective, resume[1])
     grains = sum(len(setup.grains.radius) for setup in setups)
     arch = arch_of(options.arch, options.decomposition, grains, has_grids(setups) or has_servos(setups))
     numerics = Numerics(arch, options.threads, scene.run.precision, options.decomposition)
@@ -147,8 +151,10 @@ def assemble_run(
     states = [ReplicaState(seed) for seed in seeds]
     ensemble = EnsembleRun([effective] * len(seeds), sim, states, repeats=True)
     if resume:
-        import_state(sim, resume[0])
+        import_state(sim, adapt_state(ensemble, *resume, changed) if changed else resume[0])
         restore_run(ensemble, *resume)
+        if changed:
+            apply_changes(ensemble, changed)
     return ensemble
 
 

@@ -32,7 +32,7 @@ from taichi_erosion.scene.preparation.walls import distance_to_wall, revolved_ro
 from taichi_erosion.scene.schema.air import AirScene, box_problems
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.scene.schema.geometry import UPWARDS, Cylinder, Funnel
-from taichi_erosion.scene.schema.grains import Lattice, Layers, Positions, Pour, Rain
+from taichi_erosion.scene.schema.grains import Bed, Lattice, Layers, Positions, Pour, Rain
 from taichi_erosion.scene.schema.scene import Scene, observable_problems, reference_problems
 from taichi_erosion.scene.schema.wind import Wind
 
@@ -154,21 +154,22 @@ def check_fill(scene: Scene) -> Iterator[str]:
     elif isinstance(fill, Layers) and scene.patch_size is None:
         told = "a [wind] section must state its length and width, or [domain] its period"
         yield f"fill.law = 'layers' fills a patch: {told}"
-    elif scene.domain.period is not None and not isinstance(fill, Layers):
-        yield f"fill.law = '{fill.law}': a periodic box is filled by 'layers' or 'positions'"
-    elif not isinstance(fill, Layers) and fill.radius < reach:
-        yield f"fill.radius = {fill.radius:g} m is smaller than a grain's reach of {reach:g} m"
-    elif not isinstance(fill, Layers) and (lines := list(tube_checks(scene, fill))):
+    elif scene.domain.period is not None and not isinstance(fill, Layers | Bed):
+        yield f"fill.law = '{fill.law}': a periodic box is filled by 'layers', 'positions' or 'bed'"
+    elif not isinstance(fill, Layers | Bed) and (lines := list(tube_checks(scene, fill, reach))):
         yield from lines
     elif isinstance(fill, Pour):
         if fill.speed == 0.0 and scene.gravity.magnitude == 0.0:
             yield "fill.speed = 0.0 without gravity: poured grains would never fall"
-    else:
+    elif not isinstance(fill, Bed):
         yield from net_checks(scene, fill, 2.0 * share * (mean if isinstance(fill, Rain) else largest))
 
 
-def tube_checks(scene: Scene, fill: Rain | Lattice | Pour) -> Iterator[str]:
-    """Grains start inside the tube or funnel about the axis of their fill."""
+def tube_checks(scene: Scene, fill: Rain | Lattice | Pour, reach: float) -> Iterator[str]:
+    """Grains of some reach [m] start inside their fill, and inside the tube or funnel about its axis."""
+    if fill.radius < reach:
+        yield f"fill.radius = {fill.radius:g} m is smaller than a grain's reach of {reach:g} m"
+        return
     start, axis = (fill.axis_point if isinstance(fill, Rain) else fill.centre), np.array(UPWARDS)
     if isinstance(fill, Rain):
         start = np.add(start, fill.first_height * axis)

@@ -20,7 +20,7 @@ from taichi_erosion.scene.preparation.sizes import nominal_diameter
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.scene.schema.fields import DIAMETER, DIAMETERS, FOR_HASH
 from taichi_erosion.scene.schema.geometry import Mesh
-from taichi_erosion.scene.schema.grains import Size
+from taichi_erosion.scene.schema.grains import Bed, Size
 from taichi_erosion.scene.schema.scene import Scene
 
 S = TypeVar("S", Scene, AirScene)
@@ -312,6 +312,8 @@ def scene_hash(scene: Scene | AirScene) -> str:
             for name, wall in scene.geometry.items()
             if isinstance(wall, Mesh)
         }
+        if isinstance(scene.fill, Bed):
+            table["bed"] = sha256((scene.folder / scene.fill.file).read_bytes()).hexdigest()
         if scene.effect_digests:  # likewise of a file with an effect
             table["effect_digests"] = scene.effect_digests
     canonical = json.dumps(table, sort_keys=True, separators=(",", ":"), allow_nan=False)

@@ -182,13 +182,18 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
     workers = threads if on_cpu else len(listed)
     chunk = CPU_CHUNK if on_cpu else 1
     fields = allocate_fields(listed, laws, numerics, workers, capacities)
-    release_start(fields[0], numerics.by_grain)
-    return Simulation(listed, laws, numerics, workers, chunk, capacities, *fields)
+    sim = Simulation(listed, laws, numerics, workers, chunk, capacities, *fields)
+    release_start(sim)
+    return sim
 
 
-def release_start(world: World, by_grain: bool) -> None:
-    """Release the grains that are there from the start."""
-    (release_at_start if by_grain else release_first)(world)
+def release_start(sim: Simulation) -> None:
+    """Release the grains that are there from the start, those of beds with their contacts."""
+    (release_at_start if sim.numerics.by_grain else release_first)(sim.world)
+    if any(setup.bed is not None for setup in sim.setups):
+        from taichi_erosion.simulation.saved_state import start_from_beds  # stands on this module
+
+        start_from_beds(sim)
 
 
 def allocate_fields(

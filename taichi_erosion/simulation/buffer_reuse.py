@@ -37,7 +37,7 @@ def reuse_or_assemble(
         write_constants(bound, [setup.effects for setup in everyone])
     upload_setups(before.world, everyone)
     upload_exchange_settings(before.coupling.exchange, everyone)
-    release_start(before.world, numerics.by_grain)
+    release_start(before)
     return before
 
 

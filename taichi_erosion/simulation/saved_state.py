@@ -9,6 +9,7 @@ from taichi_erosion.core.effect_device import state_fields
 from taichi_erosion.core.transfer import download, read, upload, write
 from taichi_erosion.grains.clumps import NOWHERE
 from taichi_erosion.grains.frozen_drag import FROZEN_FIELDS
+from taichi_erosion.grains.neighbour_list import ENGAGED
 from taichi_erosion.grains.sleep import SAVED_FIELDS
 from taichi_erosion.grains.state import REACH_FIELDS
 from taichi_erosion.simulation.assemble import Simulation, reallocate
@@ -109,6 +110,27 @@ def import_bed(sim: Simulation, replica: int, bed: Arrays) -> None:
     need[replica] = 0
     write(replicas.need, need)
     import_replica(sim, replica, bed)
+
+
+def start_from_beds(sim: Simulation) -> None:
+    """Give the grains that begin as the bed of another run the springs that they had with each other."""
+    world = sim.world
+    for r, setup in enumerate(sim.setups):
+        if (bed := setup.bed) is None:
+            continue
+        count, first = len(bed["ident"]), 2 * r * sim.capacities.grains
+        part = saved("held_", world.frozen_drag, FROZEN_FIELDS, first, count) if world.driven else {}
+        part |= saved("sleep_", world.sleep, SAVED_FIELDS, first, count) if world.sleeps else {}
+        ident = np.argsort(np.argsort(bed["ident"]))  # without grains that had left
+        acts = bed["pair_label"].astype(int) & ENGAGED > 0  # the others are found anew
+        owner = np.repeat(np.arange(count), bed["pair_number"])[acts]
+        partitions = int(download([world.replicas.partitions], r, 1)[0][0])
+        part |= {name: values[acts] for name, values in bed.items() if name in {f"pair_{n}" for n in PAIR}}
+        part |= {f"wall_{name}": bed[f"wall_{name}"][:0] for name in WALL_PAIR}
+        part |= {"pair_number": np.bincount(owner, minlength=count), "wall_number": np.zeros(count, int)}
+        part |= {"bounds": np.arange(partitions + 1) * count // partitions, "ident": ident}
+        part |= {"material": setup.grains.material[ident], "mass_inverse": 1.0 / setup.grains.mass[ident]}
+        import_bed(sim, r, dict(bed) | part)
 
 
 def entry_places(start: NDArray[np.int64], number: NDArray[np.int64], stride: int = 1) -> NDArray[np.int64]:

@@ -12,7 +12,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.recording import stream
 from taichi_erosion.recording.readback import read_grains
 from taichi_erosion.recording.stream import log_frame, open_recording
-from taichi_erosion.run.checkpoint import load_checkpoint, save_checkpoint
+from taichi_erosion.scene.checkpoint_file import load_checkpoint, save_checkpoint
 
 WRITER = """
 import resource, sys

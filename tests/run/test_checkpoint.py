@@ -23,19 +23,14 @@ from taichi_erosion.core.snapshot import AirProfile, Failure, Snapshot, Status
 from taichi_erosion.measures.result import Measurement
 from taichi_erosion.measures.threshold import Bracket
 from taichi_erosion.recording.readback import read_grains
-from taichi_erosion.run import RunOptions, checkpoint, run_scene
+from taichi_erosion.run import RunOptions, run_scene
 from taichi_erosion.run import scene_run as scene_run_module
-from taichi_erosion.run.checkpoint import (
-    Checkpointer,
-    load_checkpoint,
-    restore_run,
-    run_state,
-    save_checkpoint,
-)
+from taichi_erosion.run.checkpoint import Checkpointer, restore_run, run_state
 from taichi_erosion.run.ensemble_loop import EnsembleRun
 from taichi_erosion.run.stages import ReplicaState
 from taichi_erosion.run.threshold_search import ThresholdSearch, Trial
-from taichi_erosion.scene import load_scene, scene_hash
+from taichi_erosion.scene import checkpoint_file, load_scene, scene_hash
+from taichi_erosion.scene.checkpoint_file import load_checkpoint, save_checkpoint
 
 OF_THIS_CALL = ("scene", "wall_s", "recording", "film", "silhouettes", "numerics")  # not of the physics
 WINDY = Path(__file__).parents[2] / "scenes" / "wind_threshold.toml"
@@ -221,7 +216,7 @@ def saved(tmp_path: Path) -> Path:
 
 
 def test_a_checkpoint_returns_every_bit(saved: Path):
-    arrays, meta = load_checkpoint(saved, "5eed")
+    arrays, meta = load_checkpoint(saved)
     assert meta == META
     assert arrays.keys() == state().keys()
     for name, values in state().items():
@@ -262,7 +257,7 @@ def test_foreign_files_headers_and_pickled_objects_are_refused_in_one_line(tmp_p
     (tmp_path / "zip").write_bytes(b"PK\x03\x04")
     np.savez(tmp_path / "other.npz", position=np.zeros(3))
     np.save(tmp_path / "plain.npy", np.zeros(3))
-    head = json.dumps({"schema": checkpoint.SCHEMA, "meta": {}})
+    head = json.dumps({"schema": checkpoint_file.SCHEMA, "meta": {}})
     members = {"head": np.frombuffer(head.encode(), dtype=np.uint8), "state/x": np.array([object()])}
     np.savez(tmp_path / "pickled.npz", **members)
     for name in ("zip", "other.npz", "plain.npy", "pickled.npz"):
@@ -274,9 +269,7 @@ def test_foreign_files_headers_and_pickled_objects_are_refused_in_one_line(tmp_p
             load_checkpoint(tmp_path / "odd.npz")
 
 
-def test_a_checkpoint_of_another_scene_or_program_is_refused(saved: Path, monkeypatch):
-    with pytest.raises(BadInput, match="belongs to scene 5eed, not to beef"):
-        load_checkpoint(saved, "beef")
-    monkeypatch.setattr(checkpoint, "SCHEMA", "checkpoint 7 of taichi_erosion 99.0")
+def test_a_checkpoint_of_another_program_is_refused(saved: Path, monkeypatch):
+    monkeypatch.setattr(checkpoint_file, "SCHEMA", "checkpoint 7 of taichi_erosion 99.0")
     with pytest.raises(BadInput, match="cannot be resumed as 'checkpoint 7"):
         load_checkpoint(saved)

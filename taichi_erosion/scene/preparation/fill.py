@@ -9,10 +9,11 @@ import scipy
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats, Integers
+from taichi_erosion.scene.preparation.bed import bed_grains, saved_bed
 from taichi_erosion.scene.preparation.sizes import kind_counts, nominal_diameter, sample_diameters
 from taichi_erosion.scene.preparation.walls import distance_to_wall
 from taichi_erosion.scene.schema.fields import Vector, unit_vector
-from taichi_erosion.scene.schema.grains import Lattice, Layers, Positions, Pour, Rain
+from taichi_erosion.scene.schema.grains import Bed, Lattice, Layers, Positions, Pour, Rain
 from taichi_erosion.scene.schema.scene import Scene
 
 CLEARANCE = 1.05  # distance of two layers over the sum of their largest radii [1]
@@ -104,6 +105,12 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
             ),
             diameter=listed_diameters(scene, fill),
             release_time=np.zeros(len(fill.grains)),
+        )
+    if isinstance(fill, Bed):
+        rows = bed_grains(saved_bed(scene, fill, seed))
+        motion = rows["position"], rows["velocity"], rows["spin"]
+        return InitialBodies(
+            *motion, rows["kind"].astype(np.int32), 2.0 * rows["radius"], 0.0 * rows["radius"]
         )
     count, random = scene.grains.count, stream(seed, "places")
     kind, diameter = sample_kinds(scene, stream(seed, "diameters"), stream(seed, "kinds"))
@@ -249,6 +256,8 @@ def start_top(scene: Scene, reach_largest: float) -> float:
         return max(grain.position[2] for grain in fill.grains) + reach_largest
     if isinstance(fill, Pour):
         return fill.centre[2] + reach_largest
+    if isinstance(fill, Bed):
+        return float(saved_bed(scene, fill, scene.run.seed)["position"][:, 2].max()) + reach_largest
     if isinstance(fill, Lattice):
         return fill.centre[2] + box_of(fill)[2] + reach_largest
     if isinstance(fill, Layers):

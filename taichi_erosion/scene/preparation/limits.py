@@ -5,7 +5,10 @@ from itertools import combinations
 from math import hypot, pi, radians, sqrt, tan
 from typing import Any
 
+import numpy as np
+
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.scene.preparation.bed import saved_bed
 from taichi_erosion.scene.preparation.contacts import (
     materials_used,
     shear_modulus,
@@ -23,7 +26,7 @@ from taichi_erosion.scene.preparation.sizes import (
 )
 from taichi_erosion.scene.preparation.walls import wall_bounds
 from taichi_erosion.scene.schema.geometry import Funnel
-from taichi_erosion.scene.schema.grains import Positions, Pour
+from taichi_erosion.scene.schema.grains import Bed, Positions, Pour
 from taichi_erosion.scene.schema.scene import Scene
 
 SOLID_FRACTION = 0.6  # of a poured heap [1]
@@ -206,6 +209,8 @@ def start_speed(scene: Scene) -> float:
     fill = scene.fill
     if isinstance(fill, Positions):
         return max(hypot(*grain.velocity) for grain in fill.grains)
+    if isinstance(fill, Bed):
+        return float(np.linalg.norm(saved_bed(scene, fill, scene.run.seed)["velocity"], axis=1).max())
     if isinstance(fill, Pour):
         return fill.speed
     return 3.0 * fill.speed_sd * sqrt(scene.gravity.magnitude * nominal_diameter(scene.grains))

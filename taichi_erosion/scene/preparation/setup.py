@@ -7,13 +7,14 @@ import scipy
 
 from taichi_erosion.core.setup import ClumpTable, Floats, GrainTable, Integers, Laws, Setup, Surface
 from taichi_erosion.scene.preparation.air import HEADROOM, patch_air, patch_coupling
+from taichi_erosion.scene.preparation.bed import saved_bed
 from taichi_erosion.scene.preparation.contacts import contact_table, materials_used
 from taichi_erosion.scene.preparation.fill import InitialBodies, initial_bodies, stream
 from taichi_erosion.scene.preparation.limits import time_step
 from taichi_erosion.scene.preparation.sizes import Body, quadrature, reach_over_diameter, template_spheres
 from taichi_erosion.scene.preparation.walls import domain_box, motions, primitive_table, removes_outside
 from taichi_erosion.scene.schema.fields import unit_vector
-from taichi_erosion.scene.schema.grains import Positions
+from taichi_erosion.scene.schema.grains import Bed, Positions
 from taichi_erosion.scene.schema.scene import Scene
 from taichi_erosion.scene.schema.wind import Wind
 
@@ -57,6 +58,7 @@ def build_setup(scene: Scene, seed: int) -> Setup:
         has_servos=any(each.servo for each in motions(scene)),
         overlap_limit=scene.run.overlap_limit,
         skin=scene.run.skin,
+        bed=saved_bed(scene, scene.fill, seed) if isinstance(scene.fill, Bed) else None,
     )
     return setup if scene.wind is None else under_wind(setup, scene, scene.wind, seed)
 

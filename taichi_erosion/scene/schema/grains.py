@@ -319,4 +319,11 @@ class Layers(JitteredNet):
     first_height: float = extent(..., "height of the first layer")
 
 
-Fill = Annotated[Positions | Rain | Lattice | Pour | Layers, Field(discriminator="law")]
+class Bed(Section):
+    """Grains of another run as they lay in its checkpoint, with the springs of their contacts."""
+
+    law: Literal["bed"]
+    file: str = Field(min_length=1, max_length=400, description="the checkpoint, relative to the scene file")
+
+
+Fill = Annotated[Positions | Rain | Lattice | Pour | Layers | Bed, Field(discriminator="law")]
