@@ -80,7 +80,7 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
     with open_study(path, options) as study:
         question = Question("compare", bare, lambda found: [found.about_bare], most=1)
         found, ready = answer_of(study, last_plan(study), question, progress)
-        record = summary(only(found.posterior.race, lambda h: not h.names and not h.kind))
+        record = summary(only(found.posterior.race, lambda h: not h.acting))
         record = replace(record, decided=decided(found.posterior, found.decision))
         return stored(ready, "compare", found, record, start)
 

@@ -43,7 +43,7 @@ from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.models.predictor import Predictor
 from taichi_erosion.evidence.models.simulator import row_at
 from taichi_erosion.evidence.race.decision import MOST_TOLD, Decision
-from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race, score
+from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, score
 from taichi_erosion.evidence.race.outlook import Elsewhere
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import DRAWS, SEED, SURE
@@ -65,7 +65,7 @@ class Kind:
     @property
     def names(self) -> tuple[str, ...]:
         """Effects and mechanisms that act."""
-        return tuple(sorted(self.fits[0].hypothesis.acting - {"?"}))
+        return tuple(sorted(self.fits[0].hypothesis.acting - {OUTSIDE}))
 
     def judged(self, mean: Floats, columns: Floats) -> list[Fit]:
         """The fits with a simulated mean and its errors in rows that have one, the emulator's in others."""

@@ -154,7 +154,7 @@ def prediction(
         rows=tuple(predicted_rows(posterior, wanted, asked)),
         fitted=check_of(left_out(posterior), ~fitted.censored),
         held_out=held_out,
-        unlisted=sum(p for hypothesis, p in posterior.probability.items() if hypothesis.beyond),
+        unlisted=sum(p for hypothesis, p in posterior.probability.items() if hypothesis.beside),
         outdated=(),
         lost=tuple(dict.fromkeys(lost)),
         constant=wanted.constant,

@@ -30,7 +30,7 @@ from taichi_erosion.evidence.models.load_study import BudgetName, Study
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.race.decision import Decision
 from taichi_erosion.evidence.race.expansion import Acting
-from taichi_erosion.evidence.race.fit import Fit, Race, score
+from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Race, score
 from taichi_erosion.evidence.race.outlook import Elsewhere
 from taichi_erosion.evidence.race.posterior import Posterior, strained
 from taichi_erosion.evidence.race.priors import KEEP, MOST, SURE
@@ -101,7 +101,7 @@ def sets(posterior: Posterior) -> Mapping[Acting, float]:
     """Probability of every set of effects and mechanisms, likeliest first, whatever is beside them."""
     found: dict[Acting, float] = {}
     for hypothesis, p in posterior.probability.items():
-        names = tuple(sorted(hypothesis.acting - {"?"}))
+        names = tuple(sorted(hypothesis.acting - {OUTSIDE}))
         found[names] = found.get(names, 0.0) + p
     return dict(sorted(found.items(), key=lambda each: -each[1]))
 

@@ -27,7 +27,7 @@ from taichi_erosion.evidence.race.adequacy import is_adequate, misfit_p, residua
 from taichi_erosion.evidence.race.blocks import columns_of
 from taichi_erosion.evidence.race.decision import Decision, decide, fit_of
 from taichi_erosion.evidence.race.dose_laws import Law
-from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
+from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles
 from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.race.record import Interval, Record
@@ -68,8 +68,8 @@ def decided(posterior: Posterior, found: Decision) -> parts.Decided:
     named = {*found.inclusion, *found.beyond}
     table: dict[str, float] = {"none": found.none, "outside_library": 0.0}
     for hypothesis, p in posterior.probability.items():
-        acting = (*hypothesis.names, *(each for each in hypothesis.kind.split("+") if each in named))
-        if acting or hypothesis.kind == "?":
+        acting = (*hypothesis.names, *(each for each in hypothesis.beside if each in named))
+        if acting or OUTSIDE in hypothesis.beside:
             key = "+".join(acting) or "outside_library"
             table[key] = table.get(key, 0.0) + p
     acts = found.verdict, found.named, found.group, found.mechanisms
@@ -197,7 +197,7 @@ def curve_parts(posterior: Posterior, found: Decision) -> Iterator[parts.CurvePa
     """
     if found.verdict != "outside_library" or found.mechanisms:
         return
-    unlisted = {h: p for h, p in posterior.probability.items() if h.kind == "?"}
+    unlisted = {h: p for h, p in posterior.probability.items() if OUTSIDE in h.beside}
     best, race = max(unlisted, key=lambda h: unlisted[h]), posterior.race
     rows, fit = race.prepared.rows, race.fits[best]
     observables = {each.name: each for each in rows.observables}

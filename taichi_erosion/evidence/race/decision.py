@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from taichi_erosion.evidence.race.adequacy import is_adequate
-from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race, score
+from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, score
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SURE
 from taichi_erosion.evidence.race.record import Verdict
@@ -56,7 +56,7 @@ def decide(posterior: Posterior) -> Decision:
     inclusion = {name: probability(posterior, [name]) for name in effects}
     beyond = {name: probability(posterior, [name]) for name in mechanisms}
     none = share.get(Hypothesis(()), 0.0)
-    outside = probability(posterior, ["?", *mechanisms])
+    outside = probability(posterior, [OUTSIDE, *mechanisms])
     named = tuple(name for name in effects if inclusion[name] >= SURE)
     group = smallest(posterior, [name for name in effects if name not in named], inclusion, len(effects) // 2)
     chance = familywise_p(race, posterior.best) if named or group else 1.0

@@ -173,7 +173,7 @@ def law_of(race: Race, fit: Fit) -> Law | None:
     scores, misfits = np.array([cross_validated(each.rows, each) for each in settled]).T
     best = int(np.argmax(scores - [each.price for each in settled]))
     nothing = cross_validated(rows)[1]
-    return fit.hypothesis.kind, settled[best], float(1.0 - misfits[best] / nothing)
+    return "+".join(fit.hypothesis.beside), settled[best], float(1.0 - misfits[best] / nothing)
 
 
 def tabulated(dosing: Dosing, v: Floats, w: Floats) -> "scipy.interpolate.PPoly":

@@ -51,7 +51,7 @@ class Dosing:
     @property
     def hypothesis(self) -> Hypothesis:
         """Its key in the race."""
-        return Hypothesis(self.names, f"{'+'.join(each.name for each in self.mechanisms)}|{self.axis}")
+        return Hypothesis(self.names, tuple(each.name for each in self.mechanisms), self.axis)
 
     @cached_property
     def ends(self) -> Floats:
@@ -156,7 +156,7 @@ def dosings(race: Race, kernels: Mapping[str, Floats]) -> list[Dosing]:
 def dosing_of(race: Race, fit: Fit, factor: Floats) -> Dosing:
     """The mechanisms of a fit with a kernel over some rows."""
     places = {each.name: each for each in race.prepared.problem.mechanisms}
-    acting, h = tuple(places[name] for name in fit.hypothesis.kind.split("+")), fit.hypothesis
+    acting, h = tuple(places[name] for name in fit.hypothesis.beside), fit.hypothesis
     return Dosing(race, acting, fit.log_prior, h.along, factor, h.names)
 
 

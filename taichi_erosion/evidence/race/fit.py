@@ -23,6 +23,7 @@ from taichi_erosion.evidence.race.expansion import Acting, RaceModel
 from taichi_erosion.evidence.race.linear_evidence import Evidence, LinearRows, Scales, evidence, scale
 from taichi_erosion.evidence.race.priors import DOUBT, SEED, SPREAD
 
+OUTSIDE = "outside_library"  # what no list holds: its name where a mechanism has its own
 POOR = 4.0  # misfit a row from which a fit may have gone astray
 STARTS, WIDE = 10, 2.0  # other starts of it for every number, and their sd over that of the prior
 SLACK = 2.0  # of a misfit, by which a step may raise it: the noise of a few seeds
@@ -42,27 +43,17 @@ class Hypothesis:
     """Effects that act, and what acts beside them that is no effect of constant strength."""
 
     names: Acting
-    beyond: str = ""  # "?" what no list holds, or mechanisms a+b; behind "|" the condition with which it acts
-
-    @property
-    def kind(self) -> str:
-        """Mechanism, or "?", that acts beside the effects."""
-        return self.beyond.partition("|")[0]
+    beside: Acting = ()  # mechanisms, or OUTSIDE alone
+    along: str = ""  # condition with which these act; of something unlisted empty: with all
 
     @property
     def acting(self) -> frozenset[str]:
-        """What acts: effects, mechanisms, something that is not in the list."""
-        return frozenset((*self.names, *self.kind.split("+"))) - {""}
-
-    @property
-    def along(self) -> str:
-        """Condition along which it acts."""
-        return self.beyond.partition("|")[2]
+        """What acts: effects, mechanisms, something unlisted."""
+        return frozenset((*self.names, *self.beside))
 
     def doses(self, w: Floats) -> Conditions:
         """Doses of every mechanism, from those of all on their axis."""
-        names = self.kind.split("+")
-        return dict(zip(names, from_axis(w).reshape(len(names), -1), strict=True))
+        return dict(zip(self.beside, from_axis(w).reshape(len(self.beside), -1), strict=True))
 
 
 @dataclass(frozen=True)
@@ -302,7 +293,7 @@ class Race:
 
     def sets(self, *sizes: int) -> list[Fit]:
         """Plain sets of so many effects, by default of any number."""
-        return [f for h, f in self.fits.items() if not h.beyond and (not sizes or len(h.names) in sizes)]
+        return [f for h, f in self.fits.items() if not h.beside and (not sizes or len(h.names) in sizes)]
 
     def calibrated(self, log_prior: float) -> Fit:
         """Nothing is missing; also from levels as large as they may be, where a unit is wrong.
@@ -358,7 +349,8 @@ class Race:
         if np.array_equal(mean, parent.mean):
             return None
         jacobian = np.insert(parent.jacobian, at, SPREAD * (mean - parent.mean), axis=1)
-        known = Hypothesis(names, parent.hypothesis.beyond), v, mean, jacobian, parent.errors, parent.blocks
+        hypothesis = replace(parent.hypothesis, names=names)
+        known = hypothesis, v, mean, jacobian, parent.errors, parent.blocks
         return self.solved(Expansion(*known, log_prior, dose=parent.dose), 5)
 
     def without_effect(self, parent: Fit, name: str, log_prior: float) -> Fit:
@@ -372,9 +364,8 @@ class Race:
         fit = self.refined(self.solved(start, 0)) if np.all(np.isfinite(mean)) else known
         return self.better(fit or parent, known or fit or parent)
 
-    def beside(self, parent: Fit, key: str, blocks: tuple[Block, ...], log_prior: float) -> Fit:
+    def beside(self, parent: Fit, hypothesis: Hypothesis, blocks: tuple[Block, ...], log_prior: float) -> Fit:
         """The parent with other blocks of errors."""
-        hypothesis = Hypothesis(parent.hypothesis.names, key)
         fit = replace(parent, hypothesis=hypothesis, blocks=blocks, log_prior=log_prior)
         return self.kept(self.moved(self.solved(fit, 10), 2))
 

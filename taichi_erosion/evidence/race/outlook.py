@@ -32,7 +32,7 @@ from taichi_erosion.evidence.race.adequacy import NODES, WEIGHTS
 from taichi_erosion.evidence.race.blocks import Block, columns_of, dose_columns, nuisance, unlisted
 from taichi_erosion.evidence.race.doses import dosing_of
 from taichi_erosion.evidence.race.expansion import RaceModel
-from taichi_erosion.evidence.race.fit import Doses, Fit, Hypothesis, Race
+from taichi_erosion.evidence.race.fit import OUTSIDE, Doses, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import Solved
 from taichi_erosion.evidence.race.posterior import Posterior, scale_draws
 from taichi_erosion.evidence.race.priors import BAD_SD, DOUBT, SEED
@@ -208,7 +208,7 @@ def both_blocks(place: Elsewhere, fit: Fit, both: ComparisonRows, doses: Doses |
     p, n = place.race.prepared, fit.mean.size
     known, unit = np.arange(both.size) < n, np.append(p.sd, np.ones(both.size - n))
     usual = nuisance(both, known, unit)
-    large = unlisted(both, known, usual)[fit.hypothesis.along] if fit.hypothesis.kind == "?" else []
+    large = unlisted(both, known, usual)[fit.hypothesis.along] if OUTSIDE in fit.hypothesis.beside else []
     built = {block.scale.names[0]: block.columns for block in (*usual, *large)}
     if doses is not None:
         built["dose"] = doses.change(doses.factor, both.size)

@@ -23,7 +23,7 @@ from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race.adequacy import misfit_p
 from taichi_erosion.evidence.race.doses import add_doses
 from taichi_erosion.evidence.race.expansion import RaceModel
-from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race
+from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import Solved
 from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, NOTHING, SEED, STEP
 from taichi_erosion.evidence.race.search import log_prior, search
@@ -176,7 +176,7 @@ def given(posterior: Posterior, effects: Sequence[str]) -> Posterior:
         if added is None:
             raise BadInput(f"{name} changes nothing in this model at the measured conditions")
         fit = added if added.refined else race.refined(added)
-    return only(race, lambda h: h.names == names and h.kind in ("", "?"))
+    return only(race, lambda h: h.names == names and {*h.beside} <= {OUTSIDE})
 
 
 def only(race: Race, wanted: Callable[[Hypothesis], bool]) -> Posterior:
@@ -191,7 +191,7 @@ def strained(race: Race) -> bool:
 
     Until mechanisms are tried, what is not in the list has their prior too.
     """
-    listed = race.likely(0.0, lambda fit: not fit.hypothesis.beyond)
+    listed = race.likely(0.0, lambda fit: not fit.hypothesis.beside)
     share = race.posterior()
     known = sum(share[fit.hypothesis] for fit in listed)
     if known < NOTHING * (known + (1.0 - known) / (STEP if race.prepared.problem.mechanisms else 1.0)):

@@ -23,7 +23,7 @@ from taichi_erosion.evidence.data.problem import Floats, Integers, Laboratory
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.table_columns import NewConditions
-from taichi_erosion.evidence.race.fit import Fit, Hypothesis
+from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis
 from taichi_erosion.evidence.race.outlook import Elsewhere, elsewhere, kappa, new_rows, outlook
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import KEEP, SEED, SURE
@@ -71,17 +71,18 @@ def right(told: Hypothesis, true: Hypothesis) -> bool:
 
 def name_of(hypothesis: Hypothesis) -> str:
     """`a+b`, `none`, `outside_library`; `a(condition)` of a dose that varies."""
-    varying = f"{hypothesis.kind}({hypothesis.along})"
-    told = {"": "", "?": "outside_library"}.get(hypothesis.kind, varying)
-    return "+".join(filter(None, (*hypothesis.names, told))) or "none"
+    names, beside = [*hypothesis.names], "+".join(hypothesis.beside)
+    if beside:
+        names.append(beside if beside == OUTSIDE else f"{beside}({hypothesis.along})")
+    return "+".join(names) or "none"
 
 
 def explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypothesis, float]:
     """The likeliest explanations, best first, kernels of a dose together; they stand for all others too."""
     found: dict[tuple, tuple[Hypothesis, float]] = {}
     for h, p in sorted(probability.items(), key=lambda item: -item[1]):
-        likeliest, whole = found.get((h.names, h.kind), (h, 0.0))
-        found[h.names, h.kind] = likeliest, whole + p
+        likeliest, whole = found.get((h.names, h.beside), (h, 0.0))
+        found[h.names, h.beside] = likeliest, whole + p
     kept = dict(sorted(found.values(), key=lambda each: -each[1])[:MOST])
     leading = next(iter(kept))
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from taichi_erosion.evidence.race.adequacy import is_adequate
 from taichi_erosion.evidence.race.expansion import Acting
-from taichi_erosion.evidence.race.fit import Fit, Hypothesis, Race, score
+from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, score
 from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, NOTHING, STEP, UNLISTED
 
 
@@ -28,7 +28,7 @@ def log_prior(race: Race, hypothesis: Hypothesis) -> float:
     size, count = len(hypothesis.names), len(race.model.candidates)
     each = log(comb(count, size))
     mechanisms = len(race.prepared.problem.mechanisms)
-    if hypothesis.kind:
+    if hypothesis.beside:
         beyond = log(UNLISTED * (1.0 - STEP) * STEP**size) - each - log(len(race.large))
         return beyond + (log(STEP) if mechanisms else 0.0)
     whole = sum(STEP**k for k in range(1, min(MOST, count) + 1))
@@ -46,7 +46,7 @@ def search(race: Race) -> None:
     for size in range(1, min(MOST, len(effects))):
         grow(race, size, effects)
     prune(race)
-    plain = race.likely(KEEP, lambda fit: bool(fit.hypothesis.names) and not fit.hypothesis.beyond)
+    plain = race.likely(KEEP, lambda fit: bool(fit.hypothesis.names) and not fit.hypothesis.beside)
     best = [fit.hypothesis.names for fit in plain[:3]]
     smaller = [without(names, name) for names in best for name in names]
     for names in sorted({*best, *smaller} - {()}):
@@ -72,9 +72,9 @@ def add_each(race: Race, parent: Fit, effects: Sequence[str]) -> None:
 def add_unlisted(race: Race, parent: Fit) -> None:
     """A set beside something that is not in the list, along all conditions and along each."""
     for along, blocks in race.large.items():
-        hypothesis = Hypothesis(parent.hypothesis.names, "|".join(filter(None, ("?", along))))
+        hypothesis = Hypothesis(parent.hypothesis.names, (OUTSIDE,), along)
         if hypothesis not in race.fits:
-            race.beside(parent, hypothesis.beyond, blocks, log_prior(race, hypothesis))
+            race.beside(parent, hypothesis, blocks, log_prior(race, hypothesis))
 
 
 def grow(race: Race, size: int, effects: Sequence[str]) -> None:
