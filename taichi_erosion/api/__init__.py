@@ -25,7 +25,7 @@ from taichi_erosion.api.results import (
     ExperimentsResult,
     PredictionResult,
 )
-from taichi_erosion.api.runs import Run, effects, open_run, run
+from taichi_erosion.api.runs import Run, effects, open_run, run, sweep
 from taichi_erosion.api.studies import Study, new_study, study
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 
@@ -49,6 +49,7 @@ __all__ = [
     "open_run",
     "run",
     "study",
+    "sweep",
 ]
 
 

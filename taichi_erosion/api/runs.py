@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -154,6 +154,31 @@ def run(
         if isinstance(scene, Mapping):
             file.write_text(tomlkit.dumps(scene), encoding="utf-8")
         return Run(run_scene(file, chosen))
+
+
+def sweep(
+    scene: PathLike,
+    path: str,
+    values: Sequence[Any],
+    changes: Mapping[str, Any] | None = None,
+    replicas: int | None = None,
+    folder: PathLike = "recordings/sweep",
+) -> pd.DataFrame:
+    """Measures of a scene along values of one entry, each value run with the same seeds.
+
+    A row is one measure at one value: `path`, measure, value, sd of single runs, unit, n of seeds, note.
+    Runs that stand in the ledger of `folder` are not made again. Raises BadInput for what cannot run.
+    """
+    from taichi_erosion.campaign import sweep as sweeps
+
+    entries = [tomlkit.item(value).as_string() for value in values]
+    with progress("sweeping") as report:
+        where = Path(folder), None, None
+        stated = stated_changes(changes, {}, ())
+        over = f"{path}={','.join(entries)}"
+        points = sweeps.sweep(Path(scene), over, stated, replicas, where=where, progress=report)
+    value_of = dict(zip(entries, values, strict=True))
+    return frame({path: value_of[row.pop("entry")], **row} for row in map(asdict, points))
 
 
 def stated_changes(

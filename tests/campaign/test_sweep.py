@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import taichi_erosion as te
 from taichi_erosion.campaign import sweep as sweeps
 from taichi_erosion.campaign.request import RunRequest, RunResult
 from taichi_erosion.core.errors import BadInput
@@ -47,6 +48,15 @@ def test_every_value_has_its_mean_scatter_and_number_of_seeds(points):
     assert (high.value, high.n) == pytest.approx((4.0035, 2))
     assert "lost grains" in low.note
     assert "too small" in high.note
+
+
+def test_python_has_the_same_points_by_the_values_of_the_entry(monkeypatch, tmp_path):
+    monkeypatch.setattr(sweeps, "execute", simulated)
+    path, values = "contact.grain-grain.friction_sliding", [0.1, 0.4]
+    table = te.sweep(SCENE, path, values, {"run.seed": 1}, 4, folder=tmp_path)
+    heights = table[table["measure"] == "pile_height"].set_index(path)
+    assert heights["value"].to_dict() == pytest.approx({0.1: 1.003, 0.4: 4.0035})
+    assert heights["n"].to_dict() == {0.1: 3, 0.4: 2}
 
 
 def test_the_table_holds_the_points(points, tmp_path):
