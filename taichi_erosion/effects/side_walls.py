@@ -43,7 +43,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
         raise BadInput(f"effects.side_walls: needs one kind of grains and no material named '{PANE}'")
     friction = strength * params.friction * contact.friction_sliding
     half = 0.5 * params.width * nominal_diameter(scene.grains)
-    fill = getattr(scene.fill, "radius", 0.0)
+    fill = getattr(scene.fill, "radius", None) or 0.0
     if fill > half:
         raise BadInput(f"effects.side_walls: walls {2 * half:.3g} m apart cut a fill {2 * fill:.3g} m wide")
     walls = {

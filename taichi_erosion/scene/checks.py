@@ -11,6 +11,7 @@ import scipy
 
 from taichi_erosion.core.air_setup import ClosureConstants
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.preparation import limits
 from taichi_erosion.scene.preparation.air import (
     GRAIN_ROUGHNESS,
@@ -156,34 +157,59 @@ def check_fill(scene: Scene) -> Iterator[str]:
         yield f"fill.law = 'layers' fills a patch: {told}"
     elif scene.domain.period is not None and not isinstance(fill, Layers | Bed):
         yield f"fill.law = '{fill.law}': a periodic box is filled by 'layers', 'positions' or 'bed'"
-    elif not isinstance(fill, Layers | Bed) and (lines := list(tube_checks(scene, fill, reach))):
+    elif not isinstance(fill, Layers | Bed) and (lines := list(room_checks(scene, fill, reach))):
         yield from lines
-    elif isinstance(fill, Pour):
-        if fill.speed == 0.0 and scene.gravity.magnitude == 0.0:
-            yield "fill.speed = 0.0 without gravity: poured grains would never fall"
-    elif not isinstance(fill, Bed):
+    elif not isinstance(fill, Bed | Pour):
         yield from net_checks(scene, fill, 2.0 * share * (mean if isinstance(fill, Rain) else largest))
 
 
-def tube_checks(scene: Scene, fill: Rain | Lattice | Pour, reach: float) -> Iterator[str]:
-    """Grains of some reach [m] start inside their fill, and inside the tube or funnel about its axis."""
-    if fill.radius < reach:
-        yield f"fill.radius = {fill.radius:g} m is smaller than a grain's reach of {reach:g} m"
-        return
-    start, axis = (fill.axis_point if isinstance(fill, Rain) else fill.centre), np.array(UPWARDS)
+def room_checks(scene: Scene, fill: Rain | Lattice | Pour, reach: float) -> Iterator[str]:
+    """Grains of some reach [m] start inside their fill or inlets, and inside tubes and funnels about them."""
+    upwards = np.array(UPWARDS)
     if isinstance(fill, Rain):
-        start = np.add(start, fill.first_height * axis)
+        start = np.add(fill.axis_point, fill.first_height * upwards)
+        yield from tube_checks(scene, "fill.radius", (start, upwards, fill.radius, fill.radius), reach)
     elif isinstance(fill, Lattice):
-        axis = np.array(unit_vector(fill.axis))
+        disc = np.array(fill.centre), np.array(unit_vector(fill.axis)), fill.radius, fill.radius
+        yield from tube_checks(scene, "fill.radius", disc, reach)
+    else:
+        yield from inlet_checks(scene, fill, reach)
+
+
+def inlet_checks(scene: Scene, fill: Pour, reach: float) -> Iterator[str]:
+    """Every kind of grains has an inlet, from which it falls."""
+    passing = {inlet.kind for inlet in fill.parts.values()}
+    for kind in scene.grains.kinds if None not in passing else ():
+        if kind not in passing:
+            yield f"fill.inlets: none of them lets '{kind}' pass; name it as the kind of one"
+    for path, inlet in fill.parts.items():
+        if inlet.kind is not None and inlet.kind not in scene.grains.kinds:
+            yield f"{path}.kind = '{inlet.kind}' is not among [grains.kinds]"
+        if inlet.speed == 0.0 and scene.gravity.magnitude == 0.0:
+            yield f"{path}.speed = 0.0 without gravity: poured grains would never fall"
+        shape = "radius" if inlet.radius else "size" if inlet.size else "end"
+        narrowest = 0.5 * min(inlet.size) if inlet.size else inlet.reach
+        disc = np.array(inlet.middle), np.array(UPWARDS), inlet.reach, narrowest
+        yield from tube_checks(scene, f"{path}.{shape}", disc, reach)
+
+
+def tube_checks(
+    scene: Scene, path: str, disc: tuple[Floats, Floats, float, float], reach: float
+) -> Iterator[str]:
+    """A disc of middle, axis, radius and least width holds a grain, and lies in the tubes about its axis."""
+    start, axis, radius, narrowest = disc
+    if narrowest < reach:
+        yield f"{path} = {narrowest:g} m is smaller than a grain's reach of {reach:g} m"
+        return
     for name, wall in scene.geometry.items():
         for row in revolved_rows(wall) if isinstance(wall, Cylinder | Funnel) else ():
             arm, own_axis = np.subtract(start, row[:3]), np.array(row[3:6])
             along = float(arm @ own_axis)
             across = float(np.linalg.norm(arm - along * own_axis))
             inner = float(np.interp(along, row[7::2], row[6::2], left=inf, right=inf))
-            if abs(axis @ own_axis) > PARALLEL and across < inner < across + fill.radius:
+            if abs(axis @ own_axis) > PARALLEL and across < inner < across + radius:
                 told = f"geometry.{name} has a radius of {inner:g} m there"
-                yield f"fill.radius = {fill.radius:g} m: grains would start outside the wall; {told}"
+                yield f"{path} = {radius:g} m: grains would start outside the wall; {told}"
 
 
 def net_checks(scene: Scene, fill: Rain | Lattice | Layers, size: float) -> Iterator[str]:

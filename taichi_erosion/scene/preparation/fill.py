@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from hashlib import sha256
-from math import cos, pi, sin, sqrt
+from math import cos, inf, pi, sin, sqrt
 
 import numpy as np
 import scipy
@@ -13,7 +13,7 @@ from taichi_erosion.scene.preparation.bed import bed_grains, saved_bed
 from taichi_erosion.scene.preparation.sizes import kind_counts, nominal_diameter, sample_diameters
 from taichi_erosion.scene.preparation.walls import distance_to_wall
 from taichi_erosion.scene.schema.fields import Vector, unit_vector
-from taichi_erosion.scene.schema.grains import Bed, Lattice, Layers, Positions, Pour, Rain
+from taichi_erosion.scene.schema.grains import Bed, Inlet, Lattice, Layers, Positions, Pour, Rain
 from taichi_erosion.scene.schema.scene import Scene
 
 CLEARANCE = 1.05  # distance of two layers over the sum of their largest radii [1]
@@ -30,48 +30,91 @@ def stream(seed: int, purpose: str) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(key=np.frombuffer(digest[:16], dtype=np.uint64)))
 
 
-def pour_layers(
-    fill: Pour, radius: Floats, gravity: float, random: np.random.Generator
-) -> tuple[Floats, Floats]:
-    """Random places from the centre of the disc [n, 2] m, and release times [n] s, of bounding radii [m].
+def pour(
+    scene: Scene, fill: Pour, kind: Integers, diameter: Floats, reach: float, seed: int
+) -> tuple[Floats, Floats, Floats]:
+    """Places [n, 3] m, velocities and release times [n] s of grains of some kinds and diameters [m].
 
-    A layer is released at once, the next one when this one has fallen clear of the plane, by the distance
-    v t + g t^2 / 2. A rate makes layers as thin as it can keep them, so that the flow is steady; where one
-    grain a layer is still too fast, layers wait.
+    Every inlet gets its share of each kind that passes it.
     """
-    distance = 2.0 * CLEARANCE * float(radius.max())
-    clear = 2.0 * distance / (fill.speed + sqrt(fill.speed * fill.speed + 2.0 * gravity * distance))
-    most = max(1, round(fill.rate * clear)) if fill.rate else len(radius)
-    place = np.empty((len(radius), 2))
+    random, gravity, kinds = stream(seed, "places"), scene.gravity.magnitude, list(scene.grains.parts)
+    density = np.array([material.density for material in scene.grain_materials.values()])
+    place, velocity, release = np.empty((len(kind), 3)), np.zeros((len(kind), 3)), np.empty(len(kind))
+    owner = np.empty(len(kind), np.int32)
+    inlets = list(fill.parts.values())
+    for k, name in enumerate(kinds):
+        shares = np.cumsum([each.share * (each.kind in (None, name)) for each in inlets])
+        rows = np.flatnonzero(kind == k)
+        owner[rows] = np.searchsorted(shares / shares[-1], (np.arange(len(rows)) + 0.5) / max(len(rows), 1))
+    for number, inlet in enumerate(inlets):
+        rows = np.flatnonzero(owner == number)
+        if inlet.mass_rate is not None and len(rows):
+            masses = density[kind[rows]] * pi / 6.0 * diameter[rows] ** 3
+            inlet = inlet.model_copy(update={"rate": inlet.mass_rate / masses.mean()})
+        place[rows], release[rows] = pour_layers(inlet, reach * diameter[rows], gravity, random)
+        velocity[rows, 2] = -inlet.speed
+    return place, velocity, release
+
+
+def pour_layers(
+    inlet: Inlet, radius: Floats, gravity: float, random: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """Random places [n, 3] m and release times [n] s of grains of bounding radii [m] at one inlet.
+
+    A layer is released at once, the next one when this one has fallen clear of it. A rate makes layers as
+    thin as it can keep them, so that the flow is steady; where one grain a layer is still too fast, layers
+    wait.
+    """
+    clear = clearing_time(inlet, float(radius.max(initial=0.0)), gravity)
+    most = max(1, round(inlet.rate * clear)) if inlet.rate else len(radius)
+    place = np.empty((len(radius), 3))
     release = np.empty(len(radius))
-    first, time = 0, 0.0
+    first, time = 0, inlet.begin
     while first < len(radius):
-        layer = random_layer(fill, radius[first : first + most], random)
+        layer = random_layer(inlet, radius[first : first + most], random)
         last = first + len(layer)
         place[first:last], release[first:last] = layer, time
-        time += max(clear, len(layer) / fill.rate if fill.rate else 0.0)
+        time += max(clear, len(layer) / inlet.rate if inlet.rate else 0.0)
         first = last
-    return place, release
+    return place + np.array(inlet.centre or inlet.middle), release
 
 
-def random_layer(fill: Pour, radius: Floats, random: np.random.Generator) -> Floats:
-    """Random sequential addition of the next grains up to the wanted coverage, [n, 2] m."""
-    allowed = np.searchsorted(np.cumsum(radius**2), fill.coverage * fill.radius**2, side="right")
+def clearing_time(inlet: Inlet, largest: float, gravity: float) -> float:
+    """Time in which a layer falls clear of the next [s]:  v t + g t^2 / 2  is the distance of two layers."""
+    distance = 2.0 * CLEARANCE * largest
+    return 2.0 * distance / (inlet.speed + sqrt(inlet.speed * inlet.speed + 2.0 * gravity * distance) or inf)
+
+
+def random_layer(inlet: Inlet, radius: Floats, random: np.random.Generator) -> Floats:
+    """Random sequential addition of the next grains up to the wanted coverage, [n, 3] m from the centre."""
+    allowed = np.searchsorted(np.cumsum(radius**2), covered_square(inlet, radius), side="right")
     wanted = max(1, min(int(allowed), len(radius)))
-    found = np.empty((wanted, 2))
+    found = np.zeros((wanted, 3))
     for k in range(wanted):
-        place = free_place(fill.radius - radius[k], found[:k], radius[:k] + radius[k], random)
+        place = free_place(inlet, radius[k], found[:k], radius[:k] + radius[k], random)
         if place is None:
             return found[:k]
         found[k] = place
     return found
 
 
-def free_place(bound: float, others: Floats, distance: Floats, random: np.random.Generator) -> Floats | None:
-    """A place in a disc of radius `bound`, farther than `distance` from the others, or None."""
+def covered_square(inlet: Inlet, radius: Floats) -> float:
+    """Sum of the squares of the radii that a layer may have [m2]."""
+    return inlet.coverage * (inlet.radius**2 if inlet.radius else inlet.area(2.0 * radius.max()) / pi)
+
+
+def free_place(
+    inlet: Inlet, radius: float, others: Floats, distance: Floats, random: np.random.Generator
+) -> Floats | None:
+    """A place in the shape for a grain, farther than `distance` from the others, or None."""
     for _ in range(TRIES):
-        angle, r = random.uniform(0.0, 2.0 * pi), bound * sqrt(random.uniform())
-        place = np.array([r * np.cos(angle), r * np.sin(angle)])
+        if inlet.radius:
+            angle, r = random.uniform(0.0, 2.0 * pi), (inlet.radius - radius) * sqrt(random.uniform())
+            place = np.array([r * np.cos(angle), r * np.sin(angle), 0.0])
+        elif inlet.size:
+            place = np.append((np.array(inlet.size) - 2.0 * radius) * (random.uniform(size=2) - 0.5), 0.0)
+        else:
+            place = 2.0 * np.subtract(inlet.middle, inlet.centre or inlet.middle) * random.uniform()
         if np.all(np.sum((others - place) ** 2, axis=1) >= distance**2):
             return place
     return None
@@ -116,9 +159,10 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
     kind, diameter = sample_kinds(scene, stream(seed, "diameters"), stream(seed, "kinds"))
     release = np.zeros(count)
     if isinstance(fill, Pour):
-        place, release = pour_layers(fill, reach * diameter, gravity, random)
-        position = np.column_stack([place, np.zeros(count)]) + np.array(fill.centre)
-        velocity = np.tile((0.0, 0.0, -fill.speed), (count, 1))
+        position, velocity, release = pour(scene, fill, kind, diameter, reach, seed)
+        order = np.argsort(release, kind="stable")
+        kind, diameter, release = kind[order], diameter[order], release[order]
+        position, velocity = position[order], velocity[order]
     else:
         position = net_places(scene, fill, reach * diameter, random)
         speed = fill.speed_sd * sqrt(gravity * nominal)
@@ -255,7 +299,7 @@ def start_top(scene: Scene, reach_largest: float) -> float:
     if isinstance(fill, Positions):
         return max(grain.position[2] for grain in fill.grains) + reach_largest
     if isinstance(fill, Pour):
-        return fill.centre[2] + reach_largest
+        return max(each.middle[2] for each in fill.parts.values()) + reach_largest
     if isinstance(fill, Bed):
         return float(saved_bed(scene, fill, scene.run.seed)["position"][:, 2].max()) + reach_largest
     if isinstance(fill, Lattice):

@@ -15,7 +15,7 @@ from taichi_erosion.scene.preparation.contacts import (
     surface_energy,
     young_effective,
 )
-from taichi_erosion.scene.preparation.fill import start_top
+from taichi_erosion.scene.preparation.fill import clearing_time, start_top
 from taichi_erosion.scene.preparation.sizes import (
     SPHERE_REACH,
     grain_cube,
@@ -124,6 +124,19 @@ def outlet_warnings(scene: Scene) -> Iterator[str]:
             yield f"geometry.{name}: the outlet is {ratio:.2g} of the largest grains wide; {told}"
 
 
+def inlet_warnings(scene: Scene) -> Iterator[str]:
+    """Sentences about inlets that cannot keep their rate: layers of grains fall clear of each other."""
+    width = grain_cube(scene) ** (1.0 / 3.0)
+    for path, inlet in scene.fill.parts.items() if isinstance(scene.fill, Pour) else ():
+        clear = clearing_time(inlet, 0.5 * size_range(scene.grains)[1], scene.gravity.magnitude)
+        most = inlet.coverage * inlet.area(width) / (0.25 * pi * width**2) / clear
+        mean = scene.grain_density * pi / 6.0 * width**3
+        rate = inlet.rate or (inlet.mass_rate or 0.0) / mean
+        if rate > 1.2 * most:
+            told = f"about {most:.3g} grains a second pass, not {rate:.3g}"
+            yield f"{path}: {told}; make it wider, faster or raise its coverage"
+
+
 def rayleigh_time(radius: float, density: float, shear: float, poisson: float) -> float:
     """Time in which a Rayleigh wave crosses half the surface of a sphere [s].
 
@@ -212,7 +225,7 @@ def start_speed(scene: Scene) -> float:
     if isinstance(fill, Bed):
         return float(np.linalg.norm(saved_bed(scene, fill, scene.run.seed)["velocity"], axis=1).max())
     if isinstance(fill, Pour):
-        return fill.speed
+        return max(each.speed for each in fill.parts.values())
     return 3.0 * fill.speed_sd * sqrt(scene.gravity.magnitude * nominal_diameter(scene.grains))
 
 
@@ -336,6 +349,7 @@ def explain(scene: Scene) -> dict[str, Any]:
             *time_step_warnings(chosen, limit),
             *adhesion_warnings(scene, sticking),
             *outlet_warnings(scene),
+            *inlet_warnings(scene),
         ],
     }
 

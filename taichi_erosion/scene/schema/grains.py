@@ -1,6 +1,6 @@
 """Grains, materials and contacts of a scene."""
 
-from math import sqrt
+from math import dist, hypot, pi, sqrt
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
@@ -298,17 +298,71 @@ class Lattice(JitteredNet):
     length: float = extent(..., "length that holds the centres")
 
 
-class Pour(Section):
-    """Grains pass a horizontal disc downwards, layer by layer, at random places without overlap."""
+class Inlet(Section):
+    """Grains pass a disc, a rectangle or a line, layer by layer, at random places without overlap."""
 
-    law: Literal["pour"]
-    centre: Vector = position(..., "centre of the disc")
-    radius: float = extent(..., "radius of the disc, whole grains inside")
-    speed: float = number(2.0, "m s-1", "downward speed at the disc", 0.0, 100.0)
+    centre: Vector | None = position(None, "middle of the disc or rectangle, or one end of the line")
+    radius: float | None = extent(None, "radius of a horizontal disc, whole grains inside")
+    size: tuple[float, float] | None = extent(None, "sides of a horizontal rectangle along x and y, likewise")
+    end: Vector | None = position(None, "other end of a line, on which grains lie side by side")
+    speed: float = number(2.0, "m s-1", "downward speed there", 0.0, 100.0)
     rate: float | None = number(
         None, "s-1", "grains per second; left out: as fast as layers clear", 1e-3, 1e9
     )
-    coverage: float = number(0.25, "1", "share of the disc's area that a layer covers", 1e-3, 0.45)
+    mass_rate: float | None = number(None, "kg s-1", "mass per second, in place of rate", 1e-12, 1e6)
+    coverage: float = number(0.25, "1", "share of area or length that a layer covers", 1e-3, 0.45)
+    begin: float = number(0.0, "s", "time at which it opens", 0.0, 1e5)
+    share: float = number(1.0, "1", "its share of the grains among inlets, in any unit", 1e-6, MOST_MASS)
+    kind: Name | None = Field(default=None, description="kind of grains that alone passes; left out: all")
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> "Inlet":
+        stated = [name for name in ("radius", "size", "end") if getattr(self, name) is not None]
+        if not getattr(self, "inlets", {}) and (len(stated) != 1 or self.centre is None):
+            raise contradiction("needs centre and one of radius (disc), size (rectangle), end (line)")
+        if self.centre and self.end and self.centre[2] != self.end[2]:
+            raise contradiction("the line from centre to end must be horizontal")
+        if self.rate is not None and self.mass_rate is not None:
+            raise contradiction("rate and mass_rate state the same; leave one out")
+        return self
+
+    @property
+    def middle(self) -> Vector:
+        """Middle of the shape [m]."""
+        x, y, z = self.centre or (0.0, 0.0, 0.0)
+        a, b, c = self.end or (x, y, z)
+        return 0.5 * (x + a), 0.5 * (y + b), 0.5 * (z + c)
+
+    @property
+    def reach(self) -> float:
+        """Distance of its farthest point from the middle [m]."""
+        return self.radius or 0.5 * hypot(*(self.size or ())) or dist(self.middle, self.end or self.middle)
+
+    def area(self, width: float) -> float:
+        """Area of the shape [m2], that of a line for grains of a width [m]."""
+        if self.radius is not None:
+            return pi * self.radius**2
+        return self.size[0] * self.size[1] if self.size else 2.0 * self.reach * width
+
+
+class Pour(Inlet):
+    """Grains pass one inlet, or several."""
+
+    later = ("begin", "share", "kind", "inlets")
+
+    law: Literal["pour"]
+    inlets: dict[Name, Inlet] = Field({}, description="inlets by names, in place of one")
+
+    @model_validator(mode="after")
+    def _one_or_several(self) -> "Pour":
+        if self.inlets and self.centre is not None:
+            raise contradiction("inlets stand beside one of its own; leave centre and its shape out")
+        return self
+
+    @property
+    def parts(self) -> dict[str, Inlet]:
+        """All inlets by the path of their entries."""
+        return {f"fill.inlets.{name}": each for name, each in sorted(self.inlets.items())} or {"fill": self}
 
 
 class Layers(JitteredNet):

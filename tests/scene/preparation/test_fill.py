@@ -10,9 +10,9 @@ from scene_tables import changed, good_table
 from scipy.spatial import KDTree
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.core.setup import GrainTable
+from taichi_erosion.core.setup import GrainTable, Setup
 from taichi_erosion.effects import load_library
-from taichi_erosion.scene import build_setup, parse_scene
+from taichi_erosion.scene import build_setup, explain, parse_scene
 from taichi_erosion.scene.change import SAMPLE, with_section
 from taichi_erosion.scene.preparation.fill import initial_bodies
 from taichi_erosion.simulation.scene_setup import effective_scene
@@ -181,3 +181,91 @@ def test_a_grain_that_fits_nowhere_between_the_walls_is_refused():
     narrow = with_section(scene, "fill", radius=0.35e-3).model_copy(update={"geometry": {"tube": tube}})
     with pytest.raises(BadInput, match="finds no place between walls"):
         initial_bodies(narrow, 1, 0.5)
+
+
+SHAPES: dict[str, dict[str, Any]] = {
+    "disc": {"centre": [-0.02, 0.0, 0.2], "radius": 0.01, "rate": 2000.0},
+    "line": {"centre": [0.04, -0.01, 0.21], "end": [0.04, 0.03, 0.21], "speed": 0.5, "begin": 0.3},
+    "rectangle": {"centre": [0.0, 0.02, 0.22], "size": [0.05, 0.012], "mass_rate": 0.02, "share": 2.0},
+}
+KINDS = {
+    "soil": {"share": 1.0, "size": {"law": "monodisperse", "diameter": 1.5e-3}},
+    "steel": {"share": 3.0, "size": {"law": "monodisperse", "diameter": 1e-3}},
+}
+
+
+def table_of_inlets(inlets: dict[str, dict[str, Any]], **grains: Any) -> dict[str, Any]:
+    table = changed("fill", {"law": "pour", "inlets": inlets})
+    table["geometry"] = {"plate": table["geometry"]["plate"]}
+    table["stages"] = table["stages"][:1]
+    table["measure"], table["measured"] = {}, {}
+    table["grains"] = table["grains"] | {"count": 2000} if not grains else {"count": 2000, **grains}
+    table["contact"]["steel-steel"] = {"restitution": 0.5, "friction_sliding": 0.5}
+    return table
+
+
+def build_inlets(inlets: dict[str, dict[str, Any]], **grains: Any) -> Setup:
+    return build_setup(parse_scene(table_of_inlets(inlets, **grains)), 1)
+
+
+def test_several_inlets_share_the_grains_each_in_its_shape_from_its_time_on_at_its_rate():
+    grains = build_inlets(SHAPES).grains
+    x, y, z = grains.position.T
+    radius, time = grains.radius, grains.release_time
+    assert np.all(np.diff(time) >= 0.0)
+    disc, line = z == 0.2, x == 0.04
+    rectangle = ~(disc | line)
+    assert [disc.sum(), line.sum(), rectangle.sum()] == [500, 500, 1000]
+    assert np.all(np.hypot(x + 0.02, y)[disc] + radius[disc] <= 0.01)
+    assert np.all(np.abs(x[rectangle]) + radius[rectangle] <= 0.025)
+    assert np.all(np.abs(y[rectangle] - 0.02) + radius[rectangle] <= 0.006)
+    assert np.all(z[line] == 0.21)
+    assert np.ptp(y[line]) > 0.035
+    assert time[line].min() == 0.3
+    assert disc.sum() / time[disc].max() == pytest.approx(2000.0, rel=0.1)
+    assert grains.mass[rectangle].sum() / time[rectangle].max() == pytest.approx(0.02, rel=0.1)
+    assert grains.velocity[line] == pytest.approx(np.tile((0.0, 0.0, -0.5), (500, 1)))
+    for now in np.unique(time[line])[:8]:
+        assert smallest_gap(at_time(grains, now)) >= 0.0
+
+
+def test_a_kind_passes_the_inlets_that_let_it_pass():
+    inlets = {
+        "sand": {"centre": [-0.05, 0.0, 0.2], "radius": 0.02, "kind": "soil"},
+        "both": {"centre": [0.05, 0.0, 0.2], "radius": 0.02},
+    }
+    setup = build_inlets(inlets, kinds=KINDS)
+    steel = setup.grains.material == setup.materials.index("steel")
+    left = setup.grains.position[:, 0] < 0.0
+    assert not np.any(steel & left)
+    assert (~steel & left).sum() == pytest.approx(0.5 * (~steel).sum(), abs=1)
+
+
+def test_an_inlet_that_cannot_keep_its_rate_is_told():
+    warnings = explain(parse_scene(table_of_inlets({"thin": SHAPES["line"] | {"rate": 1e5}})))["warnings"]
+    assert any(line.startswith("fill.inlets.thin: about") for line in warnings)
+    quiet = explain(parse_scene(table_of_inlets(SHAPES)))["warnings"]
+    assert not any(line.startswith("fill.inlets") for line in quiet)
+
+
+@pytest.mark.parametrize(
+    ("inlet", "told"),
+    [
+        ({"centre": [0.0, 0.0, 0.1], "end": [0.1, 0.0, 0.2]}, "must be horizontal"),
+        ({"centre": [0.0, 0.0, 0.1]}, "one of radius (disc), size (rectangle), end (line)"),
+        ({"centre": [0.0, 0.0, 0.1], "radius": 0.01, "end": [0.1, 0.0, 0.1]}, "one of radius"),
+        ({"centre": [0.0, 0.0, 0.1], "radius": 0.01, "rate": 10.0, "mass_rate": 0.1}, "leave one out"),
+        ({"centre": [0.0, 0.0, 0.1], "size": [0.1, 1e-3]}, "fill.inlets.a.size = 0.0005 m is smaller"),
+        ({"centre": [0.0, 0.0, 0.1], "radius": 0.02, "kind": "soil"}, "is not among [grains.kinds]"),
+    ],
+)
+def test_an_inlet_without_a_shape_or_room_is_refused(inlet: dict[str, Any], told: str):
+    with pytest.raises(BadInput) as refused:
+        parse_scene(table_of_inlets({"a": inlet}))
+    assert told in str(refused.value)
+
+
+def test_a_kind_that_no_inlet_lets_pass_is_refused():
+    inlet = {"centre": [0.0, 0.0, 0.2], "radius": 0.02, "kind": "soil"}
+    with pytest.raises(BadInput, match="none of them lets 'steel' pass"):
+        parse_scene(table_of_inlets({"sand": inlet}, kinds=KINDS))
