@@ -1,8 +1,8 @@
-"""Laboratories whose heaps of 100 grains our own simulator makes, with the study's laws of contact or others.
+"""Laboratories whose heaps of 100 grains our own simulator makes, of other laws of contact.
 
 Conditions, repeats, observables, calibrated numbers and candidates are the same for all of them. A laboratory
-has its own seeds, time step, packing and friction. `SAME_LAWS` has no more than that; `OTHER_LAWS` has JKR,
-EDEM's limit of friction, a constant rolling torque and stiffer grains besides.
+has its own seeds, time step, packing and friction, JKR, EDEM's limit of friction, a constant rolling torque
+and stiffer grains.
 """
 
 import random
@@ -21,25 +21,8 @@ from taichi_erosion.run.ensemble import ReplicaRequest, run_replicas
 SCENE = Path(__file__).parent / "apparatus" / "column.toml"
 STUDY = SCENE.with_name("study.toml")
 ENSEMBLE = 200  # replicas that run beside each other
-CANDIDATES = (
-    "liquid_bridge",
-    "dry_adhesion",
-    "rolling_resistance",
-    "restitution_speed",
-    "size_distribution",
-    "packing_preparation",
-    "image_charge",
-    "grain_density",
-)
 MOST = {"size_distribution": 1.0, "grain_density": 1.5, "image_charge": 2.0, "restitution_speed": 2.0}
 OUTSIDE = ("sliding friction that grows with angularity", "restitution that falls with moisture")
-AGAIN = ("liquid_bridge", "dry_adhesion", "rolling_resistance", "size_distribution")  # at another strength
-PAIRS = (
-    ("liquid_bridge", "rolling_resistance"),
-    ("dry_adhesion", "rolling_resistance"),
-    ("liquid_bridge", "size_distribution"),
-    ("rolling_resistance", "size_distribution"),
-)
 SINGLES = ("liquid_bridge", "dry_adhesion", "rolling_resistance", "size_distribution", "image_charge")
 DIAMETERS = (1.5e-3, 3e-3)  # m
 CONDITIONS = ((0.0, 0.0), (0.01, 0.0), (0.0, 0.5), (0.0, 1.0))  # moisture, angularity
@@ -93,16 +76,6 @@ def drawn_numbers(generator: random.Random) -> dict[str, float]:
     return {SLIDING: sliding, ROLLING: USUAL[ROLLING] * generator.lognormvariate(0.0, 0.3)}
 
 
-def same_laws_case(generator: random.Random, names: tuple[str, ...]) -> Case:
-    """Strengths near one of three levels, those of a pair not weak; a looser filling, a finer step."""
-    effects = {}
-    for name in names:
-        level = generator.choice((1.0, 2.0) if len(names) > 1 else (0.3, 1.0, 2.0))
-        effects[name] = min(level * generator.uniform(0.77, 1.3), MOST.get(name, 3.0))
-    settings = ("run.time_step_d=2.4e-2", "fill.pitch_d=1.2")
-    return {"effects": effects, "numbers": drawn_numbers(generator), "settings": settings}
-
-
 def other_laws_case(generator: random.Random, names: tuple[str, ...]) -> Case:
     """Strengths between 0.5 and 2, and contacts of other laws.
 
@@ -130,17 +103,10 @@ def surface_energy(pull: float, diameter: float) -> float:
     return pull * weight / (3.0 * pi * diameter / 4.0)
 
 
-def draw_same_laws(generator: random.Random) -> list[Case]:
-    """Six cases of nothing, twelve of one effect, four of two, two of what no candidate describes."""
-    hidden = [((), "")] * 6 + [((name,), "") for name in (*CANDIDATES, *AGAIN)]
-    hidden += [(pair, "") for pair in PAIRS] + [((), outside) for outside in OUTSIDE]
-    return drawn(generator, hidden, same_laws_case)
-
-
 def draw_other_laws(generator: random.Random) -> list[Case]:
     """Three cases of nothing, five of one effect, two of two, two of what no candidate describes."""
     hidden = [((), "")] * 3 + [((name,), "") for name in SINGLES]
-    hidden += [(PAIRS[0], ""), (("dry_adhesion", "size_distribution"), "")]
+    hidden += [(("liquid_bridge", "rolling_resistance"), ""), (("dry_adhesion", "size_distribution"), "")]
     return drawn(generator, hidden + [((), outside) for outside in OUTSIDE], other_laws_case)
 
 
@@ -216,5 +182,4 @@ def simulated(runs: list[tuple[Case, float, float, float]], seed: int) -> list[d
     return [found[k] for k in range(len(runs))]
 
 
-SAME_LAWS = Laboratory(draw_same_laws, measure)
 OTHER_LAWS = Laboratory(draw_other_laws, measure)

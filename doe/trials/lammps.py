@@ -8,7 +8,7 @@ import random
 import subprocess
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp, log, pi
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,18 @@ from typing import Any
 import numpy as np
 import typer
 
-from doe.trials.heaps import DENSITY, GRAVITY, SCENE, Case, Laboratory, between, drawn, line_of, write_study
+from doe.trials.heaps import (
+    DENSITY,
+    GRAVITY,
+    SCENE,
+    STIFFER,
+    Case,
+    Laboratory,
+    between,
+    drawn,
+    line_of,
+    write_study,
+)
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
@@ -35,6 +46,15 @@ HIDDEN = (  # effects, and what no candidate describes
     ((), "sliding friction that grows with angularity"),
     ((), "sliding friction that water lowers"),
 )
+HIDDEN_BEYOND = (  # in grains that are stiffer than the study's, with a friction one sd off its prior
+    *[((), "")] * 2,
+    (("rolling_resistance",), ""),
+    (("liquid_bridge",), ""),
+    (("liquid_bridge", "rolling_resistance"), ""),
+    ((), "sliding friction that water lowers"),
+    ((), "rolling friction that water raises"),
+    ((), "sliding and rolling friction that water lowers"),
+)
 WEAKEST, STRONGEST = 0.5, 2.0  # of a hidden effect, log-uniform
 MOST = {"size_distribution": 1.0}
 CONDITIONS = ((0.0, 0.0), (0.015, 0.0), (0.0, 0.5), (0.0, 1.0))  # moisture, angularity
@@ -44,6 +64,7 @@ WALLS = ("[contact.grain-plate]\n", "[contact.grain-tube]\n")  # tables of the s
 OBSERVABLES = ("column_height", "pile_height", "centroid_height", "radius_90")
 OF_PILE = (heap.pile_height, heap.centroid_height, heap.radius_90, heap.angle_of_repose_outline)
 
+OFF = 0.1  # of ln of the sliding friction: one sd of the prior of the study
 POISSON, RESTITUTION = 0.25, 0.5  # [1]
 SLIDING, ROLLING = 0.52, 0.15  # middle of the laboratories
 PITCH_D, FIRST_D = 1.15, 0.7  # over the diameter
@@ -87,6 +108,12 @@ def drawn_case(generator: random.Random, names: tuple[str, ...]) -> Case:
     effects = {name: min(between(generator, WEAKEST, STRONGEST), MOST.get(name, STRONGEST)) for name in names}
     sliding = SLIDING * generator.lognormvariate(0.0, 0.08)
     return {"effects": effects, "sliding": sliding, "rolling": ROLLING * generator.lognormvariate(0.0, 0.3)}
+
+
+def beyond_case(generator: random.Random, names: tuple[str, ...]) -> Case:
+    """The same with stiffer grains and a friction one sd off what the study says."""
+    case = drawn_case(generator, names) | {"sliding": SLIDING * exp(generator.choice((-OFF, OFF)))}
+    return case | {"stiffness": between(generator, *STIFFER)}
 
 
 def sizes(generator: np.random.Generator, count: int, spread: float, diameter: float) -> Floats:
@@ -135,9 +162,11 @@ def grains_of(case: Case, moisture: float, angularity: float) -> Grains:
     sliding = case["sliding"]
     if "angularity" in case["outside"]:
         sliding *= 1.0 + 0.8 * angularity
-    if "water" in case["outside"]:
-        sliding *= 0.6 if moisture > 0.0 else 1.0
-    rolling = case["rolling"] + strength.get("rolling_resistance", 0.0) * MOST_ANGULAR * angularity
+    lowers = "water lowers" in case["outside"] and moisture > 0.0
+    sliding *= 0.6 if lowers else 1.0
+    raises = "water raises" in case["outside"] and moisture > 0.0
+    factor = 2.2 if raises else 0.4 if lowers and "rolling" in case["outside"] else 1.0
+    rolling = factor * case["rolling"] + strength.get("rolling_resistance", 0.0) * MOST_ANGULAR * angularity
     return Grains(sliding, rolling, pull, strength.get("size_distribution", 0.0) * SPREAD)
 
 
@@ -199,13 +228,16 @@ def measure(folder: Path, cases: Sequence[Case], seed: int) -> None:
     (folder / SCENE.name).write_text(scene, encoding="utf-8")
     for case in cases:
         generator, lines = np.random.default_rng([seed, case["number"]]), []
+        stiffer = case.get("stiffness", 1.0)
+        column = replace(SMALL, young=stiffer * SMALL.young, step_d=SMALL.step_d / stiffer**0.5)
         for d in DIAMETERS:
             for w, a in CONDITIONS:
                 for _ in range(REPEATS):
-                    found = laboratory_run(SMALL, grains_of(case, w, a), d, generator)
+                    found = laboratory_run(column, grains_of(case, w, a), d, generator)
                     lines += [line_of(name, found[name].value, (d, w, a), "LAMMPS") for name in OBSERVABLES]
         write_study(folder, case["number"], lines)
         typer.echo(f"{case['number'] + 1} of {len(cases)} laboratories")
 
 
 DRAWN = Laboratory(lambda generator: drawn(generator, HIDDEN, drawn_case), measure)
+BEYOND = Laboratory(lambda generator: drawn(generator, HIDDEN_BEYOND, beyond_case), measure)

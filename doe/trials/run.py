@@ -7,9 +7,9 @@
     python -m doe.trials.run again TRIAL SET --cases 200        stored cases by this method, as `SET, again`
 
 TRIAL is reduced (the closed-form model: disturbed, beyond, clean and several in turn, each a trial too, as is
-intervals), tables (as laboratories write them), same_laws or other_laws (heaps of our own simulator), or
-lammps (heaps of that code); of heaps `make TRIAL SET SECRET` measures the tables after `seal`. SECRET is a
-folder outside the tree that no solving process is given; there lie 128 random bits of the operating system
+intervals), tables (as laboratories write them), other_laws (heaps of our own simulator), or lammps and
+lammps_beyond (heaps of that code); of heaps `make TRIAL SET SECRET` measures the tables after `seal`. SECRET
+is a folder outside the tree that no solving process is given; there lie 128 random bits of the operating system
 for every case, out of which it follows.
 Nothing is solved before the digests are committed; every row names the commit that answered it.
 """
@@ -40,7 +40,7 @@ from doe.trials.table import HERE, Row, add_rows, read_rows, table_of
 from doe.trials.tables.draw import TableCase, draw
 from taichi_erosion.core.files import write_atomic
 
-LABORATORIES = {"same_laws": heaps.SAME_LAWS, "other_laws": heaps.OTHER_LAWS, "lammps": lammps.DRAWN}
+LABORATORIES = {"other_laws": heaps.OTHER_LAWS, "lammps": lammps.DRAWN, "lammps_beyond": lammps.BEYOND}
 SeededCase = Drawn | TableCase
 SEEDED: Mapping[str, Callable[[int, int], SeededCase]] = {**FAMILIES, "tables": draw}
 SEED_BITS = 128  # too many to try

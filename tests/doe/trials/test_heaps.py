@@ -6,8 +6,8 @@ from math import pi
 
 import pytest
 
-from doe.trials.heaps import OTHER_LAWS, SAME_LAWS, SCENE, orders, surface_energy
-from doe.trials.lammps import DRAWN
+from doe.trials.heaps import OTHER_LAWS, SCENE, orders, surface_energy
+from doe.trials.lammps import BEYOND, DRAWN, grains_of
 from taichi_erosion.grains.laws import jkr
 from taichi_erosion.run.checks import read_scene
 
@@ -19,9 +19,9 @@ def kinds(cases) -> Counter[str]:
 @pytest.mark.parametrize(
     ("place", "wanted"),
     [
-        (SAME_LAWS, {"0": 6, "1": 12, "2": 4, "outside": 2}),
         (OTHER_LAWS, {"0": 3, "1": 5, "2": 2, "outside": 2}),
         (DRAWN, {"0": 4, "1": 8, "2": 2, "outside": 2}),
+        (BEYOND, {"0": 2, "1": 2, "2": 1, "outside": 3}),
     ],
 )
 def test_every_set_hides_what_its_page_says(place, wanted):
@@ -48,3 +48,19 @@ def test_the_pull_of_jkr_is_the_stated_share_of_a_weight():
     pull = 3.0 * pi * surface_energy(share, diameter) * diameter / 4.0
     assert pull == pytest.approx(share * weight, rel=1e-12)
     assert "3 pi gamma R*" in (jkr.__doc__ or "")
+
+
+def test_water_changes_what_the_truth_says_and_nothing_else():
+    changed = {}
+    for case in BEYOND.draw(random.Random(4)):
+        dry, wet = (grains_of(case, moisture, 0.0) for moisture in (0.0, 0.015))
+        if case["outside"]:
+            changed[case["outside"]] = wet.sliding / dry.sliding, wet.rolling / dry.rolling
+            assert wet.pull_d == dry.pull_d == 0.0
+        assert abs(abs(case["sliding"] / 0.52 - 1.0) - 0.1) < 0.01
+        assert case["stiffness"] > 1.4
+    assert changed == {
+        "sliding friction that water lowers": (pytest.approx(0.6), 1.0),
+        "rolling friction that water raises": (1.0, pytest.approx(2.2)),
+        "sliding and rolling friction that water lowers": (pytest.approx(0.6), pytest.approx(0.4)),
+    }
