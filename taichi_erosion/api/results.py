@@ -15,6 +15,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.answer_lines import outside_text
+from taichi_erosion.evidence.words.part_words import acting_names
 from taichi_erosion.tables.number_words import heading
 
 if TYPE_CHECKING:
@@ -178,6 +179,12 @@ class DiscoveryResult(RaceResult):
         return table.sort_values("probability", ascending=False)
 
     effects = table
+
+    @property
+    def sensitivity(self) -> pd.DataFrame:
+        """Answers with a prior halved, and doubled."""
+        told = {prior: map(acting_names, own) for prior, own in self.record.sensitivity.items()}
+        return pd.DataFrame.from_dict(told, orient="index", columns=["halved", "doubled"])
 
     @property
     def curves(self) -> pd.DataFrame:

@@ -161,6 +161,7 @@ def print_answer(reply: "Reply", options: Sequence[str], verbose: bool) -> None:
     print_parts(set_up, answer)
     if not verbose:
         return
+    from taichi_erosion.evidence.words.answer_lines import sensitivity_table
     from taichi_erosion.evidence.words.vocabulary import interval
 
     about, record = reply.about, reply.record
@@ -175,6 +176,8 @@ def print_answer(reply: "Reply", options: Sequence[str], verbose: bool) -> None:
     )
     if record.effects:
         print_table("limits of the strengths", LIMITS, limits)
+    if (stable := sensitivity_table(record)) is not None:
+        print_table(stable.title, stable.columns, stable.rows)
     if record.numbers:
         print_table("calibrated numbers (90 %)", NUMBERS, numbers)
     print_lines([*about["notes"], *about["warnings"]], "note: ")

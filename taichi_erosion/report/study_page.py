@@ -18,7 +18,7 @@ from taichi_erosion.evidence.answers.predictions import read_prediction
 from taichi_erosion.evidence.models.load_study import results_folder
 from taichi_erosion.evidence.race.record import Record
 from taichi_erosion.evidence.words import page_words, shell_command
-from taichi_erosion.evidence.words.answer_lines import Table
+from taichi_erosion.evidence.words.answer_lines import Table, sensitivity_table
 from taichi_erosion.evidence.words.part_words import acting
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.recording.study_recording import StudyPage, record_study
@@ -148,7 +148,8 @@ def answer_page(
     misfits = [figures.ladder_picture(held)] if page_words.added_words(held) else []
     numbers = [figures.number_picture(held)] if held.numbers else []
     drawn = missing, [*misfits, *numbers, *others], []
-    tables = ([found[key].table for key in keys if key in found] for keys in TABLES)
+    tables = [[found[key].table for key in keys if key in found] for keys in TABLES]
+    tables[1].append(sensitivity_table(records["discover"]) if "discover" in found else None)
     *titles, method_title = page_words.SECTIONS
     return {
         "title": title,

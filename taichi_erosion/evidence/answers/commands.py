@@ -3,6 +3,7 @@
 All of them condition the same race: `summary` makes its record, each command adds what it was asked for.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
@@ -42,12 +43,12 @@ from taichi_erosion.evidence.models.load_study import (
     StudyOptions,
     load_study,
 )
-from taichi_erosion.evidence.race.decision import decide
+from taichi_erosion.evidence.race.decision import decide, sensitivity
 from taichi_erosion.evidence.race.dose_laws import told_law
 from taichi_erosion.evidence.race.outlook import held_out_part
 from taichi_erosion.evidence.race.posterior import Posterior, given, only, raced
 from taichi_erosion.evidence.race.proposals import proposals
-from taichi_erosion.evidence.race.record import Record
+from taichi_erosion.evidence.race.record import Decided, Record
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.part_words import set_up_lines
 from taichi_erosion.mechanisms.library import mechanism_rows
@@ -170,13 +171,17 @@ def discover_record(found: RacedStudy) -> Record:
 
     A name that fresh runs contradict is not stable.
     """
-    record = replace(
-        summary(found.posterior, found.decision), law=law_part(told_law(found.posterior, found.decision))
-    )
+    posterior, told = found.posterior, found.decision
+    other = defaultdict[str, list[Decided]](list)
+    for prior, there, decision in sensitivity(posterior, told):
+        other[prior].append(decided(there, decision))
+    law = law_part(told_law(posterior, told))
+    record = replace(summary(posterior, told), fresh=found.fresh, law=law, sensitivity=dict(other))
     doubted = (*record.decided.named, *record.decided.group)
     if found.fresh is not None and found.fresh.outcome == "contradicted" and doubted:
-        record = replace(record, decided=replace(record.decided, verdict="unstable", named=(), group=doubted))
-    return replace(record, fresh=found.fresh)
+        unstable = replace(record.decided, verdict="unstable", named=(), group=doubted)
+        return replace(record, decided=unstable, sensitivity={})
+    return record
 
 
 def adopt_record(posterior: Posterior, effects: Sequence[str], seed: int) -> Record:
@@ -205,7 +210,7 @@ def stored(
     """The stored reply of a command, with its cost. A set-up that is not settled names nothing by itself."""
     if command != "adopt" and blocked(study.faults):
         waits = {"verdict": "not_testable", "named": (), "group": (), "mechanisms": ()}
-        record = replace(record, decided=replace(record.decided, **waits))
+        record = replace(record, decided=replace(record.decided, **waits), sensitivity={})
     cost = replace(record.cost, seconds=perf_counter() - start, seed=study.file.study.seed)
     cost = cost if study.simulations is None else replace(cost, runs=study.simulations)
     reply = Reply(command, framed(study, found) | told, replace(record, cost=cost), found.posterior)

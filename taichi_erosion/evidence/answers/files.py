@@ -23,7 +23,7 @@ from taichi_erosion.evidence.data.table_units import KEY, TableUnits
 from taichi_erosion.evidence.models.adopted_files import adopted_study
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.race.posterior import Posterior
-from taichi_erosion.evidence.race.record import EffectPart, HeldOutPart, Interval, Record
+from taichi_erosion.evidence.race.record import Decided, EffectPart, HeldOutPart, Interval, Record
 from taichi_erosion.evidence.words import answer_lines as lines
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
@@ -117,7 +117,7 @@ def after_adoption(record: Record, adopted: Record) -> Record:
         return record
     told = replace(record, held_out=held, fit=adopted.fit)
     none = replace(record.decided, verdict="none_detected", named=(), group=(), refuted=named)
-    return told if told.improves else replace(told, decided=none, law=None)
+    return told if told.improves else replace(told, decided=none, law=None, sensitivity={})
 
 
 def document_file(folder: Path, stem: str, command: Command) -> Path:
@@ -196,9 +196,7 @@ def document(record: Record) -> Document:
     }
     columns["conditions"] = {name: column.tolist() for name, column in record.rows.conditions.items()}
     found = {"where": parts["where"], "repeats": parts["repeats"], "rows": columns}
-    found |= {
-        key: parts["decided"][key] for key in ("verdict", "named", "group", "together", "probabilities")
-    }
+    found |= answer(decided)
     told = ("n", "chi2_before", "chi2_after", "p_lack_of_fit", "p_lack_of_fit_after")
     found |= {key: parts["fit"][key] for key in told}
     found |= {
@@ -216,10 +214,16 @@ def document(record: Record) -> Document:
         "next_experiments": parts["experiments"],
         "mechanisms": mechanisms(record),
         "fresh_runs": parts["fresh"],
+        "sensitivity": {prior: list(map(answer, own)) for prior, own in record.sensitivity.items()},
         "wall_s": cost.seconds,
     }
     found |= {key: parts["cost"][key] for key in ("runs", "settings", "stopped", "seed")}
     return without_nan(found)
+
+
+def answer(decided: Decided) -> Document:
+    """What is said."""
+    return {key: getattr(decided, key) for key in ("verdict", "named", "group", "together", "probabilities")}
 
 
 def effect(part: EffectPart) -> Document:

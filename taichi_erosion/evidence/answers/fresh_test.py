@@ -18,12 +18,14 @@ From a right emulator runs differ by n = H s, s ~ N(0, 1), H the errors of both,
 An answer with P' below SURE is contradicted where a right emulator leaves as little with a chance below OFF,
 any answer where an emulator is farther off than its errors allow (Bonferroni).
 
+Where that leaves the answer and one mechanism open, twice the seeds go where they add most to the squared
+difference of the two over its joint error, until one is LEAD times as likely, or the cap is reached.
+
 Reference: Bastos & O'Hagan (2009), Technometrics 51, 425 (diagnostics of emulators).
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import sqrt
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +39,6 @@ from taichi_erosion.evidence.emulator.fresh_runs import (
     FreshCampaign,
     FreshRuns,
     FreshSimulator,
-    Request,
 )
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.models.predictor import Predictor
@@ -49,8 +50,10 @@ from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import DRAWS, SEED, SURE
 from taichi_erosion.evidence.race.record import FreshPart, GapPart, Outcome, Verdict
 
-Simulate = Callable[[Sequence[Setting], Sequence[Request], Floats, Progress], FreshCampaign]
+Simulate = Callable[..., FreshCampaign]  # settings, requests, weights of rows, progress, times the seeds
 OFF = 0.01  # chance below which an emulator is off: a right answer is lost one time in a hundred
+CLOSER = 4  # times the runs of a test, that may tell two mechanisms apart
+LEAD = 20.0  # odds of two mechanisms from which no more seeds are spent on them
 MOST_FAILED = 0.5  # share of the runs, above which those with a value are no fair sample
 
 
@@ -168,14 +171,34 @@ def fresh_test(
     """What fresh runs say of an answer that names effects or mechanisms, and the keys of these runs."""
     race = posterior.race
     kinds, asked = kinds_of(race, decision), race.prepared.predictor.requests
-    made = simulate([setting_of(race, kind.fits[0]) for kind in kinds], asked, apart(race, kinds), progress)
+    settings, part = [setting_of(race, kind.fits[0]) for kind in kinds], race.prepared.predictor
+    made = first = simulate(settings, asked, apart(race, kinds), progress)
     if not made.runs:
         return FreshPart("not_made", kinds[0].names, needed=len(made.keys)), frozenset()
+    found, times = part_of(kinds, made), np.ones(race.prepared.rows.size, dtype=int)
+    while decision.mechanisms and is_open(found):
+        own = closest(race, made)
+        times[own] *= 2
+        if len(made.keys) + 2 * times[own[0]] * first.seeds > CLOSER * len(first.keys):
+            break
+        some = race.prepared.rows.rows(own)
+        rows = part.over(some.observables, some.which, some.conditions).requests
+        more = simulate(settings[:2], rows, np.ones(own.size), progress, int(times[own[0]]))
+        if more.seeds < times[own[0]] * first.seeds:
+            break
+        pairs = zip(made.runs[:2], more.runs, strict=True)
+        runs = (*(one.with_more(other, own) for one, other in pairs), *made.runs[2:])
+        made = FreshCampaign(runs, made.keys | more.keys, len(runs[0].values), made.failed + more.failed)
+        found = part_of(kinds, made)
+    return found, made.keys
+
+
+def part_of(kinds: Sequence[Kind], made: FreshCampaign) -> FreshPart:
+    """What is told of an answer by some fresh runs."""
+    race = kinds[0].race
     each, none = list(zip(kinds, made.runs, strict=True)), np.full(race.prepared.rows.size, np.nan)
     known = np.array([total(kind.judged(none, run.columns)) for kind, run in each])
     simulated = np.array([total(kind.judged(run.mean, run.columns)) for kind, run in each])
-    wider = [(kind, run.values, sqrt(made.seeds) * run.columns) for kind, run in each]
-    alone = [[total(kind.judged(own[k], errors)) for kind, own, errors in wider] for k in range(made.seeds)]
     random = np.random.default_rng(SEED)
     right = np.transpose([kind.if_right(run, random) for kind, run in each])
     before, after = (float(chance(kinds, found - known)) for found in (known, simulated))
@@ -183,20 +206,39 @@ def fresh_test(
     other = float(chance(kinds, simulated - known, rival)) if rival else 0.0
     p, gap = float(np.mean(chance(kinds, right - known) <= after)), gap_of(race, kinds, made.runs)
     few = made.failed > MOST_FAILED * len(made.keys) or not made.runs[0].tests
-    outcome = "undecided" if few else outcome_of(after, p, gap)
-    agreement = float(np.mean(chance(kinds, np.array(alone) - known) > 0.5))
-    told = FreshPart(outcome, kinds[0].names, before, after, p, agreement, gap, len(made.keys), made.seeds)
-    return replace(told, failed=made.failed, rival=kinds[rival].names * bool(rival), rivals=other), made.keys
+    outcome: Outcome = "confirmed" if after >= SURE and not few else "undecided"
+    if not few and min(1.0 if after >= SURE else p, 1.0 if gap is None else gap.p) < OFF:
+        outcome = "contradicted"
+    told = FreshPart(outcome, kinds[0].names, before, after, p, gap, len(made.keys), made.seeds)
+    return replace(told, failed=made.failed, rival=kinds[rival].names * bool(rival), rivals=other)
+
+
+def is_open(found: FreshPart) -> bool:
+    """Whether fresh runs leave two mechanisms open, neither of which leads by LEAD."""
+    less, more = sorted((found.simulated, found.rivals))
+    return found.outcome == "undecided" and len(found.rival) == 1 and more < LEAD * less
+
+
+def closest(race: Race, made: FreshCampaign) -> Integers:
+    """Rows of the set of conditions at which twice the seeds tell the first two explanations best."""
+    one, other = made.runs[:2]
+    error = np.sum(one.columns**2, axis=1) + np.sum(other.columns**2, axis=1)
+    gap, measured = (one.mean - other.mean) ** 2, race.prepared.sd**2
+    gain = np.nan_to_num(gap / (measured + 0.5 * error) - gap / (measured + error))
+    cells = condition_numbers(race.prepared.rows)
+    return np.flatnonzero(cells == cells[int(np.argmax([gain[cells == cell].sum() for cell in cells]))])
 
 
 def after_runs(told: Decision, part: FreshPart) -> Decision:
     """The decision with mechanisms as runs show them: one that they do not confirm, beside its runner-up.
 
-    None is told where they contradict it and leave more than chance to the model without effects, and none
-    where the runner-up is a set.
+    That alone where they leave SURE to it. None where they contradict it and leave more than chance to the
+    model without effects, and none where the runner-up is a set.
     """
     if not told.mechanisms or part.outcome == "confirmed":
         return told
+    if part.rivals >= SURE and len(part.rival) == 1 and part.rival[0] in told.beyond:
+        return replace(told, mechanisms=part.rival, together=False)
     tested, left = [*part.effects, *part.rival], 1.0 - part.simulated - part.rivals
     if (part.outcome == "contradicted" and left > 1.0 - SURE) or len(part.rival) > 1:
         verdict: Verdict = "outside_library" if told.outside >= SURE else "none_detected"
@@ -252,15 +294,6 @@ def untrained(simulator: FreshSimulator, predictor: Predictor, point: Setting) -
         known = mapping.known(stated)
         found[rows] = [(scene, conditions(scene, row_at(known, k))) not in made for k in range(rows.size)]
     return found
-
-
-def outcome_of(simulated: float, p: float, gap: GapPart | None) -> Outcome:
-    """The verdict on an answer."""
-    if gap is not None and gap.p < OFF:
-        return "contradicted"
-    if simulated >= SURE:
-        return "confirmed"
-    return "contradicted" if p < OFF else "undecided"
 
 
 def chance(kinds: Sequence[Kind], change: Floats, of: int = 0) -> Floats:

@@ -110,9 +110,7 @@ class Wishes:
     effects: tuple[Path, ...] = ()  # files with effects of the user's own
     sd: Mapping[str, str] = field(default_factory=dict)  # column or observable -> scatter of single repeats
     fill_down: bool = False  # blank cells below a condition, a set-up or a source repeat it
-    between_codes: Mapping[str, str] = field(
-        default_factory=dict
-    )  # observable -> sd of the laboratory's level
+    between_codes: Mapping[str, str] = field(default_factory=dict)  # observable -> sd of its level
     measured: Mapping[str, str] = field(default_factory=dict)  # calibrated number -> value and its sd
 
 

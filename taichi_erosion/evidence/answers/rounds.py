@@ -17,7 +17,14 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.evidence.answers import files
-from taichi_erosion.evidence.answers.fresh_test import after_runs, fresh_test, kinds_of, runs_at, setting_of
+from taichi_erosion.evidence.answers.fresh_test import (
+    CLOSER,
+    after_runs,
+    fresh_test,
+    kinds_of,
+    runs_at,
+    setting_of,
+)
 from taichi_erosion.evidence.answers.set_up import blocked, refuse_blocked
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.data.transforms import effect_of, is_strength
@@ -128,9 +135,8 @@ def points(found: RacedStudy) -> Points:
     likely = [names for names, p in sets(found.posterior).items() if p >= KEEP]
     if not undecided(found.decision) or len(likely) < 2:
         return []
-    return found.about(
-        *(closest(found.posterior.race, names) for names in sorted(likely[:MOST_POINTS], key=bool))
-    )
+    race = found.posterior.race
+    return found.about(*(closest(race, names) for names in sorted(likely[:MOST_POINTS], key=bool)))
 
 
 def required(found: RacedStudy) -> Points:
@@ -220,7 +226,7 @@ def test_cost(runs: TrainingRuns, question: Question, own: list[Points], key: st
     known = stored(runs.study)["fresh"].get(key)
     if not question.tested or (known is not None and known["rounds"] == len(own)):
         return 0
-    return fresh_count(runs, runs.plan_size.fresh)
+    return fresh_count(runs, runs.plan_size.fresh) * (CLOSER if runs.mechanisms else 1)
 
 
 def with_fresh_runs(

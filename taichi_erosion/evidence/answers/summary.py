@@ -383,9 +383,7 @@ def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
             axis = axis_scale(values[own])
             if axis is not None:
                 named.append((measured.name, name))
-                columns += [
-                    race.prepared.white(np.where(own, axis(values) ** power, 0.0)) for power in (1, 2)
-                ]
+                columns += [race.prepared.white(np.where(own, axis(values) ** k, 0.0)) for k in (1, 2)]
     along, gram = linear.solved(u).against(np.reshape(columns, (-1, rows.size)).T)
     alone, left, least = gram.diagonal().copy(), [*range(len(named))], 0.0
     while left:

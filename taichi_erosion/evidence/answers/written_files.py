@@ -297,11 +297,9 @@ def acting_candidates(study: Study) -> list[str]:
         known |= {path.removeprefix("conditions."), *path.rpartition(".")[2].split("_")}
     own = {effect_in(file).name for file in study.effect_files}
     able = [
-        candidate.name
-        for candidate in study.problem.candidates
-        if any(
-            inactive_reason(scene, candidate.name, expected_strength(candidate)) is None for scene in scenes
-        )
+        each.name
+        for each in study.problem.candidates
+        if any(inactive_reason(scene, each.name, expected_strength(each)) is None for scene in scenes)
     ]
     effects = {name: simulator.library[name] for name in able}
     tells = {n: {*(e.expected or e.reads), *(f.name for f in fields(e.params))} for n, e in effects.items()}

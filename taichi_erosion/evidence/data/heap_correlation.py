@@ -29,7 +29,6 @@ from taichi_erosion.evidence.data.transforms import to_scale
 LEAST_FREEDOM = 8.0  # degrees of freedom of repeats from which a correlation is estimated
 MOST_CHANCE = 0.25  # lambda above which a correlation may be chance alone, and is not used
 LEAST_EIGENVALUE = 0.05  # of a correlation: no contrast of observables is taken to be more certain
-SEEN = 0.05  # correlation from which it is told
 
 
 @dataclass(frozen=True)
@@ -45,16 +44,6 @@ class HeapCorrelation:
         own = [self.names.index(names[k]) for k in known]
         found[np.ix_(known, known)] = self.matrix[np.ix_(own, own)]
         return found
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """Every correlation that matters, in words."""
-        return tuple(
-            f"{self.names[i]} and {self.names[j]} of one heap scatter together: correlation "
-            f"{self.matrix[i, j]:.2f}."
-            for i, j in zip(*np.triu_indices(len(self.names), 1), strict=True)
-            if abs(self.matrix[i, j]) >= SEEN
-        )
 
 
 def heap_correlation(
@@ -171,11 +160,11 @@ def shrunk(sample: Floats, freedom: Floats) -> Floats:
     return valid_correlation(np.where(known, drawn, np.eye(len(sample))))
 
 
-def valid_correlation(matrix: Floats) -> Floats:
-    """The same matrix where its eigenvalues allow it, else with the least of them raised."""
+def valid_correlation(matrix: Floats, least: float = LEAST_EIGENVALUE) -> Floats:
+    """The same matrix where its eigenvalues allow it, else with the `least` of them raised."""
     values, vectors = np.linalg.eigh(matrix)
-    if values[0] >= LEAST_EIGENVALUE:
+    if values[0] >= least:
         return matrix
-    found = (vectors * np.maximum(values, LEAST_EIGENVALUE)) @ vectors.T
+    found = (vectors * np.maximum(values, least)) @ vectors.T
     size = np.sqrt(np.diag(found))
     return np.asarray(found / np.outer(size, size), dtype=np.float64)

@@ -120,9 +120,8 @@ def filled_down(cells: Cells, columns: Sequence[Column], told: Told, interview: 
         interview.assume(f"{where}: {blank} blank cells are filled with the cell above")
         for above, row in pairwise(rows):
             row[column.place] = row[column.place] or (above[column.place] if above is not rows[0] else "")
-    return replace(
-        cells, rows=tuple((line, tuple(row)) for (line, _), row in zip(cells.rows, rows, strict=True))
-    )
+    whole = zip(cells.rows, rows, strict=True)
+    return replace(cells, rows=tuple((line, tuple(row)) for (line, _), row in whole))
 
 
 def cell_notes(cells: Cells, columns: Sequence[Column]) -> Iterator[str]:
@@ -216,7 +215,6 @@ def study_measurements(
             for name, scale in scales.items()
             if any(row.condition_sd.get(name) for row in rows)
         },
-        condition_set=frozenset(table.set_conditions),
         drawn=tuple(row.drawn for row in rows),
         heap=heaps_of(rows),
         line=tuple(int(place["line"]) if (place := PLACE.fullmatch(r.source)) else r.line for r in rows),

@@ -94,9 +94,7 @@ def moderated(variance: Floats, freedom: Floats, shapes: Floats) -> tuple[Floats
     if positive.size == 0:
         return np.full(variance.size, np.nan), 0.0
     shape = likely_shape(variance, freedom, shapes) ** 2
-    relative = np.maximum(
-        variance / shape, LEAST_VARIANCE * float(np.median(positive / shape[variance > 0.0]))
-    )
+    relative = np.maximum(variance / shape, LEAST_VARIANCE * np.median(positive / shape[variance > 0.0]))
     pooled = float(np.sum(freedom * variance / shape) / np.sum(freedom))
     whole = float(np.sum(freedom))
     even = pooled * shape * whole / max(whole - 2.0, 1.0), whole

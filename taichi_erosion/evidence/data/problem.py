@@ -22,7 +22,6 @@ Transform = Literal["identity", "log", "log_floor"]
 Drawn = Literal["", "held out", "fitted"]  # what became of a row when rows were drawn for the vault
 Conditions = dict[str, Floats]  # one value per row, in the unit of what it sets; of a model function SI
 Numbers = dict[str, float]  # parameters by path, or strengths by effect
-Mask = Callable[[Conditions], Bools]
 Progress = Callable[[str, float], None]  # (stage, share of the whole that is done [1])
 
 
@@ -84,7 +83,6 @@ class Measurements:
     table_units: TableUnits = field(default_factory=TableUnits)
     reach: Floats | None = None  # of censored values: -inf below `limit`, +inf above, h within; None: below
     condition_sd: Conditions = field(default_factory=dict)  # of stated conditions; NaN or left out: exact
-    condition_set: frozenset[str] = frozenset()  # of these, conditions that were set and not measured
     drawn: tuple[Drawn, ...] = ()  # in an earlier version of the table; empty: of no row
     heap: tuple[str, ...] = ()  # on which rows of several observables were measured; '': unknown
     line: tuple[int, ...] = ()  # row in the user's table, the heading being row 1; empty: in this order
@@ -163,9 +161,6 @@ class Candidate:
     name: str
     prior_scale: float = 1.5  # of the strength [1]
     maximum: float = 3.0
-    mask: Mask | None = None  # conditions -> where the effect can act at all; None: anywhere
-    dose: Callable[[Conditions], Floats] | None = None  # of a law of a mechanism, at strength 1; None: no law
-    expected: tuple[tuple[str, int], ...] = ()  # observable, +1 up or -1 down: what its source says
     tried: tuple[tuple[float, bool], ...] = ()  # strengths of its runs, and whether each has ended
 
 

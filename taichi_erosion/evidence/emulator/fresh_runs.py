@@ -63,6 +63,16 @@ class FreshRuns:
         """Mean over the seeds (n,)."""
         return seed_mean(self.values)
 
+    def with_more(self, other: "FreshRuns", own: Integers) -> "FreshRuns":
+        """These runs with others in their place in some rows."""
+        q, more = self.columns.shape[1], max(len(other.values) - len(self.values), 0)
+        values = np.pad(self.values, ((0, more), (0, 0)), constant_values=np.nan)
+        values[:, own] = np.nan
+        values[: len(other.values), own] = other.values
+        columns = np.hstack([self.columns, np.zeros((values.shape[1], other.columns.shape[1]))])
+        columns[own, :q], columns[own, q:] = 0.0, other.columns
+        return FreshRuns(values, columns, self.tests)
+
 
 @dataclass(frozen=True)
 class FreshCampaign:
@@ -110,13 +120,18 @@ class FreshSimulator:
     seeds: int  # of every set of conditions
 
     def simulate(
-        self, settings: Sequence[Setting], asked: Sequence[Request], weight: Floats, progress: Progress
+        self,
+        settings: Sequence[Setting],
+        asked: Sequence[Request],
+        weight: Floats,
+        progress: Progress,
+        times: int = 1,
     ) -> FreshCampaign:
-        """Runs of all settings at the conditions whose rows weigh most."""
+        """Runs of all settings at the conditions whose rows weigh most; so many times the usual seeds."""
         rows = self.weighty_rows(asked, weight)
         points = list(dict.fromkeys(row.point(setting) for setting in settings for row in rows))
         keys = frozenset[str]()
-        for seeds in range(self.seeds, 0, -1):
+        for seeds in range(times * self.seeds, 0, -1):
             flat = [(point, request) for point in points for request in self.requests(point, seeds)]
             keys = frozenset(request.key for _, request in flat)
             if len(keys - self.known) <= room_left(self.training):
@@ -125,9 +140,8 @@ class FreshSimulator:
                 for (point, _), result in zip(flat, results, strict=True):
                     found[point].append(result)
                 failed = sum(bool(result.failure) for result in results)
-                return FreshCampaign(
-                    self.setting_runs(settings, rows, found, (seeds, weight.size)), keys, seeds, failed
-                )
+                made = self.setting_runs(settings, rows, found, (seeds, weight.size))
+                return FreshCampaign(made, keys, seeds, failed)
         return FreshCampaign((), keys, 0)
 
     def weighty_rows(self, asked: Sequence[Request], weight: Floats) -> list[TestedRow]:
@@ -169,9 +183,7 @@ class FreshSimulator:
     ) -> tuple[FreshRuns, ...]:
         """Results of a campaign as values of every setting in the `shape` (seeds, rows)."""
         scenes = {scene.measure.scene: scene for scene in self.training.scenes}
-        readings = {
-            point: self.readings(scenes[point[0]], results, shape[0]) for point, results in found.items()
-        }
+        readings = {p: self.readings(scenes[p[0]], own, shape[0]) for p, own in found.items()}
         scatter = {path: self.scatter(scene, readings) for path, scene in scenes.items()}
         return tuple(SettingRows(each, rows, readings, scatter).runs(shape) for each in settings)
 
@@ -232,9 +244,7 @@ class SettingRows:
             steepness = np.nan_to_num(slope(each.observable, mean) / slope(scale, mean))
             columns[each.row, points.index(each.point(self.setting)), : errors.size] = errors * steepness
         names = dict.fromkeys(each.observable.name for each in self.rows)
-        tests = {
-            name: self.test([each for each in self.rows if each.observable.name == name]) for name in names
-        }
+        tests = {name: self.test([r for r in self.rows if r.observable.name == name]) for name in names}
         told = {name: test for name, test in tests.items() if test is not None}
         return FreshRuns(values, columns.reshape(shape[1], -1), told)
 

@@ -45,6 +45,7 @@ import numpy as np
 import scipy
 from scipy import linalg
 
+from taichi_erosion.evidence.data.heap_correlation import valid_correlation
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 
 TREND = 2.0  # T, sd of the plane's slopes over that of the values [1]
@@ -267,10 +268,9 @@ class JointErrors:
         total = np.zeros((one.place.size, other.place.size))
         for k, part in enumerate(parts):
             if part.any():
-                weight = self.correlation[k] * np.outer(amplitude[:, k], amplitude[:, k])
-                total += (
-                    weight[np.ix_(one.observable, other.observable)] * part[np.ix_(one.place, other.place)]
-                )
+                size = self.correlation[k] * np.outer(amplitude[:, k], amplitude[:, k])
+                size = size[np.ix_(one.observable, other.observable)]
+                total += size * part[np.ix_(one.place, other.place)]
         return total
 
     def covariance(self, asked: Sequence[tuple[int, Points]]) -> Floats:
@@ -308,7 +308,8 @@ def joint_errors(processes: Sequence[GaussianProcess], known: Sequence[Integers]
         _, first, second = np.intersect1d(known[a], known[b], return_indices=True)
         found = pair_correlations(processes[a], first, processes[b], second)
         correlation[:, a, b] = correlation[:, b, a] = found
-    return JointErrors(tuple(processes), tuple(known), np.array([possible(each) for each in correlation]))
+    valid = np.array([valid_correlation(each, 0.0) for each in correlation])
+    return JointErrors(tuple(processes), tuple(known), valid)
 
 
 def pair_correlations(
@@ -361,16 +362,6 @@ def between(white: Sequence[Floats], covariance: Floats) -> Floats:
 def part_amplitudes(process: GaussianProcess) -> Floats:
     """Amplitudes of all smooth parts, the plane's first."""
     return np.append(1.0, process.amplitude[:-1])
-
-
-def possible(correlation: Floats) -> Floats:
-    """The nearest correlation matrix: without negative eigenvalues, and scaled to a diagonal of 1."""
-    values, vectors = np.linalg.eigh(correlation)
-    if values[0] >= 0.0:
-        return correlation
-    raised = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    sd = np.sqrt(np.diag(raised))
-    return raised / np.outer(sd, sd)
 
 
 def stacked(parts: Sequence[Points]) -> Points:

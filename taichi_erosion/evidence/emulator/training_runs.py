@@ -7,7 +7,7 @@ scene cannot show is known from the scene itself, before a run is spent on it.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import isfinite
@@ -52,7 +52,6 @@ SPREAD = ("bare", "effect", "condition")  # numbers of a plan that say how many 
 RESERVED = 0.2  # of a small budget, for a closer look before something outside the list is blamed
 SIZE_FLAGS = ("small_heap", "growing_angle")  # no fault where the laboratory's heap is as small
 COMMON = 0.5  # share of the runs from which a fault is one of the set-up [1]
-SURE = 3.0  # sd of a left-out value beyond which it counts as missed
 
 
 @dataclass(frozen=True)
@@ -159,9 +158,7 @@ def study_scenes(study: Study, simulator: Simulator) -> tuple[StudyScene, ...]:
 def proposed_rows(study: Study, scene: StudyScene) -> tuple[Row, ...]:
     """Conditions that the laboratory could set: ends and middles of its ranges, else as measured first."""
     columns, ranges = study.file.conditions, study.file.laboratory.ranges
-    levels = [
-        [(name, value) for value in np.linspace(low, high, LEVELS)] for name, (low, high) in ranges.items()
-    ]
+    levels = [[(name, x) for x in np.linspace(low, high, LEVELS)] for name, (low, high) in ranges.items()]
     first = scene.rows[0] if scene.rows else {}
     return tuple(
         first | {path: float(value) for name, value in chosen for path in dotted_paths(columns[name])}
@@ -294,7 +291,7 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
             mechanisms=training.mechanisms,
             replicates=run_replicates(emulators),
         ),
-        notes=(*study.notes, told, *inactive_notes(training), *refused, *emulator_notes(emulators)),
+        notes=(*study.notes, told, *inactive_notes(training), *refused),
         simulations=count,
         faults=(*study.faults, *faults),
     )
@@ -341,13 +338,10 @@ def measure_faults(
                 yield SetUpFault(kind, name, f"{name}: {middle['sentence']}", blocks)
     missing = sum(not np.isfinite(value_in_unit(result, measure)) for result in ended)
     if missing > COMMON * len(records) and not blocked:
-        notes = [
-            note for record in records if record.get("value") is None for note in record.get("notes", ())
-        ]
+        notes = [note for each in records if each.get("value") is None for note in each.get("notes", ())]
         why = f"; the first: {notes[0]}" if notes else ""
-        yield SetUpFault(
-            "no_value", name, f"{name}: {missing} of {len(records)} runs have no value{why}", True
-        )
+        words = f"{name}: {missing} of {len(records)} runs have no value{why}"
+        yield SetUpFault("no_value", name, words, True)
 
 
 def executed(training: TrainingRuns, requests: Sequence[RunRequest], progress: Progress) -> list[RunResult]:
@@ -402,17 +396,4 @@ def inactive_notes(training: TrainingRuns) -> list[str]:
         reasons = [design.inactive_reason(scene, each.name, strength) for scene in training.scenes]
         if all(reason is not None for reason in reasons):
             notes.append(f"{each.name} was not simulated: {reasons[0]}.")
-    return notes
-
-
-def emulator_notes(emulators: Mapping[str, ObservableEmulator]) -> list[str]:
-    """Errors of the emulators by leave-one-out cross-validation."""
-    notes = []
-    for name, found in emulators.items():
-        off = found.process.weights / np.sqrt(found.process.precision)
-        spread, missed = float(np.sqrt(np.mean(off**2))), int(np.sum(np.abs(off) > SURE))
-        notes.append(
-            f"{name}: {off.size} runs, each predicted from the others within {spread:.2f} of its standard "
-            f"error; {missed} beyond {SURE:g}."
-        )
     return notes

@@ -14,11 +14,11 @@ from typing import Protocol
 
 from taichi_erosion.campaign.study_file import entry, with_entry
 from taichi_erosion.core.effect_loading import effect_in
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import marked_toml, refuse_foreign, without_mark, write_atomic
 from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.evidence.data.problem import REACH
 from taichi_erosion.evidence.models.load_study import Study
+from taichi_erosion.evidence.models.simulator import refusal
 from taichi_erosion.run.checks import read_scene, scene_effect_files
 from taichi_erosion.scene.load import file_text
 
@@ -73,9 +73,7 @@ def write_adopted_files(study: Study, found: Adopted, force: bool = False) -> li
     (_, adopted), *scenes = adopted_files(study, found.effects)
     write_atomic(adopted, marked_toml(adopted, study.path, study_text(study, found)))
     read = [read_scene(scene, (), study.effect_files) for scene, _ in scenes]
-    named = dict.fromkeys(
-        (*study.effect_files, *(file for each in read for file in scene_effect_files(each)))
-    )
+    named = dict.fromkeys((*study.effect_files, *(file for one in read for file in scene_effect_files(one))))
     acting = [file for file in named if effect_in(file).name in found.strengths]
     return [adopted, *(write_scene(scene, path, study, found, acting) for scene, path in scenes)]
 
@@ -116,18 +114,9 @@ def write_scene(scene: Path, path: Path, study: Study, found: Adopted, own: Sequ
         text = with_entry(text, ("effects", name, "strength"), rounded(strength.value), calibrated(strength))
     for name, number in found.numbers.items():
         value = rounded(number.value)
-        if takes(scene, name, value, study.effect_files):
+        if refusal(scene, name, value, tuple(study.effect_files)) is None:
             text = with_entry(text, tuple(name.split(".")), value, calibrated(number))
     return write_atomic(path, marked_toml(path, study.path, text))
-
-
-def takes(scene: Path, number: str, value: float, files: Sequence[EffectFile]) -> bool:
-    """Whether a scene has a number; the scenes of a study need not have all of them."""
-    try:
-        read_scene(scene, (f"{number}={value!r}",), tuple(files))
-    except BadInput:
-        return False
-    return True
 
 
 def calibrated(number: Estimate) -> str:

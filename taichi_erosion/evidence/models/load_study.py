@@ -33,7 +33,6 @@ from taichi_erosion.evidence.models.plugin import (
     ModelErrorCovariance,
     ModelWithEffects,
     NameMapping,
-    function_candidate,
     function_effects,
     load_plugin,
 )
@@ -169,9 +168,8 @@ def wanted_mechanisms(path: Path, file: StudyFile, declared: tuple[Mechanism, ..
 
 def with_options(file: StudyFile, options: StudyOptions) -> StudyFile:
     """The study file with what the command line states in place of its own."""
-    sections = {"seed": "study", "runs": "budget"} | dict.fromkeys(
-        ("workers", "arch", "decomposition"), "campaign"
-    )
+    sections = dict.fromkeys(("workers", "arch", "decomposition"), "campaign")
+    sections |= {"seed": "study", "runs": "budget"}
     for key, section in sections.items():
         if (value := getattr(options, key)) is not None:
             changed = getattr(file, section).model_copy(update={key: value})
@@ -184,7 +182,7 @@ def function_model(path: Path, file: StudyFile, store: RunStore, files: EffectFi
     plugin = load_plugin(str(file.study.model), path.parent, str(path))
     identity = f"{plugin.name} {plugin.version}"
     added = function_effects(path, files, plugin.mechanisms)
-    own = {name: function_candidate(effect, file.conditions) for name, effect in added.items()}
+    own = {name: Candidate(name, effect.prior_scale, effect.most) for name, effect in added.items()}
     adopted = tuple(candidate_of(name, entry, own.get(name)) for name, entry in file.adopted.items())
     candidates = candidates_of(file, str(path), own)
     cached = CachedModel(plugin, identity, store, file.budget.runs)
@@ -206,10 +204,7 @@ def scene_model(
     runs = results if file.study.runs is None else path.parent / file.study.runs
     found = simulator.study_simulator(path, file, measurements, runs, files)
     candidates = simulator.library_candidates(file, found, str(path))
-    adopted = tuple(
-        simulator.library_candidate(found, name, entry, file.conditions)
-        for name, entry in file.adopted.items()
-    )
+    adopted = tuple(simulator.library_candidate(found, name, entry) for name, entry in file.adopted.items())
     parameters = simulator.uncertain_parameters(file, found, measurements, (*candidates, *adopted))
     paths = {number.path for number in parameters}
     scenes = dict.fromkeys(measure.scene for measure in found.measures.values())

@@ -26,8 +26,6 @@ from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.foreign_code import EffectFile, tell_execution
 from taichi_erosion.evidence.data.problem import (
     Asked,
-    Bools,
-    Candidate,
     Conditions,
     Floats,
     Integers,
@@ -309,20 +307,3 @@ def function_effects(
             raise BadInput(f"{file}: effect '{effect.name}' exists already in another file")
         found[effect.name] = effect
     return found
-
-
-def function_candidate(effect: Effect, columns: Mapping[str, str]) -> Candidate:
-    """An effect of a file as a candidate with its priors; `columns` are names of the model by the study."""
-
-    def by_model(conditions: Conditions) -> Conditions:
-        return {columns[name]: column for name, column in conditions.items()}
-
-    def acts(conditions: Conditions) -> Bools:
-        able = np.asarray(effect.can_act(by_model(conditions)), dtype=np.bool_)
-        return np.broadcast_to(able, row_count(conditions))
-
-    def dose(conditions: Conditions) -> Floats:
-        return row_doses(effect, by_model(conditions))
-
-    signs, law = tuple(effect.expected.items()), dose if effect.mechanism else None
-    return Candidate(effect.name, effect.prior_scale, effect.most, acts, law, signs)

@@ -1,18 +1,8 @@
-"""Cached predictions on the comparison scale with their cost, and smoothed differences between paired runs.
-
-A slope or signature changes smoothly with the conditions; replicate noise does not. Within one observable
-
-    d = c + K a (K a + s^2)^-1 (d_raw - c)
-
-with K a squared-exponential kernel over the conditions, s^2 the measured variance of the mean difference, c
-the mean and the amplitude a the most likely one. Two calibrated numbers that move a heap alike stay
-indistinguishable then; raw noise would separate them. A model without noise is left as it is.
-"""
+"""Cached predictions on the comparison scale with their cost, and scales of conditions."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -32,18 +22,7 @@ from taichi_erosion.evidence.data.transforms import Axis, split_setting, to_scal
 Key = tuple[bytes, tuple[tuple[str, float], ...], bytes]
 NEGLIGIBLE = 1e-6  # share of the largest variance below which a common error is dropped
 PRIOR_FREEDOM = 6.0  # nu_0, degrees of freedom of the pooled variance of seeds
-LENGTH = 1.5  # of the kernel, in sd of a condition
-AMPLITUDES = np.concatenate([[0.0], np.geomspace(1e-2, 1e6, 25)])  # of the smooth part, over the noise
 LOG_SPAN = 3.0  # a positive condition that spans more than this factor is taken by its logarithm
-
-
-@dataclass(frozen=True)
-class Spectrum:
-    """A kernel over m rows with every amplitude a: K a + s^2 over the variance s^2."""
-
-    vectors: Floats  # (m, m), eigenvectors
-    shrink: Floats  # (amplitudes, m), 1 over its eigenvalues
-    volume: Floats  # (amplitudes,), ln of its determinant
 
 
 @dataclass
@@ -66,14 +45,13 @@ class Predictor:
     uncertainty: Uncertainty | None = None
     cost: ModelCost = field(default_factory=ModelCost)
     cache: dict[Key, Floats] = field(default_factory=dict)
-    spectra: dict[bytes, Spectrum] = field(default_factory=dict)  # of smooth functions over some rows
 
     def over(
         self, observables: tuple[Observable, ...], which: Integers, conditions: Conditions
     ) -> "Predictor":
         """The same model and cost counter with other rows."""
         rows = {"observables": observables, "which": which, "conditions": conditions}
-        return replace(self, **rows, cache={}, spectra={})
+        return replace(self, **rows, cache={})
 
     @cached_property
     def requests(self) -> tuple[tuple[Observable, Integers, Conditions], ...]:
@@ -204,55 +182,3 @@ def axis_scale(column: Floats) -> AxisScale | None:
     scale = AxisScale(float(finite.mean()), 0.0, 1.0, logarithmic)
     filled = scale.filled(column)
     return replace(scale, centre=float(filled.mean()), width=float(filled.std()))
-
-
-def pooled_noise(differences: Floats, observables: tuple[Integers, ...]) -> Floats:
-    """Variance of the mean difference of paired runs (r, n), pooled over the rows of every observable."""
-    count = differences.shape[0]
-    if count < 2:
-        return np.zeros(differences.shape[1])
-    good = np.where(np.isfinite(differences), differences, 0.0)
-    centred = good - np.add.reduce(good, axis=0) / count
-    spread = np.add.reduce(centred * centred, axis=0) / ((count - 1) * count)
-    pooled = np.zeros(spread.size)
-    for rows in observables:
-        if rows.size:
-            pooled[rows] = np.add.reduce(spread[rows]) / rows.size
-    return pooled
-
-
-def paired_change(after: Floats, before: Floats, predictor: Predictor) -> Floats:
-    """Mean change between paired runs of a predictor, smoothed where it is noisy."""
-    change = seed_mean(after) - seed_mean(before)
-    noise = pooled_noise(after - before, predictor.rows)
-    if not np.any(noise > 0.0):
-        return change
-    moved = np.isfinite(change) & (change != 0.0)
-    for own in predictor.rows:
-        rows = own[moved[own]]
-        if rows.size > 2 and noise[rows[0]] > 0.0:
-            change[rows] = smoothed(change[rows], float(noise[rows[0]]), spectrum(predictor, rows))
-    return change
-
-
-def spectrum(predictor: Predictor, rows: Integers) -> Spectrum:
-    """The kernel over some rows, cached."""
-    key = rows.tobytes()
-    if key not in predictor.spectra:
-        columns = [column[rows] for column in predictor.conditions.values()]
-        varied = [scale(column) for column in columns if (scale := axis_scale(column)) is not None]
-        square = np.zeros((rows.size, rows.size))
-        for axis in varied:
-            square += ((axis[:, np.newaxis] - axis[np.newaxis, :]) / LENGTH) ** 2
-        values, vectors = np.linalg.eigh(np.exp(-0.5 * square / max(sqrt(len(varied)), 1.0)))
-        total = 1.0 + AMPLITUDES[:, np.newaxis] * np.maximum(values, 0.0)
-        predictor.spectra[key] = Spectrum(vectors, 1.0 / total, np.sum(np.log(total), axis=1))
-    return predictor.spectra[key]
-
-
-def smoothed(values: Floats, variance: float, kernel: Spectrum) -> Floats:
-    """Posterior mean of a smooth function of the conditions, at its most likely amplitude."""
-    centre = np.add.reduce(values) / values.size
-    parts = (values - centre) @ kernel.vectors
-    fit = kernel.volume + kernel.shrink @ (parts * parts) / variance
-    return centre + kernel.vectors @ ((1.0 - kernel.shrink[int(np.argmin(fit))]) * parts)

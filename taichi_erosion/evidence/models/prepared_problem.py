@@ -44,7 +44,7 @@ from taichi_erosion.evidence.data.transforms import (
     parameter_axis,
     working,
 )
-from taichi_erosion.evidence.models.predictor import Predictor, paired_change, seed_mean, seed_variance
+from taichi_erosion.evidence.models.predictor import Predictor, seed_mean, seed_variance
 
 SLOPE_SEED = 1  # of the runs from which slopes along conditions are taken
 PROBE_SEEDS = 4  # enough to see whether the model has noise at all, and how much
@@ -154,7 +154,7 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
     failed = ~np.isfinite(seed_mean(values))
     heaps = heap_correlation(rows, table, problem.replicates)
     rows = correlated(rows, heaps)
-    warnings = [*rows.warnings, *(heaps.sentences if heaps is not None else ())]
+    warnings = [*rows.warnings]
     if failed.all():
         raise BadInput(f"{NO_VALUE} any measured condition with the start values of its numbers")
     if failed.any():
@@ -230,6 +230,5 @@ def change_along(predictor: Predictor, name: str, sd: Floats, x: Floats, acting:
     seeds = draw_seeds(np.random.default_rng(SLOPE_SEED), PROBE_SEEDS)
     parts = [predictor.over(names, which, {**conditions, name: end}) for end in ends]
     low, high = (part.predict(x, acting, seeds) for part in parts)
-    part = predictor.over(names, which, conditions)
-    found[own] = np.nan_to_num(paired_change(high, low, part) * sd[own] / (ends[1] - ends[0]))
+    found[own] = np.nan_to_num((seed_mean(high) - seed_mean(low)) * sd[own] / (ends[1] - ends[0]))
     return found

@@ -22,7 +22,6 @@ from taichi_erosion.evidence.data.problem import (
     Bools,
     Candidate,
     Conditions,
-    Floats,
     Measurements,
     Numbers,
     Parameter,
@@ -74,9 +73,8 @@ class Simulator:
         effects: Mapping[str, float],
     ) -> tuple[str, ...]:
         """PATH=VALUE overrides of one run."""
-        acting = {
-            name: psi for name, psi in effects.items() if psi != 0.0 and self.can_act(name, measure.scene, at)
-        }
+        scene, able = measure.scene, self.can_act
+        acting = {name: psi for name, psi in effects.items() if psi != 0.0 and able(name, scene, at)}
         present = {*acting, *self.acting_effects(measure.scene)}
         read = {name for effect in present for name in self.library[effect].reads}
         known = {path: each for path, each in at.items() if isfinite(each) and condition_matters(path, read)}
@@ -184,9 +182,8 @@ def value_in_unit(result: RunResult, measure: SceneMeasure) -> float:
         return float("nan")
     factor = conversion(parse_unit(unit), parse_unit(measure.unit))
     if factor is None:
-        raise BadInput(
-            f"{measure.scene}: {measure.measure} is measured in {unit}, the study counts {measure.unit}"
-        )
+        told = f"{measure.scene}: {measure.measure} is measured in {unit}"
+        raise BadInput(f"{told}, the study counts {measure.unit}")
     return factor * result.value(measure.measure)
 
 
@@ -198,9 +195,7 @@ def study_simulator(
 
     scenes = {name: (path.parent / str(each.scene)).resolve() for name, each in file.observables.items()}
     read = [cached_scene(scene, (), effect_files) for scene in sorted({*scenes.values()})]
-    files = tuple(
-        dict.fromkeys((*effect_files, *(each for scene in read for each in scene_effect_files(scene))))
-    )
+    files = tuple(dict.fromkeys((*effect_files, *(each for one in read for each in scene_effect_files(one)))))
     own = tuple(effect_in(each).name for each in effect_files)
     simulator = Simulator({}, load_library(files), folder, files, own, device=file.campaign)
     numbers = scene_numbers(file, table)
@@ -212,7 +207,7 @@ def study_simulator(
         if measure not in there:
             found = f"{entry.scene} measures {', '.join(there) or 'nothing'}, not {measure}"
             raise BadInput(f"{path}: observables.{name}: {found}")
-        refusals |= {(scene, n): refusal(simulator, scene, n, value) for n, value in numbers.items()}
+        refusals |= {(scene, n): refusal(scene, n, value, files) for n, value in numbers.items()}
         accepted_paths = frozenset(number for number in numbers if refusals[scene, number] is None)
         measures[name] = SceneMeasure(scene, measure, units[name], accepted_paths)
     for (_, number), reason in refusals.items():
@@ -230,10 +225,10 @@ def scene_numbers(file: StudyFile, table: Measurements) -> Numbers:
     return found | {name: entry.start for name, entry in file.parameters.items()}
 
 
-def refusal(simulator: Simulator, scene: Path, number: str, value: float) -> str | None:
+def refusal(scene: Path, number: str, value: float, files: EffectFiles) -> str | None:
     """Why a scene cannot take a number, None where it can."""
     try:
-        simulator.scene(scene, (f"{number}={value!r}",))
+        cached_scene(scene, (f"{number}={value!r}",), files)
     except BadInput as error:
         return str(error)
     return None
@@ -255,7 +250,7 @@ def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list
         if effect not in library:
             raise BadInput(f"{name}: candidates.{effect} is not in the library: {', '.join(library)}")
     return [
-        library_candidate(simulator, effect, wanted.tables.get(effect, CandidateEntry()), file.conditions)
+        library_candidate(simulator, effect, wanted.tables.get(effect, CandidateEntry()))
         for effect in dict.fromkeys(names)
         if effect not in file.adopted and effect not in acting
     ]
@@ -274,28 +269,9 @@ def unread_conditions(file: StudyFile, simulator: Simulator, tried: Sequence[Can
             yield f"{name} changes no run: no effect of the scenes and no candidate reads it; {told}."
 
 
-def library_candidate(
-    simulator: Simulator, name: str, entry: CandidateEntry | AdoptedEntry, columns: Mapping[str, str]
-) -> Candidate:
+def library_candidate(simulator: Simulator, name: str, entry: CandidateEntry | AdoptedEntry) -> Candidate:
     """One effect; the study overrides the library."""
-    effect, scenes = simulator.library[name], {measure.scene for measure in simulator.measures.values()}
-    first = next(iter(simulator.measures.values())).scene
-
-    def by_path(conditions: Conditions) -> Conditions:
-        return {path: each for name, each in conditions.items() for path in dotted_paths(columns[name])}
-
-    def acts(conditions: Conditions) -> Bools:
-        """Rows in which it can act in some scene of the study."""
-        return np.any([simulator.effect_mask(effect, by_path(conditions), scene) for scene in scenes], axis=0)
-
-    def dose(conditions: Conditions) -> Floats:
-        """Dose of a law of a mechanism at strength 1 in every row, in the first scene of the study."""
-        with failures_of(effect, "dose"):
-            doses = effect.dose(effect.params(), simulator.known_conditions(by_path(conditions), first))
-        return np.broadcast_to(np.asarray(doses, dtype=np.float64), row_count(conditions))
-
-    law, signs = dose if effect.mechanism else None, tuple(effect.expected.items())
-    known = Candidate(name, effect.prior_scale, effect.most, acts, law, signs)
+    known = Candidate(name, simulator.library[name].prior_scale, simulator.library[name].most)
     return with_stated(known, prior_scale=entry.prior_scale, maximum=entry.max)
 
 
@@ -307,17 +283,20 @@ def uncertain_parameters(
     They could where an effect acts under more than one value of the conditions that it reads: the growth of
     cohesion with water cannot be identified from one moisture. The prior is about the value in the scene.
     """
-    found = []
+    found, scenes = [], {measure.scene for measure in simulator.measures.values()}
+    columns = table.conditions.items()
+    known = {path: each for name, each in columns for path in dotted_paths(file.conditions[name])}
     for candidate in candidates:
         effect = simulator.library[candidate.name]
         ranges = {each.name: each.metadata for each in fields(effect.params)}
         read = {f"{CONDITIONS}{name}" for name in effect.reads}
         columns = [table.conditions[name] for name, p in file.conditions.items() if read & {*dotted_paths(p)}]
-        mask = np.ones(table.size, bool) if candidate.mask is None else candidate.mask(table.conditions)
+        able = [simulator.effect_mask(effect, known, scene) for scene in scenes]
+        mask = np.any(able, axis=0)
         levels = {tuple(f"{column[i]:.9g}" for column in columns) for i in np.flatnonzero(mask)}
         for name, sd in effect.uncertain.items() if len(levels) > 1 else ():
-            path, scenes = f"effects.{effect.name}.{name}", (m.scene for m in simulator.measures.values())
-            stated = (simulator.stated_numbers(scene, effect.name) for scene in scenes)
+            path = f"effects.{effect.name}.{name}"
+            stated = (simulator.stated_numbers(m.scene, effect.name) for m in simulator.measures.values())
             start = next((entry[name] for entry in stated if name in entry), getattr(effect.params(), name))
             if path not in file.parameters:
                 found.append(Parameter(path, start, ranges[name]["low"], ranges[name]["high"], sd))

@@ -10,10 +10,10 @@ preparations, numbers of each soil and a small smooth discrepancy; tau_b is half
 that most are near zero. f is the scatter over what is stated; a row may be bad. Every hypothesis has all.
 
     hypothesis                                  what acts beside the blocks             prior
-    nothing                                     -                                       NOTHING
-    a set of 1 to MOST listed effects           their strengths, among v'               STEP for one more
-    a mechanism                                 a dose for every set of conditions      UNLISTED, STEP
-    what no list holds                          a large smooth discrepancy, along one   UNLISTED, STEP
+    nothing                                     -                                       nothing
+    a set of 1 to MOST listed effects           their strengths, among v'               step for one more
+    a mechanism                                 a dose for every set of conditions      unlisted, step
+    what no list holds                          a large smooth discrepancy, along one   unlisted, step
                                                 condition or all
 
 The evidence of each is the integral over everything unknown: exact over v', u and e, by Laplace's method over

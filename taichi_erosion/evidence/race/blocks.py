@@ -26,7 +26,7 @@ from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, conditi
 from taichi_erosion.evidence.data.problem import Bools, Floats
 from taichi_erosion.evidence.models.predictor import axis_scale, square_root
 from taichi_erosion.evidence.race.linear_evidence import Scales, scale
-from taichi_erosion.evidence.race.priors import LARGE, LENGTH, NEAR, SMALL
+from taichi_erosion.evidence.race.priors import LENGTH, Priors
 
 Kind = Literal["level", "source", "preparation", "group", "discrepancy", "unlisted", "dose"]
 SMOOTHEST = 1e-3  # of the largest variance of a smooth function, below which a part of it is left out
@@ -43,7 +43,9 @@ class Block:
     size: float = 1.0  # standard error of a row of the observable, in which a discrepancy counts
 
 
-def unlisted(rows: ComparisonRows, known: Bools, blocks: Sequence[Block]) -> dict[str, list[Block]]:
+def unlisted(
+    rows: ComparisonRows, known: Bools, blocks: Sequence[Block], priors: Priors
+) -> dict[str, list[Block]]:
     """The same with functions that may be large, level included, in place of discrepancies.
 
     Something that is not in the list acts along one condition, or along all of them: one key for each.
@@ -57,7 +59,7 @@ def unlisted(rows: ComparisonRows, known: Bools, blocks: Sequence[Block]) -> dic
                 block,
                 kind="unlisted",
                 columns=np.hstack([columns, level[block.observable]]),
-                scale=scale(f"unlisted {block.observable}", cauchy=LARGE),
+                scale=scale(f"unlisted {block.observable}", cauchy=priors.large),
             )
             if block.kind == "discrepancy"
             and (columns := smooth_columns(rows, block.observable, known, block.size, along)).size
@@ -67,7 +69,7 @@ def unlisted(rows: ComparisonRows, known: Bools, blocks: Sequence[Block]) -> dic
     return found
 
 
-def nuisance(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
+def nuisance(rows: ComparisonRows, known: Bools, unit: Floats, priors: Priors) -> list[Block]:
     """Every block that a table allows; `known` rows were measured, `unit` (n,) is their standard error."""
     found = []
     for index, observable in enumerate(rows.observables):
@@ -77,22 +79,22 @@ def nuisance(rows: ComparisonRows, known: Bools, unit: Floats) -> list[Block]:
             continue
         name, size = observable.name, float(np.median(unit[fitted]))
         column = np.where(own, size, 0.0)
-        found.append(Block("level", name, column[:, None], scale(f"level {name}", cauchy=NEAR)))
+        found.append(Block("level", name, column[:, None], scale(f"level {name}", cauchy=priors.near)))
         if fitted.size > 3:
             columns = smooth_columns(rows, name, known, size)
             if columns.shape[1]:
-                small = scale(f"discrepancy {name}", normal=SMALL)
+                small = scale(f"discrepancy {name}", normal=priors.small)
                 found.append(Block("discrepancy", name, columns, small, size=size))
-    return [*found, *shared_blocks(rows, known, unit)]
+    return [*found, *shared_blocks(rows, known, unit, priors.near)]
 
 
-def shared_blocks(rows: ComparisonRows, known: Bools, unit: Floats) -> Iterator[Block]:
+def shared_blocks(rows: ComparisonRows, known: Bools, unit: Floats, near: float) -> Iterator[Block]:
     """Errors that rows of a source, of a preparation, and of a group of several set-ups have in common."""
     size = np.array([np.median(unit[(rows.which == k) & known] if known.any() else 1.0) for k in rows.which])
     cells = [f"{group}|{cell:g}" for group, cell in zip(rows.group, condition_numbers(rows), strict=True)]
-    near, small = scale("source", cauchy=NEAR), scale("preparation", normal=2.0 * NEAR)
+    source, set_up = scale("source", cauchy=near), scale("preparation", normal=2.0 * near)
     kinds: tuple[tuple[Kind, Sequence[str], Scales], ...]
-    kinds = (("source", rows.source_names, near), ("preparation", cells, small))
+    kinds = (("source", rows.source_names, source), ("preparation", cells, set_up))
     for kind, labels, prior in kinds:
         columns, names = shared_columns(rows, known, labels)
         if names:
@@ -101,7 +103,7 @@ def shared_blocks(rows: ComparisonRows, known: Bools, unit: Floats) -> Iterator[
     groups = list(dict.fromkeys(name.rpartition("|")[0] for name in names))
     masks = np.array(rows.group)[:, None] == np.array(groups)
     if any(len({cells[row] for row in np.flatnonzero(mask)}) > 1 for mask in masks.T):
-        yield Block("group", "", masks.astype(np.float64), scale("group", cauchy=2.0 * NEAR))
+        yield Block("group", "", masks.astype(np.float64), scale("group", cauchy=2.0 * near))
 
 
 def shared_columns(

@@ -10,21 +10,32 @@ the errors that the best explanation leaves; candidates that imitate each other 
 
     z_k = g_k^T P y / (g_k^T P g_k)^1/2,   z ~ N(0, R),   R = corr of g under P,   p = P(max z >= observed)
 
+Other priors of hypotheses reweight the evidence (`sensitivity`); under other ones of strengths, doses and
+errors likely explanations are solved anew, with y' = y - X ln r / s for strengths expected r times as large.
+
 Reference: Westfall & Young (1993), Resampling-Based Multiple Testing, 2.3 (max-T).
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import log
 
 import numpy as np
 
 from taichi_erosion.evidence.race.adequacy import is_adequate
-from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, score
+from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, scatter_of, score
+from taichi_erosion.evidence.race.linear_evidence import with_best_scales
 from taichi_erosion.evidence.race.posterior import Posterior
-from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SURE
+from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SURE, Priors
 from taichi_erosion.evidence.race.record import Verdict
+from taichi_erosion.evidence.race.search import prior
 
 MOST_TOLD = 3  # of a group: more is no answer
+VARIED = ("nothing", "unlisted", "step", "typical", "dose", "errors")  # priors, of the first three their odds
+ERRORS = ("near", "small", "large", "doubt")
+TOLD = ("verdict", "named", "group", "mechanisms", "together")
+SCALES = {"discrepancy": "small", "unlisted": "large", "dose": "dose"}  # others: near
+STEPS = 4  # of the scales of an explanation that is solved anew
 
 
 @dataclass(frozen=True)
@@ -142,3 +153,43 @@ def familywise_p(race: Race, best: Fit) -> float:
     draws = np.random.default_rng(SEED).standard_normal((DRAWS, values.size))
     largest = np.max(draws * np.sqrt(np.maximum(values, 0.0)) @ vectors.T, axis=1)
     return float((1 + np.sum(largest >= observed)) / (1 + DRAWS))
+
+
+def sensitivity(posterior: Posterior, told: Decision) -> Iterator[tuple[str, Posterior, Decision]]:
+    """Posterior and decision where one prior is halved, and doubled.
+
+    `told` may have changed by fresh runs: it stands wherever the race decides as under its own priors.
+    """
+    priors, usual = posterior.race.priors, decide(posterior)
+    for key in VARIED if usual.beyond else [key for key in VARIED if key != "dose"]:
+        for factor in (0.5, 2.0):
+            names = ERRORS if key == "errors" else (key,)
+            sizes = {name: factor * getattr(priors, name) for name in names}
+            odds = {name: p / (1.0 - p / factor + p) for name, p in sizes.items() if name in VARIED[:3]}
+            there = under(posterior, replace(priors, **sizes | odds))
+            found = decide(there)
+            if all(getattr(found, part) == getattr(usual, part) for part in TOLD):
+                found = replace(found, **{part: getattr(told, part) for part in TOLD})
+            yield key, there, found
+
+
+def under(posterior: Posterior, priors: Priors) -> Posterior:
+    """The posterior under other priors; likely explanations are solved anew, about the same settings."""
+    race, own, scores = posterior.race, posterior.race.priors, []
+    for hypothesis, fit in race.fits.items():
+        now, change = fit.evidence.solved, prior(race, hypothesis, priors) / prior(race, hypothesis, own)
+        scores.append(score(fit) + log(change))
+        names = (SCALES.get(name.partition(" ")[0], "near") for name in now.rows.scales.names)
+        wider = np.array([getattr(priors, name) / getattr(own, name) for name in names])
+        shift = np.zeros(fit.v.size)
+        shift[race.model.count :] = log(priors.typical / own.typical) / own.spread
+        if posterior.probability[hypothesis] > 0.1 * KEEP and (np.any(shift) or np.any(wider != 1.0)):
+            sizes = {name: wider * getattr(now.rows.scales, name) for name in ("cauchy", "normal")}
+            sizes["doubt"] = now.rows.scales.doubt.copy()
+            sizes["doubt"][now.rows.blocks :] = scatter_of(race.prepared, priors.doubt)[1].doubt
+            y = now.rows.y - now.rows.columns[:, : fit.v.size] @ shift
+            rows = replace(now.rows, y=y, scales=replace(now.rows.scales, **sizes))
+            then, before = (with_best_scales(each, now.u, STEPS) for each in (rows, now.rows))
+            scores[-1] += then.log_evidence - before.log_evidence
+    share = np.exp(np.array(scores) - np.logaddexp.reduce(scores))
+    return Posterior(race, dict(zip(race.fits, map(float, share), strict=True)))

@@ -8,7 +8,7 @@ fit; its smooth prior of doses is left out. v is at its best for every a. Forms 
 
     sum over folds of ln N(rows left out | other rows, a fitted to these) - 1/2 ln n for every number,
 
-with one STEP less for a form that is no power; one whose doses leave the range of the mechanism is none. The
+with one step less for a form that is no power; one whose doses leave the range of the mechanism is none. The
 best have means and slopes of their own. The share of
 misfit that is told comes from groups that the fit has not seen, but the choice of the form has. Intervals
 follow from (D^T D)^-1, D the slopes of the whitened residual along a, widened by the misfit that is left.
@@ -30,7 +30,7 @@ from taichi_erosion.evidence.race.decision import Decision, fit_of
 from taichi_erosion.evidence.race.doses import STILL, Dosing, dosing_of, to_axis
 from taichi_erosion.evidence.race.fit import Fit, Race, from_axis
 from taichi_erosion.evidence.race.posterior import Posterior
-from taichi_erosion.evidence.race.priors import CARRIED, DRAWS, SEED, STEP
+from taichi_erosion.evidence.race.priors import CARRIED, DRAWS, PRIORS, SEED
 from taichi_erosion.mechanisms.dose_forms import POWERS, Form, forms_of
 
 FOLDS = 6  # of the groups, at most
@@ -98,7 +98,7 @@ class FittedForm:
     def price(self) -> float:
         """Ln score by which the form must be better than one without numbers."""
         rare = self.form.name not in POWERS
-        return 0.5 * np.log(self.rows.y.size) * self.numbers.size - np.log(STEP) * rare
+        return 0.5 * np.log(self.rows.y.size) * self.numbers.size - np.log(PRIORS.step) * rare
 
     @property
     def ends(self) -> tuple[Floats, Floats]:
@@ -137,9 +137,7 @@ class FittedForm:
         return found.clip(*self.ends)
 
 
-Law = tuple[
-    str, FittedForm, float
-]  # mechanism, form, share of the misfit of left-out groups that it explains
+Law = tuple[str, FittedForm, float]  # mechanism, form, share of the misfit left out that it explains
 
 
 def told_law(posterior: Posterior, found: Decision) -> Law | None:

@@ -22,7 +22,8 @@ from taichi_erosion.evidence.race.blocks import Block, dose_columns
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import FAR, SLACK, Doses, Fit, Hypothesis, Race, score
 from taichi_erosion.evidence.race.linear_evidence import scale
-from taichi_erosion.evidence.race.priors import CARRIED, DOSE, KEEP, STEP, UNLISTED
+from taichi_erosion.evidence.race.priors import CARRIED, KEEP
+from taichi_erosion.evidence.race.search import prior
 
 SHARES = (1.0, 0.4, 0.16, 0.06)  # of a step of doses, that are tried in turn
 LEAST_DOSE = -0.95  # a place that is almost switched off
@@ -85,7 +86,8 @@ class Dosing:
     def expanded(self, at: Fit, beta: Floats, w: Floats, u: Floats | None, steps: int) -> Fit:
         """The race's rows about numbers, doses w and their coefficients."""
         dose = Doses(self.root @ beta, self.slope(at.v, w, at.mean), self.root)
-        block = Block("dose", "", dose.change(self.root, at.mean.size), scale("dose", cauchy=DOSE))
+        size = scale("dose", cauchy=self.race.priors.dose)
+        block = Block("dose", "", dose.change(self.root, at.mean.size), size)
         known = {"hypothesis": self.hypothesis, "log_prior": self.log_prior, "refined": True}
         return self.race.solved(replace(at, **known, blocks=(*self.race.blocks, block), dose=dose), steps, u)
 
@@ -149,8 +151,9 @@ class Dosing:
 def dosings(race: Race, kernels: Mapping[str, Floats]) -> list[Dosing]:
     """Every mechanism with every kernel L of a condition."""
     places = race.prepared.problem.mechanisms
-    prior = log((1.0 - STEP) * UNLISTED * (1.0 - STEP) / len(places)) - log(len(kernels))
-    return [Dosing(race, (each,), prior, *kernel) for each in places for kernel in kernels.items()]
+    alike = log(len(places) * len(kernels))
+    every = [Dosing(race, (each,), 0.0, *kernel) for each in places for kernel in kernels.items()]
+    return [replace(one, log_prior=log(prior(race, one.hypothesis, race.priors)) - alike) for one in every]
 
 
 def dosing_of(race: Race, fit: Fit, factor: Floats) -> Dosing:
@@ -209,7 +212,7 @@ def add_second(race: Race, every: Sequence[Dosing]) -> None:
     for fit in sorted(race.sets(1), key=score, reverse=True)[:2]:
         some = likely[: len(likely) // 2]
         tried += [(replace(one, names=fit.hypothesis.names), fit, 0.0 * fit.mean) for one in some]
-    more = log(STEP / max(len(race.model.candidates) + count - 1, 1))
+    more = log(race.priors.step / max(len(race.model.candidates) + count - 1, 1))
     found = []
     for one, start, w in tried:
         own = replace(one, log_prior=one.log_prior + more)

@@ -8,8 +8,8 @@ the largest that is allowed, so that neither end is a special case:
     x = low + (high - low) / (1 + exp(-(a + b v))),   x(0) = 0,   x'(0) = 1
     psi = m (1 - exp(-psi_0 e^(s v) / m))
 
-with psi_0 two thirds of the scale of the strength and s = SPREAD. An effect that belongs to the model already
-has a strength among the calibrated numbers.
+with psi_0 the strength expected (`Priors.typical`) and s its spread. An effect that belongs to the model
+already has a strength among the calibrated numbers.
 """
 
 from dataclasses import dataclass, field, replace
@@ -22,17 +22,16 @@ from taichi_erosion.evidence.data.transforms import Axis, axis_value, effect_of
 from taichi_erosion.evidence.models.predictor import Predictor, seed_mean
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
-from taichi_erosion.evidence.race.priors import SPREAD
+from taichi_erosion.evidence.race.priors import PRIORS, Priors
 
 Acting = tuple[str, ...]
 EDGE = 0.02  # least share of a range that its start is taken to be away from an end
-TYPICAL = 2.0 / 3.0  # strength expected, over the scale of its prior
 
 
-def position(axis: Axis, v: float) -> float:
+def position(axis: Axis, v: float, priors: Priors) -> float:
     """Calibrated number on its own axis."""
     if effect_of(axis.name) is not None:
-        return strength(Candidate("", 1.0, axis.high), v, axis.high)
+        return strength(Candidate("", 1.0, axis.high), v, axis.high, priors)
     if not np.isfinite(axis.high - axis.low):
         return float(np.clip(v, axis.low, axis.high))
     width = axis.high - axis.low
@@ -41,10 +40,10 @@ def position(axis: Axis, v: float) -> float:
     return axis.low + width / (1.0 + exp(-np.clip(log(share / (1 - share)) + slope * v, -60, 60)))
 
 
-def strength(candidate: Candidate, v: float, largest: float) -> float:
+def strength(candidate: Candidate, v: float, largest: float, priors: Priors) -> float:
     """Strength of an effect."""
-    typical = min(TYPICAL * candidate.prior_scale, candidate.maximum)
-    return float(-largest * np.expm1(-typical * np.exp(np.clip(SPREAD * v, -30.0, 10.0)) / largest))
+    typical = min(priors.typical * candidate.prior_scale, candidate.maximum)
+    return float(-largest * np.expm1(-typical * np.exp(np.clip(priors.spread * v, -30.0, 10.0)) / largest))
 
 
 @dataclass
@@ -54,6 +53,7 @@ class RaceModel:
     prepared: PreparedProblem
     most: float = np.inf  # settings that may be evaluated
     progress: Progress = lambda _, __: None
+    priors: Priors = PRIORS
     settings: int = 0
     known: set[tuple] = field(default_factory=set)
     shift: Floats | float = 0.0  # of a mean over many seeds over that of the few that every setting has
@@ -79,7 +79,8 @@ class RaceModel:
 
     def numbers(self, v: Floats) -> Floats:
         """Calibrated numbers on their axes."""
-        return np.array([position(axis, float(z)) for axis, z in zip(self.prepared.axes, v, strict=True)])
+        pairs = zip(self.prepared.axes, v, strict=True)
+        return np.array([position(axis, float(z), self.priors) for axis, z in pairs])
 
     def unit_values(self, v: Floats) -> Floats:
         """Calibrated numbers in their units."""
@@ -88,7 +89,7 @@ class RaceModel:
 
     def strength(self, name: str, t: float) -> float:
         """Strength of one effect."""
-        return strength(self.candidates[name], t, self.largest(name))
+        return strength(self.candidates[name], t, self.largest(name), self.priors)
 
     def strengths(self, names: Acting, v: Floats) -> dict[str, float]:
         """Strengths of the acting effects."""

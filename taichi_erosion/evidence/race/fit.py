@@ -21,7 +21,7 @@ from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.race.blocks import Block, columns_of, nuisance, unlisted
 from taichi_erosion.evidence.race.expansion import Acting, RaceModel
 from taichi_erosion.evidence.race.linear_evidence import Evidence, LinearRows, Scales, evidence, scale
-from taichi_erosion.evidence.race.priors import DOUBT, SEED, SPREAD
+from taichi_erosion.evidence.race.priors import SEED
 
 OUTSIDE = "outside_library"  # what no list holds: its name where a mechanism has its own
 POOR = 4.0  # misfit a row from which a fit may have gone astray
@@ -131,7 +131,7 @@ def score(fit: Fit) -> float:
     return fit.log_evidence + fit.log_prior
 
 
-def scatter_of(prepared: PreparedProblem) -> tuple[Integers, Scales]:
+def scatter_of(prepared: PreparedProblem, doubt: float) -> tuple[Integers, Scales]:
     """Scatter of every row by number, -1 for censored ones, and its prior.
 
     Preparations differ by about half of the scatter of repeats: means of n by (1 + n / 4)^1/2 more.
@@ -141,8 +141,8 @@ def scatter_of(prepared: PreparedProblem) -> tuple[Integers, Scales]:
     index = np.where(rows.censored, -1, np.searchsorted(used, rows.which))
     names = [rows.observables[k].name for k in used]
     repeats = [np.nanmedian(rows.noise[name].scatter.variance) / rows.noise[name].lab ** 2 for name in names]
-    doubt = [float(np.hypot(DOUBT, 0.5 * np.log1p(0.25 * n))) for n in repeats]
-    parts = [scale(f"scatter {name}", doubt=sd) for name, sd in zip(names, doubt, strict=True)]
+    wide = [float(np.hypot(doubt, 0.5 * np.log1p(0.25 * n))) for n in repeats]
+    parts = [scale(f"scatter {name}", doubt=sd) for name, sd in zip(names, wide, strict=True)]
     return index.astype(np.int64), sum(parts, Scales.none())
 
 
@@ -157,11 +157,12 @@ class Race:
     stopped: bool = False  # at the budget of settings
 
     def __post_init__(self) -> None:
-        rows, sd = self.prepared.rows, self.prepared.sd
+        rows, sd, self.priors = self.prepared.rows, self.prepared.sd, self.model.priors
         known = np.ones(rows.size, dtype=np.bool_)
-        self.blocks = tuple(nuisance(rows, known, sd))
-        self.large = {key: tuple(each) for key, each in unlisted(rows, known, self.blocks).items()}
-        self.scatter, self.scatter_scales = scatter_of(self.prepared)
+        self.blocks = tuple(nuisance(rows, known, sd, self.priors))
+        large = unlisted(rows, known, self.blocks, self.priors)
+        self.large = {key: tuple(each) for key, each in large.items()}
+        self.scatter, self.scatter_scales = scatter_of(self.prepared, self.priors.doubt)
 
     def linear(self, at: Expansion) -> tuple[LinearRows, float]:
         """Rows of an expansion, and what censored ones add to its evidence."""
@@ -348,7 +349,7 @@ class Race:
             return None
         if np.array_equal(mean, parent.mean):
             return None
-        jacobian = np.insert(parent.jacobian, at, SPREAD * (mean - parent.mean), axis=1)
+        jacobian = np.insert(parent.jacobian, at, self.priors.spread * (mean - parent.mean), axis=1)
         hypothesis = replace(parent.hypothesis, names=names)
         known = hypothesis, v, mean, jacobian, parent.errors, parent.blocks
         return self.solved(Expansion(*known, log_prior, dose=parent.dose), 5)
@@ -363,11 +364,6 @@ class Race:
         known = self.fits.get(hypothesis)
         fit = self.refined(self.solved(start, 0)) if np.all(np.isfinite(mean)) else known
         return self.better(fit or parent, known or fit or parent)
-
-    def beside(self, parent: Fit, hypothesis: Hypothesis, blocks: tuple[Block, ...], log_prior: float) -> Fit:
-        """The parent with other blocks of errors."""
-        fit = replace(parent, hypothesis=hypothesis, blocks=blocks, log_prior=log_prior)
-        return self.kept(self.moved(self.solved(fit, 10), 2))
 
     def posterior(self) -> dict[Hypothesis, float]:
         """Probability of every hypothesis that was visited."""

@@ -35,7 +35,7 @@ from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import OUTSIDE, Doses, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import Solved
 from taichi_erosion.evidence.race.posterior import Posterior, scale_draws
-from taichi_erosion.evidence.race.priors import BAD_SD, DOUBT, SEED
+from taichi_erosion.evidence.race.priors import BAD_SD, SEED
 from taichi_erosion.evidence.race.record import HeldOutPart, Interval
 
 SHARES = np.array([[0.05], [0.5], [0.95]])  # below the ends of an interval and its middle
@@ -109,7 +109,8 @@ def elsewhere(race: Race, rows: ComparisonRows) -> Elsewhere:
     both, seeds = both_rows(p.rows, rows, np.zeros(rows.size)), by_observable(p.rows, p.seed_variance)
     predictor = p.predictor.over(both.observables, both.which, both.conditions)
     joint = replace(p, rows=both, predictor=predictor, condition_errors=condition_errors(both))
-    return Elsewhere(race, rows, seeds[rows.which] / p.seeds.scoring.size, RaceModel(joint))
+    model = RaceModel(joint, priors=race.priors)
+    return Elsewhere(race, rows, seeds[rows.which] / p.seeds.scoring.size, model)
 
 
 def both_rows(fitted: ComparisonRows, other: ComparisonRows, mean: Floats) -> ComparisonRows:
@@ -205,10 +206,10 @@ def expanded(place: Elsewhere, fit: Fit) -> tuple[Floats, Floats, Doses | None]:
 
 def both_blocks(place: Elsewhere, fit: Fit, both: ComparisonRows, doses: Doses | None) -> list[Block]:
     """The blocks of a fit over fitted and other rows."""
-    p, n = place.race.prepared, fit.mean.size
+    p, n, priors = place.race.prepared, fit.mean.size, place.race.priors
     known, unit = np.arange(both.size) < n, np.append(p.sd, np.ones(both.size - n))
-    usual = nuisance(both, known, unit)
-    large = unlisted(both, known, usual)[fit.hypothesis.along] if OUTSIDE in fit.hypothesis.beside else []
+    usual, unknown = nuisance(both, known, unit, priors), OUTSIDE in fit.hypothesis.beside
+    large = unlisted(both, known, usual, priors)[fit.hypothesis.along] if unknown else []
     built = {block.scale.names[0]: block.columns for block in (*usual, *large)}
     if doses is not None:
         built["dose"] = doses.change(doses.factor, both.size)
@@ -334,7 +335,8 @@ def misfit_chance(place: Elsewhere, told: Outlook, good: Bools) -> float:
         noise = noise + place.rows.covariance
     gap, physics = (place.rows.z - told.mean(False))[good], told.covariance(False)[np.ix_(good, good)]
     noise = noise[np.ix_(good, good)]
-    size = [gap @ np.linalg.solve(physics + np.exp(2.0 * DOUBT * z) * noise, gap) for z in NODES]
+    scatter = np.exp(2.0 * place.race.priors.doubt * NODES)
+    size = [gap @ np.linalg.solve(physics + factor * noise, gap) for factor in scatter]
     return float(WEIGHTS @ special.chdtrc(gap.size, np.maximum(size, 0.0)) / WEIGHTS.sum())
 
 

@@ -25,7 +25,7 @@ from taichi_erosion.evidence.race.doses import add_doses
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.linear_evidence import Solved
-from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, NOTHING, SEED, STEP
+from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, PRIORS, SEED, Priors
 from taichi_erosion.evidence.race.search import log_prior, search
 
 SCALES = 60  # draws of the scales of one hypothesis
@@ -139,6 +139,7 @@ def raced(
     most: float = MOST_SETTINGS,
     progress: Progress = lambda _, __: None,
     bare: bool = False,
+    priors: Priors = PRIORS,
 ) -> Posterior:
     """The posterior of all explanations of a table, by default the rows outside the vault.
 
@@ -152,7 +153,7 @@ def raced(
         nothing = replace(problem, candidates=(), mechanisms=())
         predictor = replace(prepared.predictor, candidates=())
         prepared = replace(prepared, problem=nothing, predictor=predictor)
-    race = Race(prepared, RaceModel(prepared, most, progress))
+    race = Race(prepared, RaceModel(prepared, most, progress, priors))
     try:
         search(race)
         if problem.mechanisms and strained(race):
@@ -194,6 +195,7 @@ def strained(race: Race) -> bool:
     listed = race.likely(0.0, lambda fit: not fit.hypothesis.beside)
     share = race.posterior()
     known = sum(share[fit.hypothesis] for fit in listed)
-    if known < NOTHING * (known + (1.0 - known) / (STEP if race.prepared.problem.mechanisms else 1.0)):
+    unlisted = (1.0 - known) / (race.priors.step if race.prepared.problem.mechanisms else 1.0)
+    if known < race.priors.nothing * (known + unlisted):
         return True
     return misfit_p(listed[0], levels=False) < FAMILYWISE

@@ -3,7 +3,7 @@
 Quantiles are those of the posterior, averaged over all explanations; values are in the units of the model.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite, nan
 from typing import Annotated, Literal
@@ -246,7 +246,6 @@ class FreshPart:
     emulated: float = nan  # probability of the answer, by the emulator
     simulated: float = nan  # by the fresh runs
     p: float = nan  # chance that as many runs of a right emulator leave as little
-    agreement: float = nan  # share of the seeds, each alone, by which the answer is likelier true than not
     gap: GapPart | None = None
     runs: int = 0
     seeds: int = 0  # of every set of conditions
@@ -277,6 +276,7 @@ class Record:
     held_out: HeldOutPart | None = None
     experiments: tuple[ExperimentPart, ...] = ()
     fresh: FreshPart | None = None
+    sensitivity: Mapping[str, Sequence[Decided]] = field(default_factory=dict)  # prior halved, doubled
 
     @property
     def improves(self) -> bool:

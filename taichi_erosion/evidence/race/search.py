@@ -3,13 +3,14 @@
 A set grows by one effect from the best sets of its size, and each member of the best set is tried against
 every other effect. Whatever has been fitted when the budget of settings is spent is an answer.
 
-    P(set of k) = (1 - NOTHING - UNLISTED) STEP^k / sum_j STEP^j / C(m, k)
+    P(set of k) = (1 - nothing - unlisted) step^k / sum_j step^j / C(m, k)
 
 Reference: Madigan & Raftery (1994), J. Am. Stat. Assoc. 89, 1535 (only what is not far less likely than the
 best is visited).
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import comb, log
 
 import numpy as np
@@ -17,27 +18,33 @@ import numpy as np
 from taichi_erosion.evidence.race.adequacy import is_adequate
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, score
-from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, NOTHING, STEP, UNLISTED
+from taichi_erosion.evidence.race.priors import CARRIED, KEEP, MOST, Priors
 
 
-def log_prior(race: Race, hypothesis: Hypothesis) -> float:
-    """Ln prior of a set of effects, alone or beside what no list holds.
+def prior(race: Race, hypothesis: Hypothesis, priors: Priors) -> float:
+    """Prior of all hypotheses with as many effects, alone or beside the same kind of what no list holds.
 
     What no list holds is a mechanism where the model declares some, or one step more unlikely.
     """
-    size, count = len(hypothesis.names), len(race.model.candidates)
-    each = log(comb(count, size))
-    mechanisms = len(race.prepared.problem.mechanisms)
-    if hypothesis.beside:
-        beyond = log(UNLISTED * (1.0 - STEP) * STEP**size) - each - log(len(race.large))
-        return beyond + (log(STEP) if mechanisms else 0.0)
-    whole = sum(STEP**k for k in range(1, min(MOST, count) + 1))
-    return log((1.0 - NOTHING - UNLISTED) * STEP**size / whole) - each
+    size, beside, step = len(hypothesis.names), hypothesis.beside, priors.step
+    if beside:
+        own = step if OUTSIDE in beside else (1.0 - step) * step ** (len(beside) - 1)
+        return priors.unlisted * (1.0 - step) * step**size * (own if race.prepared.problem.mechanisms else 1)
+    if not size:
+        return priors.nothing
+    whole = sum(step**k for k in range(1, min(MOST, len(race.model.candidates)) + 1))
+    return (1.0 - priors.nothing - priors.unlisted) * step**size / whole
+
+
+def log_prior(race: Race, hypothesis: Hypothesis) -> float:
+    """Ln prior of a set of effects, alone or beside what no list holds."""
+    alike = comb(len(race.model.candidates), len(hypothesis.names))
+    return log(prior(race, hypothesis, race.priors) / alike / (len(race.large) if hypothesis.beside else 1))
 
 
 def search(race: Race) -> None:
     """Nothing, singles, sets grown from the best ones, and each beside something that is not in the list."""
-    bare, effects = race.calibrated(log(NOTHING)), list(race.model.candidates)
+    bare, effects = race.calibrated(log(race.priors.nothing)), list(race.model.candidates)
     add_unlisted(race, bare)
     add_each(race, bare, effects)
     race.tried = True
@@ -74,7 +81,8 @@ def add_unlisted(race: Race, parent: Fit) -> None:
     for along, blocks in race.large.items():
         hypothesis = Hypothesis(parent.hypothesis.names, (OUTSIDE,), along)
         if hypothesis not in race.fits:
-            race.beside(parent, hypothesis, blocks, log_prior(race, hypothesis))
+            known = {"hypothesis": hypothesis, "log_prior": log_prior(race, hypothesis)}
+            race.kept(race.moved(race.solved(replace(parent, **known, blocks=blocks), 10), 2))
 
 
 def grow(race: Race, size: int, effects: Sequence[str]) -> None:

@@ -100,7 +100,7 @@ def compared(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
 def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """What is missing, and how far every candidate is known."""
     sure, either = part_words.acting(record.decided)
-    names = say.joined(filter(None, (*sure, say.joined(either, "or"))))
+    names = part_words.acting_names(record.decided) if sure or either else ""
     fit = " ".join(filter(None, (part_words.law_line(record), part_words.fit_line(record, names))))
     numbers = part_words.numbers_line(record, before=not names, without=names)
     rows = tuple(part_words.effect_rows(record)) if part_words.testable(record) else ()
@@ -111,6 +111,13 @@ def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
     before, _, last = adoption(record, held, voc) if held and held.n else ("", "", "")
     holds = fit, before and f"Adopted before: {before[0].lower()}{before[1:]}", numbers
     return framed(Answer(missing, holds, (after_discovery(record, voc, last),), table), record)
+
+
+def sensitivity_table(record: Record) -> Table | None:
+    """What depends on the priors; None where the answer rests on something else."""
+    title = f"priors halved and doubled (probability of the answer): {part_words.sensitivity_text(record)}"
+    columns, rows = ("prior", "halved", "doubled"), tuple(part_words.sensitivity_rows(record))
+    return Table(title, columns, rows) if rows else None
 
 
 def after_discovery(record: Record, voc: say.Vocabulary, adopted: str) -> str:

@@ -29,6 +29,14 @@ FAULTS = {  # of a set-up
 UNKNOWN_SCATTER = (
     "no row has an sd, no measurement is repeated: the scatter is unknown; add either, or say --sd 'NAME=8 %'"
 )
+PRIORS = {  # that are halved and doubled
+    "nothing": "odds that nothing is missing",
+    "unlisted": "odds of what is not in the list",
+    "step": "odds of one more effect",
+    "typical": "strengths expected",
+    "dose": "doses expected",
+    "errors": "errors expected",
+}
 ONE_LESS = " minus one"  # of what a dose counts
 LIKELY = 0.5  # probability above which an effect acts rather than not
 NEAR_UNIT = 0.1  # of ln of a factor, within which it is told as that of a unit
@@ -174,6 +182,39 @@ def acting(decided: parts.Decided) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return (*decided.named, *sure), (*decided.group, *(() if sure else decided.mechanisms))
 
 
+def acting_names(decided: parts.Decided) -> str:
+    """`cohesion and either a or b`, `something not in the list`, `nothing`."""
+    sure, either = acting(decided)
+    unnamed = {"outside_library": "something not in the list"}.get(decided.verdict, "nothing")
+    return say.joined(filter(None, (*sure, say.joined(either, "or")))) or unnamed
+
+
+def sensitivity_text(record: Record) -> str:
+    """`no name moves`, `cohesion is told, nothing only where errors expected are doubled`."""
+    usual, places = acting_names(record.decided), dict[str, list[str]]()
+    for prior, own in record.sensitivity.items():
+        for way, each in zip(("halved", "doubled"), own, strict=True):
+            places.setdefault(acting_names(each), []).append(f"{PRIORS[prior]} are {way}")
+    told = [f"{name} only where {say.joined(at, 'or')}" for name, at in places.items() if name != usual]
+    return f"{usual} is told, {say.joined(told)}" if told else "no name moves"
+
+
+def sensitivity_rows(record: Record) -> Iterator[tuple[str, ...]]:
+    """What is told where a prior is halved and doubled, with the probability of the answer there."""
+    for prior, own in record.sensitivity.items():
+        cells = (f"{acting_names(each)} ({say.probability(chance(record.decided, each))})" for each in own)
+        yield PRIORS[prior], *cells
+
+
+def chance(told: parts.Decided, other: parts.Decided) -> float:
+    """Probability of an answer under other priors: that all of it acts, and one of what is not told apart."""
+    sure, either = map(set, acting(told))
+    if not (sure or either):
+        return other.unlisted if told.verdict == "outside_library" else other.probabilities["none"]
+    sets = {key: {*key.split("+")} for key in other.probabilities}
+    return sum(other.probabilities[k] for k, n in sets.items() if sure <= n and (not either or either & n))
+
+
 def headline(record: Record, voc: say.Vocabulary) -> str:
     """The answer of `discover` in one sentence."""
     decided = record.decided
@@ -256,7 +297,8 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
     why = f"a name needs {SURE:g}"
     if share >= SURE:
         why = f"among so many candidates one looks as good by chance with {say.chance(decided.familywise)}"
-    best = f"the likeliest, {voc.explanation(likely)} alone, has probability {say.probability(share)}; {why}"
+    name = say.EXPLANATIONS.get(likely) or say.joined(map(voc.titled, likely.split("+")))
+    best = f"the likeliest, {name} alone, has probability {say.probability(share)}; {why}"
     return f"No effect is named: {state}. Of all explanations {best}."
 
 

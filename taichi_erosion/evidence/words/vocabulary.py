@@ -58,10 +58,6 @@ class Vocabulary:
         title = self.titles.get(base, "").partition(" (")[0]
         return f"{title}{f' of {observable}' if observable else ''} ({name})" if title else name
 
-    def explanation(self, key: str) -> str:
-        """`none`, `a+b` in words."""
-        return EXPLANATIONS.get(key) or joined(map(self.titled, key.split("+")))
-
     def scale(self, observable: str) -> float:
         """Factor from the unit of the model to that of the table."""
         return self.units.value(observable, 1.0) or 1.0

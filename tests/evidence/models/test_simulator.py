@@ -82,13 +82,6 @@ def test_a_column_sets_a_declared_condition_in_its_unit_and_effects_read_it_in_s
     assert "conditions.root_density=4.0" in rooted
 
 
-def test_the_mask_of_a_candidate_says_where_it_can_act(tmp_path):
-    problem = study(tmp_path).problem
-    masks = {c.name: c.mask(problem.measurements.conditions).tolist() for c in problem.candidates if c.mask}
-    assert masks["liquid_bridge"] == masks["rolling_resistance"] == [False, True, False]
-    assert masks["dry_adhesion"] == [True] * 3
-
-
 def test_an_effect_whose_file_is_named_is_a_candidate(tmp_path):
     def names(text: str, *files: Path) -> list[str]:
         found = study(tmp_path, text, StudyOptions(effect_files=files))

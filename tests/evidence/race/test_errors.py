@@ -173,7 +173,6 @@ def line(seed: int, classical: bool) -> Problem:
         value=SLOPE * true + SD * generator.standard_normal(ROWS),
         conditions={"x": stated},
         condition_sd={"x": np.full(ROWS, SD_X)},
-        condition_set=frozenset() if classical else frozenset({"x"}),
     )
     return replace(problem, measurements=table, candidates=(Candidate("slope", 3.0, 3.0),))
 

@@ -90,9 +90,7 @@ class Told:
     fill_down: bool = False  # blank cells below a condition, a set-up or a source repeat it
     ignored: frozenset[str] = frozenset()  # places of scenes that no effect reads
     complete: bool = False  # a condition that one row states must be stated by all
-    reads: frozenset[str] | None = (
-        None  # places that the model reads; others are kept as conditions. None: no
-    )
+    reads: frozenset[str] | None = None  # by the model; others are kept as conditions; None: as they are
 
 
 def column_roles(cells: Cells, told: Told, faults: list[str]) -> list[Column]:
@@ -101,9 +99,7 @@ def column_roles(cells: Cells, told: Told, faults: list[str]) -> list[Column]:
     named = stated_names(cells, told, faults)
     columns = [with_unit(column_of(cells, place, named), told) for place in range(len(cells.heading))]
     measured = any(column.role == "observable" for column in columns)
-    for place, column in enumerate(
-        columns if not measured else ()
-    ):  # as what it means where nothing known is
+    for place, column in enumerate(() if measured else columns):  # as what it means where nothing known is
         if not column.sure and column.numeric and (alone := meaning_alone(column.heading)):
             words = {"role": "observable", "name": alone, "near": "", "unclear": column.heading.name}
             columns[place] = replace(column, sure=True, **words)
