@@ -35,6 +35,7 @@ from taichi_erosion.cli.options import (
     EffectFiles,
     File,
     Force,
+    MeasureFiles,
     Text,
     Verbose,
     Whole,
@@ -145,13 +146,15 @@ def run(
         Option("--resume", metavar="FILE", help="Continue from a checkpoint.", exists=True, dir_okay=False),
     ] = None,
     effect: EffectFiles = None,
+    measure: MeasureFiles = None,
     check: Annotated[bool, Option("--check", help="Validate the scene; simulate nothing.")] = False,
     force: Force = False,
     verbose: Verbose = False,
     as_json: AsJson = False,
 ) -> None:
     """Simulate a scene, measure and record it; print the measured value beside the simulated one."""
-    overrides, effects = tuple(override or ()), tuple(effect or ())
+    own = (f"measure.{file.stem}.file='{file.resolve()}'" for file in measure or ())
+    overrides, effects = (*(override or ()), *own), tuple(effect or ())
     if check:
         return print_check(scene, overrides, effects, as_json)
     if record and no_record:

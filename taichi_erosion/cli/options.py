@@ -11,6 +11,10 @@ EffectFiles = Annotated[
     list[Path] | None,
     Option("--effect", metavar="FILE", help="Python file with an effect of your own; may be repeated."),
 ]
+MeasureFiles = Annotated[
+    list[Path] | None,
+    Option("--measure", metavar="FILE", help="Python file with a measure of your own; may be repeated."),
+]
 Force = Annotated[bool, Option("--force", help="Replace files of this name that this command did not write.")]
 Verbose = Annotated[bool, Option("--verbose", help="Print notes, numbers and cost too.")]
 Arch = Annotated[

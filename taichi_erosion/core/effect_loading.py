@@ -46,7 +46,7 @@ def checked_effect(effect: Any, origin: str) -> Effect:
     return effect
 
 
-def execute(file: EffectFile) -> ModuleType:
+def execute(file: EffectFile, remedy: str = REMEDY) -> ModuleType:
     """Module of the text of a file; the compiler reads that text too, whatever becomes of the file."""
     name, source = f"effect_file_{file.path.stem}_{file.digest}", f"{file.path}:{file.digest}"
     linecache.cache[source] = (len(file.text), None, file.text.splitlines(keepends=True), source)
@@ -56,7 +56,7 @@ def execute(file: EffectFile) -> ModuleType:
         exec(compile(file.text, source, "exec", dont_inherit=True), module.__dict__)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
-        raise BadInput(f"{file}: cannot be executed{line_of(error)}: {reason(error)}; {REMEDY}") from None
+        raise BadInput(f"{file}: cannot be executed{line_of(error)}: {reason(error)}; {remedy}") from None
     return module
 
 

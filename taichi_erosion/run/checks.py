@@ -11,6 +11,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
 from taichi_erosion.run.observables import OBSERVABLES
+from taichi_erosion.run.own_measure import measure_files
 from taichi_erosion.scene import Scene, explain, laws, load_scene, resolved, scene_hash
 from taichi_erosion.scene.load import is_air_scene, load_air_scene, told
 from taichi_erosion.scene.preparation.air import air_time_step, longest_step
@@ -31,6 +32,7 @@ def read_scene(path: Path, overrides: tuple[str, ...], effect_files: EffectFiles
     `effect_files` are those beside the ones that the scene names itself.
     """
     scene = load_scene(path, overrides, observables=tuple(OBSERVABLES))
+    measure_files(scene)
     if not scene.effects:
         return scene
     try:

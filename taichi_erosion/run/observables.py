@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats, Triple
-from taichi_erosion.core.snapshot import AirProfile, GrainFields, Snapshot, WallPose
+from taichi_erosion.core.snapshot import AirProfile, ContactNetwork, GrainFields, Snapshot, WallPose
 from taichi_erosion.measures import (
     coarse_graining,
     drum_and_incline,
@@ -23,6 +23,7 @@ from taichi_erosion.measures import (
     wind_bed,
 )
 from taichi_erosion.measures.result import Measurement, Shortfall, no_measurement
+from taichi_erosion.run.own_measure import own_measure
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.preparation.air import surface_height
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
@@ -53,6 +54,7 @@ class MeasureInput:
     window: wind_bed.Window | None = None  # of steady transport; None: the whole stage
     loads: tuple[Floats, ...] = ()  # `wall_loads` of the frames, where a measure reads them
     poses: Mapping[str, WallPose] = field(default_factory=dict)  # of walls at the end; others stand as built
+    network: Callable[[], ContactNetwork] | None = None  # contacts at the end
 
     @property
     def patch(self) -> wind_bed.Patch:
@@ -294,6 +296,8 @@ def measure(name: str, given: MeasureInput) -> Measurement:
         of_kind = (heap.chosen_grains(s, s.kind == s.kinds.index(kind)) for s in (given.end, *given.frames))
         end, *frames = of_kind
         given = replace(given, end=end, frames=tuple(frames))
+    if given.request.file is not None:
+        return own_measure(name, given)
     found = OBSERVABLES[name](given)
     if name in OF_HEAP and (left := int(given.held.sum())) > LEFT_MOST * given.held.size:
         told = f"{left:,} of {given.held.size:,} grains are still in the funnel or tube"

@@ -1,6 +1,6 @@
 """Restart with a changed set-up: what may change while the grains stay, and what follows from it."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from taichi_erosion.run.ensemble_loop import EnsembleRun
 from taichi_erosion.run.stages import begin_stage
 from taichi_erosion.scene import Scene, resolved
 from taichi_erosion.scene.checkpoint_file import Arrays
+from taichi_erosion.scene.paths import leaves
 from taichi_erosion.simulation.saved_state import SURFACE
 
 FREE = ("contact", "geometry", "gravity", "conditions", "effects", "measured", "record", "scene", "threshold")
@@ -23,22 +24,13 @@ LISTED = {"contact", "geometry", "materials", "effects"}  # sections that lists 
 MOST_TOLD = 3  # changes that a message names
 
 
-def entries(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted paths and values of all entries of a resolved scene, stages one by one."""
-    table = dict(enumerate(value)) if path == "stages" else value
-    if not isinstance(table, dict) or not table:
-        yield path, value
-        return
-    for key, entry in table.items():
-        yield from entries(entry, f"{path}.{key}".lstrip("."))
-
-
 def changed_entries(file: Path, scene: Scene, meta: Mapping[str, Any]) -> list[str]:
     """Entries of a scene, after its effects, that differ from those of a checkpoint. Raises BadInput.
 
     Refused is what would change the grains, their clock or what has already happened.
     """
-    old, new = dict(entries(meta.get("scene", {}))), dict(entries(resolved(scene)))
+    tables = meta.get("scene", {"stages": ()}), resolved(scene)
+    old, new = (dict(leaves({**table, "stages": dict(enumerate(table["stages"]))})) for table in tables)
     changed = [path for path in {**old, **new} if old.get(path, []) != new.get(path, [])]
     changed = [path for path in changed if path not in ("run.seed", "run.replicas")]
     begun = max(replica["stage"] - replica["finished"] for replica in meta["replicas"])

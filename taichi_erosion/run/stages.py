@@ -212,7 +212,7 @@ def measure_inputs(
     profile, period = partial(fields_now, sim, replica), sim.setups[replica].period
     loads, poses = tuple(state.loads), simulation.wall_poses(sim, replica)
     kept = end, tuple(state.frames), tuple(state.tilts), air, tuple(state.airs), thresholds
-    own = *kept, profile, period, window, loads, poses
+    own = *kept, profile, period, window, loads, poses, partial(simulation.contact_network, sim, replica)
     return lambda name: MeasureInput(scene, scene.measure[name], *own)
 
 

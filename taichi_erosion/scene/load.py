@@ -312,6 +312,9 @@ def scene_hash(scene: Scene | AirScene) -> str:
             for name, wall in scene.geometry.items()
             if isinstance(wall, Mesh)
         }
+        for name, order in scene.measure.items():
+            if order.file is not None:
+                table["measure"][name]["file"] = sha256((scene.folder / order.file).read_bytes()).hexdigest()
         if isinstance(scene.fill, Bed):
             table["bed"] = sha256((scene.folder / scene.fill.file).read_bytes()).hexdigest()
         if scene.effect_digests:  # likewise of a file with an effect

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 
 from taichi_erosion.core.errors import BadInput
+from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.checkpoint_file import Arrays, load_checkpoint
 from taichi_erosion.scene.schema.fields import resolved
 from taichi_erosion.scene.schema.grains import Bed
 from taichi_erosion.scene.schema.scene import Scene
-
-GRAIN = ("position", "velocity", "spin", "radius", "kind")  # what `bed_grains` gives
 
 
 @lru_cache(maxsize=1)
@@ -43,6 +42,7 @@ def saved_bed(scene: Scene, fill: Bed, seed: int) -> Arrays:
     return bed | {"kind": places[bed["material"].astype(int)], "position": bed["origin"] + bed["shift"]}
 
 
-def bed_grains(bed: Arrays) -> Arrays:
-    """Columns of the grains of a bed in the order of their GrainTable."""
-    return {name: bed[name][np.argsort(bed["ident"])].astype(np.float64) for name in GRAIN}
+def bed_grains(bed: Arrays) -> list[Floats]:
+    """Position, velocity, spin, radius and kind of the grains of a bed in the order of their GrainTable."""
+    names = ("position", "velocity", "spin", "radius", "kind")
+    return [bed[name][np.argsort(bed["ident"])].astype(np.float64) for name in names]

@@ -87,7 +87,8 @@ def clearing_time(inlet: Inlet, largest: float, gravity: float) -> float:
 
 def random_layer(inlet: Inlet, radius: Floats, random: np.random.Generator) -> Floats:
     """Random sequential addition of the next grains up to the wanted coverage, [n, 3] m from the centre."""
-    allowed = np.searchsorted(np.cumsum(radius**2), covered_square(inlet, radius), side="right")
+    square = inlet.radius**2 if inlet.radius else inlet.area(2.0 * radius.max()) / pi
+    allowed = np.searchsorted(np.cumsum(radius**2), inlet.coverage * square, side="right")
     wanted = max(1, min(int(allowed), len(radius)))
     found = np.zeros((wanted, 3))
     for k in range(wanted):
@@ -96,11 +97,6 @@ def random_layer(inlet: Inlet, radius: Floats, random: np.random.Generator) -> F
             return found[:k]
         found[k] = place
     return found
-
-
-def covered_square(inlet: Inlet, radius: Floats) -> float:
-    """Sum of the squares of the radii that a layer may have [m2]."""
-    return inlet.coverage * (inlet.radius**2 if inlet.radius else inlet.area(2.0 * radius.max()) / pi)
 
 
 def free_place(
@@ -150,11 +146,8 @@ def initial_bodies(scene: Scene, seed: int, reach: float) -> InitialBodies:
             release_time=np.zeros(len(fill.grains)),
         )
     if isinstance(fill, Bed):
-        rows = bed_grains(saved_bed(scene, fill, seed))
-        motion = rows["position"], rows["velocity"], rows["spin"]
-        return InitialBodies(
-            *motion, rows["kind"].astype(np.int32), 2.0 * rows["radius"], 0.0 * rows["radius"]
-        )
+        place, velocity, spin, radius, kind = bed_grains(saved_bed(scene, fill, seed))
+        return InitialBodies(place, velocity, spin, kind.astype(np.int32), 2.0 * radius, 0.0 * radius)
     count, random = scene.grains.count, stream(seed, "places")
     kind, diameter = sample_kinds(scene, stream(seed, "diameters"), stream(seed, "kinds"))
     release = np.zeros(count)

@@ -318,10 +318,7 @@ def kind_lines(scene: Scene) -> list[str]:
     if not scene.grains.kinds:
         return []
     counts = kind_counts(scene)
-    lines = [
-        f"{name}: {counts[name]:,} grains, {part.share:.3g} of the mass"
-        for name, part in scene.grains.parts.items()
-    ]
+    lines = [f"{name}: {count:,} grains" for name, count in counts.items()]
     for a, b in combinations(counts, 2):
         contact = scene.contact_of(a, b)
         if contact is not None and not {f"{a}-{b}", f"{b}-{a}"} & set(scene.contact):

@@ -318,8 +318,10 @@ class Inlet(Section):
     @model_validator(mode="after")
     def _one_shape(self) -> "Inlet":
         stated = [name for name in ("radius", "size", "end") if getattr(self, name) is not None]
-        if not getattr(self, "inlets", {}) and (len(stated) != 1 or self.centre is None):
-            raise contradiction("needs centre and one of radius (disc), size (rectangle), end (line)")
+        alone = (0, True) if getattr(self, "inlets", {}) else (1, False)
+        if (len(stated), self.centre is None) != alone:
+            words = "centre and one of radius (disc), size (rectangle), end (line)"
+            raise contradiction(f"needs {words}; beside inlets none of these")
         if self.centre and self.end and self.centre[2] != self.end[2]:
             raise contradiction("the line from centre to end must be horizontal")
         if self.rate is not None and self.mass_rate is not None:
@@ -352,12 +354,6 @@ class Pour(Inlet):
 
     law: Literal["pour"]
     inlets: dict[Name, Inlet] = Field({}, description="inlets by names, in place of one")
-
-    @model_validator(mode="after")
-    def _one_or_several(self) -> "Pour":
-        if self.inlets and self.centre is not None:
-            raise contradiction("inlets stand beside one of its own; leave centre and its shape out")
-        return self
 
     @property
     def parts(self) -> dict[str, Inlet]:

@@ -196,7 +196,7 @@ class Stage(Section):
 class Measure(Section):
     """When and how one observable is read; what is left out is the measure's own choice."""
 
-    later = ("plane_normal", "walls", "axis", "centre", "kind")
+    later = ("plane_normal", "walls", "axis", "centre")
 
     stage: Name | None = Field(None, description="stage at whose end it is read; left out: the last")
     azimuths: int | None = number(None, "1", "number of silhouettes over half a turn", 1, 360)
@@ -208,6 +208,9 @@ class Measure(Section):
     axis: Direction = direction((0.0, 0.0, 1.0), "direction of that force, axis of a torque, normal of shear")
     centre: Vector = position(ORIGIN, "a point of the axis of a torque")
     kind: Name | None = Field(default=None, description="kind of grains that alone is read; left out: all")
+    file: str | None = Field(
+        default=None, max_length=400, description="Python file of a measure of your own, beside the scene"
+    )
     of_this_size: bool = Field(
         default=False,
         description="the angle of a heap of this many grains is asked for, not the limit of large ones",
@@ -306,7 +309,8 @@ def reference_problems(scene: Scene, observables: Collection[str] | None) -> Ite
     for name, entries in scene.effects.items():
         wrong = (key for key, value in entries.items() if not isfinite(value))
         yield from (f"effects.{name}.{key} must be a finite number" for key in wrong)
-    yield from observable_problems(scene.measure, observables)
+    listed = (name for name, order in scene.measure.items() if order.file is None)
+    yield from observable_problems(listed, observables)
 
 
 def name_problems(scene: Scene) -> Iterator[str]:
@@ -396,7 +400,7 @@ def measure_problems(scene: Scene) -> Iterator[str]:
     for name, order in scene.measure.items():
         if name == "mass_flow" and order.plane_point is None:
             yield "measure.mass_flow.plane_point is missing: a point of the plane that grains pass"
-        if order.kind is not None and name not in BY_KIND:
+        if order.kind is not None and name not in BY_KIND and order.file is None:
             yield f"measure.{name}.kind: it reads all grains together; leave it out"
         if name in FROM_THRESHOLDS and not searched:
             yield f"measure.{name} needs a stage with until = 'threshold'"
