@@ -17,7 +17,6 @@ from taichi_erosion.core.effect import Check, Checks, Conditions, Probe, effect_
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.scene import Scene
 from taichi_erosion.scene.change import sample_scene, with_grain_material, with_shorter_step
-from taichi_erosion.scene.schema.grains import Material
 
 
 @dataclass(frozen=True)
@@ -28,18 +27,15 @@ class Params:
 
 def change(params: Params, strength: float, conditions: Conditions, scene: Scene) -> Scene:
     """The scene with heavier or lighter grains."""
-    ratios = []
-
-    def changed(material: Material) -> Material:
-        bare = material.density
-        density = bare + strength * (params.solid_density * (1.0 - params.porosity) - bare)
-        if density <= 0.0:
-            raise BadInput(f"effects.grain_density: strength = {strength:g} gives {density:g} kg m-3")
-        ratios.append(density / bare)
-        return material.model_copy(update={"density": density})
-
-    heavier = with_grain_material(scene, changed)
-    return with_shorter_step(heavier, min(ratios) ** 0.5)
+    solid = params.solid_density * (1.0 - params.porosity)
+    density = {name: m.density + strength * (solid - m.density) for name, m in scene.grain_materials.items()}
+    if (least := min(density.values())) <= 0.0:
+        raise BadInput(f"effects.grain_density: strength = {strength:g} gives {least:g} kg m-3")
+    ratios = (density[name] / m.density for name, m in scene.grain_materials.items())
+    changed = with_grain_material(
+        scene, lambda m: m.model_copy(update={"density": m.density + strength * (solid - m.density)})
+    )
+    return with_shorter_step(changed, min(ratios) ** 0.5)
 
 
 def checks(probe: Probe) -> Checks:

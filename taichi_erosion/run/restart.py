@@ -36,9 +36,11 @@ def changed_entries(file: Path, scene: Scene, meta: Mapping[str, Any]) -> list[s
     begun = max(replica["stage"] - replica["finished"] for replica in meta["replicas"])
     wrong = [path for path in changed if not may_change(path, scene, begun)]
     if wrong or not changed:
-        told = ", ".join(wrong[:MOST_TOLD]) or "effects or meshes"
+        told = ", ".join(wrong[:MOST_TOLD]) or "an effect or a mesh"
         other = "fill = { law = 'bed', file = ... } begins a new run with its grains"
-        raise BadInput(f"{file}: other {told} than now; {WORDS} may change; {other}")
+        raise BadInput(f"{file}: {told} differs from that of the checkpoint; {WORDS} may change; {other}")
+    if all(replica["finished"] for replica in meta["replicas"]) and begun + 1 >= len(scene.stages):
+        raise BadInput(f"{file}: all stages had ended; add one to the scene for what is to happen now")
     return changed
 
 

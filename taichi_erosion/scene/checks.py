@@ -165,44 +165,13 @@ def check_fill(scene: Scene) -> Iterator[str]:
 
 def room_checks(scene: Scene, fill: Rain | Lattice | Pour, reach: float) -> Iterator[str]:
     """Grains of some reach [m] start inside their fill or inlets, and inside tubes and funnels about them."""
-    upwards = np.array(UPWARDS)
-    if isinstance(fill, Rain):
-        start = np.add(fill.axis_point, fill.first_height * upwards)
-        yield from tube_checks(scene, "fill.radius", (start, upwards, fill.radius, fill.radius), reach)
-    elif isinstance(fill, Lattice):
-        disc = np.array(fill.centre), np.array(unit_vector(fill.axis)), fill.radius, fill.radius
-        yield from tube_checks(scene, "fill.radius", disc, reach)
-    else:
-        yield from inlet_checks(scene, fill, reach)
-
-
-def inlet_checks(scene: Scene, fill: Pour, reach: float) -> Iterator[str]:
-    """Every kind of grains has an inlet, from which it falls."""
-    passing = {inlet.kind for inlet in fill.parts.values()}
-    for kind in scene.grains.kinds if None not in passing else ():
-        if kind not in passing:
-            yield f"fill.inlets: none of them lets '{kind}' pass; name it as the kind of one"
-    for path, inlet in fill.parts.items():
-        if inlet.kind is not None and inlet.kind not in scene.grains.kinds:
-            yield f"{path}.kind = '{inlet.kind}' is not among [grains.kinds]"
-        if inlet.speed == 0.0 and scene.gravity.magnitude == 0.0:
-            yield f"{path}.speed = 0.0 without gravity: poured grains would never fall"
-        shape = "radius" if inlet.radius else "size" if inlet.size else "end"
-        narrowest = 0.5 * min(inlet.size) if inlet.size else inlet.reach
-        disc = np.array(inlet.middle), np.array(UPWARDS), inlet.reach, narrowest
-        yield from tube_checks(scene, f"{path}.{shape}", disc, reach)
-
-
-def tube_checks(
-    scene: Scene, path: str, disc: tuple[Floats, Floats, float, float], reach: float
-) -> Iterator[str]:
-    """A disc of middle, axis, radius and least width holds a grain, and lies in the tubes about its axis."""
-    start, axis, radius, narrowest = disc
-    if narrowest < reach:
-        yield f"{path} = {narrowest:g} m is smaller than a grain's reach of {reach:g} m"
-        return
-    for name, wall in scene.geometry.items():
-        for row in revolved_rows(wall) if isinstance(wall, Cylinder | Funnel) else ():
+    yield from inlet_checks(scene, fill) if isinstance(fill, Pour) else ()
+    for path, start, axis, radius, narrowest in start_discs(fill):
+        if narrowest < reach:
+            yield f"{path} = {narrowest:g} m is smaller than a grain's reach of {reach:g} m"
+            continue
+        tubes = [(name, wall) for name, wall in scene.geometry.items() if isinstance(wall, Cylinder | Funnel)]
+        for name, row in ((name, row) for name, wall in tubes for row in revolved_rows(wall)):
             arm, own_axis = np.subtract(start, row[:3]), np.array(row[3:6])
             along = float(arm @ own_axis)
             across = float(np.linalg.norm(arm - along * own_axis))
@@ -210,6 +179,32 @@ def tube_checks(
             if abs(axis @ own_axis) > PARALLEL and across < inner < across + radius:
                 told = f"geometry.{name} has a radius of {inner:g} m there"
                 yield f"{path} = {radius:g} m: grains would start outside the wall; {told}"
+
+
+def start_discs(fill: Rain | Lattice | Pour) -> Iterator[tuple[str, Floats, Floats, float, float]]:
+    """Discs where grains start: path of the radius, middle [m], axis, radius and least half width [m]."""
+    upwards = np.array(UPWARDS)
+    if isinstance(fill, Rain):
+        start = np.add(fill.axis_point, fill.first_height * upwards)
+        yield "fill.radius", start, upwards, fill.radius, fill.radius
+    elif isinstance(fill, Lattice):
+        yield "fill.radius", np.array(fill.centre), np.array(unit_vector(fill.axis)), fill.radius, fill.radius
+    for path, inlet in fill.parts.items() if isinstance(fill, Pour) else ():
+        shape = "radius" if inlet.radius else "size" if inlet.size else "end"
+        narrowest = 0.5 * min(inlet.size) if inlet.size else inlet.reach
+        yield f"{path}.{shape}", np.array(inlet.middle), upwards, inlet.reach, narrowest
+
+
+def inlet_checks(scene: Scene, fill: Pour) -> Iterator[str]:
+    """Every kind of grains has an inlet, from which it falls."""
+    passing, kinds = {inlet.kind for inlet in fill.parts.values()}, set(scene.grains.kinds)
+    for kind in sorted(kinds - passing) if None not in passing else ():
+        yield f"fill.inlets: none of them lets '{kind}' pass; name it as the kind of one"
+    for path, inlet in fill.parts.items():
+        if inlet.kind is not None and inlet.kind not in kinds:
+            yield f"{path}.kind = '{inlet.kind}' is not among [grains.kinds]"
+        if inlet.speed == 0.0 and scene.gravity.magnitude == 0.0:
+            yield f"{path}.speed = 0.0 without gravity: poured grains would never fall"
 
 
 def net_checks(scene: Scene, fill: Rain | Lattice | Layers, size: float) -> Iterator[str]:

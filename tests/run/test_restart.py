@@ -100,6 +100,8 @@ def test_a_finished_run_goes_on_with_a_further_stage(cut: Path, tmp_path: Path):
     kept, longer = tmp_path / "end.npz", tmp_path / "longer.toml"
     run_scene(scene, RunOptions(("stages.1.remove=[]",), threads=1, no_record=True, checkpoint=kept))
     stop_device()
+    with pytest.raises(BadInput, match="all stages had ended"):
+        run_scene(scene, RunOptions(("stages.1.remove=[]", "gravity.magnitude=1.0"), resume=kept))
     text = scene.read_text(encoding="utf-8").replace('remove = [\n    "tube",\n]', "remove = []")
     head, _, tail = text.partition("[measure")
     longer.write_text(f"{head}{MORE}\n[measure{tail}", encoding="utf-8")
@@ -117,7 +119,7 @@ def test_what_would_change_grains_clock_or_past_is_refused_by_name(cut: Path):
         "stages.0.move={tube={velocity=[0.0, 0.0, 0.1]}}",
         "measure.column_height.every=1e-3",
     ):
-        with pytest.raises(BadInput, match=r"cut\.npz: other .* law = 'bed'") as refused:
+        with pytest.raises(BadInput, match=r"cut\.npz: .* differs .* law = 'bed'") as refused:
             run_scene(cut / "few.toml", RunOptions((order,), no_record=True, resume=cut / "cut.npz"))
         assert order.partition("=")[0].rpartition(".")[0] in str(refused.value)
 

@@ -18,6 +18,7 @@ from taichi_erosion.scene.schema.scene import Scene
 
 CLEARANCE = 1.05  # distance of two layers over the sum of their largest radii [1]
 MOST_LAYERS = 200  # of rain in which none of the points is free for a grain [1]
+ASIDE = 0.1  # of a radius that grains lie beside a line, without which they would stack in one plane [1]
 TRIES = 400  # random places tried for a grain before its layer is closed [1]
 
 
@@ -110,7 +111,9 @@ def free_place(
         elif inlet.size:
             place = np.append((np.array(inlet.size) - 2.0 * radius) * (random.uniform(size=2) - 0.5), 0.0)
         else:
-            place = 2.0 * np.subtract(inlet.middle, inlet.centre or inlet.middle) * random.uniform()
+            along = 2.0 * np.subtract(inlet.middle, inlet.centre or inlet.middle)
+            across = np.array([-along[1], along[0], 0.0]) / np.linalg.norm(along)
+            place = along * random.uniform() + radius * ASIDE * random.uniform(-1.0, 1.0) * across
         if np.all(np.sum((others - place) ** 2, axis=1) >= distance**2):
             return place
     return None
