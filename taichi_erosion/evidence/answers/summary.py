@@ -104,7 +104,7 @@ def lack_of_fit_p(race: Race, fit: Fit) -> float:
     """Chance that repeats scatter as far from a fit as their means do; NaN without repeats."""
     p = race.prepared
     own, bad = p.white(fit.jacobian), list(fit.evidence.bad)
-    leverage = np.einsum("ij,jk,ik->i", own, fit.covariance, own)
+    leverage = np.einsum("ij,ij->i", own, np.linalg.solve(own.T @ own + np.eye(own.shape[1]), own.T).T)
     left = residual(fit)
     leverage[bad], left[bad] = 1.0, 0.0
     return tested_by_repeats(p.rows, p.variance, left, leverage)

@@ -204,13 +204,19 @@ def tested_by_repeats(rows: ComparisonRows, variance: Floats, residual: Floats, 
     """Chance of the lack of fit of a model; limits, and rows to check, have no part in it.
 
     `residual` (n,) is over its sd, `variance` its square, `leverage` the shares that calibration removes.
+    Preparations differ by about half of the scatter of repeats: squares of means of m by 1 + m / 4 more.
     """
     cell, parts = repeat_numbers(rows), []
     for name, noise in rows.noise.items():
         own = (np.array(rows.names) == name) & ~rows.censored & ~rows.suspect
+        if not own.any():
+            continue
         squares, within = pure_error(rows.z[own], 1.0 / variance[own], cell[own])
         left = float(np.sum(1.0 - leverage[own])) - within
-        parts.append((float(residual[own] @ residual[own]) - squares, left, *noise.scatter.pure))
+        single = noise.scatter.variance[np.isfinite(noise.scatter.variance)]
+        m = float(np.sum(np.median(single) / variance[own])) / np.unique(cell[own]).size
+        between = (float(residual[own] @ residual[own]) - squares) / (1.0 + 0.25 * m)
+        parts.append((between, left, *noise.scatter.pure))
     return lack_of_fit(parts)
 
 

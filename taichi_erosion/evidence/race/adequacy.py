@@ -1,11 +1,13 @@
 """Whether rows refute an explanation: the test that a name, an agreement and an adoption have in common.
 
-    p = E_f[P(chi^2_n >= y^T V(f)^-1 y)],    ln f ~ N(0, doubt^2)
+    p = E_f[P(chi^2_(n - r) >= y^T V(f)^-1 y - SS / f^2)],    f ~ N(ln f; 0, doubt^2) f^-r exp(-SS / 2 f^2)
 
 V holds errors of known size, levels, sources and groups of rows, and the scatter f over what is stated: no
-smooth discrepancy counts as chance. Doses of a mechanism are held where the model has gone: what linear rows
-promise beyond has not been seen. Where measurements are repeated, the rows must also lie no farther from
-the explanation than their repeats scatter (`lack_of_fit_p` of `answers/summary.py`).
+smooth discrepancy counts as chance. Rows that repeat one another say by their squares SS about their means,
+of r degrees of freedom, what f is; they have no other part in p. Doses of a mechanism are held where the
+model has gone: what linear rows promise beyond has not been seen. Where measurements are repeated, the rows
+must also lie no farther from the explanation than their repeats scatter (`lack_of_fit_p` of
+`answers/summary.py`).
 """
 
 from dataclasses import replace
@@ -27,10 +29,28 @@ def discrepancies(fit: Fit) -> Bools:
 
 
 def residual(fit: Fit) -> Floats:
-    """Whitened rows (n,) less an explanation with its levels, sources and groups at their best."""
+    """Whitened rows (n,) less an explanation with its levels, sources and groups at their best.
+
+    What repeats of one set-up have in common is part of it: a preparation would take any lack of fit.
+    """
     now = fit.evidence.solved
-    left_out = np.append(discrepancies(fit), False)[now.rows.block]
+    places = [k for k, block in enumerate(fit.blocks) if block.kind in ("discrepancy", "preparation")]
+    left_out = np.isin(now.rows.block, places)
     return now.rows.y - now.rows.columns @ np.where(left_out, 0.0, now.tau * now.centre)
+
+
+def repeat_squares(fit: Fit) -> tuple[Floats, Floats]:
+    """Squares of repeated rows about their means and their degrees of freedom, by scatter (k,)."""
+    rows = fit.evidence.solved.rows
+    squares, freedom = np.zeros(rows.scatters), np.zeros(rows.scatters)
+    for block in (block for block in fit.blocks if block.kind == "preparation"):
+        for repeats in block.columns.T > 0.0:
+            repeats &= rows.scatter >= 0
+            if (count := int(repeats.sum())) > 1:
+                y, weight, k = rows.y[repeats], rows.weight[repeats], rows.scatter[repeats][0]
+                squares[k] += weight @ (y - np.average(y, weights=weight)) ** 2
+                freedom[k] += count - 1
+    return squares, freedom
 
 
 def misfit_p(fit: Fit, levels: bool) -> float:
@@ -47,8 +67,14 @@ def misfit_p(fit: Fit, levels: bool) -> float:
         rows = replace(rows, y=rows.y - rows.columns[:, own] @ fit.dose.coefficients)
         u[len(fit.blocks) - 1] = -np.inf
     doubt = np.nan_to_num(rows.scales.doubt)
-    size = [rows.y @ rows.solved(u + z * doubt).precision[0] for z in NODES]
-    return float(WEIGHTS @ special.chdtrc(rows.y.size, np.maximum(size, 0.0)) / WEIGHTS.sum())
+    size = np.array([rows.y @ rows.solved(u + z * doubt).precision[0] for z in NODES])
+    squares, freedom = repeat_squares(fit)
+    ln_f = np.outer(NODES, doubt[rows.blocks :])
+    repeats = np.exp(-2.0 * ln_f) @ squares
+    share = np.log(WEIGHTS) - ln_f @ freedom - 0.5 * repeats
+    share = np.exp(share - share.max())
+    chance = special.chdtrc(rows.y.size - freedom.sum(), np.maximum(size - repeats, 0.0))
+    return float(share @ chance / share.sum())
 
 
 def is_adequate(fit: Fit, least: float = ADEQUATE) -> bool:

@@ -23,9 +23,10 @@ from math import log
 import numpy as np
 
 from taichi_erosion.evidence.race.adequacy import is_adequate
+from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, scatter_of, score
 from taichi_erosion.evidence.race.linear_evidence import with_best_scales
-from taichi_erosion.evidence.race.posterior import Posterior
+from taichi_erosion.evidence.race.posterior import Posterior, quantiles
 from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, SEED, SURE, Priors
 from taichi_erosion.evidence.race.record import Verdict
 from taichi_erosion.evidence.race.search import prior
@@ -76,7 +77,7 @@ def decide(posterior: Posterior) -> Decision:
         named, group = (), ()
     sound = {name: p for name, p in beyond.items() if reaches(race, name)}
     both = tuple(name for name, p in sound.items() if p >= SURE)
-    if (named or group) and not holds(race, named, group, both):
+    if (named or group) and not holds(posterior, named, group, both):
         named, group, refuted = (), (), (*named, *group)
     single = sound if refuted or named else inclusion | sound
     likely = both if both or group else smallest(posterior, list(single), single, MOST_TOLD)
@@ -88,20 +89,20 @@ def decide(posterior: Posterior) -> Decision:
     return Decision(verdict, named, group, held, none, outside, inclusion, beyond, chance, refuted, together)
 
 
-def holds(race: Race, named: tuple[str, ...], group: tuple[str, ...], beside: tuple[str, ...]) -> bool:
+def holds(posterior: Posterior, named: Acting, group: Acting, beside: Acting) -> bool:
     """Whether the rows do not refute what is named, with one of the group, at strengths of the list.
 
     Alone, or `beside` mechanisms that act.
     """
     sets = [{*named, name} for name in group] or [{*named}]
-    wanted = [names | more for names in sets for more in (set[str](), {*beside})]
+    race, wanted = posterior.race, [names | more for names in sets for more in (set[str](), {*beside})]
     fits = [fit for h, fit in race.fits.items() if h.acting in wanted]
     if not fits:
         return False
     best = max(fits, key=lambda fit: fit.log_evidence)
-    strengths = race.model.strengths(best.hypothesis.names, best.target)
-    largest = {name: race.model.candidates[name].maximum for name in strengths}
-    return is_adequate(best, FAMILYWISE) and all(strengths[name] <= largest[name] for name in strengths)
+    medians = {name: quantiles(*posterior.strength(name))[1] for name in best.hypothesis.names}
+    listed = all(medians[name] <= race.model.candidates[name].maximum for name in medians)
+    return listed and is_adequate(best, FAMILYWISE)
 
 
 def reaches(race: Race, mechanism: str) -> bool:

@@ -116,7 +116,7 @@ class Clump(Section):
 class Kind(Section):
     """Grains of one material among others."""
 
-    share: float = number(..., "any mass", "mass of them, in one unit for all kinds", 1e-9, MOST_MASS)
+    share: float = number(..., "1", "share of the mass; shares are scaled to 1", 1e-9, MOST_MASS)
     size: Size = Field(description="distribution of nominal diameters")
 
 

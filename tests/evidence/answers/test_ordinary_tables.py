@@ -160,3 +160,22 @@ def test_another_law_of_the_flux_is_no_missing_effect(tmp_path, law):
     reply = answer(study)
     assert not reply.record.decided.named
     assert not reply.record.decided.refuted
+
+
+PLATEAU = {0: 31.1, 0.5: 34.2, 1: 36.1, 2: 38.3, 4: 39.7, 8: 40.4, 14: 38.6, 20: 35.4}  # % -> deg
+
+
+def test_a_listed_effect_is_not_named_where_it_misses_means_of_many_repeats(tmp_path):
+    rows = [f"{w};{a + d:.1f}" for w, a in PLATEAU.items() for d in (-0.9, -0.3, 0.3, 0.9)]
+    record = answer(study_of(tmp_path, "", "moisture (%);angle of repose (deg)\n" + "\n".join(rows))).record
+    assert (record.decided.named, record.decided.refuted) == ((), ("liquid_bridge",))
+    assert record.fit.chi2_before > 5.0 * record.fit.n, "no preparation takes what the model misses"
+    assert record.fit.p_lack_of_fit < 0.001
+
+
+def test_no_name_has_a_strength_above_the_list(tmp_path):
+    """Threshold by the root of 1 + 1.5 w in place of the list's 1 + 1.21 w^0.68, flux by Kawamura."""
+    record = answer(study_of(tmp_path, "kawamura")).record
+    charge = record.effects["electrostatics"]
+    assert charge.strength.value > charge.most, "else this tests nothing"
+    assert "electrostatics" in record.decided.refuted
