@@ -45,3 +45,14 @@ def test_what_falls_off_a_disc_leaves_a_heap_of_the_angle_of_the_grains():
     found = measured("heap_on_disc", *small, "measure.repose_angle.azimuths=6")
     assert 18.0 < found["repose_angle"] < 36.0  # deg
     assert 0.25 < found["pile_height"] / 0.014 < 0.75  # of the disc's radius
+
+
+def test_a_press_needs_more_force_the_farther_it_goes():
+    rows = "[[0.0, 0.0, 0.0, {v}, 0.0, 0.0, 0.0], [0.05, 0.0, 0.0, {v}, 0.0, 0.0, 0.0]]"
+    ends = "stages.3.duration_max=0.05", "stages.4.duration_max=0.04", "stages.4.move={plate={}}"
+    forces = [
+        measured("uniaxial_press", f"stages.3.move.plate.table={rows.format(v=-speed)}", *ends)["wall_force"]
+        for speed in (0.002, 0.02)  # m s-1: 0.1 and 1 mm
+    ]
+    assert 0.5 * 1.25 < forces[0] < 2.0 * 1.25  # N, near the load at which the plate touches
+    assert forces[1] > 2.0 * forces[0]

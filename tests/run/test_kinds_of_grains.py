@@ -116,6 +116,10 @@ def test_what_contradicts_several_kinds_is_refused():
         ("measure.centroid_height.kind=clay", "[grains.kinds]"),
         ("measure.solid_fraction.kind=sand", "all grains together"),
         ("grains.kinds={}", "grains.size is missing"),
+        (
+            "grains=[{material='sand', share=70.0}, {material='aggregate', share=30.0}]",
+            "[grains.kinds.MATERIAL]",
+        ),
     ):
         with pytest.raises(BadInput) as refused:
             load_scene(TWO, [order])

@@ -140,6 +140,13 @@ class Grains(Section):
     )
     clump: Clump | None = Field(None, description="template of non-spherical grains; left out: spheres")
 
+    @model_validator(mode="before")
+    @classmethod
+    def _in_one_table(cls, table: Any) -> Any:
+        if isinstance(table, (list, tuple)):
+            raise contradiction("kinds stand in tables [grains.kinds.MATERIAL], and count in [grains]")
+        return table
+
     @field_validator("size", "material")
     @classmethod
     def _of_one_kind(cls, value: Any, about: ValidationInfo) -> Any:
