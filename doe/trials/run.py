@@ -70,7 +70,7 @@ class SealedSet:
     def tasks(self) -> list[Path]:
         """Files that the solver is given, in the order of their numbers."""
         files = [*self.folder.glob("case_*.toml"), *self.folder.glob("case_*.pickle")]
-        return sorted([*files, *(place for place in self.folder.glob("case_*") if place.is_dir())])
+        return sorted([*files, *(place for place in self.folder.glob("case_*[0-9]") if place.is_dir())])
 
 
 def truth_text(seed: int, number: int, truth: Any) -> str:

@@ -41,6 +41,7 @@ def test_a_set_is_sealed_once_and_its_problems_hold_no_truth(trial, tmp_path):
         seal(trial, tmp_path / "secret", 2)
     (first, second) = json.loads((tmp_path / "secret" / "beyond_few.json").read_text(encoding="utf-8"))
     assert first != second
+    (trial.folder / "case_00000-results").mkdir()  # of an answer that was cut off: no task
     task = trial.tasks[0].read_bytes()
     assert first.encode() not in task
     assert b"Truth" not in task
