@@ -35,7 +35,7 @@ def function_part(name: str, function: Any) -> str:
 def argument(parameter: inspect.Parameter) -> str:
     """`seed=None`."""
     stars = {parameter.VAR_POSITIONAL: "*", parameter.VAR_KEYWORD: "**"}.get(parameter.kind, "")
-    default = "" if parameter.default is parameter.empty else f"={parameter.default!r}"
+    default = "" if parameter.default is parameter.empty else f"={parameter.default!r}".replace("'", '"')
     return f"{stars}{parameter.name}{default}"
 
 

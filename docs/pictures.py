@@ -2,29 +2,22 @@
 
 sample   one moment of recordings/sample.rrd in the viewer
 heap     its heap from the side, for docs/photograph.md
-live     a live session in a terminal
+page     a film of a live session in the browser, for docs/live_and_python.md; needs Chromium
 study    the results of doe/funnel_soil.toml in the viewer
 table    thresholds of doe/windkanal.csv, measured and calculated, for docs/your_table.md
 benches  a hopper that empties, soil under a press and between plates, for docs/scene_files.md
 """
 
 import io
-import os
-import pty
-import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
-from rich.console import Console
-from rich.text import Text
 
 import taichi_erosion as te
-from taichi_erosion.cli.live import PROMPT
 from taichi_erosion.cli.main import main as command
 from taichi_erosion.recording.pictures import SideView, render_side, resting_colours, write_png
 from taichi_erosion.recording.readback import read_grains
@@ -39,22 +32,21 @@ MARGIN = 0.004  # m beside the heap
 PAPER = 240  # grey level of the background
 DARK = 0.55  # brightness of soil over that of dry sand [1]
 HEAP_SIZE = (900, 360)  # px
-FONT_FROM_AFAR = re.compile(r"@font-face \{.*?\}\s*", re.DOTALL)  # the picture needs no server
-WIDTH = 88  # characters
 BENCHES = {"hopper": 0.6, "uniaxial_press": 1.0, "plane_shear": 1.0}  # share of the run that is shown
-SCENE = "scenes/column_collapse.toml"
-CHANGES = ["grains.count=400", "geometry.tube.radius_d=5.0", "fill.radius_d=4.3"]
-COMMANDS = (
-    "run until rest",
-    "stage",
-    "run 0.03s",
-    "show",
-    "help contact.grain-grain.friction_rolling",
-    "set contact.grain-grain.friction_rolling 0.4",
-    "run until rest",
-    "measure",
-    "quit",
-)
+PAGE_SIZE, PAGE_PICTURES = (1120, 760), 30  # px
+PAGE_CHANGES = ("stages.0.duration_max=0.02", "run.check_interval=1e-3")
+ROW = "rows.find(row => row.path === '{}').element.querySelector('[type=range]')"
+WIND, GRAVITY = ROW.format("wind.friction_velocity"), ROW.format("gravity.magnitude")
+PAGE_ORDERS = [  # what is done before a picture
+    *(
+        (5 + k, f"slider = {WIND}, slider.value = {value}, slider.oninput()")
+        for k, value in enumerate((250, 330, 380, 420))
+    ),
+    (17, "$('play').click()"),
+    (19, "$('scrub').value = Math.floor($('scrub').max / 3), $('scrub').onchange()"),
+    (21, f"slider = {GRAVITY}, slider.value = 41, slider.oninput()"),
+    (22, "$('here').click()"),
+]
 
 
 def draw_sample() -> None:
@@ -87,48 +79,29 @@ def draw_table() -> None:
         study.adopt(*study.discover().named).figure().savefig(PICTURES / "your_table.png", dpi=110)
 
 
-def draw_live() -> None:
-    """A live session as SVG of a terminal."""
-    shown = "".join(terminal_output())
-    console = Console(
-        record=True, width=WIDTH, file=io.StringIO(), force_terminal=True, color_system="truecolor"
-    )
-    console.print(Text(f"$ ./erosion live {SCENE}\n") + Text.from_ansi(shown))
-    page = FONT_FROM_AFAR.sub("", console.export_svg(title="./erosion live", unique_id="live"))
-    (PICTURES / "live.svg").write_text(page, encoding="utf-8")
+def draw_page() -> None:
+    """Film of the page of a live session in headless Chromium: the wind rises, the run goes back and on."""
+    from tests.api.test_page_in_chromium import Tab
 
-
-def terminal_output() -> Iterator[str]:
-    """Output of a session on a terminal, with the typed commands."""
-    master, slave = pty.openpty()
-    changes = [word for change in CHANGES for word in ("--set", change)]
-    words = [sys.executable, "-m", "taichi_erosion", "live", SCENE, *changes]
-    environment = {**os.environ, "TERM": "dumb", "COLUMNS": str(WIDTH)}
-    environment.pop("NO_COLOR", None)
-    child = subprocess.Popen(
-        words, stdin=slave, stdout=slave, stderr=subprocess.DEVNULL, cwd=DOCS.parent, env=environment
-    )
-    os.close(slave)
-    for line in COMMANDS:
-        yield until_prompt(master)
-        os.write(master, f"{line}\n".encode())
-    yield until_prompt(master)
-    child.wait()
-    os.close(master)
-
-
-def until_prompt(terminal: int) -> str:
-    """Output up to the next prompt, or up to the end."""
-    read = b""
-    while not read.endswith(PROMPT.encode()):
-        try:
-            part = os.read(terminal, 1 << 16)
-        except OSError:  # the session has ended
-            break
-        if not part:
-            break
-        read += part
-    return read.decode().replace("\r\n", "\n")
+    changes = [word for change in PAGE_CHANGES for word in ("--set", change)]
+    with tempfile.TemporaryDirectory() as folder:
+        words = [sys.executable, "-m", "taichi_erosion", "live", "scenes/saltation.toml", "--web", *changes]
+        words += ["--record", f"{folder}/page.rrd"]
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+        with subprocess.Popen(words, cwd=DOCS.parent, text=True, **pipes) as session:
+            address = next(line for line in session.stderr or () if line.startswith("page: ")).split()[1]
+            tab = Tab(address, Path(folder) / "profile")
+            tab.wait("document.getElementById('note').hidden && frames")
+            tab.value("$('name').value = 'speed_largest_m_s', $('name').onchange(), $('play').click()")
+            film = []
+            for number in range(PAGE_PICTURES):
+                for order in (order for moment, order in PAGE_ORDERS if moment == number):
+                    tab.value(order)
+                film.append(Image.open(io.BytesIO(tab.picture(*PAGE_SIZE))).convert("RGB"))
+            tab.close()
+            session.terminate()
+    options = {"duration": 350, "loop": 0, "quality": 60, "method": 6}
+    film[0].save(PICTURES / "page.webp", save_all=True, append_images=film[1:], **options)
 
 
 def draw_benches() -> None:
@@ -150,7 +123,7 @@ def draw_benches() -> None:
 DRAWN = {
     "sample": draw_sample,
     "heap": draw_heap,
-    "live": draw_live,
+    "page": draw_page,
     "study": draw_study,
     "table": draw_table,
     "benches": draw_benches,

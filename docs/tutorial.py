@@ -33,7 +33,7 @@ STEP = re.compile(
     re.DOTALL,
 )
 PARSED = {"doe", "view", "snapshot", "bench", "verify", "export"}
-ELSEWHERE = {"--arch", "--web", "--viewer"}  # options that need what a test does not have
+ELSEWHERE = {"--arch", "--web"}  # options that need what a test does not have
 LAUNCHER = {"test"}  # what the launcher does by itself
 SMALLER = (
     ("count = 1800", "count = 200"),

@@ -1,14 +1,18 @@
 """Live sessions from Python: the simulation runs, stops and changes as the caller says."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, wraps
 from pathlib import Path
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from taichi_erosion import simulation
+from taichi_erosion.api import session_entries as entries
 from taichi_erosion.api.notebook import frame, html
+from taichi_erosion.api.page import PAGES, Page, serve_page
 from taichi_erosion.api.runs import PathLike, override, stated_changes
 from taichi_erosion.run import session as sessions
 from taichi_erosion.run.grain_fields import fields_now
@@ -19,14 +23,25 @@ if TYPE_CHECKING:
 
     from taichi_erosion.report.figure_style import Figure
 
+PAGE_HEIGHT = 760  # px, in a notebook
 OPTIONS = ("seed", "effect_files")  # of a session beside its scene
 
 
 @dataclass(frozen=True, repr=False)
 class LiveSession:
-    """One replica of a scene under the caller's control; times in s of the simulation."""
+    """One replica of a scene under the caller's control; times in s of the simulation.
+
+    A notebook shows it as a page with its grains, sliders and curves; both steer it, one at a time.
+    """
 
     session: sessions.Session
+    turn: Lock = field(default_factory=Lock, compare=False)
+
+    @cached_property
+    def page(self) -> Page:
+        """Its page, served on this machine from the first call on; `address` opens it in a browser."""
+        script = sessions.unused_name(Path("recordings") / f"{self.session.path.stem}-live.txt")
+        return serve_page(self.session, script, self.turn)
 
     @property
     def time(self) -> float:
@@ -118,18 +133,18 @@ class LiveSession:
 
     def get(self, path: str) -> Any:
         """Value of an entry of the scene by its dotted path, or a mapping of those below. Raises BadInput."""
-        return sessions.entry(self.session, path)
+        return entries.entry(self.session, path)
 
     def help(self, path: str) -> str:
         """Meaning, unit, default and range of an entry, of effects too. Raises BadInput."""
-        return sessions.meaning(self.session, path)
+        return entries.meaning(self.session, path)
 
     def diff(self, before: str | None = None, after: str | None = None) -> pd.DataFrame:
         """Entries that differ: from the scene file, or a saved state, to the present, or another saved state.
 
         Raises BadInput for an unknown state.
         """
-        pairs = sessions.differences(self.session, before, after).items()
+        pairs = entries.differences(self.session, before, after).items()
         rows = [{"entry": path, "before": old, "after": new} for path, (old, new) in pairs]
         return frame(rows, columns=("entry", "before", "after")).set_index("entry")
 
@@ -172,8 +187,26 @@ class LiveSession:
         return f"LiveSession({self.session.path}, {self.time:.6g} s, stage {self.status['stage']})"
 
     def _repr_html_(self) -> str:
-        words = ", ".join(f"{name} {value}" for name, value in self.status.items())
-        return html(str(self.session.path), [words], [self.table])
+        frame = f'<iframe src="{self.page.address}" width="100%" height="{PAGE_HEIGHT}"></iframe>'
+        return frame + html("", [self.page.tunnel], [])
+
+
+def waiting(method: Callable[..., Any]) -> Callable[..., Any]:
+    """A method of a live session that waits for its turn beside the page."""
+
+    @wraps(method)
+    def call(live_session: LiveSession, *args: Any, **options: Any) -> Any:
+        with live_session.turn:
+            return method(live_session, *args, **options)
+
+    return call
+
+
+for _name, _member in list(vars(LiveSession).items()):
+    if isinstance(_member, property) and _member.fget:
+        setattr(LiveSession, _name, property(waiting(_member.fget)))
+    elif callable(_member) and not _name.startswith("_"):
+        setattr(LiveSession, _name, waiting(_member))
 
 
 def live(
@@ -186,7 +219,10 @@ def live(
 ) -> LiveSession:
     """A session at the beginning of the first stage of a scene, with changes as in `run`. Raises BadInput."""
     files = [Path(file) for file in effect_files]
+    for page in PAGES:  # they pause before the device is given to another session
+        with page.turn:
+            page.playing = False
     refuse_unusable(files)
-    session = sessions.open_session(Path(scene), stated_changes(changes, entries, OPTIONS), seed, files)
-    session.callbacks.append(sessions.keep_sample)
-    return LiveSession(session)
+    return LiveSession(
+        sessions.open_session(Path(scene), stated_changes(changes, entries, OPTIONS), seed, files)
+    )

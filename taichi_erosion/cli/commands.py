@@ -9,7 +9,6 @@ import platform
 import shlex
 import sys
 import threading
-from contextlib import nullcontext
 from dataclasses import asdict
 from functools import partial
 from importlib import import_module
@@ -244,19 +243,15 @@ def live(
     override: Override = None,
     seed: Annotated[Whole, Option(min=0, help="Seed of the grains.")] = None,
     record: Annotated[File, Option(metavar="FILE", help="Recording to write during the session.")] = None,
-    viewer: Annotated[
-        Text, Option(metavar="URL", help="Viewer to stream to, such as rerun+http://127.0.0.1:9876/proxy.")
-    ] = None,
-    web: Annotated[bool, Option("--web", help="Serve a live viewer for a browser.")] = False,
+    web: Annotated[bool, Option("--web", help="Serve a page that steers and shows the session.")] = False,
+    port: Annotated[int, Option(min=0, max=65535, help="Port of the page; 0: a free one.")] = 0,
     effect: EffectFiles = None,
 ) -> None:
     """Run a scene interactively: type `help` at the prompt, or pipe commands in."""
+    from taichi_erosion.api.page import serve_page
     from taichi_erosion.cli.live import run_prompt
-    from taichi_erosion.recording.viewer import web_viewer
     from taichi_erosion.run.session import open_session, unused_name
 
-    if web and viewer:
-        raise BadInput("--web and --viewer exclude each other")
     if effect:
         from taichi_erosion.verification.effect_contract import refuse_unusable
 
@@ -266,10 +261,10 @@ def live(
     path = record or unused_name(Path("recordings") / f"{scene.stem}-live-{session.seed}.rrd")
     if record and record.exists():
         raise BadInput(f"{record}: exists; name another file, for a session cannot be repeated")
-    with web_viewer() if web else nullcontext() as served:
-        if served:
-            typer.echo(served.instructions, err=True)
-        run_prompt(session, path, served.sink if served else viewer)
+    page = serve_page(session, path.with_suffix(".txt"), threading.Lock(), port) if web else None
+    if page:
+        typer.echo(f"page: {page.address}\n{page.tunnel}", err=True)
+    run_prompt(session, path, page)
 
 
 def recording_of(file: Path) -> Path:

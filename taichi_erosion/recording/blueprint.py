@@ -56,11 +56,13 @@ def choose_focus(kind: str, radii: Floats, walls: Sequence[WallMesh]) -> Focus:
     return Focus((middle[0], middle[1], middle[2]), 0.5 * float(np.linalg.norm(high - low)))
 
 
-def with_time_panel(layout: Any, frames_per_second: float = FRAMES_PER_SECOND) -> "rrb.Blueprint":
+def with_time_panel(
+    layout: Any, frames_per_second: float = FRAMES_PER_SECOND, timeline: str = TIMELINE
+) -> "rrb.Blueprint":
     """Blueprint of a layout: time panel collapsed, other panels hidden, nothing added by the viewer."""
     return rrb.Blueprint(
         layout,
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, fps=frames_per_second),
+        rrb.TimePanel(state="collapsed", timeline=timeline, fps=frames_per_second),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         auto_layout=False,

@@ -36,6 +36,7 @@ SPEED_COLOURS = np.array(
     [SAND, (240, 150, 84), (232, 88, 96), (176, 72, 190), (88, 120, 255), (120, 220, 255)]
 )
 FORCE_COLOURS = ((EMBER, (255, 220, 120)), ((88, 120, 255), (120, 220, 255)))  # that push, that pull
+MOST_CONTACTS = 8  # of a grain, drawn in the last colour
 FAINT = (52, 58, 70)  # grains behind their contacts
 CHAIN_SHARE = 0.2  # widest line over the distance of the centres that it joins [1]
 TINT_RANGE = 0.14  # largest change of brightness between two grains at rest [1]
@@ -56,10 +57,6 @@ HEADROOM = 24  # px of sky above a silhouette, for its caption
 CAPTION_CORNER = (8, 6)  # px
 COLOUR_BAR = (150, 8)  # px, width and height of the colours of a legend
 TICKS = 4  # numbers below a colour bar
-
-SHADES = " .:-=+*#%@"  # of a terminal, from dark to bright
-HALF_BLOCK = "▀"  # upper half in the colour of the text, lower half in that of the background
-CELL = 2  # height over width of a character, about
 
 
 def resting_colours(ident: NDArray[np.int32], kind: NDArray[np.int32] | None = None) -> Colours:
@@ -92,6 +89,17 @@ def interpolate_colours(share: Floats, anchors: NDArray[np.int_]) -> Colours:
     position, places = share * (len(anchors) - 1), np.arange(len(anchors))
     channels = [np.interp(position, places, anchors[:, channel]) for channel in range(3)]
     return np.stack(channels, axis=-1).astype(np.uint8)
+
+
+def colours_by(quantity: str, snapshot: Snapshot, low: float, high: float) -> Colours:
+    """Colours of grains by force, material or contacts; by anything else as `grain_colours`."""
+    if quantity == "force" and snapshot.force is not None:
+        return force_colours(np.linalg.norm(snapshot.force, axis=1))
+    if quantity == "material":
+        return resting_colours(snapshot.ident, snapshot.kind)
+    if quantity == "contacts":
+        return interpolate_colours(np.minimum(snapshot.contacts / MOST_CONTACTS, 1.0), SPEED_COLOURS)
+    return grain_colours(snapshot, low, high)
 
 
 def force_widths(normal_force: Floats) -> Floats:
@@ -256,18 +264,12 @@ def silhouette_grid(masks: Sequence[Mask], flanks: Sequence[Floats], captions: S
     return grid
 
 
-def side_picture(
-    snapshot: Snapshot, view: SideView, walls: Sequence[WallMesh], speeds: tuple[float, float]
-) -> Picture:
-    """Grains from the side, coloured by speed in `speeds` (low, high) [m s-1]."""
-    return render_side(snapshot.position, snapshot.radius, view, grain_colours(snapshot, *speeds), walls)
-
-
 def film_frame(
     snapshot: Snapshot, view: SideView, walls: Sequence[WallMesh], speeds: tuple[float, float]
 ) -> Picture:
     """One picture of a film: grains from the side, the time, the colours of speeds and a scale bar."""
-    picture = side_picture(snapshot, view, walls, speeds)
+    colours = grain_colours(snapshot, *speeds)
+    picture = render_side(snapshot.position, snapshot.radius, view, colours, walls)
     write_text(picture, CAPTION_CORNER, f"{snapshot.time:.2f} s", LETTER_SIZE, "la")
     draw_scale_bar(picture, view)
     draw_speed_bar(picture, (picture.width - COLOUR_BAR[0] - 3 * MARGIN, MARGIN), speeds)
@@ -313,26 +315,3 @@ def write_gif(path: Path, film: Sequence[Picture], frame_duration: float = 0.05)
     milliseconds = round(1e3 * frame_duration)
     film[0].save(file, "gif", save_all=True, append_images=film[1:], duration=milliseconds, loop=0)
     return write_atomic(path, file.getvalue())
-
-
-def terminal_colours(picture: Picture, columns: int) -> str:
-    """Two pixels a character, in 24-bit colours."""
-    rows = max(picture.height * columns // picture.width // CELL, 1)
-    small = np.asarray(picture.resize((columns, CELL * rows), Resampling.BOX))
-    lines = []
-    for upper, lower in zip(small[::2].tolist(), small[1::2].tolist(), strict=True):
-        cells = (
-            f"\x1b[38;2;{a[0]};{a[1]};{a[2]}m\x1b[48;2;{b[0]};{b[1]};{b[2]}m{HALF_BLOCK}"
-            for a, b in zip(upper, lower, strict=True)
-        )
-        lines.append("".join(cells) + "\x1b[0m")
-    return "\n".join(lines)
-
-
-def terminal_shades(picture: Picture, columns: int) -> str:
-    """One character a pixel, by brightness: for logs and pipes; the sky behind the grains stays empty."""
-    rows = max(picture.height * columns // picture.width // CELL, 1)
-    small = np.asarray(picture.resize((columns, rows), Resampling.BOX), dtype=float)
-    above = np.maximum(small.mean(axis=2) - np.mean(DUSK), 0.0)
-    shade = (above / max(float(above.max()), 1.0) * (len(SHADES) - 1)).round().astype(int)
-    return "\n".join("".join(SHADES[k] for k in row).rstrip() for row in shade)

@@ -38,6 +38,8 @@ from taichi_erosion.recording.blueprint import (
     Focus,
     blueprint,
     choose_focus,
+    grain_view,
+    with_time_panel,
 )
 from taichi_erosion.recording.wall_mesh import WallMesh
 
@@ -62,6 +64,8 @@ CURVES = {  # of the totals: legend and colour
 # J, drawn as log10: coming to rest is a fall over decades
 DECADES = ("kinetic_translation", "kinetic_rotation", "elastic")
 CONTACTS = "world/contacts"
+GRAINS = "world/grains"  # of a page
+FRAME = "frame"  # timeline of a page
 CONTACT_VECTORS = ("centre", "point", "branch", "normal", "force")  # of a ContactNetwork
 TRANSPORT = {  # curves of grains under wind
     "transport/flux": ("flux, kg/(m s)", pictures.SAND),
@@ -134,20 +138,14 @@ def lock_part_file(part: Path) -> BufferedWriter:
     return file
 
 
-def open_stream(
-    path: Path, name: str, layout: "rrb.Blueprint", application: str = APPLICATION, viewer: str | None = None
-) -> Recording:
-    """Begin PATH.part with its name and blueprint; `viewer` is the address of one that follows.
-
-    Raises BadInput where the file cannot be written.
-    """
+def open_stream(path: Path, name: str, layout: "rrb.Blueprint", application: str = APPLICATION) -> Recording:
+    """Begin PATH.part with its name and blueprint. Raises BadInput where the file cannot be written."""
     make_parent(path)
     batches = rr.ChunkBatcherConfig(flush_tick=FLUSH_INTERVAL)
     stream = rr.RecordingStream(application, recording_id=path.stem, batcher_config=batches)
     try:
         lock = lock_part_file(part_path(path))
-        sinks = [rr.FileSink(part_path(path)), *([rr.GrpcSink(viewer)] if viewer else [])]
-        stream.set_sinks(*sinks, default_blueprint=layout)
+        stream.set_sinks(rr.FileSink(part_path(path)), default_blueprint=layout)
     except OSError as error:
         raise BadInput(f"{path}: the recording cannot be written ({error.strerror})") from error
     stream.set_log_time_enabled(False)
@@ -156,22 +154,54 @@ def open_stream(
     return Recording(path, stream, lock=lock)
 
 
-def open_recording(path: Path, header: RunHeader, viewer: str | None = None) -> Recording:
+def open_recording(path: Path, header: RunHeader) -> Recording:
     """Begin the recording of a run with its scene, walls and names of curves. Raises BadInput."""
     focus = choose_focus(header.kind, header.radii, header.walls)
     layout = blueprint(header.kind, focus, header.contacts, header.fields)
-    recording = open_stream(path, header.name, layout, viewer=viewer)
-    recording.stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    recording.stream.log("world", rr.Transform3D(scale=MAGNIFICATION), static=True)
+    recording = open_stream(path, header.name, layout)
     log_scene(recording, header.name, header.scene_text)
     for entity, (legend, colour) in (CURVES | (TRANSPORT if header.kind in WIND_KINDS else {})).items():
         log_legend(recording, entity, legend, colour)
     set_time(recording, 0.0, 0)
-    for wall in header.walls:
-        log_wall(recording, wall)
-    log_scale(recording, "world/scale", focus)
+    log_space(recording, header.walls, focus)
     flush(recording)
     return recording
+
+
+def open_view(kind: str, radii: Floats, walls: tuple[WallMesh, ...]) -> tuple[Recording, "rr.BinaryStream"]:
+    """Recording in memory for a page, of walls and grains, and the stream that its bytes are read from.
+
+    Its time is the number of the frame: a session that returns to an earlier time goes on there.
+    """
+    focus = choose_focus(kind, radii, walls)
+    recording = Recording(Path(), rr.RecordingStream(APPLICATION))
+    out = recording.stream.binary_stream()
+    recording.stream.send_blueprint(with_time_panel(grain_view(focus), timeline=FRAME))
+    recording.stream.set_log_time_enabled(False)
+    recording.stream.set_log_tick_enabled(False)
+    recording.stream.set_time(FRAME, sequence=0)
+    log_space(recording, walls, focus)
+    return recording, out
+
+
+def log_view(recording: Recording, frame: int, snapshot: Snapshot, colours: NDArray[np.uint8]) -> None:
+    """Write all grains as points of one entity, in order of their rows."""
+    recording.stream.set_time(FRAME, sequence=frame)
+    points = rr.Points3D.from_fields(
+        positions=snapshot.position.astype(np.float32),
+        radii=snapshot.radius.astype(np.float32),
+        colors=colours,
+    )
+    recording.stream.log(GRAINS, points)
+
+
+def log_space(recording: Recording, walls: tuple[WallMesh, ...], focus: Focus) -> None:
+    """Write directions, the unit of length, walls and a scale bar."""
+    recording.stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    recording.stream.log("world", rr.Transform3D(scale=MAGNIFICATION), static=True)
+    for wall in walls:
+        log_wall(recording, wall)
+    log_scale(recording, "world/scale", focus)
 
 
 def log_scale(recording: Recording, entity: str, focus: Focus) -> None:

@@ -1,5 +1,6 @@
 """The rerun viewer: window, page for a browser, and pictures without a display."""
 
+import gzip
 import os
 import shlex
 import socket
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
+from urllib.request import urlopen
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import marked_png, write_atomic
@@ -109,6 +111,14 @@ def web_viewer(path: Path | None = None) -> Iterator[WebViewer]:
                 lambda: is_listening(page) and is_listening(sink), START_LIMIT, "the web viewer did not start"
             )
             yield WebViewer(page, sink)
+
+
+def viewer_files() -> dict[str, bytes]:
+    """Script and compiled program of the viewer for a page of one's own, compressed by gzip."""
+    names = ("re_viewer.js", "re_viewer_bg.wasm")
+    with web_viewer() as served:
+        addresses = {name: f"http://{LOOPBACK}:{served.page}/{name}" for name in names}
+        return {name: gzip.compress(urlopen(address).read(), 1) for name, address in addresses.items()}
 
 
 def is_listening(port: int) -> bool:

@@ -57,13 +57,8 @@ class Recorder:
     is_rewritten: bool = False  # a session was restored: what was written for later times no longer holds
 
 
-def open_recorder(
-    path: Path, title: str, text: str, sim: Simulation, scene: Scene, replica: int, viewer: str | None = None
-) -> Recorder:
-    """Begin the recording of a replica; `viewer` is the address of one that follows.
-
-    `text` is the scene as it is run. Raises BadInput where the file cannot be written.
-    """
+def open_recorder(path: Path, title: str, text: str, sim: Simulation, scene: Scene, replica: int) -> Recorder:
+    """Begin the recording of a replica; `text` is the scene as it is run. Raises BadInput."""
     setup = sim.setups[replica]
     walls = meshes_of(scene, setup)
     header = stream.RunHeader(
@@ -71,7 +66,7 @@ def open_recorder(
         contacts=scene.record.contacts,
         fields=scene.record.fields,
     )
-    recording = stream.open_recording(path, header, viewer)
+    recording = stream.open_recording(path, header)
     stream.log_colours(recording, resting_speed(setup))
     return Recorder(replica, recording, walls, side_view(setup), resting_speed(setup), scene.record.every)
 
@@ -155,16 +150,7 @@ def log_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snapshot:
     now = simulation.snapshot(sim, recorder.replica)
     stream.log_frame(recorder.recording, now, recorder.resting_speed)
     stream.log_totals(recorder.recording, simulation.totals(sim, recorder.replica))
-    movable = [wall for wall in recorder.walls if wall.moving]
-    poses = simulation.wall_poses(sim, recorder.replica) if movable else {}
-    for wall in movable:
-        pose = poses[wall.name]
-        if not pose.present:
-            stream.log_wall_removed(recorder.recording, wall.name)
-            continue
-        if recorder.is_rewritten:
-            stream.log_wall(recorder.recording, wall)
-        stream.log_wall_pose(recorder.recording, wall.name, pose.rotation, pose.translation)
+    log_walls(recorder, sim)
     if scene.record.contacts:
         stream.log_contacts(recorder.recording, simulation.contact_network(sim, recorder.replica))
     if scene.record.fields and len(now.mass):
@@ -180,6 +166,20 @@ def log_frame(recorder: Recorder, sim: Simulation, scene: Scene) -> Snapshot:
         }
         stream.log_values(recorder.recording, "transport", values)
     return now
+
+
+def log_walls(recorder: Recorder, sim: Simulation) -> None:
+    """Write the walls that move, or have gone, as they are now."""
+    movable = [wall for wall in recorder.walls if wall.moving]
+    poses = simulation.wall_poses(sim, recorder.replica) if movable else {}
+    for wall in movable:
+        pose = poses[wall.name]
+        if not pose.present:
+            stream.log_wall_removed(recorder.recording, wall.name)
+            continue
+        if recorder.is_rewritten:
+            stream.log_wall(recorder.recording, wall)
+        stream.log_wall_pose(recorder.recording, wall.name, pose.rotation, pose.translation)
 
 
 def present_walls(walls: tuple[WallMesh, ...], sim: Simulation, replica: int) -> tuple[WallMesh, ...]:

@@ -13,20 +13,21 @@ nothing compiled anew; an effect that was not there is compiled in, which takes 
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields, replace
-from itertools import chain, count
+from dataclasses import dataclass, field, replace
+from itertools import chain, count, pairwise
 from pathlib import Path
 from shlex import quote
+from time import monotonic
 from typing import Any
 
 from taichi_erosion import simulation
-from taichi_erosion.core.effect import STRENGTH, STRENGTH_MOST, Effect, parameter_names, reference
+from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput, SimulationStopped, did_you_mean
-from taichi_erosion.core.files import marked_png, refuse_foreign, write_atomic
+from taichi_erosion.core.files import marked_png, marked_toml, refuse_foreign, write_atomic
 from taichi_erosion.core.setup import Numerics
 from taichi_erosion.measures.result import Measurement
-from taichi_erosion.recording import pictures, stream
-from taichi_erosion.recording.pictures import Picture, SideView, png_bytes
+from taichi_erosion.recording import stream
+from taichi_erosion.recording.pictures import film_frame, png_bytes
 from taichi_erosion.recording.wall_mesh import WallMesh
 from taichi_erosion.run.checks import (
     EffectFiles,
@@ -35,7 +36,6 @@ from taichi_erosion.run.checks import (
     library_of,
     named_effects,
     read_scene,
-    scene_effect_files,
 )
 from taichi_erosion.run.ensemble_loop import EnsembleRun, failure_message, run_interval
 from taichi_erosion.run.observables import measure
@@ -58,20 +58,20 @@ from taichi_erosion.run.stages import (
     transport_window,
     whole_intervals,
 )
-from taichi_erosion.scene import Scene, laws, resolved
-from taichi_erosion.scene.paths import leaves, meaning_of
+from taichi_erosion.scene import Scene, laws
 from taichi_erosion.scene.preparation.contacts import contact_table
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.simulation import Simulation
 
 RUN_TO = "run to"  # command of the history: runs of several calls become one
-NOT_SET = "not set"  # an entry that a scene lacks
 STATUS_UNITS = {"time_s": "s", "kinetic_J": "J", "speed_largest_m_s": "m/s", "overlap_largest": "radii"}
 NO_PHYSICS = ("measured", "record", "measure")  # sections that do not act on grains
 LIVE = ("contact", "gravity", "wind", "effects", "conditions", *NO_PHYSICS)  # sections that may change
 LIVE_WIND = {"friction_velocity", "through_flow"}  # entries of the wind that may change
-MARGIN = 0.01  # m, half the width of a window without grains
-WINDOW = (480, 240)  # px: a line of a terminal is twice as high as a character is wide
+KEEP_EVERY = 0.25  # s of wall time between two states that are kept
+KEEP_SHARE = 0.05  # largest share of the wall time for that [1]
+KEEP_BYTES = 4e8  # of kept states; then every second one goes, so that later ones lie closer
+SAME_CHANGE = 1.0  # s of wall time within which changes of one entry are undone together
 
 
 @dataclass
@@ -91,6 +91,9 @@ class Session:
     samples: list[dict[str, float]] = field(default_factory=list)  # numbers by name, at each of these
     watched: dict[str, str] = field(default_factory=dict)  # units of the numbers that are printed, by name
     effect_files: EffectFiles = ()  # beside those that the scene names
+    states: list["Kept"] = field(default_factory=list)  # at earlier times, and before each change
+    keep_at: float = 0.0  # s of the monotonic clock, from which the next one is due
+    latest_change: tuple[str, float] = ("", 0.0)  # entry, and s of the monotonic clock
 
     @property
     def sim(self) -> Simulation:
@@ -148,6 +151,7 @@ def run_to(session: Session, time: float) -> None:
     raise_failure(session)
     ensemble, tolerance = session.ensemble, 0.5 * session.time_step
     while session.time < time - tolerance:
+        keep_state(session)
         if time < ensemble.time + ensemble.check_interval - tolerance:
             simulation.advance(session.sim, [time])
             session.time, session.state.failure = time, simulation.failure(session.sim, 0)
@@ -158,12 +162,15 @@ def run_to(session: Session, time: float) -> None:
             session.history.pop()
         session.history.append(f"{RUN_TO} {session.time!r}")
         raise_failure(session)
+        keep_sample(session)
         for callback in session.callbacks:
             callback(session)
 
 
 def raise_failure(session: Session) -> None:
-    """Raise SimulationStopped where a check has failed."""
+    """Raise SimulationStopped where a check has failed, BadInput where the session has no device any more."""
+    if not session.sim.is_current:
+        raise BadInput("another run or session has begun in this program since; open this one again")
     if session.state.failure is not None:
         raise SimulationStopped(failure_message(session.state.failure, session.seed))
 
@@ -198,21 +205,24 @@ def set_entry(session: Session, path: str, value: str) -> str:
     overrides = (*session.overrides, f"{path}={value}")
     scene = read_scene(session.path, overrides, session.effect_files)
     changed = changed_fields(session.scene, scene)
-    fixed = [name for name in changed if name not in LIVE]
-    if "wind" in changed:
-        if session.scene.wind is None or scene.wind is None:
-            fixed.append("wind")
-        else:
-            entries = set(changed_fields(session.scene.wind, scene.wind)) - LIVE_WIND
-            fixed += [f"wind.{name}" for name in sorted(entries)]
-    if fixed:
-        raise BadInput(f"{fixed[0]} is fixed once a run has begun; live are {', '.join(LIVE)}")
-    library = library_of(scene)
-    done = apply_change(session, scene, library, set(changed))
-    session.scene, session.overrides, session.library = scene, overrides, library
     if not changed:
         return f"{path} is {value} already"
+    library = library_of(scene)
+    before, after = session.ensemble.scenes[0], simulation.effective_scene(scene, library)
+    fixed = [name for name in changed_fields(before, after) if name not in LIVE]
+    if before.wind is None or after.wind is None:
+        fixed += {"wind"} & {*changed, *changed_fields(before, after)}
+    else:
+        entries = set(changed_fields(before.wind, after.wind)) - LIVE_WIND
+        fixed += [f"wind.{name}" for name in sorted(entries)]
+    if fixed:
+        raise BadInput(f"{fixed[0]} is fixed once a run has begun; live are {', '.join(LIVE)}")
+    if session.latest_change[0] != path or monotonic() - session.latest_change[1] > SAME_CHANGE:
+        keep_state(session, is_due=True)
+    done = apply_change(session, scene, library, set(changed))
+    session.scene, session.overrides, session.library = scene, overrides, library
     session.history.append(f"set {path} {quote(value)}")
+    session.latest_change = path, monotonic()
     return done
 
 
@@ -237,9 +247,9 @@ def apply_change(session: Session, scene: Scene, library: Mapping[str, Effect], 
     g = effective.gravity.magnitude
     sim.setups[0] = replace(sim.setups[0], gravity=(g * x, g * y, g * z))
     simulation.set_gravity(sim, 0, sim.setups[0].gravity)
-    if "wind" in changed and scene.wind is not None:
-        simulation.spin_up_wind(sim, 0, scene.wind.friction_velocity)
-        simulation.set_through_flow(sim, 0, scene.wind.through_flow)
+    if "wind" in changed and effective.wind is not None:
+        simulation.spin_up_wind(sim, 0, effective.wind.friction_velocity)
+        simulation.set_through_flow(sim, 0, effective.wind.through_flow)
     state = {} if changed & {"effects", "conditions"} else None
     if state is not None:
         effects = simulation.device_effects(effective, library, float(sim.setups[0].grains.radius.max()))
@@ -277,6 +287,40 @@ def copied(session: Session) -> Session:
     return replace(session, ensemble=ensemble, samples=samples, history=history)
 
 
+def memory(states: Sequence[Kept]) -> int:
+    """Bytes of the grains of kept states."""
+    return sum(values.nbytes for _, grains in states for values in grains.values())
+
+
+def keep_state(session: Session, is_due: bool = False) -> None:
+    """Keep the present state where one is due; those of later times, from before a return, go."""
+    states, began = session.states, monotonic()
+    here = session.time, session.overrides
+    while states and (states[-1][0].time > here[0] or (states[-1][0].time, states[-1][0].overrides) == here):
+        states.pop()
+    if is_due or began >= session.keep_at:
+        states.append(kept(session))
+        if memory(states) > KEEP_BYTES:  # those before a change stay
+            pairs = enumerate(pairwise(states))
+            states[:-1] = [a for k, (a, b) in pairs if k % 2 == 0 or a[0].overrides != b[0].overrides]
+        session.keep_at = began + max(KEEP_EVERY, (monotonic() - began) / KEEP_SHARE)
+
+
+def return_to(session: Session, time: float) -> None:
+    """Return to the kept state nearest to a time [s]; later ones stay until the session runs on."""
+    if session.state.failure is None and (not session.states or session.states[-1][0].time < session.time):
+        keep_state(session, is_due=True)
+    resume(session, min(session.states, key=lambda state: abs(state[0].time - time)))
+
+
+def undo(session: Session) -> None:
+    """Return to the state before the latest change, bit for bit. Raises BadInput where there is none."""
+    earlier = [each for each in session.states if len(each[0].overrides) < len(session.overrides)]
+    if not earlier:
+        raise BadInput("there is no change to undo")
+    resume(session, earlier[-1])
+
+
 def save(session: Session, name: str) -> None:
     session.saved[name] = kept(session)
 
@@ -299,6 +343,7 @@ def resume(session: Session, state: Kept) -> None:
     session.scene, session.library, session.overrides = then.scene, then.library, then.overrides
     session.time = then.time
     session.samples[:], session.history[:] = then.samples, then.history
+    session.latest_change = "", 0.0
 
 
 def saved_state(session: Session, name: str) -> Kept:
@@ -324,34 +369,16 @@ def session_status(session: Session) -> dict[str, float | int | str]:
     }
 
 
-def side_picture(session: Session, is_lettered: bool) -> Picture:
-    """The grains seen from the side, with time and scale if they can be read.
-
-    A picture of few pixels has the grains alone in its window.
-    """
-    setup = session.sim.setups[0]
-    now = simulation.snapshot(session.sim, 0)
-    walls = walls_now(session)
-    speeds = (resting_speed(setup), stream.FASTEST_COLOUR)
-    if is_lettered:
-        return pictures.film_frame(now, side_view(setup), walls, speeds)
-    view = SideView((-MARGIN, 0.0), (MARGIN, MARGIN), WINDOW)
-    if len(now.position):
-        points, margin = now.position[:, [0, 2]], 4.0 * float(now.radius.max())
-        low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
-        floor = float(points[:, 1].min() - now.radius.max())
-        view = SideView((float(low[0]), floor), (float(high[0]), float(high[1])), WINDOW)
-    return pictures.side_picture(now, view, walls, speeds)
-
-
 def walls_now(session: Session) -> tuple[WallMesh, ...]:
     """The walls that stand, where they are."""
     return present_walls(meshes_of(session.scene, session.sim.setups[0]), session.sim, 0)
 
 
 def write_picture(session: Session, path: Path) -> Path:
-    """Write the side picture as PNG. Raises BadInput where a file of something else has the name."""
-    return write_file(session, path, png_bytes(side_picture(session, is_lettered=True)))
+    """Write the grains seen from the side as PNG. Raises BadInput where a foreign file has the name."""
+    setup, now = session.sim.setups[0], simulation.snapshot(session.sim, 0)
+    speeds = resting_speed(setup), stream.FASTEST_COLOUR
+    return write_file(session, path, png_bytes(film_frame(now, side_view(setup), walls_now(session), speeds)))
 
 
 def write_file(session: Session, path: Path, picture: bytes) -> Path:
@@ -360,11 +387,23 @@ def write_file(session: Session, path: Path, picture: bytes) -> Path:
     return write_atomic(path, marked_png(path, session.path, picture))
 
 
-def record_session(session: Session, path: Path, viewer: str | None = None) -> Recorder:
-    """Begin a recording of the session; `viewer` is the address of one that follows. Raises BadInput."""
+def write_script(session: Session, path: Path) -> Path:
+    """Write the commands that lead to the present state; a file of the user stays. Raises BadInput."""
+    changes = sum(line.startswith("set ") for line in session.history)
+    begun_with = session.overrides[: len(session.overrides) - changes]
+    words = [f"--set {quote(each)}" for each in begun_with]
+    words += [f"--effect {file.path}" for file in session.effect_files]
+    begin = " ".join(["# live", str(session.path), *words, f"--seed {session.seed} < {path.name}"])
+    text = "\n".join([begin, *session.history, ""])
+    refuse_foreign(path, session.path)
+    return write_atomic(path, marked_toml(path, session.path, text))
+
+
+def record_session(session: Session, path: Path) -> Recorder:
+    """Begin a recording of the session. Raises BadInput."""
     text = scene_text(session.path, session.overrides)
     title = f"{session.scene.scene.title or session.path.stem}, live"
-    recorder = open_recorder(path, title, text, session.sim, session.scene, 0, viewer)
+    recorder = open_recorder(path, title, text, session.sim, session.scene, 0)
     session.callbacks.append(lambda now: log_session_frame(recorder, now))
     return recorder
 
@@ -382,33 +421,6 @@ def log_session_frame(recorder: Recorder, session: Session) -> None:
     if now != recorder.frames:
         log_frame(recorder, session.sim, session.scene)
         recorder.frames = now
-
-
-def entry(session: Session, path: str) -> Any:
-    """Value of an entry of the present scene, or the entries below it. Raises BadInput."""
-    found: Any = resolved(session.scene)
-    for key in path.split("."):
-        if not isinstance(found, dict) or key not in found:
-            entries = list(found) if isinstance(found, dict) else []
-            told = f"{did_you_mean(key, entries)}; entries there: {', '.join(entries) or 'none'}"
-            raise BadInput(f"no entry '{path}'{told}")
-        found = found[key]
-    return found
-
-
-def differences(session: Session, before: str | None = None, after: str | None = None) -> dict[str, Any]:
-    """Entries that differ, as (before, after) by path: from the scene file, or a saved state, to another.
-
-    Raises BadInput for an unknown state.
-    """
-    file = read_scene(session.path, (), session.effect_files)
-    old = file if before is None else saved_state(session, before)[0].scene
-    new = session.scene if after is None else saved_state(session, after)[0].scene
-    first, second = (dict(leaves(resolved(scene))) for scene in (old, new))
-    pairs = {
-        path: (first.get(path, NOT_SET), second.get(path, NOT_SET)) for path in sorted({*first, *second})
-    }
-    return {path: pair for path, pair in pairs.items() if pair[0] != pair[1]}
 
 
 def status_numbers(session: Session) -> dict[str, float]:
@@ -432,14 +444,14 @@ def watch(session: Session, *names: str) -> None:
     session.watched |= {name: units.get(name) or STATUS_UNITS.get(name, "") for name in names}
 
 
-def keep_sample(session: Session) -> dict[str, float]:
-    """Keep the numbers of this check; those of a later time, from before a return, go."""
+def keep_sample(session: Session) -> None:
+    """Keep the numbers of this moment; those of a later time, from before a return, go."""
     now = status_numbers(session)
     if not set(session.watched) <= set(now):
         now |= {name: found.value for name, found in measure_now(session).items() if name in session.watched}
-    session.samples[:] = [each for each in session.samples if each["time_s"] < now["time_s"]]
+    while session.samples and session.samples[-1]["time_s"] >= now["time_s"]:
+        session.samples.pop()
     session.samples.append(now)
-    return now
 
 
 def curve(session: Session, name: str) -> tuple[list[float], list[float]]:
@@ -449,38 +461,3 @@ def curve(session: Session, name: str) -> tuple[list[float], list[float]]:
     if not samples:
         raise BadInput(f"'{name}' has no samples: `watch {name}` before a run keeps them")
     return [sample["time_s"] for sample in samples], [sample[name] for sample in samples]
-
-
-def meaning(session: Session, path: str) -> str:
-    """Meaning, unit, default and range of an entry of scenes, of effects too. Raises BadInput."""
-    section, _, rest = path.partition(".")
-    if section != "effects":
-        return meaning_of(path)
-    from taichi_erosion.effects import load_library
-
-    library = load_library((*scene_effect_files(session.scene), *session.effect_files))
-    if not rest:
-        return f"{path}: optional physics, effects.NAME.strength = 1 switches one on: {', '.join(library)}"
-    name, _, parameter = rest.partition(".")
-    if name not in library:
-        raise BadInput(f"no effect '{name}'{did_you_mean(name, library)}; `help effects` lists them")
-    effect = library[name]
-    entries = ", ".join(parameter_names(effect))
-    told = parameter_meaning(effect, parameter) if parameter else f"{effect.title}; entries: {entries}"
-    source = reference(effect)
-    return f"{path}: {told}" + (f"; source: {source}" if source else "")
-
-
-def parameter_meaning(effect: Effect, name: str) -> str:
-    """Meaning, unit, default and range of the strength or a parameter of an effect. Raises BadInput."""
-    if name == STRENGTH:
-        physical = f"to {effect.most:g} where its literature supports it, to {STRENGTH_MOST:g} at most"
-        return f"strength of '{effect.title}', 0: absent, 1: textbook [1] from 0 {physical}"
-    known = {f.name: f for f in fields(effect.params)}
-    if name not in known:
-        names = parameter_names(effect)
-        near = did_you_mean(name, names)
-        raise BadInput(f"effects.{effect.name} has no entry '{name}'{near}; there are {', '.join(names)}")
-    stated, about = known[name], known[name].metadata
-    default = "" if stated.default is MISSING else f", default {stated.default:g}"
-    return f"{about['meaning']} [{about['unit']}] from {about['low']:g} to {about['high']:g}{default}"

@@ -10,6 +10,7 @@ from taichi_erosion.core.effect import first_contact_type, longest_reaches, pair
 from taichi_erosion.core.effect_device import bind
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
+from taichi_erosion.core.ti import impl
 from taichi_erosion.core.transfer import read
 from taichi_erosion.coupling.coupling_state import CouplingState, allocate_coupling
 from taichi_erosion.grains import World
@@ -64,6 +65,12 @@ class Simulation:
     pace: float = 0.0  # steps a second and replica seen so far
     launched: bool = False  # the first launch compiles and does not count for the pace
     team: Team = field(default_factory=Team)
+    device: object = field(default_factory=impl.get_runtime)
+
+    @property
+    def is_current(self) -> bool:
+        """Whether its fields exist: the device has not been started again since."""
+        return impl.get_runtime() is self.device
 
 
 def build_world(setups: list[Setup], laws: Laws, capacities: Capacities, by_grain: bool) -> World:

@@ -3,6 +3,8 @@
 import subprocess
 import sys
 from pathlib import Path
+from urllib.error import HTTPError
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
@@ -50,6 +52,17 @@ def test_a_session_runs_changes_and_returns_bit_for_bit():
     session.set("gravity.magnitude", 3.0).restore("here").run(1e-3)
     assert session.status == late
     stop_device()
+
+
+def test_a_notebook_shows_the_page_of_a_session_which_ends_where_another_begins():
+    session = te.live(SCENE)
+    session.page.playing, session.page.owner = True, ""
+    assert f'<iframe src="{session.page.address}"' in session._repr_html_()
+    te.live(SCENE).step()
+    with pytest.raises(te.BadInput, match="another run or session has begun"):
+        session.step()
+    with pytest.raises(HTTPError, match="410"):
+        urlopen(session.page.address + "state?owner=1")
 
 
 def test_a_session_tells_entries_differences_and_curves():

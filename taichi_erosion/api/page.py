@@ -1,0 +1,279 @@
+"""Page of a live session: a browser steers it and sees its grains while it runs.
+
+One thread plays the session in short portions; what a page asks for acts between two of them. A page has the
+token of its address, and one page at a time steers; a page that is closed leaves the session paused.
+"""
+
+import json
+from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, field
+from hmac import compare_digest
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from math import inf
+from pathlib import Path
+from secrets import token_urlsafe
+from threading import Lock, Thread
+from time import monotonic, sleep
+from typing import Any
+from urllib.parse import parse_qsl, urlsplit
+
+from taichi_erosion import simulation
+from taichi_erosion.api.prompt import execute, moment
+from taichi_erosion.api.session_entries import controls
+from taichi_erosion.core.errors import BadInput, SimulationStopped
+from taichi_erosion.recording import stream
+from taichi_erosion.recording.pictures import CHALK, colours_by
+from taichi_erosion.recording.viewer import LOOPBACK, viewer_files
+from taichi_erosion.run import session as live
+from taichi_erosion.run.recorder import Recorder, log_walls, meshes_of, resting_speed, side_view
+from taichi_erosion.run.session import Session
+
+PORTION = 0.03  # s of wall time between two moments at which a page acts
+REST = 0.004  # s between two portions, for requests that wait
+ANSWER = 0.1  # s between two answers on the state
+PATIENCE = 2.0  # s until an answer without news
+ABSENT = 6.0  # s without a request, after which a page counts as closed
+BODY_MOST = 10_000  # bytes of a command
+HTML, TEXT = "text/html; charset=utf-8", "text/plain; charset=utf-8"
+JSON, BYTES = "application/json", "application/octet-stream"
+KINDS = {"re_viewer.js": "text/javascript", "re_viewer_bg.wasm": "application/wasm"}
+HEADERS = {  # nothing is loaded from, sent to or told to another server
+    "Content-Security-Policy": "default-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; "
+    "script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval'",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+    "X-Content-Type-Options": "nosniff",
+}
+FOREIGN = "this session answers its own page on this machine alone"
+NO_TOKEN = "the address lacks the token that the program printed"
+ENDED = "another run or session has begun in this program; this one has ended"
+OWNED = "another page steers this session; close it, then this one goes on"
+
+
+PAGES: list["Page"] = []  # of this program; its device holds one session
+
+
+@dataclass
+class Page:
+    """A session that plays until a time, the page that steers it, and what the page is shown."""
+
+    session: Session
+    script: Path  # of the commands, written when the page is left
+    turn: Lock  # of whoever uses the session; who plays leaves it to others between two portions
+    port: int = 0
+    token: str = field(default_factory=lambda: token_urlsafe(16))
+    owner: str = ""  # name of the page that steers; empty: the next one that asks does
+    seen: float = 0.0  # s of the monotonic clock, its latest request
+    playing: bool = False
+    goal: float = inf  # s, of the simulation
+    until_rest: bool = False
+    speed: float = inf  # simulated s per s, at most
+    pace: float = 0.0  # simulated s per s, of the latest portion
+    error: str = ""
+    version: int = 1  # grows with every change of what is shown
+    view: tuple[Recorder, Any] | None = None  # and the stream of its bytes
+    frames: int = 0
+    idents: Any = ()  # of the grains in the latest frame
+    files: "Future[dict[str, bytes]] | None" = None  # of the viewer
+
+    @property
+    def address(self) -> str:
+        return f"http://{LOOPBACK}:{self.port}/{self.token}/"
+
+    @property
+    def tunnel(self) -> str:
+        """How to reach it from another machine."""
+        here = f"{self.port}:{LOOPBACK}:{self.port}"
+        return f"from another machine: ssh -L {here} THIS_MACHINE, then the same address"
+
+    def play(self) -> None:
+        """Advance while it plays, portion by portion, as long as the device holds the session."""
+        while self.session.sim.is_current:
+            began, done = monotonic(), 0.0
+            if self.owner and began - self.seen > ABSENT:
+                self.leave()
+            with self.turn:
+                done = self.advance() if self.playing else 0.0
+            sleep(max(done / self.speed - (monotonic() - began), REST))
+
+    def advance(self) -> float:
+        """Advance by a portion; returns its simulated time [s]. What stops a run pauses it."""
+        session, began, checks = self.session, monotonic(), self.session.ensemble.checks
+        start, portion = session.time, max(min(self.pace, self.speed) * PORTION, session.time_step)
+        try:
+            live.run_to(session, min(start + portion, self.goal))
+        except Exception as error:  # whatever it is, who plays stays there for the next command
+            self.playing, self.error = False, str(error) or type(error).__name__
+        self.pace = (session.time - start) / (monotonic() - began)
+        self.version += 1
+        rests = self.until_rest and session.ensemble.checks > checks and live.is_at_rest(session)
+        if rests or session.time > self.goal - session.time_step:
+            self.playing = False
+        return session.time - start
+
+    def command(self, line: str) -> str:
+        """Text of a typed command; a run begins to play. Raises BadInput, SimulationStopped."""
+        name, *words = line.split() or [""]
+        self.playing &= name not in ("pause", "back", "undo")
+        with self.turn:
+            self.version, self.error = self.version + 1, ""
+            if name == "pick":
+                return execute(self.session, f"grain {self.idents[int(words[0])]}")
+            if name not in ("play", "run", "pause", "speed"):
+                return execute(self.session, line)
+            if name == "speed":
+                self.speed = max(float(*words), 1e-6)
+            elif name != "pause":
+                live.raise_failure(self.session)
+                self.until_rest = words == ["until", "rest"]
+                self.goal = moment(self.session, *words) if words and not self.until_rest else inf
+                self.playing = True
+        return ""
+
+    def state(self, count: int, latest: float, name: str) -> dict[str, Any]:
+        """What a page shows; of the curve of a number the samples behind those that it has."""
+        session, samples = self.session, self.session.samples
+        has_all = 0 < count <= len(samples) and samples[count - 1]["time_s"] == latest
+        points = [(each["time_s"], each.get(name)) for each in samples[count if has_all else 0 :]]
+        return {
+            **{name: getattr(self, name) for name in ("version", "playing", "error")},
+            **{"time": session.time, "time_step": session.time_step, "stage": session.state.stage},
+            "title": session.scene.scene.title or session.path.stem,
+            "stages": [stage.name for stage in session.scene.stages],
+            "numbers": samples[-1] if samples else {},
+            "names": [*(samples[-1] if samples else {}), *session.scene.measure],
+            "begin": count if has_all else 0,
+            "points": points,
+            "kept": [state[0].time for state in session.states],
+            "is_changed": any(line.startswith("set ") for line in session.history),
+            "entries": str(hash(session.overrides)),
+        }
+
+    def frame(self, colour: str, grain: int, anew: bool) -> bytes:
+        """The grains and walls as messages of the viewer; `anew` for a viewer that has none."""
+        with self.turn:
+            session, setup = self.session, self.session.sim.setups[0]
+            slow = resting_speed(setup)
+            if anew or self.view is None:
+                walls = meshes_of(session.scene, setup)
+                kind = session.scene.scene.kind or "own"
+                recording, out = stream.open_view(kind, setup.grains.radius, walls)
+                recorder = Recorder(0, recording, walls, side_view(setup), slow, inf, is_rewritten=True)
+                self.view = recorder, out
+            recorder, out = self.view
+            self.frames += 1
+            now = simulation.snapshot(session.sim, 0)
+            colours = colours_by(colour, now, slow, max(stream.FASTEST_COLOUR, 2.0 * slow))
+            self.idents, colours[now.ident == grain] = now.ident, CHALK
+            stream.log_view(recorder.recording, self.frames, now, colours)
+            log_walls(recorder, session.sim)
+        return out.read() or b""
+
+    def is_owner(self, name: str) -> bool:
+        """Whether a page steers; the first one does, until it is closed."""
+        if name and self.owner in ("", name):
+            self.owner, self.seen = name, monotonic()
+        return bool(name) and name == self.owner
+
+    def leave(self) -> None:
+        """Pause, save the state as `last`, and write the commands that lead to it."""
+        self.playing, self.owner = False, ""
+        with self.turn:
+            try:
+                live.save(self.session, "last")
+                if self.session.history:
+                    live.write_script(self.session, self.script)
+            except BadInput as error:
+                self.error = str(error)
+
+    def answer(self, name: str, query: Mapping[str, str], body: str) -> tuple[int, str, bytes]:
+        """Status, kind and content of the answer to a request of the page that steers."""
+        after, end = int(query.get("after", 0)), monotonic() + PATIENCE
+        if name == "state":
+            sleep(ANSWER)
+        while name in ("state", "frame") and self.version == after and monotonic() < end:
+            sleep(REST)
+        if name == "frame":
+            version = self.version.to_bytes(4, "little")
+            grain, colour = int(query.get("grain", -1)), query.get("colour", "")
+            return 200, BYTES, version + self.frame(colour, grain, anew=after == 0)
+        if name == "command":
+            try:
+                return 200, TEXT, self.command(body).encode()
+            except (BadInput, SimulationStopped, ValueError, IndexError, EOFError) as error:
+                return 400, TEXT, (str(error) or "a session ends in its terminal").encode()
+        return 200, JSON, json.dumps(self.facts(name, query)).replace("NaN", "null").encode()
+
+    def facts(self, name: str, query: Mapping[str, str]) -> Any:
+        """What a page asks for: the state, or entries that may change; nothing after it has been left."""
+        if name == "state":
+            count, latest = int(query.get("count", 0)), float(query.get("latest", 0.0))
+            return self.state(count, latest, query.get("name", ""))
+        if name == "controls":
+            with self.turn:
+                return controls(self.session)
+        return self.leave()
+
+
+class Handler(BaseHTTPRequestHandler):
+    """Answers to requests for /TOKEN/NAME."""
+
+    protocol_version = "HTTP/1.1"
+    page: Page
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Nothing: the address holds the token."""
+
+    def do_GET(self) -> None:
+        address = urlsplit(self.path)
+        token, _, name = address.path[1:].partition("/")
+        body = self.rfile.read(min(int(self.headers.get("Content-Length") or 0), BODY_MOST)).decode()
+        status, kind, content = self.found(token, name, dict(parse_qsl(address.query)), body)
+        self.send_response(status)
+        lines = {"Content-Type": kind, "Content-Length": str(len(content))}
+        if kind in KINDS.values():
+            lines["Content-Encoding"] = "gzip"
+        for line in (HEADERS | lines).items():
+            self.send_header(*line)
+        with suppress(ConnectionError):  # of a page that has gone
+            self.end_headers()
+            self.wfile.write(content)
+
+    def do_POST(self) -> None:
+        self.do_GET()
+
+    def found(self, token: str, name: str, query: Mapping[str, str], body: str) -> tuple[int, str, bytes]:
+        """Status, kind and content of the answer; a refusal where the request is not of the page."""
+        page, host, origin = self.page, self.headers.get("Host"), self.headers.get("Origin")
+        known = {f"{each}:{page.port}" for each in (LOOPBACK, "localhost")}
+        if host not in known or origin not in (None, f"http://{host}"):
+            return 403, TEXT, FOREIGN.encode()
+        if not compare_digest(token.encode(), page.token.encode()):
+            return 403, TEXT, NO_TOKEN.encode()
+        if not name:
+            return 200, HTML, Path(__file__).with_name("page.html").read_bytes()
+        if name in KINDS and page.files is not None:
+            return 200, KINDS[name], page.files.result()[name]
+        if not page.is_owner(query.get("owner", "")):
+            return 409, TEXT, OWNED.encode()
+        if not page.session.sim.is_current:
+            return 410, TEXT, ENDED.encode()
+        return page.answer(name, query, body)
+
+
+def serve_page(session: Session, script: Path, turn: Lock, port: int = 0) -> Page:
+    """Serve the page of a session on a port of this machine, 0 for a free one. Raises BadInput."""
+    live.keep_sample(session)
+    page = Page(session, script, turn)
+    try:
+        server = ThreadingHTTPServer((LOOPBACK, port), type("PageHandler", (Handler,), {"page": page}))
+    except OSError as error:
+        raise BadInput(f"--port {port}: cannot be served ({error.strerror})") from None
+    server.handle_error = lambda request, client_address: None  # a page that has gone is no news
+    page.port, page.files = server.server_address[1], ThreadPoolExecutor(1).submit(viewer_files)
+    for target in (server.serve_forever, page.play):
+        Thread(target=target, daemon=True).start()
+    PAGES.append(page)
+    return page

@@ -1,0 +1,212 @@
+"""Typed commands of a live session: one line is one command."""
+
+import shlex
+from collections.abc import Callable
+from inspect import signature
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+
+from taichi_erosion import simulation
+from taichi_erosion.api import session_entries as entries
+from taichi_erosion.core.errors import BadInput, did_you_mean
+from taichi_erosion.run import session as live
+from taichi_erosion.run.session import Session
+
+HELP = """\
+step [N]                   run N time steps
+run TIME | run until rest  run for a simulated time, such as 0.5s
+run to TIME                run to a simulated time
+stage                      begin the next stage of the scene
+set PATH VALUE             change an entry of the scene during the run
+get PATH                   show an entry of the scene
+measure                    evaluate the scene's measures now
+plot NAME FILE             write the curve of a number so far as PNG
+watch NAME... | watch off  print numbers once a second while it runs
+diff [NAME [NAME]]         entries changed since the scene file or a saved state, or between two
+status                     time, grains, energies
+snapshot FILE              write the picture as PNG
+save [NAME]                save the state
+back [NAME] | back to TIME return to a saved state, or to an earlier time
+undo                       return to the state before the latest change
+grain N                    numbers and contacts of a grain
+history [FILE]             commands that lead to the present state, here or as a script
+script FILE                run the commands in a file
+help [PATH]                this list; or meaning, unit and range of an entry
+quit                       end the session"""
+
+
+def step(session: Session, count: str = "1") -> str:
+    if not count.isdigit():
+        raise BadInput(f"'{count}' is not a number of steps")
+    live.step(session, int(count))
+    return status(session)
+
+
+def run(session: Session, *time: str) -> str:
+    if time == ("until", "rest"):
+        is_at_rest = live.run_until_rest(session)
+        return status(session) + ("" if is_at_rest else "  (time limit of the stage, not at rest)")
+    live.run_to(session, moment(session, *time))
+    return status(session)
+
+
+def moment(session: Session, *words: str) -> float:
+    """Time [s] that is meant by `0.5s` from now on, or `to 0.5s`. Raises BadInput."""
+    start = 0.0 if words[:1] == ("to",) else session.time
+    try:
+        return start + float(" ".join(words).removeprefix("to").removesuffix("s"))
+    except ValueError:
+        raise BadInput(f"'{' '.join(words)}' is not a duration; write for example 0.5s") from None
+
+
+def set_entry(session: Session, path: str, value: str) -> str:
+    before = live.warnings_now(session)
+    done = live.set_entry(session, path, value)
+    new = [f"\nwarning: {each}" for each in live.warnings_now(session) if each not in before]
+    return f"{path} = {value} {done}{''.join(new)}"
+
+
+def measure(session: Session) -> str:
+    lines, faults = [], []
+    for name, found in live.measure_now(session).items():
+        reason = ", ".join(found.notes[:1]) or "the state holds none"
+        value = f"{name} = {found.value:.5g} {found.unit}"
+        lines.append(value if isfinite(found.value) else f"{name}: no value, {reason}")
+        for lack in found.shortfalls:
+            faults.append(f"{'limit' if lack.stated else 'warning'}: {name}: {lack.sentence}")
+    return "\n".join([*lines, *faults]) or "the scene has no measures"
+
+
+def plot(session: Session, name: str, file: str) -> str:
+    from taichi_erosion.report.figure_style import curve_figure, raster
+
+    return str(live.write_file(session, Path(file), raster(curve_figure(*live.curve(session, name), name))))
+
+
+def watch(session: Session, *names: str) -> str:
+    if names == ("off",):
+        session.watched.clear()
+    else:
+        live.watch(session, *names)
+    return f"watching {', '.join(session.watched) or 'nothing'}"
+
+
+def diff(session: Session, before: str | None = None, after: str | None = None) -> str:
+    found = entries.differences(session, before, after).items()
+    return "\n".join(f"{path}: {old} -> {new}" for path, (old, new) in found) or "no entry differs"
+
+
+def status(session: Session) -> str:
+    return "  ".join(
+        f"{name} {value:.5g}" if isinstance(value, float) else f"{name} {value}"
+        for name, value in live.session_status(session).items()
+    )
+
+
+def save(session: Session, name: str = "last") -> str:
+    live.save(session, name)
+    return f"saved as '{name}' at {session.time:.6g} s"
+
+
+def back(session: Session, name: str = "last", *time: str) -> str:
+    if name == "to" and time:
+        live.return_to(session, moment(session, name, *time))
+    else:
+        live.restore(session, name)
+    return status(session)
+
+
+def undo(session: Session) -> str:
+    live.undo(session)
+    return status(session)
+
+
+def grain(session: Session, number: str) -> str:
+    now, network = simulation.snapshot(session.sim, 0), simulation.contact_network(session.sim, 0)
+    rows = np.flatnonzero(now.ident.astype(str) == number)
+    if not len(rows):
+        raise BadInput(f"no grain has the number {number}; there are {len(now.ident)}")
+    row, ends = rows[0], np.stack([network.first, network.second], axis=1)
+    x, y, z = 1e3 * now.position[row]
+    speed, spin = np.linalg.norm(now.velocity[row]), np.linalg.norm(now.spin[row])
+    text = f"grain {number}: radius {1e3 * now.radius[row]:.4g} mm, mass {now.mass[row]:.4g} kg\n"
+    text += f"at ({x:.4g}, {y:.4g}, {z:.4g}) mm, {speed:.4g} m/s, spin {spin:.4g} rad/s"
+    for touch in np.flatnonzero((ends == now.ident[row]).any(axis=1)):
+        partner = ends[touch].sum() - now.ident[row]
+        body = f"grain {partner}" if partner >= 0 else network.walls[-1 - partner]
+        text += f"\ntouches {body} with {network.normal_force[touch]:.4g} N"
+    return text
+
+
+def history(session: Session, file: str = "") -> str:
+    return str(live.write_script(session, Path(file))) if file else "\n".join(session.history)
+
+
+def script(session: Session, file: str) -> str:
+    if not Path(file).is_file():
+        raise BadInput(f"{file}: no such file")
+    texts = []
+    for number, line in enumerate(Path(file).read_text(encoding="utf-8").splitlines(), start=1):
+        try:
+            texts.append(execute(session, line))
+        except BadInput as error:
+            raise BadInput(f"{file}: line {number}: {error}") from None
+    return "\n".join(filter(None, texts))
+
+
+def help_text(session: Session, path: str = "") -> str:
+    if path in COMMANDS:
+        return usage(path)
+    return entries.meaning(session, path) if path else HELP
+
+
+def usage(name: str) -> str:
+    """Line of the help on a command."""
+    return next(line for line in HELP.split("\n") if line.startswith(f"{name} "))
+
+
+def quit_session(session: Session) -> str:
+    raise EOFError
+
+
+COMMANDS: dict[str, Callable[..., str]] = {  # of a session and the words behind the name: the text to print
+    "step": step,
+    "run": run,
+    "stage": lambda session: f"stage {live.next_stage(session)} begins",
+    "set": set_entry,
+    "get": lambda session, path: f"{path} = {entries.entry(session, path)}",
+    "measure": measure,
+    "plot": plot,
+    "watch": watch,
+    "diff": diff,
+    "status": status,
+    "snapshot": lambda session, file: str(live.write_picture(session, Path(file))),
+    "save": save,
+    "back": back,
+    "undo": undo,
+    "grain": grain,
+    "history": history,
+    "script": script,
+    "help": help_text,
+    "quit": quit_session,
+}
+
+
+def execute(session: Session, line: str) -> str:
+    """Text of one line's command; "" for a comment. Raises BadInput, SimulationStopped, EOFError."""
+    try:
+        name, *words = shlex.split(line, comments=True) or [""]
+    except ValueError as error:
+        raise BadInput(f"{line.strip()}: {error}; a text in quotes needs both") from None
+    if not name:
+        return ""
+    if name not in COMMANDS:
+        meant = did_you_mean(name, COMMANDS)
+        raise BadInput(f"'{name}' is not a command{meant}; the commands are {', '.join(COMMANDS)}")
+    try:
+        signature(COMMANDS[name]).bind(session, *words)
+    except TypeError:
+        raise BadInput(f"usage: {usage(name)}") from None
+    return COMMANDS[name](session, *words)
