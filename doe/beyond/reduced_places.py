@@ -78,7 +78,7 @@ def expected(observable: str, conditions: Conditions, parameters: Numbers, effec
         PLACES[name](size, given) if name in PLACES else reduced.EFFECTS[name](size, at)
         for name, size in acting.items()
     ]
-    return reduced.shifted(observable, row_count(conditions), at, given, shifts)
+    return reduced.mean_with_shifts(observable, row_count(conditions), at, given, shifts)
 
 
 predict_mechanisms = {  # doses at which the model has values

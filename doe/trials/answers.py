@@ -22,14 +22,14 @@ from doe.trials.tables.solve import table_answer
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.commands import adopt_study, discover_record, discover_study, no_progress
-from taichi_erosion.evidence.answers.rounds import RacedStudy
+from taichi_erosion.evidence.answers.rounds import StudyInference
 from taichi_erosion.evidence.data.problem import Problem
 from taichi_erosion.evidence.models.load_study import BudgetName, StudyOptions
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.decision import decide
-from taichi_erosion.evidence.race.outlook import elsewhere, forecast, held_out_part, new_rows
-from taichi_erosion.evidence.race.posterior import Posterior, given, raced
-from taichi_erosion.evidence.race.record import Decided, HeldOutPart, Interval, Record
+from taichi_erosion.evidence.race.outlook import forecast, held_out_part, joint_rows, new_rows
+from taichi_erosion.evidence.race.posterior import Posterior, condition_on_effects, infer
+from taichi_erosion.evidence.race.record import DecisionPart, HeldOutPart, Interval, Record
 
 LEAST = 1e-3  # of a probability that is kept
 Answer = dict[str, Any]
@@ -61,23 +61,23 @@ def problem_answer(file: Path) -> Answer:
 def answered(problem: Problem, seed: int, asked: NewConditions | None = None) -> Answer:
     """Discover, adopt what is named or the likeliest mechanism, and predict where that is asked."""
     start = process_time()
-    posterior = raced(problem, seed)
-    record = discover_record(RacedStudy(posterior, decide(posterior)))
+    posterior = infer(problem, seed)
+    record = discover_record(StudyInference(posterior, decide(posterior)))
     seconds = process_time() - start
     answer = kept(record, held_out(posterior, record.decided, seed)) | {"seconds": seconds}
     return answer | ({"rows": predicted(posterior, asked)} if asked else {})
 
 
-def held_out(posterior: Posterior, decided: Decided, seed: int) -> HeldOutPart | None:
+def held_out(posterior: Posterior, decided: DecisionPart, seed: int) -> HeldOutPart | None:
     """Held-out rows with what is named, or with the mechanism that is told; None where nothing is."""
     if decided.named:
-        return held_out_part(given(posterior, decided.named), decided.named, seed)
+        return held_out_part(condition_on_effects(posterior, decided.named), decided.named, seed)
     return held_out_part(posterior, decided.mechanisms, seed) if decided.mechanisms else None
 
 
 def predicted(posterior: Posterior, asked: NewConditions) -> list[tuple[float, ...]]:
     """Ends of the intervals at new conditions, of the mean and of one more measurement."""
-    found = forecast(posterior, elsewhere(posterior.race, new_rows(posterior.race.prepared, asked)))
+    found = forecast(posterior, joint_rows(posterior.race, new_rows(posterior.race.prepared, asked)))
     pairs = zip(found.intervals(found.mean), found.intervals(found.measured), strict=True)
     return [(mean.low, mean.high, one.low, one.high) for mean, one in pairs]
 

@@ -148,7 +148,7 @@ class Air:
         return self.previous_rate_x, self.previous_rate_y, self.previous_rate_z
 
 
-def ghosted(shape: tuple[int, ...], replicas: int, vector: bool = False) -> Any:
+def ghost_field(shape: tuple[int, ...], replicas: int, vector: bool = False) -> Any:
     """Field over cells and one layer of ghosts at each end, by replica."""
     made = ti.Vector.field(3, real) if vector else ti.field(real)
     axes = (ti.i, ti.ij, ti.ijk, ti.ijkl)[len(shape)]
@@ -190,15 +190,15 @@ def allocate_air(setups: Sequence[AirSetup]) -> Air:
         serial=is_serial(count * cells[0] * cells[1]),
         serial_replicas=is_host(),
         numbers=numbers,
-        inlet_fluctuation=ghosted(cells[1:], count, vector=True),
+        inlet_fluctuation=ghost_field(cells[1:], count, vector=True),
         active=ti.field(ti.i32, shape=count),
         mass_residual=ti.field(real, shape=count),
         levels=allocate_levels(first, count),
         krylov=krylov,
         waves=allocate_waves(setups),
-        **{name: ghosted(cells, count) for name in CELL_SCALARS},
-        **{name: ghosted(cells, count, vector=True) for name in CELL_VECTORS},
-        **{name: ghosted(layers, count) for name in ("face", "centre", "height", "inlet_shape")},
+        **{name: ghost_field(cells, count) for name in CELL_SCALARS},
+        **{name: ghost_field(cells, count, vector=True) for name in CELL_VECTORS},
+        **{name: ghost_field(layers, count) for name in ("face", "centre", "height", "inlet_shape")},
     )
     write_numbers(air, setups)
     write_layers(air, setups)

@@ -230,7 +230,7 @@ class Handler(BaseHTTPRequestHandler):
         address = urlsplit(self.path)
         token, _, name = address.path[1:].partition("/")
         body = self.rfile.read(min(int(self.headers.get("Content-Length") or 0), BODY_MOST)).decode()
-        status, kind, content = self.found(token, name, dict(parse_qsl(address.query)), body)
+        status, kind, content = self.answer(token, name, dict(parse_qsl(address.query)), body)
         self.send_response(status)
         lines = {"Content-Type": kind, "Content-Length": str(len(content))}
         if kind in KINDS.values():
@@ -244,7 +244,7 @@ class Handler(BaseHTTPRequestHandler):
     def do_POST(self) -> None:
         self.do_GET()
 
-    def found(self, token: str, name: str, query: Mapping[str, str], body: str) -> tuple[int, str, bytes]:
+    def answer(self, token: str, name: str, query: Mapping[str, str], body: str) -> tuple[int, str, bytes]:
         """Status, kind and content of the answer; a refusal where the request is not of the page."""
         page, host, origin = self.page, self.headers.get("Host"), self.headers.get("Origin")
         known = {f"{each}:{page.port}" for each in (LOOPBACK, "localhost")}

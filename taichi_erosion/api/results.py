@@ -228,15 +228,15 @@ class ExperimentsResult(RaceResult):
         """Proposed experiments, the best first, with what each explanation expects, in units of the table."""
         rows = list[dict[str, Any]]()
         units = self.units
-        for found in self.record.experiments:
-            name = found.observable
+        for experiment in self.record.experiments:
+            name = experiment.observable
             row: dict[str, Any] = {"observable": name, "unit": unit_of(units, name)}
-            for axis, x in found.conditions.items():
+            for axis, x in experiment.conditions.items():
                 row[condition_heading(units, axis)] = units.condition(axis, x)
-            for key, expected in found.predictions.items():
+            for key, expected in experiment.predictions.items():
                 ends = {key: expected.value, f"{key} low": expected.low, f"{key} high": expected.high}
                 row |= {column: units.value(name, number) for column, number in ends.items()}
-            rows.append(row | {"chance": found.chance, "cost": found.cost})
+            rows.append(row | {"chance": experiment.chance, "cost": experiment.cost})
         return frame(rows, columns=("observable", "unit", "chance", "cost"))
 
 

@@ -11,7 +11,7 @@ import tomlkit
 
 from taichi_erosion.api.notebook import frame, html, progress
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.words.run_words import run_warnings, spread
+from taichi_erosion.evidence.words.run_words import run_warnings, with_deviation
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -115,7 +115,10 @@ class Run:
         return run_warnings(self.document)
 
     def __repr__(self) -> str:
-        found = (f"{name} {spread(each)} {each['unit']}" for name, each in self.document["measures"].items())
+        found = (
+            f"{name} {with_deviation(each)} {each['unit']}"
+            for name, each in self.document["measures"].items()
+        )
         return f"Run({self.document['scene']}: {', '.join(found) or 'no measures'})"
 
     def _repr_html_(self) -> str:

@@ -7,7 +7,7 @@ from taichi_erosion.core.effect import STRENGTH, STRENGTH_MOST, Effect, paramete
 from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.run.checks import read_scene, scene_effect_files
 from taichi_erosion.run.session import LIVE_WIND, Session, saved_state
-from taichi_erosion.scene import resolved
+from taichi_erosion.scene import resolve
 from taichi_erosion.scene.paths import leaves, meaning_of, number_at
 
 NOT_SET = "not set"  # an entry that a scene lacks
@@ -16,14 +16,14 @@ STEERED = ("wind", "contact", "conditions", "gravity")  # sections of a page, in
 
 def entry(session: Session, path: str) -> Any:
     """Value of an entry of the present scene, or the entries below it. Raises BadInput."""
-    found: Any = resolved(session.scene)
+    value: Any = resolve(session.scene)
     for key in path.split("."):
-        if not isinstance(found, dict) or key not in found:
-            entries = list(found) if isinstance(found, dict) else []
+        if not isinstance(value, dict) or key not in value:
+            entries = list(value) if isinstance(value, dict) else []
             told = f"{did_you_mean(key, entries)}; entries there: {', '.join(entries) or 'none'}"
             raise BadInput(f"no entry '{path}'{told}")
-        found = found[key]
-    return found
+        value = value[key]
+    return value
 
 
 def differences(session: Session, before: str | None = None, after: str | None = None) -> dict[str, Any]:
@@ -34,7 +34,7 @@ def differences(session: Session, before: str | None = None, after: str | None =
     file = read_scene(session.path, (), session.effect_files)
     old = file if before is None else saved_state(session, before)[0].scene
     new = session.scene if after is None else saved_state(session, after)[0].scene
-    first, second = (dict(leaves(resolved(scene))) for scene in (old, new))
+    first, second = (dict(leaves(resolve(scene))) for scene in (old, new))
     pairs = {
         path: (first.get(path, NOT_SET), second.get(path, NOT_SET)) for path in sorted({*first, *second})
     }
@@ -88,7 +88,7 @@ def controls(session: Session) -> list[dict[str, Any]]:
     """
     scene, rows = session.scene, []
     unstated = dict.fromkeys(f"conditions.{name}" for name in type(scene.conditions).model_fields)
-    for path, value in (unstated | dict(leaves(resolved(scene)))).items():
+    for path, value in (unstated | dict(leaves(resolve(scene)))).items():
         section, _, name = path.partition(".")
         if section in STEERED and (section != "wind" or name in LIVE_WIND) and not isinstance(value, list):
             if number := number_at(path):

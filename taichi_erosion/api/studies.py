@@ -49,13 +49,13 @@ class Study:
         """Calibrate the model, and find where it still fails."""
         from taichi_erosion.evidence.answers.commands import compare_study
 
-        return answered(self, ComparisonResult, "comparing", compare_study)
+        return run_command(self, ComparisonResult, "comparing", compare_study)
 
     def discover(self) -> DiscoveryResult:
         """Find the missing effect."""
         from taichi_erosion.evidence.answers.commands import discover_study
 
-        return answered(self, DiscoveryResult, "discovering", discover_study)
+        return run_command(self, DiscoveryResult, "discovering", discover_study)
 
     def adopt(self, *effects: str | Sequence[str], force: bool = False) -> AdoptionResult:
         """Add effects, by names or lists of names; calibrate again, open the vault.
@@ -69,13 +69,13 @@ class Study:
             raise BadInput("adopt: name the effects to add")
 
         forced = replace(self, options=replace(self.options, force=force or self.options.force))
-        return answered(forced, AdoptionResult, "adopting", adopt_study, names)
+        return run_command(forced, AdoptionResult, "adopting", adopt_study, names)
 
     def next(self) -> ExperimentsResult:
         """Find the cheapest experiments that tell the named explanation from its rivals."""
         from taichi_erosion.evidence.answers.commands import next_study
 
-        return answered(self, ExperimentsResult, "planning", next_study)
+        return run_command(self, ExperimentsResult, "planning", next_study)
 
     def predict(self, table: TableLike, *, bare: bool = False) -> PredictionResult:
         """What the calibrated model says at the conditions of a table, with 90 % intervals.
@@ -88,7 +88,7 @@ class Study:
 
         with TemporaryDirectory() as folder:
             file = table_file(table, Path(folder) / "conditions")
-            return answered(self, PredictionResult, "predicting", predict_study, file, bare=bare)
+            return run_command(self, PredictionResult, "predicting", predict_study, file, bare=bare)
 
     def report(self, to: PathLike | None = None) -> Path:
         """Write the page of all answers (HTML). Raises BadInput before the first answer."""
@@ -97,7 +97,7 @@ class Study:
         return write_report(self.path, None if to is None else Path(to), True)
 
 
-def answered(
+def run_command(
     study: Study, kind: type[Kind], title: str, command: Callable[..., Any], *words: Any, **choices: Any
 ) -> Kind:
     """Result of a command, with a progress bar."""
@@ -154,15 +154,15 @@ def new_study(
     unit in `conditions` makes a column a condition of one's own: `conditions={"pore volume": "cm3/g"}`.
     Raises BadInput with all faults of the table.
     """
-    from taichi_erosion.evidence.answers.new_study import Wishes
+    from taichi_erosion.evidence.answers.new_study import NewStudyOptions
     from taichi_erosion.evidence.answers.new_study import new_study as write_study
-    from taichi_erosion.evidence.data.tables.column_roles import Told
+    from taichi_erosion.evidence.data.tables.column_roles import TableOptions
 
     if "scene" in grains:
         grains["scene"] = Path(grains["scene"])
     grains["effects"] = tuple(map(Path, grains.get("effects", ())))
-    told = Told(dict(observables or {}), dict(conditions or {}), dict(units or {}))
-    wishes = Wishes(told, None if out is None else Path(out), apparatus, closed_form, **grains)
+    told = TableOptions(dict(observables or {}), dict(conditions or {}), dict(units or {}))
+    wishes = NewStudyOptions(told, None if out is None else Path(out), apparatus, closed_form, **grains)
     document = write_study(table_file(table, out), wishes, lambda question, guess: guess)
     return study(document["study"])
 

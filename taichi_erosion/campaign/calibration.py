@@ -24,16 +24,16 @@ from taichi_erosion.experiments.fit import (
     coded_polynomial,
     equation,
     natural_polynomial,
-    overfitted,
+    overfit_warning,
     quality,
     term_label,
 )
 from taichi_erosion.experiments.optimise import Optimisation
 from taichi_erosion.run import Report
 from taichi_erosion.run.checks import read_scene
-from taichi_erosion.scene import resolved, scene_hash
+from taichi_erosion.scene import resolve, scene_hash
 from taichi_erosion.scene.load import file_text, parse_scene
-from taichi_erosion.scene.paths import parsed
+from taichi_erosion.scene.paths import parse_value
 from taichi_erosion.scene.schema.geometry import Mesh
 
 Document = dict[str, Any]
@@ -62,7 +62,7 @@ class Calibration:
 def calibrate(
     path: Path,
     until: Step = "confirm",
-    stated: Mapping[str, Any] = NOTHING,
+    overrides: Mapping[str, Any] = NOTHING,
     progress: Report | None = None,
     function: str = SIMULATE,
     force: bool = False,
@@ -74,19 +74,19 @@ def calibrate(
     """
     started = time.perf_counter()
     file = read_calibration_study(path)
-    found = Calibration(file)
+    calibration = Calibration(file)
     planned = calculate.screening_design(file)
-    found.document = {"study": str(path), "until": until, "design": path_document(planned)}
+    calibration.document = {"study": str(path), "until": until, "design": path_document(planned)}
     refuse_foreign_files(file, until, force)
-    write_design(found, "screen", planned)
+    write_design(calibration, "screen", planned)
     if until != "design":
         steps = STEPS[: STEPS.index(until) + 1]
         ledger = open_ledger(file.folder)
-        where = file.study.campaign.model_copy(update=stated)
+        where = file.study.campaign.model_copy(update=overrides)
         stages = [stage for stage in STAGES if LAST_STEP[stage] in steps]
         runner = DesignRunner(file, ledger, where, progress, function, stages)
         try:
-            run_steps(found, runner, steps)
+            run_steps(calibration, runner, steps)
         finally:
             close_ledger(ledger)
         measures = dict.fromkeys(
@@ -101,10 +101,10 @@ def calibrate(
         )
         text = table.to_csv(index=False, lineterminator="\n")
         ListedFolder(file.folder).write("runs.csv", text.encode())
-        found.document["runs"] = len(runner.runs)
-        found.document["cpu_s"] = sum(run.result.record.get("cpu_s", 0.0) for run in runner.runs)
-    found.document["wall_s"] = time.perf_counter() - started
-    return found
+        calibration.document["runs"] = len(runner.runs)
+        calibration.document["cpu_s"] = sum(run.result.record.get("cpu_s", 0.0) for run in runner.runs)
+    calibration.document["wall_s"] = time.perf_counter() - started
+    return calibration
 
 
 def refuse_foreign_files(file: CalibrationStudy, until: Step, force: bool) -> None:
@@ -119,43 +119,45 @@ def refuse_foreign_files(file: CalibrationStudy, until: Step, force: bool) -> No
     ListedFolder(file.folder).refuse_foreign([*tables, *last], force)
 
 
-def run_steps(found: Calibration, runner: DesignRunner, steps: tuple[Step, ...]) -> None:
+def run_steps(calibration: Calibration, runner: DesignRunner, steps: tuple[Step, ...]) -> None:
     """Screen, then every further step that was asked for."""
-    document, labels = found.document, found.file.labels
-    screening = found.screening = calculate.screen(runner)
-    write_design(found, "screen", screening.design)
+    document, labels = calibration.document, calibration.file.labels
+    screening = calibration.screening = calculate.screen(runner)
+    write_design(calibration, "screen", screening.design)
     document["screen"] = path_document(screening.design)
     if "analyse" in steps:
         responses = {name: effect_document(fit, labels) for name, fit in screening.fits.items()}
         document["analyse"] = {"responses": responses, "kept": [factor.path for factor in screening.kept]}
     if "climb" not in steps:
         return
-    path = found.climb = calculate.climb(runner, screening)
-    write_design(found, "climb", path.design)
+    path = calibration.climb = calculate.climb(runner, screening)
+    write_design(calibration, "climb", path.design)
     document["climb"] = path_document(path.design) | {"best": path.best + 1}
     if "surface" not in steps:
         return
     factors = calculate.surface_factors(runner, screening, path)
-    surface = found.surface = calculate.fit_response_surface(runner, factors)
-    write_design(found, "surface", surface.design)
+    surface = calibration.surface = calculate.fit_response_surface(runner, factors)
+    write_design(calibration, "surface", surface.design)
     document["surface"] = surface_document(surface, labels)
     if "optimise" not in steps:
         return
-    optimum = found.optimum = calculate.find_optimum(runner, surface)
+    optimum = calibration.optimum = calculate.find_optimum(runner, surface)
     document["optimise"] = optimum_document(optimum)
     if "confirm" not in steps:
         return
     design, tests = calculate.confirm_optimum(runner, surface, optimum)
-    write_design(found, "confirm", design)
+    write_design(calibration, "confirm", design)
     document["confirm"] = {
         "settings": design.settings(0),
         "values": {name: column.tolist() for name, column in design.responses.items()},
         "tests": {name: asdict(test) for name, test in tests.items()},
     }
-    values = calculate.complete_settings(found.file, design.settings(0)).items()
+    values = calculate.complete_settings(calibration.file, design.settings(0)).items()
     rounded = {path: float(f"{value:.{DIGITS}g}") for path, value in values}
-    overrides = calculate.changes_of(found.file, rounded)
-    written = [write_calibrated_scene(found.file, scene, overrides) for scene in found.file.scenes]
+    overrides = calculate.changes_of(calibration.file, rounded)
+    written = [
+        write_calibrated_scene(calibration.file, scene, overrides) for scene in calibration.file.scenes
+    ]
     document["calibrated_scenes"] = [str(path) for path in written]
 
 
@@ -191,22 +193,22 @@ def effect_document(fit: Fit, labels: Mapping[str, str]) -> Document:
 
 def surface_document(surface: ResponseSurface, labels: Mapping[str, str]) -> Document:
     """Variance, figures of merit and equations of every response."""
-    found = {}
+    document = {}
     for name, full in surface.full.items():
         smaller = surface.fits[name]
-        found[name] = {
+        document[name] = {
             "anova": [asdict(row) | {"label": term_label(row.source, labels)} for row in anova(full)],
             "quality": asdict(quality(full)),
             "quality_reduced": asdict(quality(smaller)),
             "coded": equation(full, coded_polynomial(full)),
             "coded_reduced": equation(smaller, coded_polynomial(smaller)),
             "natural_reduced": equation(smaller, natural_polynomial(smaller)),
-            "warning": overfitted(smaller),
+            "warning": overfit_warning(smaller),
         }
-    return {"ranges": {f.path: (f.low, f.high) for f in surface.design.factors}, "responses": found}
+    return {"ranges": {f.path: (f.low, f.high) for f in surface.design.factors}, "responses": document}
 
 
-def optimum_document(found: Optimisation) -> Document:
+def optimum_document(optimisation: Optimisation) -> Document:
     """Optima, reach of the surface, and sentences about both."""
     optima = [
         {
@@ -214,10 +216,15 @@ def optimum_document(found: Optimisation) -> Document:
             "desirability": optimum.desirability,
             "predicted": {name: asdict(one) for name, one in optimum.predictions.items()},
         }
-        for optimum in found.optima
+        for optimum in optimisation.optima
     ]
-    reach = {name: asdict(one) for name, one in found.reach.items()}
-    return {"optima": optima, "reach": reach, "met": found.met, "sentences": list(found.sentences)}
+    reach = {name: asdict(one) for name, one in optimisation.reach.items()}
+    return {
+        "optima": optima,
+        "reach": reach,
+        "met": optimisation.met,
+        "sentences": list(optimisation.sentences),
+    }
 
 
 def calibrated_path(file: CalibrationStudy, scene: Path) -> Path:
@@ -240,11 +247,11 @@ def write_calibrated_scene(file: CalibrationStudy, scene: Path, overrides: Seque
     try:
         for override in overrides:
             path, _, value = override.partition("=")
-            text = with_entry(text, path.strip().split("."), parsed(value.strip()))
+            text = with_entry(text, path.strip().split("."), parse_value(value.strip()))
         is_same = scene_hash(parse_scene(tomllib.loads(text), str(scene), scene.parent)) == scene_hash(wanted)
     except BadInput:
         is_same = False
-    body = without_mark(text if is_same else tomlkit.dumps(resolved(wanted)))
+    body = without_mark(text if is_same else tomlkit.dumps(resolve(wanted)))
     last = "with the numbers that its last step confirmed"
     head = f"# Written by `doe calibrate` {file.path.name}: {scene.name} {last}.\n"
     path = calibrated_path(file, scene)

@@ -32,20 +32,20 @@ from taichi_erosion.campaign.request import RunRequest, RunResult, scene_request
 from taichi_erosion.campaign.study_file import CalibrationStudy, WorkersEntry
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
-from taichi_erosion.experiments.anova import Effect, EffectLimits, curvature, effects, reduced
+from taichi_erosion.experiments.anova import Effect, EffectLimits, curvature, effects, eliminate_backward
 from taichi_erosion.experiments.confirm import Confirmation, Sample, confirm
 from taichi_erosion.experiments.design import (
     SAME_POINT,
     Design,
     Factor,
-    arranged,
     box_behnken,
     central_composite,
     latin_hypercube,
     plackett_burman,
+    stack_parts,
     steepest_path,
 )
-from taichi_erosion.experiments.fit import Fit, fit_model, model_matrix, overfitted
+from taichi_erosion.experiments.fit import Fit, fit_model, model_matrix, overfit_warning
 from taichi_erosion.experiments.optimise import Goal, Optimisation, optimise
 from taichi_erosion.run import Report
 
@@ -93,14 +93,14 @@ def run_design(runner: DesignRunner, stage: str, design: Design) -> Design:
         progress=report and (lambda share, words: report((place + share) / count, f"{stage}: {words}")),
         function=runner.function,
     )
-    found = dict(zip(plan, results, strict=True))
+    results_by_run = dict(zip(plan, results, strict=True))
     runner.runs += [
-        DesignRun(stage, row + 1, first + row, settings[row], found[row, scene])
+        DesignRun(stage, row + 1, first + row, settings[row], results_by_run[row, scene])
         for row in range(len(design))
         for scene in file.scenes
     ]
     columns = {
-        name: [found[row, file.scene(name)].value(file.measure(name)) for row in range(len(design))]
+        name: [results_by_run[row, file.scene(name)].value(file.measure(name)) for row in range(len(design))]
         for name in file.study.targets
     }
     return design.with_responses(**columns)
@@ -226,13 +226,13 @@ def centre_value(design: Design, name: str, otherwise: float) -> float:
 def surface_factors(runner: DesignRunner, screening: Screening, path: Climb) -> list[Factor]:
     """Ranges around the best point of the climb, moved where they would leave the limits."""
     study = runner.file.study
-    found = []
+    factors = []
     for factor, level in zip(screening.kept, path.design.natural[path.best], strict=True):
         low, high = study.parameters[factor.path].limits
         half = min(study.design.surface_half * factor.half, 0.5 * (high - low))
         middle = float(np.clip(level, low + half, high - half))
-        found.append(Factor(factor.path, middle - half, middle + half, factor.unit))
-    return found
+        factors.append(Factor(factor.path, middle - half, middle + half, factor.unit))
+    return factors
 
 
 def surface_design(file: CalibrationStudy, factors: Sequence[Factor]) -> Design:
@@ -264,7 +264,7 @@ def fit_response_surface(runner: DesignRunner, factors: list[Factor]) -> Respons
     refuse_star_outside_limits(runner.file, planned)
     design = run_design(runner, "surface", planned)
     full = {name: fit_model(design, name, "quadratic") for name in runner.file.study.targets}
-    smaller = {name: reduced(fit) for name, fit in full.items()}
+    smaller = {name: eliminate_backward(fit) for name, fit in full.items()}
     return ResponseSurface(
         design, full, {name: fit if fit.terms else full[name] for name, fit in smaller.items()}
     )
@@ -275,7 +275,7 @@ def find_optimum(runner: DesignRunner, surface: ResponseSurface) -> Optimisation
     goals = [Goal(name, target.value) for name, target in runner.file.study.targets.items()]
     fits = list(surface.fits.values())
     found = optimise(fits, goals)
-    warnings = [line for fit in fits if (line := overfitted(fit))]
+    warnings = [line for fit in fits if (line := overfit_warning(fit))]
     remedy = "; a larger surface_half in [design] lets the factors stand out"
     return replace(found, sentences=(*found.sentences, *(line + remedy for line in warnings)))
 
@@ -286,7 +286,7 @@ def confirm_optimum(
     """Fresh seeds at the most certain optimum, and their tests against the measurements."""
     study = runner.file.study
     points = np.tile(found.optima[0].coded, (study.design.confirm, 1))
-    planned = arranged("confirmation", surface.design.factors, [("added", points)])
+    planned = stack_parts("confirmation", surface.design.factors, [("added", points)])
     design = run_design(runner, "confirm", planned)
     tests = {
         name: confirm(design.responses[name].tolist(), Sample(target.value, target.sd, target.n))

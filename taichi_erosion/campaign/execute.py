@@ -21,8 +21,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from taichi_erosion.campaign import ledger as ledgers
-from taichi_erosion.campaign.ledger import Ledger, finished_runs, unfinished
-from taichi_erosion.campaign.pool import Batch, Ended, Pool, join_cluster, refuse_missing_devices, start_pool
+from taichi_erosion.campaign.ledger import Ledger, finished_runs, unfinished_runs
+from taichi_erosion.campaign.pool import (
+    Batch,
+    FinishedBatch,
+    Pool,
+    join_cluster,
+    refuse_missing_devices,
+    start_pool,
+)
 from taichi_erosion.campaign.request import START, WORTH_A_START, RunRequest, RunResult
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Arch, usable_cores
@@ -85,7 +92,7 @@ def execute(
     wanted = {request.key: request for request in requests}
     ledgers.add_requests(ledger, list(wanted.values()))
     ledgers.release_stale_leases(ledger)
-    if left := unfinished(ledger, list(wanted)):
+    if left := unfinished_runs(ledger, list(wanted)):
         archs: set[Arch] = {wanted[key].arch for key in left if wanted[key].arch != "cpu"}
         if scheduler:
             pool = join_cluster(function, ledger.folder, scheduler)
@@ -95,9 +102,9 @@ def execute(
             pool = start_pool(function, ledger.folder, count)
         campaign = Campaign(wanted, ledger, pool, progress, sum(wanted[key].work for key in left))
         try:
-            while left := unfinished(ledger, list(wanted)):  # here or at another parent
+            while left := unfinished_runs(ledger, list(wanted)):  # here or at another parent
                 submit_batches(campaign, left)
-                for ended in pool.ended(POLL):
+                for ended in pool.finished_batches(POLL):
                     enter_batch(campaign, ended)
                 if time.monotonic() - campaign.renewed > HEARTBEAT:
                     campaign.renewed = time.monotonic()
@@ -128,12 +135,12 @@ def submit_batches(campaign: Campaign, left: dict[str, tuple[str, int]]) -> None
             campaign.begun |= dict.fromkeys(keys, (time.monotonic(), whole))
 
 
-def enter_batch(campaign: Campaign, ended: Ended) -> None:
+def enter_batch(campaign: Campaign, ended: FinishedBatch) -> None:
     """Enter what came of a batch in the ledger; runs that ended without a record go back."""
     ledger, keys = campaign.ledger, ended.batch.keys
     for place, record in ended.records:
         ledgers.record_result(ledger, keys[place], record)
-    without_record = list(unfinished(ledger, keys))
+    without_record = list(unfinished_runs(ledger, keys))
     for key in without_record:
         campaign.begun.pop(key, None)
     if ended.reason and not ended.died and len(keys) == 1 and without_record:

@@ -180,7 +180,7 @@ def record_worker_death(ledger: Ledger, keys: Sequence[str], reason: str) -> Non
         )
 
 
-def unfinished(ledger: Ledger, keys: Sequence[str]) -> dict[str, tuple[str, int]]:
+def unfinished_runs(ledger: Ledger, keys: Sequence[str]) -> dict[str, tuple[str, int]]:
     """State and deaths of those runs that have not ended."""
     query = "SELECT key, state, deaths FROM run WHERE state IN ('waiting', 'leased')"
     unended = {key: (state, deaths) for key, state, deaths in ledger.database.rows(query)}

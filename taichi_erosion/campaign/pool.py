@@ -45,7 +45,7 @@ class Batch:
 
 
 @dataclass(frozen=True)
-class Ended:
+class FinishedBatch:
     """A batch that has ended, the records that it returned, and why it broke off, if it did."""
 
     batch: Batch
@@ -142,29 +142,29 @@ class Pool:
             future.set_exception(error)
         self.in_flight[future] = batch, executor
 
-    def ended(self, timeout: float) -> list[Ended]:
+    def finished_batches(self, timeout: float) -> list[FinishedBatch]:
         """Batches that have ended, after a wait of up to `timeout` seconds for the first."""
         if not self.in_flight:
             time.sleep(timeout)
         done, _ = wait(self.in_flight, timeout, FIRST_COMPLETED)
         return [self.end_of(future, *self.in_flight.pop(future)) for future in done]
 
-    def end_of(self, future: Future[Records], batch: Batch, executor: Executor | None) -> Ended:
+    def end_of(self, future: Future[Records], batch: Batch, executor: Executor | None) -> FinishedBatch:
         """What came of one batch; a local worker that died is replaced."""
         try:
-            return Ended(batch, future.result())
+            return FinishedBatch(batch, future.result())
         except BrokenProcessPool:
             assert executor is not None
             executor.shutdown()  # waits until the executor has asked how its process ended
             code = self.processes.pop(executor).exitcode
             self.start()
             reason = f"killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
-            return Ended(batch, reason=reason, died=True)
+            return FinishedBatch(batch, reason=reason, died=True)
         except Exception as error:
             name = type(error).__name__
             died = name in ("KilledWorker", "CancelledError", "FutureCancelledError")  # of Dask
             reason = f"lost by the cluster ({name})" if died else f"{name}: {error}"
-            return Ended(batch, reason=reason, died=died)
+            return FinishedBatch(batch, reason=reason, died=died)
 
     def close(self) -> None:
         """End all workers; those without a batch by themselves, since they may have something to put away."""

@@ -22,7 +22,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile
 from taichi_erosion.core.setup import Arch, Numerics
 from taichi_erosion.run.checks import EffectFiles, compatibility_key, library_of, read_scene, with_effects
-from taichi_erosion.scene import Scene, resolved, scene_hash
+from taichi_erosion.scene import Scene, resolve, scene_hash
 from taichi_erosion.scene.preparation.limits import time_step
 from taichi_erosion.scene.preparation.sizes import template_spheres
 
@@ -90,7 +90,7 @@ def request_of(
     """
     numerics = numerics_of(scene, device)
     payload = {
-        "scene": resolved(scene),
+        "scene": resolve(scene),
         "folder": str(scene.folder.resolve()),
         "effect_files": [[str(file.path), file.text] for file in scene.effect_files],
         "seed": seed,

@@ -76,15 +76,15 @@ def run_steps(
     from taichi_erosion.campaign.calibration import calibrate
 
     with reporting("calibrating", KEPT) as progress:
-        found = calibrate(study, until, where, progress, force=force)
+        calibration = calibrate(study, until, where, progress, force=force)
     if as_json:
-        output.print_json(found.document)
+        output.print_json(calibration.document)
     else:
         from taichi_erosion.report import calibration_page
 
-        show(found, calibration_page)
-        typer.echo(f"tables: {found.file.folder}")
-    return found
+        show(calibration, calibration_page)
+        typer.echo(f"tables: {calibration.file.folder}")
+    return calibration
 
 
 def print_design(found: "Calibration", section: str) -> None:
@@ -118,13 +118,13 @@ def print_optimum(found: "Calibration", page: ModuleType) -> None:
     output.print_lines(found.document["optimise"]["sentences"])
 
 
-def print_confirmation(found: "Calibration", page: ModuleType) -> None:
+def print_confirmation(calibration: "Calibration", page: ModuleType) -> None:
     """Print the optimum, and the confirmation runs with the measurement and the verdict."""
-    print_optimum(found, page)
-    for name, test in found.document["confirm"]["tests"].items():
+    print_optimum(calibration, page)
+    for name, test in calibration.document["confirm"]["tests"].items():
         runs, wanted = page.samples(test).values()
         typer.echo(f"{name}: {runs} simulated, {wanted} measured")
-        typer.echo(page.verdict(test, name, found.file.study.targets[name].unit).replace("**", ""))
+        typer.echo(page.verdict(test, name, calibration.file.study.targets[name].unit).replace("**", ""))
 
 
 @doe.command(**help_of("doe design"))
@@ -149,15 +149,17 @@ def add_step(step: 'Step | Literal["calibrate"]', summary: str, show: Show) -> N
     ) -> None:
         stated = {"workers": workers, "scheduler": scheduler, "arch": arch, "decomposition": decomposition}
         where = {name: value for name, value in stated.items() if value is not None}
-        found = run_steps("confirm" if step == "calibrate" else step, study, where, as_json, force, show)
+        calibration = run_steps(
+            "confirm" if step == "calibrate" else step, study, where, as_json, force, show
+        )
         if step != "calibrate":
             return
         from taichi_erosion.report.calibration_page import publish
 
-        page = publish(found)
+        page = publish(calibration)
         if not as_json:
             typer.echo(f"page: {page}")
-            for scene in found.document.get("calibrated_scenes", ()):
+            for scene in calibration.document.get("calibrated_scenes", ()):
                 typer.echo(f"{shell_command('run', scene)} runs the calibrated scene.")
 
     doe.command(step, help=summary, **help_of(f"doe {step}"))(command)

@@ -123,21 +123,21 @@ def show_effect(effect: "Effect", as_json: bool) -> None:
     """Page of one effect: law, parameters, verification table, measured shifts, breaches of the contract."""
     from taichi_erosion.verification.effect_contract import examine
 
-    found = examine(effect)
+    examination = examine(effect)
     if as_json:
-        lines = [{"claim": c.claim, "got": c.got, "want": c.want, "rtol": c.rtol} for c in found.table]
-        page = record(effect) | {"checks": lines, "breaches": list(found.breaches)}
+        lines = [{"claim": c.claim, "got": c.got, "want": c.want, "rtol": c.rtol} for c in examination.table]
+        page = record(effect) | {"checks": lines, "breaches": list(examination.breaches)}
         output.print_json({"effects": {effect.name: page}})
     else:
         typer.echo((effect.doc or effect.title).strip())
         print_parameters(effect)
-        rows = ((c.claim, f"{c.got:.7g}", f"{c.want:.7g}", f"{c.rtol:g}") for c in found.table)
+        rows = ((c.claim, f"{c.got:.7g}", f"{c.want:.7g}", f"{c.rtol:g}") for c in examination.table)
         output.print_table("verification", ("claim", "got", "want", "tolerance"), rows)
         print_measured("measured shifts", SHIFT, measured_shifts(effect.name))
         print_measured("known answers", ANSWER, rows_of("answers.csv", effect.name))
-        output.print_lines(found.breaches, "breaks the contract: ")
-        typer.echo(f"It {'does not keep' if found.breaches else 'keeps'} the contract of effects.")
-    if found.breaches:
+        output.print_lines(examination.breaches, "breaks the contract: ")
+        typer.echo(f"It {'does not keep' if examination.breaches else 'keeps'} the contract of effects.")
+    if examination.breaches:
         raise typer.Exit(ExitCode.FAILURE)
 
 

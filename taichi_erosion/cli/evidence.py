@@ -72,29 +72,32 @@ def options_of(
 def with_study_options(command: Command) -> Command:
     """A command of the loop, with the options of `options_of` typed in place of its argument `options`."""
     shared = signature(options_of).parameters
-    own = [each for name, each in signature(command).parameters.items() if name != "options"]
+    own_parameters = [each for name, each in signature(command).parameters.items() if name != "options"]
 
     @wraps(command)
-    def typed(**words: Any) -> None:
+    def wrapper(**words: Any) -> None:
         stated = {name: words.pop(name) for name in shared}
         command(options=options_of(**stated), **words)
 
-    every = [each.replace(kind=Parameter.KEYWORD_ONLY) for each in (*own[:-1], *shared.values(), own[-1])]
-    typed.__signature__ = Signature(every)  # type: ignore[attr-defined]
-    typed.__annotations__ = {each.name: each.annotation for each in every}
-    return typed
+    every = [
+        each.replace(kind=Parameter.KEYWORD_ONLY)
+        for each in (*own_parameters[:-1], *shared.values(), own_parameters[-1])
+    ]
+    wrapper.__signature__ = Signature(every)  # type: ignore[attr-defined]
+    wrapper.__annotations__ = {each.name: each.annotation for each in every}
+    return wrapper
 
 
 def answer(
     title: str, compute: "Callable[[Progress], Reply]", options: "StudyOptions", as_json: bool, verbose: bool
 ) -> None:
     """Run a command with progress on stderr and print its reply; finished runs survive Ctrl-C."""
-    from taichi_erosion.evidence.answers.files import printed
+    from taichi_erosion.evidence.answers.files import printed_document
 
     with reporting(title, KEPT) as progress:
         reply = compute(lambda text, share: progress(share, text))
     if as_json:
-        return output.print_json(printed(reply.document))
+        return output.print_json(printed_document(reply.document))
     needed = [word for file in options.effect_files for word in ("--effect", str(file))]
     output.print_answer(reply, needed, verbose)
 
@@ -260,14 +263,16 @@ def new(
     as_json: AsJson = False,
 ) -> None:
     """Read a table as a spreadsheet exports it; write a study and a scene for it, or correct its table."""
-    from taichi_erosion.evidence.answers.new_study import Wishes, new_study
-    from taichi_erosion.evidence.data.tables.column_roles import Told
+    from taichi_erosion.evidence.answers.new_study import NewStudyOptions, new_study
+    from taichi_erosion.evidence.data.tables.column_roles import TableOptions
 
-    told = Told(pairs(observable, "--observable"), pairs(condition, "--condition"), pairs(unit, "--unit"))
+    table_options = TableOptions(
+        pairs(observable, "--observable"), pairs(condition, "--condition"), pairs(unit, "--unit")
+    )
     own = (diameter, density, grains, scene, tuple(effect or ()))
     more = pairs(between_codes, "--between-codes"), pairs(measured, "--measured")
     own = (*own, pairs(sd, "--sd"), fill_down, *more)
-    wishes = Wishes(told, out, apparatus, closed_form, roughness, anew, *own)
+    wishes = NewStudyOptions(table_options, out, apparatus, closed_form, roughness, anew, *own)
     document = new_study(table, wishes, (lambda _, guess: guess) if yes or as_json else ask_user)
     output.print_result(document, as_json, output.print_new_study)
 
@@ -282,13 +287,13 @@ def check(study: StudyFile, effect: EffectFiles = None, as_json: AsJson = False)
 
 def pairs(stated: Pairs, option: str) -> Mapping[str, str]:
     """Columns with what they are, from COLUMN=NAME."""
-    found = {}
+    values = {}
     for pair in stated or ():
         column, equals, name = pair.rpartition("=")
         if not equals or not column.strip() or not name.strip():
             raise BadInput(f"{option} {pair}: write it as COLUMN=NAME, in quotes where it has spaces")
-        found[column.strip()] = name.strip()
-    return found
+        values[column.strip()] = name.strip()
+    return values
 
 
 def ask_user(question: str, guess: str) -> str:

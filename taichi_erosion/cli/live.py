@@ -19,7 +19,7 @@ from taichi_erosion.recording import stream
 from taichi_erosion.run import session as live
 from taichi_erosion.run.scene_run import deferred_signals
 from taichi_erosion.run.session import Session
-from taichi_erosion.scene import resolved
+from taichi_erosion.scene import resolve
 from taichi_erosion.scene.paths import leaves
 
 PROMPT = "erosion> "
@@ -65,7 +65,7 @@ def enable_completion(session: Session) -> None:
         return
 
     def complete(text: str, state: int) -> str | None:
-        paths = sorted(path for path, _ in leaves(resolved(session.scene)))
+        paths = sorted(path for path, _ in leaves(resolve(session.scene)))
         found = [word for word in (*COMMANDS, *paths) if word.startswith(text)]
         return found[state] if state < len(found) else None
 

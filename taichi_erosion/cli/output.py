@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from taichi_erosion.evidence.words import shell_command
-from taichi_erosion.tables.number_words import counted, plain
+from taichi_erosion.tables.number_words import count_noun, plain
 
 if TYPE_CHECKING:
     from taichi_erosion.evidence.answers.files import Reply
@@ -82,7 +82,7 @@ def print_run(document: Record, verbose: bool = False) -> None:
     """Print simulated beside measured values, what they say, warnings, and what follows."""
     from taichi_erosion.evidence.words import run_words as words
 
-    repeats = counted(len(document["replicas"]), "repeat")
+    repeats = count_noun(len(document["replicas"]), "repeat")
     typer.echo(f"{document['scene']}: {repeats} in {document['wall_s']:.1f} s")
     table = words.run_table(document)
     print_table("", table.columns, table.rows)
@@ -94,7 +94,7 @@ def print_run(document: Record, verbose: bool = False) -> None:
     if verbose:
         print_lines(words.run_notes(document), "note: ")
         typer.echo(words.run_cost(document))
-    print_lines(words.after_run(document))
+    print_lines(words.next_steps(document))
 
 
 def effect_check_lines(checks: Sequence[Record]) -> Iterator[str]:
@@ -107,9 +107,9 @@ def effect_check_lines(checks: Sequence[Record]) -> Iterator[str]:
 
 def print_measurement(record: Record) -> None:
     """Print a value measured in a photograph, its notes, and where it shows what was detected."""
-    from taichi_erosion.evidence.words.run_words import spread
+    from taichi_erosion.evidence.words.run_words import with_deviation
 
-    typer.echo(f"{record['name']} = {spread(record)} {record['unit']}")
+    typer.echo(f"{record['name']} = {with_deviation(record)} {record['unit']}")
     print_lines(record["notes"], "note: ")
     typer.echo(f"what was detected: {record['picture']}")
 
@@ -157,7 +157,7 @@ def print_answer(reply: "Reply", options: Sequence[str], verbose: bool) -> None:
     set_up = reply.about["set_up"]
     room = max(MOST_LINES - len(answer.lines), 1)
     if not verbose and len(set_up) > room:
-        set_up = [*set_up[: room - 1], f"{counted(len(set_up) - room + 1, 'sentence')} more: --verbose"]
+        set_up = [*set_up[: room - 1], f"{count_noun(len(set_up) - room + 1, 'sentence')} more: --verbose"]
     print_parts(set_up, answer)
     if not verbose:
         return
@@ -182,7 +182,7 @@ def print_answer(reply: "Reply", options: Sequence[str], verbose: bool) -> None:
         print_table("calibrated numbers (90 %)", NUMBERS, numbers)
     print_lines([*about["notes"], *about["warnings"]], "note: ")
     print_lines(about.get("files", ()), "written: ")
-    settings, runs = counted(record.cost.settings, "setting"), counted(record.cost.runs, "run")
+    settings, runs = count_noun(record.cost.settings, "setting"), count_noun(record.cost.runs, "run")
     typer.echo(f"{settings} of the model, {runs}, {record.cost.seconds:.1f} s, seed {record.cost.seed}")
     typer.echo(f"results in {about['results']}; {', '.join(map(' '.join, about['versions'].items()))}")
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from taichi_erosion.core.effect import Constants, ReplicaEffect
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import device_record, read, upload, write
+from taichi_erosion.core.transfer import device_record, download_field, upload, write
 
 
 @device_record
@@ -80,7 +80,7 @@ def write_constants(
 
     All effects of the replicas must be included.
     """
-    present = read(effects.present)
+    present = download_field(effects.present)
     for k, name in enumerate(effects.names):
         rows = [next((one for one in row if one.effect.name == name), None) for row in replicas]
         present[first : first + len(rows), k] = [one is not None for one in rows]

@@ -40,7 +40,7 @@ from taichi_erosion.core.effect_device import (
 )
 from taichi_erosion.core.effect_loading import failures_of
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import device_record, download, read, upload
+from taichi_erosion.core.transfer import device_record, download, download_field, upload
 
 PAIR = {  # two grains of 0.2 mm in contact
     "gap": 0.0,
@@ -223,12 +223,16 @@ def result(effect: Effect, effects: DeviceEffects, bench: Bench) -> Any:
     """Result of an effect for the pair, first contact or grain of the bench."""
     if effect.place == "grain":
         evaluate_grain(effects, bench.grain, bench.force, bench.torque)
-        return tuple(read(answer)[0].astype(np.float64) for answer in (bench.force, bench.torque))
+        return tuple(download_field(answer)[0].astype(np.float64) for answer in (bench.force, bench.torque))
     if effect.place == "pair":
         evaluate_pair(effects, bench.pair, bench.scalar, bench.force)
     else:
         evaluate_first_contact(effects, bench.first_contact, bench.scalar)
-    return read(bench.force)[0].astype(np.float64) if effect.vector else float(read(bench.scalar)[0])
+    return (
+        download_field(bench.force)[0].astype(np.float64)
+        if effect.vector
+        else float(download_field(bench.scalar)[0])
+    )
 
 
 def falsify(probe: Probe, name: str, factor: float) -> Probe:

@@ -35,13 +35,13 @@ READERS = {  # engine -> its module that reads sources of device functions, and 
 @cache
 def engine_name() -> str:
     """Name of the engine of this process. Raises BadInput where it is unknown or not installed."""
-    asked = os.environ.get(SWITCH)
-    if asked and asked not in ENGINES:
-        raise BadInput(f"{SWITCH} = {asked}: the engines are {' and '.join(ENGINES)}")
-    for name in [asked] if asked else ENGINES:
+    wanted = os.environ.get(SWITCH)
+    if wanted and wanted not in ENGINES:
+        raise BadInput(f"{SWITCH} = {wanted}: the engines are {' and '.join(ENGINES)}")
+    for name in [wanted] if wanted else ENGINES:
         if find_spec(name) is not None:
             return name
-    raise BadInput(f"the engine {asked or ENGINES[0]} is not installed: pip install {asked or ENGINES[0]}")
+    raise BadInput(f"the engine {wanted or ENGINES[0]} is not installed: pip install {wanted or ENGINES[0]}")
 
 
 def engine_version() -> str:
@@ -121,8 +121,8 @@ def build_once() -> None:
         look_up(owner, args, key)
         return owner.used_py_dataclass_parameters_by_key_enforcing.setdefault(key, set())
 
-    def flattened(tree: Any, struct_locals: set[str]) -> Any:
+    def flatten_once(tree: Any, struct_locals: set[str]) -> Any:
         return flatten(tree, struct_locals) if struct_locals else tree
 
     kernel._try_load_fastcache = used_members
-    dataclasses.unpack_ast_struct_expressions = flattened
+    dataclasses.unpack_ast_struct_expressions = flatten_once

@@ -153,14 +153,14 @@ def refuse_foreign(path: Path, source: Path, force: bool = False) -> None:
     if not path.is_file():
         raise BadInput(f"{path}: is not the name of a file")
     content = path.read_bytes()
-    found = MARK.search(content[:LOOKED_THROUGH])
-    if found is None:
+    mark = MARK.search(content[:LOOKED_THROUGH])
+    if mark is None:
         raise BadInput(f"{path}: exists, and this program did not write it; {REMEDY}")
-    written_from = (path.parent / unquote(found[1].decode())).resolve()
+    written_from = (path.parent / unquote(mark[1].decode())).resolve()
     if written_from != source.resolve():
-        raise BadInput(f"{path}: exists, made from {unquote(found[1].decode())}, not from {source}; {REMEDY}")
+        raise BadInput(f"{path}: exists, made from {unquote(mark[1].decode())}, not from {source}; {REMEDY}")
     _, _, body = content.partition(b"\n")
-    if found[2] is not None and digest_of(body) != found[2].decode():
+    if mark[2] is not None and digest_of(body) != mark[2].decode():
         raise BadInput(f"{path}: was changed after this program wrote it; {REMEDY}")
 
 

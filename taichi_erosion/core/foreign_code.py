@@ -33,10 +33,10 @@ class EffectFile:
 
     def __str__(self) -> str:
         """The path as messages show it."""
-        return shown(self.path)
+        return short_path(self.path)
 
 
-def shown(path: Path) -> str:
+def short_path(path: Path) -> str:
     """An absolute path, relative where it lies below the working folder."""
     here = Path.cwd()
     return str(path.relative_to(here) if path.is_relative_to(here) else path)
@@ -47,7 +47,7 @@ def tell_execution(path: Path, named_by: str) -> None:
     file = path.resolve()
     if file not in NAMED:
         NAMED.add(file)
-        sys.stderr.write(f"executes {one_line_name(shown(file))} (named by {one_line_name(named_by)})\n")
+        sys.stderr.write(f"executes {one_line_name(short_path(file))} (named by {one_line_name(named_by)})\n")
 
 
 def read_effect_file(path: Path, named_by: str = OPTION) -> EffectFile:

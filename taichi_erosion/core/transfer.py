@@ -76,20 +76,20 @@ VIEWS: WeakKeyDictionary[Any, HostViews] = WeakKeyDictionary()  # by Taichi runt
 
 def field_view(field: Any) -> NDArray[Any]:
     """In-place view of all numbers of a field on a CPU: its own shape, then that of one element."""
-    known = VIEWS.setdefault(impl.get_runtime(), HostViews())
-    if field not in known.views:
+    views = VIEWS.setdefault(impl.get_runtime(), HostViews())
+    if field not in views.views:
         impl.get_runtime().materialize()
         node = field.snode.ptr
         tree = node.get_snode_tree_id()
-        if tree not in known.trees:
-            known.trees[tree] = address_of(field) - distance_from_root(node)
+        if tree not in views.trees:
+            views.trees[tree] = address_of(field) - distance_from_root(node)
         shape, inner, cell = field.shape, inner_shape(field), node.parent.cell_size_bytes
         number_type = np.dtype(NUMPY_TYPES[str(field.dtype)])
         strides = (*strides_of(shape, cell), *strides_of(inner, number_type.itemsize))
         extent = (prod(shape) - 1) * cell + prod(inner) * number_type.itemsize
-        numbers = (ctypes.c_char * extent).from_address(known.trees[tree] + distance_from_root(node))
-        known.views[field] = np.ndarray((*shape, *inner), number_type, numbers, strides=strides)
-    return known.views[field]
+        numbers = (ctypes.c_char * extent).from_address(views.trees[tree] + distance_from_root(node))
+        views.views[field] = np.ndarray((*shape, *inner), number_type, numbers, strides=strides)
+    return views.views[field]
 
 
 @dataclass_transform(frozen_default=True, eq_default=False)
@@ -236,6 +236,6 @@ def write(field: Any, values: Any) -> None:
         field.from_numpy(np.asarray(values, NUMPY_TYPES[str(field.dtype)]))
 
 
-def read(field: Any) -> NDArray[Any]:
+def download_field(field: Any) -> NDArray[Any]:
     """Copy of a whole field of any shape, in its own type."""
     return field_view(field).copy() if is_host() else field.to_numpy()

@@ -28,7 +28,7 @@ HALF = 2.0**-33  # keeps the logarithm away from zero
 
 
 @ti.func
-def mixed(key):
+def mix_bits(key):
     """Three scrambled 32-bit numbers of three."""
     v = key * ti.u32(MULTIPLIER) + ti.u32(INCREMENT)
     for _ in ti.static(range(2)):
@@ -43,7 +43,7 @@ def mixed(key):
 def uniform(seed, ident, step):
     """Three numbers between 0 and 1."""
     key = ti.Vector([ti.cast(seed, ti.u32), ti.cast(ident, ti.u32), ti.cast(step, ti.u32)])
-    return ti.cast(mixed(key), ti.f64) * UNIT + HALF
+    return ti.cast(mix_bits(key), ti.f64) * UNIT + HALF
 
 
 @ti.func

@@ -39,7 +39,7 @@ def effect_titles(files: Iterable[Path] = ()) -> dict[str, str]:
     """Titles of the library by name. Those of this folder are in its text, which needs no compiler."""
     if (files := tuple(files)) or entry_points(group=GROUP):
         return {name: effect.title for name, effect in load_library(files).items()}
-    texts = {name: Path(__path__[0], f"{name}.py").read_text(encoding="utf-8") for name in shipped()}
+    texts = {name: Path(__path__[0], f"{name}.py").read_text(encoding="utf-8") for name in shipped_effects()}
     return {name: title[1] for name, text in texts.items() if (title := TITLE.search(text))}
 
 
@@ -47,7 +47,7 @@ def effect_titles(files: Iterable[Path] = ()) -> dict[str, str]:
 def installed_effects(_search_path: tuple[str, ...]) -> Mapping[str, Effect]:
     """Effects of this folder and of installed packages. Raises BadInput."""
     library: dict[str, Effect] = {}
-    for name in shipped():
+    for name in shipped_effects():
         add(library, getattr(import_module(f"{__name__}.{name}"), MEMBER), name)
     for point in entry_points(group=GROUP):  # its value is a module, or the record in it
         entry = f"entry point {point.name} = {point.value}"
@@ -64,7 +64,7 @@ def installed_effects(_search_path: tuple[str, ...]) -> Mapping[str, Effect]:
 def add(library: dict[str, Effect], effect: Effect, origin: str) -> None:
     """Put an effect into a library. Raises BadInput where its name is taken."""
     if effect.name in library:
-        kind = "the library" if effect.name in shipped() else "another file or package"
+        kind = "the library" if effect.name in shipped_effects() else "another file or package"
         told = f"effect '{effect.name}' exists already in {kind}"
         raise BadInput(f"{origin}: {told}; give it a name of its own in {MEMBER} = Effect(name=...)")
     library[effect.name] = effect
@@ -72,13 +72,13 @@ def add(library: dict[str, Effect], effect: Effect, origin: str) -> None:
 
 def package_digests(names: Iterable[str]) -> dict[str, str]:
     """Digests of the source of those effects that come from installed packages."""
-    own, library = set(shipped()), installed_effects(tuple(sys.path))
+    own, library = set(shipped_effects()), installed_effects(tuple(sys.path))
     foreign = [name for name in names if name in library and name not in own]
     files = {name: Path(inspect.getfile(inspect.unwrap(library[name].act))) for name in foreign}
     return {name: sha256(file.read_bytes()).hexdigest()[:DIGITS] for name, file in files.items()}
 
 
 @cache
-def shipped() -> tuple[str, ...]:
+def shipped_effects() -> tuple[str, ...]:
     """Names of the files of this folder."""
     return tuple(sorted(module.name for module in iter_modules(__path__)))

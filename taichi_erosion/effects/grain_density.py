@@ -41,17 +41,17 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
 def checks(probe: Probe) -> Checks:
     porous = Params(solid_density=3000.0, porosity=0.4)  # 1800 kg/m3 in place of 2500
 
-    def changed(strength: float) -> Scene:
+    def changed_scene(strength: float) -> Scene:
         return probe(porous, {}, scene=sample_scene(), strength=strength)
 
     def density(strength: float) -> float:
-        return changed(strength).materials["sand"].density
+        return changed_scene(strength).materials["sand"].density
 
-    step = changed(1.0).run.time_step
+    step = changed_scene(1.0).run.time_step
     yield Check("pores take their share of the weight", density(1.0), 1800.0)
     yield Check("half the strength goes half the way", density(0.5), 2150.0)
     yield Check("lighter grains need a shorter step", step or 0.0, 1e-6 * 0.72**0.5)
-    yield Check("walls keep their density", changed(1.0).materials["steel"].density, 7850.0)
+    yield Check("walls keep their density", changed_scene(1.0).materials["steel"].density, 7850.0)
 
 
 EFFECT = effect_of(__name__, title="true density of the grains", place="scene", act=change, most=1.5)

@@ -74,7 +74,7 @@ def checks(probe: Probe) -> Checks:
     # probes have creeping flow, drag 3 pi mu d u
     air = {"air_density": 1.2, "air_viscosity": 1.8e-5, "radius": 1e-4}
 
-    def gained(height: float, speed: float, strength: float = 1.0) -> float:
+    def added_drag(height: float, speed: float, strength: float = 1.0) -> float:
         """Added drag over that of the probe's law."""
         members = air | {"air_velocity": (speed, 0.0, 0.0), "height": height}
         force = probe(Params(), {}, strength=strength, **members)[0][0]
@@ -86,15 +86,17 @@ def checks(probe: Probe) -> Checks:
         wall = 1.0 + 0.138 * exp(-2.0 * gap) + 9.0 / (16.0 + 32.0 * gap)
         return wall * (1.0 + a * reynolds**b) / (1.0 + 0.15 * reynolds**0.687) - 1.0
 
-    creeping = gained(1e-4, 1e-6)
+    creeping = added_drag(1e-4, 1e-6)
     yield Check("in creeping flow O'Neill's factor of a touching sphere", creeping, 0.7009, rtol=2e-3)
-    yield Check("on the bed at Re = 20", gained(1e-4, 1.5), law(0.0, 20.0))
-    yield Check("half a diameter above it", gained(2e-4, 1.5), law(0.5, 20.0))
-    yield Check("at Re = 200", gained(1e-4, 15.0), law(0.0, 200.0))
-    yield Check("far away it is that of a free grain", gained(0.1, 1.5), law(499.5, 20.0), rtol=1e-3)
-    yield Check("strength multiplies what is added", gained(1e-4, 1.5, 0.5), 0.5 * law(0.0, 20.0))
-    yield Check("a grain at the surface of the bed has that of one on it", gained(-1e-4, 1.5), law(0.0, 20.0))
-    yield Check("a diameter deeper it has none", gained(-3e-4, 1.5), 0.0)
+    yield Check("on the bed at Re = 20", added_drag(1e-4, 1.5), law(0.0, 20.0))
+    yield Check("half a diameter above it", added_drag(2e-4, 1.5), law(0.5, 20.0))
+    yield Check("at Re = 200", added_drag(1e-4, 15.0), law(0.0, 200.0))
+    yield Check("far away it is that of a free grain", added_drag(0.1, 1.5), law(499.5, 20.0), rtol=1e-3)
+    yield Check("strength multiplies what is added", added_drag(1e-4, 1.5, 0.5), 0.5 * law(0.0, 20.0))
+    yield Check(
+        "a grain at the surface of the bed has that of one on it", added_drag(-1e-4, 1.5), law(0.0, 20.0)
+    )
+    yield Check("a diameter deeper it has none", added_drag(-3e-4, 1.5), 0.0)
 
 
 EFFECT = effect_of(

@@ -58,17 +58,17 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
 def checks(probe: Probe) -> Checks:
     scene = with_section(sample_scene(), "grains", count=50000)
 
-    def changed(strength: float = 1.0) -> Any:
+    def changed_scene(strength: float = 1.0) -> Any:
         return probe(Params(share=0.2, ratio=2.5), {}, scene=scene, strength=strength)
 
-    fine, coarse = changed().grains.size.rows
+    fine, coarse = changed_scene().grains.size.rows
     yield Check("the lag is 2.5 times as coarse", 0.5 * (coarse[0] + coarse[1]), 2.5e-3)
     yield Check("and a fifth of the mass", coarse[2], 0.2)
     yield Check("the sand keeps its size", 0.5 * (fine[0] + fine[1]), 1e-3)
-    yield Check("strength multiplies the share", changed(0.5).grains.size.rows[1][2], 0.1)
+    yield Check("strength multiplies the share", changed_scene(0.5).grains.size.rows[1][2], 0.1)
     # fine grains: 0.8 of the mass as before; coarse ones: 0.2 in grains 15.625 times as heavy
     numbers = 50000 * (0.8 + 0.2 / 2.5**3)
-    yield Check("fewer grains hold the mass", changed().grains.count, numbers, rtol=5e-3)
+    yield Check("fewer grains hold the mass", changed_scene().grains.count, numbers, rtol=5e-3)
 
 
 EFFECT = effect_of(

@@ -26,7 +26,7 @@ class Params:
     ratio: float = quantity(1.1, "1", "diameter of equal volume over that of the mesh", low=0.7, high=1.5)
 
 
-def scaled(size: Size, factor: float) -> Size:
+def scale_diameters(size: Size, factor: float) -> Size:
     """All diameters of a size law multiplied."""
     if size.law == "sieve":
         return size.model_copy(update={"scale": size.scale * factor})
@@ -41,8 +41,10 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
     if factor == 1.0:
         return scene
     size, kinds = scene.grains.size, scene.grains.kinds
-    grown = {k: kind.model_copy(update={"size": scaled(kind.size, factor)}) for k, kind in kinds.items()}
-    resized = with_section(scene, "grains", size=size and scaled(size, factor), kinds=grown)
+    grown = {
+        k: kind.model_copy(update={"size": scale_diameters(kind.size, factor)}) for k, kind in kinds.items()
+    }
+    resized = with_section(scene, "grains", size=size and scale_diameters(size, factor), kinds=grown)
     return with_shorter_step(with_wider_fill(resized, factor), factor)
 
 

@@ -65,7 +65,7 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
 def checks(probe: Probe) -> Checks:
     scene = with_section(sample_scene(), "grains", count=50000)
 
-    def changed(strength: float = 1.0) -> Any:
+    def changed_scene(strength: float = 1.0) -> Any:
         return probe(Params(spread=1.4, cut=2.0), {}, scene=scene, strength=strength)
 
     def passing(mass: float, size: Any) -> float:
@@ -73,18 +73,20 @@ def checks(probe: Probe) -> Checks:
         edges = [size.rows[0][0], *(row[1] for row in size.rows)]
         return exp(np.interp(mass * below[-1], below, np.log(edges)))
 
-    size = changed().grains.size
+    size = changed_scene().grains.size
     sigma = log(1.4) / 1.184032  # Phi(1.184032) = 0.0227501 + 0.9 0.9544997
-    spread, half = passing(0.9, size) / passing(0.5, size), passing(0.9, changed(0.5).grains.size)
+    spread, half = passing(0.9, size) / passing(0.5, size), passing(0.9, changed_scene(0.5).grains.size)
     yield Check("d90 over d50 of the masses is as asked", spread, 1.4, rtol=3e-4)
     yield Check("strength multiplies its logarithm", half, 1e-3 * 1.4**0.5, rtol=3e-4)
     yield Check("the mass median stays", passing(0.5, size), 1e-3)
     finest, coarsest = exp(-2.0 * sigma), exp(2.0 * sigma)  # over the median [1]
     yield Check("the coarsest grains are two deviations up", size.rows[-1][1], 1e-3 * coarsest, rtol=1e-4)
     yield Check("the finest two deviations down", size.rows[0][0], 1e-3 * finest, rtol=1e-4)
-    volume = changed().grains.count * mean_cube(size)
+    volume = changed_scene().grains.count * mean_cube(size)
     yield Check("the mass of all grains stays", volume, 50000 * 1e-9, rtol=1e-4)
-    yield Check("the time step shrinks with the finest", changed().run.time_step, 1e-6 * finest, rtol=1e-4)
+    yield Check(
+        "the time step shrinks with the finest", changed_scene().run.time_step, 1e-6 * finest, rtol=1e-4
+    )
 
 
 EFFECT = effect_of(

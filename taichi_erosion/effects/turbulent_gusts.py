@@ -170,7 +170,7 @@ def checks_at_wall(probe: Probe) -> Checks:
     thin = {"air_density": 1e-2, "air_viscosity": 4e-6, "height": 1.0}
     carried = {"air_velocity": (4.0, 0.0, 0.0), "velocity": (4.0, 0.0, 0.0)}
 
-    def felt(diameter: float, longest: float = 10.0, time: float = 0.03) -> float:
+    def gust_ratio(diameter: float, longest: float = 10.0, time: float = 0.03) -> float:
         """Gust over the mean wind, with T+ = 5 in the sublayer."""
         params = replace(GUSTY, timescale=longest, wall_timescale=5.0)
         given = {"grain_diameter": diameter}
@@ -178,10 +178,12 @@ def checks_at_wall(probe: Probe) -> Checks:
         return float(found) / (4.0 * 4e-6 * STOKES)
 
     short = lognormal(0.1, 0.03)
-    yield Check("at a wall it lasts t nu / u*^2", felt(1e-3), short, rtol=3e-3)
+    yield Check("at a wall it lasts t nu / u*^2", gust_ratio(1e-3), short, rtol=3e-3)
     grown = 0.7122 + 0.05731 * 50.0 - 0.000129 * 50.0**2
-    yield Check("longer at the height of coarse grains", felt(0.2), lognormal(0.1, 0.03 / grown), rtol=3e-3)
-    yield Check("at most T_o", felt(0.2, longest=0.05), short, rtol=3e-3)
+    yield Check(
+        "longer at the height of coarse grains", gust_ratio(0.2), lognormal(0.1, 0.03 / grown), rtol=3e-3
+    )
+    yield Check("at most T_o", gust_ratio(0.2, longest=0.05), short, rtol=3e-3)
 
 
 EFFECT = effect_of(

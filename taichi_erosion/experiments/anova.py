@@ -123,7 +123,7 @@ def curvature(fit: Fit) -> Curvature | None:
 STAY = 0.1  # largest p value of a term that stays, as in Design-Expert's backward elimination [1]
 
 
-def reduced(fit: Fit) -> Fit:
+def eliminate_backward(fit: Fit) -> Fit:
     """Backward elimination down to terms with p <= STAY and their parents."""
     while True:
         needed = set[Term]().union(*(parents(term) for term in fit.terms))

@@ -28,10 +28,10 @@ from taichi_erosion.core.setup import Floats
 from taichi_erosion.experiments import fit as models
 from taichi_erosion.experiments import published
 from taichi_erosion.experiments.anova import anova, curvature
-from taichi_erosion.experiments.design import arranged
+from taichi_erosion.experiments.design import stack_parts
 from taichi_erosion.experiments.fit import Fit, Order, Term, model_terms, quality, term_name
 from taichi_erosion.experiments.optimise import Goal, optimise
-from taichi_erosion.experiments.published import Claims, Finding, Printed, PublishedTable, word_of
+from taichi_erosion.experiments.published import Claims, Finding, PrintedNumber, PublishedTable, word_of
 from taichi_erosion.tables.headings import read_heading
 
 NOTHING = 1e-6  # coded levels closer than this are one [1]
@@ -80,7 +80,7 @@ class Comparison:
     table: str
     source: str  # the line it stands in
     quantity: str
-    printed: Printed
+    printed: PrintedNumber
     found: float
     reach: float = 0.0
 
@@ -230,7 +230,7 @@ def not_orthogonal(table: PublishedTable) -> Iterator[Finding]:
 def fit_table(table: PublishedTable, claims: Claims, structure: Structure, terms: tuple[Term, ...]) -> Fit:
     """The model of these terms, or that of the study, or the largest that the runs determine."""
     coded = restore(table.coded, structure.chosen)
-    design = arranged(table.name, table.factors, [("factorial", coded)])
+    design = stack_parts(table.name, table.factors, [("factorial", coded)])
     design = design.with_responses(**{table.response: table.values})
     guesses: tuple[Order, ...] = ("quadratic", "interactions")[structure.two_level :]
     for order in () if terms or claims.model or structure.balanced is None else guesses:
@@ -265,7 +265,7 @@ def compare(claims: Claims, folder: Path, fit: Fit) -> tuple[list[Comparison], l
 
 
 def allow_rounding(
-    comparisons: list[Comparison], table: PublishedTable, known: Callable[[Fit], Numbers], fit: Fit
+    comparisons: list[Comparison], table: PublishedTable, numbers_of: Callable[[Fit], Numbers], fit: Fit
 ) -> list[Comparison]:
     """The comparisons; found numbers may be off as far as digits that the table lacks move them."""
     if all(one.agrees for one in comparisons):
@@ -275,7 +275,9 @@ def allow_rounding(
     half = table.rounding[fit.rows]
     for _ in range(DRAWS):
         shift = half * rng.uniform(-1.0, 1.0, half.shape)
-        draws.append(known(replace(fit, values=fit.values + shift[:, 0], coded=fit.coded + shift[:, 1:])))
+        draws.append(
+            numbers_of(replace(fit, values=fit.values + shift[:, 0], coded=fit.coded + shift[:, 1:]))
+        )
     reach = [SIGMAS * float(np.std([draw[c.source, c.quantity] for draw in draws])) for c in comparisons]
     found = [
         replace(c, reach=far if np.isfinite(far) else 0.0) for c, far in zip(comparisons, reach, strict=True)
@@ -301,16 +303,16 @@ def parse_term(text: str, names: Sequence[str]) -> Term:
 
     Factors may also be named by their places, A, B ... or x1, x2 ..., where no heading is such a name.
     """
-    wanted, known = short_names(text), [short_names(name) for name in names]
+    wanted, factor_names = short_names(text), [short_names(name) for name in names]
     if wanted[0] in ("1", "intercept", "constant"):
         return (0,) * len(names)
-    taken = {each for own in known for each in own}
-    for k, own in enumerate(known):
+    taken = {each for words in factor_names for each in words}
+    for k, own in enumerate(factor_names):
         own += [name for name in (LETTERS[k : k + 1].casefold(), f"x{k + 1}") if name not in taken]
     for term in (*model_terms(len(names), "quadratic"), *models.interaction_terms(len(names), 3)):
         forms = [
             [form for name in own for form in ((name,) if power == 1 else (name + "2", name + name))]
-            for own, power in zip(known, term, strict=True)
+            for own, power in zip(factor_names, term, strict=True)
             if power
         ]
         if any("".join(form) in wanted for order in permutations(forms) for form in product(*order)):
@@ -335,7 +337,9 @@ def compare_anova(path: Path, fit: Fit) -> tuple[list[Comparison], list[Finding]
             lines[place] = source
     comparisons = []
     for heading, column in columns:
-        cells = [(source, cell) for place, source in lines.items() if (cell := sheet.printed(column[place]))]
+        cells = [
+            (source, cell) for place, source in lines.items() if (cell := sheet.cell_number(column[place]))
+        ]
         said, meant = quantity_of(heading, [(cell, rows[source]) for source, cell in cells])
         if said and meant != said:
             sentence = f"{path.name}: column '{heading}' holds the {meant.replace('_', ' ')}"
@@ -345,7 +349,7 @@ def compare_anova(path: Path, fit: Fit) -> tuple[list[Comparison], list[Finding]
     return comparisons, findings
 
 
-def quantity_of(heading: str, cells: Sequence[tuple[Printed, Mapping[str, Any]]]) -> tuple[str, str]:
+def quantity_of(heading: str, cells: Sequence[tuple[PrintedNumber, Mapping[str, Any]]]) -> tuple[str, str]:
     """Quantity that a column's heading says, and that with which nearly all its numbers agree, if better."""
     said = word_of("quantities", heading)
     shares = {
@@ -384,17 +388,17 @@ def fit_findings(fit: Fit, comparisons: Sequence[Comparison]) -> Iterator[Findin
             yield Finding("lack of fit", f"the model misses the means of its points: {test}", found=row.p)
         if row.source == "Lack of fit" and np.isnan(row.p):
             yield Finding("not judged", "lack of fit: repeated runs are equal, there is no pure error")
-    found = curvature(fit)
-    if found is None or not found.f > 1.0:  # without it the error would be larger
+    bend = curvature(fit)
+    if bend is None or not bend.f > 1.0:  # without it the error would be larger
         return
     hidden = any(c.agrees and c.quantity == "f" for c in comparisons)
     sentence = (
-        f"the corners lie {abs(found.difference):.4g} {'below' if found.difference < 0.0 else 'above'} the "
-        f"centre (p = {found.p:.2g}): {found.sum_of_squares:.4g} of the residual {fit.ss_error:.4g} is "
-        f"curvature; without it the mean square is {found.ms_error:.4g} with {found.df_error} degree(s) of "
+        f"the corners lie {abs(bend.difference):.4g} {'below' if bend.difference < 0.0 else 'above'} the "
+        f"centre (p = {bend.p:.2g}): {bend.sum_of_squares:.4g} of the residual {fit.ss_error:.4g} is "
+        f"curvature; without it the mean square is {bend.ms_error:.4g} with {bend.df_error} degree(s) of "
         f"freedom{'; the printed F values count it as noise' if hidden else ''}"
     )
-    yield Finding("curvature", sentence, found=found.sum_of_squares)
+    yield Finding("curvature", sentence, found=bend.sum_of_squares)
 
 
 def as_document(result: Audit) -> dict[str, Any]:

@@ -103,11 +103,11 @@ def power(difference: float, spread: float, df: float) -> float:
     """
     shift, limit = abs(difference) / spread, critical(df)
 
-    def missed(probability: Floats) -> Floats:
+    def shortfall(probability: Floats) -> Floats:
         s = np.sqrt(chdtri(df, probability) / df)
         return ndtr(limit * s - shift) - ndtr(-limit * s - shift)
 
-    return 1.0 - float(tanhsinh(missed, 0.0, 1.0).integral)
+    return 1.0 - float(tanhsinh(shortfall, 0.0, 1.0).integral)
 
 
 def detectable(spread: float, df: float) -> float:

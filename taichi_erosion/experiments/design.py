@@ -99,7 +99,7 @@ def settings_at(factors: Sequence[Factor], coded: Floats) -> dict[str, float]:
     return dict(zip((f.path for f in factors), map(float, to_natural(factors, coded)), strict=True))
 
 
-def arranged(
+def stack_parts(
     name: str, factors: Sequence[Factor], parts: Sequence[tuple[PointKind, Floats]], seed: int | None = None
 ) -> Design:
     """A design of several parts, one below the other.
@@ -172,7 +172,7 @@ def plackett_burman(factors: Sequence[Factor], centre_points: int = 1, seed: int
     shifts = [np.roll(first, turn) for turn in range(len(first))]  # to the right; then a row of -1
     corners = np.array([*shifts, -np.ones(len(first))])[:, :count]
     parts: list[Part] = [("factorial", corners), centres(count, centre_points)]
-    return arranged("Plackett-Burman", factors, parts, seed)
+    return stack_parts("Plackett-Burman", factors, parts, seed)
 
 
 def box_behnken(factors: Sequence[Factor], centre_points: int = 5, seed: int | None = None) -> Design:
@@ -188,7 +188,7 @@ def box_behnken(factors: Sequence[Factor], centre_points: int = 5, seed: int | N
         block[:, [ord(letter) - ord("A") for letter in letters]] = corners
         blocks.append(block)
     parts: list[Part] = [("edge", np.concatenate(blocks)), centres(count, centre_points)]
-    return arranged("Box-Behnken", factors, parts, seed)
+    return stack_parts("Box-Behnken", factors, parts, seed)
 
 
 def central_composite(
@@ -208,7 +208,7 @@ def central_composite(
     alpha = {"rotatable": len(corners) ** 0.25, "spherical": count**0.5, "faced": 1.0}[axial]
     star = alpha * np.stack([-np.eye(count), np.eye(count)], axis=1).reshape(2 * count, count)
     parts: list[Part] = [("factorial", corners), ("axial", star), centres(count, centre_points)]
-    return arranged("central composite", factors, parts, seed)
+    return stack_parts("central composite", factors, parts, seed)
 
 
 def latin_hypercube(factors: Sequence[Factor], runs: int, seed: int, centre_points: int = 0) -> Design:
@@ -221,7 +221,7 @@ def latin_hypercube(factors: Sequence[Factor], runs: int, seed: int, centre_poin
     count = len(factors)
     sampler = qmc.LatinHypercube(d=count, optimization="random-cd", rng=np.random.default_rng(seed))
     points: Part = ("space", 2.0 * sampler.random(runs) - 1.0)
-    return arranged("Latin hypercube", factors, [points, centres(count, centre_points)], seed)
+    return stack_parts("Latin hypercube", factors, [points, centres(count, centre_points)], seed)
 
 
 def steepest_path(
@@ -249,7 +249,7 @@ def steepest_path(
     slack = SAME_POINT * np.array([factor.half for factor in factors])  # on the limit is inside
     natural = to_natural(factors, points)
     inside = np.all((natural >= bounds[:, 0] - slack) & (natural <= bounds[:, 1] + slack), axis=1)
-    return arranged("steepest path", factors, [("path", points[np.logical_and.accumulate(inside)])])
+    return stack_parts("steepest path", factors, [("path", points[np.logical_and.accumulate(inside)])])
 
 
 def centres(count: int, repeats: int) -> Part:

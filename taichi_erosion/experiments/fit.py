@@ -267,7 +267,7 @@ def ratio(numerator: float, denominator: float) -> float:
     return numerator / denominator if denominator else nan
 
 
-def overfitted(fit: Fit) -> str:
+def overfit_warning(fit: Fit) -> str:
     """One line where the model predicts runs that it has not used far worse than its own; else empty."""
     found = quality(fit)
     if not found.r2_adjusted - found.r2_predicted > R2_APART:

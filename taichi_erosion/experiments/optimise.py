@@ -191,12 +191,12 @@ def prediction_range(fit: Fit) -> Reach:
     ends = []
     for sign in (1.0, -1.0):
 
-        def signed(points: Floats, sign: float = sign) -> Floats:
+        def signed_response(points: Floats, sign: float = sign) -> Floats:
             return sign * fit.predict(points)
 
-        best = begin[np.argsort(signed(begin))[:BEST_STARTS]]
-        found = np.array([descend(signed, start) for start in best])
-        ends.append(found[np.argmin(signed(found))])
+        best = begin[np.argsort(signed_response(begin))[:BEST_STARTS]]
+        found = np.array([descend(signed_response, start) for start in best])
+        ends.append(found[np.argmin(signed_response(found))])
     low, high = (float(fit.predict(end[None, :])[0]) for end in ends)
     return Reach(low, high, *(settings_at(fit.factors, end) for end in ends))
 

@@ -67,7 +67,7 @@ HALF = 0.5 * (1.0 + 1e-6)  # of the last digit; a number that ends in 5 may be r
 
 
 @dataclass(frozen=True)
-class Printed:
+class PrintedNumber:
     """A printed number; `bound` is '<' or '>' where only a limit is printed."""
 
     text: str
@@ -82,17 +82,17 @@ class Printed:
         return abs(found - self.value) <= HALF * self.last_digit + 1e-12 * abs(self.value) + reach
 
 
-def parse_printed(text: str) -> Printed | None:
+def parse_printed(text: str) -> PrintedNumber | None:
     """The number of a cell, stars of significance apart; None for anything else."""
     match = NUMBER.fullmatch(text.strip().rstrip("*").strip())
     if match is None:
         return None
     decimals = len(match["decimals"] or match["bare"] or "")
     power = int(match["power"] or 0)
-    return Printed(text.strip(), float(match["number"]), 10.0 ** (power - decimals), match["bound"])
+    return PrintedNumber(text.strip(), float(match["number"]), 10.0 ** (power - decimals), match["bound"])
 
 
-def as_printed(value: Any) -> Printed:
+def parse_claim(value: Any) -> PrintedNumber:
     """Number of a claim."""
     found = parse_printed(str(value))
     if found is None:
@@ -100,7 +100,7 @@ def as_printed(value: Any) -> Printed:
     return found
 
 
-Number = Annotated[Printed, BeforeValidator(as_printed)]
+Number = Annotated[PrintedNumber, BeforeValidator(parse_claim)]
 
 
 class Claims(BaseModel):
@@ -161,7 +161,7 @@ class Sheet:
     columns: dict[str, list[str]]
     comma: bool  # decimal commas
 
-    def printed(self, text: str) -> Printed | None:
+    def cell_number(self, text: str) -> PrintedNumber | None:
         """The printed number of a cell."""
         plain = plain_cell(text)
         return parse_printed(plain.replace(",", ".") if self.comma else re.sub(r",(?=\d{3}\b)", "", plain))
@@ -171,18 +171,18 @@ class Sheet:
 
         A column with a lone + has signs for its levels. Without `strict` words are NaN too.
         """
-        found = np.full(len(self.columns[heading]), nan)
+        numbers = np.full(len(self.columns[heading]), nan)
         signed = "+" in self.columns[heading]
         for row, cell in enumerate(self.columns[heading]):
             match = BRACKETED.fullmatch(cell.replace("\N{EN DASH}", "-"))
             plain = plain_cell(match["level"] if match else cell.replace("\N{EN DASH}", "-"))
             try:
                 sign = LEVEL_SIGNS.get(plain, 0.0) if signed else 0.0
-                found[row] = sign or read_cell(plain, self.comma, single=True).value
+                numbers[row] = sign or read_cell(plain, self.comma, single=True).value
             except CellFault as fault:
                 if strict:
                     raise BadInput(f"{self.file}: row {row + 1}, {heading} = '{cell}' {fault}") from None
-        return found
+        return numbers
 
     def last_digit(self, heading: str) -> float:
         """Size of one unit of the last printed digit of a column; spreadsheets drop zeros at the end."""
@@ -252,7 +252,7 @@ def read_published(path: Path, response: str | None = None) -> PublishedTable:
 
 def usable_columns(sheet: Sheet) -> dict[str, Floats]:
     """Columns of numbers that vary, no counter and of no program, each in one unit only."""
-    found = dict[str, Floats]()
+    columns = dict[str, Floats]()
     for heading in sheet.columns:
         numbers = sheet.numbers(heading)
         role = word_of("columns", heading)
@@ -260,13 +260,15 @@ def usable_columns(sheet: Sheet) -> dict[str, Floats]:
         varies = len(np.unique(numbers[np.isfinite(numbers)])) > 1
         counts = not role and np.array_equal(np.sort(numbers), counter)
         if varies and not counts and role in ("", "result") and meaning_of(heading)[0] not in SCATTER:
-            found[heading] = numbers
+            columns[heading] = numbers
     with np.errstate(invalid="ignore"):
         alike = (
-            np.abs(np.atleast_2d(np.corrcoef(list(found.values())))) > ONE_LINE if found else np.zeros((0, 0))
+            np.abs(np.atleast_2d(np.corrcoef(list(columns.values())))) > ONE_LINE
+            if columns
+            else np.zeros((0, 0))
         )
-    kept = {name: column for k, (name, column) in enumerate(found.items()) if not alike[k, :k].any()}
-    return kept if len(kept) > 2 or len(found) < 3 else found  # all factors of a climb move together
+    kept = {name: column for k, (name, column) in enumerate(columns.items()) if not alike[k, :k].any()}
+    return kept if len(kept) > 2 or len(columns) < 3 else columns  # all factors of a climb move together
 
 
 def column_roles(usable: dict[str, Floats]) -> tuple[list[str], list[str]]:

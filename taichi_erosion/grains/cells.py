@@ -52,7 +52,7 @@ def row_of_cells(cells: ti.template(), r):
 
 
 @ti.func
-def wrapped(position, period, low):
+def wrap(position, period, low):
     """Position moved into its period [m]; where the period is 0 the box is open."""
     inside = position
     for k in ti.static(range(3)):
@@ -72,7 +72,7 @@ def shortest_way(away, period):
 
 
 @ti.func
-def arranged(cells: ti.template(), r, along):
+def to_axis_order(cells: ti.template(), r, along):
     """Components of a vector in the order of the axes of replica r."""
     axes = cells.axes[r]
     return ti.Vector([along[axes[0]], along[axes[1]], along[axes[2]]])
@@ -96,7 +96,7 @@ def arrange_axes(cells_out: ti.template(), r):
 def cell_coordinates(cells: ti.template(), r, position):
     """Integer coordinates along the arranged axes of the cell that holds a position, clamped to the grid."""
     place = ti.floor((position - cells.low[r]) * cells.inverse_width[r], ti.i32)
-    return arranged(cells, r, ti.math.clamp(place, 0, cells.number[r] - 1))
+    return to_axis_order(cells, r, ti.math.clamp(place, 0, cells.number[r] - 1))
 
 
 @ti.func
@@ -109,7 +109,7 @@ def cell_index(number, place):
 def position_of(grains: ti.template(), replicas: ti.template(), r, i):
     """Position of the grain at place i [m], in f64, wrapped into the period."""
     position = grains.origin[i] + ti.cast(grains.shift[i], ti.f64)
-    return wrapped(position, replicas.period[r], replicas.low[r])
+    return wrap(position, replicas.period[r], replicas.low[r])
 
 
 @ti.func
@@ -168,7 +168,7 @@ def divide_box(cells_out: ti.template(), replicas: ti.template(), r, low, high):
 def grain_cell(cells: ti.template(), grains: ti.template(), replicas: ti.template(), r, i):
     """Number of the cell of the grain at place i."""
     place = cell_coordinates(cells, r, position_of(grains, replicas, r, i))
-    return cell_index(arranged(cells, r, cells.number[r]), place)
+    return cell_index(to_axis_order(cells, r, cells.number[r]), place)
 
 
 @ti.func
@@ -182,7 +182,7 @@ def sort_grains(cells_out: ti.template(), grains: ti.template(), replicas: ti.te
     row = r * grains.capacity
     first = row_of_cells(cells_out, r)
     arrange_axes(cells_out, r)
-    number = arranged(cells_out, r, cells_out.number[r])
+    number = to_axis_order(cells_out, r, cells_out.number[r])
     total = number[0] * number[1] * number[2]
     for c in range(total + 1):
         cells_out.first[first + c] = 0

@@ -65,7 +65,7 @@ def rotation_matrix(q):
 
 
 @ti.func
-def turned(q, spin, time):
+def rotate_quaternion(q, spin, time):
     """Unit quaternion after rotation with a spin [rad s-1] for a short time [s]."""
     half = 0.5 * time * spin
     after = q + ti.Vector(
@@ -127,8 +127,8 @@ def advance_body(world_out: ti.template(), r, b, kick):
     clumps_out.momentum[b] = clumps_out.momentum[b] + torque * kick
     clumps_out.position[b] = clumps_out.position[b] + clumps_out.velocity[b] * dt
     q = clumps_out.orientation[b]
-    middle = rotation_matrix(turned(q, body_spin(clumps_out, b, frame), 0.5 * dt))
-    clumps_out.orientation[b] = turned(q, body_spin(clumps_out, b, middle), dt)
+    middle = rotation_matrix(rotate_quaternion(q, body_spin(clumps_out, b, frame), 0.5 * dt))
+    clumps_out.orientation[b] = rotate_quaternion(q, body_spin(clumps_out, b, middle), dt)
 
 
 @ti.func

@@ -19,7 +19,7 @@ SPHERE = 2.5  # m R^2 over the moment of inertia of a solid sphere [1]
 def gather_forces(world_out: ti.template(), r, p):
     """Add the forces in the buffers of other partitions to those of partition p, in a fixed order."""
     grains_out, replicas = ti.static((world_out.grains, world_out.replicas))
-    own = force_block(grains_out, replicas, r, p)
+    block = force_block(grains_out, replicas, r, p)
     first = partition_first(replicas, r, p)
     last = partition_first(replicas, r, p + 1)
     for q in range(replicas.partitions[r]):
@@ -28,7 +28,7 @@ def gather_forces(world_out: ti.template(), r, p):
             low = ti.select(p < q, replicas.before_low[r, q], replicas.after_low[r, q])
             high = ti.select(p < q, replicas.before_high[r, q], replicas.after_high[r, q])
             for rank in range(ti.max(first, low), ti.min(last, high)):
-                i, j = own + rank, other + rank
+                i, j = block + rank, other + rank
                 grains_out.force[i] = grains_out.force[i] + grains_out.force[j]
                 grains_out.torque[i] = grains_out.torque[i] + grains_out.torque[j]
                 grains_out.force[j] = 0.0 * grains_out.force[i]

@@ -65,7 +65,7 @@ def device_columns(table: ContactTable) -> dict[str, Floats]:
     }
 
 
-def placed(materials: Materials, table: ContactTable) -> dict[str, Floats]:
+def material_columns(materials: Materials, table: ContactTable) -> dict[str, Floats]:
     """Columns of Materials with all rows of one replica."""
     count = (isqrt(8 * len(table.restitution) + 1) - 1) // 2  # materials of the table, from its pairs
     rows, columns = pair_rows(count, materials.count), device_columns(table)
@@ -77,7 +77,7 @@ def placed(materials: Materials, table: ContactTable) -> dict[str, Floats]:
 
 def upload_materials(materials: Materials, tables: list[ContactTable], first: int = 0) -> None:
     """Write the contact tables of replicas to the device, from one replica on."""
-    columns = [placed(materials, table) for table in tables]
+    columns = [material_columns(materials, table) for table in tables]
     upload(
         [(getattr(materials, name), np.concatenate([c[name] for c in columns])) for name in columns[0]],
         first * materials.rows,

@@ -13,12 +13,12 @@ from taichi_erosion.core.device_functions import nearest_image
 from taichi_erosion.core.effect_device import move_states, set_initial_states
 from taichi_erosion.core.ti import ti
 from taichi_erosion.grains.cells import (
-    arranged,
     cell_coordinates,
     cell_index,
     cell_start,
     position_of,
     shortest_way,
+    to_axis_order,
 )
 from taichi_erosion.grains.contact import ROLLING_INERTIA
 from taichi_erosion.grains.frozen_drag import clear_frozen_drag, copy_frozen_drag
@@ -139,8 +139,8 @@ def search_cells(world_out: ti.template(), r, rank, entry, limit):
     base = side_block(world_out.grains, r, 1 - world_out.replicas.side[r])
     place = cell_coordinates(cells, r, world_out.grains.origin[base + rank])
     period = world_out.replicas.period[r]
-    periodic = arranged(cells, r, ti.cast(period > 0.0, ti.i32))
-    number = arranged(cells, r, cells.number[r])
+    periodic = to_axis_order(cells, r, ti.cast(period > 0.0, ti.i32))
+    number = to_axis_order(cells, r, cells.number[r])
     wanted, touching = 0, 0
     for run in range(2 * ROWS):
         first, last = cell_run(cells, number, periodic, r, place, run // 2, run % 2)

@@ -92,16 +92,16 @@ def note_wake(sleep_out: ti.template(), i, j):
 @ti.func
 def next_awake(world_out: ti.template(), base, e, end):
     """First entry from e on with at least one awake grain."""
-    found = e
+    awake = e
     if ti.static(world_out.sleeps):
         asleep = 1
-        while found < end and asleep == 1:
-            i, j = base + world_out.pairs.owner[found], base + world_out.pairs.neighbour[found]
+        while awake < end and asleep == 1:
+            i, j = base + world_out.pairs.owner[awake], base + world_out.pairs.neighbour[awake]
             asleep = ti.cast(is_asleep(world_out.sleep, i) and is_asleep(world_out.sleep, j), ti.i32)
             if asleep == 1:
                 note_wake(world_out.sleep, i, j)
-                found += 1
-    return found
+                awake += 1
+    return awake
 
 
 @ti.func

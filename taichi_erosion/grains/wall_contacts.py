@@ -250,22 +250,22 @@ def add_wall_force(world_out: ti.template(), batch: ti.template(), n, r, base, b
 def next_wall_entry(world_out: ti.template(), base, e, end):
     """First entry from e on whose grain may touch a wall; the contacts of that grain are located."""
     grains, entries = ti.static((world_out.grains, world_out.wall_pairs))
-    found = e
+    entry = e
     clear = True
-    while found < end and clear:
-        i = base + entries.owner[found]
-        if found == entries.start[i]:
+    while entry < end and clear:
+        i = base + entries.owner[entry]
+        if entry == entries.start[i]:
             clear = grains.shift[i].norm_sqr() < entries.clearance_squared[i]
             if ti.static(world_out.sleeps):
                 clear = clear or is_asleep(world_out.sleep, i)
             if clear:
-                found = entries.stop[i]
+                entry = entries.stop[i]
             else:
                 locate_contacts(world_out, i)
                 transfer_history(world_out, i)
         else:
             clear = False
-    return found
+    return entry
 
 
 @ti.func

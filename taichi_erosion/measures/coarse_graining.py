@@ -42,7 +42,7 @@ class Kernel:
     extent: Mapping[str, float]  # m, of every axis that is left out
     period: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, 0 where open
 
-    def spread(self, place: Floats, weight: Floats) -> Floats:
+    def kernel_sum(self, place: Floats, weight: Floats) -> Floats:
         """Sum of weights [n, ...] at places [n, 3] m by the kernel, per m3: [*shape of coordinates, ...]."""
         inner, letters = weight.shape[1:], AXES[: len(self.at)]
         flat = weight.reshape(len(weight), int(np.prod(inner)))
@@ -73,7 +73,7 @@ def coarse_grain(state: Snapshot, network: ContactNetwork, kernel: Kernel) -> Gr
     volume = 4.0 / 3.0 * pi * state.radius**3
     columns = [volume[:, None], mass[:, None], momentum]
     columns.append((momentum[:, :, None] * state.velocity[:, None, :]).reshape(-1, 9))
-    sums = kernel.spread(state.position, np.concatenate(columns, axis=1))
+    sums = kernel.kernel_sum(state.position, np.concatenate(columns, axis=1))
     density = sums[..., 1]
     dense = (density > THINNEST * density.max(initial=0.0))[..., None]
     velocity = np.divide(
@@ -93,7 +93,7 @@ def coarse_grain(state: Snapshot, network: ContactNetwork, kernel: Kernel) -> Gr
         velocity=velocity,
         kinetic_stress=kinetic,
         contact_stress=contact_stress(network, kernel),
-        wall_force=kernel.spread(foot, network.force[walls]),
+        wall_force=kernel.kernel_sum(foot, network.force[walls]),
     )
 
 
@@ -105,7 +105,7 @@ def contact_stress(network: ContactNetwork, kernel: Kernel) -> Floats:
     )
     carried = network.force[:, :, None] * network.branch[:, None, :]
     parts = (
-        kernel.spread(network.centre - 0.5 * (1.0 + node) * network.branch, 0.5 * weight * carried)
+        kernel.kernel_sum(network.centre - 0.5 * (1.0 + node) * network.branch, 0.5 * weight * carried)
         for node, weight in zip(nodes, weights, strict=True)
     )
     return np.sum(list(parts), axis=0)

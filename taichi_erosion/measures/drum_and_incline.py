@@ -41,15 +41,15 @@ def dynamic_angle(
     if reason := series_defect(frames):
         return no_measurement(name, "deg", reason)
     angles = [surface_angle(frame, drum_radius, centre, axis) for frame in frames]
-    found = [angle for angle in angles if angle is not None]
-    if not found:
+    measured = [angle for angle in angles if angle is not None]
+    if not measured:
         return no_measurement(
             name, "deg", f"no surface {FEWEST_BINS} diameters wide in the middle of the drum"
         )
-    sd = float(np.std(found, ddof=1)) if len(found) > 1 else nan
-    missing = len(angles) - len(found)
+    sd = float(np.std(measured, ddof=1)) if len(measured) > 1 else nan
+    missing = len(angles) - len(measured)
     notes = (f"{missing} of {len(angles)} frames show no surface",) if missing else ()
-    return Measurement(name, abs(float(np.mean(found))), sd, "deg", 1, notes, {"frame_angles": found})
+    return Measurement(name, abs(float(np.mean(measured))), sd, "deg", 1, notes, {"frame_angles": measured})
 
 
 def surface_angle(frame: Snapshot, drum_radius: float, centre: Triple, axis: Triple) -> float | None:

@@ -56,15 +56,15 @@ def chosen_grains(snapshot: Snapshot, chosen: NDArray[np.bool_]) -> Snapshot:
     return replace(snapshot, **kept, kind=kind, effect_state={}, force=None)
 
 
-def inside(rows: Floats, position: Floats) -> NDArray[np.bool_]:
+def is_inside(rows: Floats, position: Floats) -> NDArray[np.bool_]:
     """Positions inside a surface of revolution: rows of axis point, axis, radius and height of both ends."""
-    found = np.zeros(len(position), bool)
+    inside = np.zeros(len(position), bool)
     for row in rows:
         arm = position - row[:3]
         height = arm @ row[3:6]
         radius = np.linalg.norm(arm - height[:, np.newaxis] * row[3:6], axis=1)
-        found |= radius < np.interp(height, row[[7, 9]], row[[6, 8]], left=0.0, right=0.0)
-    return found
+        inside |= radius < np.interp(height, row[[7, 9]], row[[6, 8]], left=0.0, right=0.0)
+    return inside
 
 
 def grain_diameter(snapshot: Snapshot) -> float:
@@ -218,7 +218,7 @@ class View:
         ]
 
     @property
-    def found(self) -> list[Flank]:
+    def usable_flanks(self) -> list[Flank]:
         """Flanks long enough for a line."""
         return [flank for flank in self.flanks if flank is not None]
 
@@ -246,7 +246,7 @@ def repose_angle(
     position, radius = snapshot.position[on_plate], snapshot.radius[on_plate]
     turns = np.arange(azimuths) * 180.0 / azimuths
     views = [view_heap(position, radius, turn, base_height, grain) for turn in turns]
-    angles = [float(np.mean([f.angle for f in view.found])) for view in views if view.found]
+    angles = [float(np.mean([f.angle for f in view.usable_flanks])) for view in views if view.usable_flanks]
     if not angles:
         height = float(np.mean([view.height for view in views])) / grain
         return no_measurement(
@@ -256,7 +256,7 @@ def repose_angle(
     beyond = np.linalg.norm(position[:, :2], axis=1) > (plate_radius or np.inf) - grain
     if plate_radius and float(beyond.sum()) * grain / (2.0 * pi * plate_radius) > RIM_SHARE:  # of the rim
         flags.append("truncated_by_plate")
-    flanks = [flank for view in views for flank in view.found]
+    flanks = [flank for view in views for flank in view.usable_flanks]
     details = {
         "azimuth_angles": [[view.azimuth, *(f.angle if f else None for f in view.flanks)] for view in views],
         "residual": float(np.sqrt(np.mean([flank.residual**2 for flank in flanks]))) / grain,
@@ -268,7 +268,7 @@ def repose_angle(
         "flags": flags,
     }
     notes = tuple(SENTENCES[flag] for flag in flags)
-    return Measurement(name, float(np.mean(angles)), spread(angles), "deg", 1, notes, details)
+    return Measurement(name, float(np.mean(angles)), standard_error(angles), "deg", 1, notes, details)
 
 
 def view_heap(position: Floats, radius: Floats, azimuth: float, base_height: float, grain: float) -> View:
@@ -280,7 +280,7 @@ def view_heap(position: Floats, radius: Floats, azimuth: float, base_height: flo
     return View(float(azimuth), float(outline.height.max()), axis, flanks)
 
 
-def spread(values: list[float]) -> float:
+def standard_error(values: list[float]) -> float:
     """Standard error of the mean over azimuths of one pile, NaN for a single one.
 
         e = s / sqrt(k),   k = min(number of values, 180 deg / 60 deg) = 3 from three azimuths on
@@ -300,18 +300,20 @@ def spread(values: list[float]) -> float:
 
 def bends_of(views: Sequence[View]) -> list[float]:
     """Mean bend of the flanks of every azimuth that has any [deg]."""
-    return [float(np.mean([flank.bend for flank in view.found])) for view in views if view.found]
+    return [
+        float(np.mean([flank.bend for flank in view.usable_flanks])) for view in views if view.usable_flanks
+    ]
 
 
 def raise_flags(views: Sequence[View], grain: float) -> list[str]:
     """Flags of the angle; keys of SENTENCES."""
     bends, height = bends_of(views), float(np.median([view.height for view in views]))
-    falling = [[flank for flank in view.found if flank.angle > 0.0] for view in views]
+    falling = [[flank for flank in view.usable_flanks if flank.angle > 0.0] for view in views]
     meetings = [silhouette.meeting_height(*both) for both in falling if len(both) == 2]
-    short = 2 * len(views) - sum(len(view.found) for view in views)
+    short = 2 * len(views) - sum(len(view.usable_flanks) for view in views)
     raised = {
         "few_points": short > FEW_FLANKS_SHARE * 2 * len(views),
-        "curved": silhouette.is_bent(float(np.mean(bends)), spread(bends)),
+        "curved": silhouette.is_bent(float(np.mean(bends)), standard_error(bends)),
         "flat_top": bool(meetings) and silhouette.is_flat_topped(height, float(np.median(meetings)), grain),
     }
     return [flag for flag, is_raised in raised.items() if is_raised]

@@ -19,7 +19,7 @@ import numpy as np
 from taichi_erosion.core.setup import Floats, Triple
 from taichi_erosion.core.snapshot import Snapshot
 from taichi_erosion.measures.result import Measurement, no_measurement
-from taichi_erosion.measures.wind_bed import LEAST_FRAMES, blocked
+from taichi_erosion.measures.wind_bed import LEAST_FRAMES, block_mean
 
 LEAST_SHARE = 0.25  # of the mass [1]: between a burst at the beginning and the end of the supply
 TINY = 1e-300  # keeps the error of no flow finite [kg2 s-2]
@@ -37,7 +37,8 @@ def mass_flow(
         )
     pairs = list(pairwise(frames))
     counted = [
-        crossed(one, two, np.asarray(point), np.asarray(normal), np.asarray(period)) for one, two in pairs
+        net_crossing(one, two, np.asarray(point), np.asarray(normal), np.asarray(period))
+        for one, two in pairs
     ]
     rate = np.array(
         [mass / (two.time - one.time) for (mass, _, _), (one, two) in zip(counted, pairs, strict=True)]
@@ -55,7 +56,7 @@ def mass_flow(
         notes.append(f"few grains: each is {1.0 / max(grains, 1):.1%} of the flow")
     if missing:
         notes.append(f"{missing:,} grains vanished near the plane and are counted by their speed")
-    flow = blocked(name, rate[first:last].tolist(), unit)
+    flow = block_mean(name, rate[first:last].tolist(), unit)
     details = flow.details | {
         "time": [two.time for _, two in pairs],
         "rate": rate.tolist(),
@@ -64,7 +65,7 @@ def mass_flow(
     return replace(flow, notes=(*flow.notes, *notes), details=details)
 
 
-def crossed(
+def net_crossing(
     before: Snapshot, after: Snapshot, point: Floats, normal: Floats, period: Floats
 ) -> tuple[float, int, int]:
     """Net mass [kg] and number of the grains that crossed between two frames, and how many vanished then.

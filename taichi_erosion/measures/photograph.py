@@ -109,91 +109,93 @@ def measure_photograph(
     path = Path(path)
     grey = read_grey(path)
     left, top, right, bottom = box = checked_crop(path, grey, crop)
-    calm = evened(scipy.ndimage.median_filter(grey[top:bottom, left:right], size=3))
-    found = detect(path, calm, background)
-    steadiness = steadiness_of(path, calm, found)
-    refuse_uncertain(path, found, steadiness)
-    record = as_record(summarise(found, steadiness))
+    calm = flatten_light(scipy.ndimage.median_filter(grey[top:bottom, left:right], size=3))
+    detection = detect(path, calm, background)
+    steadiness = steadiness_of(path, calm, detection)
+    refuse_uncertain(path, detection, steadiness)
+    record = as_record(summarise(detection, steadiness))
     record["details"] |= {
-        "height_pixels": int(found.outline.height.max()),
-        "base_row": top + found.body.shape[0],
-        "axis_column": left + found.axis,
-        "threshold": found.threshold,
-        "background": found.background,
-        "base_line": found.base,
-        "tilt": found.tilt,
+        "height_pixels": int(detection.outline.height.max()),
+        "base_row": top + detection.body.shape[0],
+        "axis_column": left + detection.axis,
+        "threshold": detection.threshold,
+        "background": detection.background,
+        "base_line": detection.base,
+        "tilt": detection.tilt,
         "crop": list(box),
-        "drawing": drawing(found, calm.shape, (left, top)),
+        "drawing": drawing(detection, calm.shape, (left, top)),
     }
     return record
 
 
-def steadiness_of(path: Path, calm: Grey, found: Detection) -> tuple[float, float]:
+def steadiness_of(path: Path, calm: Grey, detection: Detection) -> tuple[float, float]:
     """Least and largest angle with thresholds to either side of the chosen one; infinite where one fails."""
-    dark = float(np.mean(calm[calm <= found.threshold]))
-    light = float(np.mean(calm[calm > found.threshold]))
-    angles = [found.angle]
+    dark = float(np.mean(calm[calm <= detection.threshold]))
+    light = float(np.mean(calm[calm > detection.threshold]))
+    angles = [detection.angle]
     for side in (-THRESHOLD_SHIFT, THRESHOLD_SHIFT):
-        moved = found.threshold + side * (light - dark)
+        moved = detection.threshold + side * (light - dark)
         try:
-            angles.append(detect(path, calm, found.background, moved).angle)
+            angles.append(detect(path, calm, detection.background, moved).angle)
         except BadInput:
             angles.append(inf)
     return min(angles), max(angles)
 
 
-def refuse_uncertain(path: Path, found: Detection, steadiness: tuple[float, float]) -> None:
+def refuse_uncertain(path: Path, detection: Detection, steadiness: tuple[float, float]) -> None:
     """Raise BadInput for a detection that cannot be trusted, with the reason."""
-    angles, (low, high) = [flank.angle for flank in found.fitted], steadiness
+    angles, (low, high) = [flank.angle for flank in detection.fitted], steadiness
     reason = ""
     if high - low > STEADY:
         span = f"{low:.0f} to {high:.0f} deg" if high < inf else "a heap is lost"
         reason = f"the outline depends on the threshold ({span}): uneven light or a weak contrast"
     elif abs(angles[0] - angles[-1]) > MOST_DIFFERENCE:
         reason = f"the flanks differ, {angles[0]:.0f} and {angles[-1]:.0f} deg: a shadow, or another object"
-    elif found.angle < LEAST_ANGLE:
-        reason = f"{found.angle:.1f} deg is flatter than any heap of grains"
-    elif (share := deviation(found)) > MOST_DEVIATION:
+    elif detection.angle < LEAST_ANGLE:
+        reason = f"{detection.angle:.1f} deg is flatter than any heap of grains"
+    elif (share := deviation(detection)) > MOST_DEVIATION:
         reason = f"the outline leaves the lines by {share:.0%} of the height: no heap from the side"
     if reason:
         raise BadInput(f"{path}: the detection is not certain: {reason}; give --crop around the heap alone")
 
 
-def deviation(found: Detection) -> float:
+def deviation(detection: Detection) -> float:
     """Rms distance of outline and fitted lines above the foot, over the height [1]."""
-    height = float(found.outline.height.max())
+    height = float(detection.outline.height.max())
     gaps = []
-    for side, flank in zip((-1.0, 1.0), found.flanks, strict=True):
+    for side, flank in zip((-1.0, 1.0), detection.flanks, strict=True):
         if flank is not None:
-            own = side * found.outline.position >= 0.0
-            distance, outline = np.abs(found.outline.position[own]), found.outline.height[own]
+            own = side * detection.outline.position >= 0.0
+            distance, outline = np.abs(detection.outline.position[own]), detection.outline.height[own]
             line = np.clip(flank.at(distance), 0.0, height)
             above = np.maximum(line, outline) > silhouette.FOOT_SHARE * height
             gaps.append(outline[above] - line[above])
     return float(np.sqrt(np.mean(np.concatenate(gaps) ** 2))) / height
 
 
-def drawing(found: Detection, shape: tuple[int, ...], corner: tuple[int, int]) -> dict[str, Any]:
+def drawing(detection: Detection, shape: tuple[int, ...], corner: tuple[int, int]) -> dict[str, Any]:
     """What was detected, in pixels (column, row) of the photograph: outline, base line, fitted lines.
 
     `shape` is that of the crop, (column, row) of whose upper left is `corner`.
     """
-    base, axis, position = found.body.shape[0], found.axis, found.outline.position
-    middle, c, s = 0.5 * np.array(shape[1::-1]), cos(radians(found.tilt)), sin(radians(found.tilt))
+    base, axis, position = detection.body.shape[0], detection.axis, detection.outline.position
+    middle, c, s = 0.5 * np.array(shape[1::-1]), cos(radians(detection.tilt)), sin(radians(detection.tilt))
 
-    def there(points: Any) -> list[list[float]]:
+    def image_points(points: Any) -> list[list[float]]:
         turned = (np.asarray(points, dtype=float) - middle) @ np.array([[c, s], [-s, c]])
         return (turned + middle + np.array(corner)).round(2).tolist()
 
-    covered = np.flatnonzero(found.outline.height > 0.0)
+    covered = np.flatnonzero(detection.outline.height > 0.0)
     drawn = covered[:: max(1, covered.size // DRAWN_POINTS)]
     lines = {}
-    for name, side, flank in zip(("left", "right"), (-1.0, 1.0), found.flanks, strict=True):
+    for name, side, flank in zip(("left", "right"), (-1.0, 1.0), detection.flanks, strict=True):
         if flank is not None:
-            lines[name] = there([(axis + side * r, base - flank.at(r)) for r in (flank.start, flank.end)])
-    width = found.body.shape[1]
-    outline = np.column_stack([axis + position[drawn], base - found.outline.height[drawn]])
-    return {"outline": there(outline), "base": there([(0.0, base), (width, base)])} | lines
+            lines[name] = image_points(
+                [(axis + side * r, base - flank.at(r)) for r in (flank.start, flank.end)]
+            )
+    width = detection.body.shape[1]
+    outline = np.column_stack([axis + position[drawn], base - detection.outline.height[drawn]])
+    return {"outline": image_points(outline), "base": image_points([(0.0, base), (width, base)])} | lines
 
 
 def read_grey(path: Path) -> Grey:
@@ -325,7 +327,7 @@ def foreground(grey: Grey, threshold: float, side: Literal["dark", "light"]) -> 
     return silhouette.largest_body(np.asarray(opened, dtype=bool))
 
 
-def evened(grey: Grey) -> Grey:
+def flatten_light(grey: Grey) -> Grey:
     """The picture with uneven light divided out, where that separates the classes better.
 
     The background is a quadratic in column and row through the upper border of the picture and the sides of
@@ -394,22 +396,22 @@ def raise_flags(found: Detection) -> list[str]:
     return [flag for flag, is_raised in raised.items() if is_raised]
 
 
-def summarise(found: Detection, steadiness: tuple[float, float]) -> Measurement:
+def summarise(detection: Detection, steadiness: tuple[float, float]) -> Measurement:
     """One angle from the flanks that were found."""
-    flanks, flags, tilt = found.fitted, raise_flags(found), found.tilt
+    flanks, flags, tilt = detection.fitted, raise_flags(detection), detection.tilt
     notes = [SENTENCES[flag] for flag in flags]
-    if found.base == "not seen":
+    if detection.base == "not seen":
         notes.insert(0, "no base line is seen: the lower edge counts as horizontal, a tilt is not corrected")
     if tilt:
         side = "right" if tilt > 0.0 else "left"
         notes.insert(0, f"the base line falls by {abs(tilt):.1f} deg to the {side}: corrected")
     details = {
-        "left": found.flanks[0].angle if found.flanks[0] else None,
-        "right": found.flanks[1].angle if found.flanks[1] else None,
+        "left": detection.flanks[0].angle if detection.flanks[0] else None,
+        "right": detection.flanks[1].angle if detection.flanks[1] else None,
         "residual_pixels": float(np.sqrt(np.mean([flank.residual**2 for flank in flanks]))),
         "flags": flags,
     }
     errors = hypot(*(flank.error for flank in flanks)) / len(flanks)
     difference = 0.5 * (flanks[0].angle - flanks[-1].angle)
     sd = hypot(errors, difference, 0.5 * (steadiness[1] - steadiness[0]))
-    return Measurement("repose_angle", found.angle, sd, "deg", 1, tuple(notes), details)
+    return Measurement("repose_angle", detection.angle, sd, "deg", 1, tuple(notes), details)

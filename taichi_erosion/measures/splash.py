@@ -111,7 +111,7 @@ def ejecta_share(found: Splash) -> Measurement:
     return shares("ejecta_share", found, found.ejected)
 
 
-def rebound_speed(found: Splash) -> Measurement:
+def rebound_speed(splash: Splash) -> Measurement:
     """Mean speed after a rebound over the mean speed before, of landings faster than `FAST` [1].
 
     A mean of ratios would be ruled by slow landings. `sd` is the standard error of the ratio of means,
@@ -120,11 +120,11 @@ def rebound_speed(found: Splash) -> Measurement:
     Reference: Cochran (1977), Sampling Techniques, 2.11.
     """
     name = "rebound_speed"
-    back = np.isfinite(found.bounced[:, 0]) & (np.hypot(*found.impacts.T) >= FAST)
+    back = np.isfinite(splash.bounced[:, 0]) & (np.hypot(*splash.impacts.T) >= FAST)
     if (count := np.count_nonzero(back)) < LEAST_LANDINGS:
         words = f"{count} rebounds of landings above {FAST:g} m/s; {LEAST_LANDINGS} are needed"
         return no_measurement(name, "1", words)
-    before, after = found.impacts[back], found.bounced[back]
+    before, after = splash.impacts[back], splash.bounced[back]
     speed, left = np.hypot(*before.T), np.hypot(*after.T)
     ratio = float(left.mean() / speed.mean())
     details = {

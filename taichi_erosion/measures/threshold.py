@@ -66,7 +66,7 @@ class Tunnel:
     ratio: float | None = None  # u* over the free-stream speed, where it was measured [1]
 
 
-def bracketed(name: str, bracket: Bracket | None) -> Measurement:
+def bracket_threshold(name: str, bracket: Bracket | None) -> Measurement:
     """Threshold of one bed [m s-1]; `sd` is that of its bracket."""
     if bracket is None:
         return no_measurement(name, UNIT, NOT_REACHED)
@@ -74,7 +74,7 @@ def bracketed(name: str, bracket: Bracket | None) -> Measurement:
     return Measurement(name, bracket.middle, bracket.sd, UNIT, details=details)
 
 
-def extrapolated(name: str, bracket: Bracket | None) -> Measurement:
+def line_threshold(name: str, bracket: Bracket | None) -> Measurement:
     """Threshold of one bed [m s-1] from a line, which bounds nothing; `sd` is half of the bracket."""
     if bracket is None:
         return no_measurement(name, UNIT, "too few winds carried grains")

@@ -8,7 +8,7 @@ import numpy as np
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import ContactNetwork
 from taichi_erosion.measures.result import Measurement, no_measurement
-from taichi_erosion.measures.wind_bed import blocked
+from taichi_erosion.measures.wind_bed import block_mean
 
 PEAK_SHARE = 1.0 / 16.0  # of the frames, over which a strength is averaged [1]
 LEAST_FRAMES = 16
@@ -40,7 +40,7 @@ def torque_about(loads: Sequence[Floats], axis: Floats, centre: Floats) -> Measu
 
 def mean_of(name: str, series: Sequence[float], unit: str) -> Measurement:
     """Mean of a series, or its single value."""
-    return Measurement(name, series[0], nan, unit) if len(series) == 1 else blocked(name, series, unit)
+    return Measurement(name, series[0], nan, unit) if len(series) == 1 else block_mean(name, series, unit)
 
 
 def friction_angle(loads: Sequence[Floats], axis: Floats) -> Measurement:

@@ -88,7 +88,7 @@ def bed_height(state: Snapshot) -> Measurement:
     return Measurement("bed_height", top, nan, "m")
 
 
-def blocked(name: str, series: Sequence[float], unit: str) -> Measurement:
+def block_mean(name: str, series: Sequence[float], unit: str) -> Measurement:
     """Mean of a series; `sd` is the standard error of that mean from the scatter of block means.
 
     Reference: Flyvbjerg & Petersen (1989), J. Chem. Phys. 91, 461.
@@ -108,7 +108,7 @@ def flux(frames: Sequence[Snapshot], patch: Patch) -> Measurement:
 
     Q = sum m v_x / A   over all grains of a patch of area A.
     """
-    return blocked("flux", [flux_of(frame, patch) for frame in frames], "kg m-1 s-1")
+    return block_mean("flux", [flux_of(frame, patch) for frame in frames], "kg m-1 s-1")
 
 
 def flux_of(frame: Snapshot, patch: Patch) -> float:
@@ -171,12 +171,12 @@ def bed_stress(airs: Sequence[AirProfile], patch: Patch) -> Measurement:
 
     Below that height, one diameter over the bed, grains at rest take it all within a layer or two.
     """
-    return blocked("bed_stress", [air_stress_at_bed(air, patch) for air in airs], "Pa")
+    return block_mean("bed_stress", [air_stress_at_bed(air, patch) for air in airs], "Pa")
 
 
 def grain_stress(airs: Sequence[AirProfile], patch: Patch) -> Measurement:
     """Stress that grains carry across the height of `bed_stress` [Pa]."""
-    return blocked("grain_stress", [grain_stress_at_bed(air, patch) for air in airs], "Pa")
+    return block_mean("grain_stress", [grain_stress_at_bed(air, patch) for air in airs], "Pa")
 
 
 def stress_share(airs: Sequence[AirProfile], patch: Patch, stress: float) -> Floats:

@@ -38,10 +38,10 @@ def with_contact_number(entry: str, walls: bool, scene: Scene, factor: float) ->
     """The scene with one number of the chosen contacts multiplied."""
     most = MOST.get(entry, inf)
 
-    def changed(contact: Contact) -> Contact:
+    def change(contact: Contact) -> Contact:
         return contact.model_copy(update={entry: min(factor * getattr(contact, entry), most)})
 
-    return with_contacts(scene, changed, walls)
+    return with_contacts(scene, change, walls)
 
 
 def change_rolling(walls: bool, params: Any, strength: float, conditions: Conditions, scene: Scene) -> Scene:
@@ -55,7 +55,7 @@ def change_rolling(walls: bool, params: Any, strength: float, conditions: Condit
     factor = factor_of(strength, params.dose)
     added = max(strength * params.dose, 0.0) * params.reference
 
-    def changed(contact: Contact) -> Contact:
+    def change(contact: Contact) -> Contact:
         before = 0.0 if bare else contact.friction_rolling
         after = factor * before if before > 0.0 else added / contact.rolling_share
         return contact.model_copy(update={"friction_rolling": after})
@@ -66,7 +66,7 @@ def change_rolling(walls: bool, params: Any, strength: float, conditions: Condit
     if bare:
         with_law = with_section(scene, "laws", rolling="elastic_plastic")
         scene = with_contacts(with_law, free, not walls)
-    return with_contacts(scene, changed, walls)
+    return with_contacts(scene, change, walls)
 
 
 def contact_checks(entry: str, walls: bool, params: Any, probe: Probe) -> Iterator[Check]:
@@ -115,11 +115,11 @@ def stress_checks(params: Any, probe: Probe) -> Iterator[Check]:
 def with_material(entry: str, power: float, scene: Scene, factor: float) -> Scene:
     """The scene with a number of the grains multiplied, and a step shorter by a power of the factor."""
 
-    def changed(material: Material) -> Material:
+    def change(material: Material) -> Material:
         name = entry if getattr(material, entry) is not None else "shear_modulus"
         return material.model_copy(update={name: factor * getattr(material, name)})
 
-    return with_shorter_step(with_grain_material(scene, changed), factor**power)
+    return with_shorter_step(with_grain_material(scene, change), factor**power)
 
 
 def material_checks(entry: str, power: float, dose: float, params: Any, probe: Probe) -> Iterator[Check]:

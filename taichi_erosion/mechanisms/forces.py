@@ -89,12 +89,12 @@ def drag_checks(params: Any, probe: Probe) -> Iterator[Check]:
     air = {"air_density": 1.2, "air_viscosity": 1.8e-5, "radius": 1e-4, "air_velocity": (0.5, 0.0, 0.0)}
     stokes = 3.0 * pi * 1.8e-5 * 2e-4 * 0.5
 
-    def gained(dose: float, strength: float = 1.0) -> float:
+    def added_drag(dose: float, strength: float = 1.0) -> float:
         return probe(params(dose=dose), {}, strength=strength, **air)[0][0] / stokes
 
-    yield Check("a dose of 0.5 adds half the drag", gained(0.5), 0.5)
-    yield Check(HALF, gained(0.5, 0.5), 0.25)
-    yield Check("a negative dose takes drag away", gained(-0.4), -0.4)
+    yield Check("a dose of 0.5 adds half the drag", added_drag(0.5), 0.5)
+    yield Check(HALF, added_drag(0.5, 0.5), 0.25)
+    yield Check("a negative dose takes drag away", added_drag(-0.4), -0.4)
 
 
 @ti.func

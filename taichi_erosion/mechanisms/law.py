@@ -8,7 +8,7 @@ import numpy as np
 from taichi_erosion.core.effect import Check, Conditions, Constants, Effect, Probe
 from taichi_erosion.core.effect_probe import TYPICAL
 from taichi_erosion.mechanisms.library import dose_range
-from taichi_erosion.scene import Scene, resolved
+from taichi_erosion.scene import Scene, resolve
 from taichi_erosion.scene.change import sample_scene
 from taichi_erosion.scene.schema.fields import numbers_in
 
@@ -56,7 +56,7 @@ def law_checks(mechanism: Effect, probe: Probe, params: Any, points: Sequence[Po
             scene = sample_scene(wind=WIND)
             found = probe(params, conditions, scene=scene)
             wanted = mechanism.act(at_dose(mechanism, dose), 1.0, conditions, scene)
-            numbers = (numbers_in(resolved(each)) for each in (found, wanted))
+            numbers = (numbers_in(resolve(each)) for each in (found, wanted))
             apart = (abs(a - b) / max(abs(a), abs(b), 1e-12) for a, b in zip(*numbers, strict=True))
             yield Check(claim, max(apart), 0.0, atol=1e-4)
         else:

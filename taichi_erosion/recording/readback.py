@@ -175,14 +175,14 @@ def read_contacts(path: Path) -> list[ContactNetwork]:
 
 def read_fields(path: Path) -> list[GrainFields]:
     """Coarse-grained profiles of every frame; none where the scene did not ask for them."""
-    found = []
+    samples = []
     for time, row in read_rows(path, "fields", "solid_fraction"):
         at = {name: row[name] for name in "xyz" if row[name] is not None and len(row[name])}
         shape, inner = tuple(map(len, at.values())), {"velocity": (3,), "wall_force": (3,)}
         inner |= {"kinetic_stress": (3, 3), "contact_stress": (3, 3)}
         fields = {name: row[name].reshape(*shape, *inner.get(name, ())) for name in FIELDS}
-        found.append(GrainFields(time * NANOSECOND, at, float(row["width"][0]), **fields))
-    return found
+        samples.append(GrainFields(time * NANOSECOND, at, float(row["width"][0]), **fields))
+    return samples
 
 
 @dataclass

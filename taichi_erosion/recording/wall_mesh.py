@@ -44,7 +44,7 @@ def triangulate(kind: PrimitiveKind, shape: Floats, bounds: Box) -> tuple[Floats
     if kind == PrimitiveKind.PLANE:
         return plane(shape[0:3], shape[3:6], bounds)
     if kind == PrimitiveKind.REVOLVED:
-        return revolved(shape[0:3], shape[3:6], shape[6:10])
+        return revolve(shape[0:3], shape[3:6], shape[6:10])
     return shape[0:9].reshape(3, 3), np.array([[0, 1, 2]], dtype=np.int32)
 
 
@@ -65,7 +65,7 @@ def plane(point: Floats, normal: Floats, bounds: Box) -> tuple[Floats, Integers]
     return centre + corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
 
 
-def revolved(point: Floats, axis: Floats, profile: Floats) -> tuple[Floats, Integers]:
+def revolve(point: Floats, axis: Floats, profile: Floats) -> tuple[Floats, Integers]:
     """Line segment turned about an axis; `profile` = radius and height of one end, then of the other [m]."""
     import trimesh
 

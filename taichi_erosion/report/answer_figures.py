@@ -59,13 +59,15 @@ def places(record: Record) -> list[tuple[str, str]]:
     conditions = record.rows.conditions
     ranked = sorted((each for each in record.where if each.axis in conditions), key=lambda each: each.p)
     fails = failing(record)
-    found = []
+    panels = []
     for each in ranked:
-        if each in fails or each.observable not in {name for name, _ in found}:
-            found.append((each.observable, each.axis))
+        if each in fails or each.observable not in {name for name, _ in panels}:
+            panels.append((each.observable, each.axis))
     most = max(conditions, key=lambda name: np.unique(conditions[name]).size, default="")
-    rest = [name for name in dict.fromkeys(record.rows.observable) if name not in {name for name, _ in found}]
-    return [*found, *((name, most) for name in rest)]
+    rest = [
+        name for name in dict.fromkeys(record.rows.observable) if name not in {name for name, _ in panels}
+    ]
+    return [*panels, *((name, most) for name in rest)]
 
 
 def points_of(record: Record, voc: Vocabulary, observable: str, axis: str) -> pd.DataFrame:
@@ -118,7 +120,7 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
     x, y, sd = (points[name].to_numpy() for name in ("x", "measured", "sd"))
     error = np.where(points["limit"] == "", ONE_SIDED * np.nan_to_num(sd), 0.0)
     shown = points[["measured", *labels]].to_numpy().ravel()
-    texts = {f"measured#{kind}": list(own["text"]) for kind, own in marked(points)}
+    texts = {f"measured#{kind}": list(own["text"]) for kind, own in rows_by_mark(points)}
     texts |= {key: list(points["text"]) for key in labels}
 
     def draw(width: float) -> Figure:
@@ -144,7 +146,7 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
     return responsive(draw, caption, f"rows{number}", texts)
 
 
-def marked(points: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
+def rows_by_mark(points: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
     """Rows by their marks: limits and intervals, and last, above the others, ordinary values."""
     groups = sorted(points.groupby("limit"), key=lambda each: str(each[0]), reverse=True)
     yield from ((str(kind), own) for kind, own in groups)
@@ -152,7 +154,7 @@ def marked(points: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
 
 def draw_points(frame: Axes, points: pd.DataFrame) -> None:
     """Measured values: dots, arrows for limits, bars with ends for intervals."""
-    for kind, own in marked(points):
+    for kind, own in rows_by_mark(points):
         x, y, low, high = (own[name].to_numpy() for name in ("x", "measured", "low", "high"))
         style: dict[str, Any] = MARKS | {"label": "" if kind else page_words.MEASURED}
         if kind in ("below", "above"):

@@ -20,7 +20,7 @@ from taichi_erosion.experiments.confirm import SIGNIFICANCE
 from taichi_erosion.recording.study_recording import RecordedRun, StudyPage, record_study
 from taichi_erosion.report import design_figures as figures
 from taichi_erosion.report.figure_style import raster
-from taichi_erosion.report.html import address_of, made, write_page
+from taichi_erosion.report.html import address_of, origin_line, write_page
 from taichi_erosion.report.markdown import markdown_table, with_scatter_of, with_spread
 
 Row = Mapping[str, Any]
@@ -50,64 +50,68 @@ RESOLUTION = 130  # of pictures [dots per inch]
 MOST_RUNS = 9  # recorded runs side by side
 
 
-def publish(found: Calibration) -> Path:
+def publish(calibration: Calibration) -> Path:
     """Write page and pictures into the folder of a completed study."""
-    folder = ListedFolder(found.file.folder)
-    for name, figure in page_figures(found):
+    folder = ListedFolder(calibration.file.folder)
+    for name, figure in page_figures(calibration):
         folder.write(f"{PICTURES}/{name}.png", raster(figure, RESOLUTION))
     pages = Environment(loader=PackageLoader("taichi_erosion.report"), undefined=StrictUndefined)
-    assert found.surface is not None
-    document, targets, sizes = found.document, found.file.study.targets, found.file.study.design
+    assert calibration.surface is not None
+    document, targets, sizes = (
+        calibration.document,
+        calibration.file.study.targets,
+        calibration.file.study.design,
+    )
     tests = document["confirm"]["tests"]
-    runs = found.surface.design
+    runs = calibration.surface.design
     names = {"box_behnken": "Box-Behnken design", "latin_hypercube": "Latin hypercube"}
     design = names.get(sizes.surface, f"Central composite design ({sizes.surface_axial})")
     text = pages.get_template(PAGE_TEMPLATE).render(
-        file=found.file,
-        study=found.file.study,
+        file=calibration.file,
+        study=calibration.file.study,
         document=document,
         leading=next(iter(targets)),
         design=f"{design} of {len(runs)} runs, {runs.kinds.count('centre')} of them at the centre",
         verdicts={name: verdict(tests[name], name, target.unit) for name, target in targets.items()},
         scenes=[Path(path).name for path in document.get("calibrated_scenes", [])],
         scatter=with_scatter_of,
-        symbols=symbols(found),
-        kept=", ".join(found.file.labels[path] for path in document["analyse"]["kept"]),
-        effects={name: markdown_table(*effect_table(found, name)) for name in targets},
-        climb=markdown_table(*climb_table(found)),
-        variance={name: markdown_table(*variance_table(found, name)) for name in targets},
-        equations={name: equation(found, name) for name in targets},
-        optima=markdown_table(*optimum_table(found)),
+        symbols=symbols(calibration),
+        kept=", ".join(calibration.file.labels[path] for path in document["analyse"]["kept"]),
+        effects={name: markdown_table(*effect_table(calibration, name)) for name in targets},
+        climb=markdown_table(*climb_table(calibration)),
+        variance={name: markdown_table(*variance_table(calibration, name)) for name in targets},
+        equations={name: equation(calibration, name) for name in targets},
+        optima=markdown_table(*optimum_table(calibration)),
         samples={name: samples(tests[name]) for name in targets},
     )
     return folder.write(PAGE, (text.rstrip() + "\n").encode())
 
 
-def page_figures(found: Calibration) -> Iterator[tuple[str, Figure]]:
+def page_figures(calibration: Calibration) -> Iterator[tuple[str, Figure]]:
     """All figures of the page by their names."""
-    assert found.climb is not None
-    assert found.surface is not None
-    document, names, targets = found.document, found.file.labels, found.file.study.targets
+    assert calibration.climb is not None
+    assert calibration.surface is not None
+    document, names, targets = calibration.document, calibration.file.labels, calibration.file.study.targets
     analysed, best = document["analyse"], document["optimise"]["optima"][0]
     for name, target in targets.items():
-        fit, unit = found.surface.fits[name], target.unit
+        fit, unit = calibration.surface.fits[name], target.unit
         at = np.array([(best["settings"][f.path] - f.centre) / f.half for f in fit.factors])
         yield f"effects_{name}", figures.effect_bars(analysed["responses"][name], analysed["kept"], unit)
         yield f"surface_{name}", figures.contours(fit, names, unit, at, target.value)
         yield f"hills_{name}", figures.response_surfaces(fit, names, unit, at)
         yield f"perturbation_{name}", figures.perturbation(fit, names, unit, at)
         yield f"fit_{name}", figures.predicted_against_actual(fit, unit)
-        yield f"residuals_{name}", figures.residuals(fit, found.surface.design.run_order)
+        yield f"residuals_{name}", figures.residuals(fit, calibration.surface.design.run_order)
         values, predicted = document["confirm"]["values"][name], best["predicted"][name]
         yield f"confirm_{name}", figures.confirmation_runs(values, name, target, predicted)
     name, target = next(iter(targets.items()))
-    yield f"climb_{name}", figures.climb_curve(found.climb.design, name, found.climb.best, target)
+    yield f"climb_{name}", figures.climb_curve(calibration.climb.design, name, calibration.climb.best, target)
 
 
-def effect_table(found: Calibration, name: str) -> Cells:
+def effect_table(calibration: Calibration, name: str) -> Cells:
     """Effects, largest first, with the published values where the study has any."""
-    parameters = found.file.study.parameters
-    screened = found.document["analyse"]["responses"][name]
+    parameters = calibration.file.study.parameters
+    screened = calibration.document["analyse"]["responses"][name]
     rows = []
     for effect in screened["effects"]:
         entry, t = parameters[effect["name"]], effect["t"]
@@ -117,7 +121,7 @@ def effect_table(found: Calibration, name: str) -> Cells:
         value = with_scatter_of(effect["value"], error, signed=True)
         label = f"{effect['label']} {entry.symbol}".strip()
         rows.append((label, limits, value, f"{effect['p']:.2g}", entry.published))
-    unit = found.file.study.targets[name].unit
+    unit = calibration.file.study.targets[name].unit
     header = ("parameter", "range", f"effect [{unit}]", "p", "published")
     shown = len(header) if any(entry.published for entry in parameters.values()) else len(header) - 1
     return header[:shown], [row[:shown] for row in rows]
@@ -139,16 +143,16 @@ def verdict(test: Mapping[str, Any], name: str, unit: str) -> str:
     return f"**{answer}** {VERDICTS[answer].format(name=name, far=far, power=power)}"
 
 
-def climb_table(found: Calibration) -> Cells:
+def climb_table(calibration: Calibration) -> Cells:
     """Path of steepest ascent, step by step."""
-    document = found.document["climb"]
+    document = calibration.document["climb"]
     paths, names = (list(document["rows"][0][key]) for key in ("settings", "responses"))
     rows = []
     for step, row in enumerate(document["rows"]):
         mark = " (nearest)" if step == document["best"] - 1 else ""
         values = [row["settings"][path] for path in paths] + [row["responses"][name] for name in names]
         rows.append((f"{step}{mark}", *(number(value) for value in values)))
-    return ("step", *(found.file.labels[path] for path in paths), *names), rows
+    return ("step", *(calibration.file.labels[path] for path in paths), *names), rows
 
 
 def number(value: float) -> str:
@@ -179,9 +183,12 @@ def symbols(found: Calibration) -> dict[str, str]:
     return {path: parameters[path].symbol or f"x{place}" for place, path in enumerate(paths, 1)}
 
 
-def optimum_table(found: Calibration) -> Cells:
+def optimum_table(calibration: Calibration) -> Cells:
     """Settings that reach the target, the narrowest prediction interval first."""
-    optima, targets = found.document["optimise"]["optima"][:OPTIMA], list(found.file.study.targets)
+    optima, targets = (
+        calibration.document["optimise"]["optima"][:OPTIMA],
+        list(calibration.file.study.targets),
+    )
     paths = list(optima[0]["settings"])
     rows = []
     for one in optima:
@@ -191,7 +198,7 @@ def optimum_table(found: Calibration) -> Cells:
             value, low, high = (with_scatter_of(predicted[key], half) for key in ("value", "low", "high"))
             row.append(f"{value} ({low} to {high})")
         rows.append(row)
-    header = (*(found.file.labels[path] for path in paths), *(f"{name}, predicted" for name in targets))
+    header = (*(calibration.file.labels[path] for path in paths), *(f"{name}, predicted" for name in targets))
     return header, rows
 
 
@@ -225,7 +232,7 @@ def write_report(study: Path, to: Path | None = None, force: bool = False) -> Pa
     fields = {
         "title": title.removeprefix("# "),
         "about": f"{study}, calibrated by designed experiments",
-        "made": made(f"first seed {file.study.study.seed}"),
+        "made": origin_line(f"first seed {file.study.study.seed}"),
         "body": body,
         "sections": sections,
     }

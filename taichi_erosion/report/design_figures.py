@@ -142,14 +142,14 @@ def residuals(fit: Fit, run_order: NDArray[np.int64]) -> Figure:
 
 
 @page_style()
-def effect_bars(found: Record, kept: Sequence[str], unit: str) -> Figure:
+def effect_bars(record: Record, kept: Sequence[str], unit: str) -> Figure:
     """Effects by size with their significance limits; dark: factors that the calibration keeps."""
-    effects = found["effects"][::-1]
+    effects = record["effects"][::-1]
     figure, axes = single(6.4, 0.32 * len(effects) + 1.0)
     colours = [LINE if effect["name"] in kept else PALE for effect in effects]
     axes.barh([e["label"] for e in effects], [e["value"] for e in effects], color=colours)
     for key, style, label in (("single", "--", "t limit, 95 %"), ("bonferroni", ":", "Bonferroni limit")):
-        limit = found["limits"][key]
+        limit = record["limits"][key]
         axes.axvline(limit, color=POINT, linestyle=style, linewidth=1.0, label=label)
         axes.axvline(-limit, color=POINT, linestyle=style, linewidth=1.0)
     axes.axvline(0.0, color="black", linewidth=0.6)

@@ -82,13 +82,13 @@ def responsive(
 
 
 @page_style()
-def with_key(found: Picture) -> Figure:
+def with_key(picture: Picture) -> Figure:
     """Figure of a picture that stands alone, with the key that a page has beside it."""
-    assert found.figure is not None
-    handles, labels = found.figure.axes[0].get_legend_handles_labels()
+    assert picture.figure is not None
+    handles, labels = picture.figure.axes[0].get_legend_handles_labels()
     if labels:
-        found.figure.legend(handles, labels, loc="outside upper left", ncols=len(labels), fontsize=8.0)
-    return found.figure
+        picture.figure.legend(handles, labels, loc="outside upper left", ncols=len(labels), fontsize=8.0)
+    return picture.figure
 
 
 @page_style()

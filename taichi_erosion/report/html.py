@@ -35,7 +35,7 @@ def render(template: str, fields: Mapping[str, Any]) -> str:
     return environment.get_template(template).render(**fields)
 
 
-def made(seeds: str, version: str = __version__) -> str:
+def origin_line(seeds: str, version: str = __version__) -> str:
     """When and with what a page was made."""
     return f"Made on {date.today().isoformat()} with taichi_erosion {version}, {seeds}."
 

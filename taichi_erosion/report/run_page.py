@@ -13,8 +13,8 @@ from taichi_erosion.core.files import read_text_file
 from taichi_erosion.evidence.words import run_words
 from taichi_erosion.evidence.words.vocabulary import quantity
 from taichi_erosion.report.figure_style import AFTER, BEFORE, WIDE, Picture, panels, responsive
-from taichi_erosion.report.html import address_of, made, write_page
-from taichi_erosion.tables.number_words import counted, heading
+from taichi_erosion.report.html import address_of, origin_line, write_page
+from taichi_erosion.tables.number_words import count_noun, heading
 
 Document = Mapping[str, Any]
 
@@ -51,8 +51,8 @@ def page_fields(document: Document, source: Path) -> dict[str, Any]:
     seeds = [str(replica["seed"]) for replica in document["replicas"]]
     return {
         "title": document.get("title") or Path(document["scene"]).stem,
-        "about": f"{document['scene']}, {counted(len(seeds), 'repeat')}",
-        "made": made(
+        "about": f"{document['scene']}, {count_noun(len(seeds), 'repeat')}",
+        "made": origin_line(
             f"seed{'s' * (len(seeds) > 1)} {', '.join(seeds)}", document["versions"]["taichi_erosion"]
         ),
         "summary": list(run_words.comparisons(document)),

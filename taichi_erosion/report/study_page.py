@@ -24,7 +24,7 @@ from taichi_erosion.evidence.words.vocabulary import Vocabulary
 from taichi_erosion.recording.study_recording import StudyPage, record_study
 from taichi_erosion.report import answer_figures as figures
 from taichi_erosion.report.figure_style import Figure, Picture, raster, with_key
-from taichi_erosion.report.html import made, write_page
+from taichi_erosion.report.html import origin_line, write_page
 from taichi_erosion.report.markdown import markdown_table
 
 COMMANDS: tuple[Command, ...] = ("compare", "discover", "adopt", "next")
@@ -71,10 +71,10 @@ def write_recording(study: Path) -> Path:
 def page_and_answer(study: Path) -> tuple[dict[str, Any], Reply]:
     """Fields of the page of a study, and one of its answers. Raises BadInput before the first one."""
     replies, others = stored_replies(study)
-    found = replies.values()
-    first = replies.get("adopt") or next(iter(found))  # which knows the written study
-    warnings = [*(line for each in found for line in each.about["set_up"]), page_words.left_out(others)]
-    notes = [line for each in found for key in ("notes", "warnings") for line in each.about[key]]
+    answers = replies.values()
+    first = replies.get("adopt") or next(iter(answers))  # which knows the written study
+    warnings = [*(line for each in answers for line in each.about["set_up"]), page_words.left_out(others)]
+    notes = [line for each in answers for key in ("notes", "warnings") for line in each.about[key]]
     records = {name: reply.record for name, reply in replies.items()}
     if {"discover", "adopt"} <= set(records):
         records["discover"] = after_adoption(records["discover"], records["adopt"])
@@ -82,8 +82,8 @@ def page_and_answer(study: Path) -> tuple[dict[str, Any], Reply]:
     page["warnings"], page["notes"] = (list(filter(None, dict.fromkeys(each))) for each in (warnings, notes))
     stems = dict.fromkeys((Path(first.about.get("written", study)).stem, study.stem))  # the adopted one first
     stored = (read_prediction(folder_of(study), stem) for stem in stems)
-    for found in [each for each in stored if each and each.about["digest"] == first.about["digest"]][:1]:
-        answer = found.answer()
+    for answers in [each for each in stored if each and each.about["digest"] == first.about["digest"]][:1]:
+        answer = answers.answer()
         tables = [answer.table] if answer.table else []
         page["sections"].append(Section(page_words.PREDICTIONS, answer.lines, tables, []))
     return page, first
@@ -95,18 +95,18 @@ def stored_replies(study: Path) -> tuple[dict[Command, Reply], list[Command]]:
     Raises BadInput where none says what is missing.
     """
     folder = folder_of(study)
-    found = {}
+    replies = {}
     age = {}
     for command in COMMANDS:
         if reply := read_reply(folder, study.stem, command):
-            found[command] = reply
+            replies[command] = reply
             age[command] = document_file(folder, study.stem, command).stat().st_mtime_ns
-    digest = found[max(found, key=age.__getitem__)].about["digest"] if found else ""
-    kept = {name: found[name] for name in sorted(found, key=age.__getitem__)}
+    digest = replies[max(replies, key=age.__getitem__)].about["digest"] if replies else ""
+    kept = {name: replies[name] for name in sorted(replies, key=age.__getitem__)}
     kept = {name: reply for name, reply in kept.items() if reply.about["digest"] == digest}
     if not set(kept) & set(page_words.LEADING):
         raise BadInput(f"{study}: has no answer yet; {shell_command('compare', study)} gives the first")
-    return kept, [command for command in found if command not in kept]
+    return kept, [command for command in replies if command not in kept]
 
 
 def folder_of(study: Path) -> Path:
@@ -131,12 +131,12 @@ def answer_page(
     voc = replace(vocabulary, **nearby)
     lead = [name for name in records if name in page_words.LEADING][-1]
     leading = records[lead]
-    found = page_words.answers(records, voc)
-    parts = page_words.page_lines(found, lead)
+    sentences = page_words.answers(records, voc)
+    parts = page_words.page_lines(sentences, lead)
     shown = figures.places(leading)  # the worst first
     first, *others = (figures.row_picture(leading, voc, *place, number) for number, place in enumerate(shown))
     missing = list[Picture]()  # what explains the measurements
-    if "discover" in found:
+    if "discover" in sentences:
         record = records["discover"]
         acts = {name for names in acting(record.decided) for name in names}
         if record.law and record.law.mechanism in acts:
@@ -148,13 +148,13 @@ def answer_page(
     misfits = [figures.ladder_picture(held)] if page_words.added_words(held) else []
     numbers = [figures.number_picture(held)] if held.numbers else []
     drawn = missing, [*misfits, *numbers, *others], []
-    tables = [[found[key].table for key in keys if key in found] for keys in TABLES]
-    tables[1].append(sensitivity_table(records["discover"]) if "discover" in found else None)
+    tables = [[sentences[key].table for key in keys if key in sentences] for keys in TABLES]
+    tables[1].append(sensitivity_table(records["discover"]) if "discover" in sentences else None)
     *titles, method_title = page_words.SECTIONS
     return {
         "title": title,
         "about": voc.study,
-        "made": made(f"seed {leading.cost.seed}"),
+        "made": origin_line(f"seed {leading.cost.seed}"),
         "warnings": [],  # before everything else
         "lead": parts[0],
         "first": first,

@@ -29,13 +29,13 @@ def survey_picture(document: Document) -> bytes:
 
 def draw_thresholds(frame: Axes, document: Document) -> None:
     """Formulas over the diameter of grains of this density, and what was simulated with its interval."""
-    sand, found = document["sand"], document["runs"].get("thresholds", {}).get("measures", {})
+    sand, measures = document["sand"], document["runs"].get("thresholds", {}).get("measures", {})
     for (name, law), line in zip((FLUID | IMPACT).items(), LINES, strict=True):
         values = [law(Sand(float(d), sand["density"])) for d in DIAMETERS]
         frame.plot(1e3 * DIAMETERS, values, line, color=INK, lw=1.0, label=name)
     for name, colour in (("fluid_threshold", BEFORE), ("impact_threshold", AFTER)):
-        value = found.get(name, {}).get("value") or np.nan
-        bounds = found.get(name, {}).get("details", {}).get("interval") or {"low": value, "high": value}
+        value = measures.get(name, {}).get("value") or np.nan
+        bounds = measures.get(name, {}).get("details", {}).get("interval") or {"low": value, "high": value}
         ends = [[value - bounds["low"]], [bounds["high"] - value]]
         label = f"simulated, {name.partition('_')[0]}"
         frame.errorbar([1e3 * sand["diameter"]], [value], ends, fmt="o", color=colour, label=label)

@@ -12,8 +12,8 @@ from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.measures.boundary_layer import AIR_OBSERVABLES
 from taichi_erosion.run.observables import OBSERVABLES
 from taichi_erosion.run.own_measure import measure_files
-from taichi_erosion.scene import Scene, explain, laws, load_scene, resolved, scene_hash
-from taichi_erosion.scene.load import is_air_scene, load_air_scene, told
+from taichi_erosion.scene import Scene, explain, laws, load_scene, resolve, scene_hash
+from taichi_erosion.scene.load import fault_lines, is_air_scene, load_air_scene
 from taichi_erosion.scene.preparation.air import air_time_step, longest_step
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.scene.schema.scene import effect_problems
@@ -38,7 +38,7 @@ def read_scene(path: Path, overrides: tuple[str, ...], effect_files: EffectFiles
     try:
         return with_effects(scene, (*scene_effect_files(scene), *effect_files))
     except BadInput as error:
-        raise BadInput(*told(scene.file, error.faults)) from None
+        raise BadInput(*fault_lines(scene.file, error.faults)) from None
 
 
 def scene_effect_files(scene: Scene) -> EffectFiles:
@@ -72,7 +72,7 @@ def range_problems(scene: Scene, library: Mapping[str, Any]) -> Iterator[str]:
             yield str(error)
 
 
-def explained(scene: Scene) -> dict[str, Any]:
+def setup_report(scene: Scene) -> dict[str, Any]:
     """Time step, limits and warnings of a scene; SI units."""
     found = explain(scene)
     if not scene.effects:
@@ -94,7 +94,7 @@ def named_effects(paths: Sequence[Path]) -> EffectFiles:
 
 def idle_entries(scene: Scene, files: EffectFiles) -> list[str]:
     """Sentences on effects of a scene and of named files that do not act, and on conditions without one."""
-    if not files and not scene.effects and not any(scene.conditions.stated().values()):
+    if not files and not scene.effects and not any(scene.conditions.stated_values().values()):
         return []  # and the device is not imported
     from taichi_erosion.core.effect_loading import effect_in
 
@@ -112,7 +112,7 @@ def idle_reason(scene: Scene, effect: Any) -> str:
 
     if scene.effects[effect.name].get("strength") == 0.0:
         return ""
-    stated, possible = scene.conditions.stated(), can_act(scene, effect)
+    stated, possible = scene.conditions.stated_values(), can_act(scene, effect)
     if possible and acts(scene, effect):
         return ""
     if effect.place == "instrument":
@@ -130,7 +130,7 @@ def unread_conditions(scene: Scene, files: EffectFiles) -> Iterator[str]:
 
     library = load_library(dict.fromkeys((*scene_effect_files(scene), *files)))
     read = {name for effect in scene.effects for name in library[effect].reads}
-    stated = {n: value for n, value in scene.conditions.stated().items() if value and n not in read}
+    stated = {n: value for n, value in scene.conditions.stated_values().items() if value and n not in read}
     for name, value in stated.items():
         readers = [each for each in library.values() if name in each.reads]
         acting = [each for each in readers if would_act(scene, each)]
@@ -211,9 +211,9 @@ def check_scene(
             library = library_of(scene)
             after = effective_scene(scene, library)
             device_effects(after, library, 0.5 * size_range(after.grains)[1])  # none of them fails
-        limits = explained(scene)
+        limits = setup_report(scene)
         limits["warnings"] += idle_entries(scene, named)
-    found = {"scene": str(path), "hash": scene_hash(scene), "resolved": resolved(scene), "limits": limits}
+    found = {"scene": str(path), "hash": scene_hash(scene), "resolved": resolve(scene), "limits": limits}
     return found | {"effects": examined}
 
 

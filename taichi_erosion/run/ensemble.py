@@ -21,7 +21,7 @@ from taichi_erosion.run.ensemble_loop import EnsembleRun, run_ensemble
 from taichi_erosion.run.recorder import Properties, Recorder, finish_recording, open_recorder, record_replica
 from taichi_erosion.run.result import apply_instruments, replica_record, versions
 from taichi_erosion.run.stages import ReplicaState
-from taichi_erosion.scene import Scene, laws, resolved, scene_hash
+from taichi_erosion.scene import Scene, laws, resolve, scene_hash
 from taichi_erosion.simulation import Simulation, effective_scene, prepare, reuse_or_assemble
 
 OnResult = Callable[[int, dict[str, Any]], None]  # (index of the request, record of its replica)
@@ -96,7 +96,7 @@ def recorders_of(requests: list[ReplicaRequest], ensemble: EnsembleRun) -> dict[
         if request.record is None:
             continue
         scene = ensemble.scenes[replica]
-        text = json.dumps(resolved(request.scene), indent=1)  # a run of a campaign has no scene file
+        text = json.dumps(resolve(request.scene), indent=1)  # a run of a campaign has no scene file
         title = f"{scene.scene.title or scene.scene.kind or 'scene'}, seed {request.seed}"
         try:
             recorders[replica] = open_recorder(request.record, title, text, ensemble.sim, scene, replica)

@@ -88,7 +88,7 @@ class MeasureInput:
         return np.array(unit_vector(self.request.axis))
 
     @property
-    def pressed(self) -> list[Floats]:
+    def wall_load(self) -> list[Floats]:
         """Force and torque on the walls of the measure together, by frame."""
         names = sorted(self.scene.geometry)
         rows = [names.index(name) for name in self.request.walls or names]
@@ -107,7 +107,7 @@ class MeasureInput:
         return self.plate.radius if isinstance(self.plate, Disc) else None
 
     @cached_property
-    def beside(self) -> NDArray[np.bool_]:
+    def grains_off_plate(self) -> NDArray[np.bool_]:
         """Grains at the end that have fallen below a round plate."""
         if not isinstance(self.plate, Disc):
             return np.zeros(self.end.radius.size, bool)
@@ -115,7 +115,7 @@ class MeasureInput:
         return (self.end.position - self.plate.centre) @ upwards <= 0.0
 
     @cached_property
-    def held(self) -> NDArray[np.bool_]:
+    def grains_in_tube(self) -> NDArray[np.bool_]:
         """Grains at the end inside a funnel or a lifted tube that ends above the plate."""
         held = np.zeros(self.end.radius.size, bool)
         for name, wall in self.scene.geometry.items() if held.size else ():
@@ -126,22 +126,22 @@ class MeasureInput:
                 lowest = (ends @ pose.rotation.T + pose.translation)[:, 2].min()
                 if pose.present and lowest > self.base_height + heap.grain_diameter(self.end):
                     as_built = (self.end.position - pose.translation) @ pose.rotation
-                    held |= heap.inside(rows, as_built)
+                    held |= heap.is_inside(rows, as_built)
         return held
 
     @cached_property
     def heap(self) -> Snapshot:
         """The heap alone at the end: without grains that fell off a round plate or are held above it."""
-        away = self.beside | self.held
+        away = self.grains_off_plate | self.grains_in_tube
         return heap.chosen_grains(self.end, ~away) if away.any() else self.end
 
     @property
     def fallen_grains(self) -> int:
         """Number of grains that fell off the plate or left the domain."""
-        return int(self.beside.sum()) + self.end.removed
+        return int(self.grains_off_plate.sum()) + self.end.removed
 
     @property
-    def fallen(self) -> str:
+    def fallen_words(self) -> str:
         """How many grains fell off the plate, in words; empty where none did."""
         whole, gone = self.end.radius.size + self.end.removed, self.fallen_grains
         return f"{gone:,} of {whole:,} grains fell off the plate; the others are measured" if gone else ""
@@ -170,20 +170,20 @@ def drum_angle(given: MeasureInput) -> Measurement:
 
 def threshold_of(name: str, kind: str) -> Callable[[MeasureInput], Measurement]:
     """Measure of a threshold that the search has bracketed."""
-    return lambda given: threshold.bracketed(name, given.thresholds.get(kind))
+    return lambda given: threshold.bracket_threshold(name, given.thresholds.get(kind))
 
 
 def of_fields(name: str) -> Callable[[MeasureInput], Measurement]:
     """Measure of the coarse-grained profile, by the name of its function."""
 
-    def measured(given: MeasureInput) -> Measurement:
+    def measure(given: MeasureInput) -> Measurement:
         assert given.profile is not None
         try:
             return getattr(coarse_graining, name)(given.end, given.profile())
         except BadInput as error:
             return no_measurement(name, "1", str(error))
 
-    return measured
+    return measure
 
 
 OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
@@ -197,9 +197,9 @@ OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "radius_90": lambda e: heap.radius_90(e.heap),
     "runout_radius": lambda e: heap.runout_radius(e.heap, e.base_height),
     "column_height": lambda e: heap.column_height(e.heap, e.base_height),
-    "wall_force": lambda e: wall_loads.force_along(e.pressed, e.axis),
-    "wall_torque": lambda e: wall_loads.torque_about(e.pressed, e.axis, np.array(e.request.centre)),
-    "friction_angle": lambda e: wall_loads.friction_angle(e.pressed, e.axis),
+    "wall_force": lambda e: wall_loads.force_along(e.wall_load, e.axis),
+    "wall_torque": lambda e: wall_loads.torque_about(e.wall_load, e.axis, np.array(e.request.centre)),
+    "friction_angle": lambda e: wall_loads.friction_angle(e.wall_load, e.axis),
     "dynamic_angle": drum_angle,
     "sliding_angle": lambda e: drum_and_incline.sliding_angle(e.frames, e.tilts),
     "mass_flow": lambda e: mass_flow.mass_flow(
@@ -221,7 +221,7 @@ OBSERVABLES: dict[str, Callable[[MeasureInput], Measurement]] = {
     "fluid_threshold": threshold_of("fluid_threshold", "fluid_threshold"),
     "threshold_u_star": threshold_of("threshold_u_star", "fluid_threshold"),
     "impact_threshold": threshold_of("impact_threshold", "impact_threshold"),
-    "impact_threshold_linear": lambda e: threshold.extrapolated(
+    "impact_threshold_linear": lambda e: threshold.line_threshold(
         "impact_threshold_linear", e.thresholds.get("impact_threshold_linear")
     ),
     "threshold_ratio": lambda e: threshold.ratio(
@@ -237,18 +237,18 @@ ANGLES = ("repose_angle", "cone_angle", "angle_of_repose")
 OF_HEAP = (*ANGLES, "pile_height", "centroid_height", "radius_90", "runout_radius", "column_height")
 
 
-def heap_shortfalls(given: MeasureInput, found: Measurement) -> Iterable[Shortfall]:
+def heap_shortfalls(heap_state: MeasureInput, measurement: Measurement) -> Iterable[Shortfall]:
     """Whether the heap is large enough for an angle."""
-    state = given.heap
-    measured = given.scene.measured.get(found.name)
+    state = heap_state.heap
+    measured = heap_state.scene.measured.get(measurement.name)
     if heap.defect(state) or (measured is not None and measured.same_size):
         return ()
-    height = found.details.get("height") or heap.pile_height(state, given.base_height).value
+    height = measurement.details.get("height") or heap.pile_height(state, heap_state.base_height).value
     rows = shortfalls.flank_rows(height, heap.grain_diameter(state))
     wanted = nan if measured is None else measured.value
-    poured = given.scene.fill.law == "pour"
-    lacking = shortfalls.heap_shortfalls(rows, state.radius.size, poured, wanted, found.value)
-    return (replace(each, stated=given.request.of_this_size and not each.blocks) for each in lacking)
+    poured = heap_state.scene.fill.law == "pour"
+    lacking = shortfalls.heap_shortfalls(rows, state.radius.size, poured, wanted, measurement.value)
+    return (replace(each, stated=heap_state.request.of_this_size and not each.blocks) for each in lacking)
 
 
 def small_heap(scene: Scene, name: str, angles: Floats) -> str:
@@ -267,13 +267,13 @@ def small_heap(scene: Scene, name: str, angles: Floats) -> str:
     return words if count < CONE_SHARE * least else ""
 
 
-def surface_shortfalls(given: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
+def surface_shortfalls(state: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
     """Whether the surface in a drum is wide enough for a slope."""
-    wall = given.scene.geometry.get(given.request.plate or "")
-    if not isinstance(wall, Cylinder) or heap.defect(given.end):
+    wall = state.scene.geometry.get(state.request.plate or "")
+    if not isinstance(wall, Cylinder) or heap.defect(state.end):
         return ()
     width = 2.0 * drum_and_incline.MIDDLE_SHARE * wall.radius
-    return shortfalls.surface_shortfalls(width / heap.grain_diameter(given.end))
+    return shortfalls.surface_shortfalls(width / heap.grain_diameter(state.end))
 
 
 def hop_shortfalls(given: MeasureInput, _: Measurement) -> Iterable[Shortfall]:
@@ -290,24 +290,24 @@ LACKING: dict[str, Callable[[MeasureInput, Measurement], Iterable[Shortfall]]] =
 OF_TRANSPORT = ("flux", "flux_height", "bed_stress", "grain_stress", *SPLASH)  # measured where it is steady
 
 
-def measure(name: str, given: MeasureInput) -> Measurement:
+def measure(name: str, state: MeasureInput) -> Measurement:
     """The measurement, with what the set-up lacks for it; no heap where a funnel or tube has not emptied."""
-    if (kind := given.request.kind) is not None:
-        of_kind = (heap.chosen_grains(s, s.kind == s.kinds.index(kind)) for s in (given.end, *given.frames))
+    if (kind := state.request.kind) is not None:
+        of_kind = (heap.chosen_grains(s, s.kind == s.kinds.index(kind)) for s in (state.end, *state.frames))
         end, *frames = of_kind
-        given = replace(given, end=end, frames=tuple(frames))
-    if given.request.file is not None:
-        return own_measure(name, given)
-    found = OBSERVABLES[name](given)
-    if name in OF_HEAP and (left := int(given.held.sum())) > LEFT_MOST * given.held.size:
-        told = f"{left:,} of {given.held.size:,} grains are still in the funnel or tube"
-        return no_measurement(name, found.unit, told)
-    lacking = tuple(LACKING[name](given, found) if name in LACKING else ())
-    if given.window and name in OF_TRANSPORT:
-        found = replace(found, details=found.details | given.window.details)
-        lacking += given.window.lacking
-    if given.fallen and name in OF_HEAP:
-        notes = (*found.notes, given.fallen)
-        details = found.details | {"fallen_grains": given.fallen_grains}
-        found = replace(found, notes=notes, details=details)
-    return replace(found, shortfalls=(*found.shortfalls, *lacking))
+        state = replace(state, end=end, frames=tuple(frames))
+    if state.request.file is not None:
+        return own_measure(name, state)
+    measurement = OBSERVABLES[name](state)
+    if name in OF_HEAP and (left := int(state.grains_in_tube.sum())) > LEFT_MOST * state.grains_in_tube.size:
+        told = f"{left:,} of {state.grains_in_tube.size:,} grains are still in the funnel or tube"
+        return no_measurement(name, measurement.unit, told)
+    lacking = tuple(LACKING[name](state, measurement) if name in LACKING else ())
+    if state.window and name in OF_TRANSPORT:
+        measurement = replace(measurement, details=measurement.details | state.window.details)
+        lacking += state.window.lacking
+    if state.fallen_words and name in OF_HEAP:
+        notes = (*measurement.notes, state.fallen_words)
+        details = measurement.details | {"fallen_grains": state.fallen_grains}
+        measurement = replace(measurement, notes=notes, details=details)
+    return replace(measurement, shortfalls=(*measurement.shortfalls, *lacking))

@@ -11,7 +11,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.transfer import download
 from taichi_erosion.run.ensemble_loop import EnsembleRun
 from taichi_erosion.run.stages import begin_stage
-from taichi_erosion.scene import Scene, resolved
+from taichi_erosion.scene import Scene, resolve
 from taichi_erosion.scene.checkpoint_file import Arrays
 from taichi_erosion.scene.paths import leaves
 from taichi_erosion.simulation.saved_state import SURFACE
@@ -29,7 +29,7 @@ def changed_entries(file: Path, scene: Scene, meta: Mapping[str, Any]) -> list[s
 
     Refused is what would change the grains, their clock or what has already happened.
     """
-    tables = meta.get("scene", {"stages": ()}), resolved(scene)
+    tables = meta.get("scene", {"stages": ()}), resolve(scene)
     old, new = (dict(leaves({**table, "stages": dict(enumerate(table["stages"]))})) for table in tables)
     changed = [path for path in {**old, **new} if old.get(path, []) != new.get(path, [])]
     changed = [path for path in changed if path not in ("run.seed", "run.replicas")]
@@ -79,15 +79,15 @@ def adapt_state(ensemble: EnsembleRun, saved: Arrays, meta: Mapping[str, Any], c
 
 def adapt_walls(ensemble: EnsembleRun, state: Arrays, before: Mapping[str, Any]) -> Arrays:
     """Walls as built; those that the checkpoint has too stand and move as there."""
-    sim, after, found = ensemble.sim, resolved(ensemble.scenes[0])["geometry"], {}
+    sim, after, adapted = ensemble.sim, resolve(ensemble.scenes[0])["geometry"], {}
     kept = [name for name in sorted(after) if before.get(name) == after[name]]
     rows = len(sim.setups) * sim.capacities.surfaces
     for name in SURFACE:
-        values = found[f"surface_{name}"] = download([getattr(sim.world.walls, name)], 0, rows)[0]
+        values = adapted[f"surface_{name}"] = download([getattr(sim.world.walls, name)], 0, rows)[0]
         for replica, wall in np.ndindex(len(sim.setups), len(kept)):
             old, new = (len(each) * replica + sorted(each).index(kept[wall]) for each in (before, after))
             values[new] = state[f"surface_{name}"][old]
-    return found
+    return adapted
 
 
 def apply_changes(ensemble: EnsembleRun, changed: list[str]) -> None:

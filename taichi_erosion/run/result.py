@@ -49,7 +49,7 @@ from taichi_erosion.measures.result import Measurement, as_record, json_value, w
 from taichi_erosion.run import RunOptions
 from taichi_erosion.run.checks import comparable
 from taichi_erosion.run.ensemble_loop import EnsembleRun, failure_message
-from taichi_erosion.scene import Scene, resolved, scene_hash
+from taichi_erosion.scene import Scene, resolve, scene_hash
 from taichi_erosion.scene.checkpoint_file import is_checkpoint
 from taichi_erosion.scene.schema.air import AirScene
 from taichi_erosion.simulation.scene_setup import Library, checked_params, circumstances_of, effective_scene
@@ -169,7 +169,7 @@ def run_document(
         "measured": wanted,
         "recording": None,
         **entries,
-        "resolved": resolved(scene),
+        "resolved": resolve(scene),
         "engine": engine_name(),
         "versions": versions(),
     }

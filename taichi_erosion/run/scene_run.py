@@ -20,7 +20,7 @@ from taichi_erosion.measures.threshold import pool_beds
 from taichi_erosion.recording import stream
 from taichi_erosion.run import RunOptions
 from taichi_erosion.run.checkpoint import Checkpointer, restore_run
-from taichi_erosion.run.checks import explained, idle_entries, library_of, named_effects, read_scene
+from taichi_erosion.run.checks import idle_entries, library_of, named_effects, read_scene, setup_report
 from taichi_erosion.run.ensemble_loop import (
     Callback,
     EnsembleRun,
@@ -39,7 +39,7 @@ from taichi_erosion.run.result import (
     write_document_or_warn,
 )
 from taichi_erosion.run.stages import ReplicaState, whole_intervals
-from taichi_erosion.scene import Scene, laws, resolved, scene_hash
+from taichi_erosion.scene import Scene, laws, resolve, scene_hash
 from taichi_erosion.scene.checkpoint_file import load_checkpoint
 from taichi_erosion.simulation import assemble, effective_scene, import_state, prepare
 from taichi_erosion.simulation.capacities import has_grids, has_servos
@@ -111,7 +111,7 @@ def run_scene(path: Path, options: RunOptions) -> dict[str, Any]:
     checkpointer = Checkpointer(
         options.checkpoint or record.with_suffix(".checkpoint.npz"),
         interval,
-        {"scene_hash": hashed, "scene": resolved(ensemble.scenes[0])},
+        {"scene_hash": hashed, "scene": resolve(ensemble.scenes[0])},
         whole_intervals(ensemble.time, interval),
     )
     run_with_outputs(ensemble, recorder, checkpointer, options)
@@ -217,7 +217,7 @@ def scene_document(path: Path, scene: Scene, ensemble: EnsembleRun, seconds: flo
         grain_steps=round(ensemble.grain_steps),
         wall_s=seconds,
         numerics=numerics | mean_threads(sim.team),
-        limits=explained(scene),
+        limits=setup_report(scene),
         convention=SURFACE_ENERGY_CONVENTION,
         effect_digests=scene.effect_digests,
     )

@@ -31,11 +31,11 @@ from taichi_erosion.recording.pictures import film_frame, png_bytes
 from taichi_erosion.recording.wall_mesh import WallMesh
 from taichi_erosion.run.checks import (
     EffectFiles,
-    explained,
     idle_entries,
     library_of,
     named_effects,
     read_scene,
+    setup_report,
 )
 from taichi_erosion.run.ensemble_loop import EnsembleRun, failure_message, run_interval
 from taichi_erosion.run.observables import measure
@@ -229,7 +229,7 @@ def set_entry(session: Session, path: str, value: str) -> str:
 def warnings_now(session: Session) -> list[str]:
     """What a run of the present scene would warn of."""
     scene = session.scene
-    return [*explained(scene)["warnings"], *idle_entries(scene, session.effect_files)]
+    return [*setup_report(scene)["warnings"], *idle_entries(scene, session.effect_files)]
 
 
 def changed_fields(before: Any, after: Any) -> list[str]:
@@ -274,12 +274,12 @@ def measure_now(session: Session) -> dict[str, Measurement]:
     return apply_instruments(found, scene, session.library)
 
 
-def kept(session: Session) -> Kept:
+def keep(session: Session) -> Kept:
     """The session as it is, and its grains."""
-    return copied(session), simulation.export_state(session.sim)
+    return copy_lists(session), simulation.export_state(session.sim)
 
 
-def copied(session: Session) -> Session:
+def copy_lists(session: Session) -> Session:
     """The session with lists of its own."""
     lists = {name: list(value) for name, value in vars(session.state).items() if isinstance(value, list)}
     ensemble = replace(session.ensemble, states=[replace(session.state, **lists)])
@@ -299,7 +299,7 @@ def keep_state(session: Session, is_due: bool = False) -> None:
     while states and (states[-1][0].time > here[0] or (states[-1][0].time, states[-1][0].overrides) == here):
         states.pop()
     if is_due or began >= session.keep_at:
-        states.append(kept(session))
+        states.append(keep(session))
         if memory(states) > KEEP_BYTES:  # those before a change stay
             pairs = enumerate(pairwise(states))
             states[:-1] = [a for k, (a, b) in pairs if k % 2 == 0 or a[0].overrides != b[0].overrides]
@@ -322,7 +322,7 @@ def undo(session: Session) -> None:
 
 
 def save(session: Session, name: str) -> None:
-    session.saved[name] = kept(session)
+    session.saved[name] = keep(session)
 
 
 def restore(session: Session, name: str) -> None:
@@ -339,7 +339,7 @@ def resume(session: Session, state: Kept) -> None:
     else:  # an effect has been built in since
         sim = build(then.scene, session.seed, then.library).sim
     simulation.import_state(sim, grains)
-    session.ensemble = replace(copied(then).ensemble, sim=sim)
+    session.ensemble = replace(copy_lists(then).ensemble, sim=sim)
     session.scene, session.library, session.overrides = then.scene, then.library, then.overrides
     session.time = then.time
     session.samples[:], session.history[:] = then.samples, then.history

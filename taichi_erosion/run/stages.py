@@ -198,8 +198,8 @@ def measure_stage(sim: Simulation, scene: Scene, stage: int, replicas: Mapping[i
             state.measurements[name] = found = measure(name, each := given(name))
             if isnan(found.value):
                 state.warn(f"{name} has no value: {'; '.join(found.notes)}")
-            elif each.fallen in found.notes:
-                state.warn(each.fallen)
+            elif each.fallen_words in found.notes:
+                state.warn(each.fallen_words)
 
 
 def measure_inputs(

@@ -4,7 +4,7 @@ from taichi_erosion.scene.load import load_scene, parse_scene, scene_hash
 from taichi_erosion.scene.paths import scene_schema, write_schema
 from taichi_erosion.scene.preparation.limits import explain
 from taichi_erosion.scene.preparation.setup import build_setup, laws
-from taichi_erosion.scene.schema.fields import resolved
+from taichi_erosion.scene.schema.fields import resolve
 from taichi_erosion.scene.schema.scene import Scene
 
 __all__ = [
@@ -14,7 +14,7 @@ __all__ = [
     "laws",
     "load_scene",
     "parse_scene",
-    "resolved",
+    "resolve",
     "scene_hash",
     "scene_schema",
     "write_schema",

@@ -153,7 +153,7 @@ def parse_scene(
         scene._folder = folder
         return cross_checks(scene, observables)
 
-    return parsed(Scene, table, name, overrides, problems)
+    return validate(Scene, table, name, overrides, problems)
 
 
 def parse_air_scene(
@@ -163,10 +163,10 @@ def parse_air_scene(
     observables: Collection[str] | None = None,
 ) -> AirScene:
     """Validated scene of air alone of a raw table."""
-    return parsed(AirScene, table, name, overrides, lambda scene: air_checks(scene, observables))
+    return validate(AirScene, table, name, overrides, lambda scene: air_checks(scene, observables))
 
 
-def parsed(
+def validate(
     kind: type[S],
     table: Mapping[str, Any],
     name: str,
@@ -191,7 +191,7 @@ def parsed(
         lines = problem_lines(error, raw, diameter)
     except (OverflowError, RecursionError) as error:
         lines = [f"cannot be used: {first_line(error)}"]
-    raise BadInput(*told(name, lines)) from None
+    raise BadInput(*fault_lines(name, lines)) from None
 
 
 def problem_lines(error: ValidationError, table: Any, diameter: float | None = None) -> list[str]:
@@ -207,10 +207,10 @@ def problem_lines(error: ValidationError, table: Any, diameter: float | None = N
 def problem_line(entry: Any, table: Any) -> str:
     """`grains.count = -3 lies outside [1, 5e+06]`."""
     kind, context = entry["type"], entry.get("ctx", {})
-    words, written = as_written(entry["loc"], table)
-    where, tag = dotted(words), context.get("discriminator", "").strip("'")
+    words, written = place_in_file(entry["loc"], table)
+    where, tag = dotted_path(words), context.get("discriminator", "").strip("'")
     if kind == "unknown":
-        return f"{dotted([*words, context['key']])} is unknown; {context['hint']}"
+        return f"{dotted_path([*words, context['key']])} is unknown; {context['hint']}"
     if kind == "contradiction":
         return f"{where}: {context['message']}"
     if kind == "missing":
@@ -218,15 +218,15 @@ def problem_line(entry: Any, table: Any) -> str:
     if kind == "union_tag_not_found":
         return f"{where}.{tag} is missing"
     if kind == "union_tag_invalid":
-        return f"{where}.{tag} = {shown(context['tag'])} is not one of {context['expected_tags']}"
-    value = shown(entry["input"])
+        return f"{where}.{tag} = {short_value(context['tag'])} is not one of {context['expected_tags']}"
+    value = short_value(entry["input"])
     if words and words[-1].endswith(DIAMETERS):
-        value = f"{shown(written)} diameters: {value}"
+        value = f"{short_value(written)} diameters: {value}"
     told = entry["msg"].replace("Input should be", "is not one of" if kind == "literal_error" else "must be")
     return f"{where} = {value} {SENTENCES.get(kind, told[:1].lower() + told[1:])}"
 
 
-def as_written(location: tuple[str | int, ...], table: Any) -> tuple[list[str], Any]:
+def place_in_file(location: tuple[str | int, ...], table: Any) -> tuple[list[str], Any]:
     """Keys of a place as the file has them, and its value there.
 
     Left out are tags of unions (a section's own `law` or `shape`) and marks of keys; what was given in
@@ -248,12 +248,12 @@ def as_written(location: tuple[str | int, ...], table: Any) -> tuple[list[str], 
     return words, table
 
 
-def dotted(words: list[str]) -> str:
+def dotted_path(words: list[str]) -> str:
     """Path of a place in one line."""
     return ".".join(map(one_line, words)) or "the file"
 
 
-def shown(value: Any) -> str:
+def short_value(value: Any) -> str:
     """Value on one line, shortened."""
     if isinstance(value, dict):
         return "a table"
@@ -288,7 +288,7 @@ def with_tuples(value: Any) -> Any:
     return value
 
 
-def told(name: str, lines: Sequence[str]) -> list[str]:
+def fault_lines(name: str, lines: Sequence[str]) -> list[str]:
     """Faults of a file, one line each."""
     return [f"{name}: {line}" for line in lines]
 

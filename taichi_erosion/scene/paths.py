@@ -59,15 +59,15 @@ def meaning_of(path: str) -> str:
     Raises BadInput for a path that no scene has.
     """
     schema = scene_schema()
-    found: Any = schema
+    node: Any = schema
     for key in path.split("."):
-        above, found = found, next(entries_below(schema, found, key), None)
-        if found is None:
+        above, node = node, next(entries_below(schema, node, key), None)
+        if node is None:
             names = [name for option in options(schema, above) for name in option.get("properties", {})]
             raise BadInput(f"no scene has an entry '{path}'{did_you_mean(key, names)}")
-    meanings = [o["description"] for o in options(schema, found.get("items", found)) if "description" in o]
+    meanings = [o["description"] for o in options(schema, node.get("items", node)) if "description" in o]
     nameless = meanings[0].partition("\n")[0] if len(meanings) == 1 else "a part"
-    return "\n".join([f"{path}: {told_entry(found, nameless)}", *lines_below(schema, found)])
+    return "\n".join([f"{path}: {told_entry(node, nameless)}", *lines_below(schema, node)])
 
 
 def told_entry(entry: Mapping[str, Any], nameless: str = "") -> str:
@@ -146,16 +146,16 @@ def number_at(path: str) -> NumberEntry | None:
     A component has unit and range of its vector. What is counted in nominal diameters is a pure number.
     """
     section, *keys = path.split(".")
-    schema, found = section_schema(section), None
+    schema, number = section_schema(section), None
     nodes = [schema]
     for key in keys:
         nodes = [below for node in nodes for below in entries_below(schema, node, key)]
         numbers = (option for node in nodes for option in options(schema, node) if "unit" in option)
-        found = next(numbers, found) if nodes else None
-    if found is None:
+        number = next(numbers, number) if nodes else None
+    if number is None:
         return None
-    unit = "1" if found["unit"] == NOMINAL_DIAMETER else str(found["unit"])
-    return NumberEntry(unit, float(found.get("minimum", -inf)), float(found.get("maximum", inf)))
+    unit = "1" if number["unit"] == NOMINAL_DIAMETER else str(number["unit"])
+    return NumberEntry(unit, float(number.get("minimum", -inf)), float(number.get("maximum", inf)))
 
 
 def unit_of_path(path: str) -> str | None:
@@ -167,14 +167,14 @@ def unit_of_path(path: str) -> str | None:
 def entries_below(schema: dict[str, Any], node: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:
     """Schemas of an entry below a section, a table or a list, of every option of a union."""
     for option in options(schema, node):
-        found: Any = option.get("properties", {}).get(key)
-        if found is None and key.isdigit():
+        branch: Any = option.get("properties", {}).get(key)
+        if branch is None and key.isdigit():
             components = option.get("prefixItems", ())
-            found = components[int(key)] if int(key) < len(components) else option.get("items")
-        elif found is None:
-            found = named_section(option)
-        if isinstance(found, dict):
-            yield found
+            branch = components[int(key)] if int(key) < len(components) else option.get("items")
+        elif branch is None:
+            branch = named_section(option)
+        if isinstance(branch, dict):
+            yield branch
 
 
 def apply_override(table: dict[str, Any], override: str) -> None:
@@ -187,7 +187,7 @@ def apply_override(table: dict[str, Any], override: str) -> None:
         *above, last = path.strip().split(".")
         if not equals or not all((*above, last)):
             raise ValueError("write it as PATH=VALUE, for example grains.count=3000")
-        value = parsed(text.strip())
+        value = parse_value(text.strip())
         holder: Any = table
         for depth, key in enumerate(above):
             if isinstance(holder, dict):
@@ -203,7 +203,7 @@ def apply_override(table: dict[str, Any], override: str) -> None:
         raise BadInput(one_line_name(f"--set {override[:80]}: {error}")) from None
 
 
-def parsed(text: str) -> Any:
+def parse_value(text: str) -> Any:
     """Value of a TOML expression, or the word itself. Raises ValueError."""
     try:
         table = tomllib.loads(f"value = {text}")

@@ -7,7 +7,7 @@ import numpy as np
 
 from taichi_erosion.core.setup import Integers
 from taichi_erosion.core.snapshot import Failure, Status
-from taichi_erosion.core.transfer import download, read, upload, write
+from taichi_erosion.core.transfer import download, download_field, upload, write
 from taichi_erosion.simulation.assemble import Simulation, reallocate
 from taichi_erosion.simulation.capacities import with_doubled_lists
 from taichi_erosion.simulation.grain_decomposition.step import run_steps
@@ -133,10 +133,10 @@ def failure(sim: Simulation, replica: int) -> Failure | None:
     if status == Status.RUNNING:
         return None
     replicas = sim.world.replicas
-    value = read(replicas.fault_value)[replica]
+    value = download_field(replicas.fault_value)[replica]
     p = int(np.argmax(value != 0.0))  # also where it is not a number
-    grain = int(read(replicas.fault_grain)[replica, p])
-    partner = int(read(replicas.fault_partner)[replica, p])
+    grain = int(download_field(replicas.fault_grain)[replica, p])
+    partner = int(download_field(replicas.fault_partner)[replica, p])
     side = int(download([replicas.side], replica, 1)[0][0])
     first, rows = (2 * replica + side) * sim.capacities.grains, sim.capacities.grains
     ident = download([sim.world.grains.ident], first, rows)[0]  # by rank

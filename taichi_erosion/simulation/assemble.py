@@ -11,7 +11,7 @@ from taichi_erosion.core.effect_device import bind
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.ti import impl
-from taichi_erosion.core.transfer import read
+from taichi_erosion.core.transfer import download_field
 from taichi_erosion.coupling.coupling_state import CouplingState, allocate_coupling
 from taichi_erosion.grains import World
 from taichi_erosion.grains.cells import PERIOD_CELLS_LEAST, allocate_cells
@@ -145,7 +145,7 @@ def is_driven(setups: list[Setup]) -> bool:
 
 def check_periods(world: World, setups: list[Setup]) -> None:
     """Raise BadInput where a periodic box is too narrow for its grains."""
-    number = read(world.cells.number)
+    number = download_field(world.cells.number)
     for r, setup in enumerate(setups):
         for axis in range(3):
             if setup.period[axis] > 0.0 and number[r, axis] < PERIOD_CELLS_LEAST:
@@ -166,7 +166,7 @@ def check_mixture(setups: list[Setup]) -> None:
         raise BadInput("air and grain effects act on single spheres; leave grains.clump out")
 
 
-def checked(setups: Sequence[Setup]) -> list[Setup]:
+def check_setups(setups: Sequence[Setup]) -> list[Setup]:
     """Setups of an ensemble as a list. Raises BadInput for what cannot run."""
     listed = list(setups)
     check_mixture(listed)
@@ -178,7 +178,7 @@ def assemble(setups: Sequence[Setup], laws: Laws, numerics: Numerics) -> Simulat
 
     All setups share the laws and the kind of grain (spheres or clumps). Raises BadInput for what cannot run.
     """
-    listed = checked(setups)
+    listed = check_setups(setups)
     capacities = initial_capacities(listed, numerics.by_grain)
     if numerics.by_grain:
         refuse_grids(has_grids(listed))

@@ -12,7 +12,13 @@ from taichi_erosion.core.effect_device import write_constants
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.transfer import device_fields, write
 from taichi_erosion.coupling.coupling_state import upload_exchange_settings
-from taichi_erosion.simulation.assemble import Simulation, assemble, checked, release_start, upload_setups
+from taichi_erosion.simulation.assemble import (
+    Simulation,
+    assemble,
+    check_setups,
+    release_start,
+    upload_setups,
+)
 from taichi_erosion.simulation.capacities import Capacities, initial_capacities, padded_with_copies
 
 EXCLUSIVE = ("first_contact", "grain")  # places of effects that all replicas of an ensemble must share
@@ -25,7 +31,7 @@ def reuse_or_assemble(
 
     `before` must not be used any more. Raises BadInput for what cannot run.
     """
-    listed = checked(setups)
+    listed = check_setups(setups)
     if before is None or not is_reusable(before, listed, laws, numerics):
         return assemble(listed, laws, numerics)
     for record in (before.world, before.coupling, *([before.buffers] if before.buffers else [])):

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_erosion.core.effect_device import state_fields
-from taichi_erosion.core.transfer import download, read, upload, write
+from taichi_erosion.core.transfer import download, download_field, upload, write
 from taichi_erosion.grains.clumps import NOWHERE
 from taichi_erosion.grains.frozen_drag import FROZEN_FIELDS
 from taichi_erosion.grains.neighbour_list import ENGAGED
@@ -43,7 +43,7 @@ GRID_EXCHANGE = ("last_exchange",)
 BODY = ("position", "velocity", "momentum", "orientation")
 
 
-def saved(prefix: str, owner: Any, names: tuple[str, ...], first: int, count: int) -> Arrays:
+def download_members(prefix: str, owner: Any, names: tuple[str, ...], first: int, count: int) -> Arrays:
     """Members of a record by name: `count` places from `first` on."""
     arrays = download([getattr(owner, name) for name in names], first, count)
     return {prefix + name: values for name, values in zip(names, arrays, strict=True)}
@@ -57,33 +57,33 @@ def columns(prefix: str, owner: Any, names: tuple[str, ...], state: Arrays) -> l
 def export_state(sim: Simulation) -> Arrays:
     """Everything that the next step depends on and that a Setup does not state."""
     world, count = sim.world, len(sim.setups)
-    state = saved("", world.replicas, REPLICA, 0, count)
+    state = download_members("", world.replicas, REPLICA, 0, count)
     side, stale = download([world.replicas.side, world.replicas.stale], 0, count)
-    state["stale"] = np.maximum(stale, read(world.replicas.need)[:count].max(axis=1) > 0)
-    state |= {name: read(getattr(world.replicas, name)) for name in FAULT}
-    state |= saved("surface_", world.walls, SURFACE, 0, count * sim.capacities.surfaces)
+    state["stale"] = np.maximum(stale, download_field(world.replicas.need)[:count].max(axis=1) > 0)
+    state |= {name: download_field(getattr(world.replicas, name)) for name in FAULT}
+    state |= download_members("surface_", world.walls, SURFACE, 0, count * sim.capacities.surfaces)
     for r in range(count):
         block = 2 * r + int(side[r])
         part = export_replica(sim, r, block, int(state["released"][r]))
         state |= {f"replica{r}_{name}": values for name, values in part.items()}
-    return state | {name: read(field) for name, field in air_state(sim).items()}
+    return state | {name: download_field(field) for name, field in air_state(sim).items()}
 
 
 def export_replica(sim: Simulation, r: int, block: int, count: int) -> Arrays:
     """Released grains, lists and bodies of one replica; `block` counts sides over all replicas."""
     world, first, bodies = sim.world, block * sim.capacities.grains, sim.capacities.bodies
-    out = saved("", world.grains, GRAIN, first, count)
-    out |= saved("", world.grains, RATE, r * sim.capacities.grains, count)
-    out["bounds"] = read(world.replicas.bounds)[r]
+    out = download_members("", world.grains, GRAIN, first, count)
+    out |= download_members("", world.grains, RATE, r * sim.capacities.grains, count)
+    out["bounds"] = download_field(world.replicas.bounds)[r]
     if world.driven:
-        out |= saved("held_", world.frozen_drag, FROZEN_FIELDS, first, count)
+        out |= download_members("held_", world.frozen_drag, FROZEN_FIELDS, first, count)
     if world.sleeps:
-        out |= saved("sleep_", world.sleep, SAVED_FIELDS, first, count)
+        out |= download_members("sleep_", world.sleep, SAVED_FIELDS, first, count)
     for name, (numbers, _) in effect_memory(sim).items():
         out[f"memory_{name}"] = download([numbers], first, count)[0]
     for prefix, table, names in (("pair_", world.pairs, PAIR), ("wall_", world.wall_pairs, WALL_PAIR)):
         start, stop = (a.astype(np.int64) for a in download([table.start, table.stop], first, count))
-        entries = saved(prefix, table, names, block * table.capacity, table.capacity)
+        entries = download_members(prefix, table, names, block * table.capacity, table.capacity)
         stride = getattr(table, "stride", 1)
         number = (stop - start) // stride
         kept = entry_places(start, number, stride) - block * table.capacity
@@ -91,7 +91,7 @@ def export_replica(sim: Simulation, r: int, block: int, count: int) -> Arrays:
         out |= {name: values[kept] for name, values in entries.items()}
     out["wall_wall"] = out["wall_wall"] - r * sim.capacities.primitives
     if world.clumped:
-        out |= saved("body_", world.clumps, BODY, r * bodies, bodies)
+        out |= download_members("body_", world.clumps, BODY, r * bodies, bodies)
     return out
 
 
@@ -106,7 +106,7 @@ def import_bed(sim: Simulation, replica: int, bed: Arrays) -> None:
     """Put the grains of one replica back where `export_bed` saw them; its clock runs on."""
     replicas = sim.world.replicas
     upload([(replicas.side, [0.0]), (replicas.stale, [1.0])], replica)
-    need = read(replicas.need)
+    need = download_field(replicas.need)
     need[replica] = 0
     write(replicas.need, need)
     import_replica(sim, replica, bed)
@@ -119,8 +119,10 @@ def start_from_beds(sim: Simulation) -> None:
         if (bed := setup.bed) is None:
             continue
         count, first = len(bed["ident"]), 2 * r * sim.capacities.grains
-        part = saved("held_", world.frozen_drag, FROZEN_FIELDS, first, count) if world.driven else {}
-        part |= saved("sleep_", world.sleep, SAVED_FIELDS, first, count) if world.sleeps else {}
+        part = (
+            download_members("held_", world.frozen_drag, FROZEN_FIELDS, first, count) if world.driven else {}
+        )
+        part |= download_members("sleep_", world.sleep, SAVED_FIELDS, first, count) if world.sleeps else {}
         ident = np.argsort(np.argsort(bed["ident"]))  # without grains that had left
         acts = bed["pair_label"].astype(int) & ENGAGED > 0  # the others are found anew
         owner = np.repeat(np.arange(count), bed["pair_number"])[acts]
@@ -166,7 +168,7 @@ def import_state(sim: Simulation, state: Arrays) -> None:
         prefix = f"replica{r}_"
         import_replica(sim, r, {k.removeprefix(prefix): v for k, v in state.items() if k.startswith(prefix)})
     for name, field in air_state(sim).items():
-        whole = read(field)  # of another number of replicas where the grains were divided otherwise
+        whole = download_field(field)  # of another number of replicas where the grains were divided otherwise
         rows = min(len(whole), len(state[name]))
         whole[:rows] = state[name][:rows]
         write(field, whole)
@@ -174,7 +176,7 @@ def import_state(sim: Simulation, state: Arrays) -> None:
 
 def ensure_capacity(sim: Simulation, state: Arrays) -> None:
     """Grow the lists until those of a state fit."""
-    pairs, wall_pairs = (capacity_wanted(state, prefix) for prefix in ("pair", "wall"))
+    pairs, wall_pairs = (needed_capacity(state, prefix) for prefix in ("pair", "wall"))
     if sim.buffers is not None:  # as many places for every grain as the fullest list and reverse list take
         pairs = sim.world.pairs.stride * most_partners(state, len(sim.setups))
     capacities = sim.capacities
@@ -191,7 +193,7 @@ def most_partners(state: Arrays, replicas: int) -> int:
     return int(max(number.max(initial=0) for number in (*lists, *map(np.bincount, second))))
 
 
-def capacity_wanted(state: Arrays, prefix: str) -> int:
+def needed_capacity(state: Arrays, prefix: str) -> int:
     """Entries a replica and side with which the fullest partition of all replicas fits its share."""
     wanted = 0
     for r, partitions in enumerate(state["partitions"].astype(int)):
@@ -227,7 +229,7 @@ def import_replica(sim: Simulation, r: int, part: Arrays) -> None:
 def import_lists(sim: Simulation, r: int, part: Arrays) -> None:
     """Partitions and lists of one replica, on side 0."""
     world, rows = sim.world, sim.capacities.grains
-    bounds = read(world.replicas.bounds)
+    bounds = download_field(world.replicas.bounds)
     bounds[r, : len(part["bounds"])] = part["bounds"]
     write(world.replicas.bounds, bounds)
     part = part | {"wall_wall": part["wall_wall"] + r * sim.capacities.primitives}
@@ -269,20 +271,20 @@ def upload_by_grain(
     start = np.arange(len(number))
     places, most = entry_places(start, number, stride), stride * int(number.max(initial=0))
     for field, values in columns:
-        upload([(field, scattered(places, values, most))], 2 * block)
+        upload([(field, scatter(places, values, most))], 2 * block)
     ends = [(table.start, 2 * block + start), (table.stop, 2 * block + start + stride * number)]
     upload(ends, 2 * r * stride)
     second = columns[0][1].astype(np.int64)
     partners = np.bincount(second, minlength=len(number))
     reverse = entry_places(start, partners, stride), places[np.lexsort((places, second))]
-    upload([(buffers.partner_entry, scattered(*reverse, table.capacity))], block)
+    upload([(buffers.partner_entry, scatter(*reverse, table.capacity))], block)
     upload([(buffers.partners, partners)], r * stride)
     upload([(buffers.listed, [most])], r)
     for rows_out in (buffers.force, buffers.torque, buffers.back, buffers.acts):
         write(rows_out, 0)
 
 
-def scattered(places: NDArray[np.int64], values: Any, count: int) -> NDArray[Any]:
+def scatter(places: NDArray[np.int64], values: Any, count: int) -> NDArray[Any]:
     """`count` rows with the values at their places, zero elsewhere."""
     rows = np.zeros((count, *np.shape(values)[1:]))
     rows[places] = values
@@ -294,7 +296,7 @@ def upload_entries(
 ) -> None:
     """Lay the joined entries of a replica out by partition and write where each grain's begin and end."""
     partitions = int(download([sim.world.replicas.partitions], r, 1)[0][0])
-    bounds = read(sim.world.replicas.bounds)[r]
+    bounds = download_field(sim.world.replicas.bounds)[r]
     count = len(number)
     begin = np.zeros(count, np.int64)
     joined = np.cumsum(number) - number
@@ -310,15 +312,15 @@ def upload_entries(
             reach.append((first, last, entries))
     upload([(table.start, begin), (table.stop, begin + number)], 2 * r * sim.capacities.grains)
     if table is sim.world.pairs:
-        upload_touched(sim, r, reach, columns[0][1])
+        upload_reach(sim, r, reach, columns[0][1])
 
 
-def upload_touched(
+def upload_reach(
     sim: Simulation, r: int, reach: list[tuple[int, int, slice]], neighbour: NDArray[Any]
 ) -> None:
     """Ranks that the forces of every partition reach, as the list search notes them."""
     replicas = sim.world.replicas
-    table = {name: read(getattr(replicas, name)) for name in REACH_FIELDS}
+    table = {name: download_field(getattr(replicas, name)) for name in REACH_FIELDS}
     count = max((last for _, last, _ in reach), default=0)
     for p, (first, last, entries) in enumerate(reach):
         partners = neighbour[entries]

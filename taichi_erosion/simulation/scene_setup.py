@@ -9,7 +9,7 @@ from taichi_erosion.core.effect import Conditions, Effect, ReplicaEffect, read_p
 from taichi_erosion.core.effect_loading import ON_DEVICE, failures_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Setup
-from taichi_erosion.scene import Scene, build_setup, parse_scene, resolved
+from taichi_erosion.scene import Scene, build_setup, parse_scene, resolve
 from taichi_erosion.scene.preparation.air import surface_height
 from taichi_erosion.scene.preparation.sizes import nominal_diameter
 
@@ -25,7 +25,7 @@ def circumstances_of(after: Scene) -> dict[str, float]:
     if after.wind is not None:
         known["bed_height"] = surface_height(after, after.wind)
         known["density_ratio"] = after.grain_density / after.wind.density
-    return after.conditions.stated() | known
+    return after.conditions.stated_values() | known
 
 
 def effective_scene(scene: Scene, library: Library) -> Scene:
@@ -33,7 +33,7 @@ def effective_scene(scene: Scene, library: Library) -> Scene:
 
     What comes out is validated like a file. Raises BadInput where it cannot be simulated.
     """
-    conditions, changed = scene.conditions.stated(), scene
+    conditions, changed = scene.conditions.stated_values(), scene
     for name in sorted(scene.effects):
         effect = library[name]
         params, strength = checked_params(scene, effect)
@@ -41,7 +41,7 @@ def effective_scene(scene: Scene, library: Library) -> Scene:
             changed = changed_by(effect, params, strength, conditions, changed)
     if changed is scene:
         return scene
-    return parse_scene(resolved(changed), f"{scene.file} with its effects", scene.folder)
+    return parse_scene(resolve(changed), f"{scene.file} with its effects", scene.folder)
 
 
 def changed_by(
@@ -72,33 +72,37 @@ def device_effects(after: Scene, library: Library, radius: float) -> list[Replic
 
     The scene is that after the effects that change it.
     """
-    found, circumstances = [], circumstances_of(after)
+    effects, circumstances = [], circumstances_of(after)
     for name in sorted(after.effects):
         effect = library[name]
         params, strength = checked_params(after, effect)
         if effect.place in ON_DEVICE and strength > 0.0:
             with failures_of(effect, "constants"):
-                found.append(replica_effect(effect, params, strength, circumstances, radius))
-    return found
+                effects.append(replica_effect(effect, params, strength, circumstances, radius))
+    return effects
 
 
 def can_act(scene: Scene, effect: Effect) -> bool:
     """Whether an effect can act under the conditions that a scene states."""
     with failures_of(effect, "can_act"):
-        return bool(np.all(effect.can_act({n: np.array([v]) for n, v in scene.conditions.stated().items()})))
+        return bool(
+            np.all(effect.can_act({n: np.array([v]) for n, v in scene.conditions.stated_values().items()}))
+        )
 
 
 def acts(scene: Scene, effect: Effect) -> bool:
     """Whether an effect of a scene changes it, a reading of its measures, or a number on the device."""
     params, strength = checked_params(scene, effect)
-    known = circumstances_of(scene)
+    circumstances = circumstances_of(scene)
     if effect.place == "scene":
-        return changed_by(effect, params, strength, scene.conditions.stated(), scene) != scene
+        return changed_by(effect, params, strength, scene.conditions.stated_values(), scene) != scene
     if effect.place == "instrument":
-        return any(effect.act(params, strength, known, name, 1.0) != 1.0 for name in scene.measure)
+        return any(effect.act(params, strength, circumstances, name, 1.0) != 1.0 for name in scene.measure)
     assert effect.constants is not None
     blows = scene.wind is not None or not effect.through_air
-    return blows and effect.constants(params, strength, known) != effect.constants(params, 0.0, known)
+    return blows and effect.constants(params, strength, circumstances) != effect.constants(
+        params, 0.0, circumstances
+    )
 
 
 def checked_params(scene: Scene, effect: Effect) -> tuple[object, float]:

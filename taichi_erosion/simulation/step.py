@@ -5,7 +5,7 @@ import sys
 from taichi_erosion.core.snapshot import Status
 from taichi_erosion.core.ti import ti
 from taichi_erosion.coupling.exchange import exchange_momentum
-from taichi_erosion.grains.cells import GONE, fit_cells, position_of, sort_grains, wrapped
+from taichi_erosion.grains.cells import GONE, fit_cells, position_of, sort_grains, wrap
 from taichi_erosion.grains.clumps import NOWHERE, advance_clumps, locate_spheres
 from taichi_erosion.grains.integrate import advance_grains, finish_partition, gather_forces
 from taichi_erosion.grains.neighbour_list import count_wide_grains
@@ -32,7 +32,7 @@ def position_fault(world: ti.template(), r, rank):
     if ti.static(world.clumped):  # all spheres of a clump leave together
         sphere = r * grains.capacity + grains.ident[i]
         body = r * world.clumps.capacity + world.source.body[sphere]
-        position = wrapped(world.clumps.position[body], replicas.period[r], replicas.low[r])
+        position = wrap(world.clumps.position[body], replicas.period[r], replicas.low[r])
     fault, value = 0, ti.cast(0.0, float)
     for k in ti.static(range(3)):
         # not x - x == 0, which Mesa's driver for Vulkan takes to be true for every number
@@ -140,7 +140,7 @@ def add_forces(world_out: ti.template(), r, p):
 
 
 @ti.func
-def each_owned(task: ti.template(), world_out: ti.template(), r, member, size):
+def apply_to_owned(task: ti.template(), world_out: ti.template(), r, member, size):
     """One device function applied to every partition that a member of the team owns."""
     for p in range(world_out.replicas.partitions[r]):
         if owns_partition(world_out.replicas, r, p, member, size):
@@ -156,9 +156,9 @@ def rebuild(world_out: ti.template(), r, member, size, phase):
         prepare_rebuild(world_out, r)
     phase = barrier(world_out.replicas, r, size, phase)
     if world_out.replicas.status[r] == 0:
-        each_owned(move_grains, world_out, r, member, size)
+        apply_to_owned(move_grains, world_out, r, member, size)
         phase = barrier(world_out.replicas, r, size, phase)
-        each_owned(list_neighbours, world_out, r, member, size)
+        apply_to_owned(list_neighbours, world_out, r, member, size)
         phase = barrier(world_out.replicas, r, size, phase)
         if member == 0:
             finish_rebuild(world_out, r)
@@ -213,7 +213,7 @@ def step_replica(world_out: ti.template(), coupling_out: ti.template(), r, membe
     if ti.static((world_out.driven or world_out.has_state) and not coupling_out.host_driven):
         if step % coupling_out.exchange.look_steps[r] == 0:
             phase = exchange_momentum(world_out, coupling_out, r, member, size, phase)
-    each_owned(add_forces, world_out, r, member, size)
+    apply_to_owned(add_forces, world_out, r, member, size)
     phase = step_barrier(replicas_out, r, size, phase)
     integrate(world_out, r, member, size, step, is_last)
     if member == 0:

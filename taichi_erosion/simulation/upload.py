@@ -16,7 +16,7 @@ from taichi_erosion.simulation.capacities import cell_count, verlet_skin
 NOWHERE = np.inf  # m, position of the padding primitives of a replica with fewer walls than another
 
 
-def padded(columns: list[Any], rows: int, filling: float = 0.0) -> Any:
+def pad(columns: list[Any], rows: int, filling: float = 0.0) -> Any:
     """Arrays of all replicas, joined, each padded to `rows`; a replica may have none."""
     inner = np.asarray(max(columns, key=len)).shape[1:]
     stacked = np.full((len(columns), rows, *inner), filling)
@@ -56,11 +56,11 @@ def upload_source(world: World, setups: list[Setup]) -> None:
     grains = [s.grains for s in setups]
     bodies = [np.arange(len(s.grains.radius)) if s.clumps is None else s.clumps.body for s in setups]
     names = ("position", "velocity", "spin", "radius", "material")
-    columns = [(getattr(source, name), padded([getattr(g, name) for g in grains], rows)) for name in names]
-    columns.append((source.mass_inverse, padded([1.0 / g.mass for g in grains], rows)))
+    columns = [(getattr(source, name), pad([getattr(g, name) for g in grains], rows)) for name in names]
+    columns.append((source.mass_inverse, pad([1.0 / g.mass for g in grains], rows)))
     steps = [np.ceil(s.grains.release_time / s.time_step - 1e-9).clip(0) for s in setups]
-    columns.append((source.release_step, padded(steps, rows)))
-    columns.append((source.body, padded(bodies, rows)))
+    columns.append((source.release_step, pad(steps, rows)))
+    columns.append((source.body, pad(bodies, rows)))
     upload(columns)
 
 
@@ -108,28 +108,28 @@ def upload_walls(walls: Walls, setups: list[Setup]) -> None:
     tables = [s.primitives for s in setups]
     if not any(len(table.kind) for table in tables):
         return
-    shapes = padded([t.shape for t in tables], walls.primitives)
-    kinds = padded([t.kind for t in tables], walls.primitives)
+    shapes = pad([t.shape for t in tables], walls.primitives)
+    kinds = pad([t.kind for t in tables], walls.primitives)
     balls = [[bounding_ball(k, row) for k, row in zip(t.kind, t.shape, strict=True)] for t in tables]
     upload(
         [
             (walls.kind, kinds),
-            (walls.surface, padded([t.surface for t in tables], walls.primitives)),
+            (walls.surface, pad([t.surface for t in tables], walls.primitives)),
             (walls.corner, shapes[..., 0:3]),
             (walls.second, shapes[..., 3:6]),
             (walls.third, np.where((kinds == PrimitiveKind.TRIANGLE)[..., None], shapes[..., 6:9], 0.0)),
             (walls.profile, shapes[..., 6:10]),
-            (walls.ball_centre, padded([[b[0] for b in ball] for ball in balls], walls.primitives, NOWHERE)),
-            (walls.ball_radius, padded([[b[1] for b in ball] for ball in balls], walls.primitives)),
+            (walls.ball_centre, pad([[b[0] for b in ball] for ball in balls], walls.primitives, NOWHERE)),
+            (walls.ball_radius, pad([[b[1] for b in ball] for ball in balls], walls.primitives)),
         ]
     )
     if walls.rows:
         rows = [[row for table in s.tables for row in table] for s in setups]
-        upload([(walls.table, padded([np.reshape(each, (-1, 7)) for each in rows], walls.rows))])
-    present = padded([np.ones(len(s.surfaces)) for s in setups], walls.surfaces)
+        upload([(walls.table, pad([np.reshape(each, (-1, 7)) for each in rows], walls.rows))])
+    present = pad([np.ones(len(s.surfaces)) for s in setups], walls.surfaces)
     upload(
         [
-            (walls.material, padded([[f.material for f in s.surfaces] for s in setups], walls.surfaces)),
+            (walls.material, pad([[f.material for f in s.surfaces] for s in setups], walls.surfaces)),
             (walls.present, present),
             (walls.turn, np.broadcast_to(np.eye(3), (*present.shape, 3, 3))),
         ]
@@ -157,17 +157,17 @@ def upload_clumps(world: World, setups: list[Setup]) -> None:
     motions = [body_motion(s.grains, t, f) for s, t, f in zip(setups, tables, firsts, strict=True)]
     upload(
         [
-            (clumps.first, padded(firsts, bodies)),
-            (clumps.number, padded([np.bincount(t.body) for t in tables], bodies)),
-            (clumps.position, padded([t.position for t in tables], bodies)),
-            (clumps.orientation, padded([t.orientation for t in tables], bodies)),
-            (clumps.mass_inverse, padded([1.0 / t.mass for t in tables], bodies)),
-            (clumps.inertia_inverse, padded([1.0 / t.inertia for t in tables], bodies)),
-            (clumps.velocity, padded([velocity for velocity, _ in motions], bodies)),
-            (clumps.momentum, padded([momentum for _, momentum in motions], bodies)),
+            (clumps.first, pad(firsts, bodies)),
+            (clumps.number, pad([np.bincount(t.body) for t in tables], bodies)),
+            (clumps.position, pad([t.position for t in tables], bodies)),
+            (clumps.orientation, pad([t.orientation for t in tables], bodies)),
+            (clumps.mass_inverse, pad([1.0 / t.mass for t in tables], bodies)),
+            (clumps.inertia_inverse, pad([1.0 / t.inertia for t in tables], bodies)),
+            (clumps.velocity, pad([velocity for velocity, _ in motions], bodies)),
+            (clumps.momentum, pad([momentum for _, momentum in motions], bodies)),
         ]
     )
-    upload([(clumps.offset, padded([t.offset for t in tables], rows))])
+    upload([(clumps.offset, pad([t.offset for t in tables], rows))])
 
 
 def body_motion(grains: GrainTable, table: ClumpTable, firsts: Integers) -> tuple[Floats, Floats]:

@@ -11,7 +11,7 @@ from taichi_erosion.air.step import advance_active
 from taichi_erosion.core.air_setup import AirSetup, bed_gradient, initial_wind
 from taichi_erosion.core.setup import Floats, Integers
 from taichi_erosion.core.snapshot import AirProfile
-from taichi_erosion.core.transfer import download, read, upload, write
+from taichi_erosion.core.transfer import download, download_field, upload, write
 from taichi_erosion.coupling.exchange import spin_up
 from taichi_erosion.coupling.grid_exchange import clear_residuals, exchange_with_grids, match_air_to_grains
 from taichi_erosion.simulation.assemble import Simulation
@@ -58,7 +58,7 @@ def change_grid_wind(sim: Simulation, replica: int, before: float, after: float,
     if before > 0.0 or after == 0.0:
         factor = after / before if before > 0.0 else 0.0
         for field, power in (*((part, 1) for part in air.velocities), (air.pressure, 2), (air.gradient, 2)):
-            whole = read(field)
+            whole = download_field(field)
             whole[replica] *= factor**power
             write(field, whole)
     else:
@@ -123,7 +123,7 @@ def air_profile(sim: Simulation, replica: int) -> AirProfile:
     air, setup = air_of(sim, replica)
 
     def inner(field: Any) -> Floats:
-        return read(field)[replica, 1:-1, 1:-1, 1:-1].mean(axis=(0, 1))
+        return download_field(field)[replica, 1:-1, 1:-1, 1:-1].mean(axis=(0, 1))
 
     velocity = np.stack([inner(air.velocity_x), inner(air.velocity_y)], axis=1)
     if air.is_column:
@@ -136,5 +136,5 @@ def air_profile(sim: Simulation, replica: int) -> AirProfile:
         void_fraction=inner(air.void_fraction),
         eddy_viscosity=inner(air.eddy_face),
         drag=drag,
-        lift=read(sim.coupling.exchange.pressure_lift)[replica],
+        lift=download_field(sim.coupling.exchange.pressure_lift)[replica],
     )

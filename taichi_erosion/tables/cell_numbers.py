@@ -145,10 +145,10 @@ def decimal(number: str, comma: bool) -> float:
 
 def stated_number(text: str, unit: str, name: str, example: str) -> float:
     """A number with its unit as the user states it, `0.03 mm`, in another unit; raises BadInput."""
-    found, scale = CellNumber(), None
+    cell, scale = CellNumber(), None
     with suppress(CellFault, UnknownUnit):
-        found = read_cell(text.replace(",", "."), comma=False, single=True)
-        scale = scale_between(found.unit, parse_unit(unit))
-    if scale is None or isnan(found.value):
+        cell = read_cell(text.replace(",", "."), comma=False, single=True)
+        scale = scale_between(cell.unit, parse_unit(unit))
+    if scale is None or isnan(cell.value):
         raise BadInput(f"{name} '{text}': write a number and its unit, such as '{example}'")
-    return scale.used(found.value)
+    return scale.to_use(cell.value)

@@ -331,15 +331,15 @@ def is_halved(heading: str) -> bool:
 
 def scatter_role(plain: str) -> Role | None:
     """Kind of scatter, or repeats, of which a word stands at the beginning or the end of a heading."""
-    found: list[tuple[int, Role]] = []
+    roles: list[tuple[int, Role]] = []
     numbered = [phrase for phrase in vocabulary()["roles"]["remark"] if found_length(phrase, plain)]
     for role in SCATTER:
         for word in vocabulary()["roles"][role]:
             if word not in plain or any(word in phrase for phrase in numbered):  # `Wdh. Nr.` counts nothing
                 continue
             if re.fullmatch(rf"{re.escape(word)}(?!\w).*|.*(?<!\w){re.escape(word)}", plain):
-                found.append((len(word), role))
-    return max(found)[1] if found else None
+                roles.append((len(word), role))
+    return max(roles)[1] if roles else None
 
 
 def meaning_of_symbol(heading: Heading) -> tuple[Role, str]:
@@ -369,7 +369,7 @@ def wind_height(heading: Heading, name: str) -> float:
     return nan if index is None else float(index["number"])
 
 
-def meaning_alone(heading: Heading) -> str:
+def lone_angle(heading: Heading) -> str:
     """Angle that a heading means in a table where nothing else is measured, `angle 1 [deg]`; else empty."""
     bare = re.sub(r"\d+", " ", plain_words(heading.name)).strip()
     found = [name for name, words in vocabulary()["alone"].items() if bare in words and heading.unit]
@@ -383,8 +383,8 @@ def near_meaning(heading: str) -> str:
     if longest_word(heading, "others")[0] or of_another(heading):
         return ""
     several = (*words["asked"].items(), *words["alone"].items())
-    asked = [name for name, texts in several if has_word(heading, texts)]
-    known = {
+    named_first = [name for name, texts in several if has_word(heading, texts)]
+    likeness = {
         word: name
         for kind in ("observables", "conditions")
         for name, texts in words[kind].items()
@@ -392,9 +392,9 @@ def near_meaning(heading: str) -> str:
         if len(word) >= COMPOUND
     }
     parts = (plain, *(part for part in plain.split() if len(part) >= COMPOUND))
-    near = [word for part in parts for word in get_close_matches(part, known, cutoff=NEAR)]
+    near = [word for part in parts for word in get_close_matches(part, likeness, cutoff=NEAR)]
     near = [word for word in near if any(is_misspelt(part, word) for part in parts)]
-    return next(iter([*asked, *(known[word] for word in near)]), "")
+    return next(iter([*named_first, *(likeness[word] for word in near)]), "")
 
 
 def is_misspelt(text: str, word: str) -> bool:

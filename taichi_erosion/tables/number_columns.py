@@ -51,56 +51,56 @@ def own_name(heading: str, others: Sequence[str], place: int) -> str:
 
 
 def no_conditions(
-    asked: Mapping[str, Numbers],
+    columns: Mapping[str, Numbers],
     results: Sequence[Numbers],
-    known: Mapping[str, Numbers],
+    conditions: Mapping[str, Numbers],
     set_ups: np.ndarray,
 ) -> dict[str, str]:
     """Columns that are no conditions, by their headings, each with the reason.
 
     `results` are the measured quantities, `known` other conditions, `set_ups` the name of each row's set-up.
     """
-    kept, why = dict(known), dict[str, str]()
-    for heading, own in asked.items():
-        reason = why_no_condition(heading, own, results, kept, numbered([set_ups]))
-        if not reason and len(kept) - len(known) == MOST:
+    kept, why = dict(conditions), dict[str, str]()
+    for heading, values in columns.items():
+        reason = why_no_condition(heading, values, results, kept, number_sets([set_ups]))
+        if not reason and len(kept) - len(conditions) == MOST:
             reason = f"{MOST} others are kept"
         if reason:
             why[heading] = reason
         else:
-            kept[heading] = own
+            kept[heading] = values
     return why
 
 
 def why_no_condition(
-    heading: str, own: Numbers, results: Sequence[Numbers], others: Mapping[str, Numbers], set_ups: Numbers
+    heading: str, values: Numbers, results: Sequence[Numbers], others: Mapping[str, Numbers], set_ups: Numbers
 ) -> str:
     """Why a column of numbers is no condition; empty where it is one.
 
     A column with many values that differs between repeats, and that these do not follow, is no condition.
     """
-    if not np.isfinite(own).all():
+    if not np.isfinite(values).all():
         return "it is not known in every row"
-    distinct = np.unique(own)
-    whole = bool(np.all(own == np.round(own)))
+    distinct = np.unique(values)
+    whole = bool(np.all(values == np.round(values)))
     if distinct.size == 1:
         return "it is the same in all rows"
-    counts = distinct.size == own.size == 1 + np.ptp(own)
+    counts = distinct.size == values.size == 1 + np.ptp(values)
     if whole and (counts or (YEARS[0] <= distinct[0] and distinct[-1] <= YEARS[1])):
         return "it counts rows or years"
     summary = is_summary(re.sub(r"\s*[\[(].*", "", heading))
-    if summary or RESULTS.search(plain_words(heading)) or any(is_again(own, each) for each in results):
+    if summary or RESULTS.search(plain_words(heading)) or any(is_again(values, each) for each in results):
         return "it is a result beside the measured quantity"
-    if same := [text for text, other in others.items() if is_again(own, other) or follows(own, other)]:
+    if same := [text for text, other in others.items() if is_again(values, other) or follows(values, other)]:
         return f"it changes with '{same[0]}' alone"
-    rest = numbered([*others.values(), set_ups])
-    many = distinct.size > own.size / 2 and differs_within(own, rest)
-    if many and not any(acts(own, each, rest) for each in results):
+    rest = number_sets([*others.values(), set_ups])
+    many = distinct.size > values.size / 2 and differs_within(values, rest)
+    if many and not any(acts(values, each, rest) for each in results):
         return "it differs between repeats, whose scatter holds what it does"
     return ""
 
 
-def numbered(columns: Sequence[Numbers]) -> Numbers:
+def number_sets(columns: Sequence[Numbers]) -> Numbers:
     """Number of each row's set of values; equal for equal sets."""
     return np.unique(np.column_stack(columns), axis=0, return_inverse=True)[1].ravel().astype(np.float64)
 
@@ -112,7 +112,7 @@ def follows(own: Numbers, other: Numbers) -> bool:
 
 def differs_within(own: Numbers, other: Numbers) -> bool:
     """Whether a column differs where another one does not."""
-    return np.unique(numbered([other, own])).size > np.unique(other).size
+    return np.unique(number_sets([other, own])).size > np.unique(other).size
 
 
 def is_again(own: Numbers, other: Numbers) -> bool:
@@ -120,20 +120,20 @@ def is_again(own: Numbers, other: Numbers) -> bool:
     both = np.isfinite(own) & np.isfinite(other)
     if np.unique(other[both]).size < LEAST_LEVELS or np.ptp(own[both]) == 0.0:
         return False
-    return unexplained(own[both], other[both], np.zeros(int(both.sum()))) < 1.0 - SAME
+    return unexplained_share(own[both], other[both], np.zeros(int(both.sum()))) < 1.0 - SAME
 
 
-def acts(own: Numbers, result: Numbers, rest: Numbers) -> bool:
+def acts(values: Numbers, result: Numbers, rest: Numbers) -> bool:
     """Whether a measured quantity follows a column where all else is the same (F test of a parabola)."""
     both = np.isfinite(result)
     free = int(both.sum()) - np.unique(rest[both]).size - 2
     if free < 1 or not differs_within(result[both], rest[both]):
         return False
-    left = unexplained(result[both], own[both], rest[both])
+    left = unexplained_share(result[both], values[both], rest[both])
     return bool(fdtrc(2, free, (1.0 / max(left, 1e-12) - 1.0) * free / 2.0) < CHANCE)
 
 
-def unexplained(y: Numbers, x: Numbers, rest: Numbers) -> float:
+def unexplained_share(y: Numbers, x: Numbers, rest: Numbers) -> float:
     """Share of the variance of y, where all else is the same, that a parabola of x leaves."""
     same = rest[:, np.newaxis] == np.unique(rest)
     x = (x - x.mean()) / max(float(np.ptp(x)), 1e-300)

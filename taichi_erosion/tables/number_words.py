@@ -25,7 +25,7 @@ def plain(value: float, digits: int = 3) -> str:
     return f"{round(value, digits - 1 - floor(log10(abs(value)))):.0f}"
 
 
-def counted(count: int, noun: str) -> str:
+def count_noun(count: int, noun: str) -> str:
     """`1 row`, `17 rows`."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 

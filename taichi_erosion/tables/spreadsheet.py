@@ -188,15 +188,15 @@ def sheets_of(content: bytes, name: str) -> Iterator[tuple[str, list[tuple[int, 
                 openpyxl.load_workbook(io.BytesIO(content), data_only=values) for values in (True, False)
             )
     except Exception as error:
-        told = f"cannot be read as a workbook ({type(error).__name__}); save it again as .xlsx or .csv"
-        raise BadInput(f"{name}: {told}") from None
+        words = f"cannot be read as a workbook ({type(error).__name__}); save it again as .xlsx or .csv"
+        raise BadInput(f"{name}: {words}") from None
     for sheet in (each for each in book.worksheets if each.sheet_state == "visible"):
         for cell in (cell for row in formulas[sheet.title].iter_rows() for cell in row):
             value = sheet[cell.coordinate]
             # an empty text that was computed has the type of a text
             if cell.data_type == "f" and value.value is None and value.data_type == "n":
-                told = "a formula that was never computed; save the workbook in a spreadsheet program"
-                raise BadInput(f"{name}: sheet '{sheet.title}', cell {cell.coordinate}: {told}")
+                words = "a formula that was never computed; save the workbook in a spreadsheet program"
+                raise BadInput(f"{name}: sheet '{sheet.title}', cell {cell.coordinate}: {words}")
         rows = [(k, [cell_value(cell) for cell in row]) for k, row in enumerate(sheet.iter_rows(), 1)]
         # a cell merged over rows below the heading counts in each of them, unless it is a measured quantity
         heading = next((k for k, row in rows if sum(v not in (None, "") for v in row) > 1), 0)
@@ -225,7 +225,7 @@ def cell_text(value: Any, mark: str) -> str:
     return str(value)
 
 
-def last_filled(cells: Sequence[str]) -> int:
+def filled_width(cells: Sequence[str]) -> int:
     """Number of cells up to the last one with content."""
     return max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
 
@@ -277,35 +277,41 @@ def with_repeats(rows: Lines) -> Lines:
         return rows
     (line, heading), *others = rows
     first = 0
-    width = max(last_filled(cells) for _, cells in rows)
+    width = max(filled_width(cells) for _, cells in rows)
     heading = [*heading, *[""] * (width - len(heading))]
-    found = list(heading)
+    names = list(heading)
     for k in range(1, width):
-        own = read_heading(heading[first])
+        first_heading = read_heading(heading[first])
         content = [row[k] for _, row in others if k < len(row) and not is_missing(row[k])]
         numeric = bool(content) and all(map(is_quantity, content))
-        if heading[k] not in ("", heading[first]) or not numeric or meaning_of(own.name)[0] != "observable":
+        if (
+            heading[k] not in ("", heading[first])
+            or not numeric
+            or meaning_of(first_heading.name)[0] != "observable"
+        ):
             first = k
             continue
         for place in (first, k):
-            found[place] = f"{own.name} {place - first + 1}" + (f" [{own.unit}]" if own.unit else "")
-    return [(line, found), *others]
+            names[place] = f"{first_heading.name} {place - first + 1}" + (
+                f" [{first_heading.unit}]" if first_heading.unit else ""
+            )
+    return [(line, names), *others]
 
 
 def trim_rows(rows: Lines, name: str, faults: list[str]) -> Iterator[tuple[int, tuple[str, ...]]]:
     """Rows as wide as the heading, without remarks behind it; of the others the first is a fault."""
-    width = last_filled(rows[0][1]) if rows else 0
+    width = filled_width(rows[0][1]) if rows else 0
     rows = [(line, cells if has_digit(cells[width:]) else cells[:width]) for line, cells in rows]
-    wrong = [(line, cells) for line, cells in rows if not last_filled(cells) <= width <= len(cells)]
+    wrong = [(line, cells) for line, cells in rows if not filled_width(cells) <= width <= len(cells)]
     if wrong:
         line, cells = wrong[0]
         more = f" ({len(wrong) - 1} rows more are not as wide)" if len(wrong) > 1 else ""
         faults.append(
-            f"{name}: row {line} has {max(last_filled(cells), len(cells))} cells, the heading {width}{more}; "
-            "write one heading above every column, one table in a file, and text with separators in quotes"
+            f"{name}: row {line} has {max(filled_width(cells), len(cells))} cells, the heading {width}{more};"
+            " write one heading above every column, one table in a file, and text with separators in quotes"
         )
     for line, cells in rows:
-        if last_filled(cells) <= width <= len(cells):
+        if filled_width(cells) <= width <= len(cells):
             yield line, tuple(cells[:width])
 
 
@@ -345,15 +351,15 @@ def in_unit(cell: str, heading: Heading, comma: bool) -> str:
     if not heading.law or cell_word(cell):
         return cell
     try:
-        found = read_cell(cell, comma)
-        step = found.reach if 0.0 < found.reach < inf else STEP
-        low, value, high = (by_law(found.value + x, found.unit, heading) for x in (-step, 0.0, step))
+        reading = read_cell(cell, comma)
+        step = reading.reach if 0.0 < reading.reach < inf else STEP
+        low, value, high = (by_law(reading.value + x, reading.unit, heading) for x in (-step, 0.0, step))
     except (ValueError, ArithmeticError):
         return f"{cell} {heading.law}"
-    if step == found.reach:
+    if step == reading.reach:
         return f"{min(low, high):.9g} to {max(low, high):.9g}".replace(".", mark)
-    sd = "" if isnan(found.sd) else f" ± {abs(high - low) / (2.0 * STEP) * found.sd:.6g}"
-    return f"{'<' * (found.reach < 0.0)}{'>' * (found.reach > 0.0)}{value:.9g}{sd}".replace(".", mark)
+    sd = "" if isnan(reading.sd) else f" ± {abs(high - low) / (2.0 * STEP) * reading.sd:.6g}"
+    return f"{'<' * (reading.reach < 0.0)}{'>' * (reading.reach > 0.0)}{value:.9g}{sd}".replace(".", mark)
 
 
 def source_digest(table: Path) -> str:

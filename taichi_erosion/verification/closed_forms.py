@@ -53,7 +53,7 @@ def equal_grains(
     return build_setup(parse_scene(table | sections), 1)
 
 
-def sampled(
+def sample_states(
     setups: Sequence[Setup], times: ArrayLike, precision: Precision, laws: Laws = HERTZ, threads: int = 0
 ) -> list[tuple[Snapshot, ...]]:
     """Snapshots of each replica at `times` [samples, replicas] in s. Raises RuntimeError if one stopped."""
@@ -120,7 +120,7 @@ def hertz_peaks() -> Iterator[Outcome]:
         closed.append(impact)
     times = np.outer(np.arange(1.0, PER_CONTACT + 13.0), [setup.time_step for setup in setups])
     for precision in PRECISIONS:
-        paths = sampled(setups, times, precision)
+        paths = sample_states(setups, times, precision)
         for name, impact, path in zip(IMPACTS, closed, paths, strict=True):
             yield from peak_outcomes(name, impact, path, precision)
 
@@ -174,9 +174,9 @@ def threads_and_ensembles() -> Iterator[Outcome]:
     company = [tumbling(4), target, half_step, tumbling(6, count=25)]
     cases = {"2 threads": ([target], 0), "in company, 2 threads": (company, 1)}
     for precision in PRECISIONS:
-        ((alone,),) = sampled([target], [[WHOLE]], precision, TUMBLING, 1)
+        ((alone,),) = sample_states([target], [[WHOLE]], precision, TUMBLING, 1)
         for name, (setups, place) in cases.items():
-            found = sampled(setups, np.full((1, len(setups)), WHOLE), precision, TUMBLING, 2)[place][0]
+            found = sample_states(setups, np.full((1, len(setups)), WHOLE), precision, TUMBLING, 2)[place][0]
             same = state_bytes(found) == state_bytes(alone)
             yield holds(f"same hash alone on 1 thread and {name}", same, precision)
 
@@ -243,7 +243,7 @@ def settling_speeds() -> Floats:
     start = [{"position": (0.5, 0.5, 115.0)}]
     more = {"gravity": {"magnitude": GRAVITY}, "wind": AIR | air | {"look_steps": 5}}
     setups = [equal_grains(1e-6 * microns, solid, 2e-4, start, **more) for microns in TERMINAL]
-    paths = sampled(setups, np.full((1, len(setups)), 9.0), "f64")
+    paths = sample_states(setups, np.full((1, len(setups)), 9.0), "f64")
     return np.array([-path[-1].velocity[0, 2] for path in paths])
 
 

@@ -29,7 +29,7 @@ from taichi_erosion.core.effect_probe import TYPICAL, Bench, falsify, make_bench
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.scene import Scene, resolved
+from taichi_erosion.scene import Scene, resolve
 from taichi_erosion.scene.change import sample_scene
 from taichi_erosion.scene.schema.conditions import OF_SCENE, Conditions
 from taichi_erosion.scene.schema.fields import numbers_in
@@ -179,18 +179,18 @@ def is_described(effect: Effect, probe: Probe) -> Iterator[str]:
 
 def names_what_it_reads(effect: Effect, probe: Probe) -> Iterator[str]:
     """Every condition that it reads stands in `reads`: a study sets no other one in its runs."""
-    known, row = RecordedConditions(conditions_for(effect)), RecordedConditions(one_row(effect))
+    conditions, row = RecordedConditions(conditions_for(effect)), RecordedConditions(one_row(effect))
     params = effect.params()
     effect.can_act(row)
-    effect.dose(params, known)
+    effect.dose(params, conditions)
     if effect.constants is not None:
-        effect.constants(params, 1.0, known)
+        effect.constants(params, 1.0, conditions)
     for sections in scenes_for(effect) if effect.place == "scene" else ():
         with suppress(BadInput):  # the scene is refused
-            effect.act(params, 1.0, known, sample_scene(**sections))
+            effect.act(params, 1.0, conditions, sample_scene(**sections))
     for name in READINGS if effect.place == "instrument" else ():
-        effect.act(params, 1.0, known, name, 0.3)
-    for name in sorted((known.read | row.read) - {*effect.reads, *OF_SCENE}):
+        effect.act(params, 1.0, conditions, name, 0.3)
+    for name in sorted((conditions.read | row.read) - {*effect.reads, *OF_SCENE}):
         yield f"it reads the condition '{name}', which its entry reads = (...) does not name"
 
 
@@ -203,13 +203,13 @@ def is_finite_everywhere(effect: Effect, probe: Probe) -> Iterator[str]:
 
 def vanishes_at_no_strength(effect: Effect, probe: Probe) -> Iterator[str]:
     """At strength 0 it does nothing, to the last bit."""
-    params, known = effect.params(), conditions_for(effect)
+    params, conditions = effect.params(), conditions_for(effect)
     if effect.place == "scene":
         scenes = [sample_scene(**sections) for sections in scenes_for(effect)]
-        if any(effect.act(params, 0.0, known, scene) != scene for scene in scenes):
+        if any(effect.act(params, 0.0, conditions, scene) != scene for scene in scenes):
             yield "it changes the scene at strength 0"
     elif effect.place == "instrument":
-        if any(effect.act(params, 0.0, known, name, 0.3) != 0.3 for name in READINGS):
+        if any(effect.act(params, 0.0, conditions, name, 0.3) != 0.3 for name in READINGS):
             yield "it changes a reading at strength 0"
     elif np.any(effect_numbers(effect, probe, params, 0.0) != 0.0):
         yield "it acts at strength 0"
@@ -241,18 +241,18 @@ def leaves_open_its_own(effect: Effect, probe: Probe) -> Iterator[str]:
 
 def effect_numbers(effect: Effect, probe: Probe, params: Any, strength: float) -> Any:
     """All numbers that an effect gives in a typical situation."""
-    known = conditions_for(effect)
+    conditions = conditions_for(effect)
     if effect.place == "scene":
         numbers = [scene_numbers(probe, params, strength, sections) for sections in scenes_for(effect)]
         return np.concatenate(numbers)
     if effect.place == "instrument":
-        shown = (effect.act(params, strength, known, name, 0.3) for name in READINGS)
+        shown = (effect.act(params, strength, conditions, name, 0.3) for name in READINGS)
         return np.array([checked_number(effect, one) for one in shown])
     members = TYPICAL[effect.place] | {"strength": strength}
     if effect.grain_state is None:
-        return np.ravel(probe(params, known, **members))
+        return np.ravel(probe(params, conditions, **members))
     states = reached_states(effect, probe, params, strength)
-    return np.concatenate([np.ravel(probe(params, known, state_i=state, **members)) for state in states])
+    return np.concatenate([np.ravel(probe(params, conditions, state_i=state, **members)) for state in states])
 
 
 def reached_states(effect: Effect, probe: Probe, params: Any, strength: float) -> list[Any]:
@@ -268,12 +268,12 @@ def scene_numbers(probe: Probe, params: Any, strength: float, sections: dict[str
     """All numbers of a changed scene; none where the effect refuses the scene with a clear line."""
     try:
         before = sample_scene(**sections)
-        scene: Scene = probe(params, before.conditions.stated(), scene=before, strength=strength)
+        scene: Scene = probe(params, before.conditions.stated_values(), scene=before, strength=strength)
     except BadInput:
         return []
     if not isinstance(scene, Scene):
         raise TypeError(f"act gives {scene!r}, not the scene")
-    return list(numbers_in(resolved(scene)))
+    return list(numbers_in(resolve(scene)))
 
 
 Clause = Callable[[Effect, Probe], Iterator[str]]
@@ -301,14 +301,14 @@ def usable_probe(effect: Effect, bench: Bench) -> Probe:
 
 def breaches(effect: Effect, probe: Probe) -> list[str]:
     """Everything in which an effect that can act breaks the contract; an error in a clause is a breach."""
-    found: list[str] = []
+    faults: list[str] = []
     for name, clause in CLAUSES.items():
         try:
-            found += clause(effect, probe)
+            faults += clause(effect, probe)
         except Exception as error:
             told = f"{name}: cannot be told{line_of(error)}: {reason(error)}"
-            found.append(compile_failure(error) or told)
-    return list(dict.fromkeys(found))
+            faults.append(compile_failure(error) or told)
+    return list(dict.fromkeys(faults))
 
 
 @dataclass(frozen=True)
@@ -351,11 +351,15 @@ def refuse_unusable(paths: Iterable[Path]) -> list[dict[str, Any]]:
     return [examine_file(file) for file in read_effect_files(paths)]
 
 
-def check_sentence(found: Mapping[str, Any]) -> str:
+def check_sentence(examination: Mapping[str, Any]) -> str:
     """One sentence on the check of a file."""
-    told = f"effect '{found['effect']}' of {found['file']}"
-    if not found["breaches"]:
-        return f"{told} compiles and keeps the contract of effects (checked in {found['wall_s']:.1f} s)"
-    first, *others = found["breaches"]
-    listed = f"{len(others)} more: `effects {found['effect']} --effect {found['file']}` lists them"
-    return f"{told} breaks the contract of effects: {first}{f' (and {listed})' if others else ''}"
+    subject = f"effect '{examination['effect']}' of {examination['file']}"
+    if not examination["breaches"]:
+        return (
+            f"{subject} compiles and keeps the contract of effects (checked in {examination['wall_s']:.1f} s)"
+        )
+    first, *others = examination["breaches"]
+    listed = (
+        f"{len(others)} more: `effects {examination['effect']} --effect {examination['file']}` lists them"
+    )
+    return f"{subject} breaks the contract of effects: {first}{f' (and {listed})' if others else ''}"

@@ -101,12 +101,14 @@ def scene_text(survey: Survey, wind: float | None) -> str:
     path, sand = SCENE if wind is None else SCENE.with_name("quartz_flux.toml"), survey.sand
     document: Any = tomlkit.parse(path.read_text(encoding="utf-8"))
     d, modulus = sand.diameter, float(document["materials"]["sand"]["shear_modulus"])
-    sizes = {"median": rounded(d), "low": rounded(0.8 * d), "high": rounded(1.25 * d)}
+    sizes = {"median": round_number(d), "low": round_number(0.8 * d), "high": round_number(1.25 * d)}
     changes: dict[str, Any] = {
         "run.replicas": survey.beds,
         "grains.size": {"law": "lognormal", "sigma_log": 0.1, **sizes},
         "materials.sand.density": sand.density,
-        "materials.sand.shear_modulus": rounded(modulus * max(d / REFERENCE * sand.density / QUARTZ, 1.0)),
+        "materials.sand.shear_modulus": round_number(
+            modulus * max(d / REFERENCE * sand.density / QUARTZ, 1.0)
+        ),
     }
     if survey.moisture > 0.0:
         changes |= {"conditions.moisture": survey.moisture, "effects.liquid_bridge": {"strength": 1.0}}
@@ -116,7 +118,7 @@ def scene_text(survey: Survey, wind: float | None) -> str:
     return text[text.index("\n[") + 1 :].rstrip() + "\n"  # comments above describe the program's own scene
 
 
-def rounded(value: float) -> float:
+def round_number(value: float) -> float:
     """A number of three digits."""
     return float(f"{value:.3g}")
 
@@ -125,10 +127,10 @@ def blown_changes(survey: Survey, wind: float) -> dict[str, Any]:
     """Entries of a wind [m s-1]: hops grow with its square, their durations with it."""
     measured, start = survey.measured_at(wind), max(STRONGER * wind, LEAST_START * iversen_white(survey.sand))
     return {
-        "wind.height": rounded(max(LID, LID_PER_WIND * wind**2)),
-        "stages.1.friction_velocity": rounded(start),
+        "wind.height": round_number(max(LID, LID_PER_WIND * wind**2)),
+        "stages.1.friction_velocity": round_number(start),
         "stages.2.friction_velocity": wind,
-        "stages.3.duration_max": rounded(max(BLOW, BLOW_PER_WIND * wind)),
+        "stages.3.duration_max": round_number(max(BLOW, BLOW_PER_WIND * wind)),
         **({"measured.flux": measured} if measured else {}),
     }
 

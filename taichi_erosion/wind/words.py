@@ -5,7 +5,7 @@ from math import isfinite
 from typing import Any
 
 from taichi_erosion.evidence.words.answer_lines import Table
-from taichi_erosion.evidence.words.run_words import comparisons, run_warnings, spread
+from taichi_erosion.evidence.words.run_words import comparisons, run_warnings, with_deviation
 from taichi_erosion.evidence.words.vocabulary import quantity
 from taichi_erosion.tables.number_words import plain
 
@@ -16,7 +16,7 @@ def threshold_table(document: Document) -> Table:
     """Thresholds u* by source, simulated ones first, with their intervals of 95 %."""
     rows = []
     for name, measure in document["runs"].get("thresholds", {}).get("measures", {}).items():
-        text, bounds = spread(measure), measure.get("details", {}).get("interval")
+        text, bounds = with_deviation(measure), measure.get("details", {}).get("interval")
         if bounds:
             text = f"{plain(measure['value'])} ({plain(bounds['low'])} to {plain(bounds['high'])})"
         rows.append((quantity(name), "simulated", text))
@@ -30,7 +30,7 @@ def flux_table(document: Document) -> Table:
     """Flux by wind [g/(m s)]: simulated, by the formulas, measured; without columns that are empty."""
 
     def grams(measure: Document) -> str:
-        return spread(
+        return with_deviation(
             dict(measure)
             | {key: 1e3 * measure[key] for key in ("value", "sd") if measure.get(key) is not None}
         )

@@ -10,7 +10,7 @@ from stand_in import carry_out, opened
 
 from taichi_erosion.campaign import execute as execution
 from taichi_erosion.campaign.execute import WORK_MOST, next_batch, pace
-from taichi_erosion.campaign.ledger import unfinished
+from taichi_erosion.campaign.ledger import unfinished_runs
 from taichi_erosion.campaign.pool import Pool, start_pool
 from taichi_erosion.campaign.request import RUNS_MOST, START, WORTH_A_START, RunRequest
 from taichi_erosion.core.device import has_cuda
@@ -71,7 +71,7 @@ def test_a_missing_device_is_told_before_any_run_counts_as_failed(tmp_path):
     with opened(tmp_path) as ledger:
         with pytest.raises(BadInput, match="--arch cuda: no such device"):
             execution.execute(listed, ledger, function=stand_in.FUNCTION)
-        assert len(unfinished(ledger, [request.key for request in listed])) == 4
+        assert len(unfinished_runs(ledger, [request.key for request in listed])) == 4
 
 
 def test_the_pace_is_that_of_the_runs_that_have_ended_each_by_its_own_work():

@@ -58,9 +58,9 @@ def test_a_field_lies_in_memory_where_taichi_finds_it(start_device, name):
     transfer.write(field, number)
     np.testing.assert_array_equal(field.to_numpy(), number)
     field.from_numpy(number + 1)
-    np.testing.assert_array_equal(transfer.read(field), number + 1)
+    np.testing.assert_array_equal(transfer.download_field(field), number + 1)
     # nobody else was written to
-    assert not any(transfer.read(other).any() for key, other in fields.items() if key != name)
+    assert not any(transfer.download_field(other).any() for key, other in fields.items() if key != name)
 
 
 def test_fields_that_are_declared_later_are_found_too(start_device):
@@ -69,8 +69,8 @@ def test_fields_that_are_declared_later_are_found_too(start_device):
     transfer.write(first, 2.0)
     later = ti.field(ti.i32, shape=ROWS)
     later.from_numpy(np.arange(ROWS, dtype=np.int32))
-    assert transfer.read(later).tolist() == [0, 1, 2, 3, 4]
-    assert transfer.read(first).tolist() == [2.0] * ROWS
+    assert transfer.download_field(later).tolist() == [0, 1, 2, 3, 4]
+    assert transfer.download_field(first).tolist() == [2.0] * ROWS
 
 
 def test_numbers_move_in_place_as_through_a_kernel(start_device, monkeypatch):

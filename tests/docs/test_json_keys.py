@@ -12,7 +12,7 @@ import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.evidence.answers import commands
-from taichi_erosion.evidence.answers.files import Reply, printed
+from taichi_erosion.evidence.answers.files import Reply, printed_document
 from taichi_erosion.evidence.data.problem import SetUpFault
 from taichi_erosion.evidence.race import record
 from taichi_erosion.scene.schema.units import Scale
@@ -84,7 +84,7 @@ def check_value(value: Any, entry: Entry, ends: tuple[str, ...], where: str) -> 
 
 def checked(reply: Reply) -> dict[str, Any]:
     """The document of an answer, against the page."""
-    found = json.loads(json.dumps(printed(reply.document), allow_nan=False))
+    found = json.loads(json.dumps(printed_document(reply.document), allow_nan=False))
     own = TABLES.get(reply.command, {})
     check_record(found, TABLES[COMMON] | TABLES[ANSWER] | own, reply.command)
     for end in ("before", "after"):

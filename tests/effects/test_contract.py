@@ -12,7 +12,7 @@ from taichi_erosion.core.effect import Check, Effect, Probe, quantity
 from taichi_erosion.core.effect_probe import probe_of
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.ti import ti
-from taichi_erosion.effects import shipped
+from taichi_erosion.effects import shipped_effects
 from taichi_erosion.mechanisms.library import load_mechanisms
 from taichi_erosion.verification.effect_contract import CLAUSES, breaches, usable_probe
 
@@ -33,8 +33,8 @@ def test_every_effect_keeps_the_contract(name, clause, bench, probes):
 
 
 def test_the_library_holds_every_file_of_its_folder_under_the_name_of_the_file():
-    assert len(LIBRARY) == len(shipped()) + len(OWN)
-    assert set(shipped()) < set(LIBRARY)
+    assert len(LIBRARY) == len(shipped_effects()) + len(OWN)
+    assert set(shipped_effects()) < set(LIBRARY)
 
 
 GOOD, AGEING = LIBRARY["constant_pull"], LIBRARY["ageing_pull"]

@@ -12,7 +12,7 @@ from taichi_erosion.core.effect import Probe, replica_effect
 from taichi_erosion.core.effect_device import bind
 from taichi_erosion.core.effect_probe import evaluate_grain, make_bench, probe_of, set_members
 from taichi_erosion.core.setup import Numerics
-from taichi_erosion.core.transfer import read
+from taichi_erosion.core.transfer import download_field
 from taichi_erosion.coupling.drag import LAWS, drag_law
 from taichi_erosion.effects import load_library
 from taichi_erosion.effects.turbulent_gusts import EFFECT, Params
@@ -145,7 +145,7 @@ def test_lift_and_torque_feel_the_gust():
         bound = bind("grain", [effects])
         set_members(bench.grain, members)
         evaluate_grain(bound, bench.grain, bench.force, bench.torque)
-        return np.concatenate([read(bench.force)[0], read(bench.torque)[0]])
+        return np.concatenate([download_field(bench.force)[0], download_field(bench.torque)[0]])
 
     felt = ["rotational_drag", "shear_lift"]
     found, alone = answer([*felt, "turbulent_gusts"], lain), answer(["turbulent_gusts"], lain)

@@ -8,7 +8,7 @@ import numpy as np
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.race import record
 from taichi_erosion.evidence.race.record import (
-    Decided,
+    DecisionPart,
     EffectPart,
     Interval,
     LevelPart,
@@ -40,7 +40,7 @@ VOC = Vocabulary(
 )
 UNKNOWN = Interval(nan, nan, nan)
 
-NONE = Decided(
+NONE = DecisionPart(
     "none_detected", (), (), (), {"none": 0.94, "liquid_bridge": 0.04, "outside_library": 0.02}, 0.6
 )
 EFFECTS = {
@@ -79,11 +79,11 @@ def present(strength: Interval, chance: float = 0.99) -> EffectPart:
     return EffectPart("present", chance, strength, nan, 41.3, 0.25, 0.1)
 
 
-def decided(verdict, named=(), group=(), mechanisms=(), **probabilities: float) -> Decided:
+def decided(verdict, named=(), group=(), mechanisms=(), **probabilities: float) -> DecisionPart:
     """A decision that something is missing."""
     shares = {key.replace("__", "+"): p for key, p in probabilities.items()}
     unlisted = shares.get("outside_library", 0.0)
-    return Decided(verdict, named, group, mechanisms, shares, 1e-4, unlisted=unlisted)
+    return DecisionPart(verdict, named, group, mechanisms, shares, 1e-4, unlisted=unlisted)
 
 
 single = replace(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.experiments.anova import Row, anova
-from taichi_erosion.experiments.design import Design, Factor, arranged, to_coded
+from taichi_erosion.experiments.design import Design, Factor, stack_parts, to_coded
 from taichi_erosion.experiments.fit import Fit, model_terms
 
 FULL = (*model_terms(3, "interactions"), (1, 1, 1))  # of three factors in two levels
@@ -36,7 +36,7 @@ def tool_life() -> Design:
         (44, 45, 38), (40, 37, 36), (60, 50, 54), (39, 41, 47),
     ]  # fmt: skip
     corners = np.array([point[::-1] for point in product((-1.0, 1.0), repeat=3)])
-    design = arranged("tool life", unit_factors("ABC"), [("factorial", np.repeat(corners, 3, axis=0))])
+    design = stack_parts("tool life", unit_factors("ABC"), [("factorial", np.repeat(corners, 3, axis=0))])
     return design.with_responses(life=np.ravel(lives))
 
 
@@ -51,5 +51,5 @@ def smell() -> Design:
         (43, 80, 0.3, 6), (-22, 80, 0.7, 6), (-31, 80, 0.5, 4), (-35, 80, 0.5, 4), (-26, 80, 0.5, 4),
     ])  # fmt: skip
     factors = [Factor("T", 40.0, 120.0), Factor("R", 0.3, 0.7), Factor("H", 2.0, 6.0)]
-    design = arranged("smell", factors, [("edge", to_coded(factors, rows[:, 1:]))])
+    design = stack_parts("smell", factors, [("edge", to_coded(factors, rows[:, 1:]))])
     return design.with_responses(odour=rows[:, 0])

@@ -6,7 +6,7 @@ from grain_worlds import NONE, RADIUS, contacts, grains, heap, setup
 
 from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.setup import Floats, Laws, Numerics
-from taichi_erosion.core.transfer import read
+from taichi_erosion.core.transfer import download_field
 from taichi_erosion.grains import partition
 from taichi_erosion.grains.neighbour_list import ENGAGED
 from taichi_erosion.simulation import advance, assemble, capacities, export_state, snapshot
@@ -28,8 +28,8 @@ def test_a_grain_far_from_all_others_does_not_widen_the_cells_of_the_crowd():
     scene = setup(grains([*crowd, (ALONE, 0.0, 0.0)]), NONE)
     sim = assemble([scene], LAWS, Numerics("cpu", 1))
     advance(sim, [scene.time_step])
-    width = 1.0 / read(sim.world.cells.inverse_width)[0]
-    least = read(sim.world.cells.width_least)[0]
+    width = 1.0 / download_field(sim.world.cells.inverse_width)[0]
+    least = download_field(sim.world.cells.width_least)[0]
     stop_device()
     # of 4,097 grains it is the one that adds to the sd a 64th of its distance
     assert width.max() < 1.5 * least
@@ -58,7 +58,7 @@ def test_grains_are_sorted_along_the_longest_side_and_forces_cancel_across_its_p
     sim = assemble([scene], LAWS, numerics)
     advance(sim, [STEPS * scene.time_step])
     where = export_state(sim)["replica0_origin"][:, axis]
-    width = 1.0 / read(sim.world.cells.inverse_width)[0][axis]
+    width = 1.0 / download_field(sim.world.cells.inverse_width)[0][axis]
     end = snapshot(sim, 0)
     stop_device()
     assert np.all(np.diff(where) > -width)

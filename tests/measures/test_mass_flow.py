@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.snapshot import Snapshot
-from taichi_erosion.measures.mass_flow import crossed, mass_flow, steady_window
+from taichi_erosion.measures.mass_flow import mass_flow, net_crossing, steady_window
 
 DOWN, PLANE, OPEN = (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
 MASS, SPEED, EVERY = 2e-6, 0.5, 0.01
@@ -61,8 +61,8 @@ def test_back_and_forth_cancels_and_a_period_counts_once():
     places = np.array([[0.0, 0.0, 0.001], [0.0, 0.0, -0.001], [0.099, 0.0, 1.0]])
     later = np.array([[0.0, 0.0, -0.001], [0.0, 0.0, 0.001], [0.001, 0.0, 1.0]])  # the last went 0.002 m on
     pair = snapshot(0.0, places, 0.0 * places), snapshot(EVERY, later, 0.0 * places)
-    assert crossed(*pair, np.zeros(3), np.array(DOWN), np.zeros(3)) == (0.0, 2, 0)
-    around = crossed(*pair, np.zeros(3), np.array([1.0, 0.0, 0.0]), np.array([0.1, 0.0, 0.0]))
+    assert net_crossing(*pair, np.zeros(3), np.array(DOWN), np.zeros(3)) == (0.0, 2, 0)
+    around = net_crossing(*pair, np.zeros(3), np.array([1.0, 0.0, 0.0]), np.array([0.1, 0.0, 0.0]))
     assert around == pytest.approx((MASS, 1, 0))
 
 
@@ -70,7 +70,7 @@ def test_a_grain_that_is_taken_out_behind_the_plane_is_counted_by_its_speed():
     place, speed = np.array([[0.0, 0.0, 0.001], [0.0, 0.0, 0.2]]), np.array([[0.0, 0.0, -SPEED]] * 2)
     before = snapshot(0.0, place, speed)
     after = replace(snapshot(EVERY, place[:0], speed[:0]))
-    assert crossed(before, after, np.zeros(3), np.array(DOWN), np.zeros(3)) == (MASS, 1, 1)
+    assert net_crossing(before, after, np.zeros(3), np.array(DOWN), np.zeros(3)) == (MASS, 1, 1)
 
 
 def test_zeros_behind_the_flow_are_no_steady_part():

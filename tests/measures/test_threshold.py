@@ -13,9 +13,9 @@ from taichi_erosion.measures.threshold import (
     PLATE,
     Bracket,
     Tunnel,
-    bracketed,
-    extrapolated,
+    bracket_threshold,
     flux_intercept,
+    line_threshold,
     pool_beds,
     ratio,
     tunnel_speed,
@@ -28,7 +28,7 @@ def beds(thresholds: np.ndarray, width: float, seed: int = 0):
     """Brackets of a relative width around thresholds, each where chance puts it."""
     below = np.random.default_rng(seed).random(len(thresholds))
     ends = zip(thresholds * np.exp(-width * below), thresholds * np.exp(width * (1.0 - below)), strict=True)
-    return [bracketed("fluid_threshold", Bracket(low, high)) for low, high in ends]
+    return [bracket_threshold("fluid_threshold", Bracket(low, high)) for low, high in ends]
 
 
 def test_the_interval_of_many_series_of_five_beds_holds_the_truth_as_often_as_it_says():
@@ -55,7 +55,9 @@ def test_narrow_brackets_give_the_mean_and_nearly_students_interval():
 
 
 def test_lines_of_several_beds_are_pooled_by_their_mean_for_they_bound_nothing():
-    lines = [extrapolated("impact_threshold_linear", Bracket(u - 0.02, u + 0.02)) for u in (0.15, 0.16, 0.17)]
+    lines = [
+        line_threshold("impact_threshold_linear", Bracket(u - 0.02, u + 0.02)) for u in (0.15, 0.16, 0.17)
+    ]
     assert lines[0].sd == pytest.approx(0.02)
     pooled = pool_beds(lines)
     # the middle of a bracket is its geometric mean: half of 0.02^2 / 0.16 below
@@ -79,7 +81,7 @@ def test_what_has_no_value_has_none():
     fluid = Bracket(0.24, 0.26)
     assert ratio("threshold_ratio", Bracket(0.19, 0.21), fluid).value == pytest.approx(0.8, rel=0.01)
     assert ratio("threshold_ratio", None, fluid).n == 0
-    assert extrapolated("impact_threshold_linear", None).n == 0
+    assert line_threshold("impact_threshold_linear", None).n == 0
     # a line needs four winds that blow, and a threshold
     tail = [(0.5, 1.0), (0.4, 0.6), (0.3, 0.3), (0.25, 0.01), (0.2, 0.001)]
     for winds in (tail, [(u, u**2) for u in (0.5, 0.4, 0.3, 0.2)], []):

@@ -12,7 +12,7 @@ from ten_records import VOC, adopted, curved, group, mechanism, null, refuted, s
 
 from taichi_erosion.evidence.answers.files import after_adoption
 from taichi_erosion.evidence.race.record import Interval, NumberPart, RowsPart
-from taichi_erosion.report.answer_figures import marked
+from taichi_erosion.report.answer_figures import rows_by_mark
 from taichi_erosion.report.html import render
 from taichi_erosion.report.study_page import TEMPLATE, answer_page
 from tests.report.browser import assert_readable
@@ -121,6 +121,6 @@ def test_a_browser_shows_every_page_on_a_desk_and_on_a_phone(pages, tmp_path):
 def test_limits_are_marked_by_the_side_on_which_the_value_lies():
     limit = ["below", "", "above", "between", "", ""]
     points = pd.DataFrame({"measured": [20.0, 22.0, 25.0, 27.0, 30.0, 33.0], "limit": limit})
-    found = {kind: own["measured"].to_list() for kind, own in marked(points)}
+    found = {kind: own["measured"].to_list() for kind, own in rows_by_mark(points)}
     assert found == {"": [22.0, 30.0, 33.0], "below": [20.0], "above": [25.0], "between": [27.0]}
     assert list(found)[-1] == ""  # drawn last, above the others

@@ -3,7 +3,7 @@
 import pytest
 from scene_tables import complaint, good_table
 
-from taichi_erosion.scene import parse_scene, resolved, scene_hash
+from taichi_erosion.scene import parse_scene, resolve, scene_hash
 
 EXTRA = {"root_density": {"unit": "g/cm3", "value": 0.004}, "room": {"unit": "degC", "value": 20.0}}
 
@@ -15,25 +15,27 @@ def scene_with(extra, overrides=(), **stated):
 
 
 def test_effects_read_declared_conditions_in_si_units():
-    found = scene_with(EXTRA).conditions.stated()
+    found = scene_with(EXTRA).conditions.stated_values()
     assert found == pytest.approx({"moisture": 0.01, "root_density": 4.0, "room": 293.15})
 
 
 def test_a_value_may_be_set_beside_the_declaration_and_on_the_command_line():
     declared = {"root_density": {"unit": "g/cm3"}}
-    assert "root_density" not in scene_with(declared).conditions.stated()
-    assert scene_with(declared, root_density=0.5).conditions.stated()["root_density"] == pytest.approx(500.0)
+    assert "root_density" not in scene_with(declared).conditions.stated_values()
+    assert scene_with(declared, root_density=0.5).conditions.stated_values()["root_density"] == pytest.approx(
+        500.0
+    )
     set_later = scene_with(declared, ["conditions.root_density=0.25"])
-    assert set_later.conditions.stated()["root_density"] == pytest.approx(250.0)
+    assert set_later.conditions.stated_values()["root_density"] == pytest.approx(250.0)
     long_path = scene_with(declared, ["conditions.extra.root_density.value=0.25"])
     assert long_path == set_later
 
 
 def test_a_scene_without_own_conditions_is_what_it_was():
     plain = parse_scene(good_table())
-    assert "extra" not in resolved(plain)["conditions"]
+    assert "extra" not in resolve(plain)["conditions"]
     assert scene_hash(plain) != scene_hash(scene_with(EXTRA))
-    assert parse_scene(resolved(scene_with(EXTRA))) == scene_with(EXTRA)
+    assert parse_scene(resolve(scene_with(EXTRA))) == scene_with(EXTRA)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from scene_tables import good_table
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene import explain, parse_scene, resolved
+from taichi_erosion.scene import explain, parse_scene, resolve
 from taichi_erosion.scene.preparation.setup import build_setup
 
 SLOW = ("grains.count",)  # five million grains
@@ -83,5 +83,5 @@ def test_a_number_at_the_end_of_its_range_is_refused_in_a_sentence_or_can_be_set
         columns = (setup.grains.position, setup.grains.velocity, setup.grains.mass, setup.gravity)
         assert all(np.isfinite(numbers).all() for numbers in columns), path
         assert told["steps_most"] > 0, path
-        assert parse_scene(resolved(changed)) == changed, path
+        assert parse_scene(resolve(changed)) == changed, path
     assert built > 80

@@ -11,7 +11,7 @@ from scene_tables import ABSENT, SCENES, TUNNEL, changed, complaint, good_table,
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene import build_setup, load_scene, parse_scene, resolved, scene_hash
+from taichi_erosion.scene import build_setup, load_scene, parse_scene, resolve, scene_hash
 from taichi_erosion.scene.load import parse_air_scene, toml_table
 
 FUNNEL = SCENES / "funnel_repose.toml"
@@ -48,11 +48,11 @@ def test_the_hash_changes_with_the_physics_alone(order: str):
 
 def test_the_resolved_scene_is_complete_and_reads_back_as_itself():
     scene = parse_scene(good_table())
-    table = resolved(scene)
+    table = resolve(scene)
     assert table["gravity"]["magnitude"] == 9.81
     assert table["laws"]["friction_cap"] == "thornton"
     assert table["stages"][0]["rest_energy"] == 1e-5
-    assert resolved(parse_scene(table)) == table
+    assert resolve(parse_scene(table)) == table
 
 
 def test_an_apparatus_in_diameters_grows_with_its_grains_and_the_given_table_stays():

@@ -7,7 +7,7 @@ import pytest
 from scene_tables import SCENES, good_table
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.scene import parse_scene, resolved
+from taichi_erosion.scene import parse_scene, resolve
 from taichi_erosion.scene.paths import meaning_of, schema_text
 from taichi_erosion.scene.schema.scene import Stage
 
@@ -27,7 +27,7 @@ BAD_ORDERS = "grains.count|=3|grains..count=3|stages.9.name=x|stages.x=1|grains.
     ],
 )
 def test_any_parameter_can_be_set_by_its_dotted_path(order: str, path: tuple[Any, ...], value: Any):
-    place: Any = resolved(parse_scene(good_table(), overrides=[order]))
+    place: Any = resolve(parse_scene(good_table(), overrides=[order]))
     for key in path:
         place = place[key]
     assert place == (pytest.approx(value) if isinstance(value, float) else value)

@@ -71,5 +71,5 @@ def test_any_text_is_a_unit_or_refused(text):
 def test_a_temperature_is_counted_from_the_zero_of_its_scale(text, number, kelvin):
     scale = scale_between(text, parse_unit("K"))
     assert scale is not None
-    assert scale.used(number) == pytest.approx(kelvin, rel=1e-12)
-    assert scale.written(kelvin) == pytest.approx(number, abs=1e-10)
+    assert scale.to_use(number) == pytest.approx(kelvin, rel=1e-12)
+    assert scale.to_table(kelvin) == pytest.approx(number, abs=1e-10)

@@ -24,7 +24,7 @@ from taichi_erosion.core.device import stop_device
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Laws, Numerics, Setup
 from taichi_erosion.core.snapshot import AirProfile, Snapshot, Status
-from taichi_erosion.core.transfer import read
+from taichi_erosion.core.transfer import download_field
 from taichi_erosion.simulation import Simulation
 from taichi_erosion.simulation.assemble import reallocate
 from taichi_erosion.simulation.grain_decomposition import step
@@ -238,7 +238,7 @@ def test_a_resumed_run_and_lists_that_grow_change_no_bit():
 def phases(sim: Simulation) -> int:
     """Stages of the last launch: every one ends with a barrier, at which each block arrives once."""
     assert sim.buffers is not None
-    return int(read(sim.buffers.arrivals).max()) // sim.buffers.blocks
+    return int(download_field(sim.buffers.arrivals).max()) // sim.buffers.blocks
 
 
 def test_the_host_starts_hundreds_of_steps_at_once_and_a_step_takes_few_stages(monkeypatch):

@@ -3,7 +3,7 @@
 import pytest
 
 from taichi_erosion.tables.headings import (
-    meaning_alone,
+    lone_angle,
     meaning_of,
     meaning_of_symbol,
     near_meaning,
@@ -105,7 +105,7 @@ def test_numbers_of_a_law_are_known_by_their_heading(text, law, unit):
     ],
 )
 def test_a_bare_angle_is_that_of_repose_where_nothing_else_is_measured(text, meant):
-    assert meaning_alone(read_heading(text)) == meant
+    assert lone_angle(read_heading(text)) == meant
 
 
 @pytest.mark.parametrize(

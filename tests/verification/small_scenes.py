@@ -35,7 +35,7 @@ from taichi_erosion.scene import Scene
 from taichi_erosion.scene import laws as laws_of
 from taichi_erosion.simulation import Simulation, advance, assemble, failure, prepare, snapshot
 from taichi_erosion.verification.claims import Precision
-from taichi_erosion.verification.closed_forms import HERTZ, hertz_impact, sampled, sphere_mass
+from taichi_erosion.verification.closed_forms import HERTZ, hertz_impact, sample_states, sphere_mass
 from tests.verification.reference.contact import Solid, effective_moduli, series
 
 WALL = 1  # material
@@ -249,7 +249,7 @@ def final_states(
 ) -> list[Snapshot]:
     """Snapshots after `durations` [s], one number or one per replica."""
     ends = np.broadcast_to(np.asarray(durations, dtype=float), (1, len(setups)))
-    return [end for (end,) in sampled(setups, ends, precision, laws)]
+    return [end for (end,) in sample_states(setups, ends, precision, laws)]
 
 
 @dataclass(frozen=True)
@@ -265,7 +265,7 @@ class Trace:
 def trace(setups: Sequence[Setup], times: Floats, precision: Precision, laws: Laws = HERTZ) -> Trace:
     """Samples at `times` [samples, replicas] in s, or [samples] for all replicas alike."""
     rows = np.broadcast_to(times if times.ndim == 2 else times[:, None], (len(times), len(setups)))
-    paths = sampled(setups, rows, precision, laws)
+    paths = sample_states(setups, rows, precision, laws)
     names = ("time", "position", "velocity", "spin")
     return Trace(*(np.array([[getattr(s, n) for s in path] for path in paths]).swapaxes(0, 1) for n in names))
 

@@ -48,11 +48,11 @@ def mean(observable: str, at: Conditions, given: Numbers, effects: Numbers, coun
         return OWN[observable](at, given, effects, count)
     if observable in REDUCED:
         acting = {name: strength for name, strength in effects.items() if name in reduced.EFFECTS}
-        fluid = reduced.expected("threshold_u_star", at, known(given), acting)
+        fluid = reduced.model_mean("threshold_u_star", at, known(given), acting)
         ratio = given.get("threshold_ratio", THRESHOLD_RATIO) if REDUCED[observable] < 1.0 else 1.0
         return ratio * fluid
     if observable in reduced.OBSERVABLES:
-        return reduced.expected(observable, at, known(given), effects)
+        return reduced.model_mean(observable, at, known(given), effects)
     raise BadInput(
         f"observable = {observable!r} is not one of {', '.join((*OWN, *REDUCED, *reduced.OBSERVABLES))}"
     )

@@ -152,7 +152,7 @@ def acts(law: str, observables: tuple[str, ...], varied: tuple[str, ...]) -> boo
         for name, value in reduced.DEFAULTS.items()
     }
     for name in observables:
-        bare, with_law = reduced.expected(name, at, {}, {}), reduced.expected(name, at, {}, {law: 1.0})
+        bare, with_law = reduced.model_mean(name, at, {}, {}), reduced.model_mean(name, at, {}, {law: 1.0})
         if np.any(np.abs(with_law - bare) > 1e-9 * np.abs(bare).max()):
             return True
     return False

@@ -118,12 +118,12 @@ def sources_of(
 def true_mean(truth: DisturbedTruth, observable: str, at: Conditions) -> Floats:
     """Values without noise; of effects of another form at conditions bent by a power over their range."""
     if truth.disturbance != "form":
-        return reduced.expected(observable, at, truth.parameters, truth.effects)
+        return reduced.model_mean(observable, at, truth.parameters, truth.effects)
     bent = {name: bent_condition(name, column, truth.size) for name, column in at.items()}
     bent |= {name: at[name] for name in ("u_star",) if name in at}
-    gain = reduced.expected(observable, bent, truth.parameters, truth.effects)
-    bare = reduced.expected(observable, bent, truth.parameters, {})
-    here = reduced.expected(observable, at, truth.parameters, {})
+    gain = reduced.model_mean(observable, bent, truth.parameters, truth.effects)
+    bare = reduced.model_mean(observable, bent, truth.parameters, {})
+    here = reduced.model_mean(observable, at, truth.parameters, {})
     if observable == "repose_angle":
         return here + gain - bare
     ratio = np.where(bare > 0.0, gain / np.maximum(bare, LEAST_LOGARITHM), 1.0)
@@ -262,7 +262,7 @@ def shows(law: str, observables: tuple[str, ...], varied: tuple[str, ...]) -> bo
     generator = np.random.default_rng(0)
     at = {name: drawn_condition(generator, name, PROBES) for name in varied}
     for name in observables:
-        bare, acting = (reduced.expected(name, at, {}, effects) for effects in ({}, {law: 1.0}))
+        bare, acting = (reduced.model_mean(name, at, {}, effects) for effects in ({}, {law: 1.0}))
         if name != "repose_angle":
             bare, acting = (np.log(np.maximum(each, FLUX_FLOOR)) for each in (bare, acting))
         if np.std(acting - bare) > NOISE[name]:

@@ -102,13 +102,13 @@ class CaseModel:
         place = self.place(observable, conditions)
         shifts = [reduced.EFFECTS[name](psi, place.at) for name, psi in acting.items() if psi != 0.0]
         known = {**reduced.PARAMETERS, **parameters}
-        value = reduced.shifted(observable, place.count, place.at, known, shifts)
+        value = reduced.mean_with_shifts(observable, place.count, place.at, known, shifts)
         if self.scatter == 0.0:
             return np.repeat(value[np.newaxis], seeds.size, axis=0)
         kick = sqrt(1.0 - self.chaos) * place.kick(seeds)
         if self.chaos > 0.0:
             setting = np.array([*parameters.values(), *effects.values()]).view(np.uint64)
-            other = seeds.astype(np.uint64) ^ np.bitwise_xor.reduce(reduced.scrambled(setting))
+            other = seeds.astype(np.uint64) ^ np.bitwise_xor.reduce(reduced.splitmix64(setting))
             kick = kick + sqrt(self.chaos) * reduced.disturbance_of(place.states, other)
         kick = kick * self.scatter * NOISE[observable]
         return value + kick if observable == "repose_angle" else value * np.exp(kick)
@@ -176,7 +176,7 @@ def read(
     group: tuple[str, ...],
 ) -> Readings:
     """One reading of one instrument for every set of conditions."""
-    mean = reduced.expected(observable, at, truth.parameters, truth.effects)
+    mean = reduced.model_mean(observable, at, truth.parameters, truth.effects)
     sd = NOISE[observable] * level
     kick = sd * truth.understated * generator.standard_normal(mean.size)
     if observable == "repose_angle":

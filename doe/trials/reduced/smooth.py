@@ -12,7 +12,7 @@ import numpy as np
 from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.data.problem import Candidate, Conditions, Floats, Observable, Parameter, Problem
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH
-from taichi_erosion.evidence.models.reduced import expected, predict
+from taichi_erosion.evidence.models.reduced import model_mean, predict
 
 PARAMETERS = (
     Parameter("threshold_coefficient", 0.1, 0.04, 0.25, 0.2),
@@ -86,7 +86,7 @@ def draw(seed: int, discrepancy: float) -> Case:
         count = int(random.integers(12, 25))
 
         def mean(at: Conditions, name: str = name, waves: Waves = waves) -> Floats:
-            value = np.asarray(expected(name, at, truth, effects))
+            value = np.asarray(model_mean(name, at, truth, effects))
             return value * np.exp(waves(at)) if name == "threshold_u_star" else value + waves(at)
 
         def sd(value: Floats, name: str = name, scatter: float = scatter) -> Floats:

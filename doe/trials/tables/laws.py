@@ -149,7 +149,9 @@ def values(truth: Truth, observable: str, design: Design, without: str = "") -> 
         amount = amount + truth.outside.sizes[observable] * truth.outside.shape(design)
     found.append(Shift(**{PLACES[observable]: amount}))
     numbers = {**reduced.PARAMETERS, **truth.parameters}
-    return np.asarray(reduced.shifted(observable, design.soil.size, at, numbers, found), dtype=np.float64)
+    return np.asarray(
+        reduced.mean_with_shifts(observable, design.soil.size, at, numbers, found), dtype=np.float64
+    )
 
 
 def effect_shift(truth: Truth, name: str, strength: float, at: Mapping[str, Floats], size: int) -> Shift:

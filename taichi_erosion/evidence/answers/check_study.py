@@ -83,15 +83,15 @@ def told_range(measurements: Measurements, name: str) -> str:
 def study_cost(study: Study) -> dict[str, Any]:
     """Cost of a discovery with all candidates, by the size of its plan."""
     effects = study.problem.candidate_names
-    found: dict[str, Any] = {}
+    document: dict[str, Any] = {}
     for name in PLANS:
         planned = initial_training_runs(study, effects, name)
         if planned is None:
             sentence = function_cost(study, len(effects))
             return {"full": {"sentence": sentence}} if sentence else {}
         cost = without_a_trace(planned)
-        found[name] = {"sentence": cost.sentence, "core_minutes": cost.seconds * cost.workers / MINUTE}
-    return found
+        document[name] = {"sentence": cost.sentence, "core_minutes": cost.seconds * cost.workers / MINUTE}
+    return document
 
 
 def without_a_trace(planned: TrainingRuns) -> PlanCost:
@@ -102,5 +102,5 @@ def without_a_trace(planned: TrainingRuns) -> PlanCost:
     with TemporaryDirectory() as folder:
         simulator = replace(planned.simulator, folder=Path(folder), ledger=None)
         cost = plan_cost(replace(planned, simulator=simulator), rounds, MOST_POINTS)
-        close_ledger(simulator.opened())
+        close_ledger(simulator.shared_ledger())
     return cost

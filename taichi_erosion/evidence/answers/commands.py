@@ -18,23 +18,23 @@ from taichi_erosion.evidence.answers import files
 from taichi_erosion.evidence.answers.files import Command, Reply
 from taichi_erosion.evidence.answers.rounds import (
     Question,
-    RacedStudy,
-    answered,
+    StudyInference,
+    answer_question,
     discovery_question,
     last_plan,
 )
 from taichi_erosion.evidence.answers.set_up import (
-    blocked,
+    blocks_verdict,
     refuse_unknown_scatter,
     source_faults,
     table_faults,
     unit_faults,
 )
-from taichi_erosion.evidence.answers.summary import decided, law_part, summary
+from taichi_erosion.evidence.answers.summary import decision_part, law_part, summary
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH, is_strength
-from taichi_erosion.evidence.models.adopted_files import Adopted, refuse_foreign_files, write_adopted_files
+from taichi_erosion.evidence.models.adopted_files import Adoption, refuse_foreign_files, write_adopted_files
 from taichi_erosion.evidence.models.load_study import (
     NO_OPTIONS,
     PLANS,
@@ -46,9 +46,9 @@ from taichi_erosion.evidence.models.load_study import (
 from taichi_erosion.evidence.race.decision import decide, sensitivity
 from taichi_erosion.evidence.race.dose_laws import told_law
 from taichi_erosion.evidence.race.outlook import held_out_part
-from taichi_erosion.evidence.race.posterior import Posterior, given, only, raced
+from taichi_erosion.evidence.race.posterior import Posterior, condition_on_effects, infer, restrict
 from taichi_erosion.evidence.race.proposals import proposals
-from taichi_erosion.evidence.race.record import Decided, Record
+from taichi_erosion.evidence.race.record import DecisionPart, Record
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.part_words import set_up_lines
 from taichi_erosion.mechanisms.library import mechanism_rows
@@ -81,9 +81,9 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
     with open_study(path, options) as study:
         question = Question("compare", bare, lambda found: [found.about_bare], most=1)
         found, ready = answer_of(study, last_plan(study), question, progress)
-        record = summary(only(found.posterior.race, lambda h: not h.acting))
-        record = replace(record, decided=decided(found.posterior, found.decision))
-        return stored(ready, "compare", found, record, start)
+        record = summary(restrict(found.posterior.race, lambda h: not h.acting))
+        record = replace(record, decided=decision_part(found.posterior, found.decision))
+        return stored_reply(ready, "compare", found, record, start)
 
 
 def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTIONS) -> Reply:
@@ -91,12 +91,19 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
     start = perf_counter()
     with open_study(path, options) as study:
         plans = PLANS if study.options.budget is None else (study.options.budget,)
-        question = discovery_question(study, bare if blocked(study.faults) else whole)
-        found, ready = answer_of(study, plans, question, progress)
-        record, adopted = discover_record(found), files.read_reply(study.results, study.path.stem, "adopt")
-        if adopted is not None and adopted.about["digest"] == study.digest[:12] and not blocked(ready.faults):
+        question = discovery_question(study, bare if blocks_verdict(study.faults) else whole)
+        inference, ready = answer_of(study, plans, question, progress)
+        record, adopted = (
+            discover_record(inference),
+            files.read_reply(study.results, study.path.stem, "adopt"),
+        )
+        if (
+            adopted is not None
+            and adopted.about["digest"] == study.digest[:12]
+            and not blocks_verdict(ready.faults)
+        ):
             record = files.after_adoption(record, adopted.record)
-        return stored(ready, "discover", found, record, start, budget=ready.options.budget)
+        return stored_reply(ready, "discover", inference, record, start, budget=ready.options.budget)
 
 
 def adopt_study(
@@ -112,12 +119,14 @@ def adopt_study(
         effects = known_effects(effects, names, path)
         refuse_foreign_files(study, effects, options.force)
 
-        def points(found: RacedStudy) -> list[Any]:
-            return found.about(found.posterior.race.bare, given(found.posterior, effects).best)
+        def points(inference: StudyInference) -> list[Any]:
+            return inference.about(
+                inference.posterior.race.bare, condition_on_effects(inference.posterior, effects).best
+            )
 
         question = Question(f"adopt {' '.join(effects)}", whole, points, names, most=2)
-        found, ready = answer_of(study, last_plan(study), question, progress)
-        record = adopt_record(found.posterior, effects, study.file.study.seed)
+        adopted_inference, ready = answer_of(study, last_plan(study), question, progress)
+        record = adopt_record(adopted_inference.posterior, effects, study.file.study.seed)
         opened = openings(study.results, study.drawn_from)
         if len(study.problem.vault.rows):
             opened = record_opening(study.results, study.drawn_from, "+".join(effects))
@@ -127,11 +136,13 @@ def adopt_study(
         earlier = {path[len(EFFECTS) : -len(STRENGTH)]: path for path in numbers if is_strength(path)}
         strengths = {name: numbers.pop(path) for name, path in earlier.items()}
         strengths |= {name: record.effects[name].strength for name in names}
-        written = write_adopted_files(study, Adopted(names, strengths, numbers), options.force)
+        written = write_adopted_files(study, Adoption(names, strengths, numbers), options.force)
         told = {"written": str(written[0]), "files": [str(file) for file in written]}
         told |= {"ladder": files.extended_ladder(study, record)}
-        found = replace(found, posterior=given(found.posterior, effects))
-        return stored(ready, "adopt", found, record, start, **told)
+        adopted_inference = replace(
+            adopted_inference, posterior=condition_on_effects(adopted_inference.posterior, effects)
+        )
+        return stored_reply(ready, "adopt", adopted_inference, record, start, **told)
 
 
 def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTIONS) -> Reply:
@@ -144,41 +155,41 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
         kinds = {fault.kind for fault in ready.faults if fault.blocks}
         experiments = proposals(found.posterior, laboratory) if kinds <= {"too_few_rows"} else ()
         record = replace(summary(found.posterior), experiments=experiments)
-        return stored(ready, "next", found, record, start)
+        return stored_reply(ready, "next", found, record, start)
 
 
-def whole(ready: Study, progress: Progress, bare: bool = False) -> RacedStudy:
+def whole(ready: Study, progress: Progress, bare: bool = False) -> StudyInference:
     """The race of a study."""
-    posterior = raced(ready.problem, ready.file.study.seed, progress=progress, bare=bare)
-    return RacedStudy(posterior, decide(posterior))
+    posterior = infer(ready.problem, ready.file.study.seed, progress=progress, bare=bare)
+    return StudyInference(posterior, decide(posterior))
 
 
-def bare(ready: Study, progress: Progress) -> RacedStudy:
+def bare(ready: Study, progress: Progress) -> StudyInference:
     """The race of a study without anything that could be missing."""
     return whole(ready, progress, bare=True)
 
 
 def answer_of(
     study: Study, plans: Sequence[BudgetName], question: Question, progress: Progress
-) -> tuple[RacedStudy, Study]:
+) -> tuple[StudyInference, Study]:
     """The answer of a study, and the study with all that its model was asked and the faults that it shows."""
-    found, ready = answered(study, plans, question, progress)
+    found, ready = answer_question(study, plans, question, progress)
     return found, replace(ready, faults=(*ready.faults, *unit_faults(found.posterior.race)))
 
 
-def discover_record(found: RacedStudy) -> Record:
+def discover_record(inference: StudyInference) -> Record:
     """Which effect is missing, with the law of a mechanism.
 
     A name that fresh runs contradict is not stable.
     """
-    posterior, told = found.posterior, found.decision
-    other = defaultdict[str, list[Decided]](list)
+    posterior, told = inference.posterior, inference.decision
+    other = defaultdict[str, list[DecisionPart]](list)
     for prior, there, decision in sensitivity(posterior, told):
-        other[prior].append(decided(there, decision))
+        other[prior].append(decision_part(there, decision))
     law = law_part(told_law(posterior, told))
-    record = replace(summary(posterior, told), fresh=found.fresh, law=law, sensitivity=dict(other))
+    record = replace(summary(posterior, told), fresh=inference.fresh, law=law, sensitivity=dict(other))
     doubted = (*record.decided.named, *record.decided.group)
-    if found.fresh is not None and found.fresh.outcome == "contradicted" and doubted:
+    if inference.fresh is not None and inference.fresh.outcome == "contradicted" and doubted:
         unstable = replace(record.decided, verdict="unstable", named=(), group=doubted)
         return replace(record, decided=unstable, sensitivity={})
     return record
@@ -186,8 +197,8 @@ def discover_record(found: RacedStudy) -> Record:
 
 def adopt_record(posterior: Posterior, effects: Sequence[str], seed: int) -> Record:
     """The error of fitted and held-out rows with these effects, numbers and strengths as they then are."""
-    known = given(posterior, effects)
-    named, race = tuple(effects), decided(posterior, decide(posterior))
+    known = condition_on_effects(posterior, effects)
+    named, race = tuple(effects), decision_part(posterior, decide(posterior))
     acting = {"verdict": "present", "named": named, "group": (), "mechanisms": ()}
     record = summary(known, replace(decide(known), **acting))
     return replace(record, decided=replace(race, **acting), held_out=held_out_part(known, named, seed))
@@ -204,20 +215,22 @@ def known_effects(effects: Sequence[str], names: Sequence[str], path: Path) -> t
     return tuple(name for name in names if name in effects)
 
 
-def stored(
-    study: Study, command: Command, found: RacedStudy, record: Record, start: float, **told: Any
+def stored_reply(
+    study: Study, command: Command, inference: StudyInference, record: Record, start: float, **details: Any
 ) -> Reply:
     """The stored reply of a command, with its cost. A set-up that is not settled names nothing by itself."""
-    if command != "adopt" and blocked(study.faults):
+    if command != "adopt" and blocks_verdict(study.faults):
         waits = {"verdict": "not_testable", "named": (), "group": (), "mechanisms": ()}
         record = replace(record, decided=replace(record.decided, **waits), sensitivity={})
     cost = replace(record.cost, seconds=perf_counter() - start, seed=study.file.study.seed)
     cost = cost if study.simulations is None else replace(cost, runs=study.simulations)
-    reply = Reply(command, framed(study, found) | told, replace(record, cost=cost), found.posterior)
+    reply = Reply(
+        command, study_frame(study, inference) | details, replace(record, cost=cost), inference.posterior
+    )
     return files.write_reply(study.results, study.path.stem, reply)
 
 
-def framed(study: Study, found: RacedStudy) -> files.Document:
+def study_frame(study: Study, found: StudyInference) -> files.Document:
     """What every answer says of its study and of the set-up."""
     about = files.study_document(study) | {"faults": [asdict(each) for each in study.faults]}
     warnings = list(found.posterior.race.prepared.warnings)

@@ -23,7 +23,7 @@ from taichi_erosion.evidence.data.table_units import KEY, TableUnits
 from taichi_erosion.evidence.models.adopted_files import adopted_study
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.race.posterior import Posterior
-from taichi_erosion.evidence.race.record import Decided, EffectPart, HeldOutPart, Interval, Record
+from taichi_erosion.evidence.race.record import DecisionPart, EffectPart, HeldOutPart, Interval, Record
 from taichi_erosion.evidence.words import answer_lines as lines
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.vocabulary import Vocabulary
@@ -105,7 +105,7 @@ def study_document(study: Study) -> Document:
     }
 
 
-def printed(found: Mapping[str, Any]) -> Document:
+def printed_document(found: Mapping[str, Any]) -> Document:
     """A document as printed: what figures are drawn from stays in the results folder."""
     return {key: value for key, value in found.items() if key not in STORED}
 
@@ -132,13 +132,13 @@ def write_reply(folder: Path, stem: str, reply: Reply) -> Reply:
     return reply
 
 
-def storable(found: Any) -> Any:
+def storable(value: Any) -> Any:
     """Nested tables with "nan" and "inf" for numbers that JSON does not have."""
-    if isinstance(found, dict):
-        return {key: storable(each) for key, each in found.items()}
-    if isinstance(found, list):
-        return [storable(each) for each in found]
-    return str(found) if isinstance(found, float) and not isfinite(found) else found
+    if isinstance(value, dict):
+        return {key: storable(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [storable(each) for each in value]
+    return str(value) if isinstance(value, float) and not isfinite(value) else value
 
 
 def write_document(file: Path, found: Document) -> Path:
@@ -148,14 +148,14 @@ def write_document(file: Path, found: Document) -> Path:
 
 def read_reply(folder: Path, stem: str, command: Command) -> Reply | None:
     """The last answer of a command; None if it has not been given in this format."""
-    found = read_document(document_file(folder, stem, command))
-    if found is None or found.get("format") != FORMAT:
+    document = read_document(document_file(folder, stem, command))
+    if document is None or document.get("format") != FORMAT:
         return None
     try:
-        record = RECORD.validate_python(found["record"])
+        record = RECORD.validate_python(document["record"])
     except (ValidationError, KeyError):
         raise BadInput(f"{document_file(folder, stem, command)}: holds no result; ask again") from None
-    about = {key: value for key, value in found.items() if key not in STORED}
+    about = {key: value for key, value in document.items() if key not in STORED}
     return Reply(command, about, record)
 
 
@@ -172,13 +172,13 @@ def read_document(file: Path) -> Document | None:
 def extended_ladder(study: Study, record: Record) -> list[Document]:
     """Errors per row on a table before the first adoption and after each, with this one where they fall."""
     fit, held, before, of = record.fit, record.held_out, list(study.file.adopted), study.digest[:12]
-    found = read_document(study.results / LADDER) or {"rungs": []}
+    ladder = read_document(study.results / LADDER) or {"rungs": []}
 
     def rung(effects: list[str], fitted: float, unseen: float | None) -> Document:
         errors = {"chi2_per_row_fitted": fitted / fit.n, "chi2_per_row_held_out": unseen}
         return {"of": of, "effects": effects} | errors
 
-    rungs = [each for each in found["rungs"] if each["of"] == of]
+    rungs = [each for each in ladder["rungs"] if each["of"] == of]
     rungs = rungs or [rung(before, fit.chi2_before, held and held.before)]
     if record.improves:
         acting = [*before, *record.decided.named]
@@ -195,11 +195,11 @@ def document(record: Record) -> Document:
         key: parts["rows"][key].tolist() for key in ("measured", "low", "high", "sd", "before", "after")
     }
     columns["conditions"] = {name: column.tolist() for name, column in record.rows.conditions.items()}
-    found = {"where": parts["where"], "repeats": parts["repeats"], "rows": columns}
-    found |= answer(decided)
+    comparison = {"where": parts["where"], "repeats": parts["repeats"], "rows": columns}
+    comparison |= answer(decided)
     told = ("n", "chi2_before", "chi2_after", "p_lack_of_fit", "p_lack_of_fit_after")
-    found |= {key: parts["fit"][key] for key in told}
-    found |= {
+    comparison |= {key: parts["fit"][key] for key in told}
+    comparison |= {
         "p": decided.familywise,
         "effects": {name: effect(part) for name, part in record.effects.items()},
         "parameters": {path: each | each.pop("now") for path, each in parts["numbers"].items()},
@@ -217,11 +217,11 @@ def document(record: Record) -> Document:
         "sensitivity": {prior: list(map(answer, own)) for prior, own in record.sensitivity.items()},
         "wall_s": cost.seconds,
     }
-    found |= {key: parts["cost"][key] for key in ("runs", "settings", "stopped", "seed")}
-    return without_nan(found)
+    comparison |= {key: parts["cost"][key] for key in ("runs", "settings", "stopped", "seed")}
+    return without_nan(comparison)
 
 
-def answer(decided: Decided) -> Document:
+def answer(decided: DecisionPart) -> Document:
     """What is said."""
     return {key: getattr(decided, key) for key in ("verdict", "named", "group", "together", "probabilities")}
 
@@ -244,11 +244,11 @@ def mechanisms(record: Record) -> Document:
     """Mechanisms, and what has a law, by name: probability, doses, law."""
     names = (*record.decided.mechanisms, *([record.law.mechanism] if record.law else []))
     shares = record.decided.probabilities
-    found: Document = {n: {"probability": shares.get(n, 0.0), "doses": [], "law": None} for n in names}
+    documents: Document = {n: {"probability": shares.get(n, 0.0), "doses": [], "law": None} for n in names}
     if record.law is not None:
         law, powers = asdict(record.law), record.law.exponents.items()
         doses = [{"conditions": at, "dose": dose["value"], **dose} for at, dose in law.pop("doses")]
         ends = {"exponents": "value", "low": "low", "high": "high"}
         law |= {key: {name: getattr(power, end) for name, power in powers} for key, end in ends.items()}
-        found[record.law.mechanism] |= {"doses": doses, "law": law}
-    return found
+        documents[record.law.mechanism] |= {"doses": doses, "law": law}
+    return documents

@@ -33,7 +33,7 @@ import numpy as np
 
 from taichi_erosion.evidence.data.comparison_rows import condition_numbers
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Numbers, Progress
-from taichi_erosion.evidence.emulator.design import Setting, rounded
+from taichi_erosion.evidence.emulator.design import Setting, round_number
 from taichi_erosion.evidence.emulator.fresh_runs import (
     MOST_CONDITIONS,
     FreshCampaign,
@@ -45,7 +45,7 @@ from taichi_erosion.evidence.models.predictor import Predictor
 from taichi_erosion.evidence.models.simulator import row_at
 from taichi_erosion.evidence.race.decision import MOST_TOLD, Decision
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race, score
-from taichi_erosion.evidence.race.outlook import Elsewhere
+from taichi_erosion.evidence.race.outlook import JointRows
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import DRAWS, SEED, SURE
 from taichi_erosion.evidence.race.record import FreshPart, GapPart, Outcome, Verdict
@@ -70,14 +70,14 @@ class Kind:
         """Effects and mechanisms that act."""
         return tuple(sorted(self.fits[0].hypothesis.acting - {OUTSIDE}))
 
-    def judged(self, mean: Floats, columns: Floats) -> list[Fit]:
+    def refit_with_runs(self, mean: Floats, columns: Floats) -> list[Fit]:
         """The fits with a simulated mean and its errors in rows that have one, the emulator's in others."""
         at, known = self.fits[0], np.isfinite(mean)[:, np.newaxis]
         errors, own = self.race.model.errors(at.hypothesis.names, at.v, at.doses), self.emulator
         before = self.race.prepared.rows.shared.shape[1]
         errors[:, before : before + own.shape[1]] = np.where(known, 0.0, own)
         mean, columns = np.where(known[:, 0], mean, at.mean), np.where(known, columns, 0.0)
-        shown = self.shown(mean, columns)
+        shown = self.share_of_change(mean, columns)
         jacobian = at.jacobian * np.where(np.arange(at.v.size) < self.race.model.count, 1.0, shown)
         change: dict[str, Any] = {"v": at.v, "mean": mean, "jacobian": jacobian}
         if at.dose is not None:
@@ -85,12 +85,14 @@ class Kind:
             change["blocks"] = (*blocks, replace(dosed, columns=shown * dosed.columns))
             change["dose"] = replace(at.dose, slope=shown * at.dose.slope)
         about = [replace(fit, **change, errors=np.hstack([errors, columns])) for fit in self.fits]
-        return [self.race.solved(fit, start=fit.scales, fresh=True) for fit in about]
+        return [self.race.fit_at_scales(fit, start=fit.scales, fresh=True) for fit in about]
 
-    def shown(self, mean: Floats, columns: Floats) -> float:
+    def share_of_change(self, mean: Floats, columns: Floats) -> float:
         """Share a of what effects and mechanisms do that a simulated mean with errors shows."""
         at, model, prepared = self.fits[0], self.race.model, self.race.prepared
-        without = prepared.predictor.mean(where(self.race, at)[0], {}, prepared.seeds.fitting) + model.shift
+        without = (
+            prepared.predictor.mean(setting_at(self.race, at)[0], {}, prepared.seeds.fitting) + model.shift
+        )
         action, white = prepared.white(at.mean - without), prepared.white(columns)
         along = np.linalg.solve(np.eye(action.size) + white @ white.T, action)
         return float(1.0 + along @ prepared.white(mean - at.mean) / (1.0 + along @ action))
@@ -99,7 +101,7 @@ class Kind:
     def emulator(self) -> Floats:
         """Errors of the emulator (n, q)."""
         at = self.fits[0]
-        return self.race.prepared.predictor.model_errors(*where(self.race, at), at.doses)
+        return self.race.prepared.predictor.model_errors(*setting_at(self.race, at), at.doses)
 
     def if_right(self, runs: FreshRuns, random: np.random.Generator) -> Floats:
         """Draws of ln of prior times evidence by as many runs of a right emulator."""
@@ -109,13 +111,13 @@ class Kind:
         columns[~known | prepared.rows.censored] = 0.0
         s = random.standard_normal((DRAWS, columns.shape[1]))
         found = []
-        for fit in self.judged(mean, runs.columns):
+        for fit in self.refit_with_runs(mean, runs.columns):
             along, gram = fit.evidence.solved.against(columns)
             found.append(score(fit) + s @ along - 0.5 * np.sum(s @ gram * s, axis=1))
         return np.logaddexp.reduce(found, axis=0)
 
 
-def where(race: Race, fit: Fit) -> tuple[Floats, dict[str, float]]:
+def setting_at(race: Race, fit: Fit) -> tuple[Floats, dict[str, float]]:
     """Calibrated numbers on their axes, and strengths."""
     model = race.model
     return model.numbers(fit.v[: model.count]), model.strengths(fit.hypothesis.names, fit.v)
@@ -123,17 +125,17 @@ def where(race: Race, fit: Fit) -> tuple[Floats, dict[str, float]]:
 
 def setting_of(race: Race, fit: Fit) -> Setting:
     """What a fit has the simulator do, without meaningless digits, which would make it another run."""
-    told = race.prepared.predictor.setting(*where(race, fit))
-    numbers, acting = ({key: rounded(x) for key, x in each.items()} for each in told)
+    told = race.prepared.predictor.setting(*setting_at(race, fit))
+    numbers, acting = ({key: round_number(x) for key, x in each.items()} for each in told)
     if fit.dose is None:
         return Setting(numbers, acting)
     model, conditions = race.prepared.problem.model, race.prepared.rows.conditions
-    known = model.known(conditions) if isinstance(model, NameMapping) else conditions
+    known = model.model_conditions(conditions) if isinstance(model, NameMapping) else conditions
     doses = []
     for row in range(fit.mean.size):
         at = {path: x for path, x in row_at(known, row).items() if np.isfinite(x)}
-        doses.append((at, {name: rounded(column[row]) for name, column in fit.doses.items()}))
-    top = {name: rounded(column[np.argmax(np.abs(column))]) for name, column in fit.doses.items()}
+        doses.append((at, {name: round_number(column[row]) for name, column in fit.doses.items()}))
+    top = {name: round_number(column[np.argmax(np.abs(column))]) for name, column in fit.doses.items()}
     unique = {repr(each): each for each in doses}
     return Setting(numbers, {**acting, **top}, [*unique.values()], fit.hypothesis.along)
 
@@ -155,14 +157,14 @@ def kinds_of(race: Race, decision: Decision) -> list[Kind]:
     for hypothesis, fit in race.fits.items():
         bare = not hypothesis.names and fit.dose is None
         kinds["answer" if is_true(decision, hypothesis) else "bare" if bare else "rival"].append(fit)
-    found = []
+    classes = []
     for fits in kinds.values():
         able = sorted((each for each in fits if each.refined), key=score, reverse=True)
         if able:
             own = tuple(f for f in able if f.hypothesis.names == able[0].hypothesis.names and f.dose is None)
             own = own if able[0].dose is None else (able[0],)
-            found.append(Kind(race, total(fits), own))
-    return found
+            classes.append(Kind(race, total(fits), own))
+    return classes
 
 
 def fresh_test(
@@ -172,39 +174,39 @@ def fresh_test(
     race = posterior.race
     kinds, asked = kinds_of(race, decision), race.prepared.predictor.requests
     settings, part = [setting_of(race, kind.fits[0]) for kind in kinds], race.prepared.predictor
-    made = first = simulate(settings, asked, apart(race, kinds), progress)
+    made = first = simulate(settings, asked, separation(race, kinds), progress)
     if not made.runs:
         return FreshPart("not_made", kinds[0].names, needed=len(made.keys)), frozenset()
-    found, times = part_of(kinds, made), np.ones(race.prepared.rows.size, dtype=int)
-    while decision.mechanisms and is_open(found):
-        own = closest(race, made)
-        times[own] *= 2
-        if len(made.keys) + 2 * times[own[0]] * first.seeds > CLOSER * len(first.keys):
+    outcome_part, times = part_of(kinds, made), np.ones(race.prepared.rows.size, dtype=int)
+    while decision.mechanisms and is_open(outcome_part):
+        nearest = closest(race, made)
+        times[nearest] *= 2
+        if len(made.keys) + 2 * times[nearest[0]] * first.seeds > CLOSER * len(first.keys):
             break
-        some = race.prepared.rows.rows(own)
+        some = race.prepared.rows.rows(nearest)
         rows = part.over(some.observables, some.which, some.conditions).requests
-        more = simulate(settings[:2], rows, np.ones(own.size), progress, int(times[own[0]]))
-        if more.seeds < times[own[0]] * first.seeds:
+        more = simulate(settings[:2], rows, np.ones(nearest.size), progress, int(times[nearest[0]]))
+        if more.seeds < times[nearest[0]] * first.seeds:
             break
         pairs = zip(made.runs[:2], more.runs, strict=True)
-        runs = (*(one.with_more(other, own) for one, other in pairs), *made.runs[2:])
+        runs = (*(one.with_more(other, nearest) for one, other in pairs), *made.runs[2:])
         made = FreshCampaign(runs, made.keys | more.keys, len(runs[0].values), made.failed + more.failed)
-        found = part_of(kinds, made)
-    return found, made.keys
+        outcome_part = part_of(kinds, made)
+    return outcome_part, made.keys
 
 
 def part_of(kinds: Sequence[Kind], made: FreshCampaign) -> FreshPart:
     """What is told of an answer by some fresh runs."""
     race = kinds[0].race
     each, none = list(zip(kinds, made.runs, strict=True)), np.full(race.prepared.rows.size, np.nan)
-    known = np.array([total(kind.judged(none, run.columns)) for kind, run in each])
-    simulated = np.array([total(kind.judged(run.mean, run.columns)) for kind, run in each])
+    evidence = np.array([total(kind.refit_with_runs(none, run.columns)) for kind, run in each])
+    simulated = np.array([total(kind.refit_with_runs(run.mean, run.columns)) for kind, run in each])
     random = np.random.default_rng(SEED)
     right = np.transpose([kind.if_right(run, random) for kind, run in each])
-    before, after = (float(chance(kinds, found - known)) for found in (known, simulated))
+    before, after = (float(chance(kinds, found - evidence)) for found in (evidence, simulated))
     rival = next((k for k, kind in enumerate(kinds) if k and kind.names), 0)
-    other = float(chance(kinds, simulated - known, rival)) if rival else 0.0
-    p, gap = float(np.mean(chance(kinds, right - known) <= after)), gap_of(race, kinds, made.runs)
+    other = float(chance(kinds, simulated - evidence, rival)) if rival else 0.0
+    p, gap = float(np.mean(chance(kinds, right - evidence) <= after)), gap_of(race, kinds, made.runs)
     few = made.failed > MOST_FAILED * len(made.keys) or not made.runs[0].tests
     outcome: Outcome = "confirmed" if after >= SURE and not few else "undecided"
     if not few and min(1.0 if after >= SURE else p, 1.0 if gap is None else gap.p) < OFF:
@@ -229,28 +231,28 @@ def closest(race: Race, made: FreshCampaign) -> Integers:
     return np.flatnonzero(cells == cells[int(np.argmax([gain[cells == cell].sum() for cell in cells]))])
 
 
-def after_runs(told: Decision, part: FreshPart) -> Decision:
+def after_runs(decision: Decision, part: FreshPart) -> Decision:
     """The decision with mechanisms as runs show them: one that they do not confirm, beside its runner-up.
 
     That alone where they leave SURE to it. None where they contradict it and leave more than chance to the
     model without effects, and none where the runner-up is a set.
     """
-    if not told.mechanisms or part.outcome == "confirmed":
-        return told
-    if part.rivals >= SURE and len(part.rival) == 1 and part.rival[0] in told.beyond:
-        return replace(told, mechanisms=part.rival, together=False)
+    if not decision.mechanisms or part.outcome == "confirmed":
+        return decision
+    if part.rivals >= SURE and len(part.rival) == 1 and part.rival[0] in decision.beyond:
+        return replace(decision, mechanisms=part.rival, together=False)
     tested, left = [*part.effects, *part.rival], 1.0 - part.simulated - part.rivals
     if (part.outcome == "contradicted" and left > 1.0 - SURE) or len(part.rival) > 1:
-        verdict: Verdict = "outside_library" if told.outside >= SURE else "none_detected"
-        return replace(told, verdict=verdict, mechanisms=(), together=False)
+        verdict: Verdict = "outside_library" if decision.outside >= SURE else "none_detected"
+        return replace(decision, verdict=verdict, mechanisms=(), together=False)
     order = tested[::-1] if part.rivals > part.simulated else tested
-    group = dict.fromkeys(name for name in (*order, *told.mechanisms) if name not in told.named)
-    return replace(told, mechanisms=tuple(group)[:MOST_TOLD], together=False)
+    group = dict.fromkeys(name for name in (*order, *decision.mechanisms) if name not in decision.named)
+    return replace(decision, mechanisms=tuple(group)[:MOST_TOLD], together=False)
 
 
 def runs_at(
-    place: Elsewhere, simulator: FreshSimulator, progress: Progress
-) -> tuple[Elsewhere, frozenset[str]]:
+    place: JointRows, simulator: FreshSimulator, progress: Progress
+) -> tuple[JointRows, frozenset[str]]:
     """Rows with runs of the calibrated model where conditions are new to its emulator, and the runs' keys.
 
     Between the conditions of its training and beyond them an emulator may be steep. Each set of conditions
@@ -258,21 +260,21 @@ def runs_at(
     """
     race, rows, predictor = place.race, place.rows, place.model.prepared.predictor
     point, used, cells = setting_of(race, race.bare), frozenset[str](), condition_numbers(rows)
-    new = untrained(simulator, predictor, point)[race.prepared.rows.size :]
+    new = untrained_rows(simulator, predictor, point)[race.prepared.rows.size :]
     sets = [np.flatnonzero(new & (cells == cell)) for cell in np.unique(cells[new])]
     mean, columns = np.full(rows.size, np.nan), [np.zeros((rows.size, 0))]
 
-    def made(own: Integers) -> FreshCampaign:
-        some = rows.rows(own)
+    def campaign_of(row_numbers: Integers) -> FreshCampaign:
+        some = rows.rows(row_numbers)
         asked = predictor.over(some.observables, some.which, some.conditions).requests
-        spent = simulator.training.elsewhere + len(used - simulator.known)
+        spent = simulator.training.elsewhere + len(used - simulator.stored_keys)
         known = replace(simulator, training=replace(simulator.training, elsewhere=spent))
-        return known.simulate([point], asked, np.ones(own.size), progress)
+        return known.simulate([point], asked, np.ones(row_numbers.size), progress)
 
     for first in range(0, len(sets), MOST_CONDITIONS):  # together; what follows finds them in the ledger
-        made(np.concatenate(sets[first : first + MOST_CONDITIONS]))
+        campaign_of(np.concatenate(sets[first : first + MOST_CONDITIONS]))
     for own in sets:
-        if runs := (campaign := made(own)).runs:
+        if runs := (campaign := campaign_of(own)).runs:
             mean[own], used = runs[0].mean, used | campaign.keys
             columns.append(np.zeros((rows.size, runs[0].columns.shape[1])))
             columns[-1][own] = runs[0].columns
@@ -280,9 +282,9 @@ def runs_at(
     return replace(place, runs=(new, gap, np.hstack(columns))), used
 
 
-def untrained(simulator: FreshSimulator, predictor: Predictor, point: Setting) -> Bools:
+def untrained_rows(simulator: FreshSimulator, predictor: Predictor, point: Setting) -> Bools:
     """Rows of a predictor at conditions of which no run trained the emulator, if these can change a run."""
-    found, training, mapping = np.zeros(predictor.which.size, bool), simulator.training, simulator.mapping
+    untrained, training, mapping = np.zeros(predictor.which.size, bool), simulator.training, simulator.mapping
     measures = {scene.measure.scene: scene.measure for scene in training.scenes}
 
     def conditions(scene: Path, at: Numbers) -> tuple[str, ...]:
@@ -291,9 +293,9 @@ def untrained(simulator: FreshSimulator, predictor: Predictor, point: Setting) -
     made = {(run.scene, conditions(run.scene, run.at)) for run in training.runs}
     for observable, rows, stated in predictor.requests:
         scene = training.simulator.measures[mapping.observables[observable.name]].scene
-        known = mapping.known(stated)
-        found[rows] = [(scene, conditions(scene, row_at(known, k))) not in made for k in range(rows.size)]
-    return found
+        known = mapping.model_conditions(stated)
+        untrained[rows] = [(scene, conditions(scene, row_at(known, k))) not in made for k in range(rows.size)]
+    return untrained
 
 
 def chance(kinds: Sequence[Kind], change: Floats, of: int = 0) -> Floats:
@@ -302,7 +304,7 @@ def chance(kinds: Sequence[Kind], change: Floats, of: int = 0) -> Floats:
     return np.exp(weights[..., of] - np.logaddexp.reduce(weights, axis=-1))
 
 
-def apart(race: Race, kinds: Sequence[Kind]) -> Floats:
+def separation(race: Race, kinds: Sequence[Kind]) -> Floats:
     """How far the explanations lie from the answer in every row, in sd of the measurement."""
     means = np.array([kind.fits[0].mean for kind in kinds])
     return np.sum(np.abs(means - means[0]), axis=0) / race.prepared.sd

@@ -16,7 +16,7 @@ from taichi_erosion.core.foreign_code import read_effect_files
 from taichi_erosion.evidence.answers.scene_templates import (
     LENGTHS,
     TEMPLATES,
-    Calibrated,
+    CalibratedNumber,
     Template,
     contact,
     places_of,
@@ -27,7 +27,13 @@ from taichi_erosion.evidence.answers.scene_templates import (
 from taichi_erosion.evidence.answers.written_files import Content, StudyFiles, written_files
 from taichi_erosion.evidence.data.column_faults import column_faults, unusual_cells
 from taichi_erosion.evidence.data.measured import read_rows, with_limits
-from taichi_erosion.evidence.data.tables.column_roles import CONDITION, NOT_USED, Column, Told, has_no_scale
+from taichi_erosion.evidence.data.tables.column_roles import (
+    CONDITION,
+    NOT_USED,
+    Column,
+    TableOptions,
+    has_no_scale,
+)
 from taichi_erosion.evidence.data.tables.interview import Ask, Interview
 from taichi_erosion.evidence.data.tables.rows import NAME, Faults, Table
 from taichi_erosion.evidence.models import reduced
@@ -70,13 +76,13 @@ CLOSED_FORM_CONDITIONS = {  # place -> condition of the closed form
     "conditions.spread": "spread",
     "conditions.air_density": "air_density",
 }
-THRESHOLD = Calibrated("threshold_coefficient", 0.1, 0.04, 0.2, 0.2, "Bagnold's coefficient")
-SLIDING = Calibrated("friction_sliding", 0.5, 0.1, 1.2, 0.2, "grain on grain")
-ROLLING = Calibrated(
+THRESHOLD = CalibratedNumber("threshold_coefficient", 0.1, 0.04, 0.2, 0.2, "Bagnold's coefficient")
+SLIDING = CalibratedNumber("friction_sliding", 0.5, 0.1, 1.2, 0.2, "grain on grain")
+ROLLING = CalibratedNumber(
     "friction_rolling", 0.1, 0.005, 0.8, 0.6, "shape of the grains, as resistance to rolling"
 )
-FLUX = Calibrated("flux_coefficient", 2.5, 0.3, 20.0, 0.5, "of the flux above the threshold")
-EXPONENT = Calibrated("flux_exponent", 2.4, 1.9, 3.2, 0.2, "2 after Ungar & Haff, 3 after Owen")
+FLUX = CalibratedNumber("flux_coefficient", 2.5, 0.3, 20.0, 0.5, "of the flux above the threshold")
+EXPONENT = CalibratedNumber("flux_exponent", 2.4, 1.9, 3.2, 0.2, "2 after Ungar & Haff, 3 after Owen")
 CLOSED_FORM_NUMBERS = {
     "repose_angle": (SLIDING, ROLLING),
     "threshold_u_star": (THRESHOLD,),
@@ -94,10 +100,10 @@ ROLE_WORDS = {
 
 
 @dataclass(frozen=True)
-class Wishes:
+class NewStudyOptions:
     """What the command line says beforehand."""
 
-    told: Told = field(default_factory=Told)
+    table_options: TableOptions = field(default_factory=TableOptions)
     folder: Path | None = None
     apparatus: str | None = None  # of TEMPLATES
     closed_form: bool = False  # the reduced model answers in place of scenes
@@ -115,14 +121,14 @@ class Wishes:
 
 
 @dataclass(frozen=True)
-class Asked:
+class StudyRequest:
     """A laboratory's table, and what the user says of it."""
 
     table: Table
-    told: Told
+    table_options: TableOptions
     places: Mapping[str, str]  # condition -> place that it sets
     folder: Path  # of the study
-    wishes: Wishes
+    wishes: NewStudyOptions
     interview: Interview
 
     @property
@@ -135,19 +141,21 @@ class Asked:
         return Path(os.path.relpath(file, self.folder)).as_posix()
 
 
-def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
+def new_study(table: Path, wishes: NewStudyOptions, ask: Ask) -> Document:
     """Write table, study and scenes of a laboratory's table; the document says what was understood.
 
     Where the table has a study already, the table is corrected and the study stays, unless `wishes.anew`.
     Raises BadInput with all faults of the table, or where a file of another origin would be replaced.
     """
     folder = wishes.folder or table.parent / table.stem
-    interview, told = Interview(ask), told_of(wishes)
-    measured = read_laboratory_table(table, told, interview)
-    asked = Asked(measured, told, condition_places(measured, told), folder, wishes, interview)
-    refuse_unused(asked)
-    asked = with_grains(asked) if wishes.closed_form else asked
-    content = closed_form_content(asked) if wishes.closed_form else scene_content(asked)
+    interview, table_options = Interview(ask), options_for_table(wishes)
+    measured = read_laboratory_table(table, table_options, interview)
+    request = StudyRequest(
+        measured, table_options, condition_places(measured, table_options), folder, wishes, interview
+    )
+    refuse_unused(request)
+    request = with_grains(request) if wishes.closed_form else request
+    content = closed_form_content(request) if wishes.closed_form else scene_content(request)
     titles = {each.heading.name: each.name for each in measured.columns if each.name in content.observables}
     codes = {titles.get(name, name): text for name, text in wishes.between_codes.items()}
     content = replace(content, shared={name: shared_error(name, codes[name], content) for name in codes})
@@ -156,17 +164,17 @@ def new_study(table: Path, wishes: Wishes, ask: Ask) -> Document:
     files = StudyFiles(
         folder,
         table.stem,
-        asked.table,
+        request.table,
         content,
-        made_from=asked.relative(table),
+        made_from=request.relative(table),
         digest=source_digest(table),
         assumed=interview.assumed,
-        effect_files=[asked.relative(file) for file in wishes.effects],
+        effect_files=[request.relative(file) for file in wishes.effects],
     )
     return {
         "table": str(table),
         "form": measured.form,
-        "columns": [told_column(column, content) for column in measured.columns],
+        "columns": [column_document(column, content) for column in measured.columns],
         "assumed": list(interview.assumed),
         **written_files(files, wishes.anew),
     }
@@ -181,23 +189,23 @@ def shared_error(name: str, text: str, content: Content) -> str:
     return f"{key} = {sd:g}    # of the level, between the laboratory and the model"
 
 
-def with_measured(numbers: Sequence[Calibrated], name: str, text: str) -> list[Calibrated]:
+def with_measured(numbers: Sequence[CalibratedNumber], name: str, text: str) -> list[CalibratedNumber]:
     """Calibrated numbers, of which one was measured on the grains, `0.5 ± 0.05`. Raises BadInput."""
     cell, last = CellNumber(), {each: sorted(each.path.rpartition(".")[2].split("_")) for each in numbers}
-    known = [each for each in numbers if name == each.path or sorted(name.split("_")) == last[each]]
+    matches = [each for each in numbers if name == each.path or sorted(name.split("_")) == last[each]]
     with suppress(CellFault):
         cell = read_cell(text, comma=False, single=True)
-    inside = [each for each in known if each.low < cell.value < each.high]
-    if not known or known != inside or not cell.sd > 0.0 or cell.unit:
+    inside = [each for each in matches if each.low < cell.value < each.high]
+    if not matches or matches != inside or not cell.sd > 0.0 or cell.unit:
         ranges = ", ".join(f"{each.path} ({each.low:g} to {each.high:g})" for each in numbers)
         raise BadInput(f"--measured {name}={text}: write NUMBER=0.5 ± 0.05, for one of {ranges}")
     told = {"start": cell.value, "sd_log": cell.sd / cell.value, "why": "as measured"}
-    return [replace(each, **told) if each in known else each for each in numbers]
+    return [replace(each, **told) if each in matches else each for each in numbers]
 
 
-def refuse_unused(asked: Asked) -> None:
+def refuse_unused(request: StudyRequest) -> None:
     """Raise BadInput for an option that a column states already, or that only a ready scene takes."""
-    wishes, stated = asked.wishes, asked.places.values()
+    wishes, places = request.wishes, request.places.values()
     ready = {"--apparatus": (wishes.apparatus, ""), "--grains": (wishes.grains, "")}
     grains = {"--diameter": (wishes.diameter, DIAMETER), "--density": (wishes.density, GRAIN_DENSITY)}
     for option, (said, place) in (ready | grains).items():
@@ -205,21 +213,21 @@ def refuse_unused(asked: Asked) -> None:
         if said is not None and (closed or wishes.scene is not None):
             other = "--closed-form" if closed else "--scene"
             raise BadInput(f"{option}: has no use with {other}; leave it out")
-        if said is not None and place in stated:
-            raise BadInput(f"{option}: a column of {asked.table.file} states it; leave it out")
+        if said is not None and place in places:
+            raise BadInput(f"{option}: a column of {request.table.file} states it; leave it out")
 
 
-def read_laboratory_table(table: Path, told: Told, interview: Interview) -> Table:
+def read_laboratory_table(table: Path, options: TableOptions, interview: Interview) -> Table:
     """Rows of a table; raises BadInput with all faults of its cells, headings, units and ranges."""
     faults = Faults()
-    measured = read_rows(table, table.name, told, interview, faults)
+    measured = read_rows(table, table.name, options, interview, faults)
     ranges: list[tuple[str, PhysicalRange | None]] = []
     if measured is not None:
-        places = faults.of(condition_places, measured, told) or {}
+        places = faults.of(condition_places, measured, options) or {}
         ranges += [(name, place_range(place.split(",")[0].strip())) for name, place in places.items()]
         ranges += [(name, OBSERVED.get(name)) for name in dict.fromkeys(r.observable for r in measured.rows)]
         for name, allowed in ranges:
-            faults += column_faults(measured, name, allowed, usual=not told.units)  # a stated unit counts
+            faults += column_faults(measured, name, allowed, usual=not options.units)  # a stated unit counts
     faults.tell()
     assert measured is not None
     for name, allowed in ranges:
@@ -228,66 +236,66 @@ def read_laboratory_table(table: Path, told: Told, interview: Interview) -> Tabl
     return with_limits(measured, interview)
 
 
-def condition_places(table: Table, told: Told) -> dict[str, str]:
+def condition_places(table: Table, options: TableOptions) -> dict[str, str]:
     """Place that every condition of a table sets."""
     columns = [column for column in table.columns if column.role == "condition"]
     # in a tidy table a column is called as the user likes
-    stated = {c.title: told.conditions.get(c.name) or place_of_tidy(c, told) for c in columns}
+    places = {c.title: options.conditions.get(c.name) or place_of_tidy(c, options) for c in columns}
     if not any(column.role == "value" for column in table.columns):
-        stated = {column.title: column.name for column in columns}
+        places = {column.title: column.name for column in columns}
     faults = [
         f"{table.file}: column '{name}': no place of a scene is known by that name; say which one it sets: "
         f"--condition {name}={near_meaning(name) or 'PATH'}, or give its unit: --condition {name}={unit}"
-        for name, place in stated.items()
+        for name, place in places.items()
         for unit in [table.units[table.conditions.index(name)] or "UNIT"]
         if not place
     ]
     for name, unit in zip(table.conditions, table.units, strict=True):
-        allowed = None if unit else place_range(stated[name].split(",")[0])
+        allowed = None if unit else place_range(places[name].split(",")[0])
         if allowed is not None and has_no_scale(allowed):
             words = f"has no unit in its heading; write it there: '{name} [UNIT]', such as {allowed.unit}"
             faults.append(f"{table.file}: column '{name}': {words}")
     if faults:
         raise BadInput(*faults)
-    return stated
+    return places
 
 
-def place_of_tidy(column: Column, told: Told) -> str:
+def place_of_tidy(column: Column, options: TableOptions) -> str:
     """Place that a column of a tidy table sets; empty where its name may mean another quantity."""
     if qualifiers(column.heading)[0]:
         return ""
-    unknown = told.reads is not None and not near_meaning(column.name)  # residuals are tested along it
+    unknown = options.reads is not None and not near_meaning(column.name)  # residuals are tested along it
     return meaning_of(column.name)[1] or (CONDITION + column.title if unknown else "")
 
 
-def closed_form_content(asked: Asked) -> Content:
+def closed_form_content(request: StudyRequest) -> Content:
     """The study that the reduced model answers. Raises BadInput for an observable that it does not have."""
-    if unknown := [name for name in asked.names if name not in reduced.OBSERVABLES]:
+    if unknown := [name for name in request.names if name not in reduced.OBSERVABLES]:
         words = f"the closed form does not know '{unknown[0]}'; it knows {', '.join(reduced.OBSERVABLES)}"
         remedy = "leave out --closed-form, or begin the heading of that column with 'note'"
-        raise BadInput(f"{asked.table.file}: {words}; {remedy}")
-    known = CLOSED_FORM_CONDITIONS
-    if "flux" in asked.names and FRICTION_VELOCITY not in asked.places.values():
+        raise BadInput(f"{request.table.file}: {words}; {remedy}")
+    conditions = CLOSED_FORM_CONDITIONS
+    if "flux" in request.names and FRICTION_VELOCITY not in request.places.values():
         words = "no column states the friction velocity, on which the flux depends"
-        raise BadInput(f"{asked.table.file}: {words}; add one, 'u* [m/s]', or leave out --closed-form")
+        raise BadInput(f"{request.table.file}: {words}; add one, 'u* [m/s]', or leave out --closed-form")
     return Content(
-        observables=dict.fromkeys(asked.names, ""),
+        observables=dict.fromkeys(request.names, ""),
         # one that the model does not read keeps its place: residuals are tested along it
-        conditions={name: known.get(place, place) for name, place in asked.places.items()},
-        parameters=list(dict.fromkeys(each for name in asked.names for each in CLOSED_FORM_NUMBERS[name])),
+        conditions={name: conditions.get(place, place) for name, place in request.places.items()},
+        parameters=list(dict.fromkeys(each for name in request.names for each in CLOSED_FORM_NUMBERS[name])),
         model=CLOSED_FORM,
     )
 
 
-def with_grains(asked: Asked) -> Asked:
+def with_grains(request: StudyRequest) -> StudyRequest:
     """The table with what no column states of the grains and the user does: constant conditions."""
-    wishes, table, places = asked.wishes, asked.table, dict(asked.places)
-    reads = {"threshold_u_star", "flux"} & {*asked.names} or "conditions.width" in places.values()
+    wishes, table, places = request.wishes, request.table, dict(request.places)
+    reads = {"threshold_u_star", "flux"} & {*request.names} or "conditions.width" in places.values()
     usual = f"{1e3 * reduced.MEDIAN_DIAMETER:g} mm"
     said = wishes.diameter
     if said is None and reads and not {DIAMETER, "conditions.diameter"} & {*places.values()}:
         meaning = f"no column states the grain diameter: {usual} is assumed (--diameter)"
-        said = asked.interview.choice("Grain diameter with its unit", usual, meaning)
+        said = request.interview.choice("Grain diameter with its unit", usual, meaning)
     stated = (("diameter", said, DIAMETER, "m", usual),)
     stated += (("density", wishes.density, GRAIN_DENSITY, "kg/m3", "2650 kg/m3"),)
     for name, text, place, unit, example in stated:
@@ -297,80 +305,80 @@ def with_grains(asked: Asked) -> Asked:
             rows = tuple(replace(row, conditions=(*row.conditions, value)) for row in table.rows)
             names, units = (*table.conditions, name), (*table.units, unit)
             table, places[name] = replace(table, conditions=names, units=units, rows=rows), place
-    return replace(asked, table=table, places=places)
+    return replace(request, table=table, places=places)
 
 
-def scene_content(asked: Asked) -> Content:
+def scene_content(request: StudyRequest) -> Content:
     """The study that scenes answer."""
     scenes, parameters, conditions, observables = {}, {}, {}, {}
-    stem = Path(asked.table.file).stem
-    for key, names in apparatus_of_all(asked).items():
+    stem = Path(request.table.file).stem
+    for key, names in apparatus_of_all(request).items():
         if key == OWN:
-            own = asked.wishes.scene or Path()
-            template, file = own_template(own, asked), asked.relative(own)
+            own = request.wishes.scene or Path()
+            template, file = own_template(own, request), request.relative(own)
         else:
             scene = f"{key}_scene" if key == stem else key  # none has the name of the study
             template, file = TEMPLATES[key], f"{scene}.toml"
-            scenes[scene] = new_scene(asked, key, names)
+            scenes[scene] = new_scene(request, key, names)
         observables |= dict.fromkeys(names, file)
-        for name, place in asked.places.items():
+        for name, place in request.places.items():
             paths = [*conditions.get(name, "").split(", "), *places_of(template, place).split(", ")]
             conditions[name] = ", ".join(filter(None, dict.fromkeys(paths)))
         stated = {place for paths in conditions.values() for place in paths.split(", ")}
         parameters |= {number.path: number for number in template.parameters if number.path not in stated}
-        if template.wind and FRICTION_VELOCITY not in asked.places.values():
-            asked.interview.assume("no column states the friction velocity: the wind is that of the scene")
+        if template.wind and FRICTION_VELOCITY not in request.places.values():
+            request.interview.assume("no column states the friction velocity: the wind is that of the scene")
     return Content(observables, conditions, list(parameters.values()), scenes)
 
 
-def apparatus_of_all(asked: Asked) -> dict[str, list[str]]:
+def apparatus_of_all(request: StudyRequest) -> dict[str, list[str]]:
     """Observables of each apparatus; of an own scene all. Raises BadInput for one that measures none."""
-    if asked.wishes.scene is not None:
-        return {OWN: asked.names}
-    found: dict[str, list[str]] = {}
-    for name in asked.names:
-        found.setdefault(apparatus_of(name, asked), []).append(name)
-    if (wanted := asked.wishes.apparatus) not in (None, *found):
-        others = dict.fromkeys(key for name in asked.names for key in templates_for(name))
-        told = f"measures none of {', '.join(asked.names)}; name one of {', '.join(others)}"
+    if request.wishes.scene is not None:
+        return {OWN: request.names}
+    groups: dict[str, list[str]] = {}
+    for name in request.names:
+        groups.setdefault(apparatus_of(name, request), []).append(name)
+    if (wanted := request.wishes.apparatus) not in (None, *groups):
+        others = dict.fromkeys(key for name in request.names for key in templates_for(name))
+        told = f"measures none of {', '.join(request.names)}; name one of {', '.join(others)}"
         raise BadInput(f"--apparatus {wanted}: {told}, or the column (--observable COLUMN=NAME)")
-    return found
+    return groups
 
 
-def apparatus_of(observable: str, asked: Asked) -> str:
+def apparatus_of(observable: str, request: StudyRequest) -> str:
     """Apparatus whose scene measures an observable; the guess measures most of what the table holds."""
     possible = sorted(
-        templates_for(observable), key=lambda key: -len({*TEMPLATES[key].observables} & {*asked.names})
+        templates_for(observable), key=lambda key: -len({*TEMPLATES[key].observables} & {*request.names})
     )
     if not possible:
         words = "rename it, or name a scene of your own: --scene FILE"
-        raise BadInput(f"{asked.table.file}: no scene measures '{observable}'; {words}")
-    if asked.wishes.apparatus in possible:
-        return str(asked.wishes.apparatus)
+        raise BadInput(f"{request.table.file}: no scene measures '{observable}'; {words}")
+    if request.wishes.apparatus in possible:
+        return str(request.wishes.apparatus)
     if len(possible) == 1:
         return possible[0]
     words = "; ".join(f"{name}: {TEMPLATES[name].words}" for name in possible)
     meaning = f"{observable} is taken as measured with {TEMPLATES[possible[0]].words} (--apparatus)"
-    answer = asked.interview.choice(f"How was {observable} measured? {words}", possible[0], meaning)
+    answer = request.interview.choice(f"How was {observable} measured? {words}", possible[0], meaning)
     if answer not in possible:
         raise BadInput(f"{observable}: '{answer}' is not one of {', '.join(possible)}")
     return answer
 
 
-def new_scene(asked: Asked, key: str, names: Sequence[str]) -> str:
+def new_scene(request: StudyRequest, key: str, names: Sequence[str]) -> str:
     """Text of the scene of an apparatus that measures some observables of a table."""
-    template, file, assume = TEMPLATES[key], asked.table.file, asked.interview.assume
-    diameters, density = grain_diameters(asked, template), None
-    if asked.wishes.density is not None:
-        density = stated_of_grains("--density", asked.wishes.density, GRAIN_DENSITY, "kg/m3", "2650 kg/m3")
-    own = [row for row in asked.table.rows if row.observable in names and isfinite(row.value)]
+    template, file, assume = TEMPLATES[key], request.table.file, request.interview.assume
+    diameters, density = grain_diameters(request, template), None
+    if request.wishes.density is not None:
+        density = stated_of_grains("--density", request.wishes.density, GRAIN_DENSITY, "kg/m3", "2650 kg/m3")
+    own = [row for row in request.table.rows if row.observable in names and isfinite(row.value)]
     scales = [scale_between(row.unit, parse_unit("deg")) for row in own]
-    angles = [scale.used(row.value) for row, scale in zip(own, scales, strict=True) if scale is not None]
+    angles = [scale.to_use(row.value) for row, scale in zip(own, scales, strict=True) if scale is not None]
     safe = safe_grains(template, angles)
-    grains = asked.wishes.grains or safe
+    grains = request.wishes.grains or safe
     if template.rows and grains < safe:
         assume(f"{grains:,} grains may be too few for these angles; {safe:,} are enough (--grains)")
-    if density is None and GRAIN_DENSITY not in asked.places.values():
+    if density is None and GRAIN_DENSITY not in request.places.values():
         assume(f"no column states the grain density: {template.usual_density:g} kg/m3 (--density)")
     if sized := [name for name in names if name in LENGTHS]:
         assume(
@@ -379,22 +387,22 @@ def new_scene(asked: Asked, key: str, names: Sequence[str]) -> str:
         )
     notes = f"Made for {file}: {', '.join(names)}. Numbers of grains and contacts are usual ones."
     head = {"title": f"{file}: {template.words}", "notes": notes}
-    return scene_text(template, head, diameters, grains, density, undeclared(asked))
+    return scene_text(template, head, diameters, grains, density, undeclared_conditions(request))
 
 
-def grain_diameters(asked: Asked, template: Template) -> list[float]:
+def grain_diameters(request: StudyRequest, template: Template) -> list[float]:
     """Diameters of the grains in a scene [m]: those of the table, else as the user says, else as usual."""
-    said, interview = asked.wishes.diameter, asked.interview
+    said, interview = request.wishes.diameter, request.interview
     if not template.varies:
         if said is not None:
             raise BadInput(f"--diameter: grains of {template.words} have sizes of their own, in its scene")
         interview.assume(f"grain sizes and apparatus are those of the program's scene of {template.words}")
         return [template.diameter]
-    for place, (name, unit) in enumerate(zip(asked.table.conditions, asked.table.units, strict=True)):
-        scale = scale_between(unit or "m", parse_unit("m")) if asked.places.get(name) == DIAMETER else None
-        values = [row.conditions[place] for row in asked.table.rows if isfinite(row.conditions[place])]
+    for place, (name, unit) in enumerate(zip(request.table.conditions, request.table.units, strict=True)):
+        scale = scale_between(unit or "m", parse_unit("m")) if request.places.get(name) == DIAMETER else None
+        values = [row.conditions[place] for row in request.table.rows if isfinite(row.conditions[place])]
         if scale is not None and values:
-            return [scale.used(each) for each in values]
+            return [scale.to_use(each) for each in values]
     usual = f"{1e3 * template.diameter:g} mm"
     told = f"no column states the grain diameter: {usual} is assumed (--diameter)"
     answer = said or interview.choice("Grain diameter with its unit", usual, told)
@@ -409,7 +417,7 @@ def stated_of_grains(option: str, said: str, place: str, unit: str, example: str
     return value
 
 
-def told_of(wishes: Wishes) -> Told:
+def options_for_table(wishes: NewStudyOptions) -> TableOptions:
     """What is said of the table, with conditions that are stated by a unit, and names of an own scene.
 
     A condition that every scene has keeps its place, and takes the unit for its column. Raises BadInput.
@@ -417,16 +425,16 @@ def told_of(wishes: Wishes) -> Told:
     from taichi_erosion.effects import load_library
 
     measures = dict.fromkeys(name for each in TEMPLATES.values() for name in each.observables)
-    conditions, own, known = dict[str, str](), dict[str, str](), dict[str, str]()
+    conditions, own_conditions, observables = dict[str, str](), dict[str, str](), dict[str, str]()
     if wishes.scene is not None:
         measures = dict.fromkeys(read_scene(wishes.scene, ()).measure)
-        known = {name: name for name in measures}
+        observables = {name: name for name in measures}
         for name, unit in declared_units(wishes.scene).items():
-            own[CONDITION + name], conditions[name] = unit, CONDITION + name
-    said_of = wishes.told
+            own_conditions[CONDITION + name], conditions[name] = unit, CONDITION + name
+    said_of = wishes.table_options
     effects = load_library(read_effect_files(wishes.effects)).values()
     ignored = {*FOR_EFFECTS}.difference(*(effect.reads for effect in effects))
-    optional = {*conditions, *known} - said_of.observables.keys() - said_of.conditions.keys()
+    optional = {*conditions, *observables} - said_of.observables.keys() - said_of.conditions.keys()
     for text, said in said_of.conditions.items():
         name, unit = plain_words(read_heading(text).name).replace(" ", "_"), unit_in(said)
         if unit is None or unit_of_path(said) is not None or said == NOT_USED:
@@ -435,15 +443,15 @@ def told_of(wishes: Wishes) -> Told:
         if not NAME.fullmatch(name):
             raise BadInput(f"--condition {text}={said}: '{name}' is no name of letters, digits and _")
         conditions[text] = CONDITION + name
-        own.setdefault(conditions[text], unit)
+        own_conditions.setdefault(conditions[text], unit)
     return replace(
         said_of,
-        observables=known | dict(said_of.observables),
+        observables=observables | dict(said_of.observables),
         conditions=conditions,
         optional=frozenset(optional),
         roughness=wishes.roughness,
         measures=tuple(measures),
-        own_units=own,
+        own_units=own_conditions,
         sd=wishes.sd,
         fill_down=wishes.fill_down,
         ignored=frozenset(CONDITION + name for name in ignored),
@@ -452,29 +460,29 @@ def told_of(wishes: Wishes) -> Told:
     )
 
 
-def undeclared(asked: Asked) -> dict[str, str]:
+def undeclared_conditions(request: StudyRequest) -> dict[str, str]:
     """Names and units of conditions that no scene has by itself."""
-    own = {path: unit for path, unit in asked.told.own_units.items() if unit_of_path(path) is None}
-    own |= {path: ranges.unit for path, ranges in OWN_RANGES.items() if path in asked.places.values()}
+    own = {path: unit for path, unit in request.table_options.own_units.items() if unit_of_path(path) is None}
+    own |= {path: ranges.unit for path, ranges in OWN_RANGES.items() if path in request.places.values()}
     return {path.removeprefix(CONDITION): unit for path, unit in own.items()}
 
 
-def own_template(file: Path, asked: Asked) -> Template:
+def own_template(file: Path, asked: StudyRequest) -> Template:
     """The apparatus of an own scene; the friction of its grains on each other is calibrated."""
-    if lost := (own := undeclared(asked)).keys() - declared_units(file).keys():
+    if lost := (own := undeclared_conditions(asked)).keys() - declared_units(file).keys():
         unit = own[name := min(lost)]
         entry = f'[conditions.extra] {name} = {{ unit = "{unit}" }}'
         raise BadInput(f"{file}: does not declare the condition '{name}'; write {entry}")
     scene = read_scene(file, ())
     pair = "-".join(2 * [max(scene.grains.parts.items(), key=lambda part: part[1].share)[0]])
-    stated, size = scene.contact[pair], scene.grains.size
+    pair_contact, size = scene.contact[pair], scene.grains.size
     winds = [k for k, stage in enumerate(scene.stages) if stage.friction_velocity is not None]
     return Template(
         scene=file.stem,
         words="your own scene",
         observables=tuple(scene.measure),
         changes=lambda diameter, grains: {},
-        parameters=contact(pair, stated.friction_sliding, stated.friction_rolling or None),
+        parameters=contact(pair, pair_contact.friction_sliding, pair_contact.friction_rolling or None),
         grains=0,
         diameter=0.0,
         varies=isinstance(size, Monodisperse),
@@ -482,15 +490,15 @@ def own_template(file: Path, asked: Asked) -> Template:
     )
 
 
-def told_column(column: Column, content: Content) -> Document:
+def column_document(column: Column, content: Content) -> Document:
     """What was understood of a column."""
-    told = ROLE_WORDS.get(column.role, column.role)
+    role = ROLE_WORDS.get(column.role, column.role)
     if column.role == "observable" and column.name in content.observables:
-        told = f"measured: {column.name}"
+        role = f"measured: {column.name}"
     elif column.role == "condition":
         first, *others = content.conditions.get(column.title, column.name).split(", ")
-        told = f"sets {first}" + (f" and {len(others)} places more" if others else "")
+        role = f"sets {first}" + (f" and {len(others)} places more" if others else "")
     elif column.role == "condition_sd":
-        told = f"sd of {column.title}"
+        role = f"sd of {column.title}"
     unit = column.heading.unit if column.role in UNIT_ROLES else ""
-    return {"column": column.heading.text, "role": column.role, "told": told, "unit": unit}
+    return {"column": column.heading.text, "role": column.role, "told": role, "unit": unit}

@@ -17,21 +17,21 @@ from scipy import special
 
 from taichi_erosion.evidence.answers import files
 from taichi_erosion.evidence.answers.commands import bare as without_candidates
-from taichi_erosion.evidence.answers.commands import framed, open_study
+from taichi_erosion.evidence.answers.commands import open_study, study_frame
 from taichi_erosion.evidence.answers.files import Document
-from taichi_erosion.evidence.answers.rounds import Question, answered, last_plan
+from taichi_erosion.evidence.answers.rounds import Question, answer_question, last_plan
 from taichi_erosion.evidence.data.held_out_rows import COUNTER, openings, read_counter, record_opening
-from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Progress, rows_picked
+from taichi_erosion.evidence.data.problem import Bools, Floats, Measurements, Progress, pick_rows
 from taichi_erosion.evidence.data.table_units import TableUnits
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import LONGEST_CHAIN, NO_OPTIONS, StudyOptions, load_study
 from taichi_erosion.evidence.models.table_columns import NewConditions, place_units, read_new_conditions
 from taichi_erosion.evidence.race.fit import Race
 from taichi_erosion.evidence.race.outlook import (
-    Elsewhere,
-    elsewhere,
+    JointRows,
     forecast,
     held_out_rows,
+    joint_rows,
     left_out,
     new_rows,
 )
@@ -93,18 +93,20 @@ def predict_study(
         at_rows = zip(wanted.observable, *wanted.conditions.values(), strict=True)
         sets = {(study.file.observables[name].scene, *values) for name, *values in at_rows}
         question = replace(
-            Question("predict", without_candidates, lambda found: [found.about_bare], most=1),
-            asked=lambda found: asked_rows(found.posterior.race, wanted),
-            asked_sets=len(sets),
+            Question("predict", without_candidates, lambda inference: [inference.about_bare], most=1),
+            query=lambda inference: query_rows(inference.posterior.race, wanted),
+            query_sets=len(sets),
         )
-        found, ready = answered(study, last_plan(study), question, progress)
+        inference, ready = answer_question(study, last_plan(study), question, progress)
         opened = bool(study.file.adopted) and len(study.problem.vault.rows) > 0
-        record = replace(prediction(found.posterior, wanted, opened, found.asked), new_runs=found.asked_runs)
-        record, model = replace(record, outdated=outdated), found.posterior.race.prepared.predictor
+        record = replace(
+            prediction(inference.posterior, wanted, opened, inference.query), new_runs=inference.query_runs
+        )
+        record, model = replace(record, outdated=outdated), inference.posterior.race.prepared.predictor
         name, seen = f"predict {study.path.stem}", openings(study.results, study.drawn_from)
         if opened and name not in read_counter(study.results / COUNTER).get(study.drawn_from, []):
             seen = record_opening(study.results, study.drawn_from, name)
-        about = framed(ready, found) | {"at": wanted.file, "vault_opened": seen}
+        about = study_frame(ready, inference) | {"at": wanted.file, "vault_opened": seen}
         about |= {"seed": study.file.study.seed, "runs": ready.simulations or model.cost.runs}
         reply = PredictionReply(about | {"wall_s": perf_counter() - start}, record)
         whole = reply.document | {"record": files.storable(RECORD.dump_python(record, mode="json"))}
@@ -131,15 +133,15 @@ def adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tuple[Path,
     return path, ()
 
 
-def asked_rows(race: Race, wanted: NewConditions) -> Elsewhere:
+def query_rows(race: Race, wanted: NewConditions) -> JointRows:
     """Wanted rows of the fitted observables, with the model there."""
     known = np.isin(wanted.observable, race.prepared.rows.names)
-    chosen = NewConditions(**rows_picked({key: getattr(wanted, key) for key in ROW_WISE}, known))
-    return elsewhere(race, new_rows(race.prepared, chosen))
+    chosen = NewConditions(**pick_rows({key: getattr(wanted, key) for key in ROW_WISE}, known))
+    return joint_rows(race, new_rows(race.prepared, chosen))
 
 
 def prediction(
-    posterior: Posterior, wanted: NewConditions, opened: bool = False, asked: Elsewhere | None = None
+    posterior: Posterior, wanted: NewConditions, opened: bool = False, query: JointRows | None = None
 ) -> PredictionPart:
     """Predictions at new rows, and checks of their intervals.
 
@@ -149,9 +151,9 @@ def prediction(
     lost = [name for name in wanted.observable if name not in fitted.names]
     held_out = None
     if opened and (held := held_out_rows(posterior.race.prepared)) is not None:
-        held_out = check_of(forecast(posterior, elsewhere(posterior.race, held)).below(), ~held.censored)
+        held_out = check_of(forecast(posterior, joint_rows(posterior.race, held)).below(), ~held.censored)
     return PredictionPart(
-        rows=tuple(predicted_rows(posterior, wanted, asked)),
+        rows=tuple(predicted_rows(posterior, wanted, query)),
         fitted=check_of(left_out(posterior), ~fitted.censored),
         held_out=held_out,
         unlisted=sum(p for hypothesis, p in posterior.probability.items() if hypothesis.beside),
@@ -162,11 +164,11 @@ def prediction(
 
 
 def predicted_rows(
-    posterior: Posterior, wanted: NewConditions, asked: Elsewhere | None
+    posterior: Posterior, wanted: NewConditions, asked: JointRows | None
 ) -> Iterator[PredictedPart]:
     """Predictions of the wanted rows of fitted observables, in the units of the observables."""
     race, table = posterior.race, posterior.race.prepared.problem.measurements
-    place = asked or asked_rows(race, wanted)
+    place = asked or query_rows(race, wanted)
     names, groups = place.rows.names, place.rows.group
     chosen = np.flatnonzero(np.isin(wanted.observable, race.prepared.rows.names)).tolist()
     seen = race.prepared.rows.group if any(block.kind == "group" for block in race.blocks) else groups
@@ -187,14 +189,14 @@ def predicted_rows(
             model=float(from_scale(observable, model[k : k + 1])[0]),
             measured_low=min(mean.low, measured.low),  # of mixtures
             measured_high=max(mean.high, measured.high),
-            outside=dict(beyond(table, names[k], wanted, i)),
+            outside=dict(extrapolations(table, names[k], wanted, i)),
             group=groups[k],
             unseen=groups[k] not in seen,
             simulated=runs is not None and bool(runs[0][k] and np.isfinite(model[k])),
         )
 
 
-def beyond(
+def extrapolations(
     table: Measurements, observable: str, wanted: NewConditions, row: int
 ) -> Iterator[tuple[str, float]]:
     """Conditions of a new row outside the range in which its observable was measured, with its end."""
@@ -207,7 +209,7 @@ def beyond(
         end = float(np.clip(value, measured.min(), measured.max()))
         if abs(value - end) > 1e-9 * np.abs(measured).max():
             scale = wanted.scales.get(name, table.table_units.conditions.get(name, Scale()))
-            yield name, scale.written(end)
+            yield name, scale.to_table(end)
 
 
 def check_of(below: Floats, counted: Bools) -> CheckPart:

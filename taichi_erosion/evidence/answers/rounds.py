@@ -25,7 +25,7 @@ from taichi_erosion.evidence.answers.fresh_test import (
     runs_at,
     setting_of,
 )
-from taichi_erosion.evidence.answers.set_up import blocked, refuse_blocked
+from taichi_erosion.evidence.answers.set_up import blocks_verdict, refuse_blocked
 from taichi_erosion.evidence.data.problem import Progress
 from taichi_erosion.evidence.data.transforms import effect_of, is_strength
 from taichi_erosion.evidence.emulator import training_runs
@@ -38,8 +38,8 @@ from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.race.decision import Decision
 from taichi_erosion.evidence.race.expansion import Acting
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Race, score
-from taichi_erosion.evidence.race.outlook import Elsewhere
-from taichi_erosion.evidence.race.posterior import Posterior, strained
+from taichi_erosion.evidence.race.outlook import JointRows
+from taichi_erosion.evidence.race.posterior import Posterior, has_unexplained_misfit
 from taichi_erosion.evidence.race.priors import KEEP, MOST, SURE
 from taichi_erosion.evidence.race.record import FreshPart
 from taichi_erosion.scene.load import file_text
@@ -52,26 +52,26 @@ Rounds = dict[str, list[Points]]  # command and budget -> its rounds
 
 
 @dataclass(frozen=True)
-class RacedStudy:
+class StudyInference:
     """The race of a study, with what fresh runs of its scenes say of it."""
 
     posterior: Posterior
     decision: Decision
     fresh: FreshPart | None = None  # None: nothing that fresh runs can test
-    asked: Elsewhere | None = None  # new rows, with runs of the calibrated model
-    asked_runs: int = 0  # at these rows
+    query: JointRows | None = None  # new rows, with runs of the calibrated model
+    query_runs: int = 0  # at these rows
 
     def about(self, *fits: Fit) -> Points:
         """Settings of fits as centres of a round, twice where doses vary; adopted effects may be numbers."""
-        found = []
+        points = []
         for fit in fits:
             setting = setting_of(self.posterior.race, fit)
             acting = {name: strength for name, strength in setting.effects.items() if strength != 0.0}
             numbers = setting.parameters.items()
             acting |= {str(effect_of(path)): value for path, value in numbers if is_strength(path)}
             plain = {path: value for path, value in numbers if not is_strength(path)}
-            found += [replace(setting, parameters=plain, effects=acting)] * (1 + bool(setting.doses))
-        return found
+            points += [replace(setting, parameters=plain, effects=acting)] * (1 + bool(setting.doses))
+        return points
 
     @property
     def about_bare(self) -> Setting:
@@ -84,19 +84,19 @@ class Question:
     """A function of the study, and the points about which its answer needs simulations."""
 
     name: str
-    answer: Callable[[Study, Progress], RacedStudy]
-    points: Callable[[RacedStudy], Points]
+    answer: Callable[[Study, Progress], StudyInference]
+    points: Callable[[StudyInference], Points]
     effects: Sequence[str] = ()  # that it needs
     most: int = MOST_POINTS  # points of a round
     ahead: bool = False  # whether it needs conditions that were not measured but could be
     missing: bool = False  # whether it asks what is missing: required points and mechanisms are tried
     tested: bool = False  # by fresh runs
-    asked: Callable[[RacedStudy], Elsewhere] | None = None  # new rows, at which the answer ends with runs
-    asked_sets: int = 0  # of their conditions, at most
+    query: Callable[[StudyInference], JointRows] | None = None  # new rows, at which the answer ends with runs
+    query_sets: int = 0  # of their conditions, at most
 
 
 def discovery_question(
-    study: Study, answer: Callable[[Study, Progress], RacedStudy], tested: bool = True
+    study: Study, answer: Callable[[Study, Progress], StudyInference], tested: bool = True
 ) -> Question:
     """Which effect is missing; without a test, which measurements would tell."""
     ahead = bool(study.file.laboratory.ranges) or not tested
@@ -118,58 +118,58 @@ def closest(race: Race, names: Acting) -> Fit:
     return max((fit for h, fit in race.fits.items() if h.acting == {*names}), key=score)
 
 
-def undecided(found: Decision) -> bool:
+def has_open_question(decision: Decision) -> bool:
     """Whether anything that could be said is neither sure nor as good as excluded."""
-    stated = (found.none, found.outside, *found.inclusion.values(), *found.beyond.values())
+    stated = (decision.none, decision.outside, *decision.inclusion.values(), *decision.beyond.values())
     return any(1.0 - SURE < p < SURE for p in stated)
 
 
-def settled(found: RacedStudy) -> bool:
+def is_final(inference: StudyInference) -> bool:
     """Whether everything that could be said is, and new runs of the scene confirm it."""
-    doubted = found.fresh is not None and found.fresh.outcome in ("contradicted", "undecided")
-    return not undecided(found.decision) and not doubted
+    doubted = inference.fresh is not None and inference.fresh.outcome in ("contradicted", "undecided")
+    return not has_open_question(inference.decision) and not doubted
 
 
-def points(found: RacedStudy) -> Points:
+def points(inference: StudyInference) -> Points:
     """The likeliest explanations, the bare model first; none where more runs decide nothing."""
-    likely = [names for names, p in sets(found.posterior).items() if p >= KEEP]
-    if not undecided(found.decision) or len(likely) < 2:
+    likely = [names for names, p in sets(inference.posterior).items() if p >= KEEP]
+    if not has_open_question(inference.decision) or len(likely) < 2:
         return []
-    race = found.posterior.race
-    return found.about(*(closest(race, names) for names in sorted(likely[:MOST_POINTS], key=bool)))
+    race = inference.posterior.race
+    return inference.about(*(closest(race, names) for names in sorted(likely[:MOST_POINTS], key=bool)))
 
 
-def required(found: RacedStudy) -> Points:
+def required_points(inference: StudyInference) -> Points:
     """Before it is said that no list holds what acts: the closest effect and set, or likely mechanisms."""
-    if found.decision.verdict != "outside_library":
+    if inference.decision.verdict != "outside_library":
         return []
-    race, share = found.posterior.race, sets(found.posterior)
+    race, share = inference.posterior.race, sets(inference.posterior)
     fits = [closest(race, names) for names, p in share.items() if p >= KEEP]
     if dosed := [fit for fit in fits if fit.dose is not None]:
-        return found.about(*dosed[:MOST_POINTS])
+        return inference.about(*dosed[:MOST_POINTS])
     refined = [[f for f in race.sets(*sizes) if f.refined] for sizes in ((1,), range(2, MOST + 1))]
-    return found.about(*(max(kind, key=score) for kind in refined if kind))
+    return inference.about(*(max(kind, key=score) for kind in refined if kind))
 
 
-def answered(
+def answer_question(
     study: Study, plans: Sequence[BudgetName], question: Question, progress: Progress
-) -> tuple[RacedStudy, Study]:
+) -> tuple[StudyInference, Study]:
     """The answer by the first plan that decides, and the study as it was when it was given.
 
     The runs of a plan are among those of the next.
     """
     budget, *larger = plans
     share = [1.0] * len(plans)
-    found, ready = answered_by(budget, study, question, part_of(progress, share, 0))
-    if larger and ready.simulations is not None and not (settled(found) or blocked(ready.faults)):
+    found, ready = answer_by_plan(budget, study, question, part_of(progress, share, 0))
+    if larger and ready.simulations is not None and not (is_final(found) or blocks_verdict(ready.faults)):
         study.options.announce("These runs do not decide; more are made.")
-        return answered(study, larger, question, part_of(progress, share, 1))
+        return answer_question(study, larger, question, part_of(progress, share, 1))
     return found, replace(ready, options=replace(ready.options, budget=budget))
 
 
-def answered_by(
+def answer_by_plan(
     budget: BudgetName, study: Study, question: Question, progress: Progress
-) -> tuple[RacedStudy, Study]:
+) -> tuple[StudyInference, Study]:
     """The answer by one plan, and the study as it was when it was given.
 
     Scenes are simulated about the plausible and the required points of each answer, and then the question is
@@ -182,38 +182,38 @@ def answered_by(
         return question.answer(study, progress), study
     refuse_blocked(study, bool(question.effects) and question.name != "next")  # which asks for the rows
     key = f"{study.fresh}{question.name} {budget}"
-    runs, own, earlier = replayed(first, key)
-    left = max(runs.plan_size.rounds - len(own), 0)
-    cost = plan_cost(runs, left, question.most, test_cost(runs, question, own, key))
+    runs, own_rounds, earlier = with_stored_rounds(first, key)
+    left = max(runs.plan_size.rounds - len(own_rounds), 0)
+    cost = plan_cost(runs, left, question.most, test_cost(runs, question, own_rounds, key))
     if cost.seconds >= WORTH_TELLING:
         study.options.announce(cost.sentence)
     phases, phase = cost.phases, 0
     while True:
         ready = training_runs.emulated_study(runs, part_of(progress, phases, phase))
-        found = question.answer(ready, part_of(progress, phases, phase + 1))
+        inference = question.answer(ready, part_of(progress, phases, phase + 1))
         phase += 2
-        while (about := next_points(runs, question, found, own, earlier)) == []:
-            own.append([])  # a round about nothing new changes no answer
+        while (about := next_points(runs, question, inference, own_rounds, earlier)) == []:
+            own_rounds.append([])  # a round about nothing new changes no answer
         if about is not None:
-            runs = training_runs.refined_training_runs(runs, about, f"{key}|{len(own)}")
-            own.append(about)
-            write_rounds(study, {**read_rounds(study), key: own})
+            runs = training_runs.refined_training_runs(runs, about, f"{key}|{len(own_rounds)}")
+            own_rounds.append(about)
+            write_rounds(study, {**read_rounds(study), key: own_rounds})
             continue
-        write_rounds(study, {**read_rounds(study), key: own})
-        if (wider := wider_runs(runs, ready, question, found)) is None:
+        write_rounds(study, {**read_rounds(study), key: own_rounds})
+        if (wider := wider_runs(runs, ready, question, inference)) is None:
             steps = part_of(progress, phases, len(phases) - 1)
-            return with_fresh_runs(question, found, ready, runs, key, steps)
-        runs, cost = wider, plan_cost(wider, 1, 2 * MOST_POINTS, test_cost(wider, question, own, key))
+            return with_fresh_runs(question, inference, ready, runs, key, steps)
+        runs, cost = wider, plan_cost(wider, 1, 2 * MOST_POINTS, test_cost(wider, question, own_rounds, key))
         study.options.announce(f"No listed effect suffices. {cost.sentence}")
         phases = [*phases[:phase], *cost.phases, *phases[phase:]]
 
 
 def wider_runs(
-    runs: TrainingRuns, ready: Study, question: Question, found: RacedStudy
+    runs: TrainingRuns, ready: Study, question: Question, found: StudyInference
 ) -> TrainingRuns | None:
     """The runs with those of mechanisms where the listed effects leave something open and there is room."""
-    asked = question.missing and not runs.mechanisms and not blocked(ready.faults)
-    if not asked or not strained(found.posterior.race):
+    asked = question.missing and not runs.mechanisms and not blocks_verdict(ready.faults)
+    if not asked or not has_unexplained_misfit(found.posterior.race):
         return None
     wider = training_runs.with_mechanisms(runs)
     return wider if wider.mechanisms and training_runs.room_left(wider) >= 0 else None
@@ -221,84 +221,97 @@ def wider_runs(
 
 def test_cost(runs: TrainingRuns, question: Question, own: list[Points], key: str) -> int:
     """Most runs that end an answer; none where it was tested after the same rounds."""
-    if question.asked is not None:
-        return question.asked_sets * runs.plan_size.fresh
-    known = stored(runs.study)["fresh"].get(key)
+    if question.query is not None:
+        return question.query_sets * runs.plan_size.fresh
+    known = stored_rounds(runs.study)["fresh"].get(key)
     if not question.tested or (known is not None and known["rounds"] == len(own)):
         return 0
     return fresh_count(runs, runs.plan_size.fresh) * (CLOSER if runs.mechanisms else 1)
 
 
 def with_fresh_runs(
-    question: Question, found: RacedStudy, ready: Study, runs: TrainingRuns, key: str, progress: Progress
-) -> tuple[RacedStudy, Study]:
+    question: Question,
+    inference: StudyInference,
+    ready: Study,
+    runs: TrainingRuns,
+    key: str,
+    progress: Progress,
+) -> tuple[StudyInference, Study]:
     """The answer with its test by fresh runs, or with runs at new rows, and the study with these counted.
 
     Where they contradict it, the next answer starts with a round about what was tested.
     """
-    told = found.decision
-    if question.asked is None and not (question.tested and (told.named or told.group or told.mechanisms)):
-        return found, ready
-    study, known, rounds = runs.study, stored(runs.study)["fresh"], read_rounds(runs.study)
-    mapping, race = ready.problem.model, found.posterior.race
+    decision = inference.decision
+    if question.query is None and not (
+        question.tested and (decision.named or decision.group or decision.mechanisms)
+    ):
+        return inference, ready
+    study, stored, rounds = runs.study, stored_rounds(runs.study)["fresh"], read_rounds(runs.study)
+    mapping, race = ready.problem.model, inference.posterior.race
     assert isinstance(mapping, NameMapping)
-    made = frozenset(run for entry in known.values() for run in entry["runs"])
+    made = frozenset(run for entry in stored.values() for run in entry["runs"])
     simulator = FreshSimulator(runs, mapping, made, runs.plan_size.fresh)
-    part, count = found.fresh, len(rounds[key])
-    if question.asked is not None:
-        asked, used = runs_at(question.asked(found), simulator, progress)
-        found = replace(found, asked=asked, asked_runs=len(used))
+    part, count = inference.fresh, len(rounds[key])
+    if question.query is not None:
+        asked, used = runs_at(question.query(inference), simulator, progress)
+        inference = replace(inference, query=asked, query_runs=len(used))
     else:
-        part, used = fresh_test(found.posterior, told, simulator.simulate, progress)
-        found = replace(found, decision=after_runs(told, part))
+        part, used = fresh_test(inference.posterior, decision, simulator.simulate, progress)
+        inference = replace(inference, decision=after_runs(decision, part))
     if part is not None and part.outcome == "contradicted":
-        about = found.about(*(kind.fits[0] for kind in kinds_of(race, told)))
+        about = inference.about(*(kind.fits[0] for kind in kinds_of(race, decision)))
         if training_runs.within_budget(runs, about):
             rounds[key].append(about)
             part = replace(part, more_runs=runs.plan_size.round * len(about) * len(runs.scenes))
-    found = replace(found, fresh=part)
+    inference = replace(inference, fresh=part)
     if not used:
-        return found, ready
-    entry = {"rounds": count, "runs": sorted(used.union(known[key]["runs"] if key in known else ()))}
-    write_rounds(study, rounds, {**known, key: entry})
-    return found, replace(ready, simulations=(ready.simulations or 0) + len(used))
+        return inference, ready
+    entry = {"rounds": count, "runs": sorted(used.union(stored[key]["runs"] if key in stored else ()))}
+    write_rounds(study, rounds, {**stored, key: entry})
+    return inference, replace(ready, simulations=(ready.simulations or 0) + len(used))
 
 
-def replayed(runs: TrainingRuns, key: str) -> tuple[TrainingRuns, list[Points], set[frozenset[str]]]:
+def with_stored_rounds(
+    runs: TrainingRuns, key: str
+) -> tuple[TrainingRuns, list[Points], set[frozenset[str]]]:
     """Runs with those of earlier rounds; rounds of one question, effects of others by the same plan."""
     study, rounds = runs.study, read_rounds(runs.study)
     budget = key.rpartition(" ")[2]
     start, is_fresh = study.fresh or FRESH, bool(study.fresh)  # of rounds whose seeds a study uses
     past = {name: made for name, made in rounds.items() if name != key and name.startswith(start) == is_fresh}
-    own = list(rounds.get(key, []))
-    for name, made in [*past.items(), (key, own)]:
+    own_rounds = list(rounds.get(key, []))
+    for name, made in [*past.items(), (key, own_rounds)]:
         for number, about in enumerate(made):
             spent = name.rpartition(" ")[2]
-            if not runs.mechanisms and dosed(about):
+            if not runs.mechanisms and has_doses(about):
                 runs = training_runs.with_mechanisms(runs)
             runs = training_runs.refined_training_runs(runs, about, f"{name}|{number}", spent)
-    tests = {run for entry in stored(study)["fresh"].values() for run in entry["runs"]}
+    tests = {run for entry in stored_rounds(study)["fresh"].values() for run in entry["runs"]}
     runs = replace(runs, elsewhere=runs.elsewhere + len(tests))
     alike = [made for name, made in past.items() if name.endswith(budget)]
-    return runs, own, {acting(point) for made in alike for about in made for point in about}
+    return runs, own_rounds, {acting(point) for made in alike for about in made for point in about}
 
 
 def next_points(
-    runs: TrainingRuns, question: Question, found: RacedStudy, own: list[Points], earlier: set[frozenset[str]]
+    runs: TrainingRuns,
+    question: Question,
+    inference: StudyInference,
+    own_rounds: list[Points],
+    earlier: set[frozenset[str]],
 ) -> Points | None:
     """Points of the next round, none where the cap has no room for it; None where the answer counts."""
-    if len(own) < runs.plan_size.rounds:
-        about = [point for point in question.points(found) if acting(point) not in earlier]
+    if len(own_rounds) < runs.plan_size.rounds:
+        about = [point for point in question.points(inference) if acting(point) not in earlier]
         return about if training_runs.within_budget(runs, about) else []
-    known = earlier | {acting(point) for about in own for point in about}
-    needed = required(found) if question.missing else []
+    known = earlier | {acting(point) for about in own_rounds for point in about}
+    needed = required_points(inference) if question.missing else []
     about = [point for point in needed if acting(point) not in known]
-    alike = [made for made in own[runs.plan_size.rounds :] if dosed(made) == dosed(about)]
+    alike = [made for made in own_rounds[runs.plan_size.rounds :] if has_doses(made) == has_doses(about)]
     done = len(alike) >= MOST_REQUIRED
     return None if done or not about or not training_runs.within_budget(runs, about) else about
 
 
-def dosed(about: Points) -> bool:
+def has_doses(about: Points) -> bool:
     """Whether a round is about mechanisms."""
     return any(point.doses for point in about)
 
@@ -319,7 +332,7 @@ def acting(point: Setting) -> frozenset[str]:
     return frozenset(found)
 
 
-def stored(study: Study) -> Mapping[str, Any]:
+def stored_rounds(study: Study) -> Mapping[str, Any]:
     """Rounds and fresh runs by question, as stored; none where the study or its table has changed since."""
     document = files.read_document(rounds_file(study))
     same = document is not None and document.get("of") == state_of(study)
@@ -330,14 +343,14 @@ def read_rounds(study: Study) -> Rounds:
     """Points of earlier rounds."""
     return {
         name: [[Setting(**entry) for entry in about] for about in made]
-        for name, made in stored(study)["rounds"].items()
+        for name, made in stored_rounds(study)["rounds"].items()
     }
 
 
 def write_rounds(study: Study, rounds: Rounds, fresh: Mapping[str, Any] | None = None) -> None:
     """Store the points of all rounds, and the fresh runs by question; as stored where none are given."""
     plain = {name: [[asdict(point) for point in about] for about in made] for name, made in rounds.items()}
-    tests = stored(study)["fresh"] if fresh is None else dict(fresh)
+    tests = stored_rounds(study)["fresh"] if fresh is None else dict(fresh)
     files.write_document(rounds_file(study), {"of": state_of(study), "rounds": plain, "fresh": tests})
 
 

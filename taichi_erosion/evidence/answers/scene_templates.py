@@ -29,7 +29,7 @@ Changes = Mapping[str, Any]  # dotted path -> value; None: the entry is left out
 
 
 @dataclass(frozen=True)
-class Calibrated:
+class CalibratedNumber:
     """A number that is calibrated: its prior is lognormal around `start`, cut at `low` and `high`."""
 
     path: str
@@ -48,7 +48,7 @@ class Template:
     words: str
     observables: tuple[str, ...]
     changes: Callable[[float, int], Changes]  # grain diameter [m], grains
-    parameters: tuple[Calibrated, ...]
+    parameters: tuple[CalibratedNumber, ...]
     grains: int  # of the program's scene
     diameter: float  # where the table states none [m]
     varies: bool = True  # whether a column may set the diameter of its grains
@@ -72,15 +72,15 @@ class Template:
         return float(materials[self.density.split(".")[1]]["density"])
 
 
-def contact(pair: str, sliding: float, rolling: float | None) -> tuple[Calibrated, ...]:
+def contact(pair: str, sliding: float, rolling: float | None) -> tuple[CalibratedNumber, ...]:
     """Friction between grains, which laboratories seldom measure."""
-    found = [Calibrated(f"contact.{pair}.friction_sliding", sliding, 0.1, 1.2, 0.3, "grain on grain")]
+    numbers = [CalibratedNumber(f"contact.{pair}.friction_sliding", sliding, 0.1, 1.2, 0.3, "grain on grain")]
     if rolling is not None:
         path = f"contact.{pair}.friction_rolling"
-        found.append(
-            Calibrated(path, rolling, 0.005, 0.8, 0.6, "shape of the grains, as resistance to rolling")
+        numbers.append(
+            CalibratedNumber(path, rolling, 0.005, 0.8, 0.6, "shape of the grains, as resistance to rolling")
         )
-    return tuple(found)
+    return tuple(numbers)
 
 
 def lifted_cylinder(diameter: float, grains: int) -> Changes:
@@ -190,7 +190,7 @@ TEMPLATES = {
         },
         (
             *contact("sand-sand", 0.5, None),
-            Calibrated("contact.sand-sand.restitution", 0.7, 0.3, 0.95, 0.15, "grain on grain"),
+            CalibratedNumber("contact.sand-sand.restitution", 0.7, 0.3, 0.95, 0.15, "grain on grain"),
         ),
         *(800, USUAL_SAND),
         wind=("stages.2.friction_velocity",),
@@ -226,14 +226,18 @@ def scene_text(
     document: Any = tomlkit.parse((SCENES / f"{template.scene}.toml").read_text(encoding="utf-8"))
     document.pop("measured", None)  # another laboratory's values
     middle, largest = (float(f"{each:.4g}") for each in (median(diameters), max(diameters)))
-    own, heavier = template.changes(middle, grains), (density or 0.0) / template.usual_density
+    entries, heavier = template.changes(middle, grains), (density or 0.0) / template.usual_density
     suits, wind = {"height": LID * largest, "sleep_after": REST * sqrt(largest / Gravity().magnitude)}, "wind"
     patch = {k: float(f"{v:.2g}") for k, v in suits.items() if float(document.get(wind, {}).get(k, inf)) < v}
     changes = {
         "grains.count": grains,
         **({"grains.size": {"law": "monodisperse", "diameter": middle}} if template.varies else {}),
-        **own,
-        **{path: value * max(heavier, 1.0) for path, value in own.items() if path.endswith(".shear_modulus")},
+        **entries,
+        **{
+            path: value * max(heavier, 1.0)
+            for path, value in entries.items()
+            if path.endswith(".shear_modulus")
+        },
         **{f"scene.{key}": text for key, text in head.items()},
         **{f"{wind}.{name}": value for name, value in patch.items()},
         **({} if density is None else {template.density: density}),

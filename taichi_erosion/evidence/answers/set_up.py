@@ -14,7 +14,7 @@ from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import Study, first_study
 from taichi_erosion.evidence.race.fit import Race
 from taichi_erosion.evidence.race.priors import FAMILYWISE
-from taichi_erosion.evidence.words.part_words import FAULTS, UNKNOWN_SCATTER, numbered, unit_text
+from taichi_erosion.evidence.words.part_words import FAULTS, UNKNOWN_SCATTER, row_list, unit_text
 from taichi_erosion.run.observables import small_heap
 from taichi_erosion.scene.schema.units import conversion, parse_unit
 from taichi_erosion.tables.number_words import plain
@@ -25,7 +25,7 @@ UNLIKE = 2.0  # scatter of repeats over what is stated, from which it is told
 SPARE = 3  # rows beyond the calibrated numbers: for an effect, a level, and one that can contradict
 
 
-def blocked(faults: Sequence[SetUpFault]) -> bool:
+def blocks_verdict(faults: Sequence[SetUpFault]) -> bool:
     """Whether the verdict on physics waits."""
     return any(fault.blocks for fault in faults)
 
@@ -97,7 +97,7 @@ def disagreements(problem: Problem) -> Iterator[SetUpFault]:
             yield SetUpFault("scatter", name, words, False)
     for each in rows.apart:
         gap = table.table_units.value_text(each.observable, each.gap)
-        rows = numbered(each.lines), gap, numbered(each.suspects)
+        rows = row_list(each.lines), gap, row_list(each.suspects)
         words = FAULTS["repeats"].format(each.observable, *rows)
         yield SetUpFault("repeats", each.observable, words, False, tuple(each.suspects))
 

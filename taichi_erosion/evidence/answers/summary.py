@@ -39,8 +39,8 @@ ONE_SIDED = float(special.ndtri(0.95))  # sd beyond which 5 % of a normal distri
 
 def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
     """The record of a race."""
-    found, race = decision or decide(posterior), posterior.race
-    after, bare, model = fit_of(posterior, found), race.bare, race.model
+    decision_used, race = decision or decide(posterior), posterior.race
+    after, bare, model = fit_of(posterior, decision_used), race.bare, race.model
     stop: parts.Stop = "budget" if race.stopped else ""
     sound = is_adequate(posterior.best)  # else what is missing looks like an error of rows and levels
     # chi-square of the rows with levels, sources and groups at their best
@@ -48,8 +48,8 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
     p_before, p_repeats = misfit_p(bare, levels=False), lack_of_fit_p(race, bare)
     p_now, p_repeats_now = misfit_p(after, levels=True), lack_of_fit_p(race, after)
     return Record(
-        decided=decided(posterior, found),
-        effects={name: effect_part(posterior, found, name) for name in model.candidates},
+        decided=decision_part(posterior, decision_used),
+        effects={name: effect_part(posterior, decision_used, name) for name in model.candidates},
         numbers=number_parts(posterior),
         levels=tuple(level_parts(posterior)) if sound else (),
         errors=tuple(error_parts(posterior)) if sound else (),
@@ -58,22 +58,24 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
         fit=parts.FitPart(race.prepared.rows.size, before, now, p_before, p_now, p_repeats, p_repeats_now),
         where=tuple(places(race, bare)),
         rows=rows_part(race, bare, after),
-        curves=tuple(curve_parts(posterior, found)),
+        curves=tuple(curve_parts(posterior, decision_used)),
         cost=parts.CostPart(model.settings, race.prepared.predictor.cost.runs, nan, stop),
     )
 
 
-def decided(posterior: Posterior, found: Decision) -> parts.Decided:
+def decision_part(posterior: Posterior, decision: Decision) -> parts.DecisionPart:
     """Probabilities by explanation; a set beside something unlisted counts as the set."""
-    named = {*found.inclusion, *found.beyond}
-    table: dict[str, float] = {"none": found.none, "outside_library": 0.0}
+    named = {*decision.inclusion, *decision.beyond}
+    table: dict[str, float] = {"none": decision.none, "outside_library": 0.0}
     for hypothesis, p in posterior.probability.items():
         acting = (*hypothesis.names, *(each for each in hypothesis.beside if each in named))
         if acting or OUTSIDE in hypothesis.beside:
             key = "+".join(acting) or "outside_library"
             table[key] = table.get(key, 0.0) + p
-    acts = found.verdict, found.named, found.group, found.mechanisms
-    return parts.Decided(*acts, table, found.familywise, found.refuted, found.outside, found.together)
+    acts = decision.verdict, decision.named, decision.group, decision.mechanisms
+    return parts.DecisionPart(
+        *acts, table, decision.familywise, decision.refuted, decision.outside, decision.together
+    )
 
 
 def scatter_parts(race: Race) -> Iterator[parts.ScatterPart]:
@@ -119,7 +121,7 @@ def interval(values: Floats, weight: Floats) -> Interval:
 def number_parts(posterior: Posterior) -> dict[str, parts.NumberPart]:
     """Every calibrated number if nothing is missing, and averaged over all explanations."""
     (values, weight), model, bare = posterior.numbers, posterior.race.model, posterior.race.bare
-    sd, found = np.sqrt(np.diag(bare.covariance)), {}
+    sd, numbers = np.sqrt(np.diag(bare.covariance)), {}
     before = np.array([model.unit_values(bare.target + z * sd) for z in (0.0, -ONE_SIDED, ONE_SIDED)])
     least, most = (model.unit_values(np.full(model.count, z)) for z in (-ONE_SIDED, ONE_SIDED))
     for j, axis in enumerate(posterior.race.prepared.axes):
@@ -132,15 +134,15 @@ def number_parts(posterior: Posterior) -> dict[str, parts.NumberPart]:
         at_end = bool(np.isfinite(tenth) and not low + tenth < now.value < high - tenth)
         share = (now.high - now.low) / float(most[j] - least[j])
         told = Interval(*map(float, before[:, j]))
-        found[axis.name] = parts.NumberPart(axis_value(axis, 0.0), told, now, share, at_end)
-    return found
+        numbers[axis.name] = parts.NumberPart(axis_value(axis, 0.0), told, now, share, at_end)
+    return numbers
 
 
-def effect_part(posterior: Posterior, found: Decision, name: str) -> parts.EffectPart:
+def effect_part(posterior: Posterior, decision: Decision, name: str) -> parts.EffectPart:
     """One candidate, from its explanations and its signature about the likeliest explanation without it."""
     race, most = posterior.race, posterior.race.model.candidates[name].maximum
     bare, single = race.bare, race.fits.get(Hypothesis((name,)))
-    strength, share = interval(*posterior.strength(name)), found.inclusion[name]
+    strength, share = interval(*posterior.strength(name)), decision.inclusion[name]
     if single is None:
         return parts.EffectPart("untestable", share, strength, nan, 0.0, 1.0, nan, most=most)
     about = posterior.best
@@ -154,8 +156,8 @@ def effect_part(posterior: Posterior, found: Decision, name: str) -> parts.Effec
     factor = single.log_evidence - bare.log_evidence
     absorption = 1.0 - (information / alone) ** 0.5 if alone > 0.0 else 1.0
     limit = max(float(action[0]) / information, 0.0) + EXCLUDED * sd if is_adequate(about) else np.inf
-    alike = tuple(other for other in found.group if other != name) if name in found.group else ()
-    status, unseen = status_of(name, found, factor, limit, most, absorption), 2.0 * ONE_SIDED * sd
+    alike = tuple(other for other in decision.group if other != name) if name in decision.group else ()
+    status, unseen = status_of(name, decision, factor, limit, most, absorption), 2.0 * ONE_SIDED * sd
     above = [ended for tried, ended in race.model.candidates[name].tried if tried >= limit]
     if status == "excluded" and 2 * sum(above) <= len(above) > 0:  # most runs that would show it have stopped
         status = "untestable"
@@ -176,26 +178,26 @@ def signature(race: Race, about: Fit, name: str) -> Floats:
 
 
 def status_of(
-    name: str, found: Decision, factor: float, limit: float, most: float, absorption: float
+    name: str, decision: Decision, factor: float, limit: float, most: float, absorption: float
 ) -> parts.Status:
     """What these measurements say of a candidate."""
-    if name in found.named:
+    if name in decision.named:
         return "present"
-    if factor > -np.log(KEEP) and found.verdict == "outside_library":
+    if factor > -np.log(KEEP) and decision.verdict == "outside_library":
         return "better_but_not_sufficient"
-    if name in found.group or found.inclusion[name] > 1.0 - SURE:
+    if name in decision.group or decision.inclusion[name] > 1.0 - SURE:
         return "open"
     if limit < 1.0:
         return "excluded"
     return "untestable" if absorption > SURE or most < limit < np.inf else "open"
 
 
-def curve_parts(posterior: Posterior, found: Decision) -> Iterator[parts.CurvePart]:
+def curve_parts(posterior: Posterior, decision: Decision) -> Iterator[parts.CurvePart]:
     """What something unlisted does along each condition with which it acts for SURE, against its least value.
 
     Where it acts along several at once, a curve is the mean over rows of one value, where values repeat.
     """
-    if found.verdict != "outside_library" or found.mechanisms:
+    if decision.verdict != "outside_library" or decision.mechanisms:
         return
     unlisted = {h: p for h, p in posterior.probability.items() if OUTSIDE in h.beside}
     best, race = max(unlisted, key=lambda h: unlisted[h]), posterior.race
@@ -204,14 +206,14 @@ def curve_parts(posterior: Posterior, found: Decision) -> Iterator[parts.CurvePa
     for name, column in rows.conditions.items():
         acts = sum(p for h, p in unlisted.items() if h.along in ("", name)) / sum(unlisted.values())
         for index, block in enumerate(fit.blocks):
-            own = (np.array(rows.names) == block.observable) & np.isfinite(column)
-            points, place, count = np.unique(column[own], return_inverse=True, return_counts=True)
-            crossed = name == best.along or 2 * points.size <= own.sum()
+            measured = (np.array(rows.names) == block.observable) & np.isfinite(column)
+            points, place, count = np.unique(column[measured], return_inverse=True, return_counts=True)
+            crossed = name == best.along or 2 * points.size <= measured.sum()
             if acts < SURE or block.kind != "unlisted" or points.size < 2 or not crossed:
                 continue
             inside = fit.evidence.solved.rows.block == index
             columns = np.zeros((points.size, block.columns.shape[1]))
-            np.add.at(columns, place, block.columns[own] / count[place][:, np.newaxis])
+            np.add.at(columns, place, block.columns[measured] / count[place][:, np.newaxis])
             curve = curve_part(observables[block.observable], name, fit, points, columns - columns[0], inside)
             if curve.shape != "varies":
                 yield curve
@@ -245,11 +247,11 @@ def curve_part(
     return parts.CurvePart(observable.name, along, kind, shape, turn, places)
 
 
-def law_part(found: Law | None) -> parts.LawPart | None:
+def law_part(law: Law | None) -> parts.LawPart | None:
     """A law with its intervals."""
-    if found is None:
+    if law is None:
         return None
-    mechanism, best, share = found
+    mechanism, best, share = law
     form, draws = best.form, best.draws()
     numbers = dict(zip(("a", *form.names), map(law_interval, best.numbers, draws.T), strict=True))
     values = {name: f"{each.value:.3g}" for name, each in numbers.items()}
@@ -269,23 +271,23 @@ def law_part(found: Law | None) -> parts.LawPart | None:
         {condition: numbers[name] for condition, name in form.exponents.items()},
         tuple(zip(named, doses, strict=True)),
         share,
-        *written(form, numbers),
+        *law_template(form, numbers),
     )
 
 
-def written(form: Form, numbers: Mapping[str, Interval]) -> tuple[str, dict[str, tuple[str, float]]]:
+def law_template(form: Form, numbers: Mapping[str, Interval]) -> tuple[str, dict[str, tuple[str, float]]]:
     """The expression with sizes of conditions named, and these; none where a number has another unit."""
     if form.name == "exponential":
         return "", {}
     sizes: dict[str, tuple[str, float]] = {}
     names = iter(form.conditions)
 
-    def named(found: re.Match[str]) -> str:
+    def name_size(found: re.Match[str]) -> str:
         name = next(names)
         sizes[f"{name}_0"] = name, float(found[0])
         return f"{{{name}_0}}"
 
-    text = re.sub(r"(?<=/ )[\d.e+-]+(?=\))", named, form.text)
+    text = re.sub(r"(?<=/ )[\d.e+-]+(?=\))", name_size, form.text)
     return text, sizes | ({"k": (form.conditions[0], numbers["k"].value)} if "k" in numbers else {})
 
 
@@ -378,13 +380,13 @@ def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
     linear, _ = race.linear(replace(bare, blocks=tuple(kept)))
     u = bare.evidence.solved.scales_of(linear.scales)
     u[linear.blocks :] = np.minimum(u[linear.blocks :], 0.0)
-    for measured, own in race.prepared.by_observable():
+    for measured, rows_of in race.prepared.by_observable():
         for name, values in rows.conditions.items():
-            axis = axis_scale(values[own])
+            axis = axis_scale(values[rows_of])
             if axis is not None:
                 named.append((measured.name, name))
-                columns += [race.prepared.white(np.where(own, axis(values) ** k, 0.0)) for k in (1, 2)]
-    along, gram = linear.solved(u).against(np.reshape(columns, (-1, rows.size)).T)
+                columns += [race.prepared.white(np.where(rows_of, axis(values) ** k, 0.0)) for k in (1, 2)]
+    along, gram = linear.posterior_at(u).against(np.reshape(columns, (-1, rows.size)).T)
     alone, left, least = gram.diagonal().copy(), [*range(len(named))], 0.0
     while left:
         z = np.where(gram.diagonal() > 1e-6 * alone, along / np.sqrt(np.maximum(gram.diagonal(), 1e-12)), 0.0)

@@ -21,7 +21,7 @@ from taichi_erosion.core.effect_loading import effect_in
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.answers.check_study import check_study
-from taichi_erosion.evidence.answers.scene_templates import Calibrated
+from taichi_erosion.evidence.answers.scene_templates import CalibratedNumber
 from taichi_erosion.evidence.answers.set_up import refuse_unknown_scatter
 from taichi_erosion.evidence.data.held_out_rows import stated_rows
 from taichi_erosion.evidence.data.measured import AMOUNTS, read_table
@@ -58,7 +58,7 @@ class Content:
 
     observables: Mapping[str, str]  # name -> file of its scene; empty: the model answers
     conditions: Mapping[str, str]  # column -> places
-    parameters: Sequence[Calibrated]
+    parameters: Sequence[CalibratedNumber]
     scenes: Mapping[str, str] = field(default_factory=dict)  # of its own: name -> text
     model: str = ""
     shared: Mapping[str, str] = field(default_factory=dict)  # observable -> entry of its error between codes
@@ -214,10 +214,10 @@ def study_text(files: StudyFiles, candidates: Sequence[str], drawn_from: str) ->
     """A study file; all candidates of the library where none are given."""
     content = files.content
     lines = [f"# {shlex.join(['./erosion', 'compare', files.study.name])}", "", "[study]"]
-    lines += [f"title = {quoted(files.stem)}", f"measurements = {quoted(files.table.name)}"]
-    lines += [f"made_from = {quoted(files.made_from)}"]
-    lines += [f"made_from_digest = {quoted(files.digest)}  # {READ}"]
-    lines += [f"model = {quoted(content.model)}"] if content.model else []
+    lines += [f"title = {toml_string(files.stem)}", f"measurements = {toml_string(files.table.name)}"]
+    lines += [f"made_from = {toml_string(files.made_from)}"]
+    lines += [f"made_from_digest = {toml_string(files.digest)}  # {READ}"]
+    lines += [f"model = {toml_string(content.model)}"] if content.model else []
     lines += [f"effect_files = {json.dumps(list(files.effect_files))}"] if files.effect_files else []
     if files.assumed:
         lines += ['notes = """', "Assumed, because the table does not say it:"]
@@ -225,24 +225,24 @@ def study_text(files: StudyFiles, candidates: Sequence[str], drawn_from: str) ->
     for name, scene in content.observables.items():
         known = OBSERVED.get(name)
         lines += ["", f"[observables.{name}]"]
-        lines += [f"scene = {quoted(scene)}"] if scene else []
-        lines += [f"unit = {quoted(known.unit)}"] if content.model and known else []
+        lines += [f"scene = {toml_string(scene)}"] if scene else []
+        lines += [f"unit = {toml_string(known.unit)}"] if content.model and known else []
         lines += scale_lines(files.rows, name, known.unit if content.model and known else "")
         lines += [content.shared[name]] if name in content.shared else []
     lines += [
         "",
         "[conditions]",
-        *(f"{name} = {quoted(paths)}" for name, paths in content.conditions.items()),
+        *(f"{name} = {toml_string(paths)}" for name, paths in content.conditions.items()),
     ]
     for number in content.parameters:
-        lines += ["", f"[parameters.{quoted(number.path)}]    # {number.why}"]
+        lines += ["", f"[parameters.{toml_string(number.path)}]    # {number.why}"]
         lines += [f"start = {number.start:g}", f"low = {number.low:g}", f"high = {number.high:g}"]
         lines += [f"prior_sd_log = {number.sd_log:g}"]
     lines += ["", "[candidates]", f"effects = {json.dumps(list(candidates) or 'all')}"]
     lines += ["", "[vault]"]
     lines += [f"fraction = {FRACTION:g}    # of the set-ups, held out until an effect is adopted"]
     if drawn_from:
-        lines += [f"drawn_from = {quoted(drawn_from)}    # the table when its rows were drawn"]
+        lines += [f"drawn_from = {toml_string(drawn_from)}    # the table when its rows were drawn"]
     return "\n".join(lines) + "\n"
 
 
@@ -264,7 +264,7 @@ def scale_lines(table: Table, name: str, unit: str) -> list[str]:
     return ['transform = "log_floor"', f"floor = {max(limit, seen):.6g}    # below it the scale is linear"]
 
 
-def quoted(text: str) -> str:
+def toml_string(text: str) -> str:
     """A TOML string."""
     return json.dumps(text, ensure_ascii=False)
 
@@ -292,10 +292,10 @@ def acting_candidates(study: Study) -> list[str]:
     simulator = study.simulator
     assert simulator is not None
     scenes, measured = study_scenes(study, simulator), study.file.observables
-    known = {*measured, *(EXPECTED_AS[name] for name in measured if name in EXPECTED_AS)}
+    measured_names = {*measured, *(EXPECTED_AS[name] for name in measured if name in EXPECTED_AS)}
     for path in (path for paths in study.file.conditions.values() for path in dotted_paths(paths)):
-        known |= {path.removeprefix("conditions."), *path.rpartition(".")[2].split("_")}
-    own = {effect_in(file).name for file in study.effect_files}
+        measured_names |= {path.removeprefix("conditions."), *path.rpartition(".")[2].split("_")}
+    own_effects = {effect_in(file).name for file in study.effect_files}
     able = [
         each.name
         for each in study.problem.candidates
@@ -303,4 +303,4 @@ def acting_candidates(study: Study) -> list[str]:
     ]
     effects = {name: simulator.library[name] for name in able}
     tells = {n: {*(e.expected or e.reads), *(f.name for f in fields(e.params))} for n, e in effects.items()}
-    return [n for n in effects if n in own or tells[n] & known] or able
+    return [n for n in effects if n in own_effects or tells[n] & measured_names] or able

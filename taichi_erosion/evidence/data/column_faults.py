@@ -13,7 +13,7 @@ NEAR_SCENE = 30.0  # factor about a scene's own number within which a column is 
 
 
 def column_faults(
-    table: Table, name: str, allowed: PhysicalRange | None, own: float = nan, usual: bool = True
+    table: Table, name: str, allowed: PhysicalRange | None, usual_value: float = nan, usual: bool = True
 ) -> Iterator[str]:
     """Impossible values of a condition or an observable, and a unit that seems mistaken, one line each.
 
@@ -22,12 +22,14 @@ def column_faults(
     """
     if allowed is None:
         return
-    known = known_cells(table, name, allowed)
-    wrong = [each for each in known if not allowed.possible(each[3])]
-    odd = [each for each in known if not allowed.is_usual(each[3])]
-    meant = likely_units([value for _, value, _, _ in known], known[0][2] if known else None, allowed)
-    near_own = own > 0.0 and all(own / NEAR_SCENE <= used <= own * NEAR_SCENE for *_, used in odd)
-    if not wrong and usual and meant and 2 * len(odd) > len(known) and not near_own:
+    cells = known_cells(table, name, allowed)
+    wrong = [each for each in cells if not allowed.possible(each[3])]
+    odd = [each for each in cells if not allowed.is_usual(each[3])]
+    meant = likely_units([value for _, value, _, _ in cells], cells[0][2] if cells else None, allowed)
+    near_own = usual_value > 0.0 and all(
+        usual_value / NEAR_SCENE <= used <= usual_value * NEAR_SCENE for *_, used in odd
+    )
+    if not wrong and usual and meant and 2 * len(odd) > len(cells) and not near_own:
         wrong = odd
     hint = f": did you mean [{'] or ['.join(meant)}]?" if meant else ""
     for row, value, unit, used in wrong if len(wrong) <= SOLO_ROWS else wrong[:1]:
@@ -50,7 +52,9 @@ def known_cells(
     else:
         cells = [(row, row.value, row.unit) for row in table.rows if row.observable == name]
     scaled = [(row, value, unit, scale_of(unit, allowed)) for row, value, unit in cells if isfinite(value)]
-    return [(row, value, unit, scale.used(value)) for row, value, unit, scale in scaled if scale is not None]
+    return [
+        (row, value, unit, scale.to_use(value)) for row, value, unit, scale in scaled if scale is not None
+    ]
 
 
 def unusual_cells(table: Table, name: str, allowed: PhysicalRange | None) -> Iterator[str]:

@@ -24,7 +24,7 @@ from taichi_erosion.evidence.data.problem import (
     Measurements,
     Observable,
     Problem,
-    rows_picked,
+    pick_rows,
 )
 from taichi_erosion.evidence.data.tables.rows import source_names
 from taichi_erosion.evidence.data.transforms import slope, to_scale
@@ -101,7 +101,7 @@ class ComparisonRows:
         """Some of the rows."""
         index = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
         shared = self.shared[index]
-        found = rows_picked({name: getattr(self, name) for name in ROW_WISE}, index)
+        found = pick_rows({name: getattr(self, name) for name in ROW_WISE}, index)
         found["shared"] = shared[:, np.any(shared != 0.0, axis=0)] if index.size else shared[:, :0]
         found["covariance"] = None if self.covariance is None else self.covariance[np.ix_(index, index)]
         return replace(self, **found)
@@ -116,7 +116,7 @@ def comparison_rows(problem: Problem, table: Measurements) -> ComparisonRows:
         merged_rows(observables, index, table.rows(np.flatnonzero(named == name)))
         for index, name in enumerate(names)
     ]
-    rows = joined(found)
+    rows = join_rows(found)
     scatters = [noise.scatter for noise in rows.noise.values()]
     # repeats check the worth of stated sd everywhere, sample variances the level of their own observable
     own = [scatter.own_freedom for scatter in scatters if scatter.own_freedom > 0.0]
@@ -147,7 +147,7 @@ def merged_rows(observables: tuple[Observable, ...], index: int, table: Measurem
     first, mean, total = weighted_means(
         z, weight, keys := np.array(["|".join(map(str, each)) for each in labels])
     )
-    steep, own, heaps = steepness[first], table.rows(first), np.array(heap_keys(table))
+    steep, first_rows, heaps = steepness[first], table.rows(first), np.array(heap_keys(table))
     numerical = (observable.sd_numerical * steep) ** 2
     if (unknown := ~np.isfinite(scatter.variance[first])).any():
         count = f"{int(unknown.sum())} of {unknown.size}"
@@ -160,12 +160,12 @@ def merged_rows(observables: tuple[Observable, ...], index: int, table: Measurem
         which=np.full(first.size, index),
         z=mean,
         variance=variance,
-        censored=own.censored,
+        censored=first_rows.censored,
         reach=reach[first],
         shared=shared,
-        conditions=own.conditions,
-        group=own.group,
-        source=own.source,
+        conditions=first_rows.conditions,
+        group=first_rows.group,
+        source=first_rows.source,
         slope=steep,
         heaps=tuple(
             {
@@ -208,14 +208,14 @@ def tested_by_repeats(rows: ComparisonRows, variance: Floats, residual: Floats, 
     """
     cell, parts = repeat_numbers(rows), []
     for name, noise in rows.noise.items():
-        own = (np.array(rows.names) == name) & ~rows.censored & ~rows.suspect
-        if not own.any():
+        tested = (np.array(rows.names) == name) & ~rows.censored & ~rows.suspect
+        if not tested.any():
             continue
-        squares, within = pure_error(rows.z[own], 1.0 / variance[own], cell[own])
-        left = float(np.sum(1.0 - leverage[own])) - within
+        squares, within = pure_error(rows.z[tested], 1.0 / variance[tested], cell[tested])
+        left = float(np.sum(1.0 - leverage[tested])) - within
         single = noise.scatter.variance[np.isfinite(noise.scatter.variance)]
-        m = float(np.sum(np.median(single) / variance[own])) / np.unique(cell[own]).size
-        between = (float(residual[own] @ residual[own]) - squares) / (1.0 + 0.25 * m)
+        m = float(np.sum(np.median(single) / variance[tested])) / np.unique(cell[tested]).size
+        between = (float(residual[tested] @ residual[tested]) - squares) / (1.0 + 0.25 * m)
         parts.append((between, left, *noise.scatter.pure))
     return lack_of_fit(parts)
 
@@ -286,7 +286,7 @@ def noise_budget(variance: Floats, numerical: Floats, scatter: Scatter) -> Obser
     )
 
 
-def joined(parts: Sequence[ComparisonRows]) -> ComparisonRows:
+def join_rows(parts: Sequence[ComparisonRows]) -> ComparisonRows:
     """Rows of all observables."""
 
     def all_of(name: str) -> Any:

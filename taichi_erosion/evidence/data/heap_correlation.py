@@ -57,13 +57,13 @@ def heap_correlation(
     wrong = {(each.observable, line) for each in rows.apart for line in each.suspects}
     sound = [key not in wrong for key in zip(table.observable, table.lines, strict=True)]
     sample, freedom = sample_correlation(rows.observables, table.rows(np.array(sound)))
-    found = np.where(freedom >= LEAST_FREEDOM, shrunk(sample, freedom), target)
+    found = np.where(freedom >= LEAST_FREEDOM, shrink(sample, freedom), target)
     if np.array_equal(found, np.eye(len(names))):
         return None
     return HeapCorrelation(names, valid_correlation(found))
 
 
-def correlated(rows: ComparisonRows, correlation: HeapCorrelation | None) -> ComparisonRows:
+def add_correlation(rows: ComparisonRows, correlation: HeapCorrelation | None) -> ComparisonRows:
     """Rows with the covariances of those of one heap."""
     if correlation is None:
         return rows
@@ -85,25 +85,25 @@ def shared_share(rows: ComparisonRows, matrix: Floats) -> Floats:
 
     A censored row is correlated with no other one.
     """
-    found, on = np.zeros((rows.size, rows.size)), dict[str, list[int]]()
-    for row, own in enumerate(rows.heaps):
-        for heap in own.keys() - {""} if not rows.censored[row] else ():
+    shares, on = np.zeros((rows.size, rows.size)), dict[str, list[int]]()
+    for row, heaps in enumerate(rows.heaps):
+        for heap in heaps.keys() - {""} if not rows.censored[row] else ():
             on.setdefault(heap, []).append(row)
     for heap, members in on.items():
         count = np.array([rows.heaps[row][heap] for row in members])
-        found[np.ix_(members, members)] += np.minimum.outer(count, count)
+        shares[np.ix_(members, members)] += np.minimum.outer(count, count)
     if not on:
-        return found
+        return shares
     whole = np.array([sum(own.values()) for own in rows.heaps])  # repeats behind each row
-    found *= matrix[np.ix_(rows.which, rows.which)] / np.sqrt(np.outer(whole, whole))
-    found[rows.which[:, np.newaxis] == rows.which] = 0.0
-    return found
+    shares *= matrix[np.ix_(rows.which, rows.which)] / np.sqrt(np.outer(whole, whole))
+    shares[rows.which[:, np.newaxis] == rows.which] = 0.0
+    return shares
 
 
 def model_correlation(rows: ComparisonRows, replicates: Replicates) -> Floats:
     """Correlation of the model's replicates, less where the laboratory scatters more than the model."""
-    found = np.eye(len(rows.observables))
-    single = scatter_variance(rows) * [sum(own.values()) for own in rows.heaps]
+    correlation = np.eye(len(rows.observables))
+    single = scatter_variance(rows) * [sum(variances.values()) for variances in rows.heaps]
     share = np.zeros(len(rows.observables))
     for k, observable in enumerate(rows.observables):
         own = single[(rows.which == k) & np.isfinite(single)]
@@ -112,7 +112,7 @@ def model_correlation(rows: ComparisonRows, replicates: Replicates) -> Floats:
             share[k] = min(1.0, sd / max(float(np.sqrt(np.median(own))), 1e-300))
     names = [each.name for each in rows.observables]
     known = HeapCorrelation(replicates.names, replicates.correlation).of(names)
-    return np.where(found > 0.0, 1.0, known * np.outer(share, share))
+    return np.where(correlation > 0.0, 1.0, known * np.outer(share, share))
 
 
 def sample_correlation(observables: Sequence[Observable], table: Measurements) -> tuple[Floats, Floats]:
@@ -126,13 +126,13 @@ def sample_correlation(observables: Sequence[Observable], table: Measurements) -
         own = (names == observable.name) & np.isfinite(z) & (heaps[heap] != "")
         counts[:, k] = np.bincount(heap[own], n[own], heaps.size)
         values[:, k] = np.bincount(heap[own], n[own] * z[own], heaps.size) / np.maximum(counts[:, k], 1.0)
-    found, freedom = np.eye(size), np.zeros((size, size))
+    correlation, freedom = np.eye(size), np.zeros((size, size))
     for a, b in zip(*np.triu_indices(size, 1), strict=True):
         both = (counts[:, a] > 0.0) & (counts[:, b] > 0.0)
         r, nu = pair_correlation(values[both][:, [a, b]], counts[both][:, [a, b]], cell[both])
-        found[a, b] = found[b, a] = r
+        correlation[a, b] = correlation[b, a] = r
         freedom[a, b] = freedom[b, a] = nu
-    return found, freedom
+    return correlation, freedom
 
 
 def pair_correlation(values: Floats, counts: Floats, cell: Floats) -> tuple[float, float]:
@@ -149,15 +149,15 @@ def pair_correlation(values: Floats, counts: Floats, cell: Floats) -> tuple[floa
     return float(products[0, 1] / np.sqrt(products[0, 0] * products[1, 1])), freedom
 
 
-def shrunk(sample: Floats, freedom: Floats) -> Floats:
+def shrink(sample: Floats, freedom: Floats) -> Floats:
     """Sample correlation (k, k) drawn towards 0, which it is for pairs of too few degrees of freedom."""
-    known = freedom >= LEAST_FREEDOM
-    nu = np.where(known, freedom, 1.0)
-    uncertain, size = (float(np.sum(part[known])) for part in ((1.0 - sample**2) ** 2 / nu, sample**2))
+    is_known = freedom >= LEAST_FREEDOM
+    nu = np.where(is_known, freedom, 1.0)
+    uncertain, size = (float(np.sum(part[is_known])) for part in ((1.0 - sample**2) ** 2 / nu, sample**2))
     if uncertain > MOST_CHANCE * size or size == 0.0:
         return np.eye(len(sample))
     drawn = (1.0 - uncertain / size) * (nu * sample) / (nu + 1.0)
-    return valid_correlation(np.where(known, drawn, np.eye(len(sample))))
+    return valid_correlation(np.where(is_known, drawn, np.eye(len(sample))))
 
 
 def valid_correlation(matrix: Floats, least: float = LEAST_EIGENVALUE) -> Floats:

@@ -18,7 +18,7 @@ from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Measurements
 from taichi_erosion.evidence.data.tables.rows import source_names
-from taichi_erosion.tables.number_words import counted
+from taichi_erosion.tables.number_words import count_noun
 
 FEWEST_GROUPS = 5  # per observable; with fewer, holding out a whole one would leave too little to fit
 FEWEST_UNITS = 4  # of an observable; with fewer nothing of it is held out
@@ -28,7 +28,7 @@ COUNTER = "vault.json"
 Unit = tuple[str, ...]  # what identifies a unit of hold-out
 
 
-def split(
+def split_rows(
     measurements: Measurements,
     fraction: float,
     ranges: Mapping[str, Sequence[float]],
@@ -118,14 +118,14 @@ def drawn_units(
     numbers = {unit: k for k, unit in enumerate(dict.fromkeys(units))}
     unit_of_row = np.array([numbers[unit] for unit in units])
     left = free & ~kept
-    before, crossings = varying(measurements, left), crossed(measurements, left, 3)
+    before, crossings = varying(measurements, left), crossed_levels(measurements, left, 3)
     among, held = (unit_counts(measurements, units, rows) for rows in (free, free & kept))
     wanted = {k: (round(fraction * n) if n >= FEWEST_UNITS else 0) - held[k] for k, n in among.items()}
     drawn: set[Unit] = set()
     for unit in (each for each in order if each in seen):
         without = left & (unit_of_row != numbers[unit])
         identified = varying(measurements, without) == before
-        identified = identified and crossings <= crossed(measurements, without, 2)
+        identified = identified and crossings <= crossed_levels(measurements, without, 2)
         if identified and all(wanted[name] > 0 for name in seen[unit]):
             drawn.add(unit)
             left = without
@@ -154,16 +154,16 @@ def varying(measurements: Measurements, rows: Bools) -> set[tuple[str, str]]:
     return found
 
 
-def crossed(measurements: Measurements, rows: Bools, least: int) -> set[tuple[str, str, float, str]]:
+def crossed_levels(measurements: Measurements, rows: Bools, least: int) -> set[tuple[str, str, float, str]]:
     """Observable, condition of two levels, one level, and a condition of at least so many values under it."""
-    found: set[tuple[str, str, float, str]] = set()
+    crossings: set[tuple[str, str, float, str]] = set()
     for observable, own, name, column, levels in condition_levels(measurements, np.ones_like(rows)):
         for level in levels if levels.size == 2 else ():
             under = own & rows & (column == level)
             for other, values in measurements.conditions.items():
                 if np.unique(values[under & np.isfinite(values)]).size >= least:
-                    found.add((observable, name, float(level), other))
-    return found
+                    crossings.add((observable, name, float(level), other))
+    return crossings
 
 
 def content_digest(measurements: Measurements) -> str:
@@ -186,7 +186,7 @@ def content_digest(measurements: Measurements) -> str:
 def split_sentence(drawn: int, by_group: bool, named: str, rows: int, among: int) -> str:
     """Sentence about the split."""
     few = " of conditions (there are too few groups to hold them out whole)"
-    kind = counted(drawn, "group") if by_group else f"{counted(drawn, 'set')}{few}"
+    kind = count_noun(drawn, "group") if by_group else f"{count_noun(drawn, 'set')}{few}"
     if not rows:
         return "Nothing is held out: there are too few conditions. No error on unseen data can be shown."
     words = f"{kind}{named}" if drawn or not named else named.removeprefix(", and ")

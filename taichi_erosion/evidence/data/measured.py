@@ -16,15 +16,15 @@ from taichi_erosion.core.errors import BadInput, did_you_mean
 from taichi_erosion.core.files import one_line_name
 from taichi_erosion.evidence.data.problem import Measurements
 from taichi_erosion.evidence.data.table_units import TableUnits
-from taichi_erosion.evidence.data.tables.column_roles import Column, Told
-from taichi_erosion.evidence.data.tables.interview import AGREED, Interview, understood
+from taichi_erosion.evidence.data.tables.column_roles import Column, TableOptions
+from taichi_erosion.evidence.data.tables.interview import AGREED, Interview, understand_columns
 from taichi_erosion.evidence.data.tables.rows import (
     PLACE,
     Faults,
     Row,
     Table,
+    cell_text,
     listed_rows,
-    shown,
     table_of,
     tidy_columns,
 )
@@ -61,7 +61,9 @@ def read_table(path: Path, file: str = "", study: StudyFile | None = None) -> Ta
     return found
 
 
-def read_rows(path: Path, name: str, told: Told, interview: Interview, faults: Faults) -> Table | None:
+def read_rows(
+    path: Path, name: str, options: TableOptions, interview: Interview, faults: Faults
+) -> Table | None:
     """Rows of a file, a tidy one or a laboratory's own; what is wrong with it is added to `faults`.
 
     None where its columns cannot be used; raises BadInput for a file without cells, and for a cross table.
@@ -72,14 +74,14 @@ def read_rows(path: Path, name: str, told: Told, interview: Interview, faults: F
     names = [cell.partition("[")[0].strip().lower() for cell in cells.heading]
     if get_close_matches("observable", names, n=1, cutoff=0.85):  # a tidy table, if under another spelling
         tidy = faults.of(tidy_columns, cells)
-        faults += [f"--sd {text}: this table has a column 'sd' for it" for text in told.sd]
-        return None if tidy is None else table_of(cells, tidy, faults, told)
+        faults += [f"--sd {text}: this table has a column 'sd' for it" for text in options.sd]
+        return None if tidy is None else table_of(cells, tidy, faults, options)
     if not cells.lines:
         raise BadInput(*faults or [f"{name}: has a heading but no measurement, no measured value"])
     cells, assumed = upright(cells, interview), len(interview.assumed)
-    columns = understood(cells, told, interview, faults)
-    cells = filled_down(cells, columns, told, interview)
-    table = table_of(cells, columns, faults, told)
+    columns = understand_columns(cells, options, interview, faults)
+    cells = fill_down(cells, columns, options, interview)
+    table = table_of(cells, columns, faults, options)
     for words in (*table.notes, *cell_notes(cells, columns)):
         interview.assume(words)
     return replace(table, notes=tuple(interview.assumed[assumed:]))
@@ -95,14 +97,14 @@ def upright(cells: Cells, interview: Interview) -> Cells:
         return cells
     meaning = "rows and columns are exchanged: the headings stand in the first column"
     question = f"{cells.file}: the headings seem to stand in the first column. Exchange rows and columns"
-    if not interview.agreed(question, meaning):
+    if not interview.confirm(question, meaning):
         return cells
     columns = zip(*(row for _, row in cells.rows), strict=True)
     rows = tuple((k, column) for k, column in enumerate(columns, 1) if any(column))
     return write_out(replace(cells, file=f"{cells.file} (rows and columns exchanged)", rows=rows))
 
 
-def filled_down(cells: Cells, columns: Sequence[Column], told: Told, interview: Interview) -> Cells:
+def fill_down(cells: Cells, columns: Sequence[Column], options: TableOptions, interview: Interview) -> Cells:
     """The cells; blank ones below a condition, a set-up or a source repeat it where the user says so."""
     rows = [list(row) for _, row in cells.rows]
     for column in columns:
@@ -115,7 +117,7 @@ def filled_down(cells: Cells, columns: Sequence[Column], told: Told, interview: 
         question = (
             f"{blank} cells of {where} are blank below a value. Fill them with the cell above (yes or no)"
         )
-        if not (told.fill_down or interview.choice(question, "no", "").lower().startswith(AGREED)):
+        if not (options.fill_down or interview.choice(question, "no", "").lower().startswith(AGREED)):
             continue
         interview.assume(f"{where}: {blank} blank cells are filled with the cell above")
         for above, row in pairwise(rows):
@@ -141,16 +143,16 @@ def with_limits(table: Table, interview: Interview) -> Table:
     for name in AMOUNTS:
         own = [row for row in table.rows if row.observable == name and not row.value < 0.0]
         unseen = list(dict.fromkeys(row.line for row in own if is_unseen(row)))
-        stated = [row for row in own if row.censored and row.reach == -inf and row.value > 0.0]
-        seen = stated or [row for row in own if row.value > 0.0]
+        limits = [row for row in own if row.censored and row.reach == -inf and row.value > 0.0]
+        seen = limits or [row for row in own if row.value > 0.0]
         if not unseen or not seen:
             continue
         unit = seen[0].unit
         least = min(unit_factor(row, unit, table.file) * row.value for row in seen)
-        limit = least if stated else 10.0 ** int(Decimal(shown(least)).normalize().as_tuple().exponent)
-        source = "the least limit of the table" if stated else "one in the last digit of the least value"
+        limit = least if limits else 10.0 ** int(Decimal(cell_text(least)).normalize().as_tuple().exponent)
+        source = "the least limit of the table" if limits else "one in the last digit of the least value"
         interview.assume(
-            f"{name}: 0 and no transport are read as '<{shown(limit)}' {unit}, {source}, in "
+            f"{name}: 0 and no transport are read as '<{cell_text(limit)}' {unit}, {source}, in "
             f"{listed_rows(unseen)}; write '<' and the least value that is seen where it is another"
         )
         below = {"value": limit, "unit": unit, "censored": True, "reach": -inf, "sd": nan}
@@ -164,13 +166,13 @@ def is_unseen(row: Row) -> bool:
     return row.value == 0.0 or (row.censored and isnan(row.value))
 
 
-def told_by(study: StudyFile | None) -> Told:
+def told_by(study: StudyFile | None) -> TableOptions:
     """What a study says of the columns of its table: by [columns], or by the same name."""
     if study is None:
-        return Told()
+        return TableOptions()
     names = {name: name for name in (*study.observables, *study.conditions)} | study.columns
     paths = [(path, name) for name, paths in study.conditions.items() for path in (paths, *paths.split(","))]
-    return Told(
+    return TableOptions(
         {text: name for text, name in names.items() if name in study.observables},
         {text: study.conditions[name] for text, name in names.items() if name in study.conditions},
         titles={path.strip(): name for path, name in paths},
@@ -196,7 +198,7 @@ def study_measurements(
         for row, factor in zip(rows, factors, strict=True)
     ]
     stated = [dict(zip(table.conditions, row.conditions, strict=True)) for row in rows]
-    used = [{name: scale.used(at[name]) for name, scale in scales.items()} for at in stated]
+    used = [{name: scale.to_use(at[name]) for name, scale in scales.items()} for at in stated]
     measurements = Measurements(
         observable=tuple(row.observable for row in rows),
         value=factors * np.array([nan if row.censored else row.value for row in rows]),

@@ -79,7 +79,7 @@ class Disagreement:
     gap: float  # largest less smallest value, in the observable's unit
 
 
-def moderated(variance: Floats, freedom: Floats, shapes: Floats) -> tuple[Floats, float]:
+def moderate_variance(variance: Floats, freedom: Floats, shapes: Floats) -> tuple[Floats, float]:
     """Moderated variances of few repeats, shrunk to their common level, and the degrees of freedom behind it.
 
         s~_i^2 = (nu_0 s_0i^2 + nu_i s_i^2) / (nu_0 + nu_i) (nu_0 + nu_i) / (nu_0 + nu_i - 2)
@@ -156,36 +156,40 @@ def measurement_scatter(z: Floats, sd: Floats, repeats: Floats, cell: Floats, sh
     """
     variance = np.where(sd > 0.0, sd, np.nan) ** 2
     sampled = np.isfinite(variance) & (repeats >= 2.0)
-    own = 0.0
+    own_variance = 0.0
     if sampled.any():
-        variance[sampled], own = moderated(variance[sampled], repeats[sampled] - 1.0, shapes[:, sampled])
+        variance[sampled], own_variance = moderate_variance(
+            variance[sampled], repeats[sampled] - 1.0, shapes[:, sampled]
+        )
     known = np.isfinite(variance)
     if known.any():
         off = disagreeing(z, [weight := repeats / variance], cell, True)
         squares, between = pure_error(np.where(off, nan, z), weight, cell)
         variance = np.where(known, variance, np.nanmedian(variance))
-        return corrected_by_repeats(variance, squares, between, own, off)
+        return corrected_by_repeats(variance, squares, between, own_variance, off)
     off = disagreeing(z, list(repeats / bounded_shapes(shapes) ** 2), cell, False)
     squares, freedom = pure_error(np.where(off, nan, z), repeats, cell)
     if freedom >= LEAST_FREEDOM and squares > 0.0:
         # the variance of the t distribution that a residual over the measured scatter has
-        variance, own = np.full(z.size, squares / (freedom - 2.0)), float(freedom)
-    return Scatter(variance, 0.0, own, nan, nan, (max(own - 2.0, 0.0), own), off)
+        variance, own_variance = np.full(z.size, squares / (freedom - 2.0)), float(freedom)
+    return Scatter(variance, 0.0, own_variance, nan, nan, (max(own_variance - 2.0, 0.0), own_variance), off)
 
 
-def corrected_by_repeats(variance: Floats, squares: float, between: int, own: float, off: Bools) -> Scatter:
+def corrected_by_repeats(
+    variance: Floats, squares: float, between: int, own_variance: float, off: Bools
+) -> Scatter:
     """Stated variances, scaled by the scatter of repeated rows: SS_pe ~ chi^2(nu) if they are right."""
     if between == 0:
-        return Scatter(variance, 0.0, own, nan, nan, (0.0, 0.0), off)
+        return Scatter(variance, 0.0, own_variance, nan, nan, (0.0, 0.0), off)
     factor = sqrt(squares / between)
     tail = float(special.chdtrc(between, squares))
     grid, share = factors(squares, between)
     scale = exp(2.0 * float(share @ grid))  # of exp E[ln f]
     p, pure = min(1.0, 2.0 * min(tail, 1.0 - tail)), (squares / scale, float(between))
-    return Scatter(variance * scale, float(between), own, factor, p, pure, off)
+    return Scatter(variance * scale, float(between), own_variance, factor, p, pure, off)
 
 
-def repeated(z: Floats, weight: Floats, cell: Floats) -> tuple[list[Integers], Floats]:
+def repeat_groups(z: Floats, weight: Floats, cell: Floats) -> tuple[list[Integers], Floats]:
     """Groups of repeats, which have one number in `cell`, and their squares; a NaN leaves a row out."""
     known = np.flatnonzero(np.isfinite(weight) & np.isfinite(z))
     _, number = np.unique(cell[known], return_inverse=True)
@@ -197,11 +201,11 @@ def repeated(z: Floats, weight: Floats, cell: Floats) -> tuple[list[Integers], F
 
 def pure_error(z: Floats, weight: Floats, cell: Floats) -> tuple[float, int]:
     """Squares of all repeats about their means, and their degrees of freedom."""
-    groups, squares = repeated(z, weight, cell)
+    groups, squares = repeat_groups(z, weight, cell)
     return float(squares.sum()), sum(rows.size - 1 for rows in groups)
 
 
-def gross(groups: Sequence[Integers], squares: Floats, stated: bool) -> Bools:
+def gross(groups: Sequence[Integers], squares: Floats, is_stated: bool) -> Bools:
     """Which groups disagree grossly; none where more than a quarter do: then the scatter itself is uneven.
 
     Without a stated sd repeats that agree differ by the least difference that is seen: values are rounded.
@@ -209,21 +213,21 @@ def gross(groups: Sequence[Integers], squares: Floats, stated: bool) -> Bools:
     freedom = np.array([rows.size - 1 for rows in groups])
     if not squares.any():
         return np.zeros(freedom.size, dtype=np.bool_)
-    if not stated:
+    if not is_stated:
         squares = np.maximum(squares, np.min(squares, where=squares > 0.0, initial=np.inf))
-    typical, found = squares / special.chdtri(freedom, 0.5), np.zeros(freedom.size, dtype=np.bool_)
-    for k, own in enumerate(freedom):
+    typical, is_gross = squares / special.chdtri(freedom, 0.5), np.zeros(freedom.size, dtype=np.bool_)
+    for k, degrees in enumerate(freedom):
         others = np.repeat(np.delete(typical, k), np.delete(freedom, k))
         sharp, scale, chance = EFFICIENCY * others.size, float(np.median(others)) if others.size else 0.0, 1.0
-        if stated:
+        if is_stated:
             grid, share = factors(scale * sharp, sharp)
-            chance = float(share @ special.chdtrc(own, squares[k] * np.exp(-2.0 * grid)))
+            chance = float(share @ special.chdtrc(degrees, squares[k] * np.exp(-2.0 * grid)))
         elif sharp:
             rest = np.delete(squares, k).sum() / others.size  # few groups: their mean is sharper
             each = ((sharp, scale), (others.size, rest))
-            chance = min(float(special.fdtrc(own, nu, squares[k] / own / size)) for nu, size in each)
-        found[k] = chance * freedom.size < GROSS
-    return found & (found.sum() <= max(1, freedom.size // 4))
+            chance = min(float(special.fdtrc(degrees, nu, squares[k] / degrees / size)) for nu, size in each)
+        is_gross[k] = chance * freedom.size < GROSS
+    return is_gross & (is_gross.sum() <= max(1, freedom.size // 4))
 
 
 def factors(squares: float, freedom: float) -> tuple[Floats, Floats]:
@@ -245,7 +249,7 @@ def disagreeing(z: Floats, weights: Sequence[Floats], cell: Floats, stated: bool
     """Rows that disagree grossly with their repeats, under every one of some weights; both rows of a pair."""
     off = np.zeros(z.size, dtype=np.bool_)
     while True:
-        ways = [repeated(np.where(off, nan, z), weight, cell) for weight in weights]
+        ways = [repeat_groups(np.where(off, nan, z), weight, cell) for weight in weights]
         bad = np.all([gross(*way, stated) for way in ways], axis=0)
         if not bad.any():
             return off

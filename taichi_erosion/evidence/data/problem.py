@@ -30,20 +30,18 @@ def row_count(conditions: Conditions) -> int:
     return next((column.size for column in conditions.values()), 1)
 
 
-def rows_picked(columns: Mapping[str, Any], chosen: Integers | Bools) -> dict[str, Any]:
+def pick_rows(columns: Mapping[str, Any], chosen: Integers | Bools) -> dict[str, Any]:
     """Columns restricted to some rows: arrays, tuples, and tables of columns; anything else as it is."""
     index = np.flatnonzero(chosen) if chosen.dtype == np.bool_ else chosen
 
-    def picked(column: Any) -> Any:
+    def pick(column: Any) -> Any:
         if isinstance(column, np.ndarray):
             return column[index]
         if isinstance(column, tuple):
             return tuple(column[row] for row in index) if column else ()
-        return (
-            {name: picked(each) for name, each in column.items()} if isinstance(column, Mapping) else column
-        )
+        return {name: pick(each) for name, each in column.items()} if isinstance(column, Mapping) else column
 
-    return {name: picked(column) for name, column in columns.items()}
+    return {name: pick(column) for name, column in columns.items()}
 
 
 Record = TypeVar("Record")
@@ -98,7 +96,7 @@ class Measurements:
 
     def rows(self, chosen: Integers | Bools) -> "Measurements":
         """The table restricted to some rows, in the order given."""
-        return replace(self, **rows_picked(vars(self) | {"line": self.lines}, chosen))
+        return replace(self, **pick_rows(vars(self) | {"line": self.lines}, chosen))
 
     @property
     def reaches(self) -> Floats:
@@ -122,7 +120,7 @@ class Observable:
     sd_shared_relative: float = 0.0  # systematic error that grows with the value, over the value [1]
 
 
-Asked = tuple[Observable, Conditions, Mapping[str, Floats]]  # rows, with the doses of a mechanism in them
+QueryRows = tuple[Observable, Conditions, Mapping[str, Floats]]  # rows, with the doses of a mechanism in them
 
 
 class Uncertainty(Protocol):
@@ -131,7 +129,7 @@ class Uncertainty(Protocol):
     On the comparison scale, at one setting of the calibrated numbers and strengths.
     """
 
-    def __call__(self, asked: Sequence[Asked], parameters: Numbers, effects: Numbers) -> Floats: ...
+    def __call__(self, asked: Sequence[QueryRows], parameters: Numbers, effects: Numbers) -> Floats: ...
 
 
 @dataclass(frozen=True)
@@ -226,7 +224,7 @@ class Problem:
         keep[self.vault.rows] = False
         return self.measurements.rows(keep)
 
-    def hidden(self) -> Measurements:
+    def vault_rows(self) -> Measurements:
         """The rows inside the vault."""
         return self.measurements.rows(self.vault.rows)
 

@@ -50,7 +50,7 @@ class TableUnits:
 
     def condition(self, name: str, number: float) -> float:
         """Number of a condition."""
-        return self.conditions.get(name, Scale()).written(number)
+        return self.conditions.get(name, Scale()).to_table(number)
 
     def value_text(self, observable: str, number: float, digits: int = 3) -> str:
         """`25.3 cm/s`."""

@@ -114,7 +114,7 @@ def relevant_axes(scene: StudyScene, effects: Sequence[str]) -> list[Axis]:
     return [axis for axis in scene.axes if parameter_matters(axis.name, present)]
 
 
-def made(scene: StudyScene, numbers: Numbers) -> Scene:
+def calibrated_scene(scene: StudyScene, numbers: Numbers) -> Scene:
     """The scene with calibrated numbers, in which nothing is missing."""
     words = scene.simulator.overrides(scene.measure, {}, numbers, {})
     return scene.simulator.scene(scene.measure.scene, words)
@@ -123,14 +123,14 @@ def made(scene: StudyScene, numbers: Numbers) -> Scene:
 def calibrated_factors(scene: StudyScene) -> dict[str, str]:
     """Mechanisms that are a factor of a calibrated number, with its path: a half of them is half of it."""
     simulator, start = scene.simulator, {axis.name: axis_value(axis, 0.0) for axis in scene.axes}
-    found, bare = {}, made(scene, start)
+    factors, bare = {}, calibrated_scene(scene, start)
     for effect in (simulator.library[name] for name in simulator.mechanisms):
         if effect.place == "scene":
             halved = effect.act(effect.params(dose=-0.5), 1.0, {}, bare)
             for path, value in start.items():
-                if halved != bare and made(scene, start | {path: 0.5 * value}) == halved:
-                    found[effect.name] = path
-    return found
+                if halved != bare and calibrated_scene(scene, start | {path: 0.5 * value}) == halved:
+                    factors[effect.name] = path
+    return factors
 
 
 def inactive_reason(scene: StudyScene, name: str, strength: float) -> str | None:
@@ -245,15 +245,17 @@ def sampled_runs(
     conditions; `more` counts the dimensions beside the calibrated numbers.
     """
     rows, free = distinct_conditions(scene, names), relevant_axes(scene, names)
-    centre = {axis.name: rounded(axis_value(axis, 0.0)) for axis in scene.axes}
+    centre = {axis.name: round_number(axis_value(axis, 0.0)) for axis in scene.axes}
     (parameter, strength), runs = values, []
     start = np.random.default_rng(int.from_bytes(sha256(key.encode()).digest()[:4], "little"))
     sobol = scipy.stats.qmc.Sobol(len(free) + more, scramble=True, rng=start)
     points = sobol.random_base2(int(np.ceil(np.log2(max(count, 2)))))
     for number, point in enumerate(points[: count if rows else 0]):
-        chosen = {a.name: rounded(parameter(a, share)) for a, share in zip(free, point, strict=False)}
+        chosen = {a.name: round_number(parameter(a, share)) for a, share in zip(free, point, strict=False)}
         row = rows[min(int(point[-1] * len(rows)), len(rows) - 1)]
-        acting = {n: rounded(strength(n, s, row)) for n, s in zip(names, point[len(free) :], strict=False)}
+        acting = {
+            n: round_number(strength(n, s, row)) for n, s in zip(names, point[len(free) :], strict=False)
+        }
         runs.append(TrainingRun(scene.measure.scene, row, centre | chosen, acting, seed_of(key, number)))
     return runs
 
@@ -263,6 +265,6 @@ def seed_of(key: str, number: int) -> int:
     return int.from_bytes(sha256(f"{key}|{number}".encode()).digest()[:4], "little") % SEEDS + 1
 
 
-def rounded(value: float) -> float:
+def round_number(value: float) -> float:
     """A number without meaningless digits."""
     return float(f"{value:.{DIGITS}g}")

@@ -17,15 +17,15 @@ from taichi_erosion.campaign.request import RunResult
 from taichi_erosion.core.effect import STRENGTH
 from taichi_erosion.core.effect_loading import failures_of
 from taichi_erosion.core.errors import SimulationStopped
-from taichi_erosion.evidence.data.heap_correlation import shrunk
+from taichi_erosion.evidence.data.heap_correlation import shrink
 from taichi_erosion.evidence.data.problem import (
-    Asked,
     Candidate,
     Conditions,
     Floats,
     Integers,
     Numbers,
     Observable,
+    QueryRows,
     Replicates,
     expected_strength,
     row_count,
@@ -78,13 +78,13 @@ class EmulatorInputs:
     def points(self, size: int, at: Conditions, parameters: Columns, effects: Columns) -> Points:
         """Standardised inputs of rows; everything is a column; a factor of a number is that number."""
         none = np.full(size, np.nan)
-        known, values = at or {"": none}, dict(parameters)
+        conditions, values = at or {"": none}, dict(parameters)
         for name, path in self.factors.items():
             values[path] = values[path] * (1.0 + np.asarray(effects.get(name, 0.0)))
         x = [[axis_position(axis, float(v)) for v in values[axis.name]] for axis in self.axes]
-        c = [scale(known.get(path, none)) for path, scale in self.scales.items()]
+        c = [scale(conditions.get(path, none)) for path, scale in self.scales.items()]
         acting = {name: np.broadcast_to(effects.get(name, 0.0), size) for name in self.names}
-        psi = [self.strength(each, known, parameters, acting[each.name]) for each in self.candidates]
+        psi = [self.strength(each, conditions, parameters, acting[each.name]) for each in self.candidates]
         psi += [dose_position(acting[name]) for name in self.mechanisms]
         return Points(*(np.array(part, dtype=float).reshape(-1, size).T for part in (x, c, psi)))
 
@@ -95,13 +95,13 @@ class EmulatorInputs:
         if not strengths.any():
             return np.zeros(strengths.size)
         effect, scene = self.scene.simulator.library[candidate.name], self.scene.measure.scene
-        known = self.scene.simulator.known_conditions(at, scene)
+        conditions = self.scene.simulator.known_conditions(at, scene)
         prefix = f"{EFFECTS}{effect.name}."
         own = {path.removeprefix(prefix): v for path, v in parameters.items() if path.startswith(prefix)}
         numbers = {**self.scene.simulator.stated_numbers(scene, effect.name), **own}
         params = effect.params(**{name: value for name, value in numbers.items() if name != STRENGTH})
         with failures_of(effect, "dose"):
-            dose = np.where(effect.can_act(known), effect.dose(params, known), 0.0)
+            dose = np.where(effect.can_act(conditions), effect.dose(params, conditions), 0.0)
         return strength_position(strengths / expected_strength(candidate) * dose)
 
     def active(self) -> ActiveInputs:
@@ -124,7 +124,7 @@ class ObservableEmulator:
     scale: Observable  # on which its noise is even; the logarithm of anything above 0
     process: GaussianProcess
     run_sd: float  # of the value of one run, on the comparison scale
-    known: Integers  # runs of its scene that gave a value, in the order of the process
+    trained: Integers  # runs of its scene that gave a value, in the order of the process
 
 
 @dataclass(frozen=True)
@@ -150,14 +150,14 @@ class Emulator:
         found = {}
         for scene, names in by_scene.items():
             own = [self.emulators[name] for name in names]
-            joint = joint_errors([each.process for each in own], [each.known for each in own])
+            joint = joint_errors([each.process for each in own], [each.trained for each in own])
             found[scene] = (tuple(names), joint)
         return found
 
-    def uncertainty(self, asked: Sequence[Asked], parameters: Numbers, effects: Numbers) -> Floats:
+    def uncertainty(self, queries: Sequence[QueryRows], parameters: Numbers, effects: Numbers) -> Floats:
         """Covariance of the emulators' own errors over rows of observables, on the comparison scale."""
         places, points, steepness = dict[Path, list[int]](), list[Points](), list[Floats]()
-        for place, (observable, conditions, doses) in enumerate(asked):
+        for place, (observable, conditions, doses) in enumerate(queries):
             found = self.emulators[observable.name]
             places.setdefault(found.inputs.scene.measure.scene, []).append(place)
             points.append(request_points(found.inputs, conditions, parameters, {**effects, **doses}))
@@ -167,7 +167,7 @@ class Emulator:
         whole = np.zeros((rows[-1].stop,) * 2)
         for scene, own in places.items():
             names, joint = self.joint_errors[scene]
-            chosen = [(names.index(asked[place][0].name), points[place]) for place in own]
+            chosen = [(names.index(queries[place][0].name), points[place]) for place in own]
             at = np.concatenate([np.arange(rows[place].start, rows[place].stop) for place in own])
             whole[np.ix_(at, at)] = joint.covariance(chosen)
         return whole * np.outer(*[np.concatenate(steepness)] * 2)
@@ -200,7 +200,7 @@ def fit_emulators(
     names = (*inputs.names, *inputs.factors)
     effects = {name: np.array([run.effects.get(name, 0.0) for run in runs]) for name in names}
     points = inputs.points(len(runs), at, numbers, effects)
-    found = {}
+    emulators = {}
     for name in inputs.scene.observables:
         measure = inputs.scene.simulator.measures[name]
         values = np.array([simulator.value_in_unit(result, measure) for result in results])
@@ -218,10 +218,10 @@ def fit_emulators(
         process = fit_gaussian_process(training, z[good], inputs.active())
         typical = np.median(values[good], keepdims=True)
         steepness = float((slope(observables[name], typical) / slope(scale, typical))[0])
-        found[name] = ObservableEmulator(
+        emulators[name] = ObservableEmulator(
             inputs, scale, process, process.scatter * steepness, np.flatnonzero(good)
         )
-    return found
+    return emulators
 
 
 def run_replicates(emulators: Mapping[str, ObservableEmulator]) -> Replicates | None:
@@ -230,13 +230,13 @@ def run_replicates(emulators: Mapping[str, ObservableEmulator]) -> Replicates | 
     None where no two observables are seen to be correlated.
     """
     names = tuple(emulators)
-    found, freedom = np.eye(len(names)), np.zeros((len(names),) * 2)
+    correlation, freedom = np.eye(len(names)), np.zeros((len(names),) * 2)
     for a, b in combinations(range(len(names)), 2):
         one, other = emulators[names[a]], emulators[names[b]]
         if one.inputs.scene is other.inputs.scene:
-            found[a, b], freedom[a, b] = scatter_correlation(one, other)
-            found[b, a], freedom[b, a] = found[a, b], freedom[a, b]
-    matrix = shrunk(found, freedom)
+            correlation[a, b], freedom[a, b] = scatter_correlation(one, other)
+            correlation[b, a], freedom[b, a] = correlation[a, b], freedom[a, b]
+    matrix = shrink(correlation, freedom)
     if np.array_equal(matrix, np.eye(len(names))):
         return None
     sd = np.array([each.run_sd for each in emulators.values()])
@@ -249,7 +249,7 @@ def scatter_correlation(one: ObservableEmulator, other: ObservableEmulator) -> t
     Of contrasts of runs only those count in which the smooth parts of both observables have less than SMOOTH
     of the variance of the scatter: the error of an emulator between runs is no scatter.
     """
-    _, first, second = np.intersect1d(one.known, other.known, return_indices=True)
+    _, first, second = np.intersect1d(one.trained, other.trained, return_indices=True)
     smooth, values = np.zeros((first.size, first.size)), list[Floats]()
     for process, at in ((one.process, first), (other.process, second)):
         covariance = process.factor @ process.factor.T
@@ -263,7 +263,7 @@ def scatter_correlation(one: ObservableEmulator, other: ObservableEmulator) -> t
 
 def condition_scales(rows: Sequence[Mapping[str, float]], accepted: frozenset[str]) -> dict[str, AxisScale]:
     """Scales of the conditions that vary and that the scene accepts."""
-    found: dict[str, AxisScale] = {}
+    scales: dict[str, AxisScale] = {}
     seen: set[tuple[float, ...]] = set()
     for path in dict.fromkeys(path for row in rows for path in row):
         column = tuple(row.get(path, np.nan) for row in rows)
@@ -272,5 +272,5 @@ def condition_scales(rows: Sequence[Mapping[str, float]], accepted: frozenset[st
             continue
         seen.add(column)  # one column of a table may set several paths
         middle = float(np.exp(scale.centre)) if scale.logarithmic else scale.centre
-        found[path] = replace(scale, middle=middle)
-    return found
+        scales[path] = replace(scale, middle=middle)
+    return scales

@@ -25,7 +25,7 @@ from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, N
 from taichi_erosion.evidence.data.transforms import from_scale, slope, to_scale
 from taichi_erosion.evidence.emulator.design import Setting, StudyScene, distinct_conditions, seed_of
 from taichi_erosion.evidence.emulator.emulator import Emulator, ObservableEmulator, request_points
-from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, executed, room_left
+from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, execute_requests, room_left
 from taichi_erosion.evidence.models.plugin import NameMapping
 from taichi_erosion.evidence.models.predictor import PRIOR_FREEDOM, seed_mean
 from taichi_erosion.evidence.models.simulator import SceneMeasure, row_at, value_in_unit
@@ -63,14 +63,14 @@ class FreshRuns:
         """Mean over the seeds (n,)."""
         return seed_mean(self.values)
 
-    def with_more(self, other: "FreshRuns", own: Integers) -> "FreshRuns":
+    def with_more(self, other: "FreshRuns", rows: Integers) -> "FreshRuns":
         """These runs with others in their place in some rows."""
         q, more = self.columns.shape[1], max(len(other.values) - len(self.values), 0)
         values = np.pad(self.values, ((0, more), (0, 0)), constant_values=np.nan)
-        values[:, own] = np.nan
-        values[: len(other.values), own] = other.values
+        values[:, rows] = np.nan
+        values[: len(other.values), rows] = other.values
         columns = np.hstack([self.columns, np.zeros((values.shape[1], other.columns.shape[1]))])
-        columns[own, :q], columns[own, q:] = 0.0, other.columns
+        columns[rows, :q], columns[rows, q:] = 0.0, other.columns
         return FreshRuns(values, columns, self.tests)
 
 
@@ -116,26 +116,26 @@ class FreshSimulator:
 
     training: TrainingRuns
     mapping: NameMapping  # of the study's names, onto the emulators
-    known: frozenset[str]  # keys of fresh runs that were made already
+    stored_keys: frozenset[str]  # keys of fresh runs that were made already
     seeds: int  # of every set of conditions
 
     def simulate(
         self,
         settings: Sequence[Setting],
-        asked: Sequence[Request],
+        requests: Sequence[Request],
         weight: Floats,
         progress: Progress,
         times: int = 1,
     ) -> FreshCampaign:
         """Runs of all settings at the conditions whose rows weigh most; so many times the usual seeds."""
-        rows = self.weighty_rows(asked, weight)
+        rows = self.weighty_rows(requests, weight)
         points = list(dict.fromkeys(row.point(setting) for setting in settings for row in rows))
         keys = frozenset[str]()
         for seeds in range(times * self.seeds, 0, -1):
             flat = [(point, request) for point in points for request in self.requests(point, seeds)]
             keys = frozenset(request.key for _, request in flat)
-            if len(keys - self.known) <= room_left(self.training):
-                results = executed(self.training, [request for _, request in flat], progress)
+            if len(keys - self.stored_keys) <= room_left(self.training):
+                results = execute_requests(self.training, [request for _, request in flat], progress)
                 found: dict[Point, list[RunResult]] = {point: [] for point in points}
                 for (point, _), result in zip(flat, results, strict=True):
                     found[point].append(result)
@@ -147,21 +147,21 @@ class FreshSimulator:
     def weighty_rows(self, asked: Sequence[Request], weight: Floats) -> list[TestedRow]:
         """Rows of the sets of conditions that weigh most, `MOST_CONDITIONS` of every scene, as asked."""
         groups: dict[Path, dict[tuple[tuple[str, float], ...], list[int]]] = {}
-        found: list[TestedRow] = []
+        tested: list[TestedRow] = []
         for observable, rows, conditions in asked:
-            name, known = self.mapping.observables[observable.name], self.mapping.known(conditions)
+            name, known = self.mapping.observables[observable.name], self.mapping.model_conditions(conditions)
             emulator = self.emulators[name]
             scene = emulator.inputs.scene
-            own, place = groups.setdefault(scene.measure.scene, {}), scene.observables.index(name)
+            group, place = groups.setdefault(scene.measure.scene, {}), scene.observables.index(name)
             for k, row in enumerate(map(int, rows)):
                 at, measure = row_at(known, k), scene.simulator.measures[name]
-                found.append(TestedRow(row, observable, place, emulator, measure, at))
-                own.setdefault(tuple(sorted(at.items())), []).append(row)
+                tested.append(TestedRow(row, observable, place, emulator, measure, at))
+                group.setdefault(tuple(sorted(at.items())), []).append(row)
         chosen: set[int] = set()
-        for own in groups.values():
-            ranked = sorted(own.values(), key=lambda rows: -float(weight[rows].sum()))
+        for group in groups.values():
+            ranked = sorted(group.values(), key=lambda rows: -float(weight[rows].sum()))
             chosen |= {row for rows in ranked[:MOST_CONDITIONS] for row in rows}
-        return [each for each in found if each.row in chosen]
+        return [each for each in tested if each.row in chosen]
 
     def requests(self, point: Point, seeds: int) -> list[RunRequest]:
         """Runs of one point; their seeds follow from it. None where the scene refuses it."""
@@ -178,12 +178,12 @@ class FreshSimulator:
         self,
         settings: Sequence[Setting],
         rows: Sequence[TestedRow],
-        found: Mapping[Point, Sequence[RunResult]],
+        results_of: Mapping[Point, Sequence[RunResult]],
         shape: tuple[int, int],
     ) -> tuple[FreshRuns, ...]:
         """Results of a campaign as values of every setting in the `shape` (seeds, rows)."""
         scenes = {scene.measure.scene: scene for scene in self.training.scenes}
-        readings = {p: self.readings(scenes[p[0]], own, shape[0]) for p, own in found.items()}
+        readings = {p: self.readings(scenes[p[0]], own, shape[0]) for p, own in results_of.items()}
         scatter = {path: self.scatter(scene, readings) for path, scene in scenes.items()}
         return tuple(SettingRows(each, rows, readings, scatter).runs(shape) for each in settings)
 
@@ -263,19 +263,19 @@ class SettingRows:
                 first.setdefault(row.point(self.setting), row)
         if not first:
             return None
-        kept, found = list(first.values()), rows[0].emulator
+        kept, emulator = list(first.values()), rows[0].emulator
         at = {path: np.array([row.at[path] for row in kept]) for path in kept[0].at}
         acting = [self.setting.at(row.at)[0] for row in kept]
         effects = {name: np.array([each[name] for each in acting]) for name in acting[0]}
-        inputs = request_points(found.inputs, at, self.setting.parameters, effects)
+        inputs = request_points(emulator.inputs, at, self.setting.parameters, effects)
         pairs = [self.reading(row) for row in kept]
-        mean = np.array([seed_mean(own[:, np.newaxis])[0] for own, _ in pairs])
+        mean = np.array([seed_mean(deviation[:, np.newaxis])[0] for deviation, _ in pairs])
         error = np.array([float(np.linalg.norm(errors)) for _, errors in pairs])
-        emulated, own = found.process.mean(inputs), found.process.uncertainty(inputs)
-        gap, total = mean - emulated, own + np.diag(error**2)
+        emulated, own_sd = emulator.process.mean(inputs), emulator.process.uncertainty(inputs)
+        gap, total = mean - emulated, own_sd + np.diag(error**2)
         statistic = float(gap @ np.linalg.solve(total, gap)) / gap.size
         p = float(special.fdtrc(gap.size, self.scatter[kept[0].measure.scene].freedom, statistic))
         worst = int(np.argmax(np.abs(gap) / np.sqrt(np.diag(total))))
-        told = from_scale(found.scale, np.array([emulated[worst], mean[worst]]))
-        sd = np.array([np.sqrt(max(own[worst, worst], 0.0)), error[worst]]) / slope(found.scale, told)
+        told = from_scale(emulator.scale, np.array([emulated[worst], mean[worst]]))
+        sd = np.array([np.sqrt(max(own_sd[worst, worst], 0.0)), error[worst]]) / slope(emulator.scale, told)
         return GapTest(p, kept[worst].row, *map(float, (told[0], sd[0], told[1], sd[1])))

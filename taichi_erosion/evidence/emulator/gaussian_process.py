@@ -186,7 +186,7 @@ def fit_gaussian_process(training: Points, values: Floats, reads: ActiveInputs) 
     middle, spread = np.array(
         [PRIOR_LOG["bend"], *[PRIOR_LOG["effect"]] * count, PRIOR_LOG["together"], PRIOR_LOG["scatter"]]
     ).T
-    found = scipy.optimize.minimize(
+    optimum = scipy.optimize.minimize(
         negative_log_evidence,
         middle,
         args=(parts, standard, middle, spread),
@@ -195,7 +195,7 @@ def fit_gaussian_process(training: Points, values: Floats, reads: ActiveInputs) 
         bounds=[(m - 4.0 * s, m + 4.0 * s) for m, s in zip(middle, spread, strict=True)],
         options={"maxiter": STEPS_MOST},
     )
-    amplitude = np.exp(found.x)
+    amplitude = np.exp(optimum.x)
     factor = np.asarray(np.linalg.cholesky(total_covariance(parts, amplitude)), dtype=np.float64)
     weights = linalg.cho_solve((factor, True), standard)
     return GaussianProcess(training, reads, amplitude, centre, width, factor, weights)
@@ -241,15 +241,17 @@ class JointErrors:
     """Processes of the observables of one scene, with the correlations of their parts."""
 
     processes: tuple[GaussianProcess, ...]
-    known: tuple[Integers, ...]  # runs of the scene that train each process
+    training_runs: tuple[Integers, ...]  # runs of the scene that train each process
     correlation: Floats  # (parts + 1, observables, observables); the last part is the scatter
 
     @cached_property
     def runs(self) -> Values:
         """Training values of every process, one after the other."""
-        _, first, place = np.unique(np.concatenate(self.known), return_index=True, return_inverse=True)
-        every = stacked([process.training for process in self.processes])
-        which = np.repeat(np.arange(len(self.known)), [each.size for each in self.known])
+        _, first, place = np.unique(
+            np.concatenate(self.training_runs), return_index=True, return_inverse=True
+        )
+        every = stack([process.training for process in self.processes])
+        which = np.repeat(np.arange(len(self.training_runs)), [each.size for each in self.training_runs])
         return Values(Points(*(each[first] for each in vars(every).values())), place, which)
 
     @cached_property
@@ -273,25 +275,25 @@ class JointErrors:
                 total += size * part[np.ix_(one.place, other.place)]
         return total
 
-    def covariance(self, asked: Sequence[tuple[int, Points]]) -> Floats:
+    def covariance(self, queries: Sequence[tuple[int, Points]]) -> Floats:
         """Covariance of the errors over the points of some processes, one after the other."""
-        at = stacked([points for _, points in asked])
-        sizes = [points.x.shape[0] for _, points in asked]
-        which = np.repeat([place for place, _ in asked], sizes)
-        values, weights = Values(at, np.arange(which.size), which), self.weights(asked)
+        at = stack([points for _, points in queries])
+        sizes = [points.x.shape[0] for _, points in queries]
+        which = np.repeat([place for place, _ in queries], sizes)
+        values, weights = Values(at, np.arange(which.size), which), self.weights(queries)
         cross = self.smooth(values, self.runs)
-        found = self.smooth(values, values) - cross @ weights.T - weights @ cross.T
-        found += weights @ self.prior @ weights.T
+        covariance = self.smooth(values, values) - cross @ weights.T - weights @ cross.T
+        covariance += weights @ self.prior @ weights.T
         width = np.array([process.width for process in self.processes])[which]
-        found *= np.outer(width, width)
-        for (place, points), own in zip(asked, slices(sizes), strict=True):
-            found[own, own] += self.processes[place].lack_of_fit_covariance(points)
-        return found
+        covariance *= np.outer(width, width)
+        for (place, points), own in zip(queries, slices(sizes), strict=True):
+            covariance[own, own] += self.processes[place].lack_of_fit_covariance(points)
+        return covariance
 
     def weights(self, asked: Sequence[tuple[int, Points]]) -> Floats:
         """Weights of all training values in the emulated values of some points."""
         rows = slices([points.x.shape[0] for _, points in asked])
-        columns = slices([each.size for each in self.known])
+        columns = slices([each.size for each in self.training_runs])
         found = np.zeros((rows[-1].stop, columns[-1].stop))
         for (place, points), row in zip(asked, rows, strict=True):
             process = self.processes[place]
@@ -300,16 +302,16 @@ class JointErrors:
         return found
 
 
-def joint_errors(processes: Sequence[GaussianProcess], known: Sequence[Integers]) -> JointErrors:
+def joint_errors(processes: Sequence[GaussianProcess], training_runs: Sequence[Integers]) -> JointErrors:
     """Joint errors of the processes of one scene, of which `known` says the training runs."""
     count = len(processes)
     correlation = np.tile(np.eye(count), (processes[0].amplitude.size + 1, 1, 1))
     for a, b in combinations(range(count), 2):
-        _, first, second = np.intersect1d(known[a], known[b], return_indices=True)
+        _, first, second = np.intersect1d(training_runs[a], training_runs[b], return_indices=True)
         found = pair_correlations(processes[a], first, processes[b], second)
         correlation[:, a, b] = correlation[:, b, a] = found
     valid = np.array([valid_correlation(each, 0.0) for each in correlation])
-    return JointErrors(tuple(processes), tuple(known), valid)
+    return JointErrors(tuple(processes), tuple(training_runs), valid)
 
 
 def pair_correlations(
@@ -319,7 +321,7 @@ def pair_correlations(
     runs = Points(*(each[first] for each in vars(one.training).values()))
     parts = kernel_parts(runs, runs, one.reads)
     white, values = zip(
-        *(whitened(process, at, parts) for process, at in ((one, first), (other, second))), strict=True
+        *(whiten(process, at, parts) for process, at in ((one, first), (other, second))), strict=True
     )
     amplitude = part_amplitudes(one) * part_amplitudes(other)
     scatter = one.amplitude[-1] * other.amplitude[-1] * np.eye(first.size)
@@ -346,7 +348,7 @@ def pair_correlations(
     return np.tanh(found.x)
 
 
-def whitened(process: GaussianProcess, at: Integers, parts: Floats) -> tuple[Floats, Floats]:
+def whiten(process: GaussianProcess, at: Integers, parts: Floats) -> tuple[Floats, Floats]:
     """Inverse root of the covariance of some training values of a process, and these values over it."""
     root = linalg.cholesky(total_covariance(parts, process.amplitude), lower=True)
     inverse: Floats = np.asarray(linalg.solve_triangular(root, np.eye(at.size), lower=True), np.float64)
@@ -364,7 +366,7 @@ def part_amplitudes(process: GaussianProcess) -> Floats:
     return np.append(1.0, process.amplitude[:-1])
 
 
-def stacked(parts: Sequence[Points]) -> Points:
+def stack(parts: Sequence[Points]) -> Points:
     """Points one after the other."""
     return Points(*(np.concatenate(each) for each in zip(*(vars(p).values() for p in parts), strict=True)))
 

@@ -11,10 +11,10 @@ from taichi_erosion.campaign.execute import pace
 from taichi_erosion.campaign.ledger import finished_runs
 from taichi_erosion.campaign.request import START
 from taichi_erosion.core.setup import usable_cores
-from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, requested, room_left
+from taichi_erosion.evidence.emulator.training_runs import TrainingRuns, room_left, run_requests
 from taichi_erosion.evidence.models.load_study import Study
 from taichi_erosion.evidence.models.prepared_problem import prepare, usual_settings
-from taichi_erosion.tables.number_words import counted
+from taichi_erosion.tables.number_words import count_noun
 
 WORTH_TELLING = 5.0  # s of an answer, from which its cost is told before it
 MORE = 4  # times as many settings: 9 of 10 of 480 sealed tables of doe/trials took fewer
@@ -57,17 +57,17 @@ class PlanCost:
 
 def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) -> PlanCost:
     """Cost of the planned runs, of `rounds` more about so many points each, and of `fresh` at its end."""
-    runs, requests, _ = requested(training)
+    runs, requests, _ = run_requests(training)
     effects = {request.key: tuple(run.effects) for run, request in zip(runs, requests, strict=True)}
     wanted = {request.key: request for request in requests}
-    done = finished_runs(training.simulator.opened(), list(wanted))
+    done = finished_runs(training.simulator.shared_ledger(), list(wanted))
     left = [request for key, request in wanted.items() if key not in done]
     workers = training.study.file.campaign.workers or usable_cores()
     if any(request.arch != "cpu" for request in left):
         workers = 1  # holds the device
     second, kinds = pace(wanted, done) / workers, {effects[key] for key in done}
     done_of = {each: {key: done[key] for key in done if effects[key] == each} for each in kinds}
-    own = {each: pace(wanted, ended) / workers for each, ended in done_of.items()}
+    seconds_of = {each: pace(wanted, ended) / workers for each, ended in done_of.items()}
     room = max(room_left(training), 0)
     ensembles = points * len(training.scenes)
     size = training.plan_size.round * ensembles
@@ -75,7 +75,7 @@ def plan_cost(training: TrainingRuns, rounds: int, points: int, fresh: int = 0) 
     fresh = min(fresh, room - rounds * size)
     mean = sum(request.work for request in wanted.values()) / max(len(wanted), 1)
     groups, answer = len({request.group for request in left}), ANSWER * len(wanted)
-    first = sum(own.get(effects[each.key], second) * each.work for each in left)
+    first = sum(seconds_of.get(effects[each.key], second) * each.work for each in left)
     first += START * ceil(groups / workers)
     round_s = second * mean * size + START * ceil(ensembles / workers)
     phases = [first, answer, *[round_s, answer] * rounds]
@@ -96,7 +96,7 @@ def function_cost(study: Study, candidates: int) -> str:
     if seconds < WORTH_TELLING:
         return ""
     more = f"; up to {MORE} times as many where something acts" * bool(candidates)
-    runs = f"{settings} settings of {counted(rows, 'row')} ({settings * rows * seeds.size:,} runs)"
+    runs = f"{settings} settings of {count_noun(rows, 'row')} ({settings * rows * seeds.size:,} runs)"
     return f"About {runs}, {span(seconds)}{more}."
 
 

@@ -19,13 +19,13 @@ from taichi_erosion.campaign.execute import execute
 from taichi_erosion.campaign.request import RunRequest, RunResult, request_of
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.evidence.data.problem import (
-    Asked,
     Candidate,
     Floats,
     Mechanism,
     Numbers,
     Problem,
     Progress,
+    QueryRows,
     SetUpFault,
     expected_strength,
 )
@@ -143,7 +143,7 @@ def study_scenes(study: Study, simulator: Simulator) -> tuple[StudyScene, ...]:
     grouped: dict[str, list[str]] = {}
     for name, measure in simulator.measures.items():
         grouped.setdefault(str(measure.scene), []).append(name)
-    found = []
+    scenes = []
     for names in grouped.values():
         rows: dict[tuple[tuple[str, float], ...], Row] = {}
         for i in (i for i in range(table.size) if table.observable[i] in names):
@@ -151,8 +151,8 @@ def study_scenes(study: Study, simulator: Simulator) -> tuple[StudyScene, ...]:
             row = {path: value for path, value in at.items() if isfinite(value)}
             rows.setdefault(tuple(sorted(row.items())), row)
         measure = simulator.measures[names[0]]
-        found.append(StudyScene(measure, tuple(names), tuple(rows.values()), axes, simulator))
-    return tuple(found)
+        scenes.append(StudyScene(measure, tuple(names), tuple(rows.values()), axes, simulator))
+    return tuple(scenes)
 
 
 def proposed_rows(study: Study, scene: StudyScene) -> tuple[Row, ...]:
@@ -208,17 +208,20 @@ def with_mechanisms(training: TrainingRuns) -> TrainingRuns:
     for scene in training.scenes:
         able = physical_mechanisms(training.simulator.scene(scene.measure.scene).wind is not None)
         tried.append([name for name in able if wanted is None or name in wanted])
-    names = list(dict.fromkeys(name for own in tried for name in own))
+    names = list(dict.fromkeys(name for names_of_scene in tried for name in names_of_scene))
     simulator = training.simulator.with_mechanisms(names)
     scenes = tuple(replace(scene, simulator=simulator) for scene in training.scenes)
-    bare = [design.made(scene, {axis.name: axis_value(axis, 0.0) for axis in scene.axes}) for scene in scenes]
-    known = {name: Mechanism(name, *physical_doses(load_mechanisms()[name], bare)) for name in names}
+    bare = [
+        design.calibrated_scene(scene, {axis.name: axis_value(axis, 0.0) for axis in scene.axes})
+        for scene in scenes
+    ]
+    mechanism_of = {name: Mechanism(name, *physical_doses(load_mechanisms()[name], bare)) for name in names}
     runs = list(training.runs)
     for scene, own in zip(scenes, tried, strict=True):
-        for each in (known[name] for name in own):
+        for each in (mechanism_of[name] for name in own):
             if design.inactive_reason(scene, each.name, 0.5 * each.high) is None:
                 runs += design.spread_runs(scene, each, training.plan_size, training.study.fresh)
-    mechanisms = tuple(known.values())
+    mechanisms = tuple(mechanism_of.values())
     return replace(training, simulator=simulator, scenes=scenes, mechanisms=mechanisms, runs=tuple(runs))
 
 
@@ -254,8 +257,8 @@ def room_left(training: TrainingRuns) -> int:
 def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
     """The study with an emulator in place of its scenes; simulates what is not in the ledger."""
     study, problem = training.study, training.study.problem
-    runs, requests, refused = requested(training)
-    results = executed(training, requests, progress)
+    runs, requests, refused = run_requests(training)
+    results = execute_requests(training, requests, progress)
     emulators: dict[str, ObservableEmulator] = {}
     faults: list[SetUpFault] = []
     for scene in training.scenes:
@@ -274,15 +277,15 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
         try:
             emulators |= fit_emulators(inputs, trained, problem.observables)
         except SimulationStopped as error:
-            told = [fault.sentence for fault in faults if fault.blocks]
-            raise SimulationStopped("; ".join([*told, str(error)])) from None
+            sentences = [fault.sentence for fault in faults if fault.blocks]
+            raise SimulationStopped("; ".join([*sentences, str(error)])) from None
     ended = [(run.effects, not result.failure) for run, result in zip(runs, results, strict=True)]
     candidates = tuple(
         replace(each, tried=tuple((acting[each.name], ok) for acting, ok in ended if each.name in acting))
         for each in problem.candidates
     )
     count = len({request.key for request in requests})
-    told = f"{count} runs train the emulator that answers."
+    sentences = f"{count} runs train the emulator that answers."
     return replace(
         study,
         problem=replace(
@@ -291,7 +294,7 @@ def emulated_study(training: TrainingRuns, progress: Progress) -> Study:
             mechanisms=training.mechanisms,
             replicates=run_replicates(emulators),
         ),
-        notes=(*study.notes, told, *inactive_notes(training), *refused),
+        notes=(*study.notes, sentences, *inactive_notes(training), *refused),
         simulations=count,
         faults=(*study.faults, *faults),
     )
@@ -344,19 +347,21 @@ def measure_faults(
         yield SetUpFault("no_value", name, words, True)
 
 
-def executed(training: TrainingRuns, requests: Sequence[RunRequest], progress: Progress) -> list[RunResult]:
+def execute_requests(
+    training: TrainingRuns, requests: Sequence[RunRequest], progress: Progress
+) -> list[RunResult]:
     """Results of some runs of a study; simulates what is not in its ledger."""
     campaign = training.study.file.campaign
     return execute(
         requests,
-        training.simulator.opened(),
+        training.simulator.shared_ledger(),
         workers=campaign.workers,
         scheduler=campaign.scheduler,
         progress=lambda share, words: progress(f"simulating: {words}", share),
     )
 
 
-def requested(training: TrainingRuns) -> tuple[list[TrainingRun], list[RunRequest], list[str]]:
+def run_requests(training: TrainingRuns) -> tuple[list[TrainingRun], list[RunRequest], list[str]]:
     """Runs that scenes accept, their requests, and why effects were refused."""
     measures = {scene.measure.scene: scene.measure for scene in training.scenes}
     kept, requests, refused = [], [], {}
@@ -380,8 +385,11 @@ def emulated_problem(problem: Problem, emulator: Emulator) -> Problem:
     assert isinstance(model, NameMapping)
     mapped = replace(model, model=emulator)
 
-    def uncertainty(asked: Sequence[Asked], parameters: Numbers, effects: Numbers) -> Floats:
-        known = [(observable, mapped.known(conditions), doses) for observable, conditions, doses in asked]
+    def uncertainty(asked: Sequence[QueryRows], parameters: Numbers, effects: Numbers) -> Floats:
+        known = [
+            (observable, mapped.model_conditions(conditions), doses)
+            for observable, conditions, doses in asked
+        ]
         return emulator.uncertainty(known, parameters, effects)
 
     # an emulator costs nothing: its calibration need not be frugal

@@ -37,7 +37,7 @@ class Estimate(Protocol):
 
 
 @dataclass(frozen=True)
-class Adopted:
+class Adoption:
     """What an adoption states: new effects, strengths of all that act, calibrated numbers by path."""
 
     effects: Sequence[str]
@@ -67,15 +67,15 @@ def refuse_foreign_files(study: Study, effects: Sequence[str], force: bool = Fal
         refuse_foreign(path, study.path, force)
 
 
-def write_adopted_files(study: Study, found: Adopted, force: bool = False) -> list[Path]:
+def write_adopted_files(study: Study, adoption: Adoption, force: bool = False) -> list[Path]:
     """Write the study in which the effects are adopted, then its scenes; returns these files."""
-    refuse_foreign_files(study, found.effects, force)
-    (_, adopted), *scenes = adopted_files(study, found.effects)
-    write_atomic(adopted, marked_toml(adopted, study.path, study_text(study, found)))
+    refuse_foreign_files(study, adoption.effects, force)
+    (_, adopted), *scenes = adopted_files(study, adoption.effects)
+    write_atomic(adopted, marked_toml(adopted, study.path, study_text(study, adoption)))
     read = [read_scene(scene, (), study.effect_files) for scene, _ in scenes]
     named = dict.fromkeys((*study.effect_files, *(file for one in read for file in scene_effect_files(one))))
-    acting = [file for file in named if effect_in(file).name in found.strengths]
-    return [adopted, *(write_scene(scene, path, study, found, acting) for scene, path in scenes)]
+    acting = [file for file in named if effect_in(file).name in adoption.strengths]
+    return [adopted, *(write_scene(scene, path, study, adoption, acting) for scene, path in scenes)]
 
 
 def with_effect_files(text: str, section: str, folder: Path, files: Sequence[EffectFile]) -> str:
@@ -86,15 +86,15 @@ def with_effect_files(text: str, section: str, folder: Path, files: Sequence[Eff
     return with_entry(text, (section, "effect_files"), [*stated, *missing]) if missing else text
 
 
-def study_text(study: Study, found: Adopted) -> str:
+def study_text(study: Study, adoption: Adoption) -> str:
     """Text of the study with the effects under [adopted]."""
     text = without_mark(file_text(study.path, str(study.path)))
     text = with_entry(text, ("study", "follows"), study.path.name)
     text = with_effect_files(text, "study", study.path.parent, study.effect_files)
     listed = {candidate.name: candidate for candidate in study.problem.candidates}
-    for effect in found.effects:
-        strength = rounded(found.strengths[effect].value)
-        note = calibrated(found.strengths[effect])
+    for effect in adoption.effects:
+        strength = round_number(adoption.strengths[effect].value)
+        note = interval_comment(adoption.strengths[effect])
         text = with_entry(text, ("adopted", effect, "strength"), strength, note)
         if effect in listed:
             known = listed[effect]
@@ -106,24 +106,26 @@ def study_text(study: Study, found: Adopted) -> str:
     return text
 
 
-def write_scene(scene: Path, path: Path, study: Study, found: Adopted, own: Sequence[EffectFile]) -> Path:
+def write_scene(scene: Path, path: Path, study: Study, adoption: Adoption, own: Sequence[EffectFile]) -> Path:
     """Write a scene with the effects, their files, and those calibrated numbers that it has."""
     text = without_mark(file_text(scene, str(scene)))
     text = with_effect_files(text, "scene", scene.parent, own)
-    for name, strength in found.strengths.items():
-        text = with_entry(text, ("effects", name, "strength"), rounded(strength.value), calibrated(strength))
-    for name, number in found.numbers.items():
-        value = rounded(number.value)
+    for name, strength in adoption.strengths.items():
+        text = with_entry(
+            text, ("effects", name, "strength"), round_number(strength.value), interval_comment(strength)
+        )
+    for name, number in adoption.numbers.items():
+        value = round_number(number.value)
         if refusal(scene, name, value, tuple(study.effect_files)) is None:
-            text = with_entry(text, tuple(name.split(".")), value, calibrated(number))
+            text = with_entry(text, tuple(name.split(".")), value, interval_comment(number))
     return write_atomic(path, marked_toml(path, study.path, text))
 
 
-def calibrated(number: Estimate) -> str:
+def interval_comment(number: Estimate) -> str:
     """Comment beside a calibrated number: its 90 % interval."""
     return f"calibrated: {number.low:.4g} to {number.high:.4g}, 90 %"
 
 
-def rounded(value: float) -> float:
+def round_number(value: float) -> float:
     """A calibrated number without meaningless digits."""
     return float(f"{value:.{DIGITS}g}")

@@ -15,7 +15,7 @@ from taichi_erosion.campaign.study_file import (
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import ArchChoice, Decomposition
-from taichi_erosion.evidence.data.held_out_rows import content_digest, openings, split
+from taichi_erosion.evidence.data.held_out_rows import content_digest, openings, split_rows
 from taichi_erosion.evidence.data.measured import read_table, study_measurements
 from taichi_erosion.evidence.data.problem import (
     Candidate,
@@ -69,14 +69,14 @@ NO_OPTIONS = StudyOptions()
 
 def stated_budget(budget: str | int | None) -> tuple[BudgetName | None, int | None]:
     """Size of the plan and cap on the runs that a user states; raises BadInput for what is neither."""
-    stated = str(budget)
+    text = str(budget)
     if budget is None:
         return None, None
-    if stated in PLANS:
-        return PLANS[PLANS.index(stated)], None
-    if stated.isascii() and stated.isdigit() and int(stated) > 0:
-        return None, int(stated)
-    raise BadInput(f"--budget {stated}: give quick, full, or the most runs, a whole number above 0")
+    if text in PLANS:
+        return PLANS[PLANS.index(text)], None
+    if text.isascii() and text.isdigit() and int(text) > 0:
+        return None, int(text)
+    raise BadInput(f"--budget {text}: give quick, full, or the most runs, a whole number above 0")
 
 
 @dataclass(frozen=True)
@@ -121,8 +121,8 @@ class StudyModel:
 
 def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     """Study of a file; reads everything that it names and simulates nothing. Raises BadInput."""
-    stated = read_evidence_study(path)
-    file = with_options(stated, options)
+    study_document = read_evidence_study(path)
+    file = with_options(study_document, options)
     named = read_effect_files(file.study.effect_files, path.parent, str(path))
     files = tuple(dict.fromkeys((*named, *read_effect_files(options.effect_files))))
     table = read_table(path.parent / file.study.measurements, file.study.measurements, file)
@@ -130,32 +130,43 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     if impossible := list(study_value_faults(table, file, path.parent)):
         raise BadInput(*impossible)
     vault = file.vault
-    hidden, vault_note = split(measurements, vault.fraction, vault.ranges, vault.drawn_from, vault.sources)
+    hidden, vault_note = split_rows(
+        measurements, vault.fraction, vault.ranges, vault.drawn_from, vault.sources
+    )
     results, digest = results_folder(path, file), content_digest(measurements)
     store = RunStore(results / FILE)
     if file.study.model is not None:
-        found = function_model(path, file, store, files)
+        model_parts = function_model(path, file, store, files)
     else:
-        found = scene_model(path, file, results, measurements, files)
-    own = [Parameter(n, p.start, p.low, p.high, p.prior_sd_log) for n, p in file.parameters.items()]
+        model_parts = scene_model(path, file, results, measurements, files)
+    parameters = [Parameter(n, p.start, p.low, p.high, p.prior_sd_log) for n, p in file.parameters.items()]
     problem = Problem(
         measurements=measurements,
         observables={
             n: Observable(n, e.transform, e.floor or 0.0, e.sd_shared, e.sd_numerical, e.sd_shared_relative)
             for n, e in file.observables.items()
         },
-        parameters=(*own, *found.parameters),
-        candidates=tuple(found.candidates),
-        model=found.model,
+        parameters=(*parameters, *model_parts.parameters),
+        candidates=tuple(model_parts.candidates),
+        model=model_parts.model,
         runs=file.budget.runs,
         vault=Vault(hidden, openings(results, vault.drawn_from or digest)),
-        adopted=found.adopted,
-        uncertainty=found.uncertainty,
-        mechanisms=wanted_mechanisms(path, file, found.mechanisms),
+        adopted=model_parts.adopted,
+        uncertainty=model_parts.uncertainty,
+        mechanisms=wanted_mechanisms(path, file, model_parts.mechanisms),
     )
-    known = path, file, problem, results, digest, found.identity, store, (*notes, *found.notes, vault_note)
-    fresh = "" if file.study.seed == stated.study.seed else f"seed {file.study.seed}|"
-    return Study(*known, found.simulator, options=options, fresh=fresh, effect_files=files)
+    shared = (
+        path,
+        file,
+        problem,
+        results,
+        digest,
+        model_parts.identity,
+        store,
+        (*notes, *model_parts.notes, vault_note),
+    )
+    fresh = "" if file.study.seed == study_document.study.seed else f"seed {file.study.seed}|"
+    return Study(*shared, model_parts.simulator, options=options, fresh=fresh, effect_files=files)
 
 
 def wanted_mechanisms(path: Path, file: StudyFile, declared: tuple[Mechanism, ...]) -> tuple[Mechanism, ...]:
@@ -202,31 +213,37 @@ def scene_model(
 ) -> StudyModel:
     """Scenes that answer; their runs stand in the ledger of a campaign."""
     runs = results if file.study.runs is None else path.parent / file.study.runs
-    found = simulator.study_simulator(path, file, measurements, runs, files)
-    candidates = simulator.library_candidates(file, found, str(path))
-    adopted = tuple(simulator.library_candidate(found, name, entry) for name, entry in file.adopted.items())
-    parameters = simulator.uncertain_parameters(file, found, measurements, (*candidates, *adopted))
+    study_model = simulator.study_simulator(path, file, measurements, runs, files)
+    candidates = simulator.library_candidates(file, study_model, str(path))
+    adopted = tuple(
+        simulator.library_candidate(study_model, name, entry) for name, entry in file.adopted.items()
+    )
+    parameters = simulator.uncertain_parameters(file, study_model, measurements, (*candidates, *adopted))
     paths = {number.path for number in parameters}
-    scenes = dict.fromkeys(measure.scene for measure in found.measures.values())
-    measures = {n: replace(m, accepted_paths=m.accepted_paths | paths) for n, m in found.measures.items()}
-    found = replace(found, measures=measures)
-    named = [f"{scene.name} {scene_hash(found.scene(scene))}" for scene in scenes]
-    identity = ", ".join([*named, *(f"{each.path.name} {each.digest}" for each in found.effect_files)])
-    unread = simulator.unread_conditions(file, found, candidates)
+    scenes = dict.fromkeys(measure.scene for measure in study_model.measures.values())
+    measures = {
+        n: replace(m, accepted_paths=m.accepted_paths | paths) for n, m in study_model.measures.items()
+    }
+    study_model = replace(study_model, measures=measures)
+    named = [f"{scene.name} {scene_hash(study_model.scene(scene))}" for scene in scenes]
+    identity = ", ".join([*named, *(f"{each.path.name} {each.digest}" for each in study_model.effect_files)])
+    unread = simulator.unread_conditions(file, study_model, candidates)
     model = NameMapping(None, dict(file.conditions), {name: name for name in file.observables})
-    return StudyModel(model, identity, candidates, adopted, parameters, simulator=found, notes=tuple(unread))
+    return StudyModel(
+        model, identity, candidates, adopted, parameters, simulator=study_model, notes=tuple(unread)
+    )
 
 
-def candidates_of(file: StudyFile, name: str, own: Mapping[str, Candidate]) -> Sequence[Candidate]:
+def candidates_of(file: StudyFile, name: str, own_candidates: Mapping[str, Candidate]) -> Sequence[Candidate]:
     """Effects to try, without the adopted ones: those of the list, or all that have a table, and own ones."""
-    stated = file.candidates
-    listed = () if stated.effects == (ALL,) else stated.effects
-    for effect in stated.tables:
-        if listed and effect not in (*listed, *own):
+    section = file.candidates
+    listed = () if section.effects == (ALL,) else section.effects
+    for effect in section.tables:
+        if listed and effect not in (*listed, *own_candidates):
             raise BadInput(f"{name}: candidates.{effect} is not in candidates.effects = {list(listed)}")
     return [
-        candidate_of(effect, stated.tables.get(effect, CandidateEntry()), own.get(effect))
-        for effect in dict.fromkeys((*(listed or stated.tables), *own))
+        candidate_of(effect, section.tables.get(effect, CandidateEntry()), own_candidates.get(effect))
+        for effect in dict.fromkeys((*(listed or section.tables), *own_candidates))
         if effect not in file.adopted
     ]
 

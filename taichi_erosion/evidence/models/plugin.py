@@ -25,13 +25,13 @@ from taichi_erosion.core.effect_loading import checked_number, effect_in, failur
 from taichi_erosion.core.errors import BadInput, SimulationStopped
 from taichi_erosion.core.foreign_code import EffectFile, tell_execution
 from taichi_erosion.evidence.data.problem import (
-    Asked,
     Conditions,
     Floats,
     Integers,
     Mechanism,
     Model,
     Numbers,
+    QueryRows,
     row_count,
 )
 from taichi_erosion.evidence.data.transforms import slope
@@ -60,7 +60,7 @@ class Plugin:
     ) -> Floats:
         """Predictions [seed, row]; raises SimulationStopped where the function fails."""
         at = {name: column.copy() for name, column in conditions.items()}  # which it may write to
-        with failures_named(self.name, observable):
+        with name_failures(self.name, observable):
             found = self.function(observable, at, parameters, effects, seeds)
         shape = (len(seeds), row_count(conditions))
         return checked_array(found, shape, "(seeds, conditions)", f"model {self.name}, {observable}")
@@ -71,7 +71,7 @@ class Plugin:
         """Covariance of the model's own errors [row, row], in the unit of the observable squared."""
         assert self.covariance is not None
         at = {name: column.copy() for name, column in conditions.items()}
-        with failures_named(self.name + COVARIANCE, observable):
+        with name_failures(self.name + COVARIANCE, observable):
             found = self.covariance(observable, at, parameters, effects)
         rows = row_count(conditions)
         where = f"model {self.name}{COVARIANCE}, {observable}"
@@ -79,7 +79,7 @@ class Plugin:
 
 
 @contextlib.contextmanager
-def failures_named(name: str, observable: str) -> Iterator[None]:
+def name_failures(name: str, observable: str) -> Iterator[None]:
     """An error in a user's function becomes SimulationStopped with the function's name."""
     try:
         with contextlib.redirect_stdout(sys.stderr):  # stdout holds the result and nothing else
@@ -115,17 +115,17 @@ def load_plugin(name: str, folder: Path, file: str) -> Plugin:
     return Plugin(name, function, source_digest(module, where), covariance, places)  # pyright: ignore[reportArgumentType]
 
 
-def declared_mechanisms(stated: object, where: str) -> tuple[Mechanism, ...]:
+def declared_mechanisms(declaration: object, where: str) -> tuple[Mechanism, ...]:
     """Mechanisms of a model function with their doses. Raises BadInput."""
     known = mechanism_rows()
-    if not isinstance(stated, Mapping):
+    if not isinstance(declaration, Mapping):
         raise BadInput(f"{where}: is not a table from mechanism to (least, largest) dose")
-    for name, ends in stated.items():
+    for name, ends in declaration.items():
         if name not in known:
             raise BadInput(f"{where}: '{name}' is no mechanism; `effects --mechanisms` lists them")
         if not (isinstance(ends, Sequence) and len(ends) == 2 and ends[0] <= 0.0 < ends[1]):
             raise BadInput(f"{where}: {name} = {ends!r}; least and largest dose are needed, 0 among them")
-    return tuple(Mechanism(name, float(low), float(high)) for name, (low, high) in stated.items())
+    return tuple(Mechanism(name, float(low), float(high)) for name, (low, high) in declaration.items())
 
 
 def load_module(name: str, folder: Path, study: str, where: str) -> ModuleType:
@@ -197,10 +197,10 @@ class NameMapping:
     ) -> Floats:
         """Predictions [seed, row]."""
         assert self.model is not None
-        known = self.known(conditions)
+        known = self.model_conditions(conditions)
         return self.model(self.observables[observable], known, parameters, effects, seeds)
 
-    def known(self, conditions: Conditions) -> Conditions:
+    def model_conditions(self, conditions: Conditions) -> Conditions:
         """Conditions that any row states, by the names of the model."""
         return {self.names[c]: v for c, v in conditions.items() if not bool(np.isnan(v).all())}
 
@@ -213,11 +213,11 @@ class ModelErrorCovariance:
     mapped: NameMapping
     seed: int  # of the value at which the scale is taken
 
-    def __call__(self, asked: Sequence[Asked], parameters: Numbers, effects: Numbers) -> Floats:
+    def __call__(self, asked: Sequence[QueryRows], parameters: Numbers, effects: Numbers) -> Floats:
         """Covariance [row, row]; those of two observables are apart, and a dose changes none."""
         parts = []
         for observable, conditions, _ in asked:
-            name, known = self.mapped.observables[observable.name], self.mapped.known(conditions)
+            name, known = self.mapped.observables[observable.name], self.mapped.model_conditions(conditions)
             value = self.mapped(observable.name, conditions, parameters, effects, np.array([self.seed]))[0]
             steepness = slope(observable, value)
             own = self.plugin.own_covariance(name, known, parameters, effects)
@@ -293,7 +293,7 @@ def function_effects(
     path: Path, files: tuple[EffectFile, ...], mechanisms: tuple[Mechanism, ...]
 ) -> dict[str, Effect]:
     """Effects of some files by name. Raises BadInput for one that a model function cannot take."""
-    found: dict[str, Effect] = {}
+    effects: dict[str, Effect] = {}
     places = {mechanism.name for mechanism in mechanisms}
     for file in files:
         effect = effect_in(file)
@@ -303,7 +303,7 @@ def function_effects(
                 "simulation; a study with model = ... takes effects of place 'instrument', and laws of the "
                 "mechanisms that its function declares"
             )
-        if effect.name in found:
+        if effect.name in effects:
             raise BadInput(f"{file}: effect '{effect.name}' exists already in another file")
-        found[effect.name] = effect
-    return found
+        effects[effect.name] = effect
+    return effects

@@ -97,7 +97,7 @@ class Predictor:
         return np.where(np.isfinite(result), result, np.nan)
 
     def model_errors(
-        self, x: Floats, acting: Numbers, doses: Conditions | None = None, known: int | None = None
+        self, x: Floats, acting: Numbers, doses: Conditions | None = None, exact: int | None = None
     ) -> Floats:
         """Factor F (n, r) of the covariance F F^T of the model's own errors at one setting.
 
@@ -112,21 +112,21 @@ class Predictor:
         ]
         order = np.argsort(np.concatenate([rows for _, rows, _ in self.requests]))
         whole = np.nan_to_num(self.uncertainty(asked, parameters, effects))[np.ix_(order, order)]
-        return square_root(whole, order.size if known is None else known, NEGLIGIBLE)
+        return square_root(whole, order.size if exact is None else exact, NEGLIGIBLE)
 
 
-def square_root(kernel: Floats, known: int, least: float) -> Floats:
+def square_root(kernel: Floats, exact: int, least: float) -> Floats:
     """Columns F with F F^T = K, of which `known` rows come first, without their parts below `least`.
 
     With V d V^T = K_11 the first columns are K_1 V d^-1/2, and the others are 0 in known rows: what is said
     of these, or of any other, does not depend on what else is asked.
     """
-    values, vectors = np.linalg.eigh(kernel[:known, :known])
+    values, vectors = np.linalg.eigh(kernel[:exact, :exact])
     kept = values > least * max(float(values[-1]), 0.0)
     size, vectors = np.sqrt(values[kept]), vectors[:, kept]
-    others = kernel[known:, :known] @ (vectors / size)
-    values, own = np.linalg.eigh(kernel[known:, known:] - others @ others.T)
-    none = np.zeros((known, values.size))
+    others = kernel[exact:, :exact] @ (vectors / size)
+    values, own = np.linalg.eigh(kernel[exact:, exact:] - others @ others.T)
+    none = np.zeros((exact, values.size))
     return np.block([[vectors * size, none], [others, own * np.sqrt(np.maximum(values, 0.0))]])
 
 
@@ -165,9 +165,9 @@ class AxisScale:
 
     def __call__(self, column: Floats) -> Floats:
         """Standardised values of the rows, or of others."""
-        return (self.filled(column) - self.centre) / self.width
+        return (self.fill_missing(column) - self.centre) / self.width
 
-    def filled(self, column: Floats) -> Floats:
+    def fill_missing(self, column: Floats) -> Floats:
         """Values on the scale of the axis, missing ones at the mean."""
         filled = np.where(np.isfinite(column), column, self.middle)
         return np.log(np.maximum(filled, 1e-300)) if self.logarithmic else filled
@@ -180,5 +180,5 @@ def axis_scale(column: Floats) -> AxisScale | None:
         return None
     logarithmic = bool(finite.min() > 0.0 and finite.max() > LOG_SPAN * finite.min())
     scale = AxisScale(float(finite.mean()), 0.0, 1.0, logarithmic)
-    filled = scale.filled(column)
+    filled = scale.fill_missing(column)
     return replace(scale, centre=float(filled.mean()), width=float(filled.std()))

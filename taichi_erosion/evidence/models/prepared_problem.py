@@ -24,7 +24,7 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows, condition_numbers
-from taichi_erosion.evidence.data.heap_correlation import HeapCorrelation, correlated, heap_correlation
+from taichi_erosion.evidence.data.heap_correlation import HeapCorrelation, add_correlation, heap_correlation
 from taichi_erosion.evidence.data.problem import (
     MOST_SETTINGS,
     Bools,
@@ -143,8 +143,8 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
     """
     rows = comparison_rows(problem, table)
     axes = *map(parameter_axis, problem.parameters), *map(adopted_axis, problem.adopted)
-    known = problem.model, rows.observables, rows.which, rows.conditions
-    predictor = Predictor(*known, axes, problem.candidates, problem.uncertainty)
+    is_known = problem.model, rows.observables, rows.which, rows.conditions
+    predictor = Predictor(*is_known, axes, problem.candidates, problem.uncertainty)
     start = np.array([min(max(0.0, axis.low), axis.high) for axis in predictor.axes])
     generator = np.random.default_rng(seed)
     values = predictor.predict(start, {}, draw_seeds(generator, PROBE_SEEDS))
@@ -153,7 +153,7 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
     seeds = Seeds(*(draw_seeds(generator, count) for count in seed_counts(problem, rows, variance, noisy)))
     failed = ~np.isfinite(seed_mean(values))
     heaps = heap_correlation(rows, table, problem.replicates)
-    rows = correlated(rows, heaps)
+    rows = add_correlation(rows, heaps)
     warnings = [*rows.warnings]
     if failed.all():
         raise BadInput(f"{NO_VALUE} any measured condition with the start values of its numbers")
@@ -161,8 +161,8 @@ def prepare(problem: Problem, table: Measurements, seed: int) -> PreparedProblem
         words = f"{NO_VALUE} {int(failed.sum())} of {rows.size} conditions; they are left out"
         warnings.append(words)
         rows, variance = rows.rows(~failed), variance[~failed]
-    known = rows.known & ~rows.contradicted
-    rows, variance = rows.rows(known), variance[known]
+    is_known = rows.known & ~rows.contradicted
+    rows, variance = rows.rows(is_known), variance[is_known]
     predictor = predictor.over(rows.observables, rows.which, rows.conditions)
     total = rows.variance + variance / seeds.scoring.size + UNKNOWN_NOISE
     return PreparedProblem(
@@ -197,14 +197,14 @@ def seed_counts(problem: Problem, rows: ComparisonRows, variance: Floats, noisy:
 
 def condition_errors(rows: ComparisonRows) -> ConditionErrors | None:
     """Errors of the conditions of some rows; None where every condition is exact."""
-    stated = {name: np.nan_to_num(column) for name, column in rows.condition_sd.items()}
-    stated = {name: column for name, column in stated.items() if np.any(column > 0.0)}
-    if not stated:
+    errors = {name: np.nan_to_num(column) for name, column in rows.condition_sd.items()}
+    errors = {name: column for name, column in errors.items() if np.any(column > 0.0)}
+    if not errors:
         return None
     cells = zip(rows.group, rows.source, condition_numbers(rows), strict=True)
     keys = ["|".join(map(str, each)) for each in cells]
     cell = np.unique(keys, return_inverse=True)[1].astype(np.int64)
-    return ConditionErrors(stated, cell)
+    return ConditionErrors(errors, cell)
 
 
 def error_columns(errors: ConditionErrors, predictor: Predictor, x: Floats, acting: Numbers) -> Floats:
@@ -222,13 +222,15 @@ def change_along(predictor: Predictor, name: str, sd: Floats, x: Floats, acting:
 
     A condition that is nowhere negative is not taken below 0.
     """
-    own, found = np.flatnonzero(sd > 0.0), np.zeros(sd.size)
-    conditions = {key: column[own] for key, column in predictor.conditions.items()}
-    names, which, stated = predictor.observables, predictor.which[own], conditions[name]
+    uncertain, change = np.flatnonzero(sd > 0.0), np.zeros(sd.size)
+    conditions = {key: column[uncertain] for key, column in predictor.conditions.items()}
+    names, which, stated = predictor.observables, predictor.which[uncertain], conditions[name]
     least = 0.0 if np.nanmin(stated) >= 0.0 else -np.inf
-    ends = [np.maximum(stated - sd[own], least), stated + sd[own]]
+    ends = [np.maximum(stated - sd[uncertain], least), stated + sd[uncertain]]
     seeds = draw_seeds(np.random.default_rng(SLOPE_SEED), PROBE_SEEDS)
     parts = [predictor.over(names, which, {**conditions, name: end}) for end in ends]
     low, high = (part.predict(x, acting, seeds) for part in parts)
-    found[own] = np.nan_to_num((seed_mean(high) - seed_mean(low)) * sd[own] / (ends[1] - ends[0]))
-    return found
+    change[uncertain] = np.nan_to_num(
+        (seed_mean(high) - seed_mean(low)) * sd[uncertain] / (ends[1] - ends[0])
+    )
+    return change

@@ -198,7 +198,7 @@ def predict(
     observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
 ) -> Floats:
     """The model of the study contract: one observable, n conditions, r seeds -> (r, n), paired by seed."""
-    value = expected(observable, conditions, parameters, effects)
+    value = model_mean(observable, conditions, parameters, effects)
     kick = SCATTER[observable] * disturbance(observable, conditions, seeds)
     return value + kick if observable == "repose_angle" else value * np.exp(kick)
 
@@ -207,32 +207,34 @@ def closed_form(
     observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
 ) -> Floats:
     """The same without scatter (r, n), each seed alike: the model of tables of laboratories."""
-    return np.repeat(expected(observable, conditions, parameters, effects)[np.newaxis], len(seeds), axis=0)
+    return np.repeat(model_mean(observable, conditions, parameters, effects)[np.newaxis], len(seeds), axis=0)
 
 
-def expected(observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers) -> Floats:
+def model_mean(observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers) -> Floats:
     """The model without its scatter."""
     at = DEFAULT_COLUMNS | conditions  # a row without what others state has NaN; a default stays one number
     shifts = [EFFECTS[name](psi, at) for name, psi in effects.items() if psi != 0.0]
-    return shifted(observable, row_count(conditions), at, {**PARAMETERS, **parameters}, shifts)
+    return mean_with_shifts(observable, row_count(conditions), at, {**PARAMETERS, **parameters}, shifts)
 
 
-def shifted(observable: str, count: int, at: Conditions, given: Numbers, shifts: list[Shift]) -> Floats:
+def mean_with_shifts(
+    observable: str, count: int, at: Conditions, parameters: Numbers, shifts: list[Shift]
+) -> Floats:
     """The model without its scatter in `count` rows with some shifts; all conditions and parameters."""
     if observable == "repose_angle":
-        angle = np.degrees(np.arctan(given["friction_sliding"]))
-        bare = angle + DEGREES_PER_ROLLING * given["friction_rolling"]
+        angle = np.degrees(np.arctan(parameters["friction_sliding"]))
+        bare = angle + DEGREES_PER_ROLLING * parameters["friction_rolling"]
         return bare + sum((shift.repose for shift in shifts), start=np.zeros(count))
     weight = (at["grain_density"] / AIR_DENSITY - 1.0) * GRAVITY * at["diameter"]
-    threshold = given["threshold_coefficient"] * np.sqrt(weight)
+    threshold = parameters["threshold_coefficient"] * np.sqrt(weight)
     threshold = threshold * np.exp(sum((shift.threshold for shift in shifts), start=0.0))
     if observable == "threshold_u_star":
         return threshold * np.ones(count)
     if observable != "flux":
         raise BadInput(f"reduced model: observable = {observable!r} is not one of {', '.join(OBSERVABLES)}")
     excess = np.maximum(at["u_star"] ** 2 - threshold**2, 0.0)
-    flux = given["flux_coefficient"] * AIR_DENSITY / GRAVITY * threshold * excess
-    flux = flux * (at["u_star"] / threshold) ** (given.get("flux_exponent", 2.0) - 2.0)
+    flux = parameters["flux_coefficient"] * AIR_DENSITY / GRAVITY * threshold * excess
+    flux = flux * (at["u_star"] / threshold) ** (parameters.get("flux_exponent", 2.0) - 2.0)
     return flux * np.exp(sum((shift.flux for shift in shifts), start=np.zeros(count)))
 
 
@@ -243,7 +245,7 @@ def disturbance(observable: str, conditions: Conditions, seeds: Integers) -> Flo
 
 def disturbance_of(rows: np.ndarray, seeds: Integers) -> Floats:
     """Standard normal numbers (seeds, rows) of rows in their states."""
-    grid = scrambled(rows[np.newaxis, :] ^ scrambled(np.asarray(seeds).astype(np.uint64))[:, np.newaxis])
+    grid = splitmix64(rows[np.newaxis, :] ^ splitmix64(np.asarray(seeds).astype(np.uint64))[:, np.newaxis])
     uniform = (np.right_shift(grid, np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53
     return ndtri(uniform)
 
@@ -257,11 +259,11 @@ def row_states(observable: str, conditions: Conditions) -> np.ndarray:
     size = row_count(conditions)
     state = np.full(size, OBSERVABLES.index(observable) + 1, dtype=np.uint64)
     for name in sorted(conditions):
-        state = scrambled(state ^ np.asarray(conditions[name], dtype=np.float64).view(np.uint64))
+        state = splitmix64(state ^ np.asarray(conditions[name], dtype=np.float64).view(np.uint64))
     return state
 
 
-def scrambled(state: np.ndarray) -> np.ndarray:
+def splitmix64(state: np.ndarray) -> np.ndarray:
     """One step of splitmix64: every bit of the result depends on every bit of the state."""
     state = state + GOLDEN
     for shift, factor in MIXERS:

@@ -30,17 +30,17 @@ class RunStore:
     database: Database | None = None
     committed: float = field(default_factory=monotonic)
 
-    def found(self, keys: list[bytes]) -> dict[bytes, Floats]:
+    def fetch(self, keys: list[bytes]) -> dict[bytes, Floats]:
         """Values of those runs that have been made."""
-        known = {key: self.pending[key] for key in keys if key in self.pending}
-        asked = [key for key in dict.fromkeys(keys) if key not in known]
+        values = {key: self.pending[key] for key in keys if key in self.pending}
+        asked = [key for key in dict.fromkeys(keys) if key not in values]
         if asked and (self.database is not None or self.file.exists()):
             marks = ", ".join("?" * len(asked))
-            rows = self.opened().rows(f"SELECT key, result FROM run WHERE key IN ({marks})", asked)
-            known |= {key: np.frombuffer(result, dtype="<f8") for key, result in rows}
-        return known
+            rows = self.connect().rows(f"SELECT key, result FROM run WHERE key IN ({marks})", asked)
+            values |= {key: np.frombuffer(result, dtype="<f8") for key, result in rows}
+        return values
 
-    def put(self, key: bytes, values: Floats) -> None:
+    def store(self, key: bytes, values: Floats) -> None:
         """Keep the values of one run."""
         self.pending[key] = values
         if monotonic() - self.committed > COMMIT_INTERVAL:
@@ -50,12 +50,12 @@ class RunStore:
         """Write everything put so far."""
         if self.pending:
             rows = [(key, np.asarray(values, dtype="<f8").tobytes()) for key, values in self.pending.items()]
-            with self.opened().transaction() as sql:
+            with self.connect().transaction() as sql:
                 sql.executemany("INSERT OR REPLACE INTO run VALUES (?, ?)", rows)
             self.pending.clear()
         self.committed = monotonic()
 
-    def opened(self) -> Database:
+    def connect(self) -> Database:
         """The database, opened at first need."""
         if self.database is None:
             self.database = open_database(self.file, "store of runs", TABLE)
@@ -74,7 +74,7 @@ class CachedModel:
     identity: str  # model and version
     store: RunStore
     cap: int | None = None  # runs that one command may ask for; None: any number
-    asked: dict[bytes, int] = field(default_factory=dict)  # runs behind every key
+    run_counts: dict[bytes, int] = field(default_factory=dict)  # runs behind every key
 
     def __call__(
         self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
@@ -82,20 +82,20 @@ class CachedModel:
         """Values [seed, row]; raises BudgetSpentError before the cap is passed: a run is one row."""
         request = request_digest(self.identity, observable, conditions, parameters, effects)
         keys = [sha256(request + int(seed).to_bytes(8, "little", signed=True)).digest() for seed in seeds]
-        self.asked.update(dict.fromkeys(keys, row_count(conditions)))
-        if self.cap is not None and (total := sum(self.asked.values())) > self.cap:
+        self.run_counts.update(dict.fromkeys(keys, row_count(conditions)))
+        if self.cap is not None and (total := sum(self.run_counts.values())) > self.cap:
             raise BudgetSpentError(
                 f"the budget of {self.cap:,} runs is used up: {total:,} and more are needed; those that were "
                 "made are kept. Raise budget.runs"
             )
-        known = self.store.found(keys)
-        missing = [k for k, key in enumerate(keys) if key not in known]
+        stored = self.store.fetch(keys)
+        missing = [k for k, key in enumerate(keys) if key not in stored]
         if missing:
             made = self.model(observable, conditions, parameters, effects, np.asarray(seeds)[missing])
             for k, values in zip(missing, np.asarray(made, dtype=np.float64), strict=True):
-                known[keys[k]] = values
-                self.store.put(keys[k], values)
-        return np.array([known[key] for key in keys])
+                stored[keys[k]] = values
+                self.store.store(keys[k], values)
+        return np.array([stored[key] for key in keys])
 
 
 def request_digest(

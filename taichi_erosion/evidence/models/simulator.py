@@ -60,7 +60,7 @@ class Simulator:
     library: Mapping[str, Effect]
     folder: Path  # of the ledger
     effect_files: EffectFiles = ()  # of the study and its scenes
-    own: tuple[str, ...] = ()  # effects of the study's files: candidates
+    study_effects: tuple[str, ...] = ()  # effects of the study's files: candidates
     mechanisms: tuple[str, ...] = ()  # of the library, known by their doses in place of strengths
     device: WorkersEntry = CPU
     ledger: Ledger | None = field(default=None, repr=False)
@@ -96,7 +96,7 @@ class Simulator:
             library=library,
             effect_files=(*self.effect_files, *files),
             mechanisms=tuple(names),
-            ledger=self.opened(),
+            ledger=self.shared_ledger(),
         )
 
     def can_act(self, effect: str, scene: Path, at: Mapping[str, float]) -> bool:
@@ -126,16 +126,18 @@ class Simulator:
 
     def known_conditions(self, columns: Conditions, scene: Path) -> Conditions:
         """Conditions of rows as effects read them; what a row leaves out is as the scene states it."""
-        stated = self.scene(scene).conditions
-        known = {name: np.full(row_count(columns), value) for name, value in stated.stated().items()}
+        section = self.scene(scene).conditions
+        conditions = {
+            name: np.full(row_count(columns), value) for name, value in section.stated_values().items()
+        }
         for path, column in columns.items():
             name = condition_name(path)
             if name is not None and bool(np.isfinite(column).any()):
-                values = stated.extra[name].in_si(column) if name in stated.extra else column
-                known[name] = np.where(np.isfinite(column), values, known.get(name, np.nan))
-        return known
+                values = section.extra[name].in_si(column) if name in section.extra else column
+                conditions[name] = np.where(np.isfinite(column), values, conditions.get(name, np.nan))
+        return conditions
 
-    def opened(self) -> Ledger:
+    def shared_ledger(self) -> Ledger:
         """The ledger, opened at first need."""
         if self.ledger is None:
             self.ledger = open_ledger(self.folder)
@@ -245,7 +247,7 @@ def library_candidates(file: StudyFile, simulator: Simulator, name: str) -> list
     names = list(library) if wanted.effects == (ALL,) else list(wanted.effects or wanted.tables)
     if wanted.effects != (ALL,) and (twice := acting.intersection(names) - set(file.adopted)):
         raise BadInput(f"{name}: candidates.{min(twice)} acts in a scene already: it is part of the model")
-    names += simulator.own  # to name a file is to try its effect
+    names += simulator.study_effects  # to name a file is to try its effect
     for effect in (*names, *wanted.tables, *file.adopted):
         if effect not in library:
             raise BadInput(f"{name}: candidates.{effect} is not in the library: {', '.join(library)}")
@@ -283,15 +285,15 @@ def uncertain_parameters(
     They could where an effect acts under more than one value of the conditions that it reads: the growth of
     cohesion with water cannot be identified from one moisture. The prior is about the value in the scene.
     """
-    found, scenes = [], {measure.scene for measure in simulator.measures.values()}
+    parameters, scenes = [], {measure.scene for measure in simulator.measures.values()}
     columns = table.conditions.items()
-    known = {path: each for name, each in columns for path in dotted_paths(file.conditions[name])}
+    column_of = {path: each for name, each in columns for path in dotted_paths(file.conditions[name])}
     for candidate in candidates:
         effect = simulator.library[candidate.name]
         ranges = {each.name: each.metadata for each in fields(effect.params)}
         read = {f"{CONDITIONS}{name}" for name in effect.reads}
         columns = [table.conditions[name] for name, p in file.conditions.items() if read & {*dotted_paths(p)}]
-        able = [simulator.effect_mask(effect, known, scene) for scene in scenes]
+        able = [simulator.effect_mask(effect, column_of, scene) for scene in scenes]
         mask = np.any(able, axis=0)
         levels = {tuple(f"{column[i]:.9g}" for column in columns) for i in np.flatnonzero(mask)}
         for name, sd in effect.uncertain.items() if len(levels) > 1 else ():
@@ -299,5 +301,5 @@ def uncertain_parameters(
             stated = (simulator.stated_numbers(m.scene, effect.name) for m in simulator.measures.values())
             start = next((entry[name] for entry in stated if name in entry), getattr(effect.params(), name))
             if path not in file.parameters:
-                found.append(Parameter(path, start, ranges[name]["low"], ranges[name]["high"], sd))
-    return tuple(found)
+                parameters.append(Parameter(path, start, ranges[name]["low"], ranges[name]["high"], sd))
+    return tuple(parameters)

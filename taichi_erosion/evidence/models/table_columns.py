@@ -17,7 +17,7 @@ from taichi_erosion.evidence.data.column_faults import column_faults
 from taichi_erosion.evidence.data.measured import condition_scales, told_by
 from taichi_erosion.evidence.data.problem import Conditions, Measurements
 from taichi_erosion.evidence.data.tables.column_roles import Column
-from taichi_erosion.evidence.data.tables.interview import Interview, understood
+from taichi_erosion.evidence.data.tables.interview import Interview, understand_columns
 from taichi_erosion.evidence.data.tables.rows import Faults, Row, RowReader, Table
 from taichi_erosion.evidence.data.transforms import effect_of
 from taichi_erosion.evidence.models.simulator import condition_name, dotted_paths
@@ -45,7 +45,7 @@ def place_units(file: StudyFile, path: Path, effect_files: tuple[EffectFile, ...
         from taichi_erosion.effects import load_library
 
         library |= load_library(effect_files)
-    found: dict[str, str] = {}
+    units_of: dict[str, str] = {}
     for name, paths in columns.items():
         units = {each: unit_of_place(each, library, declared) for each in paths}
         known = {unit for unit in units.values() if unit is not None}
@@ -53,8 +53,8 @@ def place_units(file: StudyFile, path: Path, effect_files: tuple[EffectFile, ...
             told = ", ".join(f"{each} in {unit}" for each, unit in units.items())
             raise BadInput(f"{path}: conditions.{name} sets places of several units: {told}")
         if known:
-            found[name] = known.pop()
-    return found
+            units_of[name] = known.pop()
+    return units_of
 
 
 def unit_of_place(path: str, library: Mapping[str, Effect], declared: Mapping[str, str]) -> str | None:
@@ -134,7 +134,7 @@ class NewConditions:
 
 
 def read_new_conditions(
-    path: Path, file: StudyFile, places: Mapping[str, str], known: Measurements, folder: Path
+    path: Path, file: StudyFile, places: Mapping[str, str], measured: Measurements, folder: Path
 ) -> NewConditions:
     """Conditions of a table in the units of use; raises BadInput with all its faults.
 
@@ -145,18 +145,18 @@ def read_new_conditions(
     cells = read_cells(path, one_line_name(path), faults)
     if not cells.rows or not cells.lines:
         raise BadInput(f"{path}: holds no conditions; the first row names the columns, the others set them")
-    columns, groups = condition_columns(cells, file, known, faults)
+    columns, groups = condition_columns(cells, file, measured, faults)
     table = conditions_of(cells, columns, faults)
     chosen = file.model_copy(update={"conditions": {name: file.conditions[name] for name in columns}})
     scales = faults.of(condition_scales, table, chosen, places) or {}
     faults += study_value_faults(table, chosen, folder)
     left_out = [name for name in file.conditions if name not in columns]
-    constant = {name: faults.of(constant_value, cells, name, known) for name in left_out}
+    constant = {name: faults.of(constant_value, cells, name, measured) for name in left_out}
     wanted = faults.of(wanted_rows, cells, list(file.observables)) or []
     faults.tell()
     rows, reader = [row for row, _ in wanted], RowReader(cells, groups, faults)
     written = [dict(zip(columns, table.rows[row].conditions, strict=True)) for row in rows]
-    used: Conditions = {name: np.array([scales[name].used(at[name]) for at in written]) for name in columns}
+    used: Conditions = {name: np.array([scales[name].to_use(at[name]) for at in written]) for name in columns}
     used |= {name: np.full(len(wanted), value) for name, value in constant.items()}
     return NewConditions(
         tuple(name for _, name in wanted),
@@ -171,30 +171,30 @@ def read_new_conditions(
 
 
 def condition_columns(
-    cells: Cells, file: StudyFile, known: Measurements, faults: Faults
+    cells: Cells, file: StudyFile, measured: Measurements, faults: Faults
 ) -> tuple[dict[str, Column], list[Column]]:
     """Columns that set conditions of the study, by its names, and of groups; raises BadInput with all faults.
 
     One without a unit has that of the study's table.
     """
-    found = understood(cells, told_by(file), Interview(), faults, measured=False)
-    columns = {c.title: c for c in found if c.role == "condition" and c.title in file.conditions}
+    readable = understand_columns(cells, told_by(file), Interview(), faults, measured=False)
+    columns = {c.title: c for c in readable if c.role == "condition" and c.title in file.conditions}
     own = ("condition",) if faults else ("condition", "remark")  # a column with a fault is a remark too
     there = ", ".join(file.conditions)
     faults += [
         f"{cells.file}: {c.heading.text} is no condition of the study, which has {there}; leave it out"
-        for c in found
+        for c in readable
         if c.role in own
         and c.title not in columns
         and (c.role == "condition" or (c.numeric and c.heading.unit))
     ]
     for name, column in columns.items():
-        usual, unit = known.table_units.conditions.get(name, Scale()).unit, column.heading.unit
+        usual, unit = measured.table_units.conditions.get(name, Scale()).unit, column.heading.unit
         if unit and usual and conversion(parse_scale(unit), parse_scale(usual)) is None:
             faults.append(f"{cells.file}: {name} is in {unit}, in the table of the study in {usual}")
         columns[name] = replace(column, heading=replace(column.heading, unit=unit or usual))
     faults.tell()
-    return columns, [column for column in found if column.role == "group"]
+    return columns, [column for column in readable if column.role == "group"]
 
 
 def conditions_of(cells: Cells, columns: Mapping[str, Column], faults: Faults) -> Table:
@@ -223,15 +223,15 @@ def constant_value(cells: Cells, name: str, known: Measurements) -> float:
 
 def wanted_rows(cells: Cells, observables: Sequence[str]) -> list[tuple[int, str]]:
     """Row and observable of every prediction; raises BadInput for an observable that the study has not."""
-    found: list[tuple[int, str]] = []
+    wanted: list[tuple[int, str]] = []
     headings = [text.strip().lower() for text in cells.heading]
     place = headings.index(OBSERVABLE) if OBSERVABLE in headings else None
     for index, (line, row) in enumerate(cells.lines):
         if place is None or not row[place]:
-            found += [(index, name) for name in observables]
+            wanted += [(index, name) for name in observables]
         elif row[place] in observables:
-            found.append((index, row[place]))
+            wanted.append((index, row[place]))
         else:
             there = ", ".join(observables)
             raise BadInput(f"{cells.file}: row {line}, observable = '{row[place]}'; the study has {there}")
-    return found
+    return wanted

@@ -67,7 +67,7 @@ def misfit_p(fit: Fit, levels: bool) -> float:
         rows = replace(rows, y=rows.y - rows.columns[:, own] @ fit.dose.coefficients)
         u[len(fit.blocks) - 1] = -np.inf
     doubt = np.nan_to_num(rows.scales.doubt)
-    size = np.array([rows.y @ rows.solved(u + z * doubt).precision[0] for z in NODES])
+    size = np.array([rows.y @ rows.posterior_at(u + z * doubt).precision[0] for z in NODES])
     squares, freedom = repeat_squares(fit)
     ln_f = np.outer(NODES, doubt[rows.blocks :])
     repeats = np.exp(-2.0 * ln_f) @ squares

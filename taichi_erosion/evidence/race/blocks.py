@@ -43,18 +43,18 @@ class Block:
     size: float = 1.0  # standard error of a row of the observable, in which a discrepancy counts
 
 
-def unlisted(
-    rows: ComparisonRows, known: Bools, blocks: Sequence[Block], priors: Priors
+def unlisted_blocks(
+    rows: ComparisonRows, is_known: Bools, blocks: Sequence[Block], priors: Priors
 ) -> dict[str, list[Block]]:
     """The same with functions that may be large, level included, in place of discrepancies.
 
     Something that is not in the list acts along one condition, or along all of them: one key for each.
     """
     level = {block.observable: block.columns for block in blocks if block.kind == "level"}
-    axes = [name for name, column in rows.conditions.items() if axis_scale(column[known]) is not None]
-    found = {}
+    axes = [name for name, column in rows.conditions.items() if axis_scale(column[is_known]) is not None]
+    blocks_along = {}
     for along in ("", *(axes if len(axes) > 1 else ())):
-        found[along] = [
+        blocks_along[along] = [
             replace(
                 block,
                 kind="unlisted",
@@ -62,44 +62,46 @@ def unlisted(
                 scale=scale(f"unlisted {block.observable}", cauchy=priors.large),
             )
             if block.kind == "discrepancy"
-            and (columns := smooth_columns(rows, block.observable, known, block.size, along)).size
+            and (columns := smooth_columns(rows, block.observable, is_known, block.size, along)).size
             else block
             for block in blocks
         ]
-    return found
+    return blocks_along
 
 
-def nuisance(rows: ComparisonRows, known: Bools, unit: Floats, priors: Priors) -> list[Block]:
+def nuisance(rows: ComparisonRows, is_known: Bools, unit: Floats, priors: Priors) -> list[Block]:
     """Every block that a table allows; `known` rows were measured, `unit` (n,) is their standard error."""
-    found = []
+    blocks = []
     for index, observable in enumerate(rows.observables):
         own = rows.which == index
-        fitted = np.flatnonzero(own & known)
+        fitted = np.flatnonzero(own & is_known)
         if not fitted.size:
             continue
         name, size = observable.name, float(np.median(unit[fitted]))
         column = np.where(own, size, 0.0)
-        found.append(Block("level", name, column[:, None], scale(f"level {name}", cauchy=priors.near)))
+        blocks.append(Block("level", name, column[:, None], scale(f"level {name}", cauchy=priors.near)))
         if fitted.size > 3:
-            columns = smooth_columns(rows, name, known, size)
+            columns = smooth_columns(rows, name, is_known, size)
             if columns.shape[1]:
                 small = scale(f"discrepancy {name}", normal=priors.small)
-                found.append(Block("discrepancy", name, columns, small, size=size))
-    return [*found, *shared_blocks(rows, known, unit, priors.near)]
+                blocks.append(Block("discrepancy", name, columns, small, size=size))
+    return [*blocks, *shared_blocks(rows, is_known, unit, priors.near)]
 
 
-def shared_blocks(rows: ComparisonRows, known: Bools, unit: Floats, near: float) -> Iterator[Block]:
+def shared_blocks(rows: ComparisonRows, is_known: Bools, unit: Floats, near: float) -> Iterator[Block]:
     """Errors that rows of a source, of a preparation, and of a group of several set-ups have in common."""
-    size = np.array([np.median(unit[(rows.which == k) & known] if known.any() else 1.0) for k in rows.which])
+    size = np.array(
+        [np.median(unit[(rows.which == k) & is_known] if is_known.any() else 1.0) for k in rows.which]
+    )
     cells = [f"{group}|{cell:g}" for group, cell in zip(rows.group, condition_numbers(rows), strict=True)]
     source, set_up = scale("source", cauchy=near), scale("preparation", normal=2.0 * near)
     kinds: tuple[tuple[Kind, Sequence[str], Scales], ...]
     kinds = (("source", rows.source_names, source), ("preparation", cells, set_up))
     for kind, labels, prior in kinds:
-        columns, names = shared_columns(rows, known, labels)
+        columns, names = shared_columns(rows, is_known, labels)
         if names:
             yield Block(kind, "", columns * size[:, None], prior)
-    _, names = shared_columns(rows, known, rows.group)
+    _, names = shared_columns(rows, is_known, rows.group)
     groups = list(dict.fromkeys(name.rpartition("|")[0] for name in names))
     masks = np.array(rows.group)[:, None] == np.array(groups)
     if any(len({cells[row] for row in np.flatnonzero(mask)}) > 1 for mask in masks.T):
@@ -107,7 +109,7 @@ def shared_blocks(rows: ComparisonRows, known: Bools, unit: Floats, near: float)
 
 
 def shared_columns(
-    rows: ComparisonRows, known: Bools, labels: Sequence[str]
+    rows: ComparisonRows, is_known: Bools, labels: Sequence[str]
 ) -> tuple[Floats, tuple[str, ...]]:
     """A mask for each label of each observable that has several rows of it and others too.
 
@@ -116,14 +118,14 @@ def shared_columns(
     columns, names, label = [], [], np.array(labels)
     for index, observable in enumerate(rows.observables):
         own = rows.which == index
-        count = int(np.sum(own & known))
+        count = int(np.sum(own & is_known))
         for each in dict.fromkeys(label[own]):
             chosen = own & (label == each)
-            seen = int(np.sum(chosen & known))
+            seen = int(np.sum(chosen & is_known))
             if count and (1 < seen < count or not seen):
                 columns.append(chosen.astype(np.float64))
                 names.append(f"{each}|{observable.name}")
-    names = names if any(np.any(column[known] > 0.0) for column in columns) else []
+    names = names if any(np.any(column[is_known] > 0.0) for column in columns) else []
     return (np.column_stack(columns) if names else np.zeros((rows.size, 0))), tuple(names)
 
 
@@ -144,7 +146,7 @@ def smooth_columns(
         column = rows.conditions[name][at]
         axis = axis_scale(column[fitted])
         if axis is not None:
-            place = axis.filled(column)
+            place = axis.fill_missing(column)
             share = (place - place[fitted].min()) / np.ptp(place[fitted])
             distance = 3.0**0.5 * np.abs(share[:, None] - share) / LENGTH
             kernel *= 1.0 + (1.0 + distance) * np.exp(-distance)
@@ -157,24 +159,24 @@ def smooth_columns(
     return found
 
 
-def dose_columns(rows: ComparisonRows, known: Bools) -> dict[str, Floats]:
+def dose_columns(rows: ComparisonRows, is_known: Bools) -> dict[str, Floats]:
     """Factors L (n, r) of what a dose may be over the conditions, along each and along all of them.
 
     All observables share it: L L^T = exp(-1/2 d^2) + 1/4 with d in sd of a condition; along a
     condition that reaches 0 it is 0 there, and the same is true of L.
     """
-    found, squares, count = {}, [], int(known.sum())
+    columns, squares, count = {}, [], int(is_known.sum())
     for name, column in rows.conditions.items():
-        axis = axis_scale(column[known])
+        axis = axis_scale(column[is_known])
         if axis is None:
             continue
         place, zero = axis(column), column == 0.0
         squares.append((place[:, None] - place) ** 2)
         kernel = np.exp(-0.5 * squares[-1]) + 0.25
-        if zero[known].any() and np.nanmin(column[known]) == 0.0:
+        if zero[is_known].any() and np.nanmin(column[is_known]) == 0.0:
             at = int(np.argmax(zero))
             kernel = kernel - np.outer(kernel[at], kernel[at]) / kernel[at, at]
-        found[name] = square_root(kernel, count, SMOOTHEST)
+        columns[name] = square_root(kernel, count, SMOOTHEST)
     if len(squares) > 1:
-        found["all"] = square_root(np.exp(-0.5 * sum(squares)) + 0.25, count, SMOOTHEST)
-    return found
+        columns["all"] = square_root(np.exp(-0.5 * sum(squares)) + 0.25, count, SMOOTHEST)
+    return columns

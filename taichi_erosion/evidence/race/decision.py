@@ -112,16 +112,16 @@ def reaches(race: Race, mechanism: str) -> bool:
     return best is not None and is_adequate(best, FAMILYWISE)
 
 
-def fit_of(posterior: Posterior, found: Decision) -> Fit:
+def fit_of(posterior: Posterior, decision: Decision) -> Fit:
     """The likeliest explanation of what is told, of mechanisms of the first; of all where a group is told."""
     race = posterior.race
-    if found.verdict == "none_detected":
+    if decision.verdict == "none_detected":
         return race.bare
-    alone = race.fits.get(Hypothesis(tuple(sorted(found.named))))
-    if found.verdict == "present" and alone is not None:
+    alone = race.fits.get(Hypothesis(tuple(sorted(decision.named))))
+    if decision.verdict == "present" and alone is not None:
         return alone
     share = posterior.probability
-    return race.fits[max([h for h in share if h.acting >= found.sure] or share, key=lambda h: share[h])]
+    return race.fits[max([h for h in share if h.acting >= decision.sure] or share, key=lambda h: share[h])]
 
 
 def probability(posterior: Posterior, names: Iterable[str]) -> float:
@@ -147,7 +147,7 @@ def familywise_p(race: Race, best: Fit) -> float:
     rows, _ = race.linear(bare)
     u = best.evidence.solved.scales_of(rows.scales)
     signatures = np.column_stack([race.prepared.white(fit.mean - bare.mean) for fit in singles])
-    along, gram = rows.with_bad(best.evidence.bad).solved(u).against(signatures)
+    along, gram = rows.with_bad(best.evidence.bad).posterior_at(u).against(signatures)
     size = np.sqrt(np.maximum(np.diag(gram), 1e-12))
     observed = float(np.max(along / size))
     values, vectors = np.linalg.eigh(gram / np.outer(size, size))
@@ -156,7 +156,7 @@ def familywise_p(race: Race, best: Fit) -> float:
     return float((1 + np.sum(largest >= observed)) / (1 + DRAWS))
 
 
-def sensitivity(posterior: Posterior, told: Decision) -> Iterator[tuple[str, Posterior, Decision]]:
+def sensitivity(posterior: Posterior, decision: Decision) -> Iterator[tuple[str, Posterior, Decision]]:
     """Posterior and decision where one prior is halved, and doubled.
 
     `told` may have changed by fresh runs: it stands wherever the race decides as under its own priors.
@@ -170,20 +170,20 @@ def sensitivity(posterior: Posterior, told: Decision) -> Iterator[tuple[str, Pos
             there = under(posterior, replace(priors, **sizes | odds))
             found = decide(there)
             if all(getattr(found, part) == getattr(usual, part) for part in TOLD):
-                found = replace(found, **{part: getattr(told, part) for part in TOLD})
+                found = replace(found, **{part: getattr(decision, part) for part in TOLD})
             yield key, there, found
 
 
 def under(posterior: Posterior, priors: Priors) -> Posterior:
     """The posterior under other priors; likely explanations are solved anew, about the same settings."""
-    race, own, scores = posterior.race, posterior.race.priors, []
+    race, usual, scores = posterior.race, posterior.race.priors, []
     for hypothesis, fit in race.fits.items():
-        now, change = fit.evidence.solved, prior(race, hypothesis, priors) / prior(race, hypothesis, own)
+        now, change = fit.evidence.solved, prior(race, hypothesis, priors) / prior(race, hypothesis, usual)
         scores.append(score(fit) + log(change))
         names = (SCALES.get(name.partition(" ")[0], "near") for name in now.rows.scales.names)
-        wider = np.array([getattr(priors, name) / getattr(own, name) for name in names])
+        wider = np.array([getattr(priors, name) / getattr(usual, name) for name in names])
         shift = np.zeros(fit.v.size)
-        shift[race.model.count :] = log(priors.typical / own.typical) / own.spread
+        shift[race.model.count :] = log(priors.typical / usual.typical) / usual.spread
         if posterior.probability[hypothesis] > 0.1 * KEEP and (np.any(shift) or np.any(wider != 1.0)):
             sizes = {name: wider * getattr(now.rows.scales, name) for name in ("cauchy", "normal")}
             sizes["doubt"] = now.rows.scales.doubt.copy()

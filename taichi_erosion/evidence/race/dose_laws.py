@@ -66,15 +66,15 @@ class LawRows:
         found[:, 0] = self.y - found[:, 0]
         return found
 
-    def left_out(self, w: Floats, inside: Bools, outside: Bools) -> Floats:
+    def fold_densities(self, w: Floats, inside: Bools, outside: Bools) -> Floats:
         """Ln density of rows outside given those inside, and their misfit."""
-        linear, found = self.linear(w), []
+        linear, densities = self.linear(w), []
         variance = self.variance + linear[:, 1:] @ linear[:, 1:].T
         for k in (inside | outside, inside):
             root = scipy.linalg.cholesky(variance[np.ix_(k, k)], lower=True)
             misfit = float(np.sum(scipy.linalg.solve_triangular(root, linear[k, 0], lower=True) ** 2))
-            found.append([-0.5 * misfit - float(np.sum(np.log(np.diag(root)))), misfit])
-        return np.subtract(*found)
+            densities.append([-0.5 * misfit - float(np.sum(np.log(np.diag(root)))), misfit])
+        return np.subtract(*densities)
 
 
 @dataclass(frozen=True)
@@ -109,17 +109,19 @@ class FittedForm:
         """Doses of all rows, on their axis, by default for the best numbers."""
         return to_axis(self.form.dose(self.rows.conditions, self.numbers if numbers is None else numbers))
 
-    def solved(self, numbers: Floats) -> tuple[Floats, Floats]:
+    def best_linear(self, numbers: Floats) -> tuple[Floats, Floats]:
         """Best v for some numbers, and the residual with its prior."""
         white = self.root @ self.rows.linear(self.doses(numbers))[self.chosen]
         r, slopes = white[:, 0], white[:, 1:]
         v = scipy.linalg.solve(slopes.T @ slopes + np.eye(slopes.shape[1]), slopes.T @ r)
         return v, np.concatenate([r - slopes @ v, v])
 
-    def fitted(self, starts: Sequence[Floats]) -> "FittedForm":
+    def optimise(self, starts: Sequence[Floats]) -> "FittedForm":
         """The form with least misfit, from the best of some starts."""
         ends, enough = self.ends, 1e-5  # relative change of misfit and numbers, far below their errors
-        fit = partial(scipy.optimize.least_squares, lambda a: self.solved(a)[1], bounds=ends, x_scale="jac")
+        fit = partial(
+            scipy.optimize.least_squares, lambda a: self.best_linear(a)[1], bounds=ends, x_scale="jac"
+        )
         fits = [fit(start.clip(*ends), ftol=enough, xtol=enough) for start in starts]
         best = min(fits, key=lambda each: each.cost)
         covariance = np.linalg.pinv(best.jac.T @ best.jac, hermitian=True)
@@ -127,7 +129,7 @@ class FittedForm:
 
     def to(self, rows: LawRows, chosen: Bools) -> "FittedForm":
         """The form fitted to other rows."""
-        return replace(self, rows=rows, chosen=chosen).fitted([self.numbers])
+        return replace(self, rows=rows, chosen=chosen).optimise([self.numbers])
 
     def draws(self) -> Floats:
         """Draws (m, k) of the numbers within their range."""
@@ -158,7 +160,7 @@ def law_of(race: Race, fit: Fit) -> Law | None:
     if fit.dose is None or len(fit.doses) > 1 or fit.mean.size < FOLDS:
         return None
     dosing = dosing_of(race, fit, fit.dose.factor)
-    curve = tabulated(dosing, fit.v, fit.dose.w)
+    curve = tabulate(dosing, fit.v, fit.dose.w)
     place = Place(fit.v, fit.dose.w, fit.mean, along(curve, fit.dose.w)[:, 1:])
     rows = rows_about(race, fit, curve, place)
     first = [first_fit(rows, form, place.w) for form in forms_of(rows.conditions)]
@@ -168,13 +170,13 @@ def law_of(race: Race, fit: Fit) -> Law | None:
     settled = [each for each in settled if np.all((low < each.doses()) & (each.doses() < high))]
     if not settled:
         return None
-    scores, misfits = np.array([cross_validated(each.rows, each) for each in settled]).T
+    scores, misfits = np.array([cross_validation(each.rows, each) for each in settled]).T
     best = int(np.argmax(scores - [each.price for each in settled]))
-    nothing = cross_validated(rows)[1]
+    nothing = cross_validation(rows)[1]
     return "+".join(fit.hypothesis.beside), settled[best], float(1.0 - misfits[best] / nothing)
 
 
-def tabulated(dosing: Dosing, v: Floats, w: Floats) -> "scipy.interpolate.PPoly":
+def tabulate(dosing: Dosing, v: Floats, w: Floats) -> "scipy.interpolate.PPoly":
     """M along one dose for all rows, with slopes at the ends of the range, of doses and at 0."""
     low, top = dosing.ends[:, 0]
     ends = np.unique(np.clip([low, w.min(), 0.0, w.max(), top], low, top).round(2))
@@ -226,13 +228,13 @@ def first_fit(rows: LawRows, form: Form, w: Floats) -> FittedForm:
         shape = form.dose(rows.conditions, np.array([1.0, *rest]))
         starts.append(np.array([float(shape @ dose / (shape @ shape or 1.0)), *rest]))  # 0 where it vanishes
     everything, size = np.ones(w.size, dtype=np.bool_), starts[0].size
-    return FittedForm(form, rows, everything, starts[0], np.inf, np.eye(size)).fitted(starts)
+    return FittedForm(form, rows, everything, starts[0], np.inf, np.eye(size)).optimise(starts)
 
 
 def settled_form(race: Race, dosing: Dosing, fit: Fit, place: Place, each: FittedForm) -> FittedForm:
     """The form with rows made anew about its own numbers and doses, until they stay."""
     for _ in range(ROUNDS):
-        v, _ = each.solved(each.numbers)
+        v, _ = each.best_linear(each.numbers)
         w, mean = dosing.at(v, each.doses())
         move = max(np.max(np.abs(v - place.v), initial=0.0), np.max(np.abs(w - place.w)))
         if move < STILL or not np.all(np.isfinite(mean)):
@@ -242,11 +244,11 @@ def settled_form(race: Race, dosing: Dosing, fit: Fit, place: Place, each: Fitte
     return each
 
 
-def cross_validated(rows: LawRows, fit: FittedForm | None = None) -> Floats:
+def cross_validation(rows: LawRows, fit: FittedForm | None = None) -> Floats:
     """Ln density of every fold given the others with a form fitted to these, and its misfit, summed."""
     found = np.zeros(2)
     for fold in np.unique(rows.folds):
         outside = rows.folds == fold
         w = np.zeros(outside.size) if fit is None else fit.to(rows, ~outside).doses()
-        found += rows.left_out(w, ~outside, outside)
+        found += rows.fold_densities(w, ~outside, outside)
     return found

@@ -83,25 +83,27 @@ class Dosing:
             found.append(np.nan_to_num((self.at(v, w + h)[1] - mean) / h[each == k]))
         return np.concatenate(found)
 
-    def expanded(self, at: Fit, beta: Floats, w: Floats, u: Floats | None, steps: int) -> Fit:
+    def expansion_about(self, at: Fit, beta: Floats, w: Floats, u: Floats | None, steps: int) -> Fit:
         """The race's rows about numbers, doses w and their coefficients."""
         dose = Doses(self.root @ beta, self.slope(at.v, w, at.mean), self.root)
         size = scale("dose", cauchy=self.race.priors.dose)
         block = Block("dose", "", dose.change(self.root, at.mean.size), size)
         known = {"hypothesis": self.hypothesis, "log_prior": self.log_prior, "refined": True}
-        return self.race.solved(replace(at, **known, blocks=(*self.race.blocks, block), dose=dose), steps, u)
+        return self.race.fit_at_scales(
+            replace(at, **known, blocks=(*self.race.blocks, block), dose=dose), steps, u
+        )
 
     def behind(self, fit: Fit) -> bool:
         """Whether a fit is so unlikely that no few steps more make it worth another run."""
         return score(fit) < max(map(score, self.race.fits.values())) + 2.0 * log(KEEP)
 
-    def fitted(self, start: Fit, w: Floats) -> Fit:
+    def optimise(self, start: Fit, w: Floats) -> Fit:
         """Numbers and doses by Gauss-Newton steps from some, none of which raises the misfit."""
         beta, u = Doses(w, w, self.root).coefficients, None
         w, mean = self.at(start.v, self.root @ beta)
         fit = replace(start, mean=mean)
         for step in range(THEN):
-            fit = self.expanded(fit, beta, w, u, 0 if step < FIRST else 4)
+            fit = self.expansion_about(fit, beta, w, u, 0 if step < FIRST else 4)
             u, change, turn, tau = fit.scales, *self.steps_of(fit, beta)
             small = np.max(np.abs(change), initial=0.0) < 0.05 and np.max(np.abs(self.root @ turn)) < STILL
             if step >= FIRST and (small or self.behind(fit)):
@@ -121,10 +123,10 @@ class Dosing:
                 jacobian = jacobian + np.outer(mean - linear - jacobian @ gone, gone) / (gone @ gone)
             fit, beta, w = replace(fit, v=v, mean=mean, jacobian=jacobian), tried, there
         fit = replace(fit, errors=self.race.model.errors(self.names, fit.v, self.hypothesis.doses(w)))
-        found = self.arrived(self.expanded(fit, beta, w, u, 8), beta)
+        found = self.evidence_at_mean(self.expansion_about(fit, beta, w, u, 8), beta)
         return self.race.better(found, self.race.fits.get(self.hypothesis, found))
 
-    def arrived(self, fit: Fit, beta: Floats) -> Fit:
+    def evidence_at_mean(self, fit: Fit, beta: Floats) -> Fit:
         """The fit with the evidence at the mean that the model gives, not where linear rows would go."""
         now, tau = fit.evidence.solved, float(np.exp(fit.scales[len(self.race.blocks)]))
         there = self.race.misfit(fit, fit.mean, fit.v) + float(beta @ beta) / tau**2
@@ -174,7 +176,7 @@ def add_doses(race: Race) -> None:
     start = replace(race.bare, v=v, mean=mean, jacobian=race.model.jacobian((), v, mean))
     every = dosings(race, kernels)
     for each in every:
-        each.fitted(start, start.w)
+        each.optimise(start, start.w)
     share = race.posterior()
     places = dict.fromkeys(one.mechanisms for one in every)
     total = {each: sum(share[o.hypothesis] for o in every if o.mechanisms == each) for each in places}
@@ -184,13 +186,13 @@ def add_doses(race: Race) -> None:
             seen = race.fits[one.hypothesis]
             if rank and one.behind(seen):
                 break
-            fit = one.fitted(replace(seen, jacobian=one.slopes(seen.v, seen.w, seen.mean)), seen.w)
+            fit = one.optimise(replace(seen, jacobian=one.slopes(seen.v, seen.w, seen.mean)), seen.w)
             if one.ends[0, 0] < 0.0:  # the other side of 0, which no step crosses to
-                one.fitted(start, -0.5 * fit.w)
+                one.optimise(start, -0.5 * fit.w)
     add_second(race, every)
 
 
-def beside(race: Race, one: Dosing, fit: Fit, others: Sequence[Dosing]) -> Iterator[Seen]:
+def effect_pairs(race: Race, one: Dosing, fit: Fit, others: Sequence[Dosing]) -> Iterator[Seen]:
     """A likely mechanism with each listed effect, and with other mechanisms along the same condition."""
     for name in race.model.candidates:
         if (start := race.with_effect(fit, name, fit.log_prior)) is not None:
@@ -208,7 +210,7 @@ def add_second(race: Race, every: Sequence[Dosing]) -> None:
     others, count = likely, len(race.prepared.problem.mechanisms)
     for _ in range(min(2, count)):
         one, others = others[0], [other for other in others if other.mechanisms != others[0].mechanisms]
-        tried += beside(race, one, race.fits[one.hypothesis], others)
+        tried += effect_pairs(race, one, race.fits[one.hypothesis], others)
     for fit in sorted(race.sets(1), key=score, reverse=True)[:2]:
         some = likely[: len(likely) // 2]
         tried += [(replace(one, names=fit.hypothesis.names), fit, 0.0 * fit.mean) for one in some]
@@ -216,8 +218,8 @@ def add_second(race: Race, every: Sequence[Dosing]) -> None:
     found = []
     for one, start, w in tried:
         own = replace(one, log_prior=one.log_prior + more)
-        found.append((own, own.expanded(start, Doses(w, w, own.root).coefficients, w, None, FIRST), w))
+        found.append((own, own.expansion_about(start, Doses(w, w, own.root).coefficients, w, None, FIRST), w))
     least = max(map(score, race.fits.values())) + log(KEEP)
     for one, seen, w in sorted(found, key=lambda each: -score(each[1]))[:CARRIED]:
         if score(seen) > least:
-            one.fitted(seen, w)
+            one.optimise(seen, w)

@@ -55,7 +55,7 @@ class RaceModel:
     progress: Progress = lambda _, __: None
     priors: Priors = PRIORS
     settings: int = 0
-    known: set[tuple] = field(default_factory=set)
+    evaluated: set[tuple] = field(default_factory=set)
     shift: Floats | float = 0.0  # of a mean over many seeds over that of the few that every setting has
 
     def __post_init__(self) -> None:
@@ -99,9 +99,9 @@ class RaceModel:
         """Mean (n,) over some seeds. Raises BudgetSpentError."""
         x, acting = self.numbers(v[: self.count]), self.strengths(names, v)
         key = (x.tobytes(), tuple(sorted(acting.items())), seeds.size)
-        if key not in self.known:
+        if key not in self.evaluated:
             self.spend()
-            self.known.add(key)
+            self.evaluated.add(key)
         return seed_mean(self.predictor.predict(x, acting, seeds))
 
     def spend(self) -> None:
@@ -120,13 +120,13 @@ class RaceModel:
         x, acting, p = self.numbers(v[: self.count]), self.strengths(names, v), self.predictor
         if self.prepared.problem.dosed_by_row:
             return seed_mean(p.compute(x, acting, seeds, doses)) + self.shift
-        found, table = np.zeros(p.which.size), np.array(list(doses.values()))
+        total, table = np.zeros(p.which.size), np.array(list(doses.values()))
         for dose in np.unique(table, axis=1).T:
             rows = np.flatnonzero(np.all(table.T == dose, axis=1))
             own = p.over(p.observables, p.which[rows], {n: c[rows] for n, c in p.conditions.items()})
             there = {name: float(each) for name, each in zip(doses, dose, strict=True)}
-            found[rows] = seed_mean(own.compute(x, acting | there, seeds))
-        return found + self.shift
+            total[rows] = seed_mean(own.compute(x, acting | there, seeds))
+        return total + self.shift
 
     def sure_mean(self, names: Acting, v: Floats) -> Floats:
         """Mean (n,) over many seeds."""

@@ -18,7 +18,7 @@ from scipy.special import logsumexp
 
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
-from taichi_erosion.evidence.race.blocks import Block, columns_of, nuisance, unlisted
+from taichi_erosion.evidence.race.blocks import Block, columns_of, nuisance, unlisted_blocks
 from taichi_erosion.evidence.race.expansion import Acting, RaceModel
 from taichi_erosion.evidence.race.linear_evidence import Evidence, LinearRows, Scales, evidence, scale
 from taichi_erosion.evidence.race.priors import SEED
@@ -160,7 +160,7 @@ class Race:
         rows, sd, self.priors = self.prepared.rows, self.prepared.sd, self.model.priors
         known = np.ones(rows.size, dtype=np.bool_)
         self.blocks = tuple(nuisance(rows, known, sd, self.priors))
-        large = unlisted(rows, known, self.blocks, self.priors)
+        large = unlisted_blocks(rows, known, self.blocks, self.priors)
         self.large = {key: tuple(each) for key, each in large.items()}
         self.scatter, self.scatter_scales = scatter_of(self.prepared, self.priors.doubt)
 
@@ -181,7 +181,9 @@ class Race:
         rows = LinearRows(y, np.hstack([x, shared]), block, self.scatter, scales, np.ones(y.size))
         return rows, 0.5 * float(np.sum(work.residual**2)) - 0.5 * work.deviance
 
-    def solved(self, at: Expansion, steps: int = 8, start: Floats | None = None, fresh: bool = False) -> Fit:
+    def fit_at_scales(
+        self, at: Expansion, steps: int = 8, start: Floats | None = None, fresh: bool = False
+    ) -> Fit:
         """The evidence of an expansion; scales from `start`, and with `fresh` from their priors too."""
         rows, extra = self.linear(at)
         found = evidence(rows, rows.scales.start if start is None else start, steps)
@@ -203,7 +205,7 @@ class Race:
         limits = work.deviance - float(np.sum(work.residual**2))
         return float(share @ work.residual**2 - vector @ np.linalg.solve(matrix, vector) + v @ v) + limits
 
-    def moved(self, fit: Fit, most: int, steps: int = 6) -> Fit:
+    def gauss_newton(self, fit: Fit, most: int, steps: int = 6) -> Fit:
         """At most so many damped steps to a better setting, each with so many steps of the scales.
 
         Slopes are updated where a step gains what they promise, else taken anew.
@@ -214,7 +216,7 @@ class Race:
             if tried is None and fresh:
                 break
             if tried is None:
-                fit, fresh = self.solved(self.with_slopes(fit), steps, fit.scales), True
+                fit, fresh = self.fit_at_scales(self.with_slopes(fit), steps, fit.scales), True
                 continue
             v, mean, damping, gain, share = tried
             if fresh := not (GAINS[0] < share < GAINS[1] or gain < 0.1 * SLACK):
@@ -223,7 +225,7 @@ class Race:
                 gone = v - fit.v
                 turn = np.outer(mean - fit.mean - fit.jacobian @ gone, gone) / max(gone @ gone, 1e-6)
                 fit = replace(fit, v=v, mean=mean, jacobian=fit.jacobian + turn)
-            fit = self.solved(fit, steps, fit.scales)
+            fit = self.fit_at_scales(fit, steps, fit.scales)
             if gain < (SLACK if self.model.noisy else 0.1 * SLACK):
                 break
         return fit
@@ -258,7 +260,7 @@ class Race:
         jacobian = self.model.jacobian(names, fit.v, fit.mean)
         return replace(fit, jacobian=jacobian, errors=self.model.errors(names, fit.v))
 
-    def refined(self, fit: Fit) -> Fit:
+    def optimise(self, fit: Fit) -> Fit:
         """The best setting, first with the scales at their priors: no level takes what an effect explains.
 
         It starts where the misfit is less, here or at the prior of the numbers: elsewhere they may have taken
@@ -266,21 +268,21 @@ class Race:
         """
         start = np.zeros(fit.v.size)
         anew = replace(fit, v=start, mean=self.model.mean(fit.hypothesis.names, start))
-        fits = [self.solved(each, 0) for each in (fit, anew) if np.all(np.isfinite(each.mean))]
+        fits = [self.fit_at_scales(each, 0) for each in (fit, anew) if np.all(np.isfinite(each.mean))]
         fit = min(fits, key=lambda each: self.misfit(each, each.mean, each.v))
-        fit = self.moved(self.solved(self.with_slopes(fit), 0), MOST_STEPS, 0)
-        fit = self.moved(self.solved(self.with_slopes(fit), start=fit.scales, fresh=True), 2)
-        return self.kept(replace(fit, refined=True))
+        fit = self.gauss_newton(self.fit_at_scales(self.with_slopes(fit), 0), MOST_STEPS, 0)
+        fit = self.gauss_newton(self.fit_at_scales(self.with_slopes(fit), start=fit.scales, fresh=True), 2)
+        return self.store(replace(fit, refined=True))
 
-    def sharpened(self, fit: Fit) -> Fit:
+    def polish(self, fit: Fit) -> Fit:
         """Steps from slopes at the optimum, then slopes where they end and the mean of many seeds."""
-        fit = self.moved(self.solved(self.with_slopes(fit), start=fit.scales, fresh=True), 2)
+        fit = self.gauss_newton(self.fit_at_scales(self.with_slopes(fit), start=fit.scales, fresh=True), 2)
         last = self.with_slopes(fit)
         if self.model.noisy:
             last = replace(last, mean=self.model.sure_mean(fit.hypothesis.names, fit.v))
-        return self.kept(self.solved(last, start=fit.scales))
+        return self.store(self.fit_at_scales(last, start=fit.scales))
 
-    def kept(self, fit: Fit) -> Fit:
+    def store(self, fit: Fit) -> Fit:
         """The fit, which replaces an earlier one of its hypothesis."""
         old = self.fits.get(fit.hypothesis)
         if old is None or fit.refined >= old.refined:
@@ -296,38 +298,38 @@ class Race:
         """Plain sets of so many effects, by default of any number."""
         return [f for h, f in self.fits.items() if not h.beside and (not sizes or len(h.names) in sizes)]
 
-    def calibrated(self, log_prior: float) -> Fit:
+    def fit_bare(self, log_prior: float) -> Fit:
         """Nothing is missing; also from levels as large as they may be, where a unit is wrong.
 
         Where the fit is poor it is tried from the best of some draws of the numbers too: beyond a threshold
         slopes lead nowhere.
         """
-        start = self.begun(np.zeros(self.model.count), log_prior)
-        first = self.solved(start, 0)
-        found = self.optimum(first)
-        if first.v.size and self.misfit(first, found.mean, found.v) > POOR * found.mean.size:
-            elsewhere = self.solved(self.begun(self.drawn(first), log_prior), 0)
-            found = self.better(found, self.optimum(elsewhere))
-        free = self.solved(start, 20)
-        if free.log_evidence > found.log_evidence:
-            found = self.better(found, self.sharpened(replace(self.moved(free, 6), refined=True)))
-        return found
+        start = self.bare_expansion(np.zeros(self.model.count), log_prior)
+        first = self.fit_at_scales(start, 0)
+        optimum = self.optimum(first)
+        if first.v.size and self.misfit(first, optimum.mean, optimum.v) > POOR * optimum.mean.size:
+            elsewhere = self.fit_at_scales(self.bare_expansion(self.best_draw(first), log_prior), 0)
+            optimum = self.better(optimum, self.optimum(elsewhere))
+        free = self.fit_at_scales(start, 20)
+        if free.log_evidence > optimum.log_evidence:
+            optimum = self.better(optimum, self.polish(replace(self.gauss_newton(free, 6), refined=True)))
+        return optimum
 
     def optimum(self, start: Fit) -> Fit:
         """The best setting from a start, with slopes there."""
-        return self.sharpened(self.refined(self.moved(start, 3, 0)))
+        return self.polish(self.optimise(self.gauss_newton(start, 3, 0)))
 
     def better(self, some: Fit, other: Fit) -> Fit:
         """The likelier of two fits of one hypothesis."""
-        return self.kept(max(some, other, key=lambda each: each.log_evidence))
+        return self.store(max(some, other, key=lambda each: each.log_evidence))
 
-    def begun(self, v: Floats, log_prior: float) -> Expansion:
+    def bare_expansion(self, v: Floats, log_prior: float) -> Expansion:
         """Nothing is missing, about a setting."""
         mean = self.model.mean((), v)
         slopes, errors = self.model.jacobian((), v, mean), self.model.errors((), v)
         return Expansion(Hypothesis(()), v, mean, slopes, errors, self.blocks, log_prior)
 
-    def drawn(self, first: Fit) -> Floats:
+    def best_draw(self, first: Fit) -> Floats:
         """The best of some draws of the numbers, wider than their prior, with errors as large as expected."""
         draws = WIDE * np.random.default_rng(SEED).standard_normal((STARTS * first.v.size, first.v.size))
         size = [self.misfit(first, self.model.mean((), v), v) for v in draws]
@@ -352,7 +354,7 @@ class Race:
         jacobian = np.insert(parent.jacobian, at, self.priors.spread * (mean - parent.mean), axis=1)
         hypothesis = replace(parent.hypothesis, names=names)
         known = hypothesis, v, mean, jacobian, parent.errors, parent.blocks
-        return self.solved(Expansion(*known, log_prior, dose=parent.dose), 5)
+        return self.fit_at_scales(Expansion(*known, log_prior, dose=parent.dose), 5)
 
     def without_effect(self, parent: Fit, name: str, log_prior: float) -> Fit:
         """The better of the fit without one of the parent's effects, if known, and one from its optimum."""
@@ -362,7 +364,7 @@ class Race:
         mean = self.model.mean(names, v)
         start = replace(parent, hypothesis=hypothesis, v=v, mean=mean, jacobian=jacobian, log_prior=log_prior)
         known = self.fits.get(hypothesis)
-        fit = self.refined(self.solved(start, 0)) if np.all(np.isfinite(mean)) else known
+        fit = self.optimise(self.fit_at_scales(start, 0)) if np.all(np.isfinite(mean)) else known
         return self.better(fit or parent, known or fit or parent)
 
     def posterior(self) -> dict[Hypothesis, float]:

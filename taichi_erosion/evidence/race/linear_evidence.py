@@ -116,7 +116,7 @@ class LinearRows:
         weight[list(bad)] /= BAD_SD**2
         return replace(self, weight=weight)
 
-    def solved(self, u: Floats) -> "Solved":
+    def posterior_at(self, u: Floats) -> "LinearPosterior":
         """Posterior and ln evidence at scales u. Raises numpy.linalg.LinAlgError far outside their range."""
         tau = np.ones(self.block.size)
         inside = self.block >= 0
@@ -133,11 +133,11 @@ class LinearRows:
         volume = float(np.sum(np.log(np.diag(factor)))) + float(counts[:-1] @ u[self.blocks :])
         fit = float(share @ energy - vector @ centre)
         log_likelihood = -0.5 * fit - volume + 0.5 * float(np.sum(np.log(self.weight)))
-        return Solved(self, u, tau, centre, inverse, each, log_likelihood)
+        return LinearPosterior(self, u, tau, centre, inverse, each, log_likelihood)
 
 
 @dataclass(frozen=True)
-class Solved:
+class LinearPosterior:
     """Everything unknown at fixed scales."""
 
     rows: LinearRows
@@ -208,15 +208,15 @@ class Solved:
         return columns.T @ self.precision[0], columns.T @ own - cross @ self.inverse @ cross.T
 
 
-def with_best_scales(rows: LinearRows, u: Floats, steps: int) -> Solved:
+def with_best_scales(rows: LinearRows, u: Floats, steps: int) -> LinearPosterior:
     """Scales by at most so many steps of scoring from u, each of which raises the posterior."""
-    now = rows.solved(u)
+    now = rows.posterior_at(u)
     for _ in range(steps):
         gradient, curvature = now.derivatives()
         curvature[np.diag_indices(u.size)] += 0.1
         move = np.clip(np.linalg.solve(curvature, gradient), -1.2, 1.2)
         for share in (1.0, 0.35, 0.12, 0.04):
-            then = rows.solved(np.clip(now.u + share * move, -5.0, 8.0))
+            then = rows.posterior_at(np.clip(now.u + share * move, -5.0, 8.0))
             if then.value > now.value - 1e-9:
                 break
         else:
@@ -231,7 +231,7 @@ def with_best_scales(rows: LinearRows, u: Floats, steps: int) -> Solved:
 class Evidence:
     """Posterior of one hypothesis with the rows that it finds bad."""
 
-    solved: Solved
+    solved: LinearPosterior
     bad: frozenset[int]
     log_evidence: float
 

@@ -22,18 +22,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows, joined
-from taichi_erosion.evidence.data.heap_correlation import correlated
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows, join_rows
+from taichi_erosion.evidence.data.heap_correlation import add_correlation
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 from taichi_erosion.evidence.data.transforms import from_scale, slope, working
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem, condition_errors
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.adequacy import NODES, WEIGHTS
-from taichi_erosion.evidence.race.blocks import Block, columns_of, dose_columns, nuisance, unlisted
+from taichi_erosion.evidence.race.blocks import Block, columns_of, dose_columns, nuisance, unlisted_blocks
 from taichi_erosion.evidence.race.doses import dosing_of
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import OUTSIDE, Doses, Fit, Hypothesis, Race
-from taichi_erosion.evidence.race.linear_evidence import Solved
+from taichi_erosion.evidence.race.linear_evidence import LinearPosterior
 from taichi_erosion.evidence.race.posterior import Posterior, scale_draws
 from taichi_erosion.evidence.race.priors import BAD_SD, SEED
 from taichi_erosion.evidence.race.record import HeldOutPart, Interval
@@ -43,7 +43,7 @@ FARTHEST, HALVINGS = 9.0, 60  # sd beyond which no quantile lies, and steps to i
 
 
 @dataclass(frozen=True)
-class Elsewhere:
+class JointRows:
     """Rows that a race has not seen, with the model bound to the fitted rows and these."""
 
     race: Race
@@ -89,12 +89,12 @@ def held_out_rows(prepared: PreparedProblem) -> ComparisonRows | None:
     problem, fitted = prepared.problem, prepared.rows
     if not problem.vault.rows.size:
         return None
-    rows = comparison_rows(problem, problem.hidden())
+    rows = comparison_rows(problem, problem.vault_rows())
     rows = rows.rows(np.isin(rows.names, fitted.names))
     which = fitted.index_of(rows.names)
     rows = replace(rows, observables=fitted.observables, which=which, noise=fitted.noise)
     variance = np.where(rows.known, rows.variance, by_observable(fitted, fitted.variance)[which])
-    return correlated(replace(rows, variance=variance), prepared.heaps) if rows.size else None
+    return add_correlation(replace(rows, variance=variance), prepared.heaps) if rows.size else None
 
 
 def by_observable(rows: ComparisonRows, values: Floats) -> Floats:
@@ -103,14 +103,14 @@ def by_observable(rows: ComparisonRows, values: Floats) -> Floats:
     return np.array([np.median(each) if each.size else 0.0 for each in own])
 
 
-def elsewhere(race: Race, rows: ComparisonRows) -> Elsewhere:
+def joint_rows(race: Race, rows: ComparisonRows) -> JointRows:
     """Other rows of the observables of a race, with the model there."""
     p = race.prepared
     both, seeds = both_rows(p.rows, rows, np.zeros(rows.size)), by_observable(p.rows, p.seed_variance)
     predictor = p.predictor.over(both.observables, both.which, both.conditions)
     joint = replace(p, rows=both, predictor=predictor, condition_errors=condition_errors(both))
     model = RaceModel(joint, priors=race.priors)
-    return Elsewhere(race, rows, seeds[rows.which] / p.seeds.scoring.size, model)
+    return JointRows(race, rows, seeds[rows.which] / p.seeds.scoring.size, model)
 
 
 def both_rows(fitted: ComparisonRows, other: ComparisonRows, mean: Floats) -> ComparisonRows:
@@ -123,7 +123,7 @@ def both_rows(fitted: ComparisonRows, other: ComparisonRows, mean: Floats) -> Co
         size[own] = np.hypot(observable.sd_shared, observable.sd_shared_relative * value) * steep[own]
     sizes = np.append(np.sqrt(np.sum(fitted.shared**2, axis=1)), np.nan_to_num(size))
     told = replace(other, z=mean, slope=np.nan_to_num(steep), shared=np.zeros((other.size, 0)))
-    both = joined([replace(fitted, shared=np.zeros((fitted.size, 0))), told])
+    both = join_rows([replace(fitted, shared=np.zeros((fitted.size, 0))), told])
     shared = np.where(both.which[:, None] == np.arange(len(both.observables)), sizes[:, None], 0.0)
     return replace(both, shared=shared[:, np.any(shared != 0.0, axis=0)], covariance=None)
 
@@ -132,7 +132,7 @@ def both_rows(fitted: ComparisonRows, other: ComparisonRows, mean: Floats) -> Co
 class Outlook:
     """What one hypothesis says of other rows, on the comparison scale."""
 
-    solved: Solved  # of the fitted rows
+    solved: LinearPosterior  # of the fitted rows
     start: Floats  # (m,), with every coefficient at 0; NaN where the model has no value
     columns: Floats  # (m, q + r), of the coefficients of fitted rows, then of those that these do not have
     alone: Integers  # (r,), scales of the latter; -1 where it is 1
@@ -140,19 +140,19 @@ class Outlook:
 
     def mean(self, smooth: bool = True) -> Floats:
         """Conditional mean (m,); without `smooth` that of physics, levels and sources alone."""
-        return self.start + self.sized(smooth)[0] @ self.solved.centre
+        return self.start + self.scaled_columns(smooth)[0] @ self.solved.centre
 
     def covariance(self, smooth: bool = True) -> Floats:
         """Conditional covariance (m, m) of that mean."""
-        own, alone = self.sized(smooth)
+        own, alone = self.scaled_columns(smooth)
         return own @ self.solved.inverse @ own.T + alone @ alone.T
 
     def variance(self, smooth: bool = True) -> Floats:
         """Its diagonal (m,)."""
-        own, alone = self.sized(smooth)
+        own, alone = self.scaled_columns(smooth)
         return np.sum(own @ self.solved.inverse * own, axis=1) + np.sum(alone**2, axis=1)
 
-    def sized(self, smooth: bool) -> tuple[Floats, Floats]:
+    def scaled_columns(self, smooth: bool) -> tuple[Floats, Floats]:
         """Columns in units of the sd of their coefficients: those of fitted rows, and the others."""
         tau = np.append(self.solved.tau, np.exp(np.append(self.solved.u, 0.0)[self.alone]))
         whole = self.columns * np.where(self.smooth & (not smooth), 0.0, tau)
@@ -176,20 +176,20 @@ class Forecast:
             middle = np.broadcast_to(0.5 * (low + high), (3, sd.shape[1]))
             less = self.weight @ special.ndtr((middle[:, np.newaxis] - self.centre) / sd) < SHARES
             low, high = np.where(less, middle, low), np.where(less, high, middle)
-        found = []
+        quantiles = []
         for row, k in zip(low.T, self.rows.which, strict=True):
             observable = self.rows.observables[k]
             ends = from_scale(observable, row)
             low, middle, high = np.maximum(ends, 0.0) if observable.transform == "log_floor" else ends
-            found.append(Interval(float(middle), float(low), float(high)))
-        return found
+            quantiles.append(Interval(float(middle), float(low), float(high)))
+        return quantiles
 
     def below(self) -> Floats:
         """Share of one more measurement that lies below each measured value (m,)."""
         return self.weight @ special.ndtr((self.rows.z - self.centre) / self.measured)
 
 
-def expanded(place: Elsewhere, fit: Fit) -> tuple[Floats, Floats, Doses | None]:
+def joint_expansion(place: JointRows, fit: Fit) -> tuple[Floats, Floats, Doses | None]:
     """Mean (n + m,) and slopes of the model at fitted and other rows, and the doses of a mechanism there."""
     model, names, v, n = place.model, fit.hypothesis.names, fit.v, fit.mean.size
     if fit.dose is None:
@@ -204,25 +204,25 @@ def expanded(place: Elsewhere, fit: Fit) -> tuple[Floats, Floats, Doses | None]:
     return mean, own.slopes(v, w, mean), Doses(w, own.slope(v, w, mean), own.root)
 
 
-def both_blocks(place: Elsewhere, fit: Fit, both: ComparisonRows, doses: Doses | None) -> list[Block]:
+def both_blocks(place: JointRows, fit: Fit, both: ComparisonRows, doses: Doses | None) -> list[Block]:
     """The blocks of a fit over fitted and other rows."""
     p, n, priors = place.race.prepared, fit.mean.size, place.race.priors
     known, unit = np.arange(both.size) < n, np.append(p.sd, np.ones(both.size - n))
     usual, unknown = nuisance(both, known, unit, priors), OUTSIDE in fit.hypothesis.beside
-    large = unlisted(both, known, usual, priors)[fit.hypothesis.along] if unknown else []
+    large = unlisted_blocks(both, known, usual, priors)[fit.hypothesis.along] if unknown else []
     built = {block.scale.names[0]: block.columns for block in (*usual, *large)}
     if doses is not None:
         built["dose"] = doses.change(doses.factor, both.size)
     return [replace(block, columns=built[block.scale.names[0]]) for block in fit.blocks]
 
 
-def outlook(place: Elsewhere, fit: Fit) -> Outlook:
+def outlook(place: JointRows, fit: Fit) -> Outlook:
     """A hypothesis at other rows, conditioned on the fitted ones at the scales of the fit.
 
     Slopes of both are taken anew, since those of a fit may be updates only.
     """
     race, n, v, model = place.race, fit.mean.size, fit.v, place.model
-    mean, jacobian, doses = expanded(place, fit)
+    mean, jacobian, doses = joint_expansion(place, fit)
     both = both_rows(race.prepared.rows, place.rows, mean[n:])
     acting = model.strengths(fit.hypothesis.names, v)
     varied = doses and fit.hypothesis.doses(doses.w)
@@ -232,7 +232,7 @@ def outlook(place: Elsewhere, fit: Fit) -> Outlook:
         mean, own[n:][place.runs[0]] = np.append(mean[:n], mean[n:] + place.runs[1]), 0.0
         own = np.hstack([own, np.vstack([np.zeros((n, place.runs[2].shape[1])), place.runs[2]])])
     errors, blocks = np.hstack([both.shared, own]), both_blocks(place, fit, both, doses)
-    known = replace(
+    conditioned = replace(
         fit,
         mean=mean[:n],
         jacobian=jacobian[:n],
@@ -240,13 +240,13 @@ def outlook(place: Elsewhere, fit: Fit) -> Outlook:
         blocks=tuple(replace(block, columns=block.columns[:n]) for block in blocks),
         dose=doses and Doses(doses.w[known_w], doses.slope[known_w], doses.factor[known_w]),
     )
-    rows = race.linear(known)[0]
+    rows = race.linear(conditioned)[0]
     seen = np.any(rows.columns != 0.0, axis=0)
     order, kept = np.argsort(~seen, kind="stable"), replace(rows, columns=rows.columns[:, seen])
     kinds = np.array([block.kind in ("discrepancy", "unlisted") for block in blocks] + [False])
     columns = [columns_of(block, jacobian[:, : model.count]) for block in blocks]
     return Outlook(
-        replace(kept, block=rows.block[seen]).with_bad(fit.evidence.bad).solved(fit.evidence.solved.u),
+        replace(kept, block=rows.block[seen]).with_bad(fit.evidence.bad).posterior_at(fit.evidence.solved.u),
         (mean - jacobian @ v - (doses.change(doses.w, mean.size) if doses else 0.0))[n:],
         np.hstack([jacobian, errors, *columns])[n:, order],
         rows.block[~seen],
@@ -254,13 +254,13 @@ def outlook(place: Elsewhere, fit: Fit) -> Outlook:
     )
 
 
-def kappa(place: Elsewhere, solved: Solved) -> Floats:
+def kappa(place: JointRows, solved: LinearPosterior) -> Floats:
     """Scatter of other rows over what is stated (m,)."""
     known = dict(zip(solved.rows.scales.names, solved.u, strict=True))
     return np.exp([known.get(f"scatter {name}", 0.0) for name in place.rows.names])
 
 
-def forecast(posterior: Posterior, place: Elsewhere) -> Forecast:
+def forecast(posterior: Posterior, place: JointRows) -> Forecast:
     """Other rows by every hypothesis that matters; NaN where one of them has no value."""
     random, parts = np.random.default_rng(SEED), []
     numerical = np.array([place.rows.noise[name].numerical for name in place.rows.names]) ** 2
@@ -314,21 +314,26 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     wrong = [others[np.random.default_rng(seed).integers(len(others))]] if others else []
     alone = Hypothesis(tuple(sorted(names)))
     best = alone if alone in race.fits else posterior.best.hypothesis
-    place, chosen = elsewhere(race, rows), [Hypothesis(()), best, *wrong]
-    told = [outlook(place, race.fits[h]) for h in chosen]
-    good = np.all([np.isfinite(each.start) for each in told], axis=0)
+    place, chosen = joint_rows(race, rows), [Hypothesis(()), best, *wrong]
+    outlooks = [outlook(place, race.fits[h]) for h in chosen]
+    good = np.all([np.isfinite(each.start) for each in outlooks], axis=0)
     if not good.any():
         return None
-    size = np.sqrt(rows.variance + place.simulated + told[1].variance(False))  # rivals may expect large ones
-    gaps, reach = (((rows.z - each.mean(False)) / size)[good] for each in told), (rows.reach / size)[good]
+    size = np.sqrt(
+        rows.variance + place.simulated + outlooks[1].variance(False)
+    )  # rivals may expect large ones
+    gaps, reach = (((rows.z - each.mean(False)) / size)[good] for each in outlooks), (rows.reach / size)[good]
     before, after, *other = (float(np.mean(working(gap, reach).residual ** 2)) for gap in gaps)
     seen, opened = good & ~rows.censored, race.prepared.problem.vault.opened + 1
-    p_after, p_worse = misfit_chance(place, told[1], seen), chance_of_worse(place, told[0], told[1], seen)
+    p_after, p_worse = (
+        misfit_chance(place, outlooks[1], seen),
+        chance_of_worse(place, outlooks[0], outlooks[1], seen),
+    )
     control, name = (other[0], wrong[0].names[0]) if other else (np.nan, "")
     return HeldOutPart(int(good.sum()), before, after, p_after, control, opened, tuple(names), name, p_worse)
 
 
-def misfit_chance(place: Elsewhere, told: Outlook, good: Bools) -> float:
+def misfit_chance(place: JointRows, told: Outlook, good: Bools) -> float:
     """Chance of as large a misfit r^T cov^-1 r of some rows, without smooth discrepancies (`adequacy`)."""
     noise = np.diag(place.rows.variance + place.simulated)
     if place.rows.covariance is not None:
@@ -340,7 +345,7 @@ def misfit_chance(place: Elsewhere, told: Outlook, good: Bools) -> float:
     return float(WEIGHTS @ special.chdtrc(gap.size, np.maximum(size, 0.0)) / WEIGHTS.sum())
 
 
-def chance_of_worse(place: Elsewhere, before: Outlook, after: Outlook, good: Bools) -> float:
+def chance_of_worse(place: JointRows, before: Outlook, after: Outlook, good: Bools) -> float:
     """Chance that the misfit falls as little, or grows as much, if what is added acts.
 
     With d the change of the prediction over the sd s of its error, and r the residual after it,

@@ -24,7 +24,7 @@ from taichi_erosion.evidence.race.adequacy import misfit_p
 from taichi_erosion.evidence.race.doses import add_doses
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race
-from taichi_erosion.evidence.race.linear_evidence import Solved
+from taichi_erosion.evidence.race.linear_evidence import LinearPosterior
 from taichi_erosion.evidence.race.priors import DRAWS, FAMILYWISE, KEEP, PRIORS, SEED, Priors
 from taichi_erosion.evidence.race.search import log_prior, search
 
@@ -42,27 +42,27 @@ class Draws:
 
 
 def scale_draws(
-    best: Solved, probability: float, random: np.random.Generator, each: int = 0
-) -> list[tuple[Solved, Floats, float]]:
+    best: LinearPosterior, probability: float, random: np.random.Generator, each: int = 0
+) -> list[tuple[LinearPosterior, Floats, float]]:
     """Solutions at drawn scales, with so many draws (each, q) of all coefficients, and weights."""
     spread = np.linalg.cholesky(np.linalg.inv(best.derivatives()[1]))
-    found, log_weight = [], []
+    scales, log_weight = [], []
     for k in range(SCALES):
         step = random.standard_normal(best.u.size) if k else np.zeros(best.u.size)
         stretch = np.sqrt(FREEDOM / random.chisquare(FREEDOM))
         u = np.clip(best.u + spread @ step * stretch, -8.0, 8.0)
         try:
-            now = best.rows.solved(u)
+            now = best.rows.posterior_at(u)
             root = np.linalg.cholesky(now.inverse)
         except LinAlgError:
             continue
         length = float(step @ step) * stretch**2
         log_weight.append(now.value + 0.5 * (FREEDOM + best.u.size) * np.log1p(length / FREEDOM))
-        found.append((now, (now.centre + random.standard_normal((each, now.tau.size)) @ root.T) * now.tau))
+        scales.append((now, (now.centre + random.standard_normal((each, now.tau.size)) @ root.T) * now.tau))
     share = np.exp(np.array(log_weight) - np.max(log_weight))
     share = np.minimum(share, 0.1 * share.sum())  # no draw stands for more than a tenth of all
     weights = probability * share / share.sum()
-    return [(*own, weight) for own, weight in zip(found, weights, strict=True) if weight > 0.0]
+    return [(*own, weight) for own, weight in zip(scales, weights, strict=True) if weight > 0.0]
 
 
 @dataclass(frozen=True)
@@ -81,13 +81,13 @@ class Posterior:
     @cached_property
     def draws(self) -> list[Draws]:
         """Draws of every hypothesis that matters."""
-        found, random = list[Draws](), np.random.default_rng(SEED)
+        draws_of_fits, random = list[Draws](), np.random.default_rng(SEED)
         told = {h: p for h, p in self.probability.items() if p > 1e-3}
         for fit, share in [(self.race.fits[h], p / sum(told.values())) for h, p in told.items()]:
             each = max(4, int(DRAWS * share / SCALES))
             _, values, weights = zip(*scale_draws(fit.evidence.solved, share, random, each), strict=True)
-            found.append(Draws(fit, np.vstack(values), np.repeat(np.array(weights) / each, each)))
-        return found
+            draws_of_fits.append(Draws(fit, np.vstack(values), np.repeat(np.array(weights) / each, each)))
+        return draws_of_fits
 
     @cached_property
     def numbers(self) -> tuple[Floats, Floats]:
@@ -132,7 +132,7 @@ def quantiles(values: Floats, weight: Floats, shares: Sequence[float] = (0.05, 0
     return np.quantile(values, shares, weights=weight, method="inverted_cdf")
 
 
-def raced(
+def infer(
     problem: Problem,
     seed: int,
     table: Measurements | None = None,
@@ -156,7 +156,7 @@ def raced(
     race = Race(prepared, RaceModel(prepared, most, progress, priors))
     try:
         search(race)
-        if problem.mechanisms and strained(race):
+        if problem.mechanisms and has_unexplained_misfit(race):
             add_doses(race)
     except BudgetSpentError:
         race.stopped = True
@@ -167,7 +167,7 @@ def raced(
     return Posterior(race, race.posterior())
 
 
-def given(posterior: Posterior, effects: Sequence[str]) -> Posterior:
+def condition_on_effects(posterior: Posterior, effects: Sequence[str]) -> Posterior:
     """The posterior if exactly these effects act, each with one strength."""
     race, names = posterior.race, tuple(sorted(effects))
     fit = race.bare
@@ -176,18 +176,18 @@ def given(posterior: Posterior, effects: Sequence[str]) -> Posterior:
         added = race.fits.get(hypothesis) or race.with_effect(fit, name, log_prior(race, hypothesis))
         if added is None:
             raise BadInput(f"{name} changes nothing in this model at the measured conditions")
-        fit = added if added.refined else race.refined(added)
-    return only(race, lambda h: h.names == names and {*h.beside} <= {OUTSIDE})
+        fit = added if added.refined else race.optimise(added)
+    return restrict(race, lambda h: h.names == names and {*h.beside} <= {OUTSIDE})
 
 
-def only(race: Race, wanted: Callable[[Hypothesis], bool]) -> Posterior:
+def restrict(race: Race, wanted: Callable[[Hypothesis], bool]) -> Posterior:
     """The posterior if one of some hypotheses is true."""
     share = {h: p for h, p in race.posterior().items() if wanted(h)}
     total = max(sum(share.values()), 1e-300)
     return Posterior(race, {h: p / total for h, p in share.items()})
 
 
-def strained(race: Race) -> bool:
+def has_unexplained_misfit(race: Race) -> bool:
     """Whether listed effects leave something open: they are unlikely, or need errors larger than expected.
 
     Until mechanisms are tried, what is not in the list has their prior too.

@@ -24,7 +24,7 @@ from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.prepared_problem import PreparedProblem
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis
-from taichi_erosion.evidence.race.outlook import Elsewhere, elsewhere, kappa, new_rows, outlook
+from taichi_erosion.evidence.race.outlook import JointRows, joint_rows, kappa, new_rows, outlook
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.priors import KEEP, SEED, SURE
 from taichi_erosion.evidence.race.record import ExperimentPart, Interval
@@ -54,7 +54,7 @@ def proposals(posterior: Posterior, laboratory: Laboratory) -> tuple[ExperimentP
     if sum(p for h, p in posterior.probability.items() if right(leading, h)) >= SURE:
         return ()
     race, rows = posterior.race, possible(posterior.race.prepared, laboratory.ranges)
-    place = elsewhere(race, rows)
+    place = joint_rows(race, rows)
     cost = np.array([laboratory.costs.get(name, 1.0) for name in rows.names])
     rivals = [rival(place, race.fits[h], weight, laboratory.repeats) for h, weight in weights.items()]
     design = best_design(rivals, cost)
@@ -96,7 +96,7 @@ def explanations(probability: Mapping[Hypothesis, float]) -> dict[Hypothesis, fl
 # -- what they expect
 
 
-def rival(place: Elsewhere, fit: Fit, weight: float, repeats: int) -> Rival:
+def rival(place: JointRows, fit: Fit, weight: float, repeats: int) -> Rival:
     """An explanation, given the known rows."""
     told = outlook(place, fit)
     scatter = kappa(place, told.solved) ** 2
@@ -131,7 +131,7 @@ def possible(prepared: PreparedProblem, ranges: Mapping[str, tuple[float, float]
 def settings(rows: ComparisonRows, own: Integers, ranges: Mapping[str, tuple[float, float]]) -> Floats:
     """Sets of conditions (m, c) of one observable; what none of its rows states is NaN."""
     table = np.column_stack(list(rows.conditions.values()))
-    stated = np.isfinite(table[own]).any(axis=0)
+    is_stated = np.isfinite(table[own]).any(axis=0)
     measured = [(np.nanmin(column), np.nanmax(column)) for column in table.T]
     low, high = np.array([ranges.get(n, each) for n, each in zip(rows.conditions, measured, strict=True)]).T
     middle = np.where(low > 0.0, np.sqrt(np.abs(low * high)), 0.5 * (low + high))
@@ -141,9 +141,9 @@ def settings(rows: ComparisonRows, own: Integers, ranges: Mapping[str, tuple[flo
     corners = corners[:, independent[: low.size]]
     share = np.vstack([corners, np.eye(low.size), -np.eye(low.size), np.zeros((1, low.size))])
     design = np.where(share > 0.0, high, np.where(share < 0.0, low, middle))
-    inside = np.unique(table[np.all(~stated | ((table >= low) & (table <= high)), axis=1)], axis=0)
+    inside = np.unique(table[np.all(~is_stated | ((table >= low) & (table <= high)), axis=1)], axis=0)
     inside = inside[:: 1 + len(inside) // len(corners)]
-    return np.unique(np.where(stated, np.vstack([design, inside]), np.nan), axis=0)
+    return np.unique(np.where(is_stated, np.vstack([design, inside]), np.nan), axis=0)
 
 
 # -- the design
@@ -159,12 +159,14 @@ def best_design(rivals: Sequence[Rival], cost: Floats) -> list[tuple[int, float]
     outcomes = (mean[:, np.newaxis] + kicks).reshape(-1, valued.size)
     gap = outcomes - mean[:, np.newaxis]  # (rivals, outcomes, m), from what each expects after those chosen
     weight, names = np.array([rival.weight for rival in rivals]), [rival.hypothesis for rival in rivals]
-    rightness = np.array([[right(told, true) for true in names] for told in names], dtype=np.float64)
+    rightness = np.array(
+        [[right(names_told, true) for true in names] for names_told in names], dtype=np.float64
+    )
     true, every = np.repeat(np.arange(weight.size), 2 * PAIRS), np.arange(gap.shape[1])
     score, now = np.log(weight)[:, np.newaxis] + 0.0 * gap[..., 0], float(weight @ np.log(weight))
-    told: list[tuple[int, float]] = []
+    choice: list[tuple[int, float]] = []
     kept, best, open_ = 0, 0.0, np.ones(valued.size)
-    while len(told) < min(MOST, valued.size):
+    while len(choice) < min(MOST, valued.size):
         size = np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300)[:, np.newaxis]
         after = score[..., np.newaxis] - 0.5 * (np.log(size) + gap**2 / size)
         after = after - np.asarray(logsumexp(after, axis=0))
@@ -174,10 +176,10 @@ def best_design(rivals: Sequence[Rival], cost: Floats) -> list[tuple[int, float]
             break
         score, now, open_[at] = after[..., at], now + gain[at], 0.0
         sure = (rightness @ np.exp(score))[np.argmax(score, axis=0), every] >= SURE  # of the leading one
-        told.append((int(valued[at]), float(weight[true] @ sure) / (2 * PAIRS)))
-        if told[-1][1] > best + LEAST:
-            kept, best = len(told), told[-1][1]
+        choice.append((int(valued[at]), float(weight[true] @ sure) / (2 * PAIRS)))
+        if choice[-1][1] > best + LEAST:
+            kept, best = len(choice), choice[-1][1]
         along = (covariance[:, :, at] / covariance[:, at, at, np.newaxis])[:, np.newaxis]
         gap = gap - gap[..., at, np.newaxis] * along
         covariance = covariance - along.transpose(0, 2, 1) * covariance[:, np.newaxis, at]
-    return told[:kept] if best > 1.0 - SURE else []
+    return choice[:kept] if best > 1.0 - SURE else []

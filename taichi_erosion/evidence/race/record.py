@@ -34,7 +34,7 @@ class Interval:
 
 
 @dataclass(frozen=True)
-class Decided:
+class DecisionPart:
     """What is said, and with what probability."""
 
     verdict: Verdict
@@ -260,7 +260,7 @@ class FreshPart:
 class Record:
     """One answer."""
 
-    decided: Decided
+    decided: DecisionPart
     effects: Mapping[str, EffectPart]
     numbers: Mapping[str, NumberPart]
     levels: tuple[LevelPart, ...]
@@ -276,7 +276,7 @@ class Record:
     held_out: HeldOutPart | None = None
     experiments: tuple[ExperimentPart, ...] = ()
     fresh: FreshPart | None = None
-    sensitivity: Mapping[str, Sequence[Decided]] = field(default_factory=dict)  # prior halved, doubled
+    sensitivity: Mapping[str, Sequence[DecisionPart]] = field(default_factory=dict)  # prior halved, doubled
 
     @property
     def improves(self) -> bool:

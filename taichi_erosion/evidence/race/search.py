@@ -44,12 +44,12 @@ def log_prior(race: Race, hypothesis: Hypothesis) -> float:
 
 def search(race: Race) -> None:
     """Nothing, singles, sets grown from the best ones, and each beside something that is not in the list."""
-    bare, effects = race.calibrated(log(race.priors.nothing)), list(race.model.candidates)
+    bare, effects = race.fit_bare(log(race.priors.nothing)), list(race.model.candidates)
     add_unlisted(race, bare)
     add_each(race, bare, effects)
     race.tried = True
     for single in race.sets(1):
-        race.refined(single)
+        race.optimise(single)
     for size in range(1, min(MOST, len(effects))):
         grow(race, size, effects)
     prune(race)
@@ -64,7 +64,7 @@ def search(race: Race) -> None:
         for fit in race.likely(KEEP)[:CARRIED]:
             if fit.hypothesis not in done:
                 done.add(fit.hypothesis)
-                race.sharpened(fit)
+                race.polish(fit)
 
 
 def add_each(race: Race, parent: Fit, effects: Sequence[str]) -> None:
@@ -73,7 +73,7 @@ def add_each(race: Race, parent: Fit, effects: Sequence[str]) -> None:
         hypothesis = Hypothesis(tuple(sorted((*parent.hypothesis.names, name))))
         if name not in parent.hypothesis.names and hypothesis not in race.fits:
             if (found := race.with_effect(parent, name, log_prior(race, hypothesis))) is not None:
-                race.kept(found)
+                race.store(found)
 
 
 def add_unlisted(race: Race, parent: Fit) -> None:
@@ -82,7 +82,7 @@ def add_unlisted(race: Race, parent: Fit) -> None:
         hypothesis = Hypothesis(parent.hypothesis.names, (OUTSIDE,), along)
         if hypothesis not in race.fits:
             known = {"hypothesis": hypothesis, "log_prior": log_prior(race, hypothesis)}
-            race.kept(race.moved(race.solved(replace(parent, **known, blocks=blocks), 10), 2))
+            race.store(race.gauss_newton(race.fit_at_scales(replace(parent, **known, blocks=blocks), 10), 2))
 
 
 def grow(race: Race, size: int, effects: Sequence[str]) -> None:
@@ -103,7 +103,7 @@ def refine(race: Race, size: int, most: int) -> None:
     """The leading sets of one size that have been seen from afar alone."""
     for fit in leading(race, size, 0.2 * KEEP, most):
         if not fit.refined:
-            race.refined(fit)
+            race.optimise(fit)
 
 
 def leading(race: Race, size: int, least: float, most: int) -> list[Fit]:

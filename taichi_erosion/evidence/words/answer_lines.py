@@ -22,7 +22,7 @@ from taichi_erosion.evidence.race.record import (
 )
 from taichi_erosion.evidence.words import part_words
 from taichi_erosion.evidence.words import vocabulary as say
-from taichi_erosion.tables.number_words import counted, heading, plain, with_unit
+from taichi_erosion.tables.number_words import count_noun, heading, plain, with_unit
 
 HARDER = "Measurements under other conditions test the model harder"
 COMPARED = ("observable", "rows", "rms error", "mean error", "fails along")
@@ -53,16 +53,16 @@ class Answer:
         return *self.missing, *self.holds, *self.following
 
 
-def framed(answer: Answer, record: Record) -> Answer:
+def trim(answer: Answer, record: Record) -> Answer:
     """An answer without empty lines, and a spent budget before the last one."""
-    spent = f"Stopped at the budget ({counted(record.cost.settings, 'setting')} of the model)"
+    spent = f"Stopped at the budget ({count_noun(record.cost.settings, 'setting')} of the model)"
     stopped = f"{spent}: this is known so far; a larger --budget may change it." * bool(record.cost.stopped)
     parts = answer.missing, answer.holds, (stopped, *answer.following)
     missing, holds, following = (tuple(filter(None, part)) for part in parts)
     return Answer(missing, holds, following, answer.table)
 
 
-def again(record: Record, command: str, voc: say.Vocabulary, *words: str) -> str:
+def first_step(record: Record, command: str, voc: say.Vocabulary, *words: str) -> str:
     """What comes before every other step: rows to be checked, a set-up to be settled."""
     if not record.repeats and part_words.testable(record):
         return ""
@@ -72,16 +72,16 @@ def again(record: Record, command: str, voc: say.Vocabulary, *words: str) -> str
 
 def compare_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """Whether the calibrated model agrees, and where it fails."""
-    first, last = compared(record, voc)
+    first, last = comparison_lines(record, voc)
     errors = part_words.errors_line(record, voc, part_words.agrees(record))
     missing = first, errors, part_words.where_line(record)
     holds = (part_words.scatter_line(record, voc), part_words.numbers_line(record, before=True))
     table = Table("measured minus model", COMPARED, tuple(part_words.observable_rows(record, voc)))
-    following = (f"{again(record, 'compare', voc) or last}.",)
-    return framed(Answer(missing, holds, following, table), record)
+    following = (f"{first_step(record, 'compare', voc) or last}.",)
+    return trim(Answer(missing, holds, following, table), record)
 
 
-def compared(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
+def comparison_lines(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     """First and last line of a comparison."""
     fit, rows = record.fit, part_words.rows_text(record)
     size = f"misfit per row {plain(fit.chi2_before / fit.n, 2)}, where 1 is chance"
@@ -110,7 +110,7 @@ def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
     held = record.held_out
     before, _, last = adoption(record, held, voc) if held and held.n else ("", "", "")
     holds = fit, before and f"Adopted before: {before[0].lower()}{before[1:]}", numbers
-    return framed(Answer(missing, holds, (after_discovery(record, voc, last),), table), record)
+    return trim(Answer(missing, holds, (after_discovery(record, voc, last),), table), record)
 
 
 def sensitivity_table(record: Record) -> Table | None:
@@ -122,7 +122,7 @@ def sensitivity_table(record: Record) -> Table | None:
 
 def after_discovery(record: Record, voc: say.Vocabulary, adopted: str) -> str:
     proposals, verdict = voc.command("next", voc.study), record.decided.verdict
-    steps = again(record, "discover", voc), *([adopted] if adopted else acting_steps(record, voc))
+    steps = first_step(record, "discover", voc), *([adopted] if adopted else acting_steps(record, voc))
     if words := "; then ".join(filter(None, steps)):
         return f"{words}."
     if verdict == "outside_library" or record.decided.refuted:
@@ -138,12 +138,12 @@ def acting_steps(record: Record, voc: say.Vocabulary) -> Iterator[str]:
     """What to do with everything that is said to act."""
     (sure, either), named = part_words.acting(record.decided), record.decided.named
     if named and sure:
-        yield f"{voc.command('adopt', voc.study, *named)} tests {say.joined(named)} on held-out rows"
+        yield f"{voc.command('adopt', voc.study, *named)} tests {say.join_words(named)} on held-out rows"
     elif sure:
         own = voc.command("effects", "new", "NAME", *(["--from-discovery", voc.results] * bool(record.law)))
-        yield f"{own} writes {say.joined(sure)} as an effect of your own, and `adopt` tests it"
+        yield f"{own} writes {say.join_words(sure)} as an effect of your own, and `adopt` tests it"
     if either:
-        names = say.joined(either)
+        names = say.join_words(either)
         yield f"{voc.command('next', voc.study)} asks which measurements tell {names} apart"
 
 
@@ -151,17 +151,21 @@ def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """Whether the error falls on rows that no fit has seen."""
     held = record.held_out
     if held is None or not held.n:
-        names, proposals = say.joined(record.decided.named), voc.command("next", voc.study)
+        names, proposals = say.join_words(record.decided.named), voc.command("next", voc.study)
         words = f"No held-out row tests {names}: {proposals} asks which measurements do."
-        return framed(Answer((words,), (), (), None), record)
+        return trim(Answer((words,), (), (), None), record)
     first, numbers, last = adoption(record, held, voc)
-    following = (f"{again(record, 'adopt', voc, *held.adopted) or last}.",)
-    return framed(Answer((first,), (control(held), numbers), following, error_table(record, held)), record)
+    following = (f"{first_step(record, 'adopt', voc, *held.adopted) or last}.",)
+    return trim(Answer((first,), (control(held), numbers), following, error_table(record, held)), record)
 
 
 def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[str, str, str]:
     """First line, numbers and last line, from one comparison: the error falls only to an adequate model."""
-    rows, names, numbers = counted(held.n, "held-out row"), say.joined(held.adopted), part_words.numbers_line
+    rows, names, numbers = (
+        count_noun(held.n, "held-out row"),
+        say.join_words(held.adopted),
+        part_words.numbers_line,
+    )
     change = f"from {plain(held.before, 2)} to {plain(held.after, 2)} per row (1 is chance)"
     way = "falls" if held.after < held.before else "rises"
     fit, misfits = record.fit, {"held-out": held.p_after, "fitted": record.fit.p_after}
@@ -174,7 +178,7 @@ def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[st
     if failing:
         last = f"Go on with {voc.written}: {voc.command('discover', voc.written)} asks what else is missing"
         first = f"With {names} the error of {rows} {way} {change}, and the model still fails"
-        return f"{first}: {say.joined(failing)}.", numbers(record, before=False), last
+        return f"{first}: {say.join_words(failing)}.", numbers(record, before=False), last
     left = f"what is left is chance ({say.chance(held.p_after)})"
     first = f"The error falls with {names}: {change} on {rows}; {left}."
     if held.after >= held.before:
@@ -196,7 +200,9 @@ def error_table(record: Record, held: HeldOutPart) -> Table:
     """Misfit per row of fitted and held-out rows, with a control."""
     fit, parts = record.fit, [(name, record.effects.get(name)) for name in held.adopted]
     before, after = (plain(chi2 / fit.n, 2) for chi2 in (fit.chi2_before, fit.chi2_after))
-    added = say.joined(f"{name} {part_words.strength_text(part)}" if part else name for name, part in parts)
+    added = say.join_words(
+        f"{name} {part_words.strength_text(part)}" if part else name for name, part in parts
+    )
     rows = [("before", before, plain(held.before, 2)), (f"with {added}", after, plain(held.after, 2))]
     rows += [] if isnan(held.wrong) else [(f"control: {held.wrong_effect}", "-", plain(held.wrong, 2))]
     columns = ("model", f"{fit.n} fitted rows", f"{held.n} held-out rows")
@@ -210,16 +216,16 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
         words = f"More measurements within the present ranges will not help.{wider(record, voc)}"
         if not part_words.testable(record):
             words = "No measurement is proposed before the errors above are fixed."
-        return framed(Answer((words,), (), (), None), record)
+        return trim(Answer((words,), (), (), None), record)
     shown, more = keys[: say.MOST_TOLD], len(keys) - say.MOST_TOLD
-    told = [*map(short, shown), *([counted(more, "other explanation")] if more > 0 else [])]
-    words = say.joined(told, "from" if len(told) == 2 else "and")
+    told = [*map(short, shown), *([count_noun(more, "other explanation")] if more > 0 else [])]
+    words = say.join_words(told, "from" if len(told) == 2 else "and")
     last = f"Add the new rows to the table and run {voc.command('discover', voc.study)} again."
     expects = (f"expected by {short(key)}" for key in shown)
     columns = ("measure", "at", *expects, "chance to decide, with those above", "cost")
     rows = tuple(experiment_row(each, shown, voc) for each in record.experiments)
     table = Table("next measurements, the best first", columns, rows)
-    return framed(Answer((f"These measurements would separate {words}.",), (), (last,), table), record)
+    return trim(Answer((f"These measurements would separate {words}.",), (), (last,), table), record)
 
 
 def wider(record: Record, voc: say.Vocabulary) -> str:
@@ -234,41 +240,50 @@ def short(key: str) -> str:
     return say.EXPLANATIONS.get(key) or key.replace("+", " + ")
 
 
-def experiment_row(found: ExperimentPart, keys: list[str], voc: say.Vocabulary) -> tuple[str, ...]:
+def experiment_row(experiment: ExperimentPart, keys: list[str], voc: say.Vocabulary) -> tuple[str, ...]:
     """Where to measure, what each explanation expects, the chance to decide."""
-    name, unit = found.observable, voc.units.value_unit(found.observable)
-    expected = (found.predictions.get(key) for key in keys)
+    name, unit = experiment.observable, voc.units.value_unit(experiment.observable)
+    expected = (experiment.predictions.get(key) for key in keys)
     values = (say.interval(each, 3, voc.scale(name)) if each else "-" for each in expected)
-    at, chance = voc.units.setting_text(found.conditions), say.probability(found.chance)
-    return heading(say.quantity(name), unit), at, *values, chance, plain(found.cost, 2)
+    at, chance = voc.units.setting_text(experiment.conditions), say.probability(experiment.chance)
+    return heading(say.quantity(name), unit), at, *values, chance, plain(experiment.cost, 2)
 
 
-def prediction_answer(found: PredictionPart, about: Mapping[str, Any], units: TableUnits) -> Answer:
+def prediction_answer(prediction: PredictionPart, about: Mapping[str, Any], units: TableUnits) -> Answer:
     """Which model answers, what its intervals rest on, and how they have held."""
-    hidden, name, with_ = about["rows_hidden"], Path(about["study"]).name, say.joined(about["adopted"])
+    hidden, name, with_ = about["rows_hidden"], Path(about["study"]).name, say.join_words(about["adopted"])
     model = f"the adopted model, with {with_} ({name})" if with_ else f"the calibrated model of {name}"
-    every, new = f"of {counted(len(found.rows), 'prediction')}", sum(row.unseen for row in found.rows)
+    every, new = (
+        f"of {count_noun(len(prediction.rows), 'prediction')}",
+        sum(row.unseen for row in prediction.rows),
+    )
     soil = f"; for {new} {every} the soil or batch was not measured (a column `group` names it)" * bool(new)
     again = "adopted before the table or the study changed; `adopt` again takes it in"
     missing = [f"Predicted by {model}.", f"`value` is the model corrected by what its residuals show{soil}."]
-    lost = f"Not predicted: {say.joined(found.lost)}, of which no row has a known scatter."
-    missing += [lost] * bool(found.lost)
-    missing += [f"Left out: {say.joined(found.outdated)}, {again}."] * bool(found.outdated)
-    holds = [check_line("fitted rows, each predicted from the others,", found.fitted)]
-    if found.held_out is not None:
-        holds += [check_line("held-out rows", found.held_out)]
+    lost = f"Not predicted: {say.join_words(prediction.lost)}, of which no row has a known scatter."
+    missing += [lost] * bool(prediction.lost)
+    missing += [f"Left out: {say.join_words(prediction.outdated)}, {again}."] * bool(prediction.outdated)
+    holds = [check_line("fitted rows, each predicted from the others,", prediction.fitted)]
+    if prediction.held_out is not None:
+        holds += [check_line("held-out rows", prediction.held_out)]
     elif hidden:
-        holds += [f"{counted(hidden, 'held-out row')} stay unseen for `adopt`."]
-    runs, fresh = counted(found.new_runs, "new simulation"), sum(row.simulated for row in found.rows)
-    holds += [f"{runs} answer for {fresh} {every}."] * bool(found.new_runs)
-    outside, none = sum(bool(row.outside) for row in found.rows), sum(isnan(row.value) for row in found.rows)
+        holds += [f"{count_noun(hidden, 'held-out row')} stay unseen for `adopt`."]
+    runs, fresh = (
+        count_noun(prediction.new_runs, "new simulation"),
+        sum(row.simulated for row in prediction.rows),
+    )
+    holds += [f"{runs} answer for {fresh} {every}."] * bool(prediction.new_runs)
+    outside, none = (
+        sum(bool(row.outside) for row in prediction.rows),
+        sum(isnan(row.value) for row in prediction.rows),
+    )
     why = "no value: the model could not be run there, or its budget is spent"
     following = [f"{none} {every} {'has' if none == 1 else 'have'} {why}."] * bool(none)
     lie = f"{'lies' if outside == 1 else 'lie'} outside the measured conditions"
     following += [f"{outside} {every} {lie}: nothing checks the model there."] * bool(outside)
-    if found.constant:
-        following += [f"As in the study, not in the table: {units.setting_text(found.constant)}."]
-    return Answer(tuple(missing), tuple(holds), tuple(following), prediction_rows(found, units))
+    if prediction.constant:
+        following += [f"As in the study, not in the table: {units.setting_text(prediction.constant)}."]
+    return Answer(tuple(missing), tuple(holds), tuple(following), prediction_rows(prediction, units))
 
 
 def check_line(rows: str, check: CheckPart) -> str:
@@ -279,16 +294,18 @@ def check_line(rows: str, check: CheckPart) -> str:
     return f"{check.inside} of {check.n} {rows} lie inside their 90 % interval{few}."
 
 
-def prediction_rows(found: PredictionPart, units: TableUnits) -> Table | None:
+def prediction_rows(prediction: PredictionPart, units: TableUnits) -> Table | None:
     """One row for each prediction, in the units of the tables."""
-    if not found.rows:
+    if not prediction.rows:
         return None
-    names = found.rows[0].condition_units
+    names = prediction.rows[0].condition_units
     columns = ("observable", *map(heading, names, names.values()), "model", *INTERVALS)
-    titles = [heading(say.quantity(row.observable), units.value_unit(row.observable)) for row in found.rows]
-    places = [[plain(row.conditions[name], 4) for name in names] for row in found.rows]
-    cells = ((*value_cells(row, units), outside_text(row)) for row in found.rows)
-    titles = [", ".join(filter(None, (t, row.group))) for t, row in zip(titles, found.rows, strict=True)]
+    titles = [
+        heading(say.quantity(row.observable), units.value_unit(row.observable)) for row in prediction.rows
+    ]
+    places = [[plain(row.conditions[name], 4) for name in names] for row in prediction.rows]
+    cells = ((*value_cells(row, units), outside_text(row)) for row in prediction.rows)
+    titles = [", ".join(filter(None, (t, row.group))) for t, row in zip(titles, prediction.rows, strict=True)]
     rows = tuple((title, *at, *own) for title, at, own in zip(titles, places, cells, strict=True))
     return Table("predictions", columns, rows)
 

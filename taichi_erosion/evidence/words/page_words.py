@@ -6,8 +6,8 @@ from taichi_erosion.evidence.race.priors import KEEP, SURE
 from taichi_erosion.evidence.race.record import Record
 from taichi_erosion.evidence.words import answer_lines as lines
 from taichi_erosion.evidence.words.part_words import acting
-from taichi_erosion.evidence.words.vocabulary import Vocabulary, joined, probability
-from taichi_erosion.tables.number_words import counted
+from taichi_erosion.evidence.words.vocabulary import Vocabulary, join_words, probability
+from taichi_erosion.tables.number_words import count_noun
 
 LEADING = ("discover", "adopt", "compare")  # commands whose answer can lead the page
 SECTIONS = ("What is missing", "Does it hold", "What next", "Methods")
@@ -65,7 +65,7 @@ def page_lines(found: Mapping[str, lines.Answer], lead: str) -> tuple[tuple[str,
 
 def left_out(commands: Iterable[str]) -> str:
     """Answers that rest on another table than the newest one; empty where there are none."""
-    names = joined(f"`{name}`" for name in commands)
+    names = join_words(f"`{name}`" for name in commands)
     return f"Left out, for they rest on another version of the table: answers of {names}." if names else ""
 
 
@@ -73,7 +73,7 @@ def added_words(record: Record) -> str:
     """What the model of the answer has beside the model as it is; empty where nothing is told."""
     sure, either = acting(record.decided)
     if sure or either:
-        return f"with {joined([*sure, *([f'the likeliest of {joined(either)}'] if either else [])])}"
+        return f"with {join_words([*sure, *([f'the likeliest of {join_words(either)}'] if either else [])])}"
     return "with something not in the list" if record.decided.verdict == "outside_library" else ""
 
 
@@ -82,7 +82,7 @@ def explanations(record: Record) -> Iterator[tuple[str, float, str]]:
     ranked = sorted(record.decided.probabilities.items(), key=lambda item: -item[1])
     small = [p for _, p in ranked if p < KEEP]
     shown = [(lines.short(key), p) for key, p in ranked if p >= KEEP]
-    for label, p in [*shown, *([(counted(len(small), "other explanation"), sum(small))] if small else [])]:
+    for label, p in [*shown, *([(count_noun(len(small), "other explanation"), sum(small))] if small else [])]:
         yield label, p, probability(p)
 
 
@@ -99,6 +99,6 @@ def model_line(model: str, record: Record) -> str:
 
 def methods(record: Record, model: str = "") -> tuple[str, ...]:
     """The model, and how the answer was found."""
-    settings, runs = counted(record.cost.settings, "setting"), counted(record.cost.runs, "run")
+    settings, runs = count_noun(record.cost.settings, "setting"), count_noun(record.cost.runs, "run")
     told = (each.format(sure=SURE, seed=record.cost.seed, settings=settings, runs=runs) for each in METHODS)
     return *([model_line(model, record)] if model else []), *told

@@ -13,7 +13,7 @@ from taichi_erosion.evidence.race import record as parts
 from taichi_erosion.evidence.race.priors import ADEQUATE, SURE
 from taichi_erosion.evidence.race.record import Interval, LawPart, Record
 from taichi_erosion.evidence.words import vocabulary as say
-from taichi_erosion.tables.number_words import counted, heading, plain
+from taichi_erosion.tables.number_words import count_noun, heading, plain
 
 UNITS = {57.3: "degrees for radians", 100.0: "percent for a share", 10.0: "another unit", 1e3: "another unit"}
 TESTED = {"confirmed": "confirm the answer", "undecided": "leave it open"}
@@ -48,33 +48,35 @@ def set_up_lines(faults: Sequence[SetUpFault]) -> list[str]:
     return list(dict.fromkeys(f"{'error' if each.blocks else 'warning'}: {each.sentence}" for each in order))
 
 
-def numbered(lines: Iterable[int]) -> str:
+def row_list(lines: Iterable[int]) -> str:
     """`row 17`, `rows 4, 17 and 18`."""
     rows = list(map(str, dict.fromkeys(lines)))
-    return f"{'row' if len(rows) == 1 else 'rows'} {say.joined(rows)}"
+    return f"{'row' if len(rows) == 1 else 'rows'} {say.join_words(rows)}"
 
 
 def errors_line(record: Record, voc: say.Vocabulary, every: bool = True) -> str:
     """Levels, and where wanted `every` error that nobody stated."""
     levels = [each for each in record.levels if each.probability >= SURE]
-    words = say.told([error_text(each, voc) for each in (*levels, *(record.errors if every else ()))])
+    words = say.first_and_count(
+        [error_text(each, voc) for each in (*levels, *(record.errors if every else ()))]
+    )
     return f"Also: {words}.{' Check method, code and unit.' if levels else ''}" if words else ""
 
 
-def error_text(found: parts.LevelPart | parts.ErrorPart, voc: say.Vocabulary) -> str:
+def error_text(error: parts.LevelPart | parts.ErrorPart, voc: say.Vocabulary) -> str:
     """`the pile height reads 0.6 mm (0.4 to 0.8) more than the model at all conditions`."""
-    name, label = f"the {say.quantity(found.observable)}", getattr(found, "label", "")
-    more, lies = ("more", "above") if found.size.value > 0.0 else ("less", "below")
-    unit = unit_text(found.size.value) if found.kind == "factor" else ""
-    times, far = f"{say.interval(found.size)} times", voc.difference(found.observable, found.size)
+    name, label = f"the {say.quantity(error.observable)}", getattr(error, "label", "")
+    more, lies = ("more", "above") if error.size.value > 0.0 else ("less", "below")
+    unit = unit_text(error.size.value) if error.kind == "factor" else ""
+    times, far = f"{say.interval(error.size)} times", voc.difference(error.observable, error.size)
     size = f"{far} {more}"
-    other = getattr(found, "other", "") or "the others"
+    other = getattr(error, "other", "") or "the others"
     return {
-        "factor": f"{name} reads {factor_text(found.size)} at all conditions{unit}",
+        "factor": f"{name} reads {factor_text(error.size)} at all conditions{unit}",
         "offset": f"{name} reads {size} than the model at all conditions",
         "scatter": f"the scatter of {name}{f' of {label}' if label else ''} is {times} that of sd or repeats",
         "row": f"row {label} reads {name} {size} than it should: check it",
-    }.get(found.kind, f"{name} of {label} lies {far} {lies} {other} at equal conditions")
+    }.get(error.kind, f"{name} of {label} lies {far} {lies} {other} at equal conditions")
 
 
 def factor_text(size: Interval) -> str:
@@ -106,7 +108,7 @@ def where_line(record: Record) -> str:
         way = "below" if each.sign < 0 else "above"
         what = f"the measured {say.quantity(each.observable)} lies {way} the model {at}"
         words.append(f"{what} ({say.chance(each.p)})")
-    return f"Where the model fails: {say.told(words)}." if words else ""
+    return f"Where the model fails: {say.first_and_count(words)}." if words else ""
 
 
 def testable(record: Record) -> bool:
@@ -115,7 +117,7 @@ def testable(record: Record) -> bool:
 
 
 def rows_text(record: Record) -> str:
-    return "the other rows" if record.repeats else f"all {counted(record.fit.n, 'row')}"
+    return "the other rows" if record.repeats else f"all {count_noun(record.fit.n, 'row')}"
 
 
 def agrees(record: Record) -> bool:
@@ -132,7 +134,7 @@ def scatter_line(record: Record, voc: say.Vocabulary) -> str:
         origin = f"repeats ({each.repeats} degrees of freedom)" if each.repeats else "what is stated"
         both = f"what is stated and {origin}, which scatter {plain(each.factor, 2)} times as much"
         words.append(f"{say.quantity(name)} {size}, from {both if isfinite(each.factor) else origin}")
-    return f"Scatter of single measurements: {say.told(words)}." if words else ""
+    return f"Scatter of single measurements: {say.first_and_count(words)}." if words else ""
 
 
 def fit_line(record: Record, added: str) -> str:
@@ -144,7 +146,7 @@ def fit_line(record: Record, added: str) -> str:
     words = f"Misfit per fitted row: {before} before ({say.chance(fit.p_before)}), {after} with {added}"
     rest = " The model still fails: something else acts too, or by another law." * (fit.p_after < ADEQUATE)
     if record.fresh is not None and record.fresh.outcome in TESTED:
-        rest += f" {counted(record.fresh.runs, 'new simulation')} {TESTED[record.fresh.outcome]}."
+        rest += f" {count_noun(record.fresh.runs, 'new simulation')} {TESTED[record.fresh.outcome]}."
     return f"{words} ({say.chance(fit.p_after)}); 1 is chance.{rest}"
 
 
@@ -159,8 +161,8 @@ def numbers_line(record: Record, before: bool, without: str = "") -> str:
         biased = f", biased without {without}: {plain(each.before.value, 3)}" if without and moved else ""
         words.append(f"{name} {say.interval(each.before if before else each.now, 3)}{biased}")
         ends += [name] * each.at_end
-    more = f" At the end of the searched range: {say.joined(ends)}; check range and unit." if ends else ""
-    return f"Calibrated: {say.told(words)}.{more}" if words else ""
+    more = f" At the end of the searched range: {say.join_words(ends)}; check range and unit." if ends else ""
+    return f"Calibrated: {say.first_and_count(words)}.{more}" if words else ""
 
 
 def observable_rows(record: Record, voc: say.Vocabulary) -> Iterator[tuple[str, ...]]:
@@ -174,7 +176,7 @@ def observable_rows(record: Record, voc: say.Vocabulary) -> Iterator[tuple[str, 
         yield title, str(gap.size), *errors, axes or "nowhere"
 
 
-def acting(decided: parts.Decided) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def acting(decided: parts.DecisionPart) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What acts for sure, and of what one does; nothing where new runs of the scene change the answer."""
     if decided.verdict == "unstable":
         return (), ()
@@ -182,11 +184,11 @@ def acting(decided: parts.Decided) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return (*decided.named, *sure), (*decided.group, *(() if sure else decided.mechanisms))
 
 
-def acting_names(decided: parts.Decided) -> str:
+def acting_names(decided: parts.DecisionPart) -> str:
     """`cohesion and either a or b`, `something not in the list`, `nothing`."""
     sure, either = acting(decided)
     unnamed = {"outside_library": "something not in the list"}.get(decided.verdict, "nothing")
-    return say.joined(filter(None, (*sure, say.joined(either, "or")))) or unnamed
+    return say.join_words(filter(None, (*sure, say.join_words(either, "or")))) or unnamed
 
 
 def sensitivity_text(record: Record) -> str:
@@ -195,8 +197,8 @@ def sensitivity_text(record: Record) -> str:
     for prior, own in record.sensitivity.items():
         for way, each in zip(("halved", "doubled"), own, strict=True):
             places.setdefault(acting_names(each), []).append(f"{PRIORS[prior]} are {way}")
-    told = [f"{name} only where {say.joined(at, 'or')}" for name, at in places.items() if name != usual]
-    return f"{usual} is told, {say.joined(told)}" if told else "no name moves"
+    told = [f"{name} only where {say.join_words(at, 'or')}" for name, at in places.items() if name != usual]
+    return f"{usual} is told, {say.join_words(told)}" if told else "no name moves"
 
 
 def sensitivity_rows(record: Record) -> Iterator[tuple[str, ...]]:
@@ -206,7 +208,7 @@ def sensitivity_rows(record: Record) -> Iterator[tuple[str, ...]]:
         yield PRIORS[prior], *cells
 
 
-def chance(told: parts.Decided, other: parts.Decided) -> float:
+def chance(told: parts.DecisionPart, other: parts.DecisionPart) -> float:
     """Probability of an answer under other priors: that all of it acts, and one of what is not told apart."""
     sure, either = map(set, acting(told))
     if not (sure or either):
@@ -220,7 +222,7 @@ def headline(record: Record, voc: say.Vocabulary) -> str:
     decided = record.decided
     sure, either = ([acting_text(name, record, voc) for name in names] for names in acting(decided))
     if sure or either:
-        words = say.joined([*sure, f"either {say.joined(either, 'or')}"] if either else sure)
+        words = say.join_words([*sure, f"either {say.join_words(either, 'or')}"] if either else sure)
         open_ = "; these measurements do not tell which" if either else ""
         return f"Missing: {words}{open_}.{' Not in the list of effects.' if decided.mechanisms else ''}"
     if decided.verdict == "outside_library":
@@ -241,7 +243,7 @@ def curve_texts(record: Record, voc: say.Vocabulary) -> Iterator[str]:
 
 def acting_text(name: str, record: Record, voc: say.Vocabulary) -> str:
     """An effect or mechanism with its law, or its strength."""
-    law, part, title = record.law, record.effects.get(name), voc.titled(name)
+    law, part, title = record.law, record.effects.get(name), voc.effect_title(name)
     if law is not None and law.mechanism == name:
         return f"{title} with the law {law_text(law, voc)}"
     if part is None or name not in record.decided.named:
@@ -280,7 +282,7 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
     """The answer where nothing is named."""
     decided, fit = record.decided, record.fit
     if decided.verdict == "unstable":
-        names = say.joined(map(voc.titled, (*decided.named, *decided.group)), "or")
+        names = say.join_words(map(voc.effect_title, (*decided.named, *decided.group)), "or")
         return f"No effect is named: new runs of the scene change the answer. Candidates: {names}."
     if not testable(record):
         return "No effect is named before the errors above are fixed."
@@ -297,7 +299,7 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
     why = f"a name needs {SURE:g}"
     if share >= SURE:
         why = f"among so many candidates one looks as good by chance with {say.chance(decided.familywise)}"
-    name = say.EXPLANATIONS.get(likely) or say.joined(map(voc.titled, likely.split("+")))
+    name = say.EXPLANATIONS.get(likely) or say.join_words(map(voc.effect_title, likely.split("+")))
     best = f"the likeliest, {name} alone, has probability {say.probability(share)}; {why}"
     return f"No effect is named: {state}. Of all explanations {best}."
 
@@ -311,7 +313,7 @@ def refusal(record: Record, voc: say.Vocabulary) -> str:
     elif strong := [part for part in found if part.strength.value > part.most]:
         size = f"{say.interval(strong[0].strength)}, where the list ends at {plain(strong[0].most, 2)}"
         why = f"with a strength of {size}: check the units, or something else acts"
-    names = say.joined(map(voc.titled, best))
+    names = say.join_words(map(voc.effect_title, best))
     return f"No effect is named: {names} would explain the data best, but {why}."
 
 
@@ -321,7 +323,9 @@ def status(name: str, record: Record) -> str:
     if name in sure:
         return "present"
     if name in either:
-        return f"not told apart from {say.joined((n for n in either if n != name), 'or')}; one of them acts"
+        return (
+            f"not told apart from {say.join_words((n for n in either if n != name), 'or')}; one of them acts"
+        )
     part = record.effects[name]
     if part.status == "excluded":
         return f"excluded above {plain(part.limit, 2)}"
@@ -334,7 +338,7 @@ def status(name: str, record: Record) -> str:
         words = "likely, but not sure"
     elif part.status == "untestable" or not part.unseen_below < part.most:
         words = "not testable here"
-    return f"{words}; not told apart from {say.joined(part.alike, 'or')}" if part.alike else words
+    return f"{words}; not told apart from {say.join_words(part.alike, 'or')}" if part.alike else words
 
 
 def effect_rows(record: Record) -> Iterator[tuple[str, ...]]:

@@ -11,7 +11,7 @@ from typing import Any
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.answer_lines import Table
 from taichi_erosion.evidence.words.vocabulary import quantity
-from taichi_erosion.tables.number_words import counted, heading, plain, with_unit
+from taichi_erosion.tables.number_words import count_noun, heading, plain, with_unit
 
 Document = Mapping[str, Any]
 
@@ -20,7 +20,7 @@ LEAST_RUNS = 2  # that show a scatter
 COLUMNS = ("measure", "simulated", "measured", "difference")
 
 
-def spread(found: Document, usual: int | None = None) -> str:
+def with_deviation(found: Document, usual: int | None = None) -> str:
     """`32.91 ± 0.51 (n = 2)`, rounded to two digits of the deviation; without n where it is the usual one."""
     value, sd, n = found.get("value"), found.get("sd"), found.get("n")
     if value is None or not isfinite(value):
@@ -41,40 +41,45 @@ def run_table(document: Document) -> Table:
         share = f" ({(got - want) / want:+.0%})" if want else ""
         gap = f"{got - want:+.3g}{share}" if isfinite(got - want) else "-"
         title = heading(quantity(name), found.get("unit") or wanted.get("unit") or "")
-        rows.append((title, spread(found, len(document["replicas"])), spread(wanted), gap))
+        rows.append((title, with_deviation(found, len(document["replicas"])), with_deviation(wanted), gap))
     return Table("", COLUMNS, tuple(rows))
 
 
 def comparisons(document: Document) -> Iterator[str]:
     """One sentence for every measured value."""
     for name, wanted in document["measured"].items():
-        found, title = document["measures"].get(name, {}), quantity(name)
-        if any(each["blocks"] for each in found.get("shortfalls", ())):
+        measure, title = document["measures"].get(name, {}), quantity(name)
+        if any(each["blocks"] for each in measure.get("shortfalls", ())):
             yield f"The {title} cannot be compared with the measured one: see the warning."
-        elif found.get("value") is None or not isfinite(found["value"]):
+        elif measure.get("value") is None or not isfinite(measure["value"]):
             yield f"The {title} has no simulated value; {wanted['value']:g} was measured."
         else:
-            yield comparison(title, found, wanted)
+            yield comparison(title, measure, wanted)
 
 
-def comparison(title: str, found: Document, wanted: Document) -> str:
+def comparison(title: str, measure: Document, wanted: Document) -> str:
     """`The angle of repose is 4.8 deg lower than measured: 6.1 standard errors.`"""
-    gap, shared = found["value"] - wanted["value"], known(found.get("details", {}).get("shared_sd"))
-    size = with_unit(plain(abs(gap), 2), found.get("unit", ""))
+    gap, shared = (
+        measure["value"] - wanted["value"],
+        known_deviation(measure.get("details", {}).get("shared_sd")),
+    )
+    size = with_unit(plain(abs(gap), 2), measure.get("unit", ""))
     words = f"The {title} is {size} {'lower' if gap < 0.0 else 'higher'} than measured"
-    words += "".join(f" ({each['sentence'].partition(':')[0]})" for each in found.get("shortfalls", ())[:1])
-    if (found.get("n") or 1) < LEAST_RUNS:
-        sd = known(wanted.get("sd"))
+    words += "".join(f" ({each['sentence'].partition(':')[0]})" for each in measure.get("shortfalls", ())[:1])
+    if (measure.get("n") or 1) < LEAST_RUNS:
+        sd = known_deviation(wanted.get("sd"))
         far = f": {abs(gap) / sd:.1f} times the measured scatter" if sd > 0.0 else ""
         return f"{words}{far}. One run shows no scatter of its own: use --replicas 3."
-    error = hypot(shared, *(known(each.get("sd")) / sqrt(each.get("n") or 1) for each in (found, wanted)))
+    error = hypot(
+        shared, *(known_deviation(each.get("sd")) / sqrt(each.get("n") or 1) for each in (measure, wanted))
+    )
     far = f"{abs(gap) / error:.1f} standard errors" if error > 0.0 else ""
     if far and abs(gap) <= CHANCE * error:
         return f"The {title} agrees with the measured one: {size} apart, {far}."
     return f"{words}: {far}." if far else f"{words}."
 
 
-def known(sd: float | None) -> float:
+def known_deviation(sd: float | None) -> float:
     """A standard deviation, 0 where it is unknown."""
     return sd if sd is not None and isfinite(sd) else 0.0
 
@@ -101,7 +106,7 @@ def run_warnings(document: Document) -> list[str]:
     among = len(document["replicas"])
     return [
         *(f"{', '.join(quantity(name) for name, _ in own)}: {own[0][1]['sentence']}" for own in told),
-        *(f"{line} ({count} of {counted(among, 'repeat')})" for line, count in counts.items()),
+        *(f"{line} ({count} of {count_noun(among, 'repeat')})" for line, count in counts.items()),
         *document.get("limits", {}).get("warnings", ()),
     ]
 
@@ -134,12 +139,12 @@ def run_cost(document: Document) -> str:
     """`2 repeats in 8.5 s, 2.86e+06 grain-steps/s, scene 550ba494cbcb, seed 1`."""
     seconds, kind = document["wall_s"], "cell" if "cell_steps" in document else "grain"
     speed = document[f"{kind}_steps"] / seconds if seconds else 0.0
-    repeats = counted(len(document["replicas"]), "repeat")
+    repeats = count_noun(len(document["replicas"]), "repeat")
     made = f"{repeats} in {seconds:.1f} s, {speed:.3g} {kind}-steps/s"
     return f"{made}, scene {document['hash']}, seed {document['seed']}"
 
 
-def after_run(document: Document) -> Iterator[str]:
+def next_steps(document: Document) -> Iterator[str]:
     """What can be done with a run."""
     if recording := document.get("recording"):
         view, page = shell_command("view", recording), shell_command("report", recording)

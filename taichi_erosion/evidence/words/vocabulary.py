@@ -52,7 +52,7 @@ class Vocabulary:
     results: str = ""  # file of the answer of `discover`
     written: str = ""  # study that `adopt` wrote
 
-    def titled(self, name: str) -> str:
+    def effect_title(self, name: str) -> str:
         """`capillary bridges between moist grains (liquid_bridge)`; a name without a title stands alone."""
         base, _, observable = name.partition(":")
         title = self.titles.get(base, "").partition(" (")[0]
@@ -90,13 +90,13 @@ def probability(p: float) -> str:
     return "> 0.99" if p > 0.99 else "< 0.01" if p < 0.01 else f"{p:.2f}"
 
 
-def joined(words: Iterable[str], last: str = "and") -> str:
+def join_words(words: Iterable[str], last: str = "and") -> str:
     """`a`, `a and b`, `a, b and c`."""
     *first, end = tuple(words) or ("",)
     return f"{', '.join(first)} {last} {end}" if first else end
 
 
-def told(words: Sequence[str], between: str = "; ") -> str:
+def first_and_count(words: Sequence[str], between: str = "; ") -> str:
     """The first of some clauses, and how many more there are."""
     more = [f"and {len(words) - MOST_TOLD} more"] if len(words) > MOST_TOLD else []
     return between.join([*words[:MOST_TOLD], *more])

@@ -9,7 +9,7 @@ import numpy as np
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.scene.checkpoint_file import Arrays, load_checkpoint
-from taichi_erosion.scene.schema.fields import resolved
+from taichi_erosion.scene.schema.fields import resolve
 from taichi_erosion.scene.schema.grains import Bed
 from taichi_erosion.scene.schema.scene import Scene
 
@@ -30,7 +30,7 @@ def saved_bed(scene: Scene, fill: Bed, seed: int) -> Arrays:
     before: dict[str, Any] = meta.get("scene", {"grains": {}})
     wind, patch = before.get("wind"), before.get("domain", {}).get("period")
     patch = [wind["length"], wind["width"]] if wind else patch
-    if before["grains"] != resolved(scene)["grains"] or patch != (scene.patch_size and [*scene.patch_size]):
+    if before["grains"] != resolve(scene)["grains"] or patch != (scene.patch_size and [*scene.patch_size]):
         raise BadInput(f"fill.file = '{fill.file}': [grains] or periods differ from those of the checkpoint")
     if scene.grains.clump is not None:
         raise BadInput(f"fill.file = '{fill.file}': a bed consists of spheres; grains.clump must be left out")

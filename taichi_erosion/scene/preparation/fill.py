@@ -91,13 +91,13 @@ def random_layer(inlet: Inlet, radius: Floats, random: np.random.Generator) -> F
     square = inlet.radius**2 if inlet.radius else inlet.area(2.0 * radius.max()) / pi
     allowed = np.searchsorted(np.cumsum(radius**2), inlet.coverage * square, side="right")
     wanted = max(1, min(int(allowed), len(radius)))
-    found = np.zeros((wanted, 3))
+    points = np.zeros((wanted, 3))
     for k in range(wanted):
-        place = free_place(inlet, radius[k], found[:k], radius[:k] + radius[k], random)
+        place = free_place(inlet, radius[k], points[:k], radius[:k] + radius[k], random)
         if place is None:
-            return found[:k]
-        found[k] = place
-    return found
+            return points[:k]
+        points[k] = place
+    return points
 
 
 def free_place(

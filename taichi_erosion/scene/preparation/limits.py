@@ -240,16 +240,16 @@ def smallest_impacts(scene: Scene) -> Iterator[tuple[str, float, float, float]]:
 def limits(scene: Scene) -> dict[str, float | None]:
     """Limits of the time step [s]; None where one does not apply."""
     speed, least = expected_speed(scene), list(smallest_impacts(scene))
-    found: dict[str, float | None] = dict.fromkeys(("rayleigh_time", "hertz", "jkr_neck", "speed"))
-    found["rayleigh_time"] = grain_rayleigh_time(scene)
+    times: dict[str, float | None] = dict.fromkeys(("rayleigh_time", "hertz", "jkr_neck", "speed"))
+    times["rayleigh_time"] = grain_rayleigh_time(scene)
     if speed > 0.0:
         impacts = (
             impact_duration(0.5 * mass, 0.5 * radius, young, speed) for _, radius, mass, young in least
         )
-        found["hertz"] = HERTZ_SHARE * min(impacts)
-        found["jkr_neck"] = neck_limit(scene, speed)
-        found["speed"] = SPEED_SHARE * min(radius for _, radius, _, _ in least) / speed
-    return found
+        times["hertz"] = HERTZ_SHARE * min(impacts)
+        times["jkr_neck"] = neck_limit(scene, speed)
+        times["speed"] = SPEED_SHARE * min(radius for _, radius, _, _ in least) / speed
+    return times
 
 
 def neck_limit(scene: Scene, speed: float) -> float | None:

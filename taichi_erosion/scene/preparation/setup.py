@@ -12,7 +12,7 @@ from taichi_erosion.scene.preparation.contacts import contact_table, materials_u
 from taichi_erosion.scene.preparation.fill import InitialBodies, initial_bodies, stream
 from taichi_erosion.scene.preparation.limits import time_step
 from taichi_erosion.scene.preparation.sizes import Body, quadrature, reach_over_diameter, template_spheres
-from taichi_erosion.scene.preparation.walls import domain_box, motions, primitive_table, removes_outside
+from taichi_erosion.scene.preparation.walls import domain_box, has_open_domain, motions, primitive_table
 from taichi_erosion.scene.schema.fields import unit_vector
 from taichi_erosion.scene.schema.grains import Bed, Positions
 from taichi_erosion.scene.schema.scene import Scene
@@ -53,7 +53,7 @@ def build_setup(scene: Scene, seed: int) -> Setup:
         clumps=clumps,
         period=(*(scene.domain.period or (0.0, 0.0)), 0.0),
         domain=domain_box(scene, grains.position, float(grains.radius.max())),
-        removes_outside=removes_outside(scene, primitives),
+        removes_outside=has_open_domain(scene, primitives),
         tables=tuple(dict.fromkeys(each.table for each in motions(scene) if each.table)),
         has_servos=any(each.servo for each in motions(scene)),
         overlap_limit=scene.run.overlap_limit,

@@ -18,7 +18,7 @@ MOST_TRIANGLES = 500_000
 Row = tuple[PrimitiveKind, tuple[float, ...]]
 
 
-def removes_outside(scene: Scene, walls: PrimitiveTable) -> bool:
+def has_open_domain(scene: Scene, walls: PrimitiveTable) -> bool:
     """Whether grains that leave the domain are taken out: as stated, or where no half space holds them up."""
     if scene.domain.outside is not None or scene.wind is not None:
         return scene.domain.outside == "remove"
@@ -111,7 +111,7 @@ def wall_rows(scene: Scene, name: str) -> list[Row]:
 
 def distance_to_wall(scene: Scene, name: str, points: Floats) -> Floats:
     """Distance of points [n, 3] m from a wall, [n] m; inf from a mesh, negative behind a plane."""
-    found = np.full(len(points), np.inf)
+    distance = np.full(len(points), np.inf)
     for kind, row in wall_rows(scene, name) if not isinstance(scene.geometry[name], Mesh) else ():
         arm, axis = points - row[:3], np.array(row[3:6])
         along = arm @ axis
@@ -120,8 +120,8 @@ def distance_to_wall(scene: Scene, name: str, points: Floats) -> Floats:
             place = np.column_stack([np.linalg.norm(arm - np.outer(along, axis), axis=1), along]) - start
             share = np.clip(place @ step / (step @ step), 0.0, 1.0)
             along = np.linalg.norm(place - np.outer(share, step), axis=1)
-        found = np.minimum(found, along)
-    return found
+        distance = np.minimum(distance, along)
+    return distance
 
 
 def box_rows(box: Box) -> list[Row]:
@@ -154,18 +154,18 @@ def mesh_triangles(scene: Scene, name: str, wall: Mesh) -> Floats:
     # the import takes a third of a second, which scenes without meshes are spared
     import trimesh
 
-    path, told = scene.folder / wall.file, f"geometry.{name}.file = '{wall.file}'"
+    path, entry = scene.folder / wall.file, f"geometry.{name}.file = '{wall.file}'"
     if not path.is_file():
-        raise BadInput(f"{told}: no such file beside the scene")
+        raise BadInput(f"{entry}: no such file beside the scene")
     try:
         triangles = np.asarray(trimesh.load_mesh(path).triangles, dtype=np.float64)
     except Exception as error:  # the readers of the many formats raise whatever their parsers raise
         reason = str(error).splitlines() or [type(error).__name__]
-        raise BadInput(f"{told} is not a triangle mesh: {reason[0][:120]}") from None
+        raise BadInput(f"{entry} is not a triangle mesh: {reason[0][:120]}") from None
     if triangles.shape[1:] != (3, 3) or not 0 < len(triangles) <= MOST_TRIANGLES:
-        raise BadInput(f"{told} needs 1 to {MOST_TRIANGLES} triangles in space")
+        raise BadInput(f"{entry} needs 1 to {MOST_TRIANGLES} triangles in space")
     if not np.isfinite(triangles).all():
-        raise BadInput(f"{told} has corners that are not finite")
+        raise BadInput(f"{entry} has corners that are not finite")
     return triangles * wall.scale + np.array(wall.translate)
 
 

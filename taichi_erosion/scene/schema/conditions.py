@@ -80,13 +80,13 @@ class Conditions(Section):
             return table
         declared = table.get("extra", {})
         extra = dict(declared) if isinstance(declared, dict) else {}
-        found = {key: value for key, value in table.items() if key in cls.model_fields}
+        fields = {key: value for key, value in table.items() if key in cls.model_fields}
         for key, value in table.items():
             if key in extra and isinstance(extra[key], dict):
                 extra[key] = {**extra[key], "value": value}
             elif key not in cls.model_fields and key not in extra:
                 raise unknown_key(str(key), [*cls.model_fields, *extra], DECLARE)
-        return found | ({"extra": extra} if extra else {})
+        return fields | ({"extra": extra} if extra else {})
 
     @field_validator("extra")
     @classmethod
@@ -106,7 +106,7 @@ class Conditions(Section):
             table.pop("extra", None)
         return table
 
-    def stated(self) -> dict[str, float]:
+    def stated_values(self) -> dict[str, float]:
         """Conditions that have a value, by name; those of [conditions.extra] in SI units."""
         own = {name: e.in_si(e.value) for name, e in self.extra.items() if e.value is not None}
         table = {name: getattr(self, name) for name in type(self).model_fields if name != "extra"}

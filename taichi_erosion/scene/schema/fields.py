@@ -125,7 +125,7 @@ class Section(BaseModel):
         if not isinstance(table, dict):
             return table
         diameter: float | None = (about.context or {}).get(DIAMETER)
-        found = {}
+        converted = {}
         for key, value in table.items():
             scaled = times(value, diameter) if diameter else None
             name = cls.scaled_name(str(key)) if scaled is not None else None
@@ -133,8 +133,8 @@ class Section(BaseModel):
                 raise contradiction(f"{name} and {key} name the same quantity")
             if name is None and key not in cls.model_fields:
                 raise unknown_key(str(key), cls.model_fields)
-            found[name or key] = scaled if name else value
-        return found
+            converted[name or key] = scaled if name else value
+        return converted
 
     @classmethod
     def scaled_name(cls, key: str) -> str | None:
@@ -226,6 +226,6 @@ class SceneFile(Section):
         return self._effect_digests
 
 
-def resolved(scene: SceneFile) -> dict[str, Any]:
+def resolve(scene: SceneFile) -> dict[str, Any]:
     """The scene with all defaults filled, as plain lists, tables and numbers; `parse_scene` reads it back."""
     return scene.model_dump(mode="json", exclude_none=True)

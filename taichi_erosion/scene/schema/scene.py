@@ -373,18 +373,18 @@ def surface_problems(scene: Scene) -> Iterator[str]:
                 yield f"stages.{place}.move.{name} is not standing: {', '.join(sorted(standing))}"
 
 
-def effect_problems(scene: Scene, known: Known) -> Iterator[str]:
+def effect_problems(scene: Scene, library: Known) -> Iterator[str]:
     """Effects and parameters that the library (name -> its entries) does not have."""
     for name, values in scene.effects.items():
-        if name not in known:
+        if name not in library:
             own = "an effect of your own needs --effect FILE, or effect_files under [scene] or [study]"
-            hint = f"; {own}; known effects: {', '.join(sorted(known)) or 'none'}"
-            yield f"effects.{name} is unknown{did_you_mean(name, known) or hint}"
+            hint = f"; {own}; known effects: {', '.join(sorted(library)) or 'none'}"
+            yield f"effects.{name} is unknown{did_you_mean(name, library) or hint}"
             continue
         for key in values:
-            if key not in known[name]:
-                near = did_you_mean(key, known[name])
-                yield f"effects.{name}.{key} is unknown{near}; allowed: {', '.join(known[name])}"
+            if key not in library[name]:
+                near = did_you_mean(key, library[name])
+                yield f"effects.{name}.{key} is unknown{near}; allowed: {', '.join(library[name])}"
 
 
 def observable_problems(measures: Iterable[str], known: Collection[str] | None) -> Iterator[str]:

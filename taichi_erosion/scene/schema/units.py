@@ -166,11 +166,11 @@ class Scale:
     factor: float = 1.0
     origin: float = 0.0
 
-    def used(self, written: float) -> float:
+    def to_use(self, written: float) -> float:
         """Number in the unit of use."""
         return self.origin + self.factor * written
 
-    def written(self, used: float) -> float:
+    def to_table(self, used: float) -> float:
         """Number as the table has it."""
         return (used - self.origin) / self.factor
 

@@ -25,7 +25,7 @@ def test_the_vault_of_a_fold_is_one_source(fold: Fold, tmp_path, monkeypatch: py
     monkeypatch.setattr("doe.trials.published.folds.FOLDER", tmp_path)
     write_study(fold)
     problem = load_study(fold.study).problem
-    assert set(problem.hidden().source) == {fold.source}
+    assert set(problem.vault_rows().source) == {fold.source}
     assert fold.source not in problem.visible().source
 
 
@@ -39,7 +39,7 @@ def asked(observable: str, at: dict[str, list[float]], given: dict[str, float], 
 def test_thresholds_and_flux_are_those_of_the_reduced_model_and_the_impact_threshold_a_share():
     at, given = {"diameter": [1e-4, 1e-3]}, {"threshold_coefficient": 0.09}
     for name, effects in (("threshold_u_star", {"dry_cohesion": 1.0}), ("flux", {"gusts": 0.5})):
-        want = reduced.expected(name, {"diameter": np.array(at["diameter"])}, given, effects)
+        want = reduced.model_mean(name, {"diameter": np.array(at["diameter"])}, given, effects)
         assert asked(name, at, given, **effects) == pytest.approx(want)
     fluid, impact = (
         asked(f"{name}_threshold_u_star", at, given | {"threshold_ratio": 0.8}, dry_cohesion=1.0)

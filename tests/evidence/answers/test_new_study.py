@@ -11,10 +11,10 @@ from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.effects import load_library
 from taichi_erosion.evidence.answers import check_study
-from taichi_erosion.evidence.answers.new_study import Wishes, new_study
+from taichi_erosion.evidence.answers.new_study import NewStudyOptions, new_study
 from taichi_erosion.evidence.answers.scene_templates import TEMPLATES, safe_grains, scene_text
 from taichi_erosion.evidence.answers.written_files import EXPECTED_AS
-from taichi_erosion.evidence.data.tables.column_roles import Told
+from taichi_erosion.evidence.data.tables.column_roles import TableOptions
 from taichi_erosion.evidence.models.load_study import Study, load_study
 from taichi_erosion.run.checks import read_scene
 
@@ -39,17 +39,17 @@ def changed(old: str, new: str) -> bytes:
     return GOOD.replace(old, new, 1).encode("cp1252")
 
 
-def made(folder: Path, text: str, wishes: Wishes, answer=guess) -> tuple[dict, Study]:
+def made(folder: Path, text: str, wishes: NewStudyOptions, answer=guess) -> tuple[dict, Study]:
     """Document and study of a table."""
     (folder / "t.csv").write_text(text, encoding="utf-8")
     document = new_study(folder / "t.csv", wishes, answer)
     return document, load_study(Path(document["written"][0]))
 
 
-def faults_of(folder: Path, content: bytes, wishes: Wishes | None = None) -> tuple[str, ...]:
+def faults_of(folder: Path, content: bytes, wishes: NewStudyOptions | None = None) -> tuple[str, ...]:
     (folder / "heap.csv").write_bytes(content)
     with pytest.raises(BadInput) as caught:
-        new_study(folder / "heap.csv", wishes or Wishes(closed_form=True), guess)
+        new_study(folder / "heap.csv", wishes or NewStudyOptions(closed_form=True), guess)
     return caught.value.faults
 
 
@@ -135,24 +135,26 @@ def test_faults_of_every_layer_are_told_at_once(tmp_path):
 
 def test_a_unit_that_the_user_states_counts(tmp_path):
     text = GOOD.replace(" [µm]", "").replace("800;", "40;").replace("50", "2")
-    made(tmp_path, text, Wishes(Told(units={"Korngröße": "mm"}), closed_form=True))
+    made(tmp_path, text, NewStudyOptions(TableOptions(units={"Korngröße": "mm"}), closed_form=True))
     assert "diameter [mm]" in (tmp_path / "t" / "t_tidy.csv").read_text("utf-8")
 
 
 def test_a_condition_without_a_unit_is_refused_and_one_that_the_closed_form_does_not_read_is_told(tmp_path):
     (fault,) = faults_of(tmp_path, changed("Feuchte in %", "Feuchte"))
     assert "has no unit in its heading: its numbers are 0 to 3.1" in fault
-    document, _ = made(tmp_path, GOOD.replace("Feuchte in %", "Temperatur [°C]"), Wishes(closed_form=True))
+    document, _ = made(
+        tmp_path, GOOD.replace("Feuchte in %", "Temperatur [°C]"), NewStudyOptions(closed_form=True)
+    )
     kept = "column 'Temperatur [°C]' is kept as a condition; no effect of the model reads it"
     assert kept in document["assumed"]
-    own = Wishes(Told(conditions={"Temperatur": "g/kg"}), tmp_path / "own", closed_form=True)
+    own = NewStudyOptions(TableOptions(conditions={"Temperatur": "g/kg"}), tmp_path / "own", closed_form=True)
     _, study = made(tmp_path, GOOD.replace("Feuchte in %", "Temperatur"), own)
     assert study.file.conditions["temperatur"] == "conditions.temperatur", "what the user says counts"
 
 
 def test_a_wind_at_a_height_becomes_a_friction_velocity_by_the_law_of_the_wall(tmp_path):
     text = "Korngröße [µm];u at 1 m [m/s];sd;n\n250;6;0,3;5\n400;8;0,4;5\n600;10;0,5;5\n"
-    document, study = made(tmp_path, text, Wishes(closed_form=True, roughness="0.02 mm"))
+    document, study = made(tmp_path, text, NewStudyOptions(closed_form=True, roughness="0.02 mm"))
     factor = 0.4 / math.log(1.0 / 2e-5)
     assert study.problem.measurements.value == pytest.approx(factor * np.array([6.0, 8.0, 10.0]))
     assert study.problem.measurements.sd == pytest.approx(factor * np.array([0.3, 0.4, 0.5]))
@@ -176,14 +178,16 @@ def test_a_scene_made_for_a_table_is_valid_and_large_enough_for_its_angle(tmp_pa
 
 
 def test_a_new_study_on_a_scene_is_complete_and_its_conditions_arrive(tmp_path):
-    told = Told(conditions={"Feuchte in %": "conditions.moisture"})
-    document, study = made(tmp_path, GOOD, Wishes(told))
+    told = TableOptions(conditions={"Feuchte in %": "conditions.moisture"})
+    document, study = made(tmp_path, GOOD, NewStudyOptions(told))
     assert study.problem.measurements.conditions["diameter"] == pytest.approx([250e-6, 500e-6, 800e-6])
     assert study.problem.measurements.conditions["moisture"] == pytest.approx([0.016, 0.0, 0.031])
     assert "liquid_bridge" in document["candidates"]
     assert "side_walls" in document["candidates"]
     assert "turbulent_gusts" not in document["candidates"], "no wind blows over a heap"
-    poured, _ = made(tmp_path, GOOD.replace("Korngröße", "note"), Wishes(told, tmp_path / "p", "funnel"))
+    poured, _ = made(
+        tmp_path, GOOD.replace("Korngröße", "note"), NewStudyOptions(told, tmp_path / "p", "funnel")
+    )
     assert "side_walls" not in poured["candidates"], "they would cut a fill"
 
 
@@ -195,11 +199,15 @@ SPREAD = {"Haufenhöhe": "2 %"}
 
 
 def test_what_is_measured_at_one_heap_is_of_one_apparatus(tmp_path):
-    document, study = made(tmp_path, HEAPS, Wishes(sd=SPREAD))
+    document, study = made(tmp_path, HEAPS, NewStudyOptions(sd=SPREAD))
     assert {each.scene for each in study.file.observables.values()} == {"cylinder.toml"}
     assert "diameters of heaps are halved: runout_radius is a radius" in document["assumed"]
     angles = HEAPS.replace("Haufendurchmesser [mm]", "Winkel [deg]")
-    _, study = made(tmp_path, angles, Wishes(Told({"Winkel": "angle_of_repose"}), tmp_path / "a", sd=SPREAD))
+    _, study = made(
+        tmp_path,
+        angles,
+        NewStudyOptions(TableOptions({"Winkel": "angle_of_repose"}), tmp_path / "a", sd=SPREAD),
+    )
     assert {each.scene for each in study.file.observables.values()} == {"collapse.toml"}
 
 
@@ -215,7 +223,7 @@ FRICTION += "1;0,3;0,1;2;2,5;40;1\n2;0,6;0,1;2;2,7;35;1\n3;0,9;0,1;3;2,6;33;1\n"
 
 
 def test_columns_of_friction_and_density_set_the_contacts_and_the_material_of_the_apparatus(tmp_path):
-    wishes = Wishes(Told({"runout": "runout_radius"}), apparatus="collapse", grains=700)
+    wishes = NewStudyOptions(TableOptions({"runout": "runout_radius"}), apparatus="collapse", grains=700)
     document, study = made(tmp_path, FRICTION, wishes)
     assert study.file.conditions["friction_sliding"] == "contact.grain-grain.friction_sliding"
     assert study.file.conditions["density"] == "materials.grain.density"
@@ -225,7 +233,9 @@ def test_columns_of_friction_and_density_set_the_contacts_and_the_material_of_th
 
 
 def test_a_number_that_is_calibrated_and_set_by_a_column_is_refused(tmp_path):
-    path = made(tmp_path, FRICTION, Wishes(Told({"runout": "runout_radius"}), apparatus="collapse"))[1].path
+    path = made(
+        tmp_path, FRICTION, NewStudyOptions(TableOptions({"runout": "runout_radius"}), apparatus="collapse")
+    )[1].path
     number = "contact.grain-grain.friction_sliding"
     with path.open("a", encoding="utf-8") as file:
         file.write(f'\n[parameters."{number}"]\nstart = 0.5\nlow = 0.1\nhigh = 1.0\n')
@@ -240,7 +250,7 @@ def test_grains_that_no_column_states_are_asked_or_taken_from_the_command(tmp_pa
     def answer(question: str, guessed: str) -> str:
         return "0,8 mm" if question.startswith("Grain diameter") else guessed
 
-    made(tmp_path, HEIGHTS, Wishes(apparatus="cylinder", density="2.5 g/cm3", grains=900), answer)
+    made(tmp_path, HEIGHTS, NewStudyOptions(apparatus="cylinder", density="2.5 g/cm3", grains=900), answer)
     scene = read_scene(tmp_path / "t" / "cylinder.toml", ())
     assert (scene.grains.size.diameter, scene.grains.count) == (pytest.approx(8e-4), 900)
     assert scene.materials["soil"].density == pytest.approx(2500.0)
@@ -255,7 +265,7 @@ def test_grains_that_no_column_states_are_asked_or_taken_from_the_command(tmp_pa
     ],
 )
 def test_grains_that_cannot_be_are_refused_in_one_line(tmp_path, wishes, said):
-    (fault,) = faults_of(tmp_path, HEIGHTS.encode(), Wishes(**({"apparatus": "cylinder"} | wishes)))
+    (fault,) = faults_of(tmp_path, HEIGHTS.encode(), NewStudyOptions(**({"apparatus": "cylinder"} | wishes)))
     assert said in fault
 
 
@@ -263,7 +273,7 @@ ROOTS = "Wurzelmasse;d [mm];repose angle [deg];sd\n0;1;31;1\n2;1;32;1\n4;2;33;1\
 
 
 def test_a_condition_that_no_scene_has_enters_by_its_unit(tmp_path):
-    _, study = made(tmp_path, ROOTS, Wishes(Told(conditions={"Wurzelmasse": "g/kg"})))
+    _, study = made(tmp_path, ROOTS, NewStudyOptions(TableOptions(conditions={"Wurzelmasse": "g/kg"})))
     assert study.file.conditions["wurzelmasse"] == "conditions.wurzelmasse"
     assert read_scene(tmp_path / "t" / "cylinder.toml", ()).conditions.extra["wurzelmasse"].unit == "g/kg"
     assert study.problem.measurements.conditions["wurzelmasse"] == pytest.approx([0.0, 2.0, 4.0])
@@ -274,7 +284,9 @@ def test_a_scene_a_condition_and_an_effect_of_ones_own_make_a_study(tmp_path, mo
     (tmp_path / "fall.toml").write_bytes((ROOT / "doe" / "own_effect" / "fall.toml").read_bytes())
     assert main(["effects", "new", "my_pull", "--place", "scene"]) == 0
     text = "pore volume [mm3/g];settling velocity [m/s];sd\n0;1,91;0,1\n100;1,8;0,1\n200;1,7;0,1\n"
-    wishes = Wishes(scene=Path("fall.toml"), effects=(Path("my_pull.py"),), folder=tmp_path / "deep" / "er")
+    wishes = NewStudyOptions(
+        scene=Path("fall.toml"), effects=(Path("my_pull.py"),), folder=tmp_path / "deep" / "er"
+    )
     _, study = made(tmp_path, text, wishes)
     assert study.file.study.effect_files == ("../../my_pull.py",)
     assert study.file.observables["settling_velocity"].scene == "../../fall.toml"
@@ -284,7 +296,9 @@ def test_a_scene_a_condition_and_an_effect_of_ones_own_make_a_study(tmp_path, mo
 
 
 def test_a_condition_that_an_own_scene_does_not_declare_is_told(tmp_path):
-    wishes = Wishes(Told(conditions={"roots": "g/kg"}), scene=ROOT / "doe" / "own_effect" / "fall.toml")
+    wishes = NewStudyOptions(
+        TableOptions(conditions={"roots": "g/kg"}), scene=ROOT / "doe" / "own_effect" / "fall.toml"
+    )
     (fault,) = faults_of(tmp_path, b"roots [g/kg];settling velocity [m/s]\n0;1.9\n2;1.8\n", wishes)
     assert "does not declare the condition 'roots'; write [conditions.extra]" in fault
 
@@ -300,9 +314,9 @@ def test_a_slope_without_a_unit_is_asked_for_whatever_the_table_and_the_model(tm
         table = tmp_path / f"{name}.csv"
         table.write_text(text, encoding="utf-8")
         with pytest.raises(BadInput, match=r"'slope':? has no unit .*such as deg"):
-            new_study(table, Wishes(closed_form=True), lambda _, guess: guess)
+            new_study(table, NewStudyOptions(closed_form=True), lambda _, guess: guess)
         table.write_text(text.replace("slope", "slope [deg]"), encoding="utf-8")
-        found = new_study(table, Wishes(closed_form=True), lambda _, guess: guess)
+        found = new_study(table, NewStudyOptions(closed_form=True), lambda _, guess: guess)
         assert found["conditions"]["slope"] == "0 to 10 deg"
 
 
@@ -313,9 +327,9 @@ def test_a_column_that_no_effect_of_scenes_reads_is_left_out_where_it_has_blanks
         table.write_text(f"{head}\n1,,28,0.6,4\n1,5,28.4,0.5,4\n2,5,27,0.5,4\n", encoding="utf-8")
         if used:
             with pytest.raises(BadInput, match="is blank in row 2"):
-                new_study(table, Wishes(folder=tmp_path / "used"), lambda _, guess: guess)
+                new_study(table, NewStudyOptions(folder=tmp_path / "used"), lambda _, guess: guess)
         else:
-            found = new_study(table, Wishes(), lambda _, guess: guess)
+            found = new_study(table, NewStudyOptions(), lambda _, guess: guess)
             assert list(found["conditions"]) == ["diameter"]
             assert f"not used: '{heading}' (it is not known in every row)" in found["assumed"]
 
@@ -330,7 +344,9 @@ SIZES = """angle_of_repose [deg],radius_90 [mm],sd angle_of_repose,sd radius_90 
 def test_errors_between_codes_and_measured_numbers_enter_the_study_and_a_spread_its_effect(tmp_path):
     stated = {"between_codes": {"angle_of_repose": "1 deg", "radius_90": "5 %"}}
     stated |= {"measured": {"sliding_friction": "0.6 ± 0.06"}}
-    wishes = Wishes(Told(conditions={"size_spread": "1"}), apparatus="collapse", grains=900, **stated)
+    wishes = NewStudyOptions(
+        TableOptions(conditions={"size_spread": "1"}), apparatus="collapse", grains=900, **stated
+    )
     document, study = made(tmp_path, SIZES, wishes)
     seen = {
         each.name: (each.sd_shared, each.sd_shared_relative) for each in study.problem.observables.values()
@@ -353,5 +369,7 @@ def test_errors_between_codes_and_measured_numbers_enter_the_study_and_a_spread_
     ],
 )
 def test_an_error_or_a_number_that_fits_nothing_is_refused(tmp_path, stated, words):
-    wishes = Wishes(Told(conditions={"size_spread": "1"}), apparatus="collapse", grains=900, **stated)
+    wishes = NewStudyOptions(
+        TableOptions(conditions={"size_spread": "1"}), apparatus="collapse", grains=900, **stated
+    )
     assert words in faults_of(tmp_path, SIZES.encode(), wishes)[0]

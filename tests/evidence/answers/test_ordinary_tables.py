@@ -8,7 +8,7 @@ import pytest
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.files import Reply
-from taichi_erosion.evidence.answers.new_study import Wishes, new_study
+from taichi_erosion.evidence.answers.new_study import NewStudyOptions, new_study
 from taichi_erosion.evidence.models.load_study import Study, load_study
 from tests.evidence.asking import SILENT, ask
 
@@ -33,7 +33,7 @@ def study_of(folder: Path, name: str, text: str = "", **wishes) -> Study:
     """The study by the closed form of a table, where nobody answers."""
     (folder / "t.csv").write_text(text or (TABLES / f"{name}.csv").read_text("utf-8"), "utf-8")
     asked: dict[str, Any] = {"closed_form": True} | wishes
-    document = new_study(folder / "t.csv", Wishes(**asked), lambda _, guess: guess)
+    document = new_study(folder / "t.csv", NewStudyOptions(**asked), lambda _, guess: guess)
     return load_study(Path(document["study"]))
 
 

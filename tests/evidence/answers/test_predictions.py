@@ -14,8 +14,8 @@ from taichi_erosion.evidence.answers.predictions import predict_study, predictio
 from taichi_erosion.evidence.data.problem import Parameter, Problem
 from taichi_erosion.evidence.models.table_columns import NewConditions
 from taichi_erosion.evidence.race.fit import Hypothesis
-from taichi_erosion.evidence.race.outlook import elsewhere, forecast, left_out, new_rows, outlook
-from taichi_erosion.evidence.race.posterior import raced
+from taichi_erosion.evidence.race.outlook import forecast, joint_rows, left_out, new_rows, outlook
+from taichi_erosion.evidence.race.posterior import infer
 from tests.evidence.linear_study import linear_problem
 from tests.evidence.small_study import study_text, write_study
 
@@ -24,10 +24,10 @@ def test_a_row_is_predicted_from_the_others_as_if_it_had_not_been_measured():
     """The closed form against a race without the row; every row is a batch of its own."""
     problem = linear_problem({}, {}, seed=3)
     table = replace(problem.measurements, group=tuple(map(str, range(24))))
-    shares = left_out(raced(problem, 1, table))
+    shares = left_out(infer(problem, 1, table))
     for i in (0, 9, 12, 21):
-        rest = raced(problem, 1, table.rows(np.delete(np.arange(table.size), i)))
-        place = elsewhere(
+        rest = infer(problem, 1, table.rows(np.delete(np.arange(table.size), i)))
+        place = joint_rows(
             rest.race, new_rows(rest.race.prepared, NewConditions(("y",), {"x": table.conditions["x"][[i]]}))
         )
         told = forecast(rest, place)
@@ -37,7 +37,7 @@ def test_a_row_is_predicted_from_the_others_as_if_it_had_not_been_measured():
 
 def test_a_setting_beyond_the_measured_ones_is_told_and_less_certain():
     wanted = NewConditions(("y", "y", "z"), {"x": np.array([0.5, 2.0, 0.0])})
-    found = prediction(raced(linear_problem({}, {}, seed=1), 1), wanted)
+    found = prediction(infer(linear_problem({}, {}, seed=1), 1), wanted)
     near, far = found.rows
     assert (near.outside, far.outside) == ({}, {"x": 1.0})
     assert far.high - far.low > near.high - near.low
@@ -97,9 +97,9 @@ def test_closed_form_with_one_level():
         return np.tile(np.log(parameters["a"]) * conditions["x"], (seeds.size, 1))
 
     table = table_of([Readings("y", {"x": x[:3]}, y, np.full(3, SD), ("a", "b", "c"))])
-    race = raced(Problem(table, {}, (Parameter("a", 1.0, 0.0, np.inf, PRIOR_SD),), (), model), 1).race
+    race = infer(Problem(table, {}, (Parameter("a", 1.0, 0.0, np.inf, PRIOR_SD),), (), model), 1).race
     fit = race.fits[Hypothesis(())]
-    told = outlook(elsewhere(race, new_rows(race.prepared, NewConditions(("y",) * 2, {"x": x[3:]}))), fit)
+    told = outlook(joint_rows(race, new_rows(race.prepared, NewConditions(("y",) * 2, {"x": x[3:]}))), fit)
     assert [block.kind for block in fit.blocks] == ["level"]
     level, factor = np.exp(fit.evidence.solved.u)
     prior = PRIOR_SD**2 * np.outer(x, x) + (level * SD) ** 2
@@ -111,10 +111,10 @@ def test_closed_form_with_one_level():
 @pytest.mark.parametrize(("family", "seed", "number"), [("beyond", 5008, 0), ("disturbed", 777, 5)])
 def test_fitted_conditions_are_told_as_they_were_fitted(family: str, seed: int, number: int):
     """Every block carries over: doses, levels, zeros, sources, batches, smooth functions."""
-    found = raced(FAMILIES[family](seed, number).problem, number)
+    found = infer(FAMILIES[family](seed, number).problem, number)
     race, rows, p = found.race, found.race.prepared.rows, found.race.prepared
     again = new_rows(p, NewConditions(rows.names, rows.conditions))
-    place = elsewhere(race, replace(again, group=rows.group, source=rows.source))
+    place = joint_rows(race, replace(again, group=rows.group, source=rows.source))
     for fit in race.likely(0.05):
         now = fit.evidence.solved
         left = now.rows.y - now.rows.columns @ (now.tau * now.centre)
@@ -134,8 +134,8 @@ def test_intervals_hold_what_they_say():
     for number in range(12):
         drawn = FAMILIES["intervals"](64000 + number, number)
         assert drawn.asked is not None
-        found = raced(drawn.problem, number)
-        told = forecast(found, elsewhere(found.race, new_rows(found.race.prepared, drawn.asked)))
+        found = infer(drawn.problem, number)
+        told = forecast(found, joint_rows(found.race, new_rows(found.race.prepared, drawn.asked)))
         for values, key in ((told.mean, "mean"), (told.measured, "measured")):
             ends = zip(told.intervals(values), drawn.truth[key], strict=True)
             held.append(np.mean([each.low <= truth <= each.high for each, truth in ends]))
@@ -147,7 +147,7 @@ def test_intervals_hold_what_they_say():
 @pytest.mark.parametrize(("family", "seed"), [("intervals", 64000), ("beyond", 5008), ("disturbed", 777)])
 def test_an_interval_does_not_depend_on_what_else_is_asked(family: str, seed: int):
     """Alone, in company, in another order and twice; at measured conditions and beyond them."""
-    found = raced(FAMILIES[family](seed, 0).problem, 0)
+    found = infer(FAMILIES[family](seed, 0).problem, 0)
     rows = found.race.prepared.rows
     at = np.array([0, 3, 3, rows.size - 1, 7])
     stated = {
@@ -158,7 +158,7 @@ def test_an_interval_does_not_depend_on_what_else_is_asked(family: str, seed: in
         names = tuple(rows.names[at[k]] for k in chosen)
         group = tuple(rows.group[at[k]] if k % 2 else "" for k in chosen)
         wanted = NewConditions(names, {name: column[chosen] for name, column in stated.items()}, group)
-        told = forecast(found, elsewhere(found.race, new_rows(found.race.prepared, wanted)))
+        told = forecast(found, joint_rows(found.race, new_rows(found.race.prepared, wanted)))
         both = [told.intervals(sd) for sd in (told.mean, told.measured)]
         return np.array([[(one.value, one.low, one.high) for one in each] for each in both])
 

@@ -26,7 +26,12 @@ from taichi_erosion.evidence.answers.fresh_test import (
     kinds_of,
     setting_of,
 )
-from taichi_erosion.evidence.answers.rounds import RacedStudy, answered, discovery_question, settled
+from taichi_erosion.evidence.answers.rounds import (
+    StudyInference,
+    answer_question,
+    discovery_question,
+    is_final,
+)
 from taichi_erosion.evidence.answers.set_up import small_heaps
 from taichi_erosion.evidence.data.problem import SetUpFault
 from taichi_erosion.evidence.data.transforms import to_scale
@@ -37,7 +42,7 @@ from taichi_erosion.evidence.models.load_study import PLANS, BudgetName, StudyOp
 from taichi_erosion.evidence.models.simulator import row_at
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.fit import Hypothesis
-from taichi_erosion.evidence.race.posterior import raced, strained
+from taichi_erosion.evidence.race.posterior import has_unexplained_misfit, infer
 from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.race.record import FreshPart
 from taichi_erosion.scene.load import SOURCE, load_scene
@@ -60,15 +65,15 @@ def told(path: Path, wrong: bool = False, plans: Sequence[BudgetName] = ("quick"
             exact = process.mean  # overstated in what the first effect does, without knowing it
             patch.setattr(process, "mean", lambda self, at: exact(self, at) + OFF * self.width * at.psi[:, 0])
         question = discovery_question(study, whole)
-        found, ready = answered(study, plans, question, lambda words, share: None)
+        found, ready = answer_question(study, plans, question, lambda words, share: None)
         decided = discover_record(found).decided
     return SimpleNamespace(found=found, runs=runs, plan=ready.options.budget, decided=decided)
 
 
 @cache
-def on_function(number: int, family: str = "clean", seed: int = 4242) -> RacedStudy:
-    posterior = raced(FAMILIES[family](seed, number).problem, number)
-    return RacedStudy(posterior, decide(posterior))
+def on_function(number: int, family: str = "clean", seed: int = 4242) -> StudyInference:
+    posterior = infer(FAMILIES[family](seed, number).problem, number)
+    return StudyInference(posterior, decide(posterior))
 
 
 @pytest.mark.parametrize(("strength", "plan"), [(STRONG, "quick"), (OPEN, "full")])
@@ -85,12 +90,12 @@ def test_what_keeps_an_answer_waiting_is_refused_before_its_runs_unless_forced(t
         waits = replace(study, faults=(SetUpFault("too_few_rows", "table", "too few rows", True),))
         question = discovery_question(waits, bare)
         with pytest.raises(BadInput, match="too few rows; --force goes on"):
-            answered(waits, ("quick",), question, no_progress)
+            answer_question(waits, ("quick",), question, no_progress)
         assert not runs
-        answered(waits, ("quick",), discovery_question(waits, bare, tested=False), no_progress)
+        answer_question(waits, ("quick",), discovery_question(waits, bare, tested=False), no_progress)
         made = len(runs)
         assert made, "the next rows are asked for where there are too few"
-        answered(replace(waits, options=StudyOptions(force=True)), ("quick",), question, no_progress)
+        answer_question(replace(waits, options=StudyOptions(force=True)), ("quick",), question, no_progress)
         assert len(runs) > made
 
 
@@ -104,7 +109,7 @@ def test_a_heap_of_too_few_grains_for_any_angle_of_the_table_is_known_before_run
 
 
 def test_a_round_is_made_once_about_what_is_undecided(tmp_path, monkeypatch):
-    monkeypatch.setattr(rounds, "undecided", lambda _: True)
+    monkeypatch.setattr(rounds, "has_open_question", lambda _: True)
     path = write(tmp_path, WEAK, seed=4)
     first = told(path)
     training, more, *_ = first.runs
@@ -150,12 +155,12 @@ def test_points_are_the_settings_of_likely_sets_the_bare_model_first():
 
 def test_mechanisms_are_asked_only_where_no_listed_effect_suffices():
     null, single = on_function(NULL), on_function(SINGLE)
-    assert not strained(null.posterior.race)
-    assert not strained(single.posterior.race), "P(none) is small, but an effect is named"
-    assert rounds.required(single) == []
+    assert not has_unexplained_misfit(null.posterior.race)
+    assert not has_unexplained_misfit(single.posterior.race), "P(none) is small, but an effect is named"
+    assert rounds.required_points(single) == []
     outside = replace(single, decision=replace(single.decision, verdict="outside_library", named=()))
-    assert strained(on_function(UNLISTED).posterior.race)
-    closest, *several = rounds.required(outside)
+    assert has_unexplained_misfit(on_function(UNLISTED).posterior.race)
+    closest, *several = rounds.required_points(outside)
     assert tuple(closest.effects) == single.decision.named
     assert all(len(point.effects) > 1 for point in several)
 
@@ -265,7 +270,7 @@ def test_an_effect_half_as_strong_runs_that_fail_and_a_gap_by_chance(world, outc
 
 def test_only_a_confirmed_name_of_the_small_plan_is_settled():
     found = [replace(on_function(SINGLE), fresh=asked(fails=share)) for share in (0.0, 0.6)]
-    assert [settled(each) for each in found] == [True, False]
+    assert [is_final(each) for each in found] == [True, False]
 
 
 def test_an_emulator_that_is_off_by_more_than_its_errors_is_believed_nowhere():

@@ -10,13 +10,13 @@ import pytest
 from taichi_erosion.cli.main import main
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.commands import open_study
-from taichi_erosion.evidence.answers.new_study import Wishes, new_study
+from taichi_erosion.evidence.answers.new_study import NewStudyOptions, new_study
 from taichi_erosion.evidence.data.held_out_rows import record_opening
 from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.tables.spreadsheet import source_digest
 
 HEAD = "Sample;diameter [um];moisture [%];threshold friction velocity [cm/s];SD;n\n"
-WISHES = Wishes(closed_form=True)
+WISHES = NewStudyOptions(closed_form=True)
 
 
 def line(name: str, diameter: float, moisture: float, factor: float = 1.0) -> str:
@@ -44,7 +44,7 @@ def files_of(folder: Path) -> dict[Path, bytes]:
 
 def held_out(folder: Path) -> set[tuple[float, float]]:
     """Diameters [um] and moistures [%] of the vault."""
-    at = load_study(folder / "sand" / "sand.toml").problem.hidden().conditions
+    at = load_study(folder / "sand" / "sand.toml").problem.vault_rows().conditions
     return set(zip((1e6 * at["diameter"]).round(3), (100.0 * at["moisture"]).round(3), strict=True))
 
 
@@ -165,5 +165,5 @@ def test_a_study_or_scene_of_anothers_is_not_written_over(tmp_path, name):
     there.parent.mkdir()
     there.write_text("another's", encoding="utf-8")
     with pytest.raises(BadInput, match=rf"{name}: exists; .*--out"):
-        new_study(tmp_path / "heap.csv", Wishes(folder=there.parent), lambda _, guess: guess)
+        new_study(tmp_path / "heap.csv", NewStudyOptions(folder=there.parent), lambda _, guess: guess)
     assert {path.name: path.read_text("utf-8") for path in there.parent.iterdir()} == {name: "another's"}

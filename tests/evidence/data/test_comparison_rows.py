@@ -9,10 +9,10 @@ from scipy import optimize, stats
 from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.answers.summary import summary
 from taichi_erosion.evidence.data.comparison_rows import censored_scale, comparison_rows
-from taichi_erosion.evidence.data.heap_correlation import HeapCorrelation, correlated, heap_correlation
+from taichi_erosion.evidence.data.heap_correlation import HeapCorrelation, add_correlation, heap_correlation
 from taichi_erosion.evidence.data.problem import Floats, Measurements, Observable, Problem, Replicates
 from taichi_erosion.evidence.data.transforms import working
-from taichi_erosion.evidence.race.posterior import raced
+from taichi_erosion.evidence.race.posterior import infer
 from tests.evidence.linear_study import LEVEL_SD, linear_problem
 
 
@@ -59,7 +59,7 @@ def test_a_fit_to_limits_and_intervals_is_that_of_their_likelihood():
     limit = np.array([0.4, -0.3, 0.2, np.nan, np.nan, np.nan])
     reach = np.array([np.inf, -np.inf, 0.15, 0.0, 0.0, 0.0])
     table = replace(problem.measurements, censored=np.isfinite(limit), limit=limit, reach=reach)
-    found = raced(replace(problem, measurements=table), 1)
+    found = infer(replace(problem, measurements=table), 1)
     assert np.isinf(found.race.prepared.rows.reach).sum() == 2
 
     ends = [(0.4, np.inf), (-np.inf, -0.3), (0.05, 0.35)]
@@ -122,7 +122,7 @@ def shared(measured: Measurements) -> Floats:
     """Correlation of rows of angle and height, of which single heaps have TRUE in common."""
     rows = comparison_rows(problem_of(measured), measured)
     heaps = HeapCorrelation(("angle", "height"), np.array([[1.0, TRUE], [TRUE, 1.0]]))
-    return correlated(rows, heaps).covariance / np.sqrt(np.outer(rows.variance, rows.variance))
+    return add_correlation(rows, heaps).covariance / np.sqrt(np.outer(rows.variance, rows.variance))
 
 
 def test_means_over_common_heaps_are_correlated_by_their_share_of_them():

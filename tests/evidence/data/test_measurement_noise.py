@@ -13,9 +13,9 @@ from taichi_erosion.evidence.data.measurement_noise import (
     lack_of_fit,
     likely_shape,
     measurement_scatter,
-    moderated,
+    moderate_variance,
     pure_error,
-    repeated,
+    repeat_groups,
 )
 from taichi_erosion.evidence.data.problem import Bools, Floats, Problem
 
@@ -30,7 +30,7 @@ def sample_variances(random: np.random.Generator, sd: np.ndarray, repeats: int =
 
 
 def test_rows_of_one_scatter_share_one_variance():
-    variance, freedom = moderated(
+    variance, freedom = moderate_variance(
         sample_variances(np.random.default_rng(1), np.full(ROWS, 2.0)), FREEDOM, EVEN
     )
     assert np.ptp(variance) == 0.0
@@ -41,7 +41,9 @@ def test_rows_of_one_scatter_share_one_variance():
 
 def test_rows_that_differ_beyond_chance_keep_their_own_variance():
     sd = np.where(np.arange(ROWS) < ROWS // 2, 1.0, 10.0)
-    variance, _ = moderated(sample_variances(np.random.default_rng(2), sd, 10), np.full(ROWS, 9.0), EVEN)
+    variance, _ = moderate_variance(
+        sample_variances(np.random.default_rng(2), sd, 10), np.full(ROWS, 9.0), EVEN
+    )
     assert variance[: ROWS // 2].max() < 0.2 * variance[ROWS // 2 :].min()
 
 
@@ -60,7 +62,7 @@ def test_weights_out_of_three_repeats_make_no_outliers(spread):
     for _ in range(sets):
         sd = np.exp(spread * random.standard_normal(ROWS))
         repeats = sd * random.standard_normal((REPEATS, ROWS))
-        variance, _ = moderated(np.var(repeats, axis=0, ddof=1), FREEDOM, EVEN)
+        variance, _ = moderate_variance(np.var(repeats, axis=0, ddof=1), FREEDOM, EVEN)
         beyond += int(np.sum(np.abs(repeats.mean(axis=0)) > 3.0 * np.sqrt(variance / REPEATS)))
     # over its own sd of three repeats a residual lies beyond 3 sd in 9.5 % of rows: less than a third of that
     assert beyond < 0.03 * sets * ROWS
@@ -75,7 +77,7 @@ def with_value(problem: Problem, row: int, value: float) -> Problem:
 
 def disagreeing(z: Floats, cell: Floats, stated: bool) -> Bools:
     """By cell, whether its repeats differ by more than chance."""
-    return gross(*repeated(z, np.ones(z.size), cell), stated)
+    return gross(*repeat_groups(z, np.ones(z.size), cell), stated)
 
 
 @pytest.fixture(scope="module")

@@ -5,16 +5,16 @@ import tomllib
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.models.adopted_files import Adopted, write_adopted_files
+from taichi_erosion.evidence.models.adopted_files import Adoption, write_adopted_files
 from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.evidence.race.record import Interval
 from taichi_erosion.run.checks import read_scene
 from tests.evidence.models.test_simulator import FRICTION, STUDY, study
 
 
-def adoption(*effects: str, friction: float = 0.2) -> Adopted:
+def adoption(*effects: str, friction: float = 0.2) -> Adoption:
     numbers = {FRICTION: Interval(friction, 0.1, 0.3), "contact.soil-steel.restitution": Interval(0.5, 0, 1)}
-    return Adopted(effects, dict.fromkeys(effects, Interval(1.25, 0.5, 2.0)), numbers)
+    return Adoption(effects, dict.fromkeys(effects, Interval(1.25, 0.5, 2.0)), numbers)
 
 
 def test_study_and_scenes_are_named_by_the_study_and_all_effects(tmp_path):

@@ -12,7 +12,7 @@ from taichi_erosion.evidence.data.problem import Observable
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.load_study import load_study
 from taichi_erosion.evidence.models.prepared_problem import condition_errors
-from taichi_erosion.evidence.race.posterior import raced
+from taichi_erosion.evidence.race.posterior import infer
 from tests.evidence.small_study import MODEL, study_text, table_text, write_study
 
 GOOD = study_text()
@@ -195,7 +195,7 @@ def test_errors_are_carried_to_the_scale_of_the_comparison(sands):
 
 def test_a_misfit_that_the_own_errors_of_a_model_can_be_is_none(sands):
     # every row a tenth too high: one sd of the shared error, five of every laboratory
-    sure, unsure = (summary(raced(sands(name).problem, 1)) for name in ("sure", "predict"))
+    sure, unsure = (summary(infer(sands(name).problem, 1)) for name in ("sure", "predict"))
     assert sure.fit.p_before < 1e-3
     assert [level.observable for level in sure.levels] == ["threshold_u_star"]
     assert unsure.fit.p_before > 0.1
@@ -213,7 +213,7 @@ def test_a_model_whose_file_has_changed_is_another_model(sands, tmp_path):
 
 def test_the_threshold_grows_with_the_root_of_the_submerged_weight():
     density = np.array([1050.0, reduced.GRAIN_DENSITY, 4000.0])
-    given = reduced.expected("threshold_u_star", {"grain_density": density}, {}, {})
-    usual = reduced.expected("threshold_u_star", {"diameter": np.full(3, reduced.MEDIAN_DIAMETER)}, {}, {})
+    given = reduced.model_mean("threshold_u_star", {"grain_density": density}, {}, {})
+    usual = reduced.model_mean("threshold_u_star", {"diameter": np.full(3, reduced.MEDIAN_DIAMETER)}, {}, {})
     submerged = (density - reduced.AIR_DENSITY) / (reduced.GRAIN_DENSITY - reduced.AIR_DENSITY)
     assert given / usual == pytest.approx(np.sqrt(submerged))

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from doe.trials.reduced.families import FAMILIES
-from taichi_erosion.evidence.answers.summary import decided
+from taichi_erosion.evidence.answers.summary import decision_part
 from taichi_erosion.evidence.race.decision import ERRORS, decide, probability, sensitivity, under
 from taichi_erosion.evidence.race.fit import OUTSIDE
-from taichi_erosion.evidence.race.posterior import Posterior, raced
+from taichi_erosion.evidence.race.posterior import Posterior, infer
 from taichi_erosion.evidence.race.priors import PRIORS, Priors
 
 CASE = (7, "several", 3)
@@ -19,7 +19,7 @@ CASE = (7, "several", 3)
 @cache
 def race_under(priors: Priors) -> Posterior:
     number, family, seed = CASE
-    return raced(FAMILIES[family](seed, number).problem, number, priors=priors)
+    return infer(FAMILIES[family](seed, number).problem, number, priors=priors)
 
 
 def shares(posterior: Posterior) -> list[float]:
@@ -55,7 +55,7 @@ def rescored(wanted: str) -> list[Posterior]:
 def test_what_is_told_after_fresh_runs_stands_where_the_race_decides_alike():
     usual = race_under(PRIORS)
     told = replace(decide(usual), verdict="group", group=("a", "b"))
-    found = [decided(there, decision) for _, there, decision in sensitivity(usual, told)]
+    found = [decision_part(there, decision) for _, there, decision in sensitivity(usual, told)]
     moved = [each for each in found if each.group != ("a", "b")]
     assert len(found) == 10
     assert len(moved) < len(found)

@@ -12,7 +12,7 @@ import pytest
 from doe.trials.reduced import beyond
 from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.answers.commands import discover_record
-from taichi_erosion.evidence.answers.rounds import RacedStudy
+from taichi_erosion.evidence.answers.rounds import StudyInference
 from taichi_erosion.evidence.answers.summary import law_part
 from taichi_erosion.evidence.data.problem import Mechanism, Parameter, Problem
 from taichi_erosion.evidence.models.prepared_problem import prepare
@@ -22,7 +22,7 @@ from taichi_erosion.evidence.race.dose_laws import law_of
 from taichi_erosion.evidence.race.doses import dosings
 from taichi_erosion.evidence.race.expansion import RaceModel
 from taichi_erosion.evidence.race.fit import Race, from_axis
-from taichi_erosion.evidence.race.posterior import raced
+from taichi_erosion.evidence.race.posterior import infer
 from taichi_erosion.evidence.race.record import LawPart
 from taichi_erosion.evidence.words.answer_lines import discover_answer
 from taichi_erosion.mechanisms.dose_forms import forms_of
@@ -33,7 +33,7 @@ CASE = 5058  # restitution that grows with moisture
 
 def test_a_mechanism_is_told_with_its_doses():
     problem, truth = beyond.draw(CASE)
-    posterior = raced(problem, 58)
+    posterior = infer(problem, 58)
     found = decide(posterior)
     assert (found.verdict, found.mechanisms) == ("outside_library", (truth.name,))
     share = posterior.probability
@@ -41,7 +41,7 @@ def test_a_mechanism_is_told_with_its_doses():
     assert fit.hypothesis.along == truth.condition
     true = beyond.doses(truth, posterior.race.prepared.rows.conditions)
     assert np.max(np.abs(from_axis(fit.dose.w) - true)) < 0.35 * np.max(true)
-    record = discover_record(RacedStudy(posterior, found))
+    record = discover_record(StudyInference(posterior, found))
     assert (record.law.mechanism, record.law.conditions) == (truth.name, (truth.condition,))
     assert truth.condition in discover_answer(record, VOC).lines[0]
 
@@ -53,7 +53,7 @@ def test_a_mechanism_is_judged_with_the_errors_of_the_model_at_its_own_doses():
         doses = [each.get(truth.name, np.zeros(at["moisture"].size)) for _, at, each in asked]
         return np.diag((0.01 * np.concatenate(doses)) ** 2)
 
-    race = raced(replace(problem, uncertainty=uncertainty), 58).race
+    race = infer(replace(problem, uncertainty=uncertainty), 58).race
     fits = [f for f in race.fits.values() if f.hypothesis.beside == (truth.name,) and f.dose is not None]
     assert fits
     for fit in fits:
@@ -89,14 +89,14 @@ def test_two_mechanisms_and_a_mechanism_beside_a_listed_effect_are_both_told(sec
         at = {key: column[[row]] for key, column in table.conditions.items()}
         acting = {truth.name: size, second: 1.2 if listed else 0.8 * size}
         value[row] += beyond.reduced_places.expected(name, at, truth.parameters, acting)[0] - table.value[row]
-    found = decide(raced(replace(problem, measurements=replace(table, value=value)), 58))
+    found = decide(infer(replace(problem, measurements=replace(table, value=value)), 58))
     assert {*found.named, *found.mechanisms} == {truth.name, second}
     assert (found.together, bool(found.named)) == (not listed, listed)
 
 
 def test_a_dose_is_zero_where_its_condition_is():
     problem, _ = beyond.draw(CASE)
-    rows = raced(problem, 58, most=60).race.prepared.rows
+    rows = infer(problem, 58, most=60).race.prepared.rows
     kernels = dose_columns(rows, np.ones(rows.size, dtype=np.bool_))
     dry = rows.conditions["moisture"] == 0.0
     assert dry.any()
@@ -134,7 +134,7 @@ def pulled_rows(random: np.random.Generator, exponent: float, high: float, apart
 def test_a_mechanism_that_cannot_reach_the_rows_is_not_told_and_its_doses_stay_in_their_range():
     found = {}
     for high in (10.0, 0.05):
-        posterior = raced(pulled_rows(np.random.default_rng(1), 1.5, high), 1)
+        posterior = infer(pulled_rows(np.random.default_rng(1), 1.5, high), 1)
         found[high] = decide(posterior)
         fits = [fit for fit in posterior.race.fits.values() if fit.dose is not None]
         assert max(float(from_axis(fit.w).max()) for fit in fits) < 1.2 * high
@@ -147,10 +147,10 @@ def law(exponent: float, seed: int, apart: bool = False) -> tuple[LawPart, int]:
     problem = pulled_rows(np.random.default_rng(seed), exponent, 10.0, apart)
     prepared = prepare(problem, problem.measurements, seed)
     race = Race(prepared, RaceModel(prepared))
-    bare = race.calibrated(0.0)
+    bare = race.fit_bare(0.0)
     kernels = dose_columns(prepared.rows, np.ones(prepared.rows.size, dtype=np.bool_))
     pull = dosings(race, kernels)[0]
-    fit = pull.fitted(bare, bare.w)
+    fit = pull.optimise(bare, bare.w)
     before = race.model.settings
     found = law_part(law_of(race, fit))
     assert found is not None

@@ -18,7 +18,7 @@ from taichi_erosion.evidence.data.problem import (
     Vault,
 )
 from taichi_erosion.evidence.models.prepared_problem import prepare
-from taichi_erosion.evidence.race.posterior import quantiles, raced
+from taichi_erosion.evidence.race.posterior import infer, quantiles
 from taichi_erosion.evidence.race.record import ErrorPart, Record
 from taichi_erosion.evidence.words.answer_lines import discover_answer
 from tests.evidence.linear_study import linear_problem
@@ -33,7 +33,7 @@ LABORATORIES = tuple("laboratory B" if other else "laboratory A" for other in SE
 
 def told(problem: Problem, **changes) -> Record:
     """The record of a table with some changes."""
-    return summary(raced(replace(problem, measurements=replace(problem.measurements, **changes)), 3))
+    return summary(infer(replace(problem, measurements=replace(problem.measurements, **changes)), 3))
 
 
 def made(**acting: float) -> tuple[Problem, Measurements]:
@@ -179,7 +179,7 @@ def line(seed: int, classical: bool) -> Problem:
 
 @pytest.mark.parametrize("classical", [True, False])
 def test_intervals_hold_the_slope_where_the_condition_was_measured_and_where_it_was_set(classical: bool):
-    found = [quantiles(*raced(line(100 + k, classical), 1).strength("slope")) for k in range(TABLES)]
+    found = [quantiles(*infer(line(100 + k, classical), 1).strength("slope")) for k in range(TABLES)]
     held = sum(low <= SLOPE <= high for low, _, high in found)
     assert held >= 18, "fewer of 24 come with a probability of 0.7 % at 0.9"
 
@@ -205,12 +205,12 @@ def off(acting: dict[str, float], factor: float = 0.0, **changes) -> Problem:
 def test_a_level_of_amounts_does_not_follow_the_noise_of_its_rows():
     problem = off({}, factor=2.0)
     problem = replace(problem, observables={"y": Observable("y", "log_floor", 1.0)})
-    level = raced(problem, 1, bare=True).race.blocks[0]
+    level = infer(problem, 1, bare=True).race.blocks[0]
     assert (level.kind, np.ptp(level.columns)) == ("level", 0.0)
 
 
 def test_an_offset_of_the_laboratory_is_told_as_a_level_and_along_no_condition():
-    found = summary(raced(off({}), 1))
+    found = summary(infer(off({}), 1))
     assert found.decided.verdict == "none_detected"
     assert found.decided.probabilities["none"] > 0.8
     (shift,) = found.levels
@@ -225,10 +225,10 @@ def test_an_offset_of_the_laboratory_is_told_as_a_level_and_along_no_condition()
 @pytest.mark.parametrize("shared", [0.0, 3.0 * OFFSET])
 def test_a_stated_error_of_a_laboratory_is_part_of_the_level_that_is_told(shared: float):
     problem = replace(off({}), observables={"y": Observable("y", sd_shared=shared)})
-    (shift,) = summary(raced(problem, 1)).levels
+    (shift,) = summary(infer(problem, 1)).levels
     assert shift.size.low < OFFSET < shift.size.high
     assert (
-        summary(raced(replace(made()[0], observables={"y": Observable("y", sd_shared=shared)}), 3)).levels
+        summary(infer(replace(made()[0], observables={"y": Observable("y", sd_shared=shared)}), 3)).levels
         == ()
     )
 
@@ -238,19 +238,19 @@ def test_a_stated_error_of_a_laboratory_is_part_of_the_level_that_is_told(shared
     [(10.0, "(another unit?)"), (57.3, "(degrees for radians?)"), (3.0, "at all conditions.")],
 )
 def test_a_column_in_a_wrong_unit_is_told_as_a_factor_and_hides_no_effect(factor: float, words: str):
-    found = summary(raced(off({}, factor), 1))
+    found = summary(infer(off({}, factor), 1))
     assert found.decided.verdict == "none_detected"
     (shift,) = found.levels
     assert (shift.observable, shift.kind) == ("y", "factor")
     assert shift.size.value == pytest.approx(factor, rel=0.06)  # sd of a mean of 24 rows: 0.02
     assert any(words in line for line in discover_answer(found, VOC).lines)
-    acting = summary(raced(off(BEND, factor), 1))
+    acting = summary(infer(off(BEND, factor), 1))
     assert acting.decided.named == ("bend",)
     assert acting.fit.p_after > 0.01
 
 
 def test_an_adopted_effect_is_judged_after_the_offset_of_the_laboratory():
-    found = adopt_record(raced(off(BEND, vault=Vault(np.arange(3, 24, 5))), 1), ("bend",), 1)
+    found = adopt_record(infer(off(BEND, vault=Vault(np.arange(3, 24, 5))), 1), ("bend",), 1)
     assert found.held_out.after < 3.0 < found.held_out.before
     assert found.fit.p_after > 0.01
     assert found.effects["bend"].strength.low < 1.0 < found.effects["bend"].strength.high
@@ -261,7 +261,7 @@ def test_soils_with_numbers_of_their_own_do_not_hide_what_an_adoption_explains()
     soils = tuple(f"soil {k * 6 // COUNT}" for k in range(COUNT))
     hidden = Vault(np.flatnonzero(np.isin(soils, ("soil 1", "soil 4"))))
     problem = replace(problem, measurements=replace(table, group=soils), vault=hidden)
-    held = adopt_record(raced(problem, 3), ("bend",), 1).held_out
+    held = adopt_record(infer(problem, 3), ("bend",), 1).held_out
     assert held.after < 2.0 < 10.0 < held.before
 
 
@@ -269,7 +269,7 @@ def test_an_adoption_that_improves_and_does_not_suffice_is_a_misfit():
     problem = off({"bend": 3.0}, vault=Vault(np.arange(3, 24, 5)))
     table = problem.measurements
     table = replace(table, value=table.value + 1.5 * np.cos(9.0 * table.conditions["x"]))
-    found = adopt_record(raced(replace(problem, measurements=table), 1), ("bend",), 1)
+    found = adopt_record(infer(replace(problem, measurements=table), 1), ("bend",), 1)
     assert found.held_out.after < found.held_out.before
     assert found.fit.p_after < 0.01
 
@@ -278,7 +278,7 @@ def test_numbers_are_not_moved_by_a_level():
     problem = heaps(1)
     table = problem.measurements
     value = table.value + OFFSET * (np.array(table.observable) == "angle")
-    found = summary(raced(replace(problem, measurements=replace(table, value=value)), 1))
+    found = summary(infer(replace(problem, measurements=replace(table, value=value)), 1))
     slope = found.numbers["slope"].now
     assert slope.low < 0.4 < slope.high < slope.low + 0.3
     assert [level.observable for level in found.levels] == ["angle"]
@@ -286,7 +286,7 @@ def test_numbers_are_not_moved_by_a_level():
 
 def test_a_number_beyond_its_range_is_told_and_no_effect_is_named_in_its_place():
     narrow = (Parameter("slope", 0.1, 0.01, 0.15, 1.0),)  # of 0.4
-    found = summary(raced(replace(heaps(1), parameters=narrow), 1))
+    found = summary(infer(replace(heaps(1), parameters=narrow), 1))
     assert found.decided.named == found.decided.group == ()
     assert found.numbers["slope"].at_end
     assert found.fit.p_before < 0.01

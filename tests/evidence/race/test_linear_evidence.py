@@ -36,13 +36,13 @@ def test_likelihood_is_that_of_a_normal_distribution():
     expected = (
         -0.5 * table.y @ np.linalg.solve(whole, table.y) - 0.5 * np.linalg.slogdet(2.0 * np.pi * whole)[1]
     )
-    found = table.solved(U).log_likelihood - 0.5 * 14 * np.log(2.0 * np.pi)
+    found = table.posterior_at(U).log_likelihood - 0.5 * 14 * np.log(2.0 * np.pi)
     assert found == pytest.approx(expected, abs=1e-9)
 
 
 def test_posterior_and_residual_are_those_of_the_covariance():
     table, (g, h) = rows(), np.random.default_rng(1).standard_normal((2, 14))
-    now, inverse = table.solved(U), np.linalg.inv(covariance(rows(), U))
+    now, inverse = table.posterior_at(U), np.linalg.inv(covariance(rows(), U))
     residual, diagonal = now.precision
     np.testing.assert_allclose(residual, inverse @ table.y, atol=1e-10)
     np.testing.assert_allclose(diagonal, np.diag(inverse), atol=1e-10)
@@ -53,9 +53,9 @@ def test_posterior_and_residual_are_those_of_the_covariance():
 
 def test_slopes_and_expected_curvature():
     table = rows()
-    gradient, curvature = table.solved(U).derivatives()
+    gradient, curvature = table.posterior_at(U).derivatives()
     steps = np.eye(4) * 1e-5
-    numeric = [(table.solved(U + h).value - table.solved(U - h).value) / 2e-5 for h in steps]
+    numeric = [(table.posterior_at(U + h).value - table.posterior_at(U - h).value) / 2e-5 for h in steps]
     np.testing.assert_allclose(gradient, numeric, rtol=1e-5, atol=1e-6)
     inverse = np.linalg.inv(covariance(table, U))
     slopes = [(covariance(table, U + h) - covariance(table, U - h)) / 2e-5 for h in steps]

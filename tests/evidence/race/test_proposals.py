@@ -10,7 +10,7 @@ from doe.trials.reduced.laboratory import Readings, table_of
 from taichi_erosion.evidence.data.problem import Laboratory, Problem
 from taichi_erosion.evidence.race.decision import decide
 from taichi_erosion.evidence.race.fit import Hypothesis
-from taichi_erosion.evidence.race.posterior import Posterior, raced
+from taichi_erosion.evidence.race.posterior import Posterior, infer
 from taichi_erosion.evidence.race.priors import SURE
 from taichi_erosion.evidence.race.proposals import LEAST, Rival, best_design, proposals
 from taichi_erosion.evidence.race.record import ExperimentPart
@@ -85,7 +85,7 @@ def test_chances_rise_and_an_answer_that_all_explanations_share_is_no_decision()
 
 
 def undecided(problem: Problem) -> Posterior:
-    found = raced(problem, 1)
+    found = infer(problem, 1)
     assert decide(found).verdict != "present"
     return found
 
@@ -108,11 +108,11 @@ def test_two_effects_are_told_apart_where_they_differ_and_the_truth_is_named_the
     first = told[0]
     assert abs(first.conditions["x"]) == pytest.approx(3.0)
     assert {"slope", "cube"} <= set(first.predictions)
-    assert decide(raced(measured(problem, told, 0.3), 1)).named == ("slope",)
+    assert decide(infer(measured(problem, told, 0.3), 1)).named == ("slope",)
 
 
 def test_a_decided_study_and_one_of_copies_ask_for_nothing():
-    decided = raced(linear_problem({"slope": lambda x: x, "square": lambda x: x**2}, {"slope": 1.0}), 1)
+    decided = infer(linear_problem({"slope": lambda x: x, "square": lambda x: x**2}, {"slope": 1.0}), 1)
     assert decide(decided).named == ("slope",)
     copies = undecided(linear_problem({"slope": lambda x: x, "copy": lambda x: x}, {"slope": 0.6}))
     assert proposals(decided, WIDE) == proposals(copies, WIDE) == ()

@@ -2,7 +2,7 @@
 
 import pytest
 
-from taichi_erosion.evidence.words.run_words import after_run, comparisons, run_table, run_warnings
+from taichi_erosion.evidence.words.run_words import comparisons, next_steps, run_table, run_warnings
 
 
 def run_document(value: float, n: int = 3, **more) -> dict:
@@ -49,5 +49,5 @@ def test_the_table_has_words_units_and_the_difference():
         "33.50 \N{PLUS-MINUS SIGN} 0.70 (n = 10)",
         "-4.8 (-14%)",
     )
-    quoted = next(after_run(document | {"recording": "my runs/a.rrd"}))
+    quoted = next(next_steps(document | {"recording": "my runs/a.rrd"}))
     assert "view 'my runs/a.rrd'`" in quoted

@@ -64,7 +64,7 @@ def hertz_peaks() -> Iterator[Outcome]:
     setups = [case.setup for case in cases.values()]
     times = np.outer(np.arange(1.0, PER_CONTACT + 13.0), [setup.time_step for setup in setups])
     for precision in PRECISIONS:
-        paths = closed_forms.sampled(setups, times, precision)
+        paths = closed_forms.sample_states(setups, times, precision)
         for (name, case), path in zip(cases.items(), paths, strict=True):
             yield from closed_forms.peak_outcomes(name, case.impact.closed, path, precision)
 

@@ -29,7 +29,7 @@ import numpy as np
 from taichi_erosion.air.readback import face_velocities
 from taichi_erosion.core.air_setup import AirModel, AirSide, InitialTurbulence, bed_faces
 from taichi_erosion.core.setup import Coupling, Floats, Laws, Setup
-from taichi_erosion.core.transfer import read
+from taichi_erosion.core.transfer import download_field
 from taichi_erosion.simulation import Simulation, advance, air_profile, spin_up_wind
 from taichi_erosion.verification import closed_forms
 from taichi_erosion.verification.claims import Outcome, Precision, below
@@ -70,14 +70,16 @@ def grain_momentum(sim: Simulation, replica: int = 0) -> GrainMomentum:
     """Momentum of a replica's grains."""
     first = (2 * replica + int(sim.world.replicas.side[replica])) * sim.capacities.grains
     rows = slice(first, first + len(sim.setups[replica].grains.mass))
-    mass = 1.0 / read(sim.world.grains.mass_inverse)[rows].astype(np.float64)[:, None]
+    mass = 1.0 / download_field(sim.world.grains.mass_inverse)[rows].astype(np.float64)[:, None]
     frozen = sim.world.frozen_drag
     momenta, applied, pressure = (
-        mass * read(field)[rows]
+        mass * download_field(field)[rows]
         for field in (sim.world.grains.velocity, frozen.drag_kick, frozen.steady_acceleration)
     )
     # drag applied since the last exchange is not yet subtracted from the residual
-    residual = read(sim.coupling.exchange.residual_momentum)[replica].sum(axis=0) - applied.sum(axis=0)
+    residual = download_field(sim.coupling.exchange.residual_momentum)[replica].sum(axis=0) - applied.sum(
+        axis=0
+    )
     size = float(np.linalg.norm(momenta, axis=1).sum())
     return GrainMomentum(momenta.sum(axis=0), residual, pressure.sum(axis=0), size)
 
@@ -164,7 +166,7 @@ def stirred_setup() -> Setup:
 def patch_momentum(sim: Simulation) -> PatchMomentum:
     """Momenta one step of the grains after an exchange."""
     grains, air = grain_momentum(sim), sim.coupling.air
-    recorded = CELL * read(air.impulse)[0, 1:-1, 1:-1, 1:-1].sum(axis=(0, 1, 2))
+    recorded = CELL * download_field(air.impulse)[0, 1:-1, 1:-1, 1:-1].sum(axis=(0, 1, 2))
     u, v, w = face_velocities(air, 0)
     wind = np.stack([u[:-1], v[:, :-1], w[:, :, :-1]])
     drag = grains.moving + grains.residual
@@ -182,7 +184,7 @@ def patch_balance(precision: Precision) -> Iterator[Outcome]:
         pressed += last.grains - last.drag  # the rest of the frozen pressure force
         advance(sim, [STEP * (PATCH_INTERVAL * exchange + 1)])
         now = patch_momentum(sim)
-        void = read(sim.coupling.air.void_fraction)[0, 1:-1, 1:-1, 1:-1]
+        void = download_field(sim.coupling.air.void_fraction)[0, 1:-1, 1:-1, 1:-1]
         on_faces = np.stack([0.5 * (void + np.roll(void, 1, axis)) for axis in range(2)])
         gained += DENSITY * CELL * (on_faces * (now.air - last.air)[:2]).sum(axis=(1, 2, 3))
         recorded += now.recorded

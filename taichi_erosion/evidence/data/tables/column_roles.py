@@ -23,8 +23,8 @@ from taichi_erosion.tables.headings import (
     Heading,
     Role,
     is_halved,
+    lone_angle,
     longest_word,
-    meaning_alone,
     meaning_of,
     meaning_of_symbol,
     near_meaning,
@@ -75,7 +75,7 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Told:
+class TableOptions:
     """What the user, or a study, says of a table: heading or its name -> what the column measures or sets."""
 
     observables: Mapping[str, str] = field(default_factory=dict)
@@ -93,28 +93,28 @@ class Told:
     reads: frozenset[str] | None = None  # by the model; others are kept as conditions; None: as they are
 
 
-def column_roles(cells: Cells, told: Told, faults: list[str]) -> list[Column]:
+def column_roles(cells: Cells, options: TableOptions, faults: list[str]) -> list[Column]:
     """Columns in their order; what is wrong with headings is added to `faults`, and makes them remarks."""
     faults += heading_faults(cells)
-    named = stated_names(cells, told, faults)
-    columns = [with_unit(column_of(cells, place, named), told) for place in range(len(cells.heading))]
+    named = stated_names(cells, options, faults)
+    columns = [with_unit(column_of(cells, place, named), options) for place in range(len(cells.heading))]
     measured = any(column.role == "observable" for column in columns)
     for place, column in enumerate(() if measured else columns):  # as what it means where nothing known is
-        if not column.sure and column.numeric and (alone := meaning_alone(column.heading)):
+        if not column.sure and column.numeric and (alone := lone_angle(column.heading)):
             words = {"role": "observable", "name": alone, "near": "", "unclear": column.heading.name}
             columns[place] = replace(column, sure=True, **words)
-    found, plain = [], {column.name for column in columns}
+    roles, plain = [], {column.name for column in columns}
     for column in columns:
         if column.changed and column.near in plain:  # another column states the quantity itself
             column = replace(column, near="")
         wrong = list(unit_faults(cells, column))
         faults += wrong
-        column = replace(column, title=told.titles.get(column.name) or tidy_name(column.name))
-        found.append(replace(column, role="remark", sure=True) if wrong else column)
-    return found
+        column = replace(column, title=options.titles.get(column.name) or tidy_name(column.name))
+        roles.append(replace(column, role="remark", sure=True) if wrong else column)
+    return roles
 
 
-def with_unit(column: Column, told: Told) -> Column:
+def with_unit(column: Column, told: TableOptions) -> Column:
     """A column with the unit that the user states for it."""
     heading = column.heading
     texts = {plain_words(text) for text in (heading.text, heading.name, stem(heading.name))}
@@ -135,23 +135,23 @@ def heading_faults(cells: Cells) -> Iterator[str]:
             seen.setdefault(text, place)
 
 
-def stated_names(cells: Cells, told: Told, faults: list[str]) -> dict[int, tuple[Role, str]]:
+def stated_names(cells: Cells, options: TableOptions, faults: list[str]) -> dict[int, tuple[Role, str]]:
     """What the user says, by place; a column that is not there is a fault unless it may be missing."""
-    found: dict[int, tuple[Role, str]] = {}
+    name_of: dict[int, tuple[Role, str]] = {}
     stated: tuple[tuple[Role, Mapping[str, str]], ...]
-    stated = (("observable", told.observables), ("condition", told.conditions), ("unit", told.units))
+    stated = (("observable", options.observables), ("condition", options.conditions), ("unit", options.units))
     for role, names in stated:
         for text, name in names.items():
             itself, repeats = called_columns(cells, text)
             for place in () if role == "unit" else itself or repeats:
-                found[place] = ("remark", "") if name == NOT_USED else (role, name)
+                name_of[place] = ("remark", "") if name == NOT_USED else (role, name)
             for place in repeats if role == "observable" else ():
-                found.setdefault(place, (role, name))
-            if not itself and not repeats and text not in told.optional:
+                name_of.setdefault(place, (role, name))
+            if not itself and not repeats and text not in options.optional:
                 there = ", ".join(filter(None, cells.heading))
                 words = f"no column '{text}'; there are: {there}{did_you_mean(text, cells.heading)}"
                 faults.append(f"{cells.file}: --{role} {text}={name}: {words}")
-    return found
+    return name_of
 
 
 def called_columns(cells: Cells, text: str) -> tuple[list[int], list[int]]:
@@ -190,19 +190,21 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
     return Column(place, heading, role, name, sure=role != "spread", factor=factor, unclear=unclear)
 
 
-def with_stated_sd(columns: list[Column], cells: Cells, told: Told, faults: list[str]) -> list[Column]:
+def with_stated_sd(
+    columns: list[Column], cells: Cells, told: TableOptions, faults: list[str]
+) -> list[Column]:
     """The columns with the scatter of single repeats that the user states, `0.8 deg` or `8 %` of a value."""
     for text, said in told.sd.items():
         places = {place for group in called_columns(cells, text) for place in group}
         names = (text.strip(), meaning_of(text)[1])
-        own = [c for c in columns if c.role == "observable" and (c.place in places or c.name in names)]
+        matches = [c for c in columns if c.role == "observable" and (c.place in places or c.name in names)]
         where, wrong = f"{cells.file}: --sd {text}={said}", ""
-        if not own:
+        if not matches:
             wrong = "names no column of a measured quantity"
-        elif any(each.role in ("sd", "se", "cv") and each.of in (own[0].place, -1) for each in columns):
+        elif any(each.role in ("sd", "se", "cv") and each.of in (matches[0].place, -1) for each in columns):
             wrong = "a column of the table states it; leave it out"
         faults.extend([f"{where}: {wrong}"] if wrong else [])
-        for column in () if wrong else own:
+        for column in () if wrong else matches:
             unit, share = column.heading.unit, said.strip().endswith("%") and column.heading.unit != "%"
             value = stated_number(said, "1" if share else unit, where, f"0.8 {unit}' or '8 %")
             if value <= 0.0:

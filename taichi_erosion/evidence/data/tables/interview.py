@@ -21,7 +21,7 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     ROUGHNESS_LENGTH,
     UNUSED,
     Column,
-    Told,
+    TableOptions,
     column_roles,
     friction_factor,
     has_no_scale,
@@ -87,7 +87,7 @@ class Interview:
             self.assume(meaning)
         return answer
 
-    def agreed(self, question: str, meaning: str) -> bool:
+    def confirm(self, question: str, meaning: str) -> bool:
         """Whether the user says yes; the guess is yes."""
         return self.choice(f"{question} (yes or no)", "yes", meaning).lower().startswith(AGREED)
 
@@ -102,7 +102,7 @@ class Reading:
     """A table that is being understood."""
 
     cells: Cells
-    told: Told
+    options: TableOptions
     interview: Interview
     faults: list[str]
     bed: Column | None = None  # that states the roughness length of each row
@@ -125,11 +125,11 @@ class Reading:
         return [number for number in found if not isnan(number.value)]
 
 
-def understood(
-    cells: Cells, told: Told, interview: Interview, faults: list[str], measured: bool = True
+def understand_columns(
+    cells: Cells, options: TableOptions, interview: Interview, faults: list[str], measured: bool = True
 ) -> list[Column]:
     """The columns of a table, settled, with units; `measured`: one of them must hold a measured quantity."""
-    columns = column_roles(cells, told, faults)
+    columns = column_roles(cells, options, faults)
     for column in (each for each in columns if each.unclear):
         told_as = f"column '{column.heading.text}' is read as {column.title or column.name}"
         interview.assume(f"{told_as}; check '{column.unclear}' in its heading")
@@ -137,21 +137,21 @@ def understood(
         interview.assume(note)
     if faults:  # nobody is asked about a table that has to be corrected
         interview = Interview()
-    reading = Reading(cells, told, interview, faults)
+    reading = Reading(cells, options, interview, faults)
     measures = any(column.role == "observable" for column in columns)
     columns = without_profiles(columns, reading)
     columns = repeats_side_by_side(settled_columns(columns, reading, measures), reading)
     columns = without_unread(list(without_unknown(columns, reading)), reading)
     columns = list(with_partners(columns, interview))
     if measured and not any(column.role == "observable" for column in columns):
-        known = ", ".join(told.measures or told.observables)
+        known = ", ".join(options.measures or options.observables)
         faults.append(
             f"{cells.file}: no column is known as a measured quantity; say which one is: --observable "
             f"'COLUMN=NAME', or in a study [columns] 'COLUMN' = NAME; NAME one of {known or 'its own'}; "
             f"{CROSS_TABLE}"
         )
     columns = [with_right_unit(with_asked_unit(column, reading), reading) for column in columns]
-    return with_stated_sd(columns, cells, told, faults)
+    return with_stated_sd(columns, cells, options, faults)
 
 
 def without_profiles(columns: list[Column], reading: Reading) -> list[Column]:
@@ -168,21 +168,21 @@ def without_profiles(columns: list[Column], reading: Reading) -> list[Column]:
 
 def settled_columns(columns: Sequence[Column], reading: Reading, measured: bool) -> list[Column]:
     """All columns, settled; numbered siblings of one of which only a guess was known are called as it is."""
-    found, first = list[Column](), dict[str, Column]()
+    settled, first = list[Column](), dict[str, Column]()
     reading = replace(reading, bed=next((c for c in columns if c.name == ROUGHNESS_LENGTH), None))
     for column in columns:
         name = plain_words(stem(column.heading.name))
         if not column.sure and name in first:
             as_first = {key: getattr(first[name], key) for key in ("role", "name", "title", "unread")}
             column = replace(column, **as_first, near="", sure=True)
-        settled_column = settled(column, reading, measured)
+        settled_column = settle_column(column, reading, measured)
         if column.numeric and not column.sure and name != plain_words(column.heading.name):
             first[name] = settled_column
-        found.append(settled_column)
-    return found
+        settled.append(settled_column)
+    return settled
 
 
-def settled(column: Column, reading: Reading, measured: bool) -> Column:
+def settle_column(column: Column, reading: Reading, measured: bool) -> Column:
     """A column of which only a guess was known, as the user calls it."""
     interview, text = reading.interview, column.heading.text
     if column.sure or not column.numeric:
@@ -206,24 +206,24 @@ def settled(column: Column, reading: Reading, measured: bool) -> Column:
 def settled_unknown(column: Column, reading: Reading) -> Column:
     """A column whose heading says nothing known, as the user calls it."""
     text = column.heading.text
-    told = f" '{column.near}' is near its heading." if column.near else ""
+    hint = f" '{column.near}' is near its heading." if column.near else ""
     changed = f"'{column.changed}' makes it another quantity than {column.near}"
-    told = f" {changed}." if column.changed else told
-    kept = reading.told.reads is not None  # as a condition of its own, unless its cells speak against it
-    own = f"{OWN} = a condition of your own" if kept else f"--condition '{column.heading.name}=UNIT'"
+    hint = f" {changed}." if column.changed else hint
+    kept = reading.options.reads is not None  # as a condition of its own, unless its cells speak against it
+    choice = f"{OWN} = a condition of your own" if kept else f"--condition '{column.heading.name}=UNIT'"
     question = (
-        f"Column '{text}' is not known.{told} Type the name of a measured quantity (repose_angle, flux, "
+        f"Column '{text}' is not known.{hint} Type the name of a measured quantity (repose_angle, flux, "
         f"...), a place of the scene (conditions.moisture, ...), or {NOT_USED} for a column that is not used "
-        f"(a condition of your own: {own})"
+        f"(a condition of your own: {choice})"
     )
     if column.near:
         answer = reading.interview.choice(question, "", "")
         if not answer:
             option = "condition" if "." in column.near else "observable"
             said = f"say --{option} '{stem(column.heading.name)}={column.near}'"
-            if not reading.told.measures:  # a study says itself what there is
-                own = reading.told.titles.get(column.near, column.near.rpartition(".")[2])
-                said = f"head it '{own}', or name it in [columns] of the study"
+            if not reading.options.measures:  # a study says itself what there is
+                choice = reading.options.titles.get(column.near, column.near.rpartition(".")[2])
+                said = f"head it '{choice}', or name it in [columns] of the study"
             why = f"did you mean {column.near}?"
             if column.changed:
                 remedy = vocabulary()["remedies"].get(column.near, (f"give {column.near} itself",))[0]
@@ -234,10 +234,10 @@ def settled_unknown(column: Column, reading: Reading) -> Column:
         answer = reading.interview.choice(question, OWN if kept else NOT_USED, meaning)
     if kept and answer == OWN:
         return replace(column, role="condition", unread=True, sure=True)
-    return named(column, answer)
+    return name_column(column, answer)
 
 
-def named(column: Column, answer: str) -> Column:
+def name_column(column: Column, answer: str) -> Column:
     """A column as the user calls it."""
     if answer == NOT_USED:
         return replace(column, sure=True)
@@ -257,7 +257,7 @@ def settled_wind(column: Column, reading: Reading, measured: bool) -> Column:
         f"with its unit (flat sand: grain diameter / 30, such as '0.008 mm'), for u* = 0.4 U / ln(z / z0); "
         f"{NOT_USED}: the column is not used"
     )
-    answer = reading.told.roughness or ("" if bed else reading.interview.choice(question, "", ""))
+    answer = reading.options.roughness or ("" if bed else reading.interview.choice(question, "", ""))
     if not answer and bed is None:
         return reading.fault(
             column,
@@ -285,7 +285,7 @@ def without_unknown(columns: Sequence[Column], reading: Reading) -> Iterator[Col
     bent = [each for each in columns if each.role in ("observable", "condition") and each.heading.law]
     for column in columns:
         used = column.role in ("observable", "condition") and not column.unread
-        wrong = column_fault(column, seen, reading.told) if used else ""
+        wrong = column_fault(column, seen, reading.options) if used else ""
         own = [each for each in bent if each.role == "observable" or each.name == column.name]
         if own and column.role in ("sd", "se", "cv", "condition_sd"):
             wrong = (
@@ -296,19 +296,19 @@ def without_unknown(columns: Sequence[Column], reading: Reading) -> Iterator[Col
         yield reading.fault(column, wrong) if wrong else column
 
 
-def column_fault(column: Column, seen: Mapping[str, str], told: Told) -> str:
+def column_fault(column: Column, seen: Mapping[str, str], options: TableOptions) -> str:
     """What is wrong with the meaning of a column; empty where nothing is."""
     if column.name in seen and not column.is_repeat:
         return (
             f"means {column.name}, as column '{seen[column.name]}' does; say what it is with --condition "
             f"'{column.heading.name}=PATH'; {UNUSED}"
         )
-    if not told.measures:  # a study says itself what there is
+    if not options.measures:  # a study says itself what there is
         return ""
     if column.role == "observable":
-        known = column.name in told.measures
-        return "" if known else f"no scene measures '{column.name}'; known: {', '.join(told.measures)}"
-    if range_of(column) or column.name in told.own_units:
+        known = column.name in options.measures
+        return "" if known else f"no scene measures '{column.name}'; known: {', '.join(options.measures)}"
+    if range_of(column) or column.name in options.own_units:
         return ""
     own = f"'{column.name}' is no unit and no place of a scene (a condition of your own: COLUMN=g/kg)"
     return f"{own}; places: {', '.join(vocabulary()['conditions'])}"
@@ -317,8 +317,8 @@ def column_fault(column: Column, seen: Mapping[str, str], told: Told) -> str:
 def with_right_unit(column: Column, reading: Reading) -> Column:
     """A column whose unit is one of what it measures or sets; the basis of a moisture is told."""
     heading, allowed = column.heading, range_of(column)
-    unit = reading.told.own_units.get(column.name) or (allowed and allowed.unit)
-    known = reading.told.measures and unit and heading.unit  # a study says itself what there is
+    unit = reading.options.own_units.get(column.name) or (allowed and allowed.unit)
+    known = reading.options.measures and unit and heading.unit  # a study says itself what there is
     if column.role not in ("observable", "condition") or not known:
         return column
     if scale_between(heading.unit, parse_unit(str(unit))) is None:
@@ -336,43 +336,43 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
 
     Which numbers are none is told by `number_columns.py`; a column that the user names always is one.
     """
-    reads, said = reading.told.reads, reading.told.conditions.values()
+    reads, said = reading.options.reads, reading.options.conditions.values()
     measured = [c.place for c in columns if c.role == "observable"]
     rows = [row for _, row in reading.cells.lines if not all(is_missing(row[place]) for place in measured)]
     if reads is None or not rows:
         return [without_blanks(column, rows, reading) for column in columns]
-    own = [c for c in columns if c.role == "condition" and c.name not in reads]
+    unread = [c for c in columns if c.role == "condition" and c.name not in reads]
     others = [c for c in columns if c.role == "condition" and c.name in reads]
     labels = [c.place for c in columns if c.role in ("group", "source")]
     filled = rows
-    if reading.told.fill_down:
+    if reading.options.fill_down:
         filled = [*accumulate(rows, lambda up, row: tuple(x or y for x, y in zip(row, up, strict=True)))]
     set_ups = ["|".join(row[place] for place in labels) for row in filled]
-    values = {c: np.array([reading.number(row[c.place]).value for row in filled]) for c in (*own, *others)}
+    values = {c: np.array([reading.number(row[c.place]).value for row in filled]) for c in (*unread, *others)}
     results = [np.array([reading.number(row[place]).value for row in rows]) for place in measured]
     results.append(np.mean(results, axis=0))  # of repeats side by side
     known = {c.heading.text: values[c] for c in others}
-    asked = {c.heading.text: values[c] for c in own if c.name not in said}
+    asked = {c.heading.text: values[c] for c in unread if c.name not in said}
     why = no_conditions(asked, results, known, np.array(set_ups))
-    found, names = list[Column](), [*RESERVED, *(c.title for c in others)]
+    kept, names = list[Column](), [*RESERVED, *(c.title for c in others)]
     if unused := [f"'{text}' ({reason})" for text, reason in why.items()]:
         reading.interview.assume(f"not used: {', '.join(unused)}")
     for column in columns:
         text, name = column.heading.text, own_name(column.heading.name, names, column.place)
-        if column in own and text in why:
+        if column in unread and text in why:
             column = replace(column, role="remark")
-        elif column in own:
+        elif column in unread:
             reading.interview.assume(f"column '{text}' is kept as a condition; {UNREAD}")
             place = column.name if column.name.startswith(CONDITION) else CONDITION + name
             column = replace(column, name=place, title=column.title or name, unread=True)
             names.append(column.title)
-        found.append(column)
-    return found
+        kept.append(column)
+    return kept
 
 
 def without_blanks(column: Column, rows: Sequence[Sequence[str]], reading: Reading) -> Column:
     """A column, not used where it is blank in some rows and no effect of scenes reads it."""
-    told = reading.told
+    told = reading.options
     named = told.fill_down or column.name in told.conditions.values() or column.role != "condition"
     if named or column.name not in told.ignored or all(row[column.place] for row in rows):
         return column
@@ -392,13 +392,14 @@ def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Co
             families.setdefault((column.name, words), []).append(column)
     repeats, means, numbered = set[int](), set[int](), set[int]()
     for family in (each for each in families.values() if len(each) > 1):
-        told = ", ".join(f"'{column.heading.text}'" for column in family)
+        titles = ", ".join(f"'{column.heading.text}'" for column in family)
         if any(map(holds_value, family)):
             lengths = family[0].name == "flux" and all(HEIGHT.search(each.heading.text) for each in family)
             words = PROFILE if lengths else CROSS_TABLE
-            reading.faults.append(f"{reading.cells.file}: columns {told}: {words}")
-        elif not reading.interview.agreed(
-            f"Columns {told}: repeats of one measurement", f"columns {told} are repeats of one measurement"
+            reading.faults.append(f"{reading.cells.file}: columns {titles}: {words}")
+        elif not reading.interview.confirm(
+            f"Columns {titles}: repeats of one measurement",
+            f"columns {titles} are repeats of one measurement",
         ):
             continue
         repeats |= {column.place for column in family[1:]}
@@ -459,7 +460,7 @@ def with_asked_unit(column: Column, reading: Reading) -> Column:
     if column.heading.unit:
         return column
     written = next((number.unit for number in numbers if number.unit), "")
-    if written or (written := reading.told.own_units.get(column.name, "")):
+    if written or (written := reading.options.own_units.get(column.name, "")):
         return in_unit(column, written)
     return with_usual_unit(column, [number.value for number in numbers], reading)
 
@@ -469,16 +470,16 @@ def with_usual_unit(column: Column, values: Sequence[float], reading: Reading) -
     text, interview = column.heading.text, reading.interview
     if column.role == "cv":
         share = max(values, default=0.0) <= MOST_SHARE
-        usual, told = ("1", "a share of the value") if share else ("%", "percent of it")
-        meaning = f"'{text}' has no unit in its heading: taken as {told}"
+        usual, unit_words = ("1", "a share of the value") if share else ("%", "percent of it")
+        meaning = f"'{text}' has no unit in its heading: taken as {unit_words}"
         return in_unit(column, interview.choice(f"Unit of column '{text}' (such as {usual})", usual, meaning))
     allowed, measured = range_of(column), column.role == "observable"
     if allowed is None or not values:
         return column
     several = has_no_scale(allowed)
     if not several and all(map(allowed.is_usual, values)):
-        told = "a pure number or share, 1 is all" if allowed.unit in PURE_UNITS else allowed.unit
-        interview.assume(f"'{text}' has no unit in its heading: taken as {told} (--unit '{text}=UNIT')")
+        unit_words = "a pure number or share, 1 is all" if allowed.unit in PURE_UNITS else allowed.unit
+        interview.assume(f"'{text}' has no unit in its heading: taken as {unit_words} (--unit '{text}=UNIT')")
         return column if allowed.unit in PURE_UNITS else in_unit(column, allowed.unit)
     units = ["UNIT"] if several else likely_units(values, None, allowed) or [allowed.unit] * measured
     span = f"its numbers are {min(values):g} to {max(values):g}"
@@ -486,9 +487,9 @@ def with_usual_unit(column: Column, values: Sequence[float], reading: Reading) -
     question = f"Unit of column '{text}' ({span}; {likely})"
     if answer := interview.choice(question, "", ""):
         return in_unit(column, answer)
-    told = f"has no unit in its heading: {span}; write it there: '{text} [{units[0]}]'" if units else ""
-    told += f", {likely}" * several
-    return reading.fault(column, told) if units else column
+    unit_words = f"has no unit in its heading: {span}; write it there: '{text} [{units[0]}]'" if units else ""
+    unit_words += f", {likely}" * several
+    return reading.fault(column, unit_words) if units else column
 
 
 def in_unit(column: Column, unit: str) -> Column:

@@ -26,7 +26,7 @@ from taichi_erosion.evidence.data.tables.column_roles import (
     LOWEST_WIND,
     SHARES,
     Column,
-    Told,
+    TableOptions,
     friction_factor,
 )
 from taichi_erosion.scene.schema.units import (
@@ -113,7 +113,7 @@ def tidy_columns(cells: Cells) -> list[Column]:
     """Columns of a tidy table; raises BadInput with all faults of its heading."""
     columns, faults, file = list[Column](), Faults(), cells.file
     for place, text in enumerate(cells.heading):
-        heading, where = read_heading(text), f"{file}: heading {quoted(text)}"
+        heading, where = read_heading(text), f"{file}: heading {quote_cell(text)}"
         error = SD_OF.fullmatch(heading.name)
         name = error["name"] if error else heading.name
         name = meaning_of(name)[1].rpartition(".")[2] if heading.law else name  # its numbers are turned
@@ -156,7 +156,9 @@ def error_column_faults(errors: Sequence[Column], units: dict[str, str], file: s
             yield f"{where} is in [{unit}]; {column.title} is in [{stated}]: give it so"
 
 
-def table_of(cells: Cells, columns: Sequence[Column], faults: list[str], told: Told | None = None) -> Table:
+def table_of(
+    cells: Cells, columns: Sequence[Column], faults: list[str], options: TableOptions | None = None
+) -> Table:
     """Rows of a table with known columns; all faults of its cells are added to `faults`.
 
     Where what is `told` wants it complete, every row states the conditions and the set-up that others state.
@@ -164,8 +166,8 @@ def table_of(cells: Cells, columns: Sequence[Column], faults: list[str], told: T
     reader = RowReader(cells, columns, faults)
     rows, notes = [row for line, row in cells.lines for row in reader.rows(line, row)], list[str]()
     faults += reader.cell_faults()
-    if told is not None and told.complete:
-        rows = with_all_conditions(reader, rows, told.titles.values(), notes)
+    if options is not None and options.complete:
+        rows = with_all_conditions(reader, rows, options.titles.values(), notes)
     if not rows and not faults:
         faults.append(f"{cells.file}: has a heading but no measurement, no measured value")
     return Table(
@@ -235,7 +237,9 @@ class RowReader:
 
     def fault(self, line: int, column: Column, row: Sequence[str], words: object) -> None:
         """Keep what is wrong with a cell."""
-        told = f"{self.cells.file}: row {line}, {column.heading.text} = {quoted(row[column.place])} {words}"
+        told = (
+            f"{self.cells.file}: row {line}, {column.heading.text} = {quote_cell(row[column.place])} {words}"
+        )
         self.wrong.setdefault((column.place, str(words)), []).append(told)
 
     def cell_faults(self) -> Iterator[str]:
@@ -258,20 +262,20 @@ class RowReader:
             *(line, "", nan, False, nan, None, "", self.group(row), self.source(line, row)),
             conditions=tuple(number.value for _, number in numbers),
             condition_sd={name: sd for name, sd in errors.items() if isfinite(sd)},
-            drawn=self.drawn(line, row),
+            drawn=self.read_drawn(line, row),
             repeat=self.text(row, "repeat"),
         )
         for column in self.of("value" if self.tidy else "observable"):
-            found = self.measured(line, row, column, shared)
+            found = self.read_measurement(line, row, column, shared)
             if found is not None:
                 yield found
 
-    def measured(self, line: int, row: Sequence[str], column: Column, shared: Row) -> Row | None:
+    def read_measurement(self, line: int, row: Sequence[str], column: Column, shared: Row) -> Row | None:
         """A row with its value, scatter and repeats; None where nothing was measured."""
-        name, unit = (column.name, column.heading.unit) if not self.tidy else self.stated(line, row)
+        name, unit = (column.name, column.heading.unit) if not self.tidy else self.read_observable(line, row)
         text = row[column.place]
         unseen = cell_word(text) == "no_transport" or (self.tidy and not text)
-        found = CellNumber(nan, -inf) if unseen else self.number(line, row, column, single=False)
+        cell = CellNumber(nan, -inf) if unseen else self.number(line, row, column, single=False)
         if is_missing(text) and not unseen:
             if self.tidy:
                 self.fault(line, column, row, reason(text))
@@ -279,18 +283,18 @@ class RowReader:
         n = next((self.count(line, row, each) for each in self.partners("n", column)), None)
         counting = column, *self.partners("sd", column), *self.partners("se", column)
         n = n or max(each.heading.repeats for each in counting) or None
-        sd = self.scatter(line, row, column, found.value, n) if isnan(found.sd) else found.sd
+        sd = self.scatter(line, row, column, cell.value, n) if isnan(cell.sd) else cell.sd
         if isnan(sd):  # what the user states
-            sd = column.cv * abs(found.value) or nan
+            sd = column.cv * abs(cell.value) or nan
             sd = sd if isnan(column.sd) else column.sd * self.factor(line, row, column)
-        reach, unit = found.reach, unit or "1"
+        reach, unit = cell.reach, unit or "1"
         return replace(
             shared,
-            **{"observable": name, "value": found.value, "censored": reach != 0.0, "reach": reach},
+            **{"observable": name, "value": cell.value, "censored": reach != 0.0, "reach": reach},
             **{"sd": sd, "n": n, "unit": unit},
         )
 
-    def stated(self, line: int, row: Sequence[str]) -> tuple[str, str]:
+    def read_observable(self, line: int, row: Sequence[str]) -> tuple[str, str]:
         """Observable and unit of a row of a tidy table."""
         (name,), (unit,) = self.of("observable"), self.of("unit")
         if not NAME.fullmatch(row[name.place]):
@@ -309,17 +313,17 @@ class RowReader:
         own = column.heading.unit
         try:
             comma, middle = self.cells.decimal_comma, column.role == "condition"
-            found = read_cell(row[column.place], comma, single, middle)
-            scale = self.scale(found.unit or own, own if unit is None else unit)
+            cell = read_cell(row[column.place], comma, single, middle)
+            scale = self.scale(cell.unit or own, own if unit is None else unit)
         except CellFault as fault:
             self.fault(line, column, row, fault)
             return CellNumber()
         own_factor = self.factor(line, row, column)
         factor = scale.factor * own_factor
         if (factor, scale.origin) == (1.0, 0.0):
-            return found
-        reach = found.reach * factor
-        return CellNumber(own_factor * scale.used(found.value), reach, found.sd * factor, found.unit)
+            return cell
+        reach = cell.reach * factor
+        return CellNumber(own_factor * scale.to_use(cell.value), reach, cell.sd * factor, cell.unit)
 
     def factor(self, line: int, row: Sequence[str], column: Column) -> float:
         """From the numbers of a column to what it measures or sets; of a wind over the bed of its row."""
@@ -338,14 +342,14 @@ class RowReader:
         if not written or written == unit or (self.tidy and not unit):
             return Scale()
         try:
-            found = scale_between(written, parse_scale(unit)) if unit else None
+            unit_scale = scale_between(written, parse_scale(unit)) if unit else None
         except UnknownUnit as error:
             hint = error.hint or "write the number alone"
             raise CellFault(f"has the unit '{written}', which is not known; {hint}") from None
-        if found is None:
+        if unit_scale is None:
             told = f"a column in {unit}" if unit else "a column without unit"
             raise CellFault(f"is a number in {written} in {told}")
-        return found
+        return unit_scale
 
     def positive(self, line: int, row: Sequence[str], column: Column, unit: str | None = None) -> float:
         """A number that is not negative; NaN, and a fault, for another one."""
@@ -363,28 +367,28 @@ class RowReader:
         """Standard deviation of single repeats from a column of its own; NaN where none is given."""
         for other in (*self.partners("sd", column), *self.partners("se", column)):
             like = replace(other, factor=column.factor, roughness=column.roughness, height=column.height)
-            found = self.positive(line, row, like, column.heading.unit)
-            if other.role == "se" and isfinite(found):
+            sd = self.positive(line, row, like, column.heading.unit)
+            if other.role == "se" and isfinite(sd):
                 if n is None:
                     self.fault(line, column, row, "has a standard error: give n, the number of repeats")
-                return found * sqrt(n or nan)
-            if not isnan(found):
-                return found
+                return sd * sqrt(n or nan)
+            if not isnan(sd):
+                return sd
         for other in self.partners("cv", column):
-            found = SHARES.get(other.heading.unit, 0.01) * self.positive(line, row, other)
-            if not isnan(found):
-                return found * abs(value)
+            sd = SHARES.get(other.heading.unit, 0.01) * self.positive(line, row, other)
+            if not isnan(sd):
+                return sd * abs(value)
         return nan
 
     def count(self, line: int, row: Sequence[str], column: Column) -> int | None:
         """Number of repeats; None where none is given."""
-        found = self.number(line, row, column).value
-        if isnan(found):
+        number = self.number(line, row, column).value
+        if isnan(number):
             return None
-        if found != int(found) or not 1 <= found <= MOST_REPEATS:
+        if number != int(number) or not 1 <= number <= MOST_REPEATS:
             self.fault(line, column, row, f"must be a whole number from 1 to {MOST_REPEATS:g}")
             return None
-        return int(found)
+        return int(number)
 
     def text(self, row: Sequence[str], role: Role) -> str:
         """Words of a row in the columns of a role."""
@@ -400,7 +404,7 @@ class RowReader:
         """Source of a row; of a laboratory's table its place in the file where it names none."""
         return self.text(row, "source") or ("" if self.tidy else f"{self.cells.file}, row {line}")
 
-    def drawn(self, line: int, row: Sequence[str]) -> Drawn:
+    def read_drawn(self, line: int, row: Sequence[str]) -> Drawn:
         """What became of a row when rows were drawn for the vault."""
         text = self.text(row, "vault")
         if text not in get_args(Drawn):
@@ -408,7 +412,7 @@ class RowReader:
         return text  # pyright: ignore[reportReturnType]
 
 
-def quoted(text: str) -> str:
+def quote_cell(text: str) -> str:
     """A cell in quotes, on one line, shortened."""
     clean = "".join(sign if sign.isprintable() else "?" for sign in text[: SHOWN + 1])
     return f"'{clean}'" if len(clean) <= SHOWN else f"'{clean[: SHOWN - 3]}...'"
@@ -426,21 +430,21 @@ def tidy_fields(table: Table) -> list[dict[str, str]]:
     errors = {each: "set " if each in table.set_conditions else "" for each in table.conditions}
     errors = {n: t for n, t in errors.items() if any(n in row.condition_sd for row in table.rows)}
     units = dict(zip(table.conditions, names, strict=True))
-    found, repeats = [], any(row.repeat for row in table.rows)
+    cells, repeats = [], any(row.repeat for row in table.rows)
     for row in table.rows:
         limit = {-inf: "<", inf: ">"}.get(row.reach if row.censored else 0.0, "")
-        value = limit + shown(row.value)
+        value = limit + cell_text(row.value)
         if row.censored and isfinite(row.reach):
-            value = f"{shown(row.value - row.reach)}..{shown(row.value + row.reach)}"
-        first = (row.observable, value if isfinite(row.value) else "no transport", shown(row.sd))
+            value = f"{cell_text(row.value - row.reach)}..{cell_text(row.value + row.reach)}"
+        first = (row.observable, value if isfinite(row.value) else "no transport", cell_text(row.sd))
         fields = dict(zip(("observable", "value", "sd"), first, strict=True))
         fields |= {"n": str(row.n or ""), "unit": row.unit, "group": row.group, "vault": row.drawn}
-        fields |= dict(zip(names, map(shown, row.conditions), strict=True))
-        fields |= {f"sd of {t}{units[n]}": shown(row.condition_sd.get(n, nan)) for n, t in errors.items()}
-        found.append(fields | ({"replicate": row.repeat} if repeats else {}) | {"source": row.source})
-    return found
+        fields |= dict(zip(names, map(cell_text, row.conditions), strict=True))
+        fields |= {f"sd of {t}{units[n]}": cell_text(row.condition_sd.get(n, nan)) for n, t in errors.items()}
+        cells.append(fields | ({"replicate": row.repeat} if repeats else {}) | {"source": row.source})
+    return cells
 
 
-def shown(number: float) -> str:
+def cell_text(number: float) -> str:
     """A number as a cell; empty for none."""
     return f"{number:.12g}" if isfinite(number) else ""

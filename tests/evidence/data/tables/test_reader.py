@@ -8,7 +8,11 @@ import openpyxl
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.new_study import Wishes, read_laboratory_table, told_of
+from taichi_erosion.evidence.answers.new_study import (
+    NewStudyOptions,
+    options_for_table,
+    read_laboratory_table,
+)
 from taichi_erosion.evidence.data.tables.interview import Interview
 from taichi_erosion.evidence.data.tables.rows import Table
 from taichi_erosion.tables.cell_numbers import CellFault, read_cell
@@ -42,7 +46,7 @@ def workbook(
 
 def read(folder: Path, content: str | bytes, name: str = "heap.csv", ask=lambda _, guess: guess) -> Table:
     (folder / name).write_bytes(content.encode() if isinstance(content, str) else content)
-    return read_laboratory_table(folder / name, told_of(Wishes()), Interview(ask))
+    return read_laboratory_table(folder / name, options_for_table(NewStudyOptions()), Interview(ask))
 
 
 @pytest.mark.parametrize(
@@ -166,7 +170,7 @@ def test_a_foreign_table_comes_to_these_rows(tmp_path, name):
 def test_a_value_that_is_possible_and_unusual_is_told(tmp_path):
     interview = Interview(lambda asked, guess: guess)
     (tmp_path / "heap.csv").write_text("w [%];Böschungswinkel [°]\n1;31\n150;32\n2;33\n", encoding="utf-8")
-    read_laboratory_table(tmp_path / "heap.csv", told_of(Wishes()), interview)
+    read_laboratory_table(tmp_path / "heap.csv", options_for_table(NewStudyOptions()), interview)
     assert [words for words in interview.assumed if "unusual" in words] == [
         "row 3, moisture = 150 % is unusual, and taken as written"
     ]

@@ -10,9 +10,9 @@ import openpyxl
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.answers.new_study import Wishes, new_study
+from taichi_erosion.evidence.answers.new_study import NewStudyOptions, new_study
 from taichi_erosion.evidence.data.problem import Measurements
-from taichi_erosion.evidence.data.tables.column_roles import Told
+from taichi_erosion.evidence.data.tables.column_roles import TableOptions
 from taichi_erosion.evidence.models import reduced
 from taichi_erosion.evidence.models.load_study import load_study
 
@@ -36,7 +36,7 @@ def measured(
     """Measurements of the study of a table by the closed form, and what was assumed."""
     (folder / name).write_bytes(text if isinstance(text, bytes) else text.encode())
     asked: dict[str, Any] = {"closed_form": True, "anew": True} | wishes
-    document = new_study(folder / name, Wishes(**asked), lambda _, guess: guess)
+    document = new_study(folder / name, NewStudyOptions(**asked), lambda _, guess: guess)
     return load_study(Path(document["study"])).problem.measurements, document["assumed"]
 
 
@@ -80,7 +80,7 @@ def test_a_blank_set_up_is_refused_and_cells_that_are_merged_are_filled(tmp_path
 @pytest.mark.parametrize(("name", "reads"), [("threshold_u_star", True), ("repose_angle", False)])
 def test_the_closed_form_has_no_value_where_a_condition_that_it_reads_is_not_stated(name, reads):
     at = {"diameter": np.array([2.5e-4, np.nan]), "moisture": np.zeros(2)}
-    assert np.isnan(reduced.expected(name, at, {}, {})).tolist() == [False, reads]
+    assert np.isnan(reduced.model_mean(name, at, {}, {})).tolist() == [False, reads]
 
 
 def test_what_no_column_states_of_the_grains_is_a_constant_condition(tmp_path):
@@ -130,7 +130,7 @@ def test_a_number_behind_the_sign_of_a_condition_is_its_sd(tmp_path):
 )
 def test_numbered_siblings_are_repeats_and_their_mean_is_no_other_one(tmp_path, heading, names):
     rows = "".join(f"{w};{a};{a + 1};{a + 0.5};0.7\n" for w, a in ((0, 31), (1, 35), (2, 38), (4, 36)))
-    found, _ = measured(tmp_path, f"moisture (%);{heading}\n{rows}", told=Told(names))
+    found, _ = measured(tmp_path, f"moisture (%);{heading}\n{rows}", table_options=TableOptions(names))
     assert found.value.tolist() == [31, 32, 35, 36, 38, 39, 36, 37]
     assert list(found.conditions) == ["moisture"]
     assert np.isnan(found.sd).all()
@@ -278,7 +278,7 @@ def test_an_angle_in_per_cent_is_never_read_as_degrees(tmp_path, text):
 def test_a_quantity_of_several_usual_units_needs_its_own(tmp_path, heading):
     text = f"u* (m/s);{heading};SD;d (mm)\n0.3;5;0.4;0.25\n0.4;19;1.5;0.25\n0.6;79;6;0.25\n"
     assert f"write it there: '{heading} [UNIT]'" in refused(tmp_path, text)
-    found, _ = measured(tmp_path, text, told=Told(units={heading: "g/(m s)"}))
+    found, _ = measured(tmp_path, text, table_options=TableOptions(units={heading: "g/(m s)"}))
     assert found.value == pytest.approx([0.005, 0.019, 0.079])
 
 
