@@ -304,7 +304,7 @@ def level_parts(posterior: Posterior) -> Iterator[parts.LevelPart]:
         sizes, unit, shared = (
             np.array([]),
             np.median(race.prepared.sd[own]),
-            np.median(rows.shared[own], axis=0),
+            np.mean(rows.shared[own], axis=0),
         )
         for each in posterior.draws:
             index = [(b.kind, b.observable) for b in each.fit.blocks].index(("level", observable.name))

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from scipy import linalg
 
 from taichi_erosion.evidence.data.measurement_noise import (
     LEAST_FREEDOM,
@@ -153,7 +154,6 @@ def merged_rows(observables: tuple[Observable, ...], index: int, table: Measurem
         count = f"{int(unknown.sum())} of {unknown.size}"
         notes.append(f"{observable.name}: the scatter of {count} rows is not known; they are not used")
     shared = np.hypot(observable.sd_shared, observable.sd_shared_relative * value[first]) * steep
-    shared = shared[:, np.newaxis] * (np.arange(len(observables)) == index)
     variance = np.where(unknown, np.nan, 1.0 / np.where(total > 0, total, 1.0) + numerical)
     return ComparisonRows(
         observables,
@@ -162,7 +162,7 @@ def merged_rows(observables: tuple[Observable, ...], index: int, table: Measurem
         variance=variance,
         censored=first_rows.censored,
         reach=reach[first],
-        shared=shared,
+        shared=shared_errors(observable, shared, first_rows.conditions),
         conditions=first_rows.conditions,
         group=first_rows.group,
         source=first_rows.source,
@@ -180,6 +180,14 @@ def merged_rows(observables: tuple[Observable, ...], index: int, table: Measurem
         apart=tuple(disagreements(observable, table, exact, cell, scatter.off)),
         condition_sd={name: column[first] for name, column in table.condition_sd.items()},
     )
+
+
+def shared_errors(observable: Observable, size: Floats, conditions: Conditions) -> Floats:
+    """Columns (n, q) of a systematic error of size (n,): of all rows, and of each value of `shared_over`."""
+    column = conditions.get(observable.shared_over, np.zeros(size.size))
+    values = np.unique(column[np.isfinite(column)])
+    each = 0.5 * (column[:, np.newaxis] == values[: values.size * (values.size > 1)])
+    return size[:, np.newaxis] * np.hstack([np.ones((size.size, 1)), each])
 
 
 def heap_keys(table: Measurements) -> list[str]:
@@ -297,7 +305,7 @@ def join_rows(parts: Sequence[ComparisonRows]) -> ComparisonRows:
             return tuple(each for own in found for each in own)
         return {key: np.concatenate([own[key] for own in found]) for key in first}
 
-    shared = all_of("shared")
+    shared = np.asarray(linalg.block_diag(*(part.shared for part in parts)))
     return replace(
         parts[0],
         **{name: all_of(name) for name in (*ROW_WISE, "warnings", "apart")}

@@ -118,6 +118,7 @@ class Observable:
     sd_shared: float = 0.0  # systematic sd common to all rows of one instrument, in the observable's unit
     sd_numerical: float = 0.0  # deliberate tolerance for box, time step, coarse graining; 0 is reported as 0
     sd_shared_relative: float = 0.0  # systematic error that grows with the value, over the value [1]
+    shared_over: str = ""  # condition at each value of which that error differs by half of its size
 
 
 QueryRows = tuple[Observable, Conditions, Mapping[str, Floats]]  # rows, with the doses of a mechanism in them

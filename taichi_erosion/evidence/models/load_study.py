@@ -136,37 +136,33 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     results, digest = results_folder(path, file), content_digest(measurements)
     store = RunStore(results / FILE)
     if file.study.model is not None:
-        model_parts = function_model(path, file, store, files)
+        parts = function_model(path, file, store, files)
     else:
-        model_parts = scene_model(path, file, results, measurements, files)
+        parts = scene_model(path, file, results, measurements, files)
     parameters = [Parameter(n, p.start, p.low, p.high, p.prior_sd_log) for n, p in file.parameters.items()]
+    # laboratory and model differ in what they take for a grain, more or less by its size
+    places = {name: place.split(",")[0].rpartition(".")[2] for name, place in file.conditions.items()}
+    diameter = next((name for name, place in places.items() if place == "diameter"), "")
     problem = Problem(
         measurements=measurements,
         observables={
-            n: Observable(n, e.transform, e.floor or 0.0, e.sd_shared, e.sd_numerical, e.sd_shared_relative)
+            n: Observable(
+                n, e.transform, e.floor or 0.0, e.sd_shared, e.sd_numerical, e.sd_shared_relative, diameter
+            )
             for n, e in file.observables.items()
         },
-        parameters=(*parameters, *model_parts.parameters),
-        candidates=tuple(model_parts.candidates),
-        model=model_parts.model,
+        parameters=(*parameters, *parts.parameters),
+        candidates=tuple(parts.candidates),
+        model=parts.model,
         runs=file.budget.runs,
         vault=Vault(hidden, openings(results, vault.drawn_from or digest)),
-        adopted=model_parts.adopted,
-        uncertainty=model_parts.uncertainty,
-        mechanisms=wanted_mechanisms(path, file, model_parts.mechanisms),
+        adopted=parts.adopted,
+        uncertainty=parts.uncertainty,
+        mechanisms=wanted_mechanisms(path, file, parts.mechanisms),
     )
-    shared = (
-        path,
-        file,
-        problem,
-        results,
-        digest,
-        model_parts.identity,
-        store,
-        (*notes, *model_parts.notes, vault_note),
-    )
+    shared = path, file, problem, results, digest, parts.identity, store, (*notes, *parts.notes, vault_note)
     fresh = "" if file.study.seed == study_document.study.seed else f"seed {file.study.seed}|"
-    return Study(*shared, model_parts.simulator, options=options, fresh=fresh, effect_files=files)
+    return Study(*shared, parts.simulator, options=options, fresh=fresh, effect_files=files)
 
 
 def wanted_mechanisms(path: Path, file: StudyFile, declared: tuple[Mechanism, ...]) -> tuple[Mechanism, ...]:

@@ -22,7 +22,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, comparison_rows, join_rows
+from taichi_erosion.evidence.data.comparison_rows import (
+    ComparisonRows,
+    comparison_rows,
+    join_rows,
+    shared_errors,
+)
 from taichi_erosion.evidence.data.heap_correlation import add_correlation
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers
 from taichi_erosion.evidence.data.transforms import from_scale, slope, working
@@ -121,10 +126,12 @@ def both_rows(fitted: ComparisonRows, other: ComparisonRows, mean: Floats) -> Co
         value = from_scale(observable, mean[own])
         steep[own] = slope(observable, value)
         size[own] = np.hypot(observable.sd_shared, observable.sd_shared_relative * value) * steep[own]
-    sizes = np.append(np.sqrt(np.sum(fitted.shared**2, axis=1)), np.nan_to_num(size))
+    sizes = np.append(np.max(fitted.shared, axis=1, initial=0.0), np.nan_to_num(size))
     told = replace(other, z=mean, slope=np.nan_to_num(steep), shared=np.zeros((other.size, 0)))
     both = join_rows([replace(fitted, shared=np.zeros((fitted.size, 0))), told])
-    shared = np.where(both.which[:, None] == np.arange(len(both.observables)), sizes[:, None], 0.0)
+    places = enumerate(both.observables)
+    columns = [shared_errors(each, sizes * (both.which == k), both.conditions) for k, each in places]
+    shared = np.hstack(columns)
     return replace(both, shared=shared[:, np.any(shared != 0.0, axis=0)], covariance=None)
 
 

@@ -140,3 +140,13 @@ def test_replicates_of_a_model_count_as_far_as_its_scatter_goes():
     found = correlation_of(measured, model)
     # the sd of six cells of four repeats has 18 degrees of freedom: variance of the t distribution 18 / 16
     assert found.matrix[0, 1] == pytest.approx(0.6 * 0.5 / np.sqrt(18.0 / 16.0), rel=1e-9)
+
+
+def test_an_error_between_codes_differs_by_half_at_each_diameter():
+    problem = linear_problem({}, {}, sd=0.2, count=6)
+    diameter = {"d": np.array([1.0, 1.0, 2.0, 2.0, 4.0, 4.0])}
+    table = replace(problem.measurements, conditions=problem.measurements.conditions | diameter)
+    for over, wanted in (("d", [5.0, 5.0, 4.0]), ("moisture", [4.0, 4.0, 4.0])):
+        scale = Observable("y", sd_shared=2.0, shared_over=over)
+        shared = comparison_rows(replace(problem, observables={"y": scale}), table).shared
+        assert (shared @ shared.T)[0, :3] == pytest.approx(wanted)
