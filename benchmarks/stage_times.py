@@ -4,7 +4,7 @@ import time
 from typing import Any
 
 from taichi_erosion.core.ti import ti
-from taichi_erosion.core.transfer import read
+from taichi_erosion.core.transfer import download_field
 from taichi_erosion.coupling.exchange import exchange_momentum
 from taichi_erosion.grains.integrate import advance_grains, gather_forces
 from taichi_erosion.grains.pair_contacts import add_pair_forces
@@ -112,6 +112,6 @@ def stage_times(sim: Simulation) -> dict[str, float]:
         repeat(stage, REPEATS, sim.world, sim.coupling)
         times[name] = 1e9 * (time.perf_counter() - start) / (REPEATS * max(released, 1))
     if inside:
-        times["looks"] /= float(read(sim.coupling.exchange.look_steps)[0])
+        times["looks"] /= float(download_field(sim.coupling.exchange.look_steps)[0])
     make_stale(sim, 0)
     return times

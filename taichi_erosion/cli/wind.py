@@ -39,10 +39,8 @@ def survey_wind(
 
     diameter = stated_number(sand, "m", "--sand", "0.18mm")
     grains = Sand(diameter, stated_number(density, "kg/m3", "--density", "2650kg/m3"))
-    water, measured = (
-        stated_number(moisture, "1", "--moisture", "1%"),
-        surveys.measured_fluxes(table) if table else (),
-    )
+    water = stated_number(moisture, "1", "--moisture", "1%")
+    measured = surveys.measured_fluxes(table) if table else ()
     survey = surveys.Survey(grains, surveys.asked_winds(wind, grains, measured), water, beds, measured)
     folder, runs = out or Path(f"wind-{1e3 * diameter:g}mm"), {}
     files = [] if formulas else [folder / "wind.json", folder / "wind.png"]

@@ -57,11 +57,9 @@ def publish(calibration: Calibration) -> Path:
         folder.write(f"{PICTURES}/{name}.png", raster(figure, RESOLUTION))
     pages = Environment(loader=PackageLoader("taichi_erosion.report"), undefined=StrictUndefined)
     assert calibration.surface is not None
-    document, targets, sizes = (
-        calibration.document,
-        calibration.file.study.targets,
-        calibration.file.study.design,
-    )
+    document = calibration.document
+    targets = calibration.file.study.targets
+    sizes = calibration.file.study.design
     tests = document["confirm"]["tests"]
     runs = calibration.surface.design
     names = {"box_behnken": "Box-Behnken design", "latin_hypercube": "Latin hypercube"}
@@ -185,10 +183,8 @@ def symbols(found: Calibration) -> dict[str, str]:
 
 def optimum_table(calibration: Calibration) -> Cells:
     """Settings that reach the target, the narrowest prediction interval first."""
-    optima, targets = (
-        calibration.document["optimise"]["optima"][:OPTIMA],
-        list(calibration.file.study.targets),
-    )
+    optima = calibration.document["optimise"]["optima"][:OPTIMA]
+    targets = list(calibration.file.study.targets)
     paths = list(optima[0]["settings"])
     rows = []
     for one in optima:

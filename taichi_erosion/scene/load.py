@@ -147,7 +147,7 @@ def parse_scene(
     overrides: Sequence[str] = (),
     observables: Collection[str] | None = None,
 ) -> Scene:
-    """Validated scene of a raw table, as TOML or `resolved` gives it."""
+    """Validated scene of a raw table, as TOML or `resolve` gives it."""
 
     def problems(scene: Scene) -> Iterator[str]:
         scene._folder = folder

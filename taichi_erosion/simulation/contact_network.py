@@ -44,11 +44,9 @@ def restore_entry(entries_out: ti.template(), e, label, tangential, rolling):
 def pair_force(world_out: ti.template(), batch_out: ti.template(), r, base, e):
     """Force of entry e of the neighbour list on its owner [N], zero where nothing acts."""
     (pairs,) = ti.static((world_out.pairs,))
-    label, tangential, rolling = (
-        pairs.label[e],
-        pairs.tangential_displacement[e],
-        pairs.rolling_displacement[e],
-    )
+    label = pairs.label[e]
+    tangential = pairs.tangential_displacement[e]
+    rolling = pairs.rolling_displacement[e]
     force = ti.Vector.zero(float, 3)
     if detect_pair(world_out, batch_out, 0, r, e, base) == 1:
         load_pair(world_out, batch_out, 0, base, -1)

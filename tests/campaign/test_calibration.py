@@ -42,7 +42,7 @@ WIDE = STUDY["parameters"] | {
 }
 MATTER = {"contact.soil-soil.restitution", "contact.soil-soil.friction_rolling"}
 MATTER |= {"contact.soil-steel.friction_sliding"}
-HERE = {"stated": {"workers": 1}, "function": closed_form.FUNCTION}
+HERE = {"overrides": {"workers": 1}, "function": closed_form.FUNCTION}
 TOLD: list[tuple[float, str]] = []  # share of the work and words, as the calibration went on
 FEW_RUNS = {"surface": "latin_hypercube", "surface_factors": 4, "surface_runs": 14}
 

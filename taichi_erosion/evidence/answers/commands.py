@@ -93,10 +93,8 @@ def discover_study(path: Path, progress: Progress, options: StudyOptions = NO_OP
         plans = PLANS if study.options.budget is None else (study.options.budget,)
         question = discovery_question(study, bare if blocks_verdict(study.faults) else whole)
         inference, ready = answer_of(study, plans, question, progress)
-        record, adopted = (
-            discover_record(inference),
-            files.read_reply(study.results, study.path.stem, "adopt"),
-        )
+        record = discover_record(inference)
+        adopted = files.read_reply(study.results, study.path.stem, "adopt")
         if (
             adopted is not None
             and adopted.about["digest"] == study.digest[:12]

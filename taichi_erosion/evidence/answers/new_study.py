@@ -78,9 +78,7 @@ CLOSED_FORM_CONDITIONS = {  # place -> condition of the closed form
 }
 THRESHOLD = CalibratedNumber("threshold_coefficient", 0.1, 0.04, 0.2, 0.2, "Bagnold's coefficient")
 SLIDING = CalibratedNumber("friction_sliding", 0.5, 0.1, 1.2, 0.2, "grain on grain")
-ROLLING = CalibratedNumber(
-    "friction_rolling", 0.1, 0.005, 0.8, 0.6, "shape of the grains, as resistance to rolling"
-)
+ROLLING = CalibratedNumber("friction_rolling", 0.1, 0.005, 0.8, 0.6, "shape of the grains")
 FLUX = CalibratedNumber("flux_coefficient", 2.5, 0.3, 20.0, 0.5, "of the flux above the threshold")
 EXPONENT = CalibratedNumber("flux_exponent", 2.4, 1.9, 3.2, 0.2, "2 after Ungar & Haff, 3 after Owen")
 CLOSED_FORM_NUMBERS = {
@@ -148,11 +146,10 @@ def new_study(table: Path, wishes: NewStudyOptions, ask: Ask) -> Document:
     Raises BadInput with all faults of the table, or where a file of another origin would be replaced.
     """
     folder = wishes.folder or table.parent / table.stem
-    interview, table_options = Interview(ask), options_for_table(wishes)
-    measured = read_laboratory_table(table, table_options, interview)
-    request = StudyRequest(
-        measured, table_options, condition_places(measured, table_options), folder, wishes, interview
-    )
+    interview, options = Interview(ask), options_for_table(wishes)
+    measured = read_laboratory_table(table, options, interview)
+    places = condition_places(measured, options)
+    request = StudyRequest(measured, options, places, folder, wishes, interview)
     refuse_unused(request)
     request = with_grains(request) if wishes.closed_form else request
     content = closed_form_content(request) if wishes.closed_form else scene_content(request)
@@ -274,14 +271,13 @@ def closed_form_content(request: StudyRequest) -> Content:
         words = f"the closed form does not know '{unknown[0]}'; it knows {', '.join(reduced.OBSERVABLES)}"
         remedy = "leave out --closed-form, or begin the heading of that column with 'note'"
         raise BadInput(f"{request.table.file}: {words}; {remedy}")
-    conditions = CLOSED_FORM_CONDITIONS
     if "flux" in request.names and FRICTION_VELOCITY not in request.places.values():
         words = "no column states the friction velocity, on which the flux depends"
         raise BadInput(f"{request.table.file}: {words}; add one, 'u* [m/s]', or leave out --closed-form")
     return Content(
         observables=dict.fromkeys(request.names, ""),
         # one that the model does not read keeps its place: residuals are tested along it
-        conditions={name: conditions.get(place, place) for name, place in request.places.items()},
+        conditions={n: CLOSED_FORM_CONDITIONS.get(p, p) for n, p in request.places.items()},
         parameters=list(dict.fromkeys(each for name in request.names for each in CLOSED_FORM_NUMBERS[name])),
         model=CLOSED_FORM,
     )

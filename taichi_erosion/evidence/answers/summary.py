@@ -301,11 +301,9 @@ def level_parts(posterior: Posterior) -> Iterator[parts.LevelPart]:
     race, rows = posterior.race, posterior.race.prepared.rows
     weight = np.concatenate([each.weight for each in posterior.draws])
     for observable, own in race.prepared.by_observable():
-        sizes, unit, shared = (
-            np.array([]),
-            np.median(race.prepared.sd[own]),
-            np.mean(rows.shared[own], axis=0),
-        )
+        sizes = np.array([])
+        unit = np.median(race.prepared.sd[own])
+        shared = np.mean(rows.shared[own], axis=0)
         for each in posterior.draws:
             index = [(b.kind, b.observable) for b in each.fit.blocks].index(("level", observable.name))
             column = int(np.argmax(each.fit.evidence.solved.rows.block == index))

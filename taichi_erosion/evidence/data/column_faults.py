@@ -17,7 +17,7 @@ def column_faults(
 ) -> Iterator[str]:
     """Impossible values of a condition or an observable, and a unit that seems mistaken, one line each.
 
-    `own` is the scene's number at the place: a column near it is meant as it stands. `usual`: whether values
+    `usual_value` is the scene's number: a column near it is meant as it stands. `usual`: whether values
     that are possible but unusual are looked at. None is known of a place without a range.
     """
     if allowed is None:

@@ -159,7 +159,7 @@ def familywise_p(race: Race, best: Fit) -> float:
 def sensitivity(posterior: Posterior, decision: Decision) -> Iterator[tuple[str, Posterior, Decision]]:
     """Posterior and decision where one prior is halved, and doubled.
 
-    `told` may have changed by fresh runs: it stands wherever the race decides as under its own priors.
+    `decision` may have changed by fresh runs: it stands wherever the race decides as under its own priors.
     """
     priors, usual = posterior.race.priors, decide(posterior)
     for key in VARIED if usual.beyond else [key for key in VARIED if key != "dose"]:

@@ -332,10 +332,8 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     gaps, reach = (((rows.z - each.mean(False)) / size)[good] for each in outlooks), (rows.reach / size)[good]
     before, after, *other = (float(np.mean(working(gap, reach).residual ** 2)) for gap in gaps)
     seen, opened = good & ~rows.censored, race.prepared.problem.vault.opened + 1
-    p_after, p_worse = (
-        misfit_chance(place, outlooks[1], seen),
-        chance_of_worse(place, outlooks[0], outlooks[1], seen),
-    )
+    p_after = misfit_chance(place, outlooks[1], seen)
+    p_worse = chance_of_worse(place, outlooks[0], outlooks[1], seen)
     control, name = (other[0], wrong[0].names[0]) if other else (np.nan, "")
     return HeldOutPart(int(good.sum()), before, after, p_after, control, opened, tuple(names), name, p_worse)
 

@@ -161,11 +161,9 @@ def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
 
 def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[str, str, str]:
     """First line, numbers and last line, from one comparison: the error falls only to an adequate model."""
-    rows, names, numbers = (
-        count_noun(held.n, "held-out row"),
-        say.join_words(held.adopted),
-        part_words.numbers_line,
-    )
+    rows = count_noun(held.n, "held-out row")
+    names = say.join_words(held.adopted)
+    numbers = part_words.numbers_line
     change = f"from {plain(held.before, 2)} to {plain(held.after, 2)} per row (1 is chance)"
     way = "falls" if held.after < held.before else "rises"
     fit, misfits = record.fit, {"held-out": held.p_after, "fitted": record.fit.p_after}
@@ -253,10 +251,8 @@ def prediction_answer(prediction: PredictionPart, about: Mapping[str, Any], unit
     """Which model answers, what its intervals rest on, and how they have held."""
     hidden, name, with_ = about["rows_hidden"], Path(about["study"]).name, say.join_words(about["adopted"])
     model = f"the adopted model, with {with_} ({name})" if with_ else f"the calibrated model of {name}"
-    every, new = (
-        f"of {count_noun(len(prediction.rows), 'prediction')}",
-        sum(row.unseen for row in prediction.rows),
-    )
+    every = f"of {count_noun(len(prediction.rows), 'prediction')}"
+    new = sum(row.unseen for row in prediction.rows)
     soil = f"; for {new} {every} the soil or batch was not measured (a column `group` names it)" * bool(new)
     again = "adopted before the table or the study changed; `adopt` again takes it in"
     missing = [f"Predicted by {model}.", f"`value` is the model corrected by what its residuals show{soil}."]
@@ -268,15 +264,11 @@ def prediction_answer(prediction: PredictionPart, about: Mapping[str, Any], unit
         holds += [check_line("held-out rows", prediction.held_out)]
     elif hidden:
         holds += [f"{count_noun(hidden, 'held-out row')} stay unseen for `adopt`."]
-    runs, fresh = (
-        count_noun(prediction.new_runs, "new simulation"),
-        sum(row.simulated for row in prediction.rows),
-    )
+    runs = count_noun(prediction.new_runs, "new simulation")
+    fresh = sum(row.simulated for row in prediction.rows)
     holds += [f"{runs} answer for {fresh} {every}."] * bool(prediction.new_runs)
-    outside, none = (
-        sum(bool(row.outside) for row in prediction.rows),
-        sum(isnan(row.value) for row in prediction.rows),
-    )
+    outside = sum(bool(row.outside) for row in prediction.rows)
+    none = sum(isnan(row.value) for row in prediction.rows)
     why = "no value: the model could not be run there, or its budget is spent"
     following = [f"{none} {every} {'has' if none == 1 else 'have'} {why}."] * bool(none)
     lie = f"{'lies' if outside == 1 else 'lie'} outside the measured conditions"

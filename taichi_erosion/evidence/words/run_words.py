@@ -59,10 +59,8 @@ def comparisons(document: Document) -> Iterator[str]:
 
 def comparison(title: str, measure: Document, wanted: Document) -> str:
     """`The angle of repose is 4.8 deg lower than measured: 6.1 standard errors.`"""
-    gap, shared = (
-        measure["value"] - wanted["value"],
-        known_deviation(measure.get("details", {}).get("shared_sd")),
-    )
+    gap = measure["value"] - wanted["value"]
+    shared = known_deviation(measure.get("details", {}).get("shared_sd"))
     size = with_unit(plain(abs(gap), 2), measure.get("unit", ""))
     words = f"The {title} is {size} {'lower' if gap < 0.0 else 'higher'} than measured"
     words += "".join(f" ({each['sentence'].partition(':')[0]})" for each in measure.get("shortfalls", ())[:1])

@@ -70,10 +70,8 @@ class GrainBuffers:
 def allocate_buffers(capacities: Capacities, workers: int) -> GrainBuffers:
     """Fields for an ensemble, and the threads of its launches: `workers` on a CPU."""
     count, grains = capacities.replicas, capacities.grains
-    grain_chunk, cell_chunks = (
-        isqrt(grains) + 1,
-        isqrt(capacities.cells) + 1,
-    )  # chunks and their numbers: alike many
+    grain_chunk = isqrt(grains) + 1
+    cell_chunks = isqrt(capacities.cells) + 1
     grain_chunks = -(-grains // grain_chunk)
     blocks, block, lanes = workers, 1, CPU_CHUNK
     if not is_host():

@@ -167,10 +167,8 @@ def move_grain(world_out: ti.template(), coupling: ti.template(), buffers_out: t
     join_forces(world_out, coupling, buffers_out, r, rank)
     if rank < replicas.released[r]:
         i = side_block(grains_out, r, replicas.side[r]) + rank
-        buffer, kick = (
-            force_block(grains_out, replicas, r, 0) + rank,
-            kick_time(replicas, r, buffers_out.step[r]),
-        )
+        buffer = force_block(grains_out, replicas, r, 0) + rank
+        kick = kick_time(replicas, r, buffers_out.step[r])
         place = ti.select(buffers_out.last[r] == 1, r * grains_out.capacity + rank, -1)
         ask_for_lists(world_out, buffers_out, r, advance_awake(world_out, r, i, buffer, kick, place))
 

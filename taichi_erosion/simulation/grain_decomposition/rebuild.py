@@ -244,10 +244,8 @@ def write_walls(world_out: ti.template(), coupling: ti.template(), buffers_out: 
     entries_out, replicas_out = ti.static((world_out.wall_pairs, world_out.replicas))
     if is_ready(world_out, r, rank):
         i = side_block(world_out.grains, r, 1 - replicas_out.side[r]) + rank
-        entry, wanted = (
-            entry_block(entries_out, r, 1 - replicas_out.side[r]),
-            list_grain(world_out, r, rank, 0, 0),
-        )
+        entry = entry_block(entries_out, r, 1 - replicas_out.side[r])
+        wanted = list_grain(world_out, r, rank, 0, 0)
         limit = entry + entries_out.capacity
         if wanted > 0:
             entry += ti.atomic_add(buffers_out.listed_walls[r], wanted)

@@ -161,7 +161,7 @@ def table_of(
 ) -> Table:
     """Rows of a table with known columns; all faults of its cells are added to `faults`.
 
-    Where what is `told` wants it complete, every row states the conditions and the set-up that others state.
+    Where `options` want it complete, every row states the conditions and the set-up that others state.
     """
     reader = RowReader(cells, columns, faults)
     rows, notes = [row for line, row in cells.lines for row in reader.rows(line, row)], list[str]()
