@@ -21,7 +21,7 @@ BROWSER = next(
     (p for name in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(name))), ""
 )
 FLAGS = "--headless --no-sandbox --disable-gpu-sandbox --use-angle=swiftshader --enable-unsafe-swiftshader"
-pytestmark = pytest.mark.skipif(not BROWSER, reason="no chromium on the path")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(not BROWSER, reason="no chromium on the path")]
 
 
 class Tab:

@@ -47,6 +47,7 @@ def test_what_falls_off_a_disc_leaves_a_heap_of_the_angle_of_the_grains():
     assert 0.25 < found["pile_height"] / 0.014 < 0.75  # of the disc's radius
 
 
+@pytest.mark.slow
 def test_a_press_needs_more_force_the_farther_it_goes():
     rows = "[[0.0, 0.0, 0.0, {v}, 0.0, 0.0, 0.0], [0.05, 0.0, 0.0, {v}, 0.0, 0.0, 0.0]]"
     ends = "stages.3.duration_max=0.05", "stages.4.duration_max=0.04", "stages.4.move={plate={}}"
