@@ -1,7 +1,8 @@
 """Page of a live session: a browser steers it and sees its grains while it runs.
 
 One thread plays the session in short portions; what a page asks for acts between two of them. A page has the
-token of its address, and one page at a time steers; a page that is closed leaves the session paused.
+token of its address, and one page at a time steers; a page that is closed leaves the session paused. NiceGUI
+brings 53 packages, viser a viewer of its own, rerun's widget needs Jupyter: Python's own server needs none.
 """
 
 import json
