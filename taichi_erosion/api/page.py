@@ -66,7 +66,7 @@ class Page:
     port: int = 0
     token: str = field(default_factory=lambda: token_urlsafe(16))
     owner: str = ""  # name of the page that steers; empty: the next one that asks does
-    seen: float = 0.0  # s of the monotonic clock, its latest request
+    latest_request: float = 0.0  # s of the monotonic clock, its latest request
     playing: bool = False
     goal: float = inf  # s, of the simulation
     until_rest: bool = False
@@ -92,12 +92,12 @@ class Page:
     def play(self) -> None:
         """Advance while it plays, portion by portion, as long as the device holds the session."""
         while self.session.sim.is_current:
-            began, done = monotonic(), 0.0
-            if self.owner and began - self.seen > ABSENT:
+            began, steps_taken = monotonic(), 0.0
+            if self.owner and began - self.latest_request > ABSENT:
                 self.leave()
             with self.turn:
-                done = self.advance() if self.playing else 0.0
-            sleep(max(done / self.speed - (monotonic() - began), REST))
+                steps_taken = self.advance() if self.playing else 0.0
+            sleep(max(steps_taken / self.speed - (monotonic() - began), REST))
 
     def advance(self) -> float:
         """Advance by a portion; returns its simulated time [s]. What stops a run pauses it."""
@@ -175,7 +175,7 @@ class Page:
     def is_owner(self, name: str) -> bool:
         """Whether a page steers; the first one does, until it is closed."""
         if name and self.owner in ("", name):
-            self.owner, self.seen = name, monotonic()
+            self.owner, self.latest_request = name, monotonic()
         return bool(name) and name == self.owner
 
     def leave(self) -> None:
@@ -248,8 +248,8 @@ class Handler(BaseHTTPRequestHandler):
     def answer(self, token: str, name: str, query: Mapping[str, str], body: str) -> tuple[int, str, bytes]:
         """Status, kind and content of the answer; a refusal where the request is not of the page."""
         page, host, origin = self.page, self.headers.get("Host"), self.headers.get("Origin")
-        known = {f"{each}:{page.port}" for each in (LOOPBACK, "localhost")}
-        if host not in known or origin not in (None, f"http://{host}"):
+        hosts = {f"{each}:{page.port}" for each in (LOOPBACK, "localhost")}
+        if host not in hosts or origin not in (None, f"http://{host}"):
             return 403, TEXT, FOREIGN.encode()
         if not compare_digest(token.encode(), page.token.encode()):
             return 403, TEXT, NO_TOKEN.encode()

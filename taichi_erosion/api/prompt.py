@@ -63,18 +63,18 @@ def moment(session: Session, *words: str) -> float:
 
 def set_entry(session: Session, path: str, value: str) -> str:
     before = live.warnings_now(session)
-    done = live.set_entry(session, path, value)
+    reply = live.set_entry(session, path, value)
     new = [f"\nwarning: {each}" for each in live.warnings_now(session) if each not in before]
-    return f"{path} = {value} {done}{''.join(new)}"
+    return f"{path} = {value} {reply}{''.join(new)}"
 
 
 def measure(session: Session) -> str:
     lines, faults = [], []
-    for name, found in live.measure_now(session).items():
-        reason = ", ".join(found.notes[:1]) or "the state holds none"
-        value = f"{name} = {found.value:.5g} {found.unit}"
-        lines.append(value if isfinite(found.value) else f"{name}: no value, {reason}")
-        for lack in found.shortfalls:
+    for name, measurement in live.measure_now(session).items():
+        reason = ", ".join(measurement.notes[:1]) or "the state holds none"
+        value = f"{name} = {measurement.value:.5g} {measurement.unit}"
+        lines.append(value if isfinite(measurement.value) else f"{name}: no value, {reason}")
+        for lack in measurement.shortfalls:
             faults.append(f"{'limit' if lack.stated else 'warning'}: {name}: {lack.sentence}")
     return "\n".join([*lines, *faults]) or "the scene has no measures"
 
@@ -94,8 +94,8 @@ def watch(session: Session, *names: str) -> str:
 
 
 def diff(session: Session, before: str | None = None, after: str | None = None) -> str:
-    found = entries.differences(session, before, after).items()
-    return "\n".join(f"{path}: {old} -> {new}" for path, (old, new) in found) or "no entry differs"
+    differences = entries.differences(session, before, after).items()
+    return "\n".join(f"{path}: {old} -> {new}" for path, (old, new) in differences) or "no entry differs"
 
 
 def status(session: Session) -> str:
@@ -203,8 +203,8 @@ def execute(session: Session, line: str) -> str:
     if not name:
         return ""
     if name not in COMMANDS:
-        meant = did_you_mean(name, COMMANDS)
-        raise BadInput(f"'{name}' is not a command{meant}; the commands are {', '.join(COMMANDS)}")
+        hint = did_you_mean(name, COMMANDS)
+        raise BadInput(f"'{name}' is not a command{hint}; the commands are {', '.join(COMMANDS)}")
     try:
         signature(COMMANDS[name]).bind(session, *words)
     except TypeError:

@@ -183,8 +183,8 @@ class DiscoveryResult(RaceResult):
     @property
     def sensitivity(self) -> pd.DataFrame:
         """Answers with a prior halved, and doubled."""
-        told = {prior: map(acting_names, own) for prior, own in self.record.sensitivity.items()}
-        return pd.DataFrame.from_dict(told, orient="index", columns=["halved", "doubled"])
+        columns = {prior: map(acting_names, answers) for prior, answers in self.record.sensitivity.items()}
+        return pd.DataFrame.from_dict(columns, orient="index", columns=["halved", "doubled"])
 
     @property
     def curves(self) -> pd.DataFrame:

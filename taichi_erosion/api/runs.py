@@ -177,9 +177,9 @@ def sweep(
     entries = [tomlkit.item(value).as_string() for value in values]
     with progress("sweeping") as report:
         where = Path(folder), None, None
-        stated = stated_changes(changes, {}, ())
+        overrides = stated_changes(changes, {}, ())
         over = f"{path}={','.join(entries)}"
-        points = sweeps.sweep(Path(scene), over, stated, replicas, where=where, progress=report)
+        points = sweeps.sweep(Path(scene), over, overrides, replicas, where=where, progress=report)
     value_of = dict(zip(entries, values, strict=True))
     return frame({path: value_of[row.pop("entry")], **row} for row in map(asdict, points))
 

@@ -20,8 +20,8 @@ def entry(session: Session, path: str) -> Any:
     for key in path.split("."):
         if not isinstance(value, dict) or key not in value:
             entries = list(value) if isinstance(value, dict) else []
-            told = f"{did_you_mean(key, entries)}; entries there: {', '.join(entries) or 'none'}"
-            raise BadInput(f"no entry '{path}'{told}")
+            words = f"{did_you_mean(key, entries)}; entries there: {', '.join(entries) or 'none'}"
+            raise BadInput(f"no entry '{path}'{words}")
         value = value[key]
     return value
 
@@ -54,9 +54,9 @@ def meaning(session: Session, path: str) -> str:
         raise BadInput(f"no effect '{name}'{did_you_mean(name, library)}; `help effects` lists them")
     effect = library[name]
     entries = ", ".join(parameter_names(effect))
-    told = parameter_meaning(effect, parameter) if parameter else f"{effect.title}; entries: {entries}"
+    words = parameter_meaning(effect, parameter) if parameter else f"{effect.title}; entries: {entries}"
     source = reference(effect)
-    return f"{path}: {told}" + (f"; source: {source}" if source else "")
+    return f"{path}: {words}" + (f"; source: {source}" if source else "")
 
 
 def parameter_meaning(effect: Effect, name: str) -> str:
@@ -64,13 +64,13 @@ def parameter_meaning(effect: Effect, name: str) -> str:
     if name == STRENGTH:
         physical = f"to {effect.most:g} where its literature supports it, to {STRENGTH_MOST:g} at most"
         return f"strength of '{effect.title}', 0: absent, 1: textbook [1] from 0 {physical}"
-    known = {f.name: f for f in fields(effect.params)}
-    if name not in known:
+    parameters = {f.name: f for f in fields(effect.params)}
+    if name not in parameters:
         names = parameter_names(effect)
         near = did_you_mean(name, names)
         raise BadInput(f"effects.{effect.name} has no entry '{name}'{near}; there are {', '.join(names)}")
-    stated, about = known[name], known[name].metadata
-    default = "" if stated.default is MISSING else f", default {stated.default:g}"
+    field_of, about = parameters[name], parameters[name].metadata
+    default = "" if field_of.default is MISSING else f", default {field_of.default:g}"
     return f"{about['meaning']} [{about['unit']}] from {about['low']:g} to {about['high']:g}{default}"
 
 

@@ -152,8 +152,8 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Simulate a scene, measure and record it; print the measured value beside the simulated one."""
-    own = (f"measure.{file.stem}.file='{file.resolve()}'" for file in measure or ())
-    overrides, effects = (*(override or ()), *own), tuple(effect or ())
+    measure_entries = (f"measure.{file.stem}.file='{file.resolve()}'" for file in measure or ())
+    overrides, effects = (*(override or ()), *measure_entries), tuple(effect or ())
     if check:
         return print_check(scene, overrides, effects, as_json)
     if record and no_record:

@@ -36,20 +36,20 @@ def measure_files(scene: Scene) -> dict[str, EffectFile]:
     return files
 
 
-def own_measure(name: str, given: "MeasureInput") -> Measurement:
+def own_measure(name: str, state: "MeasureInput") -> Measurement:
     """What the function gives at the end of the stage: a number, or one with its standard deviation.
 
     It gets xarrays of the grains that are there, of the contacts and of the walls, in SI units.
     """
     from taichi_erosion.recording.export import contact_table, grain_frame, grain_table, wall_table
 
-    assert given.network is not None
-    unit, function = unit_and_function(measure_files(given.scene)[name])
-    network = given.network()
-    grains = grain_table([grain_frame(given.end)]).isel(time=0).sel(grain=given.end.ident)
+    assert state.network is not None
+    unit, function = unit_and_function(measure_files(state.scene)[name])
+    network = state.network()
+    grains = grain_table([grain_frame(state.end)]).isel(time=0).sel(grain=state.end.ident)
     try:
-        found = function(grains, contact_table([network]), wall_table(given.poses, network))
-        value, sd = (float(number) for number in (found if isinstance(found, tuple) else (found, nan)))
+        result = function(grains, contact_table([network]), wall_table(state.poses, network))
+        value, sd = (float(number) for number in (result if isinstance(result, tuple) else (result, nan)))
     except Exception as error:  # whatever the user's code raises
         return no_measurement(name, unit, f"its function failed{line_of(error)}: {reason(error)}")
     return Measurement(name, value, sd, unit)

@@ -36,9 +36,9 @@ def changed_entries(file: Path, scene: Scene, meta: Mapping[str, Any]) -> list[s
     begun = max(replica["stage"] - replica["finished"] for replica in meta["replicas"])
     wrong = [path for path in changed if not may_change(path, scene, begun)]
     if wrong or not changed:
-        told = ", ".join(wrong[:MOST_TOLD]) or "an effect or a mesh"
+        words = ", ".join(wrong[:MOST_TOLD]) or "an effect or a mesh"
         other = "fill = { law = 'bed', file = ... } begins a new run with its grains"
-        raise BadInput(f"{file}: {told} differs from that of the checkpoint; {WORDS} may change; {other}")
+        raise BadInput(f"{file}: {words} differs from that of the checkpoint; {WORDS} may change; {other}")
     if all(replica["finished"] for replica in meta["replicas"]) and begun + 1 >= len(scene.stages):
         raise BadInput(f"{file}: all stages had ended; add one to the scene for what is to happen now")
     return changed
@@ -67,9 +67,9 @@ def adapt_state(ensemble: EnsembleRun, saved: Arrays, meta: Mapping[str, Any], c
     """
     sections, state = {path.partition(".")[0] for path in changed}, dict(saved)
     for replica, setup in enumerate(ensemble.sim.setups):
-        own = f"replica{replica}_"
-        state[f"{own}material"] = setup.grains.material[state[f"{own}ident"].astype(int)]
-        for name in [name for name in state if name.startswith(f"{own}wall_") and "geometry" in sections]:
+        prefix = f"replica{replica}_"
+        state[f"{prefix}material"] = setup.grains.material[state[f"{prefix}ident"].astype(int)]
+        for name in [name for name in state if name.startswith(f"{prefix}wall_") and "geometry" in sections]:
             state[name] = 0 * state[name] if name.endswith("number") else state[name][:0]
     if sections & LISTED:
         state["stale"] = np.ones_like(state["stale"])
@@ -80,12 +80,12 @@ def adapt_state(ensemble: EnsembleRun, saved: Arrays, meta: Mapping[str, Any], c
 def adapt_walls(ensemble: EnsembleRun, state: Arrays, before: Mapping[str, Any]) -> Arrays:
     """Walls as built; those that the checkpoint has too stand and move as there."""
     sim, after, adapted = ensemble.sim, resolve(ensemble.scenes[0])["geometry"], {}
-    kept = [name for name in sorted(after) if before.get(name) == after[name]]
+    unchanged = [name for name in sorted(after) if before.get(name) == after[name]]
     rows = len(sim.setups) * sim.capacities.surfaces
     for name in SURFACE:
         values = adapted[f"surface_{name}"] = download([getattr(sim.world.walls, name)], 0, rows)[0]
-        for replica, wall in np.ndindex(len(sim.setups), len(kept)):
-            old, new = (len(each) * replica + sorted(each).index(kept[wall]) for each in (before, after))
+        for replica, wall in np.ndindex(len(sim.setups), len(unchanged)):
+            old, new = (len(each) * replica + sorted(each).index(unchanged[wall]) for each in (before, after))
             values[new] = state[f"surface_{name}"][old]
     return adapted
 
@@ -95,8 +95,8 @@ def apply_changes(ensemble: EnsembleRun, changed: list[str]) -> None:
     sim, more = ensemble.sim, f" and {len(changed) - MOST_TOLD} more" if len(changed) > MOST_TOLD else ""
     for replica, (state, scene) in enumerate(zip(ensemble.states, ensemble.scenes, strict=True)):
         state.energy = None
-        told = f"{', '.join(changed[:MOST_TOLD])}{more}"
-        state.warn(f"until {ensemble.time:.6g} s the set-up was another one: {told}")
+        words = f"{', '.join(changed[:MOST_TOLD])}{more}"
+        state.warn(f"until {ensemble.time:.6g} s the set-up was another one: {words}")
         if any(path.startswith("gravity") for path in changed):
             simulation.set_gravity(sim, replica, sim.setups[replica].gravity)
         if scene.wind is not None and WIND in changed:

@@ -153,8 +153,8 @@ def check_fill(scene: Scene) -> Iterator[str]:
     if isinstance(fill, Positions):
         yield from listed_checks(scene, fill)
     elif isinstance(fill, Layers) and scene.patch_size is None:
-        told = "a [wind] section must state its length and width, or [domain] its period"
-        yield f"fill.law = 'layers' fills a patch: {told}"
+        words = "a [wind] section must state its length and width, or [domain] its period"
+        yield f"fill.law = 'layers' fills a patch: {words}"
     elif scene.domain.period is not None and not isinstance(fill, Layers | Bed):
         yield f"fill.law = '{fill.law}': a periodic box is filled by 'layers', 'positions' or 'bed'"
     elif not isinstance(fill, Layers | Bed) and (lines := list(room_checks(scene, fill, reach))):
@@ -238,8 +238,8 @@ def listed_checks(scene: Scene, fill: Positions) -> Iterator[str]:
         return
     kinds = scene.grains.kinds or {None: None}
     for wrong in [k for k, grain in enumerate(fill.grains) if grain.kind not in kinds]:
-        known = ", ".join(scene.grains.kinds) or "none"
-        yield f"fill.grains.{wrong}.kind must be one of [grains.kinds]: {known}"
+        names = ", ".join(scene.grains.kinds) or "none"
+        yield f"fill.grains.{wrong}.kind must be one of [grains.kinds]: {names}"
         return
     centres = np.array([grain.position for grain in fill.grains])
     radius = reach_over_diameter(scene.grains) * listed_diameters(scene, fill)

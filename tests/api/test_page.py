@@ -40,7 +40,13 @@ def at_the_beginning(request):
     if "page" not in request.fixturenames:
         return
     page: Page = request.getfixturevalue("page")
-    page.playing, page.owner, page.seen, page.speed, page.error = False, "test", monotonic(), pages.inf, ""
+    page.playing, page.owner, page.latest_request, page.speed, page.error = (
+        False,
+        "test",
+        monotonic(),
+        pages.inf,
+        "",
+    )
     with page.turn:
         live.restore(page.session, "begin")
         page.session.states.clear()
@@ -204,7 +210,7 @@ def test_a_page_that_is_gone_leaves_the_run_paused_saved_and_as_a_script(page, i
     if is_told:
         request(page, "leave", "")
     else:
-        page.seen -= pages.ABSENT
+        page.latest_request -= pages.ABSENT
     end = monotonic() + LONG
     while page.owner and monotonic() < end:
         pages.sleep(0.01)

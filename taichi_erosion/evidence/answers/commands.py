@@ -44,7 +44,7 @@ from taichi_erosion.evidence.models.load_study import (
     load_study,
 )
 from taichi_erosion.evidence.race.decision import decide, sensitivity
-from taichi_erosion.evidence.race.dose_laws import told_law
+from taichi_erosion.evidence.race.dose_laws import law_of_decision
 from taichi_erosion.evidence.race.outlook import held_out_part
 from taichi_erosion.evidence.race.posterior import Posterior, condition_on_effects, infer, restrict
 from taichi_erosion.evidence.race.proposals import proposals
@@ -171,8 +171,8 @@ def answer_of(
     study: Study, plans: Sequence[BudgetName], question: Question, progress: Progress
 ) -> tuple[StudyInference, Study]:
     """The answer of a study, and the study with all that its model was asked and the faults that it shows."""
-    found, ready = answer_question(study, plans, question, progress)
-    return found, replace(ready, faults=(*ready.faults, *unit_faults(found.posterior.race)))
+    inference, ready = answer_question(study, plans, question, progress)
+    return inference, replace(ready, faults=(*ready.faults, *unit_faults(inference.posterior.race)))
 
 
 def discover_record(inference: StudyInference) -> Record:
@@ -184,7 +184,7 @@ def discover_record(inference: StudyInference) -> Record:
     other = defaultdict[str, list[DecisionPart]](list)
     for prior, there, decision in sensitivity(posterior, told):
         other[prior].append(decision_part(there, decision))
-    law = law_part(told_law(posterior, told))
+    law = law_part(law_of_decision(posterior, told))
     record = replace(summary(posterior, told), fresh=inference.fresh, law=law, sensitivity=dict(other))
     doubted = (*record.decided.named, *record.decided.group)
     if inference.fresh is not None and inference.fresh.outcome == "contradicted" and doubted:
@@ -228,8 +228,8 @@ def stored_reply(
     return files.write_reply(study.results, study.path.stem, reply)
 
 
-def study_frame(study: Study, found: StudyInference) -> files.Document:
+def study_frame(study: Study, inference: StudyInference) -> files.Document:
     """What every answer says of its study and of the set-up."""
     about = files.study_document(study) | {"faults": [asdict(each) for each in study.faults]}
-    warnings = list(found.posterior.race.prepared.warnings)
+    warnings = list(inference.posterior.race.prepared.warnings)
     return about | {"set_up": set_up_lines(study.faults), "warnings": warnings}

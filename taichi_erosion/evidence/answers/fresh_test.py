@@ -174,31 +174,33 @@ def fresh_test(
     race = posterior.race
     kinds, asked = kinds_of(race, decision), race.prepared.predictor.requests
     settings, part = [setting_of(race, kind.fits[0]) for kind in kinds], race.prepared.predictor
-    made = first = simulate(settings, asked, separation(race, kinds), progress)
-    if not made.runs:
-        return FreshPart("not_made", kinds[0].names, needed=len(made.keys)), frozenset()
-    outcome_part, times = part_of(kinds, made), np.ones(race.prepared.rows.size, dtype=int)
+    campaign = first = simulate(settings, asked, separation(race, kinds), progress)
+    if not campaign.runs:
+        return FreshPart("not_made", kinds[0].names, needed=len(campaign.keys)), frozenset()
+    outcome_part, times = part_of(kinds, campaign), np.ones(race.prepared.rows.size, dtype=int)
     while decision.mechanisms and is_open(outcome_part):
-        nearest = closest(race, made)
+        nearest = closest(race, campaign)
         times[nearest] *= 2
-        if len(made.keys) + 2 * times[nearest[0]] * first.seeds > CLOSER * len(first.keys):
+        if len(campaign.keys) + 2 * times[nearest[0]] * first.seeds > CLOSER * len(first.keys):
             break
         some = race.prepared.rows.rows(nearest)
         rows = part.over(some.observables, some.which, some.conditions).requests
         more = simulate(settings[:2], rows, np.ones(nearest.size), progress, int(times[nearest[0]]))
         if more.seeds < times[nearest[0]] * first.seeds:
             break
-        pairs = zip(made.runs[:2], more.runs, strict=True)
-        runs = (*(one.with_more(other, nearest) for one, other in pairs), *made.runs[2:])
-        made = FreshCampaign(runs, made.keys | more.keys, len(runs[0].values), made.failed + more.failed)
-        outcome_part = part_of(kinds, made)
-    return outcome_part, made.keys
+        pairs = zip(campaign.runs[:2], more.runs, strict=True)
+        runs = (*(one.with_more(other, nearest) for one, other in pairs), *campaign.runs[2:])
+        campaign = FreshCampaign(
+            runs, campaign.keys | more.keys, len(runs[0].values), campaign.failed + more.failed
+        )
+        outcome_part = part_of(kinds, campaign)
+    return outcome_part, campaign.keys
 
 
-def part_of(kinds: Sequence[Kind], made: FreshCampaign) -> FreshPart:
+def part_of(kinds: Sequence[Kind], campaign: FreshCampaign) -> FreshPart:
     """What is told of an answer by some fresh runs."""
     race = kinds[0].race
-    each, none = list(zip(kinds, made.runs, strict=True)), np.full(race.prepared.rows.size, np.nan)
+    each, none = list(zip(kinds, campaign.runs, strict=True)), np.full(race.prepared.rows.size, np.nan)
     evidence = np.array([total(kind.refit_with_runs(none, run.columns)) for kind, run in each])
     simulated = np.array([total(kind.refit_with_runs(run.mean, run.columns)) for kind, run in each])
     random = np.random.default_rng(SEED)
@@ -206,24 +208,24 @@ def part_of(kinds: Sequence[Kind], made: FreshCampaign) -> FreshPart:
     before, after = (float(chance(kinds, found - evidence)) for found in (evidence, simulated))
     rival = next((k for k, kind in enumerate(kinds) if k and kind.names), 0)
     other = float(chance(kinds, simulated - evidence, rival)) if rival else 0.0
-    p, gap = float(np.mean(chance(kinds, right - evidence) <= after)), gap_of(race, kinds, made.runs)
-    few = made.failed > MOST_FAILED * len(made.keys) or not made.runs[0].tests
+    p, gap = float(np.mean(chance(kinds, right - evidence) <= after)), gap_of(race, kinds, campaign.runs)
+    few = campaign.failed > MOST_FAILED * len(campaign.keys) or not campaign.runs[0].tests
     outcome: Outcome = "confirmed" if after >= SURE and not few else "undecided"
     if not few and min(1.0 if after >= SURE else p, 1.0 if gap is None else gap.p) < OFF:
         outcome = "contradicted"
-    told = FreshPart(outcome, kinds[0].names, before, after, p, gap, len(made.keys), made.seeds)
-    return replace(told, failed=made.failed, rival=kinds[rival].names * bool(rival), rivals=other)
+    part = FreshPart(outcome, kinds[0].names, before, after, p, gap, len(campaign.keys), campaign.seeds)
+    return replace(part, failed=campaign.failed, rival=kinds[rival].names * bool(rival), rivals=other)
 
 
-def is_open(found: FreshPart) -> bool:
+def is_open(part: FreshPart) -> bool:
     """Whether fresh runs leave two mechanisms open, neither of which leads by LEAD."""
-    less, more = sorted((found.simulated, found.rivals))
-    return found.outcome == "undecided" and len(found.rival) == 1 and more < LEAD * less
+    less, more = sorted((part.simulated, part.rivals))
+    return part.outcome == "undecided" and len(part.rival) == 1 and more < LEAD * less
 
 
-def closest(race: Race, made: FreshCampaign) -> Integers:
+def closest(race: Race, campaign: FreshCampaign) -> Integers:
     """Rows of the set of conditions at which twice the seeds tell the first two explanations best."""
-    one, other = made.runs[:2]
+    one, other = campaign.runs[:2]
     error = np.sum(one.columns**2, axis=1) + np.sum(other.columns**2, axis=1)
     gap, measured = (one.mean - other.mean) ** 2, race.prepared.sd**2
     gain = np.nan_to_num(gap / (measured + 0.5 * error) - gap / (measured + error))

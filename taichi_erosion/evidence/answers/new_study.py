@@ -183,7 +183,7 @@ def shared_error(name: str, text: str, content: Content) -> str:
         raise BadInput(f"--between-codes {name}: is none of {', '.join(content.observables)}")
     key, unit = ("sd_shared_relative", "1") if "%" in text else ("sd_shared", OBSERVED[name].unit)
     sd = stated_number(text, unit, f"--between-codes {name}", f"1 {OBSERVED[name].unit}, or 5 %")
-    return f"{key} = {sd:g}    # of the level, between the laboratory and the model"
+    return f"{key} = {sd:g}    # of the level, between codes; half of it at each diameter"
 
 
 def with_measured(numbers: Sequence[CalibratedNumber], name: str, text: str) -> list[CalibratedNumber]:
@@ -310,8 +310,8 @@ def scene_content(request: StudyRequest) -> Content:
     stem = Path(request.table.file).stem
     for key, names in apparatus_of_all(request).items():
         if key == OWN:
-            own = request.wishes.scene or Path()
-            template, file = own_template(own, request), request.relative(own)
+            scene_file = request.wishes.scene or Path()
+            template, file = own_template(scene_file, request), request.relative(scene_file)
         else:
             scene = f"{key}_scene" if key == stem else key  # none has the name of the study
             template, file = TEMPLATES[key], f"{scene}.toml"
@@ -463,9 +463,9 @@ def undeclared_conditions(request: StudyRequest) -> dict[str, str]:
     return {path.removeprefix(CONDITION): unit for path, unit in own.items()}
 
 
-def own_template(file: Path, asked: StudyRequest) -> Template:
+def own_template(file: Path, request: StudyRequest) -> Template:
     """The apparatus of an own scene; the friction of its grains on each other is calibrated."""
-    if lost := (own := undeclared_conditions(asked)).keys() - declared_units(file).keys():
+    if lost := (own := undeclared_conditions(request)).keys() - declared_units(file).keys():
         unit = own[name := min(lost)]
         entry = f'[conditions.extra] {name} = {{ unit = "{unit}" }}'
         raise BadInput(f"{file}: does not declare the condition '{name}'; write {entry}")

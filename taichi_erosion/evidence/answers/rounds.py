@@ -160,11 +160,11 @@ def answer_question(
     """
     budget, *larger = plans
     share = [1.0] * len(plans)
-    found, ready = answer_by_plan(budget, study, question, part_of(progress, share, 0))
-    if larger and ready.simulations is not None and not (is_final(found) or blocks_verdict(ready.faults)):
+    inference, ready = answer_by_plan(budget, study, question, part_of(progress, share, 0))
+    if larger and ready.simulations is not None and not (is_final(inference) or blocks_verdict(ready.faults)):
         study.options.announce("These runs do not decide; more are made.")
         return answer_question(study, larger, question, part_of(progress, share, 1))
-    return found, replace(ready, options=replace(ready.options, budget=budget))
+    return inference, replace(ready, options=replace(ready.options, budget=budget))
 
 
 def answer_by_plan(
@@ -209,11 +209,11 @@ def answer_by_plan(
 
 
 def wider_runs(
-    runs: TrainingRuns, ready: Study, question: Question, found: StudyInference
+    runs: TrainingRuns, ready: Study, question: Question, inference: StudyInference
 ) -> TrainingRuns | None:
     """The runs with those of mechanisms where the listed effects leave something open and there is room."""
     asked = question.missing and not runs.mechanisms and not blocks_verdict(ready.faults)
-    if not asked or not has_unexplained_misfit(found.posterior.race):
+    if not asked or not has_unexplained_misfit(inference.posterior.race):
         return None
     wider = training_runs.with_mechanisms(runs)
     return wider if wider.mechanisms and training_runs.room_left(wider) >= 0 else None
@@ -253,8 +253,8 @@ def with_fresh_runs(
     simulator = FreshSimulator(runs, mapping, made, runs.plan_size.fresh)
     part, count = inference.fresh, len(rounds[key])
     if question.query is not None:
-        asked, used = runs_at(question.query(inference), simulator, progress)
-        inference = replace(inference, query=asked, query_runs=len(used))
+        rows, used = runs_at(question.query(inference), simulator, progress)
+        inference = replace(inference, query=rows, query_runs=len(used))
     else:
         part, used = fresh_test(inference.posterior, decision, simulator.simulate, progress)
         inference = replace(inference, decision=after_runs(decision, part))

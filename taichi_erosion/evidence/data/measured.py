@@ -188,7 +188,17 @@ def study_measurements(
 
     `places` gives the unit of what a condition sets; of the conditions that it leaves out it is SI.
     """
-    refuse_absent(table, file, name)
+    measured = list(dict.fromkeys(row.observable for row in table.rows))
+    named = (("conditions", file.conditions, table.conditions), ("observables", file.observables, measured))
+    faults = [
+        f"{name}: {section}.{each} is not in {table.file}; {section} there: {', '.join(there) or 'none'}"
+        f"{did_you_mean(each, there)}"
+        for section, names, there in named
+        for each in names
+        if each not in there
+    ]
+    if faults:
+        raise BadInput(*faults)
     rows = [row for row in table.rows if row.observable in file.observables]
     scales = condition_scales(table, file, places or {})
     units = {name: model_unit(name, entry, rows, table.file) for name, entry in file.observables.items()}
@@ -223,21 +233,6 @@ def study_measurements(
     )
     notes = [*ignored_notes(table, file), *error_notes(measurements)]
     return measurements, [*table.notes, *notes]
-
-
-def refuse_absent(table: Table, file: StudyFile, name: str) -> None:
-    """Refuse a study that names conditions or observables which the table has not."""
-    measured = list(dict.fromkeys(row.observable for row in table.rows))
-    named = (("conditions", file.conditions, table.conditions), ("observables", file.observables, measured))
-    faults = [
-        f"{name}: {section}.{each} is not in {table.file}; {section} there: {', '.join(there) or 'none'}"
-        f"{did_you_mean(each, there)}"
-        for section, names, there in named
-        for each in names
-        if each not in there
-    ]
-    if faults:
-        raise BadInput(*faults)
 
 
 def condition_scales(table: Table, file: StudyFile, places: Mapping[str, str]) -> dict[str, Scale]:

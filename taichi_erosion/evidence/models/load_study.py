@@ -143,6 +143,9 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     # laboratory and model differ in what they take for a grain, more or less by its size
     places = {name: place.split(",")[0].rpartition(".")[2] for name, place in file.conditions.items()}
     diameter = next((name for name, place in places.items() if place == "diameter"), "")
+    wanted, known = file.candidates.mechanisms, mechanism_rows()
+    if missing := [name for name in wanted or () if name not in known]:
+        raise BadInput(f"{path}: candidates.mechanisms: '{missing[0]}' is not one of {', '.join(known)}")
     problem = Problem(
         measurements=measurements,
         observables={
@@ -158,19 +161,11 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
         vault=Vault(hidden, openings(results, vault.drawn_from or digest)),
         adopted=parts.adopted,
         uncertainty=parts.uncertainty,
-        mechanisms=wanted_mechanisms(path, file, parts.mechanisms),
+        mechanisms=tuple(each for each in parts.mechanisms if wanted is None or each.name in wanted),
     )
     shared = path, file, problem, results, digest, parts.identity, store, (*notes, *parts.notes, vault_note)
     fresh = "" if file.study.seed == study_document.study.seed else f"seed {file.study.seed}|"
     return Study(*shared, parts.simulator, options=options, fresh=fresh, effect_files=files)
-
-
-def wanted_mechanisms(path: Path, file: StudyFile, declared: tuple[Mechanism, ...]) -> tuple[Mechanism, ...]:
-    """Mechanisms of a model that the study asks for. Raises BadInput for one that does not exist."""
-    wanted, known = file.candidates.mechanisms, mechanism_rows()
-    if missing := [name for name in wanted or () if name not in known]:
-        raise BadInput(f"{path}: candidates.mechanisms: '{missing[0]}' is not one of {', '.join(known)}")
-    return tuple(each for each in declared if wanted is None or each.name in wanted)
 
 
 def with_options(file: StudyFile, options: StudyOptions) -> StudyFile:

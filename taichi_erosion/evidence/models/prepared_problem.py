@@ -121,10 +121,17 @@ class PreparedProblem:
         self, x: Floats, acting: Numbers, doses: Conditions | None = None, known: int | None = None
     ) -> Floats:
         """Columns (n, q) of one sd each: the model's own errors, then those of the stated conditions."""
-        own = self.predictor.model_errors(x, acting, doses, known)
+        predicted = self.predictor.model_errors(x, acting, doses, known)
         if self.condition_errors is None:
-            return own
-        return np.hstack([own, error_columns(self.condition_errors, self.predictor, x, acting)])
+            return predicted
+        parts = [np.zeros((self.predictor.which.size, 0))]
+        for name, sd in self.condition_errors.sd.items():
+            change = change_along(self.predictor, name, sd, x, acting)
+            column = self.condition_errors.cell[:, np.newaxis] == np.unique(
+                self.condition_errors.cell[sd > 0.0]
+            )
+            parts.append(np.where(column, change[:, np.newaxis], 0.0))
+        return np.hstack([predicted, np.hstack(parts)])
 
     def by_observable(self) -> Iterator[tuple[Observable, Bools]]:
         """Every observable that has rows, with the mask of its rows."""
@@ -205,16 +212,6 @@ def condition_errors(rows: ComparisonRows) -> ConditionErrors | None:
     keys = ["|".join(map(str, each)) for each in cells]
     cell = np.unique(keys, return_inverse=True)[1].astype(np.int64)
     return ConditionErrors(errors, cell)
-
-
-def error_columns(errors: ConditionErrors, predictor: Predictor, x: Floats, acting: Numbers) -> Floats:
-    """Change of the mean (n, q) by one sd of the condition of each set-up: F above."""
-    parts = [np.zeros((predictor.which.size, 0))]
-    for name, sd in errors.sd.items():
-        change = change_along(predictor, name, sd, x, acting)
-        column = errors.cell[:, np.newaxis] == np.unique(errors.cell[sd > 0.0])
-        parts.append(np.where(column, change[:, np.newaxis], 0.0))
-    return np.hstack(parts)
 
 
 def change_along(predictor: Predictor, name: str, sd: Floats, x: Floats, acting: Numbers) -> Floats:

@@ -168,10 +168,10 @@ def sensitivity(posterior: Posterior, decision: Decision) -> Iterator[tuple[str,
             sizes = {name: factor * getattr(priors, name) for name in names}
             odds = {name: p / (1.0 - p / factor + p) for name, p in sizes.items() if name in VARIED[:3]}
             there = under(posterior, replace(priors, **sizes | odds))
-            found = decide(there)
-            if all(getattr(found, part) == getattr(usual, part) for part in TOLD):
-                found = replace(found, **{part: getattr(decision, part) for part in TOLD})
-            yield key, there, found
+            varied = decide(there)
+            if all(getattr(varied, part) == getattr(usual, part) for part in TOLD):
+                varied = replace(varied, **{part: getattr(decision, part) for part in TOLD})
+            yield key, there, varied
 
 
 def under(posterior: Posterior, priors: Priors) -> Posterior:

@@ -142,12 +142,12 @@ class FittedForm:
 Law = tuple[str, FittedForm, float]  # mechanism, form, share of the misfit left out that it explains
 
 
-def told_law(posterior: Posterior, found: Decision) -> Law | None:
+def law_of_decision(posterior: Posterior, decision: Decision) -> Law | None:
     """The law of the doses of a mechanism that is told; None without one, or where the budget is spent."""
-    if not found.mechanisms:
+    if not decision.mechanisms:
         return None
     try:
-        return law_of(posterior.race, fit_of(posterior, found))
+        return law_of(posterior.race, fit_of(posterior, decision))
     except BudgetSpentError:
         return None
 

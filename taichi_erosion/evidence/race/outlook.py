@@ -338,12 +338,15 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     return HeldOutPart(int(good.sum()), before, after, p_after, control, opened, tuple(names), name, p_worse)
 
 
-def misfit_chance(place: JointRows, told: Outlook, good: Bools) -> float:
+def misfit_chance(place: JointRows, outlook_of: Outlook, good: Bools) -> float:
     """Chance of as large a misfit r^T cov^-1 r of some rows, without smooth discrepancies (`adequacy`)."""
     noise = np.diag(place.rows.variance + place.simulated)
     if place.rows.covariance is not None:
         noise = noise + place.rows.covariance
-    gap, physics = (place.rows.z - told.mean(False))[good], told.covariance(False)[np.ix_(good, good)]
+    gap, physics = (
+        (place.rows.z - outlook_of.mean(False))[good],
+        outlook_of.covariance(False)[np.ix_(good, good)],
+    )
     noise = noise[np.ix_(good, good)]
     scatter = np.exp(2.0 * place.race.priors.doubt * NODES)
     size = [gap @ np.linalg.solve(physics + factor * noise, gap) for factor in scatter]

@@ -28,8 +28,10 @@ def prior(race: Race, hypothesis: Hypothesis, priors: Priors) -> float:
     """
     size, beside, step = len(hypothesis.names), hypothesis.beside, priors.step
     if beside:
-        own = step if OUTSIDE in beside else (1.0 - step) * step ** (len(beside) - 1)
-        return priors.unlisted * (1.0 - step) * step**size * (own if race.prepared.problem.mechanisms else 1)
+        share = step if OUTSIDE in beside else (1.0 - step) * step ** (len(beside) - 1)
+        return (
+            priors.unlisted * (1.0 - step) * step**size * (share if race.prepared.problem.mechanisms else 1)
+        )
     if not size:
         return priors.nothing
     whole = sum(step**k for k in range(1, min(MOST, len(race.model.candidates)) + 1))

@@ -194,25 +194,29 @@ def acting_names(decided: parts.DecisionPart) -> str:
 def sensitivity_text(record: Record) -> str:
     """`no name moves`, `cohesion is told, nothing only where errors expected are doubled`."""
     usual, places = acting_names(record.decided), dict[str, list[str]]()
-    for prior, own in record.sensitivity.items():
-        for way, each in zip(("halved", "doubled"), own, strict=True):
+    for prior, answers in record.sensitivity.items():
+        for way, each in zip(("halved", "doubled"), answers, strict=True):
             places.setdefault(acting_names(each), []).append(f"{PRIORS[prior]} are {way}")
-    told = [f"{name} only where {say.join_words(at, 'or')}" for name, at in places.items() if name != usual]
-    return f"{usual} is told, {say.join_words(told)}" if told else "no name moves"
+    sentences = [
+        f"{name} only where {say.join_words(at, 'or')}" for name, at in places.items() if name != usual
+    ]
+    return f"{usual} is told, {say.join_words(sentences)}" if sentences else "no name moves"
 
 
 def sensitivity_rows(record: Record) -> Iterator[tuple[str, ...]]:
     """What is told where a prior is halved and doubled, with the probability of the answer there."""
-    for prior, own in record.sensitivity.items():
-        cells = (f"{acting_names(each)} ({say.probability(chance(record.decided, each))})" for each in own)
+    for prior, answers in record.sensitivity.items():
+        cells = (
+            f"{acting_names(each)} ({say.probability(chance(record.decided, each))})" for each in answers
+        )
         yield PRIORS[prior], *cells
 
 
-def chance(told: parts.DecisionPart, other: parts.DecisionPart) -> float:
+def chance(decision: parts.DecisionPart, other: parts.DecisionPart) -> float:
     """Probability of an answer under other priors: that all of it acts, and one of what is not told apart."""
-    sure, either = map(set, acting(told))
+    sure, either = map(set, acting(decision))
     if not (sure or either):
-        return other.unlisted if told.verdict == "outside_library" else other.probabilities["none"]
+        return other.unlisted if decision.verdict == "outside_library" else other.probabilities["none"]
     sets = {key: {*key.split("+")} for key in other.probabilities}
     return sum(other.probabilities[k] for k, n in sets.items() if sure <= n and (not either or either & n))
 

@@ -20,9 +20,9 @@ LEAST_RUNS = 2  # that show a scatter
 COLUMNS = ("measure", "simulated", "measured", "difference")
 
 
-def with_deviation(found: Document, usual: int | None = None) -> str:
+def with_deviation(measure: Document, usual: int | None = None) -> str:
     """`32.91 ± 0.51 (n = 2)`, rounded to two digits of the deviation; without n where it is the usual one."""
-    value, sd, n = found.get("value"), found.get("sd"), found.get("n")
+    value, sd, n = measure.get("value"), measure.get("sd"), measure.get("n")
     if value is None or not isfinite(value):
         return "-"
     text = plain(value, 4)

@@ -34,8 +34,8 @@ def saved_bed(scene: Scene, fill: Bed, seed: int) -> Arrays:
         raise BadInput(f"fill.file = '{fill.file}': [grains] or periods differ from those of the checkpoint")
     if scene.grains.clump is not None:
         raise BadInput(f"fill.file = '{fill.file}': a bed consists of spheres; grains.clump must be left out")
-    own = f"replica{(seed - scene.run.seed) % len(meta['replicas'])}_"
-    bed = {name.removeprefix(own): values for name, values in state.items() if name.startswith(own)}
+    prefix = f"replica{(seed - scene.run.seed) % len(meta['replicas'])}_"
+    bed = {name.removeprefix(prefix): values for name, values in state.items() if name.startswith(prefix)}
     kinds = list(scene.grains.parts)
     names = sorted({*kinds, *(wall["material"] for wall in before["geometry"].values())})
     places = np.array([kinds.index(name) if name in kinds else -1 for name in names])

@@ -69,8 +69,8 @@ def adhesion(scene: Scene) -> dict[str, float] | None:
     Bo = 3 pi gamma R* / (m g);  sigma_t = (3/4) phi Z gamma / d  (Rumpf 1962 with the JKR pull-off force);
     the stress under a cone of all grains at 30 degrees, of height H:  V = pi H^3 / (3 tan^2).
     """
-    found = [adhesion_of(scene, name) for name in scene.grains.parts]
-    return max((each for each in found if each), key=lambda each: each["bond_number"], default=None)
+    pairs = [adhesion_of(scene, name) for name in scene.grains.parts]
+    return max((each for each in pairs if each), key=lambda each: each["bond_number"], default=None)
 
 
 def adhesion_of(scene: Scene, name: str) -> dict[str, float] | None:
@@ -133,8 +133,8 @@ def inlet_warnings(scene: Scene) -> Iterator[str]:
         mean = scene.grain_density * pi / 6.0 * width**3
         rate = inlet.rate or (inlet.mass_rate or 0.0) / mean
         if rate > 1.2 * most:
-            told = f"about {most:.3g} grains a second pass, not {rate:.3g}"
-            yield f"{path}: {told}; make it wider, faster or raise its coverage"
+            words = f"about {most:.3g} grains a second pass, not {rate:.3g}"
+            yield f"{path}: {words}; make it wider, faster or raise its coverage"
 
 
 def rayleigh_time(radius: float, density: float, shear: float, poisson: float) -> float:
@@ -322,8 +322,8 @@ def kind_lines(scene: Scene) -> list[str]:
     for a, b in combinations(counts, 2):
         contact = scene.contact_of(a, b)
         if contact is not None and not {f"{a}-{b}", f"{b}-{a}"} & set(scene.contact):
-            told = f"restitution {contact.restitution:.3g}, friction_sliding {contact.friction_sliding:.3g}"
-            lines.append(f"{a}-{b}: geometric means of {a}-{a} and {b}-{b}: {told}")
+            words = f"restitution {contact.restitution:.3g}, friction_sliding {contact.friction_sliding:.3g}"
+            lines.append(f"{a}-{b}: geometric means of {a}-{a} and {b}-{b}: {words}")
     return lines
 
 

@@ -324,9 +324,9 @@ class Inlet(Section):
 
     @model_validator(mode="after")
     def _one_shape(self) -> "Inlet":
-        stated = [name for name in ("radius", "size", "end") if getattr(self, name) is not None]
+        shapes = [name for name in ("radius", "size", "end") if getattr(self, name) is not None]
         alone = (0, True) if getattr(self, "inlets", {}) else (1, False)
-        if (len(stated), self.centre is None) != alone:
+        if (len(shapes), self.centre is None) != alone:
             words = "centre and one of radius (disc), size (rectangle), end (line)"
             raise contradiction(f"needs {words}; beside inlets none of these")
         if self.centre and self.end and self.centre[2] != self.end[2]:

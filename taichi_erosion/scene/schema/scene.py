@@ -287,10 +287,10 @@ class Scene(SceneFile):
 
     def contact_of(self, a: str, b: str) -> Contact | None:
         """Parameters of a pair of materials, as stated in either order or mixed from those of two kinds."""
-        stated = self.contact.get(f"{a}-{b}") or self.contact.get(f"{b}-{a}")
+        pair = self.contact.get(f"{a}-{b}") or self.contact.get(f"{b}-{a}")
         alike = [self.contact.get(f"{name}-{name}") for name in (a, b) if name in self.grains.kinds]
-        if stated or len(alike) < 2 or alike[0] is None or alike[1] is None:
-            return stated
+        if pair or len(alike) < 2 or alike[0] is None or alike[1] is None:
+            return pair
         return mixed_contact(alike[0], alike[1])
 
 

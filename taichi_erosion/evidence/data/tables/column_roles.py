@@ -114,11 +114,11 @@ def column_roles(cells: Cells, options: TableOptions, faults: list[str]) -> list
     return roles
 
 
-def with_unit(column: Column, told: TableOptions) -> Column:
+def with_unit(column: Column, options: TableOptions) -> Column:
     """A column with the unit that the user states for it."""
     heading = column.heading
     texts = {plain_words(text) for text in (heading.text, heading.name, stem(heading.name))}
-    unit = next((unit for text, unit in told.units.items() if plain_words(text) in texts), None)
+    unit = next((unit for text, unit in options.units.items() if plain_words(text) in texts), None)
     return column if unit is None else replace(column, heading=stated_unit(column.heading, unit))
 
 
@@ -191,10 +191,10 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
 
 
 def with_stated_sd(
-    columns: list[Column], cells: Cells, told: TableOptions, faults: list[str]
+    columns: list[Column], cells: Cells, options: TableOptions, faults: list[str]
 ) -> list[Column]:
     """The columns with the scatter of single repeats that the user states, `0.8 deg` or `8 %` of a value."""
-    for text, said in told.sd.items():
+    for text, said in options.sd.items():
         places = {place for group in called_columns(cells, text) for place in group}
         names = (text.strip(), meaning_of(text)[1])
         matches = [c for c in columns if c.role == "observable" and (c.place in places or c.name in names)]
