@@ -64,7 +64,7 @@ def answered(problem: Problem, seed: int, asked: NewConditions | None = None) ->
     posterior = infer(problem, seed)
     record = discover_record(StudyInference(posterior, decide(posterior)))
     seconds = process_time() - start
-    answer = kept(record, held_out(posterior, record.decided, seed)) | {"seconds": seconds}
+    answer = kept(record, held_out(posterior, record, seed)) | {"seconds": seconds}
     return answer | ({"rows": predicted(posterior, asked)} if asked else {})
 
 
@@ -72,7 +72,8 @@ def held_out(posterior: Posterior, decided: DecisionPart, seed: int) -> HeldOutP
     """Held-out rows with what is named, or with the mechanism that is told; None where nothing is."""
     if decided.named:
         return held_out_part(condition_on_effects(posterior, decided.named), decided.named, seed)
-    return held_out_part(posterior, decided.mechanisms, seed) if decided.mechanisms else None
+    mechanisms = decided.acting_mechanisms
+    return held_out_part(posterior, mechanisms, seed) if mechanisms else None
 
 
 def predicted(posterior: Posterior, asked: NewConditions) -> list[tuple[float, ...]]:
@@ -92,30 +93,30 @@ def study_answer(study: Path, budget: BudgetName | None = None) -> Answer:
         record = discover_study(study, no_progress, options).record
     except BadInput as refusal:
         return REFUSED | {"refusal": str(refusal)}
-    names = record.decided.named or record.decided.group[:1]
+    names = record.named or record.group[:1]
     adopted = adopt_study(study, names, no_progress, options).record if names else None
-    answer = kept(record, adopted and adopted.held_out)
-    return answer | {"adopted": names, "n": record.fit.n, "seconds": record.cost.seconds}
+    answer = kept(record, adopted and adopted.vault)
+    return answer | {"adopted": names, "n": record.n, "seconds": record.wall_s}
 
 
 def kept(record: Record, held: HeldOutPart | None) -> Answer:
     """What is kept of an answer."""
-    decided = record.decided
+    ends = ("before", "after", "wrong_effect")
     return {
-        "verdict": decided.verdict,
-        "named": decided.named,
-        "group": decided.group,
-        "mechanisms": decided.mechanisms,
-        "probabilities": {key: p for key, p in decided.probabilities.items() if p > LEAST},
-        "p": decided.familywise,
-        "p_misfit": record.fit.p_before,
-        "strengths": intervals({name: record.effects[name].strength for name in decided.named}),
-        "parameters": intervals({path: part.now for path, part in record.numbers.items()}),
+        "verdict": record.verdict,
+        "named": record.named,
+        "group": record.group,
+        "mechanisms": record.acting_mechanisms,
+        "probabilities": {key: p for key, p in record.probabilities.items() if p > LEAST},
+        "p": record.p,
+        "p_misfit": record.p_misfit,
+        "strengths": intervals({name: record.effects[name].interval for name in record.named}),
+        "parameters": intervals(record.parameters),
         "law": record.law.mechanism if record.law else "",
-        "powers": intervals(record.law.exponents) if record.law else {},
-        "vault": [held.before, held.after, held.wrong] if held else [None] * 3,
-        "settings": record.cost.settings,
-        "runs": record.cost.runs,
+        "powers": intervals(record.law.powers) if record.law else {},
+        "vault": [getattr(held, f"chi2_per_row_{end}", None) for end in ends],
+        "settings": record.settings,
+        "runs": record.runs,
     }
 
 

@@ -138,7 +138,7 @@ class ComparisonResult(RaceResult):
     @property
     def p(self) -> float:
         """Probability of so large a misfit if nothing is missing; NaN where the scatter is not known [1]."""
-        return self.record.fit.p_before
+        return self.record.p_misfit
 
     @property
     def table(self) -> pd.DataFrame:
@@ -156,12 +156,12 @@ class DiscoveryResult(RaceResult):
     @property
     def named(self) -> list[str]:
         """Effects that are missing; empty where none is sure."""
-        return list(self.record.decided.named)
+        return list(self.record.named)
 
     @property
     def probabilities(self) -> dict[str, float]:
         """Probability of every explanation: `none`, `outside_library`, an effect, or a set `a+b` [1]."""
-        return dict(self.record.decided.probabilities)
+        return dict(self.record.probabilities)
 
     @property
     def table(self) -> pd.DataFrame:
@@ -171,7 +171,7 @@ class DiscoveryResult(RaceResult):
         """
         rows = (
             {"effect": name, "status": each.status, "probability": each.probability}
-            | {"strength": each.strength.value, "low": each.strength.low, "high": each.strength.high}
+            | {"strength": each.strength, "low": each.strength_low, "high": each.strength_high}
             | {key: getattr(each, key) for key in ("limit", "unseen_below", "log_bayes_factor")}
             for name, each in self.record.effects.items()
         )
@@ -195,9 +195,10 @@ class DiscoveryResult(RaceResult):
             name, axis, is_offset = curve.observable, curve.condition, curve.kind == "offset"
             unit = unit_of(units, name) if is_offset else "factor"
             stated = {"observable": name, "unit": unit, "condition": condition_heading(units, axis)}
-            for at, size in curve.points:
-                sizes = {key: units.value(name, x) if is_offset else x for key, x in vars(size).items()}
-                rows.append(stated | {"at": units.condition(axis, at)} | sizes)
+            for point in curve.points:
+                ends = {"value": point.value, "low": point.low, "high": point.high}
+                sizes = {key: units.value(name, x) if is_offset else x for key, x in ends.items()}
+                rows.append(stated | {"at": units.condition(axis, point.at)} | sizes)
         return frame(rows, columns=("observable", "unit", "condition", "at", "value", "low", "high"))
 
 
@@ -208,10 +209,10 @@ class AdoptionResult(RaceResult):
     @property
     def table(self) -> pd.DataFrame:
         """Misfit per row, 1 is chance, of every model; NaN where it is not known [1]."""
-        fit, held = self.record.fit, self.record.held_out
-        unseen = (held.before, held.after, held.wrong) if held else (nan, nan, nan)
-        fitted = (fit.chi2_before / fit.n, fit.chi2_after / fit.n, nan)
-        return WholeTable({"fitted": fitted, "held_out": unseen}, ["before", "after", "control"])
+        record, ends = self.record, ("before", "after", "wrong_effect")
+        fitted = (record.chi2_per_row_before, record.chi2_per_row_after, nan)
+        held_out = [getattr(record.vault, f"chi2_per_row_{end}", nan) for end in ends]
+        return WholeTable({"fitted": fitted, "held_out": held_out}, ["before", "after", "control"])
 
     @property
     def files(self) -> list[Path]:
@@ -228,7 +229,7 @@ class ExperimentsResult(RaceResult):
         """Proposed experiments, the best first, with what each explanation expects, in units of the table."""
         rows = list[dict[str, Any]]()
         units = self.units
-        for experiment in self.record.experiments:
+        for experiment in self.record.next_experiments:
             name = experiment.observable
             row: dict[str, Any] = {"observable": name, "unit": unit_of(units, name)}
             for axis, x in experiment.conditions.items():

@@ -92,12 +92,10 @@ def answer(
     title: str, compute: "Callable[[Progress], Reply]", options: "StudyOptions", as_json: bool, verbose: bool
 ) -> None:
     """Run a command with progress on stderr and print its reply; finished runs survive Ctrl-C."""
-    from taichi_erosion.evidence.answers.files import printed_document
-
     with reporting(title, KEPT) as progress:
         reply = compute(lambda text, share: progress(share, text))
     if as_json:
-        return output.print_json(printed_document(reply.document))
+        return output.print_json(reply.document)
     needed = [word for file in options.effect_files for word in ("--effect", str(file))]
     output.print_answer(reply, needed, verbose)
 

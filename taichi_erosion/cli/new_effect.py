@@ -5,7 +5,7 @@ function, so the study says which is which.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -15,7 +15,7 @@ from taichi_erosion.core.errors import BadInput
 
 if TYPE_CHECKING:
     from taichi_erosion.core.effect import Effect
-    from taichi_erosion.evidence.race.record import LawPart
+    from taichi_erosion.evidence.race.record import DosePart, LawPart
 
 NEW = "new"  # first word that requests a new file; no effect has this name
 FILE_NAME = re.compile(r"[a-z][a-z0-9_]{0,59}")
@@ -64,12 +64,12 @@ def law_file(name: str, source: Path) -> str:
     if not (result.name.endswith(RESULT) and result.is_file()):
         raise BadInput(f"{source}: is not a result of discover (STUDY{RESULT}), nor a study that has one")
     title = name.replace("_", " ").capitalize()
-    entries = law_entries(read_law(result), *names_of_study(study))
+    entries = law_entries(*read_law(result), *names_of_study(study))
     return render("mechanism_law", name=name, title=title, source=result.name, **entries)
 
 
-def read_law(result: Path) -> "LawPart":
-    """Law of the dose of a mechanism that a discovery found. Raises BadInput where there is none."""
+def read_law(result: Path) -> tuple["LawPart", Sequence["DosePart"]]:
+    """Law of a mechanism that a discovery found, and its doses. Raises BadInput where there is none."""
     from taichi_erosion.evidence.answers.files import read_reply
     from taichi_erosion.mechanisms.library import load_mechanisms
 
@@ -83,7 +83,7 @@ def read_law(result: Path) -> "LawPart":
         raise BadInput(f"{result}: the law is of {law.mechanism}, which is in the list of effects: adopt it")
     if set(PARTS.sub("", law.python)) - set(" +-*/(),"):
         raise BadInput(f"{result}: the law '{law.python}' is not one that discover writes")
-    return law
+    return law, reply.record.mechanisms[law.mechanism].doses
 
 
 def names_of_study(path: Path) -> tuple[Mapping[str, str], Mapping[str, float]]:
@@ -109,7 +109,9 @@ def names_of_study(path: Path) -> tuple[Mapping[str, str], Mapping[str, float]]:
     return set_by, {name: parse_scale(unit).factor for name, unit in units.items()}
 
 
-def law_entries(law: "LawPart", set_by: Mapping[str, str], factors: Mapping[str, float]) -> dict[str, Any]:
+def law_entries(
+    law: "LawPart", doses: Sequence["DosePart"], set_by: Mapping[str, str], factors: Mapping[str, float]
+) -> dict[str, Any]:
     """Entries of `mechanism_law.txt`. Raises BadInput for a column that sets no condition."""
     from taichi_erosion.mechanisms.library import load_mechanisms
 
@@ -129,7 +131,7 @@ def law_entries(law: "LawPart", set_by: Mapping[str, str], factors: Mapping[str,
         "share": f"{max(law.held_out_share, 0.0):.0%}",
         "columns": columns,
         "numbers": [(key, each.value, *meaning_of(key, each.value)) for key, each in law.numbers.items()],
-        "points": points(law, columns, mechanism),
+        "points": points(doses, columns, mechanism),
     }
 
 
@@ -142,7 +144,7 @@ def meaning_of(key: str, value: float) -> tuple[str, float, float]:
 
 
 def points(
-    law: "LawPart", columns: Mapping[str, tuple[str, float]], mechanism: "Effect"
+    chosen: Sequence["DosePart"], columns: Mapping[str, tuple[str, float]], mechanism: "Effect"
 ) -> list[tuple[dict[str, float], float, float]]:
     """Conditions in SI units, dose of the law there, and response of a mechanism on the device, if any."""
     from taichi_erosion.core.device import start_device, stop_device
@@ -150,8 +152,8 @@ def points(
     from taichi_erosion.core.setup import Numerics
     from taichi_erosion.mechanisms.law import at_dose, device_response
 
-    chosen = law.doses[:: -(-len(law.doses) // MOST_POINTS)]
-    doses, responses = [dose.value for _, dose in chosen], [0.0] * len(chosen)
+    chosen = chosen[:: -(-len(chosen) // MOST_POINTS)]
+    doses, responses = [each.dose for each in chosen], [0.0] * len(chosen)
     if mechanism.constants is not None:
         start_device(Numerics(threads=1))
         try:
@@ -159,5 +161,8 @@ def points(
             responses = [device_response(mechanism, probe, at_dose(mechanism, dose), {}) for dose in doses]
         finally:
             stop_device()
-    stated = [{columns[key][0]: value * columns[key][1] for key, value in at.items()} for at, _ in chosen]
+    stated = [
+        {columns[key][0]: value * columns[key][1] for key, value in each.conditions.items()}
+        for each in chosen
+    ]
     return list(zip(stated, doses, responses, strict=True))

@@ -171,19 +171,19 @@ def print_answer(reply: "Reply", options: Sequence[str], verbose: bool) -> None:
         for name, part in record.effects.items()
     )
     numbers = (
-        (path, plain(part.start), interval(part.before, 3), interval(part.now, 3), share(part.prior_share))
-        for path, part in record.numbers.items()
+        (path, plain(part.start), interval(part.before, 3), interval(part, 3), share(part.prior_share))
+        for path, part in record.parameters.items()
     )
     if record.effects:
         print_table("limits of the strengths", LIMITS, limits)
     if (stable := sensitivity_table(record)) is not None:
         print_table(stable.title, stable.columns, stable.rows)
-    if record.numbers:
+    if record.parameters:
         print_table("calibrated numbers (90 %)", NUMBERS, numbers)
     print_lines([*about["notes"], *about["warnings"]], "note: ")
     print_lines(about.get("files", ()), "written: ")
-    settings, runs = count_noun(record.cost.settings, "setting"), count_noun(record.cost.runs, "run")
-    typer.echo(f"{settings} of the model, {runs}, {record.cost.seconds:.1f} s, seed {record.cost.seed}")
+    settings, runs = count_noun(record.settings, "setting"), count_noun(record.runs, "run")
+    typer.echo(f"{settings} of the model, {runs}, {record.wall_s:.1f} s, seed {record.seed}")
     typer.echo(f"results in {about['results']}; {', '.join(map(' '.join, about['versions'].items()))}")
 
 

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.path import Path as Outline
 
 from taichi_erosion.evidence.answers.summary import ONE_SIDED
-from taichi_erosion.evidence.race.record import CurvePart, Interval, LawPart, Record
+from taichi_erosion.evidence.race.record import CurvePart, Interval, MechanismPart, Record
 from taichi_erosion.evidence.words import page_words
 from taichi_erosion.evidence.words.part_words import LIKELY, acting, failing
 from taichi_erosion.evidence.words.vocabulary import EXPLANATIONS, Vocabulary, interval, quantity
@@ -200,7 +200,7 @@ def posterior_picture(record: Record) -> Picture:
 
 def strength_picture(record: Record) -> Picture:
     """Strengths of what acts, and of the others as far as these measurements see them."""
-    acting_names = {name for names in acting(record.decided) for name in names}
+    acting_names = {name for names in acting(record) for name in names}
     parts = sorted(record.effects.items(), key=lambda item: -item[1].probability)
 
     def draw(width: float) -> Figure:
@@ -208,7 +208,7 @@ def strength_picture(record: Record) -> Picture:
         frame.axvline(1.0, color=SOFT, lw=0.8, ls=":")
         for y, (name, part) in zip(at, parts, strict=True):
             if name in acting_names or part.probability > LIKELY:
-                draw_interval(frame, y, part.strength, AFTER)
+                draw_interval(frame, y, part.interval, AFTER)
                 continue
             is_excluded = part.status == "excluded"
             unseen = np.nan_to_num(part.limit if is_excluded else part.unseen_below, nan=part.most)
@@ -228,12 +228,12 @@ def number_picture(record: Record) -> Picture:
     is_told = bool(page_words.added_words(record))
 
     def draw(width: float) -> Figure:
-        figure, frames = panels(len(record.numbers), 1, (width, 0.75))
-        for frame, (path, part) in zip(frames, record.numbers.items(), strict=True):
+        figure, frames = panels(len(record.parameters), 1, (width, 0.75))
+        for frame, (path, part) in zip(frames, record.parameters.items(), strict=True):
             frame.axvline(part.start, color=SOFT, lw=0.8, ls=":")
             draw_interval(frame, 1.0, part.before, BEFORE)
             if is_told:
-                draw_interval(frame, 0.0, part.now, AFTER)
+                draw_interval(frame, 0.0, part, AFTER)
             frame.set(ylim=(-0.7, 1.7) if is_told else (0.3, 1.7), yticks=[])
             frame.locator_params(axis="x", nbins=int(width))  # a label needs about an inch
             frame.spines["left"].set_visible(False)
@@ -257,15 +257,16 @@ def draw_sizes(frame: Axes, x: Floats, sizes: Floats, zero: float, name: str, li
     scale_axis(frame, "x", x)
 
 
-def dose_pictures(law: LawPart, voc: Vocabulary) -> Iterator[Picture]:
+def dose_pictures(mechanism: MechanismPart, voc: Vocabulary) -> Iterator[Picture]:
     """Doses of a law along each of its conditions, in the order of the first of them."""
-    doses = sorted(law.doses, key=lambda each: tuple(each[0].values()))
-    texts = {
-        "doses": ["\n".join([interval(dose), *voc.units.setting_text(at).split(", ")]) for at, dose in doses]
-    }
-    sizes = np.array([(dose.value, dose.low, dose.high) for _, dose in doses]).T
+    law, doses = mechanism.law, sorted(mechanism.doses, key=lambda each: tuple(each.conditions.values()))
+    assert law is not None
+    sizes = np.array([(each.dose, each.low, each.high) for each in doses]).T
+    places = (voc.units.setting_text(each.conditions).split(", ") for each in doses)
+    words = (interval(Interval(*size)) for size in sizes.T.tolist())
+    texts = {"doses": ["\n".join([size, *place]) for size, place in zip(words, places, strict=True)]}
     for number, axis in enumerate(law.conditions):
-        x = np.array([voc.units.condition(axis, at[axis]) for at, _ in doses])
+        x = np.array([voc.units.condition(axis, each.conditions[axis]) for each in doses])
 
         def draw(width: float, axis: str = axis, x: Floats = x) -> Figure:
             figure, frame = single(width, PANEL[1])
@@ -284,10 +285,11 @@ def curve_picture(curve: CurvePart, voc: Vocabulary, number: int) -> Picture:
     name, axis, is_offset = curve.observable, curve.condition, curve.kind == "offset"
     change = "change" if is_offset else "factor"
     scale, unit = (voc.scale(name), voc.units.value_unit(name)) if is_offset else (1.0, "")
-    x = np.array([voc.units.condition(axis, at) for at, _ in curve.points])
-    sizes = scale * np.array([(size.value, size.low, size.high) for _, size in curve.points]).T
+    x = np.array([voc.units.condition(axis, each.at) for each in curve.points])
+    sizes = scale * np.array([(each.value, each.low, each.high) for each in curve.points]).T
     texts = [
-        f"{interval(size, 2, scale, unit)}\n{voc.units.setting_text({axis: at})}" for at, size in curve.points
+        f"{interval(each, 2, scale, unit)}\n{voc.units.setting_text({axis: each.at})}"
+        for each in curve.points
     ]
 
     def draw(width: float) -> Figure:
@@ -303,12 +305,12 @@ def curve_picture(curve: CurvePart, voc: Vocabulary, number: int) -> Picture:
 
 def ladder_picture(record: Record) -> Picture:
     """Misfit per row before and after, of rows that were fitted and of those that no fit has seen."""
-    fit, held = record.fit, record.held_out
-    n = max(fit.n, 1)
-    steps = {page_words.BARE: (fit.chi2_before / n, held.before if held else np.nan)}
-    steps[page_words.added_words(record)] = fit.chi2_after / n, held.after if held else np.nan
-    if held and np.isfinite(held.wrong):
-        steps[f"control: {held.wrong_effect}"] = np.nan, held.wrong
+    held = record.vault
+    before, after = (held.chi2_per_row_before, held.chi2_per_row_after) if held else (np.nan, np.nan)
+    steps = {page_words.BARE: (record.chi2_per_row_before, before)}
+    steps[page_words.added_words(record)] = record.chi2_per_row_after, after
+    if held and np.isfinite(held.chi2_per_row_wrong_effect):
+        steps[f"control: {held.wrong_effect}"] = np.nan, held.chi2_per_row_wrong_effect
 
     def draw(width: float) -> Figure:
         figure, frame, at = chart(width, list(steps))

@@ -52,7 +52,7 @@ def write_report(study: Path, to: Path | None = None, force: bool = False) -> Pa
 def write_recording(study: Path) -> Path:
     """Write the recording of a study. Raises BadInput before its first answer."""
     page, first = page_and_answer(study)
-    about, seed, sections = first.about, first.record.cost.seed, page["sections"]
+    about, seed, sections = first.about, first.record.seed, page["sections"]
     pictures = [page["first"], *(picture for section in sections for picture in section.pictures)]
     tables = [table for section in sections for table in section.tables]
     lines = [f"# {page['title']}", *page["warnings"], *page["lead"]]
@@ -138,15 +138,15 @@ def answer_page(
     missing = list[Picture]()  # what explains the measurements
     if "discover" in sentences:
         record = records["discover"]
-        acts = {name for names in acting(record.decided) for name in names}
+        acts = {name for names in acting(record) for name in names}
         if record.law and record.law.mechanism in acts:
-            missing += figures.dose_pictures(record.law, voc)
+            missing += figures.dose_pictures(record.mechanisms[record.law.mechanism], voc)
         missing += (figures.curve_picture(each, voc, number) for number, each in enumerate(record.curves))
         missing += [figures.posterior_picture(record)]
         missing += [figures.strength_picture(record)] if record.effects else []
     held = records.get("adopt", leading)
     misfits = [figures.ladder_picture(held)] if page_words.added_words(held) else []
-    numbers = [figures.number_picture(held)] if held.numbers else []
+    numbers = [figures.number_picture(held)] if held.parameters else []
     drawn = missing, [*misfits, *numbers, *others], []
     tables = [[sentences[key].table for key in keys if key in sentences] for keys in TABLES]
     tables[1].append(sensitivity_table(records["discover"]) if "discover" in sentences else None)
@@ -154,7 +154,7 @@ def answer_page(
     return {
         "title": title,
         "about": voc.study,
-        "made": origin_line(f"seed {leading.cost.seed}"),
+        "made": origin_line(f"seed {leading.seed}"),
         "warnings": [],  # before everything else
         "lead": parts[0],
         "first": first,
@@ -166,5 +166,5 @@ def answer_page(
         "method_title": method_title,
         "methods": page_words.methods(leading, model),
         "notes": [],  # on table and runs
-        "acting": {name for names in acting(records.get("discover", leading).decided) for name in names},
+        "acting": {name for names in acting(records.get("discover", leading)) for name in names},
     }

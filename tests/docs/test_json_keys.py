@@ -12,7 +12,7 @@ import pytest
 
 from taichi_erosion.cli.main import main
 from taichi_erosion.evidence.answers import commands
-from taichi_erosion.evidence.answers.files import Reply, printed_document
+from taichi_erosion.evidence.answers.files import Reply
 from taichi_erosion.evidence.data.problem import SetUpFault
 from taichi_erosion.evidence.race import record
 from taichi_erosion.scene.schema.units import Scale
@@ -27,7 +27,18 @@ KEY = re.compile(r"`(?P<name>\w+)(?P<ends>(?:\.\*|\[\])*)`")
 COMMON, ANSWER = "Every document of a study", "compare, discover, adopt, next"
 RECORDS = {
     "fault": SetUpFault,
+    "parameter": record.ParameterPart,
+    "level": record.LevelPart,
+    "unstated error": record.ErrorPart,
     "repeats": record.RepeatPart,
+    "scatter": record.ScatterPart,
+    "law": record.LawPart,
+    "dose": record.DosePart,
+    "mechanism": record.MechanismPart,
+    "curve": record.CurvePart,
+    "point": record.PointPart,
+    "answer": record.DecisionPart,
+    "effect": record.EffectPart,
     "place": record.PlacePart,
     "interval": record.Interval,
     "experiment": record.ExperimentPart,
@@ -84,7 +95,7 @@ def check_value(value: Any, entry: Entry, ends: tuple[str, ...], where: str) -> 
 
 def checked(reply: Reply) -> dict[str, Any]:
     """The document of an answer, against the page."""
-    found = json.loads(json.dumps(printed_document(reply.document), allow_nan=False))
+    found = json.loads(json.dumps(reply.document, allow_nan=False))
     own = TABLES.get(reply.command, {})
     check_record(found, TABLES[COMMON] | TABLES[ANSWER] | own, reply.command)
     for end in ("before", "after"):

@@ -65,10 +65,10 @@ def test_an_own_effect_goes_from_a_scaffold_to_a_falling_error(reader, monkeypat
             assert main(words) == 0, text
     results = Path("doe/own_effect/pores-results")
     discovered, adopted = read_reply(results, "pores", "discover"), read_reply(results, "pores", "adopt")
-    assert (discovered.record.decided.verdict, discovered.record.decided.named) == ("present", (NAME,))
-    held = adopted.record.held_out
-    assert held.after < 0.1 * held.before
-    assert held.wrong > 2.0 * held.after
+    assert (discovered.record.verdict, discovered.record.named) == ("present", (NAME,))
+    held = adopted.record.vault
+    assert held.chi2_per_row_after < 0.1 * held.chi2_per_row_before
+    assert held.chi2_per_row_wrong_effect > 2.0 * held.chi2_per_row_after
     for section, file in (("scene", "fall_pores"), ("study", "pores")):
         written = tomllib.loads(Path(f"doe/own_effect/{file}_with_{NAME}.toml").read_text(encoding="utf-8"))
         assert written[section]["effect_files"] == ["../../pores.py"]

@@ -10,7 +10,7 @@ from taichi_erosion.cli.main import main
 from taichi_erosion.core.effect import Effect
 from taichi_erosion.effects import load_library
 from taichi_erosion.evidence.answers.files import FORMAT, Reply, write_reply
-from taichi_erosion.evidence.race.record import Interval, LawPart
+from taichi_erosion.evidence.race.record import DosePart, Interval, LawPart, MechanismPart
 from taichi_erosion.verification.effect_contract import breaches, usable_probe
 
 # colour is a condition that only the study of the law has
@@ -21,13 +21,15 @@ LAW = LawPart(
     "0.852 (diameter / 0.00025)^-1 (colour / 2)^2",
     'params.a * (at["diameter"] / 0.00025) ** params.p * (at["colour"] / 2) ** params.q',
     {"a": Interval(0.852, 0.7, 1.0), "p": Interval(-1.0, -1.2, -0.8), "q": Interval(2.0, 1.8, 2.2)},
-    {"diameter": Interval(-1.0, -1.2, -0.8), "colour": Interval(2.0, 1.8, 2.2)},
-    (
-        ({"diameter": 2.5e-4, "colour": 2.0}, Interval(0.852, 0.7, 1.0)),
-        ({"diameter": 1.25e-4, "colour": 2.0}, Interval(1.704, 1.4, 2.0)),
-        ({"diameter": 2.5e-4, "colour": 4.0}, Interval(3.408, 3.0, 4.0)),
-    ),
+    {"diameter": -1.0, "colour": 2.0},
+    {"diameter": -1.2, "colour": 1.8},
+    {"diameter": -0.8, "colour": 2.2},
     0.62,
+)
+DOSES = (
+    DosePart({"diameter": 2.5e-4, "colour": 2.0}, 0.852, 0.7, 1.0),
+    DosePart({"diameter": 1.25e-4, "colour": 2.0}, 1.704, 1.4, 2.0),
+    DosePart({"diameter": 2.5e-4, "colour": 4.0}, 3.408, 3.0, 4.0),
 )
 
 
@@ -40,7 +42,9 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def discovery(folder: Path, law: LawPart | None) -> str:
     """File of a discovery with a law."""
     about = {"format": FORMAT, "study": "soil.toml"}
-    write_reply(folder, "soil", Reply("discover", about, replace(DISCOVERIES["null"], law=law)))
+    mechanisms = {law.mechanism: MechanismPart(0.9, DOSES, law)} if law else {}
+    record = replace(DISCOVERIES["null"], mechanisms=mechanisms)
+    write_reply(folder, "soil", Reply("discover", about, record))
     return str(folder / "soil.discover.json")
 
 
@@ -66,8 +70,8 @@ def test_a_discovered_law_becomes_an_effect_that_gives_what_the_discovery_wrote(
     effect = read_law(here, LAW)
     assert breaches(effect, usable_probe(effect, bench)) == []
     assert (effect.reads, effect.mechanism) == (("diameter", "colour"), "rolling_friction")
-    for conditions, dose in LAW.doses:
-        assert effect.dose(effect.params(), conditions) == pytest.approx(dose.value)
+    for each in DOSES:
+        assert effect.dose(effect.params(), each.conditions) == pytest.approx(each.dose)
     assert effect.dose(effect.params(), {"diameter": 1e-4}) == 0.0
     assert "D = a (diameter / 0.00025)^p (colour / 2)^q" in str(effect.doc)
 

@@ -11,16 +11,14 @@ import pytest
 from ten_records import VOC, adopted, curved, group, mechanism, null, refuted, single, typo
 
 from taichi_erosion.evidence.answers.files import after_adoption
-from taichi_erosion.evidence.race.record import Interval, NumberPart, RowsPart
+from taichi_erosion.evidence.race.record import Interval, ParameterPart, RowsPart
 from taichi_erosion.report.answer_figures import rows_by_mark
 from taichi_erosion.report.html import render
 from taichi_erosion.report.study_page import TEMPLATE, answer_page
 from tests.report.browser import assert_readable
 
 HOME = Path("/home/somebody/soils")
-NARROW = {
-    "k": NumberPart(0.1, Interval(0.0981, 0.0974, 0.0988), Interval(0.0972, 0.0966, 0.0977), 0.02, False)
-}
+NARROW = {"k": ParameterPart(0.0972, 0.0966, 0.0977, 0.1, Interval(0.0981, 0.0974, 0.0988), 0.02, False)}
 
 
 def many_rows() -> RowsPart:
@@ -36,7 +34,7 @@ def many_rows() -> RowsPart:
 
 PAGES = {
     "adopted": {"compare": adopted, "discover": adopted, "adopt": adopted, "next": group},
-    "group": {"discover": replace(group, rows=many_rows(), numbers=NARROW), "next": group},
+    "group": {"discover": replace(group, rows=many_rows(), parameters=NARROW), "next": group},
     "law": {"compare": mechanism, "discover": replace(mechanism, rows=many_rows())},
     "typo": {"discover": typo},
     "compared": {"compare": single},

@@ -74,14 +74,15 @@ def answered(study: Path) -> Answer:
     """Compare, discover, and adopt what is named, or the first of a group."""
     compared = compare_study(study, no_progress).record
     record = discover_study(study, no_progress).record
-    decided, effects, law = record.decided, record.effects, record.law
-    strengths = {name: effects[name].strength for name in decided.named}
-    names = decided.named or decided.group[:1]
+    effects, law = record.effects, record.law
+    strengths = {name: effects[name].interval for name in record.named}
+    names = record.named or record.group[:1]
     return {
-        **{"agrees": agrees(compared), "p": compared.fit.p_before, "p_after": record.fit.p_after},
-        **{"p_lack_of_fit": finite(compared.fit.p_lack_of_fit), "verdict": decided.verdict},
-        **{"named": [*decided.named], "group": [*decided.group], "mechanisms": [*decided.mechanisms]},
-        "probabilities": {key: p for key, p in decided.probabilities.items() if p > LEAST},
+        **{"agrees": agrees(compared), "p": compared.p_misfit, "p_after": record.p_misfit_after},
+        **{"p_lack_of_fit": finite(compared.p_lack_of_fit), "verdict": record.verdict},
+        **{"named": [*record.named], "group": [*record.group]},
+        **{"mechanisms": [*record.acting_mechanisms]},
+        "probabilities": {key: p for key, p in record.probabilities.items() if p > LEAST},
         "strengths": {n: [s.value, s.low, s.high] for n, s in strengths.items() if isfinite(s.value)},
         "excluded": {name: each.limit for name, each in effects.items() if each.status == "excluded"},
         **{"law": law.form if law else "", "held_out_share": law.held_out_share if law else None},
@@ -91,10 +92,10 @@ def answered(study: Path) -> Answer:
 
 def adopted(record: Record) -> Answer:
     """What adopting says: whether the error falls, and whether what is left is chance."""
-    if (held := record.held_out) is None or not held.n:
+    if (held := record.vault) is None or not held.n:
         return {"improves": True, "holds": True}
-    left = min(held.p_after, record.fit.p_after)
-    numbers = {"before": held.before, "after": held.after, "p_after": held.p_after}
+    left = min(held.p_after, record.p_misfit_after)
+    numbers = {"before": held.chi2_per_row_before, "after": held.chi2_per_row_after, "p_after": held.p_after}
     return {"improves": record.improves, "holds": left >= SIGNIFICANT, **numbers}
 
 

@@ -30,7 +30,7 @@ from taichi_erosion.evidence.answers.set_up import (
     table_faults,
     unit_faults,
 )
-from taichi_erosion.evidence.answers.summary import decision_part, law_part, summary
+from taichi_erosion.evidence.answers.summary import decision_part, mechanism_parts, summary
 from taichi_erosion.evidence.data.held_out_rows import openings, record_opening
 from taichi_erosion.evidence.data.problem import Laboratory, Progress
 from taichi_erosion.evidence.data.transforms import EFFECTS, STRENGTH, is_strength
@@ -48,7 +48,7 @@ from taichi_erosion.evidence.race.dose_laws import law_of_decision
 from taichi_erosion.evidence.race.outlook import held_out_part
 from taichi_erosion.evidence.race.posterior import Posterior, condition_on_effects, infer, restrict
 from taichi_erosion.evidence.race.proposals import proposals
-from taichi_erosion.evidence.race.record import DecisionPart, Record
+from taichi_erosion.evidence.race.record import DecisionPart, Interval, Record
 from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.evidence.words.part_words import set_up_lines
 from taichi_erosion.mechanisms.library import mechanism_rows
@@ -82,7 +82,7 @@ def compare_study(path: Path, progress: Progress, options: StudyOptions = NO_OPT
         question = Question("compare", bare, lambda found: [found.about_bare], most=1)
         found, ready = answer_of(study, last_plan(study), question, progress)
         record = summary(restrict(found.posterior.race, lambda h: not h.acting))
-        record = replace(record, decided=decision_part(found.posterior, found.decision))
+        record = replace(record, **vars(decision_part(found.posterior, found.decision)))
         return stored_reply(ready, "compare", found, record, start)
 
 
@@ -128,12 +128,11 @@ def adopt_study(
         opened = openings(study.results, study.drawn_from)
         if len(study.problem.vault.rows):
             opened = record_opening(study.results, study.drawn_from, "+".join(effects))
-        held = record.held_out and replace(record.held_out, opened=opened)
-        record = replace(record, held_out=held)
-        names, numbers = record.decided.named, {path: each.now for path, each in record.numbers.items()}
+        record = replace(record, vault=record.vault and replace(record.vault, opened=opened))
+        names, numbers = record.named, dict[str, Interval](record.parameters)
         earlier = {path[len(EFFECTS) : -len(STRENGTH)]: path for path in numbers if is_strength(path)}
         strengths = {name: numbers.pop(path) for name, path in earlier.items()}
-        strengths |= {name: record.effects[name].strength for name in names}
+        strengths |= {name: record.effects[name].interval for name in names}
         written = write_adopted_files(study, Adoption(names, strengths, numbers), options.force)
         told = {"written": str(written[0]), "files": [str(file) for file in written]}
         told |= {"ladder": files.extended_ladder(study, record)}
@@ -152,7 +151,7 @@ def next_study(path: Path, progress: Progress, options: StudyOptions = NO_OPTION
         laboratory = Laboratory(**study.file.laboratory.model_dump())
         kinds = {fault.kind for fault in ready.faults if fault.blocks}
         experiments = proposals(found.posterior, laboratory) if kinds <= {"too_few_rows"} else ()
-        record = replace(summary(found.posterior), experiments=experiments)
+        record = replace(summary(found.posterior), next_experiments=experiments)
         return stored_reply(ready, "next", found, record, start)
 
 
@@ -184,22 +183,21 @@ def discover_record(inference: StudyInference) -> Record:
     other = defaultdict[str, list[DecisionPart]](list)
     for prior, there, decision in sensitivity(posterior, told):
         other[prior].append(decision_part(there, decision))
-    law = law_part(law_of_decision(posterior, told))
-    record = replace(summary(posterior, told), fresh=inference.fresh, law=law, sensitivity=dict(other))
-    doubted = (*record.decided.named, *record.decided.group)
+    record = replace(summary(posterior, told), fresh_runs=inference.fresh, sensitivity=dict(other))
+    record = replace(record, mechanisms=mechanism_parts(record, law_of_decision(posterior, told)))
+    doubted = (*record.named, *record.group)
     if inference.fresh is not None and inference.fresh.outcome == "contradicted" and doubted:
-        unstable = replace(record.decided, verdict="unstable", named=(), group=doubted)
-        return replace(record, decided=unstable, sensitivity={})
+        return replace(record, verdict="unstable", named=(), group=doubted, sensitivity={})
     return record
 
 
 def adopt_record(posterior: Posterior, effects: Sequence[str], seed: int) -> Record:
     """The error of fitted and held-out rows with these effects, numbers and strengths as they then are."""
     known = condition_on_effects(posterior, effects)
-    named, race = tuple(effects), decision_part(posterior, decide(posterior))
-    acting = {"verdict": "present", "named": named, "group": (), "mechanisms": ()}
-    record = summary(known, replace(decide(known), **acting))
-    return replace(record, decided=replace(race, **acting), held_out=held_out_part(known, named, seed))
+    acting = {"verdict": "present", "named": tuple(effects), "group": ()}
+    record = summary(known, replace(decide(known), mechanisms=(), **acting))
+    before = vars(decision_part(posterior, decide(posterior))) | acting | {"acting_mechanisms": ()}
+    return replace(record, **before, vault=held_out_part(known, effects, seed))
 
 
 def known_effects(effects: Sequence[str], names: Sequence[str], path: Path) -> tuple[str, ...]:
@@ -218,13 +216,11 @@ def stored_reply(
 ) -> Reply:
     """The stored reply of a command, with its cost. A set-up that is not settled names nothing by itself."""
     if command != "adopt" and blocks_verdict(study.faults):
-        waits = {"verdict": "not_testable", "named": (), "group": (), "mechanisms": ()}
-        record = replace(record, decided=replace(record.decided, **waits), sensitivity={})
-    cost = replace(record.cost, seconds=perf_counter() - start, seed=study.file.study.seed)
-    cost = cost if study.simulations is None else replace(cost, runs=study.simulations)
-    reply = Reply(
-        command, study_frame(study, inference) | details, replace(record, cost=cost), inference.posterior
-    )
+        waits = {"named": (), "group": (), "acting_mechanisms": (), "mechanisms": {}, "sensitivity": {}}
+        record = replace(record, verdict="not_testable", **waits)
+    runs = record.runs if study.simulations is None else study.simulations
+    record = replace(record, runs=runs, wall_s=perf_counter() - start, seed=study.file.study.seed)
+    reply = Reply(command, study_frame(study, inference) | details, record, inference.posterior)
     return files.write_reply(study.results, study.path.stem, reply)
 
 

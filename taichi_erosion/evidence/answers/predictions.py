@@ -38,7 +38,6 @@ from taichi_erosion.evidence.race.outlook import (
 from taichi_erosion.evidence.race.posterior import Posterior
 from taichi_erosion.evidence.race.record import CheckPart, PredictedPart, PredictionPart
 from taichi_erosion.evidence.words.answer_lines import Answer, prediction_answer
-from taichi_erosion.measures.result import without_nan
 from taichi_erosion.scene.schema.units import Scale
 
 SHARE = 0.9  # of the probability that an interval holds
@@ -56,7 +55,7 @@ class PredictionReply:
     @property
     def document(self) -> Document:
         """What `--json` prints."""
-        return self.about | without_nan(asdict(self.record))
+        return self.about | RECORD.dump_python(self.record, mode="json")
 
     @property
     def units(self) -> TableUnits:
@@ -73,7 +72,7 @@ def read_prediction(folder: Path, stem: str) -> PredictionReply | None:
     found = files.read_document(files.document_file(folder, stem, "predict"))
     if found is None or found.get("format") != files.FORMAT:
         return None
-    record = RECORD.validate_python(found.pop("record"))
+    record = RECORD.validate_python(found)
     return PredictionReply({key: each for key, each in found.items() if not hasattr(record, key)}, record)
 
 
@@ -109,8 +108,7 @@ def predict_study(
         about = study_frame(ready, inference) | {"at": wanted.file, "vault_opened": seen}
         about |= {"seed": study.file.study.seed, "runs": ready.simulations or model.cost.runs}
         reply = PredictionReply(about | {"wall_s": perf_counter() - start}, record)
-        whole = reply.document | {"record": files.storable(RECORD.dump_python(record, mode="json"))}
-        files.write_document(files.document_file(study.results, study.path.stem, "predict"), whole)
+        files.write_document(files.document_file(study.results, study.path.stem, "predict"), reply.document)
         return reply
 
 
@@ -125,7 +123,7 @@ def adopted_study(path: Path, options: StudyOptions = NO_OPTIONS) -> tuple[Path,
         if last is None or not last.record.improves:
             return path, ()
         if last.about["digest"] != study.digest[:12]:
-            return path, last.record.decided.named
+            return path, last.record.named
         written = path.with_name(Path(last.about["written"]).name)
         if written == path or not written.is_file():
             return path, ()

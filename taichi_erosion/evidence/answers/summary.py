@@ -10,7 +10,7 @@ Reference: Cowan et al. (2011), Eur. Phys. J. C 71, 1554 (upper limits of a stre
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import astuple, replace
 from math import nan
 from typing import Literal
 
@@ -43,23 +43,30 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
     after, bare, model = fit_of(posterior, decision_used), race.bare, race.model
     stop: parts.Stop = "budget" if race.stopped else ""
     sound = is_adequate(posterior.best)  # else what is missing looks like an error of rows and levels
-    # chi-square of the rows with levels, sources and groups at their best
     before, now = (float(fit.evidence.solved.rows.weight @ residual(fit) ** 2) for fit in (bare, after))
-    p_before, p_repeats = misfit_p(bare, levels=False), lack_of_fit_p(race, bare)
-    p_now, p_repeats_now = misfit_p(after, levels=True), lack_of_fit_p(race, after)
+    part = decision_part(posterior, decision_used)
     return Record(
-        decided=decision_part(posterior, decision_used),
+        **vars(part),
         effects={name: effect_part(posterior, decision_used, name) for name in model.candidates},
-        numbers=number_parts(posterior),
+        mechanisms=mechanism_parts(part),
+        parameters=parameter_parts(posterior),
         levels=tuple(level_parts(posterior)) if sound else (),
         errors=tuple(error_parts(posterior)) if sound else (),
         scatter=tuple(scatter_parts(race)),
         repeats=tuple(repeat_parts(race, after)),
-        fit=parts.FitPart(race.prepared.rows.size, before, now, p_before, p_now, p_repeats, p_repeats_now),
+        n=race.prepared.rows.size,
+        chi2_before=before,
+        chi2_after=now,
+        p_misfit=misfit_p(bare, levels=False),
+        p_misfit_after=misfit_p(after, levels=True),
+        p_lack_of_fit=lack_of_fit_p(race, bare),
+        p_lack_of_fit_after=lack_of_fit_p(race, after),
         where=tuple(places(race, bare)),
         rows=rows_part(race, bare, after),
         curves=tuple(curve_parts(posterior, decision_used)),
-        cost=parts.CostPart(model.settings, race.prepared.predictor.cost.runs, nan, stop),
+        settings=model.settings,
+        runs=race.prepared.predictor.cost.runs,
+        stopped=stop,
     )
 
 
@@ -72,10 +79,27 @@ def decision_part(posterior: Posterior, decision: Decision) -> parts.DecisionPar
         if acting or OUTSIDE in hypothesis.beside:
             key = "+".join(acting) or "outside_library"
             table[key] = table.get(key, 0.0) + p
-    acts = decision.verdict, decision.named, decision.group, decision.mechanisms
     return parts.DecisionPart(
-        *acts, table, decision.familywise, decision.refuted, decision.outside, decision.together
+        verdict=decision.verdict,
+        named=decision.named,
+        group=decision.group,
+        acting_mechanisms=decision.mechanisms,
+        together=decision.together,
+        refuted=decision.refuted,
+        probabilities=table,
+        p=decision.familywise,
+        unlisted=decision.outside,
     )
+
+
+def mechanism_parts(decided: parts.DecisionPart, law: Law | None = None) -> dict[str, parts.MechanismPart]:
+    """Mechanisms that may act, and the one of which a law is known."""
+    shares, names = decided.probabilities, decided.acting_mechanisms
+    alone = {name: parts.MechanismPart(shares.get(name, 0.0)) for name in names}
+    if law is None:
+        return alone
+    mechanism, *_ = law
+    return alone | {mechanism: law_part(law, shares.get(mechanism, 0.0))}
 
 
 def scatter_parts(race: Race) -> Iterator[parts.ScatterPart]:
@@ -118,7 +142,7 @@ def interval(values: Floats, weight: Floats) -> Interval:
     return Interval(float(middle), float(low), float(high))
 
 
-def number_parts(posterior: Posterior) -> dict[str, parts.NumberPart]:
+def parameter_parts(posterior: Posterior) -> dict[str, parts.ParameterPart]:
     """Every calibrated number if nothing is missing, and averaged over all explanations."""
     (values, weight), model, bare = posterior.numbers, posterior.race.model, posterior.race.bare
     sd, numbers = np.sqrt(np.diag(bare.covariance)), {}
@@ -133,8 +157,13 @@ def number_parts(posterior: Posterior) -> dict[str, parts.NumberPart]:
         tenth = 0.1 * (high - low)
         at_end = bool(np.isfinite(tenth) and not low + tenth < now.value < high - tenth)
         share = (now.high - now.low) / float(most[j] - least[j])
-        told = Interval(*map(float, before[:, j]))
-        numbers[axis.name] = parts.NumberPart(axis_value(axis, 0.0), told, now, share, at_end)
+        numbers[axis.name] = parts.ParameterPart(
+            **vars(now),
+            start=axis_value(axis, 0.0),
+            before=Interval(*map(float, before[:, j])),
+            prior_share=share,
+            at_end=at_end,
+        )
     return numbers
 
 
@@ -144,7 +173,7 @@ def effect_part(posterior: Posterior, decision: Decision, name: str) -> parts.Ef
     bare, single = race.bare, race.fits.get(Hypothesis((name,)))
     strength, share = interval(*posterior.strength(name)), decision.inclusion[name]
     if single is None:
-        return parts.EffectPart("untestable", share, strength, nan, 0.0, 1.0, nan, most=most)
+        return parts.EffectPart("untestable", share, *vars(strength).values(), most=most)
     about = posterior.best
     if name in about.hypothesis.names or about.dose is not None:
         about = bare
@@ -161,7 +190,9 @@ def effect_part(posterior: Posterior, decision: Decision, name: str) -> parts.Ef
     above = [ended for tried, ended in race.model.candidates[name].tried if tried >= limit]
     if status == "excluded" and 2 * sum(above) <= len(above) > 0:  # most runs that would show it have stopped
         status = "untestable"
-    return parts.EffectPart(status, share, strength, limit, factor, absorption, unseen, alike, most)
+    value, low, high = (nan, 0.0, limit) if status == "excluded" else vars(strength).values()
+    known = limit, factor, absorption, unseen
+    return parts.EffectPart(status, share, value, low, high, *known, alike, most)
 
 
 def signature(race: Race, about: Fit, name: str) -> Floats:
@@ -243,14 +274,14 @@ def curve_part(
     ends = np.array([mean, mean - half, mean + half]).T
     kind = kind_of(observable)
     ends = ends if kind == "offset" else np.exp(ends)
-    places = tuple((float(x), Interval(*map(float, each))) for x, each in zip(points, ends, strict=True))
+    places = tuple(
+        parts.PointPart(*each, at=x) for x, each in zip(points.tolist(), ends.tolist(), strict=True)
+    )
     return parts.CurvePart(observable.name, along, kind, shape, turn, places)
 
 
-def law_part(law: Law | None) -> parts.LawPart | None:
-    """A law with its intervals."""
-    if law is None:
-        return None
+def law_part(law: Law, probability: float) -> parts.MechanismPart:
+    """A mechanism with the doses of its law, and the law with its intervals."""
     mechanism, best, share = law
     form, draws = best.form, best.draws()
     numbers = dict(zip(("a", *form.names), map(law_interval, best.numbers, draws.T), strict=True))
@@ -259,20 +290,24 @@ def law_part(law: Law | None) -> parts.LawPart | None:
     at = sorted(set(zip(*columns, strict=True))) or [()]
     sets = dict(zip(form.conditions, np.array(at).T, strict=True)) or {"": np.zeros(1)}
     spread = np.array([form.dose(sets, each) for each in draws]).T
-    doses = map(law_interval, form.dose(sets, best.numbers), spread)
-    named = [dict(zip(form.conditions, each, strict=True)) for each in at]
-    return parts.LawPart(
+    sizes = map(law_interval, form.dose(sets, best.numbers), spread)
+    settings = [dict(zip(form.conditions, each, strict=True)) for each in at]
+    doses = (parts.DosePart(at, *astuple(size)) for at, size in zip(settings, sizes, strict=True))
+    powers = {condition: numbers[name] for condition, name in form.exponents.items()}
+    part = parts.LawPart(
         mechanism,
         form.conditions,
         form.name,
         form.text.format(**values),
         form.python.format(**{name: f"params.{name}" for name in values}),
         numbers,
-        {condition: numbers[name] for condition, name in form.exponents.items()},
-        tuple(zip(named, doses, strict=True)),
+        {condition: power.value for condition, power in powers.items()},
+        {condition: power.low for condition, power in powers.items()},
+        {condition: power.high for condition, power in powers.items()},
         share,
         *law_template(form, numbers),
     )
+    return parts.MechanismPart(probability, tuple(doses), part)
 
 
 def law_template(form: Form, numbers: Mapping[str, Interval]) -> tuple[str, dict[str, tuple[str, float]]]:
@@ -314,7 +349,7 @@ def level_parts(posterior: Posterior) -> Iterator[parts.LevelPart]:
         if chance > 0.5 and told.low * told.high > 0.0:
             name = kind_of(observable)
             size = interval(np.exp(sizes), weight) if name == "factor" else told
-            yield parts.LevelPart(observable.name, name, size, chance)
+            yield parts.LevelPart(**vars(size), observable=observable.name, kind=name, probability=chance)
 
 
 def error_parts(posterior: Posterior) -> Iterator[parts.ErrorPart]:
@@ -333,14 +368,16 @@ def error_parts(posterior: Posterior) -> Iterator[parts.ErrorPart]:
         half = ONE_SIDED * float(race.prepared.sd[row])
         scale, expected = rows.observables[rows.which[row]], fit.mean[row] + np.array([0.0, half, -half])
         gap = from_scale(scale, rows.z[row]) - from_scale(scale, expected)
-        yield parts.ErrorPart("row", rows.names[row], str(rows.lines[row][0]), Interval(*gap.tolist()))
+        yield parts.ErrorPart(
+            *gap.tolist(), kind="row", observable=rows.names[row], label=str(rows.lines[row][0])
+        )
     _, curvature = now.derivatives()
     spread = np.sqrt(np.diag(np.linalg.inv(curvature)))
     for j in range(now.rows.blocks, now.u.size):
         low, middle, high = (float(np.exp(now.u[j] + z * spread[j])) for z in (-ONE_SIDED, 0.0, ONE_SIDED))
         if low > 1.0 or high < 1.0:
             name = now.rows.scales.names[j].removeprefix("scatter ")
-            yield parts.ErrorPart("scatter", name, "", Interval(middle, low, high))
+            yield parts.ErrorPart(middle, low, high, "scatter", name, "")
 
 
 def shared_parts(
@@ -364,7 +401,9 @@ def shared_parts(
                 steep = float(np.median(rows.slope[some]))
                 ends = [(value + z * sd) / steep for z in (0.0, -ONE_SIDED, ONE_SIDED)]
                 other = names[0] if len(names) == 2 else ""
-                yield parts.ErrorPart(kind, observable.name, str(label), Interval(*ends), str(other))
+                yield parts.ErrorPart(
+                    *ends, kind=kind, observable=observable.name, label=str(label), other=str(other)
+                )
 
 
 def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:

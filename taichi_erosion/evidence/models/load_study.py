@@ -31,12 +31,11 @@ from taichi_erosion.evidence.data.problem import (
 from taichi_erosion.evidence.models import simulator
 from taichi_erosion.evidence.models.plugin import (
     ModelErrorCovariance,
-    ModelWithEffects,
     NameMapping,
     function_effects,
     load_plugin,
 )
-from taichi_erosion.evidence.models.run_store import FILE, CachedModel, RunStore
+from taichi_erosion.evidence.models.run_store import FILE, FunctionModel, RunStore
 from taichi_erosion.evidence.models.simulator import Simulator
 from taichi_erosion.evidence.models.table_columns import place_units, study_value_faults
 from taichi_erosion.mechanisms.library import mechanism_rows
@@ -187,11 +186,10 @@ def function_model(path: Path, file: StudyFile, store: RunStore, files: EffectFi
     own = {name: Candidate(name, effect.prior_scale, effect.most) for name, effect in added.items()}
     adopted = tuple(candidate_of(name, entry, own.get(name)) for name, entry in file.adopted.items())
     candidates = candidates_of(file, str(path), own)
-    cached = CachedModel(plugin, identity, store, file.budget.runs)
+    values = FunctionModel(plugin, identity, store, file.budget.runs, added)
     # the function may have another name for an observable
     observables = {name: entry.measure or name for name, entry in file.observables.items()}
-    answering = ModelWithEffects(cached, added) if added else cached
-    model = NameMapping(answering, dict(file.conditions), observables)
+    model = NameMapping(values, dict(file.conditions), observables)
     uncertainty = plugin.covariance and ModelErrorCovariance(plugin, model, file.study.seed)
     named = ", ".join([identity, *(f"{each.path.name} {each.digest}" for each in files)])
     return StudyModel(

@@ -225,44 +225,6 @@ class ModelErrorCovariance:
         return np.asarray(linalg.block_diag(*parts), dtype=np.float64)
 
 
-@dataclass(frozen=True)
-class ModelWithEffects:
-    """A model function with effects of files: laws for the doses of its mechanisms, then instruments.
-
-    One of strength 0 is not called.
-    """
-
-    model: Model
-    effects: Mapping[str, Effect]
-
-    def __call__(
-        self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
-    ) -> Floats:
-        """Values [seed, row], instruments in order of name; rows of the same doses are asked together."""
-        acting = {name: effects[name] for name in sorted(self.effects) if effects.get(name, 0.0) != 0.0}
-        inside = {name: strength for name, strength in effects.items() if name not in self.effects}
-        doses: dict[str, Floats] = {}
-        for law, strength in ((self.effects[name], strength) for name, strength in acting.items()):
-            if law.place != "instrument":
-                before = doses.get(law.mechanism, np.zeros(row_count(conditions)))
-                doses[law.mechanism] = before + strength * row_doses(law, conditions)
-        if doses:
-            table = np.column_stack(list(doses.values()))
-            _, kinds = np.unique(table, axis=0, return_inverse=True)
-            values = np.empty((seeds.size, row_count(conditions)))
-            for kind in np.unique(kinds):
-                rows = np.flatnonzero(kinds.reshape(-1) == kind)
-                own = {name: column[rows] for name, column in conditions.items()}
-                dosed = inside | {name: float(column[rows[0]]) for name, column in doses.items()}
-                values[:, rows] = self.model(observable, own, parameters, dosed, seeds)
-        else:
-            values = self.model(observable, conditions, parameters, inside, seeds)
-        for name, strength in acting.items():
-            if self.effects[name].place == "instrument":
-                values = read_through(self.effects[name], strength, conditions, observable, values)
-        return values
-
-
 def row_doses(law: Effect, conditions: Conditions) -> Floats:
     """Dose of strength 1 in every row."""
     params, doses = law.params(), np.zeros(row_count(conditions))

@@ -1,10 +1,11 @@
-"""Store of model values that were computed once, addressed by the digest of what went into them.
+"""Values of a model function, each computed once, addressed by the digest of what went into them.
 
 One entry is one seed of one observable under all conditions of a request. The key is a digest of model and
 version, observable, conditions, parameters, effects that act, and seed; so `compare`, `discover`, `adopt` and
 `next` share their runs, and a killed discovery goes on where it was.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
@@ -13,8 +14,10 @@ from time import monotonic
 import numpy as np
 
 from taichi_erosion.campaign.ledger import Database, open_database
+from taichi_erosion.core.effect import Effect
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, Model, Numbers, row_count
+from taichi_erosion.evidence.models.plugin import read_through, row_doses
 
 FILE = "runs.sqlite"
 COMMIT_INTERVAL = 1.0  # s; what a kill may lose
@@ -67,19 +70,53 @@ class BudgetSpentError(BadInput):
 
 
 @dataclass(frozen=True)
-class CachedModel:
-    """A model whose values are read from the store where they are there."""
+class FunctionModel:
+    """A model function with effects of files: laws for the doses of its mechanisms, then instruments.
 
-    model: Model
-    identity: str  # model and version
+    Values of the function are made once, and counted. An effect of strength 0 is not called.
+    """
+
+    function: Model
+    identity: str  # function and version
     store: RunStore
     cap: int | None = None  # runs that one command may ask for; None: any number
+    effects: Mapping[str, Effect] = field(default_factory=dict)
     run_counts: dict[bytes, int] = field(default_factory=dict)  # runs behind every key
 
     def __call__(
         self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
     ) -> Floats:
-        """Values [seed, row]; raises BudgetSpentError before the cap is passed: a run is one row."""
+        """Values [seed, row], instruments in order of name; rows of the same doses are asked together."""
+        acting = {name: effects[name] for name in sorted(self.effects) if effects.get(name, 0.0) != 0.0}
+        inside = {name: strength for name, strength in effects.items() if name not in self.effects}
+        doses: dict[str, Floats] = {}
+        for law, strength in ((self.effects[name], strength) for name, strength in acting.items()):
+            if law.place != "instrument":
+                before = doses.get(law.mechanism, np.zeros(row_count(conditions)))
+                doses[law.mechanism] = before + strength * row_doses(law, conditions)
+        if doses:
+            table = np.column_stack(list(doses.values()))
+            _, kinds = np.unique(table, axis=0, return_inverse=True)
+            values = np.empty((seeds.size, row_count(conditions)))
+            for kind in np.unique(kinds):
+                rows = np.flatnonzero(kinds.reshape(-1) == kind)
+                there = {name: column[rows] for name, column in conditions.items()}
+                dosed = inside | {name: float(column[rows[0]]) for name, column in doses.items()}
+                values[:, rows] = self.stored_values(observable, there, parameters, dosed, seeds)
+        else:
+            values = self.stored_values(observable, conditions, parameters, inside, seeds)
+        for name, strength in acting.items():
+            if self.effects[name].place == "instrument":
+                values = read_through(self.effects[name], strength, conditions, observable, values)
+        return values
+
+    def stored_values(
+        self, observable: str, conditions: Conditions, parameters: Numbers, effects: Numbers, seeds: Integers
+    ) -> Floats:
+        """Values [seed, row] of the function itself, from the store where they are there.
+
+        Raises BudgetSpentError before the cap is passed: a run is one row.
+        """
         request = request_digest(self.identity, observable, conditions, parameters, effects)
         keys = [sha256(request + int(seed).to_bytes(8, "little", signed=True)).digest() for seed in seeds]
         self.run_counts.update(dict.fromkeys(keys, row_count(conditions)))
@@ -91,8 +128,8 @@ class CachedModel:
         stored = self.store.fetch(keys)
         missing = [k for k, key in enumerate(keys) if key not in stored]
         if missing:
-            made = self.model(observable, conditions, parameters, effects, np.asarray(seeds)[missing])
-            for k, values in zip(missing, np.asarray(made, dtype=np.float64), strict=True):
+            new = self.function(observable, conditions, parameters, effects, np.asarray(seeds)[missing])
+            for k, values in zip(missing, np.asarray(new, dtype=np.float64), strict=True):
                 stored[keys[k]] = values
                 self.store.store(keys[k], values)
         return np.array([stored[key] for key in keys])

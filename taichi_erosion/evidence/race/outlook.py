@@ -335,7 +335,8 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     p_after = misfit_chance(place, outlooks[1], seen)
     p_worse = chance_of_worse(place, outlooks[0], outlooks[1], seen)
     control, name = (other[0], wrong[0].names[0]) if other else (np.nan, "")
-    return HeldOutPart(int(good.sum()), before, after, p_after, control, opened, tuple(names), name, p_worse)
+    errors = (int(good.sum()), before, after, control)
+    return HeldOutPart(*errors, p_after, p_worse, opened, tuple(names), name)
 
 
 def misfit_chance(place: JointRows, outlook_of: Outlook, good: Bools) -> float:

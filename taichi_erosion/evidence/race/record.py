@@ -1,15 +1,16 @@
 """The answer of the evidence commands as one record: numbers and enumerations only, rendered elsewhere.
 
-Quantiles are those of the posterior, averaged over all explanations; values are in the units of the model.
+Its fields are the keys of docs/json_and_python.md. Quantiles are those of the posterior, averaged over all
+explanations; values are in the units of the model. A number that is not finite is null in JSON.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite, nan
+from math import inf, isfinite, nan
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import PlainSerializer, PlainValidator
+from pydantic import BeforeValidator, PlainSerializer, PlainValidator, computed_field
 
 from taichi_erosion.evidence.data.problem import Floats
 from taichi_erosion.evidence.race.priors import ADEQUATE
@@ -22,30 +23,33 @@ Outcome = Literal["confirmed", "contradicted", "undecided", "not_made"]
 to_array = PlainValidator(lambda each: np.array(each, dtype=np.float64))
 to_list = PlainSerializer(lambda each: [x if isfinite(x) else str(x) for x in each.tolist()])
 Column = Annotated[Floats, to_array, to_list]  # as stored, a list, with "nan" and "inf"
+to_null = PlainSerializer(lambda each: each if isfinite(each) else None)
+Number = Annotated[float, BeforeValidator(lambda each: nan if each is None else each), to_null]
+Limit = Annotated[float, BeforeValidator(lambda each: inf if each is None else each), to_null]
 
 
 @dataclass(frozen=True)
 class Interval:
     """Median and 90 % interval."""
 
-    value: float
-    low: float
-    high: float
+    value: Number
+    low: Number
+    high: Number
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DecisionPart:
     """What is said, and with what probability."""
 
     verdict: Verdict
-    named: tuple[str, ...]  # effects that act
-    group: tuple[str, ...]  # effects of which one acts
-    mechanisms: tuple[str, ...]  # of which one acts, best first, or all
-    probabilities: Mapping[str, float]  # "none", "outside_library", "a", "a+b"; sums to 1
-    familywise: float  # chance of a name as good if nothing acts
-    refuted: tuple[str, ...] = ()  # would be named, but the fit fails or the strength is beyond the list
-    unlisted: float = 0.0  # probability that something not in the list acts, alone or beside effects
+    named: tuple[str, ...] = ()  # effects that act
+    group: tuple[str, ...] = ()  # effects of which one acts; of an unstable answer those it doubts
+    acting_mechanisms: tuple[str, ...] = ()  # of which one acts, best first, or all
     together: bool = False  # whether all mechanisms act
+    refuted: tuple[str, ...] = ()  # would be named, but the fit fails or the strength is beyond the list
+    probabilities: Mapping[str, float]  # "none", "outside_library", "a", "a+b"; sums to 1
+    p: float  # chance of a name as good if nothing acts
+    unlisted: float = 0.0  # probability that something not in the list acts, alone or beside effects
 
 
 @dataclass(frozen=True)
@@ -54,44 +58,48 @@ class EffectPart:
 
     status: Status
     probability: float  # that it acts
-    strength: Interval  # where it acts; NaN where no explanation holds it
-    limit: float  # strength above which it is excluded with 99 %
-    log_bayes_factor: float  # against nothing
-    absorption: float  # share of its signature that calibration and errors imitate
-    unseen_below: float  # strength below which it could act and not be seen
+    strength: Number  # where it acts: median; NaN where no explanation holds it
+    strength_low: Number  # 90 % interval; an excluded one lies between 0 and `limit`
+    strength_high: Number
+    limit: Limit = inf  # strength above which it is excluded with 99 %
+    log_bayes_factor: float = 0.0  # against nothing
+    absorption: float = 1.0  # share of its signature that calibration and errors imitate
+    unseen_below: Limit = inf  # strength below which it could act and not be seen
     alike: tuple[str, ...] = ()  # candidates from which these measurements do not tell it
     most: float = 3.0  # largest strength of the list
 
+    @property
+    def interval(self) -> Interval:
+        """Strength where it acts."""
+        return Interval(self.strength, self.strength_low, self.strength_high)
+
 
 @dataclass(frozen=True)
-class NumberPart:
-    """One calibrated number."""
+class ParameterPart(Interval):
+    """One calibrated number, over all explanations."""
 
     start: float
     before: Interval  # if nothing is missing
-    now: Interval
     prior_share: float  # of the width of its prior, that is left
     at_end: bool  # more than half of the posterior lies in the outer tenth of its range
 
 
 @dataclass(frozen=True)
-class LevelPart:
+class LevelPart(Interval):
     """How far an observable lies from the model at all conditions."""
 
     observable: str
     kind: Literal["factor", "offset"]
-    size: Interval
     probability: float  # that it is off by more than half a standard error of a row
 
 
 @dataclass(frozen=True)
-class ErrorPart:
-    """An error that nobody stated."""
+class ErrorPart(Interval):
+    """An error that nobody stated [of the observable]; of a scatter the factor over what is stated."""
 
     kind: Literal["source", "group", "row", "scatter"]
     observable: str
     label: str  # source, group, or number of the row in the table
-    size: Interval  # in the unit of the observable; of a scatter the factor over what is stated
     other: str = ""  # the only other source or group
 
 
@@ -105,17 +113,29 @@ class RepeatPart:
     suspect: int  # the one that the model does not expect; 0: either
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FitPart:
-    """Misfit of the rows that were fitted."""
+    """Misfit of the rows that were fitted; chi-square with levels, sources and groups at their best."""
 
     n: int
-    chi2_before: float
-    chi2_after: float
-    p_before: float  # of as much by chance, levels, sources and groups included
-    p_after: float
-    p_lack_of_fit: float  # of the bare model against its repeats; NaN without repeats
-    p_lack_of_fit_after: float = nan
+    chi2_before: Number
+    chi2_after: Number
+    p_misfit: Number  # of as much by chance, levels, sources and groups included
+    p_misfit_after: Number
+    p_lack_of_fit: Number  # of the bare model against its repeats; NaN without repeats
+    p_lack_of_fit_after: Number = nan
+
+    @computed_field
+    @property
+    def chi2_per_row_before(self) -> Number:
+        """Of the calibrated model."""
+        return self.chi2_before / max(self.n, 1)
+
+    @computed_field
+    @property
+    def chi2_per_row_after(self) -> Number:
+        """With what is named."""
+        return self.chi2_after / max(self.n, 1)
 
 
 @dataclass(frozen=True)
@@ -124,9 +144,9 @@ class ScatterPart:
 
     observable: str
     kind: Literal["factor", "offset"]  # of the sd: a share of the value, or in the unit of the observable
-    sd: float  # median over its rows
+    sd: Number  # median over its rows
     repeats: int  # degrees of freedom of repeated rows
-    factor: float  # of their scatter over what is stated; NaN where either is missing
+    factor: Number  # of their scatter over what is stated; NaN where either is missing
 
 
 @dataclass(frozen=True)
@@ -149,11 +169,43 @@ class LawPart:
     expression: str  # with numbers and units of the model
     python: str  # of `dose_of(params, conditions)`: numbers as params.a, conditions as at["name"]
     numbers: Mapping[str, Interval]
-    exponents: Mapping[str, Interval]  # by condition
-    doses: tuple[tuple[Mapping[str, float], Interval], ...]  # conditions, dose
-    held_out_share: float  # of the misfit of left-out groups that it explains
+    exponents: Mapping[str, float]  # by condition, with a 90 % interval
+    low: Mapping[str, float]
+    high: Mapping[str, float]
+    held_out_share: Number  # of the misfit of left-out groups that it explains
     template: str = ""  # the expression with the names of its numbers and sizes in braces
     sizes: Mapping[str, tuple[str, float]] = field(default_factory=dict)  # condition, and a size of it
+
+    @property
+    def powers(self) -> dict[str, Interval]:
+        """Exponents with their intervals."""
+        return {name: Interval(x, self.low[name], self.high[name]) for name, x in self.exponents.items()}
+
+
+@dataclass(frozen=True)
+class DosePart:
+    """Dose of a mechanism in one set of conditions, by its law."""
+
+    conditions: Mapping[str, float]
+    dose: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class MechanismPart:
+    """A mechanism of which one acts, or that has a law."""
+
+    probability: float  # that it acts alone
+    doses: tuple[DosePart, ...] = ()
+    law: LawPart | None = None
+
+
+@dataclass(frozen=True)
+class PointPart(Interval):
+    """A point of a curve: size against that at the least value of the condition."""
+
+    at: float
 
 
 @dataclass(frozen=True)
@@ -162,25 +214,43 @@ class CurvePart:
 
     observable: str
     condition: str
-    kind: Literal["factor", "offset"]  # of a size, against that at the least value of the condition
+    kind: Literal["factor", "offset"]
     shape: Shape
-    turn: float  # condition at the peak or trough; NaN elsewhere
-    points: tuple[tuple[float, Interval], ...]  # condition, size
+    turn: Number  # condition at the peak or trough; NaN elsewhere
+    points: tuple[PointPart, ...]
 
 
 @dataclass(frozen=True)
 class HeldOutPart:
-    """Error of rows that no fit has seen, per row."""
+    """Error of rows that no fit has seen."""
 
     n: int
-    before: float
-    after: float
-    p_after: float  # of as much if the model with what is named is adequate
-    wrong: float  # with a random other effect
+    chi2_per_row_before: Number
+    chi2_per_row_after: Number
+    chi2_per_row_wrong_effect: Number  # with a random other effect; NaN without one
+    p_after: Number  # of as much if the model with what is named is adequate
+    p_worse: Number  # chance that the error falls as little, or grows as much, if they act
     opened: int
     adopted: tuple[str, ...] = ()  # effects that are tested
     wrong_effect: str = ""  # the random one
-    p_worse: float = nan  # chance that the error falls as little, or grows as much, if they act
+
+    @computed_field
+    @property
+    def chi2_before(self) -> Number:
+        """Total of all rows."""
+        return self.n * self.chi2_per_row_before
+
+    @computed_field
+    @property
+    def chi2_after(self) -> Number:
+        """Total of all rows."""
+        return self.n * self.chi2_per_row_after
+
+    @computed_field
+    @property
+    def chi2_wrong_effect(self) -> Number:
+        """Total of all rows."""
+        return self.n * self.chi2_per_row_wrong_effect
 
 
 @dataclass(frozen=True)
@@ -194,14 +264,14 @@ class ExperimentPart:
     cost: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CostPart:
     """What an answer has cost."""
 
-    settings: int
+    settings: int  # of the model, all rows at once
     runs: int
-    seconds: float
-    stopped: Stop
+    wall_s: Number = nan
+    stopped: Stop = ""
     seed: int = 0  # of the runs
 
 
@@ -230,10 +300,10 @@ class GapPart:
     effects: tuple[str, ...]  # that act there
     observable: str
     conditions: Mapping[str, float]
-    emulated: float
-    emulated_sd: float
-    simulated: float
-    simulated_sd: float
+    emulated: Number
+    emulated_sd: Number
+    simulated: Number
+    simulated_sd: Number
     p: float  # of as large a gap anywhere if the errors of the emulators are as stated
 
 
@@ -243,9 +313,9 @@ class FreshPart:
 
     outcome: Outcome
     effects: tuple[str, ...] = ()  # of the likeliest explanation of which the answer is true
-    emulated: float = nan  # probability of the answer, by the emulator
-    simulated: float = nan  # by the fresh runs
-    p: float = nan  # chance that as many runs of a right emulator leave as little
+    emulated: Number = nan  # probability of the answer, by the emulator
+    simulated: Number = nan  # by the fresh runs
+    p: Number = nan  # chance that as many runs of a right emulator leave as little
     gap: GapPart | None = None
     runs: int = 0
     seeds: int = 0  # of every set of conditions
@@ -253,37 +323,43 @@ class FreshPart:
     needed: int = 0  # runs for which the budget has no room, where none was made
     more_runs: int = 0  # about these explanations, that the next answer makes first
     rival: tuple[str, ...] = ()  # effects of the likeliest explanation that contradicts the answer
-    rivals: float = nan  # probability of all that do and have an effect, by the fresh runs
+    rivals: Number = nan  # probability of all that do and have an effect, by the fresh runs
 
 
-@dataclass(frozen=True)
-class Record:
+@dataclass(frozen=True, kw_only=True)
+class Record(DecisionPart, FitPart, CostPart):
     """One answer."""
 
-    decided: DecisionPart
     effects: Mapping[str, EffectPart]
-    numbers: Mapping[str, NumberPart]
+    mechanisms: Mapping[str, MechanismPart]
+    parameters: Mapping[str, ParameterPart]
     levels: tuple[LevelPart, ...]
     errors: tuple[ErrorPart, ...]
     repeats: tuple[RepeatPart, ...]
-    fit: FitPart
     where: tuple[PlacePart, ...]
-    rows: RowsPart
-    cost: CostPart
+    rows: RowsPart  # of the fit; stored for figures, and not printed
     curves: tuple[CurvePart, ...] = ()
     scatter: tuple[ScatterPart, ...] = ()
-    law: LawPart | None = None
-    held_out: HeldOutPart | None = None
-    experiments: tuple[ExperimentPart, ...] = ()
-    fresh: FreshPart | None = None
+    vault: HeldOutPart | None = None
+    next_experiments: tuple[ExperimentPart, ...] = ()
+    fresh_runs: FreshPart | None = None
     sensitivity: Mapping[str, Sequence[DecisionPart]] = field(default_factory=dict)  # prior halved, doubled
 
     @property
+    def law(self) -> LawPart | None:
+        """Law of a mechanism, if there is one."""
+        return next((each.law for each in self.mechanisms.values() if each.law is not None), None)
+
+    @property
     def improves(self) -> bool:
-        """Whether what is told lowers the misfit, and no held-out rows refute that."""
-        held = self.held_out
-        worse = held is not None and held.after >= held.before and not held.p_worse >= ADEQUATE
-        return self.fit.chi2_after < self.fit.chi2_before and not worse
+        """Whether what is named lowers the misfit, and no held-out rows refute that."""
+        held = self.vault
+        worse = (
+            held is not None
+            and held.chi2_per_row_after >= held.chi2_per_row_before
+            and not held.p_worse >= ADEQUATE
+        )
+        return self.chi2_after < self.chi2_before and not worse
 
 
 @dataclass(frozen=True)
@@ -292,16 +368,16 @@ class PredictedPart:
 
     line: int  # row of the table of new conditions
     observable: str
-    conditions: Mapping[str, float]  # in the units of the table
+    conditions: Mapping[str, Number]  # in the units of the table
     condition_units: Mapping[str, str]
     unit: str
-    value: float  # median: the model, corrected by what its residuals show
-    low: float  # 90 % interval of what many repeats would give on average
-    high: float
-    model: float  # the calibrated model alone
-    measured_low: float  # 90 % interval of one measurement
-    measured_high: float
-    outside: Mapping[str, float]  # end of the measured range, of every condition beyond it
+    value: Number  # median: the model, corrected by what its residuals show
+    low: Number  # 90 % interval of what many repeats would give on average
+    high: Number
+    model: Number  # the calibrated model alone
+    measured_low: Number  # 90 % interval of one measurement
+    measured_high: Number
+    outside: Mapping[str, Number]  # end of the measured range, of every condition beyond it
     group: str = ""  # soil or batch that the table of new conditions names
     unseen: bool = False  # that is none of those measured, where these differ
     simulated: bool = False  # anew, at its conditions
@@ -313,7 +389,7 @@ class CheckPart:
 
     n: int
     inside: int
-    p: float  # chance of as few inside where the intervals are right; NaN without rows
+    p: Number  # chance of as few inside where the intervals are right; NaN without rows
 
 
 @dataclass(frozen=True)

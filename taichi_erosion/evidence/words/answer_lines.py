@@ -55,8 +55,8 @@ class Answer:
 
 def trim(answer: Answer, record: Record) -> Answer:
     """An answer without empty lines, and a spent budget before the last one."""
-    spent = f"Stopped at the budget ({count_noun(record.cost.settings, 'setting')} of the model)"
-    stopped = f"{spent}: this is known so far; a larger --budget may change it." * bool(record.cost.stopped)
+    spent = f"Stopped at the budget ({count_noun(record.settings, 'setting')} of the model)"
+    stopped = f"{spent}: this is known so far; a larger --budget may change it." * bool(record.stopped)
     parts = answer.missing, answer.holds, (stopped, *answer.following)
     missing, holds, following = (tuple(filter(None, part)) for part in parts)
     return Answer(missing, holds, following, answer.table)
@@ -83,31 +83,31 @@ def compare_answer(record: Record, voc: say.Vocabulary) -> Answer:
 
 def comparison_lines(record: Record, voc: say.Vocabulary) -> tuple[str, str]:
     """First and last line of a comparison."""
-    fit, rows = record.fit, part_words.rows_text(record)
-    size = f"misfit per row {plain(fit.chi2_before / fit.n, 2)}, where 1 is chance"
-    size += f"; {say.chance(fit.p_before)}"
-    size += "" if isnan(fit.p_lack_of_fit) else f"; against repeats alone {say.chance(fit.p_lack_of_fit)}"
+    rows, p = part_words.rows_text(record), record.p_lack_of_fit
+    size = f"misfit per row {plain(record.chi2_per_row_before, 2)}, where 1 is chance"
+    size += f"; {say.chance(record.p_misfit)}"
+    size += "" if isnan(p) else f"; against repeats alone {say.chance(p)}"
     if part_words.agrees(record):
         return f"The calibrated model agrees with {rows} ({size}).", HARDER
     last = f"{voc.command('discover', voc.study)} asks which effect is missing"
-    if not (fit.p_before < ADEQUATE or part_words.failing(record)):
+    if not (record.p_misfit < ADEQUATE or part_words.failing(record)):
         words = "The means scatter about the calibrated model more than their repeats allow"
         return f"{words} ({rows}: {size}): preparations differ, or something is missing.", last
-    places = "" if fit.p_before < ADEQUATE else " in places"
+    places = "" if record.p_misfit < ADEQUATE else " in places"
     return f"The calibrated model fails{places} ({rows}: {size}).", last
 
 
 def discover_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """What is missing, and how far every candidate is known."""
-    sure, either = part_words.acting(record.decided)
-    names = part_words.acting_names(record.decided) if sure or either else ""
+    sure, either = part_words.acting(record)
+    names = part_words.acting_names(record) if sure or either else ""
     fit = " ".join(filter(None, (part_words.law_line(record), part_words.fit_line(record, names))))
     numbers = part_words.numbers_line(record, before=not names, without=names)
     rows = tuple(part_words.effect_rows(record)) if part_words.testable(record) else ()
     table = Table("candidates; strength 1 is the textbook value", CANDIDATES, rows) if rows else None
     headline, errors = part_words.headline(record, voc), part_words.errors_line(record, voc)
     missing = headline, errors, part_words.where_line(record)
-    held = record.held_out
+    held = record.vault
     before, _, last = adoption(record, held, voc) if held and held.n else ("", "", "")
     holds = fit, before and f"Adopted before: {before[0].lower()}{before[1:]}", numbers
     return trim(Answer(missing, holds, (after_discovery(record, voc, last),), table), record)
@@ -121,11 +121,11 @@ def sensitivity_table(record: Record) -> Table | None:
 
 
 def after_discovery(record: Record, voc: say.Vocabulary, adopted: str) -> str:
-    proposals, verdict = voc.command("next", voc.study), record.decided.verdict
+    proposals, verdict = voc.command("next", voc.study), record.verdict
     steps = first_step(record, "discover", voc), *([adopted] if adopted else acting_steps(record, voc))
     if words := "; then ".join(filter(None, steps)):
         return f"{words}."
-    if verdict == "outside_library" or record.decided.refuted:
+    if verdict == "outside_library" or record.refuted:
         curve = f"{voc.command('report', voc.study)} draws the curve; " * bool(record.curves)
         own = voc.command("effects", "new", "NAME")
         return f"{curve}{own} makes an effect of your own, and `adopt` tests it."
@@ -136,7 +136,7 @@ def after_discovery(record: Record, voc: say.Vocabulary, adopted: str) -> str:
 
 def acting_steps(record: Record, voc: say.Vocabulary) -> Iterator[str]:
     """What to do with everything that is said to act."""
-    (sure, either), named = part_words.acting(record.decided), record.decided.named
+    (sure, either), named = part_words.acting(record), record.named
     if named and sure:
         yield f"{voc.command('adopt', voc.study, *named)} tests {say.join_words(named)} on held-out rows"
     elif sure:
@@ -149,9 +149,9 @@ def acting_steps(record: Record, voc: say.Vocabulary) -> Iterator[str]:
 
 def adopt_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """Whether the error falls on rows that no fit has seen."""
-    held = record.held_out
+    held = record.vault
     if held is None or not held.n:
-        names, proposals = say.join_words(record.decided.named), voc.command("next", voc.study)
+        names, proposals = say.join_words(record.named), voc.command("next", voc.study)
         words = f"No held-out row tests {names}: {proposals} asks which measurements do."
         return trim(Answer((words,), (), (), None), record)
     first, numbers, last = adoption(record, held, voc)
@@ -164,13 +164,15 @@ def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[st
     rows = count_noun(held.n, "held-out row")
     names = say.join_words(held.adopted)
     numbers = part_words.numbers_line
-    change = f"from {plain(held.before, 2)} to {plain(held.after, 2)} per row (1 is chance)"
-    way = "falls" if held.after < held.before else "rises"
-    fit, misfits = record.fit, {"held-out": held.p_after, "fitted": record.fit.p_after}
+    before, after = held.chi2_per_row_before, held.chi2_per_row_after
+    change = f"from {plain(before, 2)} to {plain(after, 2)} per row (1 is chance)"
+    way = "falls" if after < before else "rises"
+    misfits = {"held-out": held.p_after, "fitted": record.p_misfit_after}
     failing = [f"{name} rows ({say.chance(p)})" for name, p in misfits.items() if p < ADEQUATE]
     if not record.improves:
         last = f"Go on with {voc.study}: {voc.command('next', voc.study)} asks which measurements decide"
-        fitted = " to ".join(plain(chi2 / fit.n, 2) for chi2 in (fit.chi2_before, fit.chi2_after))
+        ends = record.chi2_per_row_before, record.chi2_per_row_after
+        fitted = " to ".join(plain(each, 2) for each in ends)
         first = f"The model is no better with {names}: the error of fitted rows goes from {fitted}"
         return f"{first}, that of {rows} {change}. Do not adopt.", "", last
     if failing:
@@ -179,7 +181,7 @@ def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[st
         return f"{first}: {say.join_words(failing)}.", numbers(record, before=False), last
     left = f"what is left is chance ({say.chance(held.p_after)})"
     first = f"The error falls with {names}: {change} on {rows}; {left}."
-    if held.after >= held.before:
+    if after >= before:
         first = f"The {rows} hardly test {names}: their error goes {change}; {left}."
     last = f"Go on with {voc.written}: {voc.command('compare', voc.written)} shows the model with it"
     return first, numbers(record, before=False, without=names), last
@@ -187,29 +189,33 @@ def adoption(record: Record, held: HeldOutPart, voc: say.Vocabulary) -> tuple[st
 
 def control(held: HeldOutPart) -> str:
     """What a random other effect does, and how unseen the rows are."""
-    end = ", no worse: these rows do not tell which acts" if held.wrong <= held.after else ""
-    size = f"{plain(held.wrong, 2)} per row"
+    wrong = held.chi2_per_row_wrong_effect
+    end = ", no worse: these rows do not tell which acts" * (wrong <= held.chi2_per_row_after)
+    size = f"{plain(wrong, 2)} per row"
     words = f"Control: another effect drawn at random, {held.wrong_effect}, gives {size}{end}."
     seen = f"The held-out rows have been opened {held.opened} times: they are no longer unseen."
-    return " ".join([*([] if isnan(held.wrong) else [words]), *([seen] if held.opened > 1 else [])])
+    return " ".join([*([] if isnan(wrong) else [words]), *([seen] if held.opened > 1 else [])])
 
 
 def error_table(record: Record, held: HeldOutPart) -> Table:
     """Misfit per row of fitted and held-out rows, with a control."""
-    fit, parts = record.fit, [(name, record.effects.get(name)) for name in held.adopted]
-    before, after = (plain(chi2 / fit.n, 2) for chi2 in (fit.chi2_before, fit.chi2_after))
+    parts = [(name, record.effects.get(name)) for name in held.adopted]
+    wrong = held.chi2_per_row_wrong_effect
     added = say.join_words(
         f"{name} {part_words.strength_text(part)}" if part else name for name, part in parts
     )
-    rows = [("before", before, plain(held.before, 2)), (f"with {added}", after, plain(held.after, 2))]
-    rows += [] if isnan(held.wrong) else [(f"control: {held.wrong_effect}", "-", plain(held.wrong, 2))]
-    columns = ("model", f"{fit.n} fitted rows", f"{held.n} held-out rows")
+    rows = [
+        ("before", plain(record.chi2_per_row_before, 2), plain(held.chi2_per_row_before, 2)),
+        (f"with {added}", plain(record.chi2_per_row_after, 2), plain(held.chi2_per_row_after, 2)),
+    ]
+    rows += [] if isnan(wrong) else [(f"control: {held.wrong_effect}", "-", plain(wrong, 2))]
+    columns = ("model", f"{record.n} fitted rows", f"{held.n} held-out rows")
     return Table("misfit per row (1 is chance)", columns, tuple(rows))
 
 
 def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     """The measurements that would decide."""
-    keys = list(dict.fromkeys(key for each in record.experiments for key in each.predictions))
+    keys = list(dict.fromkeys(key for each in record.next_experiments for key in each.predictions))
     if not keys:
         words = f"More measurements within the present ranges will not help.{wider(record, voc)}"
         if not part_words.testable(record):
@@ -221,7 +227,7 @@ def next_answer(record: Record, voc: say.Vocabulary) -> Answer:
     last = f"Add the new rows to the table and run {voc.command('discover', voc.study)} again."
     expects = (f"expected by {short(key)}" for key in shown)
     columns = ("measure", "at", *expects, "chance to decide, with those above", "cost")
-    rows = tuple(experiment_row(each, shown, voc) for each in record.experiments)
+    rows = tuple(experiment_row(each, shown, voc) for each in record.next_experiments)
     table = Table("next measurements, the best first", columns, rows)
     return trim(Answer((f"These measurements would separate {words}.",), (), (last,), table), record)
 

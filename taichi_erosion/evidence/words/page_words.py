@@ -71,15 +71,15 @@ def left_out(commands: Iterable[str]) -> str:
 
 def added_words(record: Record) -> str:
     """What the model of the answer has beside the model as it is; empty where nothing is told."""
-    sure, either = acting(record.decided)
+    sure, either = acting(record)
     if sure or either:
         return f"with {join_words([*sure, *([f'the likeliest of {join_words(either)}'] if either else [])])}"
-    return "with something not in the list" if record.decided.verdict == "outside_library" else ""
+    return "with something not in the list" if record.verdict == "outside_library" else ""
 
 
 def explanations(record: Record) -> Iterator[tuple[str, float, str]]:
     """Explanations with their probabilities, the likeliest first; small ones together."""
-    ranked = sorted(record.decided.probabilities.items(), key=lambda item: -item[1])
+    ranked = sorted(record.probabilities.items(), key=lambda item: -item[1])
     small = [p for _, p in ranked if p < KEEP]
     shown = [(lines.short(key), p) for key, p in ranked if p >= KEEP]
     for label, p in [*shown, *([(count_noun(len(small), "other explanation"), sum(small))] if small else [])]:
@@ -99,6 +99,6 @@ def model_line(model: str, record: Record) -> str:
 
 def methods(record: Record, model: str = "") -> tuple[str, ...]:
     """The model, and how the answer was found."""
-    settings, runs = count_noun(record.cost.settings, "setting"), count_noun(record.cost.runs, "run")
-    told = (each.format(sure=SURE, seed=record.cost.seed, settings=settings, runs=runs) for each in METHODS)
+    settings, runs = count_noun(record.settings, "setting"), count_noun(record.runs, "run")
+    told = (each.format(sure=SURE, seed=record.seed, settings=settings, runs=runs) for each in METHODS)
     return *([model_line(model, record)] if model else []), *told

@@ -4,7 +4,7 @@ Headline, table and last line take the same names from `acting`, so that they ca
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from math import isfinite, isnan, log
+from math import isfinite, log
 
 import numpy as np
 
@@ -66,13 +66,13 @@ def errors_line(record: Record, voc: say.Vocabulary, every: bool = True) -> str:
 def error_text(error: parts.LevelPart | parts.ErrorPart, voc: say.Vocabulary) -> str:
     """`the pile height reads 0.6 mm (0.4 to 0.8) more than the model at all conditions`."""
     name, label = f"the {say.quantity(error.observable)}", getattr(error, "label", "")
-    more, lies = ("more", "above") if error.size.value > 0.0 else ("less", "below")
-    unit = unit_text(error.size.value) if error.kind == "factor" else ""
-    times, far = f"{say.interval(error.size)} times", voc.difference(error.observable, error.size)
+    more, lies = ("more", "above") if error.value > 0.0 else ("less", "below")
+    unit = unit_text(error.value) if error.kind == "factor" else ""
+    times, far = f"{say.interval(error)} times", voc.difference(error.observable, error)
     size = f"{far} {more}"
     other = getattr(error, "other", "") or "the others"
     return {
-        "factor": f"{name} reads {factor_text(error.size)} at all conditions{unit}",
+        "factor": f"{name} reads {factor_text(error)} at all conditions{unit}",
         "offset": f"{name} reads {size} than the model at all conditions",
         "scatter": f"the scatter of {name}{f' of {label}' if label else ''} is {times} that of sd or repeats",
         "row": f"row {label} reads {name} {size} than it should: check it",
@@ -113,16 +113,16 @@ def where_line(record: Record) -> str:
 
 def testable(record: Record) -> bool:
     """Whether these measurements can test any effect."""
-    return record.decided.verdict != "not_testable"
+    return record.verdict != "not_testable"
 
 
 def rows_text(record: Record) -> str:
-    return "the other rows" if record.repeats else f"all {count_noun(record.fit.n, 'row')}"
+    return "the other rows" if record.repeats else f"all {count_noun(record.n, 'row')}"
 
 
 def agrees(record: Record) -> bool:
     """Whether the calibrated model agrees with the fitted rows: as a whole, with repeats, in every place."""
-    return not (record.fit.p_before < ADEQUATE or record.fit.p_lack_of_fit < ADEQUATE or failing(record))
+    return not (record.p_misfit < ADEQUATE or record.p_lack_of_fit < ADEQUATE or failing(record))
 
 
 def scatter_line(record: Record, voc: say.Vocabulary) -> str:
@@ -139,27 +139,29 @@ def scatter_line(record: Record, voc: say.Vocabulary) -> str:
 
 def fit_line(record: Record, added: str) -> str:
     """Misfit of the fitted rows before and after what is added."""
-    fit = record.fit
     if not added:
         return ""
-    before, after = plain(fit.chi2_before / fit.n, 2), plain(fit.chi2_after / fit.n, 2)
-    words = f"Misfit per fitted row: {before} before ({say.chance(fit.p_before)}), {after} with {added}"
-    rest = " The model still fails: something else acts too, or by another law." * (fit.p_after < ADEQUATE)
-    if record.fresh is not None and record.fresh.outcome in TESTED:
-        rest += f" {count_noun(record.fresh.runs, 'new simulation')} {TESTED[record.fresh.outcome]}."
-    return f"{words} ({say.chance(fit.p_after)}); 1 is chance.{rest}"
+    before, after = plain(record.chi2_per_row_before, 2), plain(record.chi2_per_row_after, 2)
+    words = f"Misfit per fitted row: {before} before ({say.chance(record.p_misfit)}), {after} with {added}"
+    fails = record.p_misfit_after < ADEQUATE
+    rest = " The model still fails: something else acts too, or by another law." * fails
+    if record.fresh_runs is not None and record.fresh_runs.outcome in TESTED:
+        rest += (
+            f" {count_noun(record.fresh_runs.runs, 'new simulation')} {TESTED[record.fresh_runs.outcome]}."
+        )
+    return f"{words} ({say.chance(record.p_misfit_after)}); 1 is chance.{rest}"
 
 
 def numbers_line(record: Record, before: bool, without: str = "") -> str:
     """Calibrated numbers; those that were biased without an effect, or that end at the end of their range."""
     words, ends = [], []
-    without = "" if record.fit.p_after < ADEQUATE else without
-    last = [path.rpartition(".")[2] for path in record.numbers]
-    for end, (path, each) in zip(last, record.numbers.items(), strict=True):
+    without = "" if record.p_misfit_after < ADEQUATE else without
+    last = [path.rpartition(".")[2] for path in record.parameters]
+    for end, (path, each) in zip(last, record.parameters.items(), strict=True):
         name = say.quantity(end) if last.count(end) == 1 else path
-        moved = each.now.low > each.before.value or each.before.value > each.now.high
+        moved = not each.low <= each.before.value <= each.high
         biased = f", biased without {without}: {plain(each.before.value, 3)}" if without and moved else ""
-        words.append(f"{name} {say.interval(each.before if before else each.now, 3)}{biased}")
+        words.append(f"{name} {say.interval(each.before if before else each, 3)}{biased}")
         ends += [name] * each.at_end
     more = f" At the end of the searched range: {say.join_words(ends)}; check range and unit." if ends else ""
     return f"Calibrated: {say.first_and_count(words)}.{more}" if words else ""
@@ -180,8 +182,9 @@ def acting(decided: parts.DecisionPart) -> tuple[tuple[str, ...], tuple[str, ...
     """What acts for sure, and of what one does; nothing where new runs of the scene change the answer."""
     if decided.verdict == "unstable":
         return (), ()
-    sure = decided.mechanisms if decided.together or len(decided.mechanisms) == 1 else ()
-    return (*decided.named, *sure), (*decided.group, *(() if sure else decided.mechanisms))
+    mechanisms = decided.acting_mechanisms
+    sure = mechanisms if decided.together or len(mechanisms) == 1 else ()
+    return (*decided.named, *sure), (*decided.group, *(() if sure else mechanisms))
 
 
 def acting_names(decided: parts.DecisionPart) -> str:
@@ -193,7 +196,7 @@ def acting_names(decided: parts.DecisionPart) -> str:
 
 def sensitivity_text(record: Record) -> str:
     """`no name moves`, `cohesion is told, nothing only where errors expected are doubled`."""
-    usual, places = acting_names(record.decided), dict[str, list[str]]()
+    usual, places = acting_names(record), dict[str, list[str]]()
     for prior, answers in record.sensitivity.items():
         for way, each in zip(("halved", "doubled"), answers, strict=True):
             places.setdefault(acting_names(each), []).append(f"{PRIORS[prior]} are {way}")
@@ -206,9 +209,7 @@ def sensitivity_text(record: Record) -> str:
 def sensitivity_rows(record: Record) -> Iterator[tuple[str, ...]]:
     """What is told where a prior is halved and doubled, with the probability of the answer there."""
     for prior, answers in record.sensitivity.items():
-        cells = (
-            f"{acting_names(each)} ({say.probability(chance(record.decided, each))})" for each in answers
-        )
+        cells = (f"{acting_names(each)} ({say.probability(chance(record, each))})" for each in answers)
         yield PRIORS[prior], *cells
 
 
@@ -223,15 +224,14 @@ def chance(decision: parts.DecisionPart, other: parts.DecisionPart) -> float:
 
 def headline(record: Record, voc: say.Vocabulary) -> str:
     """The answer of `discover` in one sentence."""
-    decided = record.decided
-    sure, either = ([acting_text(name, record, voc) for name in names] for names in acting(decided))
+    sure, either = ([acting_text(name, record, voc) for name in names] for names in acting(record))
     if sure or either:
         words = say.join_words([*sure, f"either {say.join_words(either, 'or')}"] if either else sure)
         open_ = "; these measurements do not tell which" if either else ""
-        return f"Missing: {words}{open_}.{' Not in the list of effects.' if decided.mechanisms else ''}"
-    if decided.verdict == "outside_library":
+        return f"Missing: {words}{open_}.{' Not in the list of effects.' if record.acting_mechanisms else ''}"
+    if record.verdict == "outside_library":
         words = "something not in the list; no listed effect alone explains the data"
-        chance = say.probability(decided.unlisted)
+        chance = say.probability(record.unlisted)
         return " ".join([f"Missing: {words} (probability {chance}).", *curve_texts(record, voc)])
     return silence(record, voc)
 
@@ -250,15 +250,15 @@ def acting_text(name: str, record: Record, voc: say.Vocabulary) -> str:
     law, part, title = record.law, record.effects.get(name), voc.effect_title(name)
     if law is not None and law.mechanism == name:
         return f"{title} with the law {law_text(law, voc)}"
-    if part is None or name not in record.decided.named:
+    if part is None or name not in record.named:
         return title
     return f"{title} with strength {strength_text(part)}"
 
 
 def strength_text(part: parts.EffectPart) -> str:
     """Strength with its interval; that it reaches the end of the list."""
-    limit = f", at the limit of the list, {plain(part.most, 2)}" if part.strength.high >= part.most else ""
-    return f"{say.interval(part.strength)}{limit}"
+    limit = f", at the limit of the list, {plain(part.most, 2)}" if part.strength_high >= part.most else ""
+    return f"{say.interval(part.interval)}{limit}"
 
 
 def law_text(law: LawPart, voc: say.Vocabulary) -> str:
@@ -274,27 +274,26 @@ def law_text(law: LawPart, voc: say.Vocabulary) -> str:
 
 def law_line(record: Record) -> str:
     """How well the law of what acts is known."""
-    law, (sure, either) = record.law, acting(record.decided)
+    law, (sure, either) = record.law, acting(record)
     if law is None or law.mechanism not in (*sure, *either):
         return ""
-    free = [f"the exponent of {name} is {say.interval(power)}; " for name, power in law.exponents.items()]
+    free = [f"the exponent of {name} is {say.interval(power)}; " for name, power in law.powers.items()]
     share = f"{100.0 * law.held_out_share:.0f} % of the misfit at conditions left out of its fit"
     return f"Law: {''.join(free)}it explains {share}."
 
 
 def silence(record: Record, voc: say.Vocabulary) -> str:
     """The answer where nothing is named."""
-    decided, fit = record.decided, record.fit
-    if decided.verdict == "unstable":
-        names = say.join_words(map(voc.effect_title, (*decided.named, *decided.group)), "or")
+    if record.verdict == "unstable":
+        names = say.join_words(map(voc.effect_title, (*record.named, *record.group)), "or")
         return f"No effect is named: new runs of the scene change the answer. Candidates: {names}."
     if not testable(record):
         return "No effect is named before the errors above are fixed."
-    if decided.refuted:
+    if record.refuted:
         return refusal(record, voc)
-    likely, share = max(decided.probabilities.items(), key=lambda item: item[1])
+    likely, share = max(record.probabilities.items(), key=lambda item: item[1])
     fails, rows = not agrees(record), rows_text(record)
-    chance = say.chance(min(fit.p_before, fit.p_before if isnan(fit.p_lack_of_fit) else fit.p_lack_of_fit))
+    chance = say.chance(float(np.fmin(record.p_misfit, record.p_lack_of_fit)))
     state = f"the model {'fails on' if fails else 'agrees with'} {rows} ({chance})"
     if likely == "none" and (not fails or share >= SURE):
         common = " by errors of measurement" * fails
@@ -302,7 +301,7 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
         return f"No missing effect is seen: {state}{common}; {none}."
     why = f"a name needs {SURE:g}"
     if share >= SURE:
-        why = f"among so many candidates one looks as good by chance with {say.chance(decided.familywise)}"
+        why = f"among so many candidates one looks as good by chance with {say.chance(record.p)}"
     name = say.EXPLANATIONS.get(likely) or say.join_words(map(voc.effect_title, likely.split("+")))
     best = f"the likeliest, {name} alone, has probability {say.probability(share)}; {why}"
     return f"No effect is named: {state}. Of all explanations {best}."
@@ -310,12 +309,12 @@ def silence(record: Record, voc: say.Vocabulary) -> str:
 
 def refusal(record: Record, voc: say.Vocabulary) -> str:
     """Why what explains the rows best is not named, and what that means."""
-    best, found = record.decided.refuted, [record.effects[name] for name in record.decided.refuted]
+    best, found = record.refuted, [record.effects[name] for name in record.refuted]
     why = "the rows contradict its law: it acts in another way, or something else acts"
-    if record.held_out is not None:
+    if record.vault is not None:
         why = "`adopt` found the model no better with it"
-    elif strong := [part for part in found if part.strength.value > part.most]:
-        size = f"{say.interval(strong[0].strength)}, where the list ends at {plain(strong[0].most, 2)}"
+    elif strong := [part for part in found if part.strength > part.most]:
+        size = f"{say.interval(strong[0].interval)}, where the list ends at {plain(strong[0].most, 2)}"
         why = f"with a strength of {size}: check the units, or something else acts"
     names = say.join_words(map(voc.effect_title, best))
     return f"No effect is named: {names} would explain the data best, but {why}."
@@ -323,7 +322,7 @@ def refusal(record: Record, voc: say.Vocabulary) -> str:
 
 def status(name: str, record: Record) -> str:
     """What these measurements say of one candidate."""
-    sure, either = acting(record.decided)
+    sure, either = acting(record)
     if name in sure:
         return "present"
     if name in either:
@@ -334,7 +333,7 @@ def status(name: str, record: Record) -> str:
     if part.status == "excluded":
         return f"excluded above {plain(part.limit, 2)}"
     words = f"cannot be ruled out below {plain(part.unseen_below, 2)}"
-    if name in record.decided.refuted:
+    if name in record.refuted:
         words = "likely, but the model fails with it"
     elif part.status == "better_but_not_sufficient":
         words = "better than nothing but not sufficient"
@@ -347,8 +346,8 @@ def status(name: str, record: Record) -> str:
 
 def effect_rows(record: Record) -> Iterator[tuple[str, ...]]:
     """Candidates and mechanisms: what acts first, then by probability; a strength where it likely acts."""
-    acts = [name for names in acting(record.decided) for name in names]
-    chances = {name: record.decided.probabilities.get(name, 0.0) for name in acts}
+    acts = [name for names in acting(record) for name in names]
+    chances = {name: record.probabilities.get(name, 0.0) for name in acts}
     chances |= {name: part.probability for name, part in record.effects.items()}
     for name in sorted(chances, key=lambda name: (name not in acts, -chances[name])):
         part = record.effects.get(name)

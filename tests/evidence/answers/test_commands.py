@@ -55,26 +55,23 @@ def test_a_stored_reply_that_is_damaged_is_told(tmp_path, wet, replies):
 
 
 def test_the_vault_is_opened_by_adopt_alone_and_counted(replies):
-    assert replies["discover"].record.held_out is None
-    adopted, again = replies["adopt"].record.held_out, replies["again"].record.held_out
+    assert replies["discover"].record.vault is None
+    adopted, again = replies["adopt"].record.vault, replies["again"].record.vault
     assert adopted.opened == 1
-    assert adopted.after < 0.5 * adopted.before
-    assert adopted.wrong > 5.0 * adopted.after
+    assert adopted.chi2_after < 0.5 * adopted.chi2_before
+    assert adopted.chi2_wrong_effect > 5.0 * adopted.chi2_after
     assert again == adopted, "a later discovery of the same name tells the test"
     assert replies["discover"].about["rows_hidden"] == 30
 
 
 def test_misfit_and_strength_are_told_where_and_how_large_they_are(replies):
     compared, discovered = (replies[command].record for command in ("compare", "discover"))
-    assert (compared.fit.chi2_before, compared.fit.p_before) == (
-        discovered.fit.chi2_before,
-        discovered.fit.p_before,
-    )
-    assert compared.fit.p_before < 0.01
+    assert (compared.chi2_before, compared.p_misfit) == (discovered.chi2_before, discovered.p_misfit)
+    assert compared.p_misfit < 0.01
     assert "moisture" in {place.axis for place in compared.where if place.p < 0.05}
-    assert (discovered.decided.verdict, discovered.decided.named) == ("present", (NAME,))
+    assert (discovered.verdict, discovered.named) == ("present", (NAME,))
     assert set(discovered.effects) == set(LIBRARY)
-    fitted = replies["adopt"].record.effects[NAME].strength
+    fitted = replies["adopt"].record.effects[NAME].interval
     half = 0.5 * (fitted.high - fitted.low)
     # the 90 % interval misses one time in ten; three times its half-width misses once in a million
     assert abs(fitted.value - 1.0) < 3.0 * half
@@ -86,11 +83,11 @@ def test_adoption_leaves_a_study_in_which_the_misfit_is_gone(wet, replies):
     after = Path(replies["adopt"].about["written"])
     assert after == wet.with_name(f"heap_with_{NAME}.toml")
     found = ask("compare", after)
-    assert found.record.fit.p_before > 0.01
+    assert found.record.p_misfit > 0.01
     assert found.about["adopted"] == [NAME]
     assert NAME not in found.about["candidates"]
     assert list(wet.parent.glob("*-results")) == [wet.parent / "heap-results"], "a chain shares its vault"
-    assert ask("discover", after).record.decided.verdict == "none_detected"
+    assert ask("discover", after).record.verdict == "none_detected"
     first, second = replies["adopt"].about["ladder"]
     assert (first["effects"], second["effects"]) == ([], [NAME])
     assert second["chi2_per_row_held_out"] < first["chi2_per_row_held_out"]
@@ -98,8 +95,8 @@ def test_adoption_leaves_a_study_in_which_the_misfit_is_gone(wet, replies):
 
 def test_in_a_null_nothing_is_named_or_adopted(tmp_path):
     study = write_study(tmp_path, {})
-    assert ask("compare", study).record.fit.p_before > 0.01
-    assert ask("discover", study).record.decided.verdict == "none_detected"
+    assert ask("compare", study).record.p_misfit > 0.01
+    assert ask("discover", study).record.verdict == "none_detected"
     first = ask("adopt", study, "side_walls").answer().lines[0]
     assert "The model is no better with side_walls" in first
     assert "Do not adopt" in first
@@ -120,7 +117,7 @@ def test_the_cost_of_an_answer_is_told_before_it_only_where_it_takes_long(tmp_pa
     told: list[str] = []
     options, study = StudyOptions(announce=told.append), write_study(tmp_path, {})
     found = ask("discover", study, options=options)
-    assert found.record.cost.runs > found.record.cost.settings > 0
+    assert found.record.runs > found.record.settings > 0
     assert told == []
     monkeypatch.setattr("taichi_erosion.evidence.emulator.plan_cost.WORTH_TELLING", 0.0)
     ask("discover", study, options=options)

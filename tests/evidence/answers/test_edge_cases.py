@@ -86,7 +86,7 @@ def test_an_observable_without_scatter_is_left_out_with_a_word(study):
 
 def test_conditions_where_the_model_has_no_value_are_left_out(study):
     found = ask("discover", study(text=study_text(model="lab:partly")))
-    assert found.record.decided.named == tuple(ACTING)
+    assert found.record.named == tuple(ACTING)
     assert found.record.rows.conditions["moisture"].max() < 0.025
     assert any("no value at 6 of 22 conditions" in words for words in found.about["warnings"])
 
@@ -95,7 +95,7 @@ def test_a_table_of_limits_alone_names_nothing(study):
     path = study(rows(10, below="<"))
     for command in ("compare", "discover", "next"):
         found = ask(command, path)
-        assert found.record.decided.verdict in SILENT
+        assert found.record.verdict in SILENT
     assert ask("compare", path).answer().lines[0].startswith("The calibrated model agrees")
 
 
@@ -109,7 +109,7 @@ def test_rows_are_enough_where_one_is_left_to_contradict_an_effect(study, count:
 def test_too_few_rows_name_nothing_and_say_why(study):
     path = study(rows(1))
     found = ask("discover", path)
-    assert (found.record.decided.verdict, found.record.effects) == ("not_testable", {})
+    assert (found.record.verdict, found.record.effects) == ("not_testable", {})
     assert found.about["set_up"][0].startswith("error: too few rows to tell effects apart")
     assert found.answer().lines[0] == "No effect is named before the errors above are fixed."
     assert ask("compare", path).answer().lines[-1].startswith("Fix the errors above and run")
@@ -138,7 +138,7 @@ def test_a_typo_in_a_repeat_is_told_and_the_same_effect_is_named(study):
     found = ask("discover", study("\n".join([head, *lines]) + "\n"))
     assert found.about["set_up"][0].endswith(f"check row {row + 2}")
     assert "Correct or confirm the repeats" in found.answer().lines[-1]
-    assert found.record.decided.named == tuple(ACTING)
+    assert found.record.named == tuple(ACTING)
     assert [each.suspect for each in found.record.repeats] == [row + 2]
 
 
@@ -179,11 +179,11 @@ def test_one_condition_does_not_show_the_trend_of_another(tmp_path, salt, trends
 
 def test_without_candidates_only_what_no_list_holds_is_left(study):
     text = study_text().split("[candidates]")[0] + "[vault]\nfraction = 0.3\n"
-    assert ask("discover", study(text=text)).record.decided.verdict == "outside_library"
+    assert ask("discover", study(text=text)).record.verdict == "outside_library"
     found = ask("discover", study(table_text({}, 1), text))
-    assert found.record.decided.verdict == "none_detected"
-    assert found.record.decided.probabilities["none"] > 0.8
-    assert ask("next", study(table_text({}, 1), text)).record.experiments == ()
+    assert found.record.verdict == "none_detected"
+    assert found.record.probabilities["none"] > 0.8
+    assert ask("next", study(table_text({}, 1), text)).record.next_experiments == ()
     with pytest.raises(BadInput, match="liquid_bridge is no candidate; there are: none"):
         ask("adopt", study(text=text), "liquid_bridge")
 
@@ -203,4 +203,4 @@ def test_an_angle_in_radians_blocks_the_answer(study):
     for command in ("discover", "next"):
         found = ask(command, path)
         assert found.about["set_up"][0].endswith("check the unit of its column")
-        assert (found.record.decided.verdict, found.record.decided.named) == ("not_testable", ())
+        assert (found.record.verdict, found.record.named) == ("not_testable", ())

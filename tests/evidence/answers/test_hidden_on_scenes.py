@@ -55,16 +55,16 @@ def test_a_hidden_effect_is_found_named_and_adopted(study_of):
     study = study_of("heap_moist")
     discovered = ask("discover", study, options=QUICK).record
     compared = ask("compare", study, options=QUICK).record
-    assert compared.fit.p_before < 0.01
+    assert compared.p_misfit < 0.01
     assert "moisture" in {place.axis for place in compared.where if place.p < 0.05}
-    assert discovered.decided.named == (HIDDEN,)
+    assert discovered.named == (HIDDEN,)
 
     adopted = ask("adopt", study, HIDDEN, options=QUICK).record
-    held = adopted.held_out
-    assert held.after < 0.5 * held.before
-    assert held.wrong > 2.0 * held.after
+    held = adopted.vault
+    assert held.chi2_per_row_after < 0.5 * held.chi2_per_row_before
+    assert held.chi2_per_row_wrong_effect > 2.0 * held.chi2_per_row_after
 
-    fitted = adopted.effects[HIDDEN].strength
+    fitted = adopted.effects[HIDDEN].interval
     half = 0.5 * (fitted.high - fitted.low)
     # the laboratory's other packing and time step move a heap too: five half-widths, not three
     assert abs(fitted.value - truth_of(study)) < 5.0 * half
@@ -74,11 +74,11 @@ def test_a_hidden_effect_is_found_named_and_adopted(study_of):
 def test_a_null_stays_a_null_and_no_mechanism_is_asked_for(study_of, name):
     study = study_of(name)
     discovered = ask("discover", study, options=MANY if name == "plain" else QUICK).record
-    assert discovered.decided.verdict in SILENT
-    assert discovered.decided.named == ()
+    assert discovered.verdict in SILENT
+    assert discovered.named == ()
     assert discovered.law is None
     if name == "heap_plain":
-        assert ask("compare", study, options=QUICK).record.fit.p_before > 0.01
+        assert ask("compare", study, options=QUICK).record.p_misfit > 0.01
     assert truth_of(study) == 0.0
 
 
@@ -86,12 +86,12 @@ def test_a_pull_that_no_list_holds_is_found_and_adopted(study_of, monkeypatch):
     study = study_of("wet")
     monkeypatch.chdir(study.parent)
     found = ask("discover", study, options=MANY).record
-    assert (found.decided.verdict, found.decided.mechanisms[0]) == ("outside_library", "contact_pull")
-    doses = {at["moisture"]: dose.value for at, dose in found.law.doses}
+    assert (found.verdict, found.acting_mechanisms[0]) == ("outside_library", "contact_pull")
+    doses = {each.conditions["moisture"]: each.dose for each in found.mechanisms["contact_pull"].doses}
     assert doses[max(doses)] > doses[min(doses)]
     results = str(study.parent / "wet-results" / "wet.discover.json")
     assert main(["effects", "new", "sticky", "--from-discovery", results]) == 0
     own = replace(MANY, effect_files=(study.parent / "sticky.py",))
-    held = ask("adopt", study, "sticky", options=own).record.held_out
-    assert held.after < 0.5 * held.before
+    held = ask("adopt", study, "sticky", options=own).record.vault
+    assert held.chi2_per_row_after < 0.5 * held.chi2_per_row_before
     assert truth_of(study) > 1.0

@@ -66,8 +66,8 @@ def told(path: Path, wrong: bool = False, plans: Sequence[BudgetName] = ("quick"
             patch.setattr(process, "mean", lambda self, at: exact(self, at) + OFF * self.width * at.psi[:, 0])
         question = discovery_question(study, whole)
         found, ready = answer_question(study, plans, question, lambda words, share: None)
-        decided = discover_record(found).decided
-    return SimpleNamespace(found=found, runs=runs, plan=ready.options.budget, decided=decided)
+        record = discover_record(found)
+    return SimpleNamespace(found=found, runs=runs, plan=ready.options.budget, record=record)
 
 
 @cache
@@ -130,13 +130,13 @@ def test_a_name_by_a_wrong_emulator_is_contradicted_and_more_runs_come_first(tmp
     assert fresh.gap.p < 0.01
     assert fresh.gap.emulated > fresh.gap.simulated, "the effect was overstated"
     assert fresh.more_runs == 24
-    assert (answer.decided.verdict, answer.decided.named, answer.decided.group) == ("unstable", (), (NAME,))
+    assert (answer.record.verdict, answer.record.named, answer.record.group) == ("unstable", (), (NAME,))
     before = keys(answer.runs)
     again = told(path, wrong=True)
     training, *tests = again.runs
     assert len(set(training) - before) == fresh.more_runs
     assert not {run for batch in tests for run in batch} & before
-    assert not again.decided.named, "the emulator is as wrong as before"
+    assert not again.record.named, "the emulator is as wrong as before"
 
 
 def test_points_are_the_settings_of_likely_sets_the_bare_model_first():

@@ -72,7 +72,7 @@ def test_a_fit_to_limits_and_intervals_is_that_of_their_likelihood():
 
     wanted = optimize.minimize_scalar(deviance, (0.0, 0.3)).x
     # the race has a scatter and a level beside it, each near nothing
-    assert summary(found).numbers["level"].now.value == pytest.approx(wanted, abs=0.03)
+    assert summary(found).parameters["level"].value == pytest.approx(wanted, abs=0.03)
 
 
 TRUE = 0.8

@@ -137,14 +137,14 @@ def keys(batches: list[list[str]]) -> set[str]:
 
 
 def test_the_loop_names_what_acts_and_the_held_out_error_falls(loop):
-    assert loop.compare.fit.p_before < 1e-3
-    assert loop.discover.decided.named == (NAME,)
-    held = loop.adopt.held_out
-    assert held.after < 0.5 * held.before
-    fitted = loop.adopt.effects[NAME].strength
+    assert loop.compare.p_misfit < 1e-3
+    assert loop.discover.named == (NAME,)
+    held = loop.adopt.vault
+    assert held.chi2_per_row_after < 0.5 * held.chi2_per_row_before
+    fitted = loop.adopt.effects[NAME].interval
     # the 90 % interval misses one time in ten, three times its half-width once in a million
     assert abs(fitted.value - 1.5) < 1.5 * (fitted.high - fitted.low)
-    assert loop.after.fit.p_before > 0.01
+    assert loop.after.p_misfit > 0.01
 
 
 def test_a_quick_discovery_takes_about_a_hundred_runs_whose_cost_is_told_before_the_first(loop):
@@ -152,7 +152,7 @@ def test_a_quick_discovery_takes_about_a_hundred_runs_whose_cost_is_told_before_
     # 8 about each of three explanations, a pair among them; 2 at each of 8 conditions that are not held out
     # for the name and for a runner-up, of which angularity does not change the bare model
     count = len(keys(loop.runs["discover"]))
-    assert loop.discover.cost.runs == count <= 16 + 24 + 8 + 3 * 8 + 2 * (8 + 8 + 2)
+    assert loop.discover.runs == count <= 16 + 24 + 8 + 3 * 8 + 2 * (8 + 8 + 2)
     numbers = re.findall(r"(\d+) (?:runs to make|in 1 round|that it ends with)", loop.cost)
     first, later, tests = (int(number) for number in numbers)
     assert first == len(set(loop.runs["discover"][0]))
@@ -161,7 +161,7 @@ def test_a_quick_discovery_takes_about_a_hundred_runs_whose_cost_is_told_before_
 
 
 def test_new_simulations_with_seeds_of_their_own_bear_a_right_name_out_and_train_nothing(loop):
-    found, (*training, test) = loop.discover.fresh, loop.runs["discover"]
+    found, (*training, test) = loop.discover.fresh_runs, loop.runs["discover"]
     assert (found.outcome, found.effects) == ("confirmed", (NAME,))
     assert found.simulated > SURE
     assert len(set(test)) == found.runs
@@ -176,9 +176,9 @@ def test_no_run_is_made_twice(loop):
 
 def test_a_null_stays_a_null_and_starts_from_the_same_runs(tmp_path, loop, asked):
     found = ask("discover", write(tmp_path, strength=0.0), options=QUICK).record
-    assert found.decided.verdict in SILENT
-    assert found.decided.named == ()
-    assert found.fresh is None, "nothing is simulated for a sure null"
+    assert found.verdict in SILENT
+    assert found.named == ()
+    assert found.fresh_runs is None, "nothing is simulated for a sure null"
     assert len(asked) == 1
     assert set(asked[0]) <= keys(loop.runs["discover"]), "a plan never follows from a measured value"
 
@@ -204,7 +204,7 @@ def test_runs_that_stop_and_heaps_that_are_too_small_are_told_before_any_effect(
     assert (stops["kind"], small["kind"]) == ("failed_runs", "too_small")
     assert re.search(r"runs stopped and are left out.*; the first: grains overlap$", stops["sentence"])
     assert found.about["set_up"][0] == f"error: pile_height: {LACKING['sentence']}"
-    assert found.record.decided.verdict == "not_testable"
+    assert found.record.verdict == "not_testable"
     assert found.answer().lines[0] == "No effect is named before the errors above are fixed."
 
 
@@ -254,8 +254,8 @@ def test_no_command_and_not_all_of_them_together_pass_the_budget(tmp_path, asked
         assert 0 < len(keys(asked)) <= most
     assert len(keys(asked)) > 0.6 * most, "most of what may be spent is spent"
     if most == 24:
-        assert (found.decided.named, found.fresh.outcome) == ((NAME,), "not_made")
-        assert found.fresh.needed > most - len(keys(asked))
+        assert (found.named, found.fresh_runs.outcome) == ((NAME,), "not_made")
+        assert found.fresh_runs.needed > most - len(keys(asked))
 
 
 def test_a_budget_that_is_too_small_is_refused_before_the_first_run(tmp_path, asked):
@@ -278,19 +278,19 @@ def test_how_an_effect_grows_with_its_condition_is_calibrated_with_it(tmp_path, 
     path = write(tmp_path, 0.0, text=MOIST)
     (tmp_path / "moist.csv").write_text(table_of("moisture", world, 4, 1), encoding="utf-8")
     found = ask("discover", path, options=QUICK).record
-    assert found.decided.named == ("liquid_bridge",)
-    fitted = found.numbers["effects.liquid_bridge.exponent"].now
+    assert found.named == ("liquid_bridge",)
+    fitted = found.parameters["effects.liquid_bridge.exponent"]
     assert abs(fitted.value - power) < 1.5 * (fitted.high - fitted.low)
-    assert found.fit.chi2_after < 0.05 * found.fit.chi2_before
+    assert found.chi2_after < 0.05 * found.chi2_before
 
     adopted = ask("adopt", path, "liquid_bridge").record
-    assert adopted.held_out.after < 0.1 * adopted.held_out.before
-    fitted = adopted.numbers["effects.liquid_bridge.exponent"].now
+    assert adopted.vault.chi2_per_row_after < 0.1 * adopted.vault.chi2_per_row_before
+    fitted = adopted.parameters["effects.liquid_bridge.exponent"]
     scene = tomllib.loads((tmp_path / "column_collapse_heap_with_liquid_bridge.toml").read_text("utf-8"))
     assert scene["effects"]["liquid_bridge"]["exponent"] == pytest.approx(fitted.value, rel=1e-4)
     after = ask("compare", tmp_path / "heap_with_liquid_bridge.toml").record
-    assert after.fit.p_before > 0.01
-    assert "effects.liquid_bridge.exponent" in after.numbers
+    assert after.p_misfit > 0.01
+    assert "effects.liquid_bridge.exponent" in after.parameters
 
 
 def test_a_factor_of_a_calibrated_number_is_that_number_and_doses_go_both_ways(tmp_path):

@@ -196,9 +196,9 @@ def test_errors_are_carried_to_the_scale_of_the_comparison(sands):
 def test_a_misfit_that_the_own_errors_of_a_model_can_be_is_none(sands):
     # every row a tenth too high: one sd of the shared error, five of every laboratory
     sure, unsure = (summary(infer(sands(name).problem, 1)) for name in ("sure", "predict"))
-    assert sure.fit.p_before < 1e-3
+    assert sure.p_misfit < 1e-3
     assert [level.observable for level in sure.levels] == ["threshold_u_star"]
-    assert unsure.fit.p_before > 0.1
+    assert unsure.p_misfit > 0.1
     assert unsure.levels == ()
 
 

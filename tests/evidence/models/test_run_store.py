@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from taichi_erosion.core.errors import BadInput
-from taichi_erosion.evidence.models.run_store import CachedModel, RunStore
+from taichi_erosion.evidence.models.run_store import FunctionModel, RunStore
 from tests.evidence.asking import ask as asked
 from tests.evidence.small_study import study_text, write_study
 
@@ -21,7 +21,7 @@ def counted(tmp_path):
         level = parameters.get("a", 0.0) + sum(effects.values())
         return level + np.asarray(seeds, float)[:, None] + conditions["moisture"][None, :]
 
-    return lambda **cap: (CachedModel(model, "m 1", RunStore(tmp_path / "runs.sqlite"), **cap), calls)
+    return lambda **cap: (FunctionModel(model, "m 1", RunStore(tmp_path / "runs.sqlite"), **cap), calls)
 
 
 def ask(remembered, parameters=None, effects=None, seeds=(1, 2), observable="repose_angle", rows=ROWS):
@@ -63,7 +63,7 @@ def test_a_cap_on_runs_holds_and_counts_every_seed_of_every_row_once(counted):
 def test_no_answer_of_a_function_passes_its_budget(tmp_path):
     text = study_text() + "[budget]\nruns = 5000\n"
     found = asked("discover", write_study(tmp_path, {"liquid_bridge": 1.0}, study=text))
-    assert found.record.cost.stopped == found.document["stopped"] == "budget"
-    assert found.record.decided.named == ("liquid_bridge",), "what is known so far"
+    assert found.record.stopped == found.document["stopped"] == "budget"
+    assert found.record.named == ("liquid_bridge",), "what is known so far"
     assert found.answer().lines[-2].startswith("Stopped at the budget")
-    assert 4000 < found.record.cost.runs <= 5000
+    assert 4000 < found.record.runs <= 5000

@@ -56,16 +56,16 @@ def test_batches_are_not_taken_for_an_effect_nor_for_something_unlisted():
     problem, table = made()
     shift = 3.0 * SD * np.random.default_rng(5).standard_normal(12)
     record = told(problem, value=table.value + shift[np.arange(COUNT) % 12])
-    assert (record.decided.verdict, set(kinds(record))) == ("none_detected", {"group"})
+    assert (record.verdict, set(kinds(record))) == ("none_detected", {"group"})
 
 
 def test_a_source_that_reads_higher_is_told_with_its_size():
     problem, table = made(**BEND)
     record = told(problem, value=table.value + 5.0 * SD * SECOND, source=LABORATORIES)
-    assert record.decided.named == ("bend",)
+    assert record.named == ("bend",)
     (source,) = (each for each in record.errors if each.kind == "source")
     assert source.label == "laboratory B"
-    assert source.size.low < 0.5 < source.size.high < source.size.low + 0.2, "48 rows know it to 0.05"
+    assert source.low < 0.5 < source.high < source.low + 0.2, "48 rows know it to 0.05"
 
 
 def test_rows_that_are_off_do_not_change_the_answer():
@@ -73,10 +73,10 @@ def test_rows_that_are_off_do_not_change_the_answer():
     value = table.value.copy()
     value[[17, 30]] += 9.0 * SD
     record = told(problem, value=value)
-    assert record.decided.named == ("bend",)
+    assert record.named == ("bend",)
     found: dict[str, ErrorPart] = {each.label: each for each in record.errors if each.kind == "row"}
     assert set(found) == {"19", "32"}  # line 1 is the head
-    assert found["19"].size.value == pytest.approx(9.0 * SD, abs=3.0 * SD)
+    assert found["19"].value == pytest.approx(9.0 * SD, abs=3.0 * SD)
 
 
 def test_a_row_that_is_off_on_a_logarithmic_scale_is_told_in_its_unit():
@@ -85,17 +85,17 @@ def test_a_row_that_is_off_on_a_logarithmic_scale_is_told_in_its_unit():
     value[5] *= 2.0
     (found,) = (each for each in told(problem, value=value).errors if each.kind == "row")
     assert found.label == str(problem.measurements.lines[5])
-    assert found.size.value == pytest.approx(0.5 * value[5], rel=0.1)
+    assert found.value == pytest.approx(0.5 * value[5], rel=0.1)
 
 
 def test_scatter_that_is_understated_is_told_and_names_nothing():
     problem, table = made()
     record = told(problem, value=2.5 * table.value)
-    assert record.decided.verdict == "none_detected"
+    assert record.verdict == "none_detected"
     (scatter,) = record.errors
     assert scatter.kind == "scatter"
     # the prior of the scatter, a factor of 1.4, takes a tenth of 2.2
-    assert scatter.size.value == pytest.approx(2.5 * np.std(table.value) / SD, rel=0.2)
+    assert scatter.value == pytest.approx(2.5 * np.std(table.value) / SD, rel=0.2)
 
 
 @pytest.mark.parametrize("acting", [{}, BEND], ids=["nothing", "bend"])
@@ -105,8 +105,8 @@ def test_a_source_that_states_no_sd_has_a_scatter_of_its_own(acting: dict[str, f
     more = SD * factor * np.random.default_rng(2).standard_normal(COUNT) * SECOND
     sd = np.where(SECOND, np.nan, table.sd)
     record = told(problem, value=table.value + more, sd=sd, source=LABORATORIES)
-    right, silent = tuple(acting), record.decided.verdict == "none_detected"
-    assert record.decided.named == right or (silent and record.decided.refuted == right and factor > 0.0)
+    right, silent = tuple(acting), record.verdict == "none_detected"
+    assert record.named == right or (silent and record.refuted == right and factor > 0.0)
 
 
 def test_scatter_that_repeats_contradict_is_not_told():
@@ -115,7 +115,7 @@ def test_scatter_that_repeats_contradict_is_not_told():
     value = 2.0 * np.sin(4.0 * x) * (1.0 + x) + table.value
     groups = tuple(map(str, x))
     record = told(problem, value=value, sd=np.full(COUNT, np.nan), conditions={"x": x}, group=groups)
-    assert record.decided.verdict == "outside_library"
+    assert record.verdict == "outside_library"
     assert "scatter" not in kinds(record)
 
 
@@ -155,7 +155,7 @@ def test_rows_of_one_heap_are_whitened_together():
 
 
 def test_an_effect_of_single_heaps_is_found():
-    assert (told(heaps(1)).decided.named, told(heaps(1, strength=0.5)).decided.named) == ((), ("bend",))
+    assert (told(heaps(1)).named, told(heaps(1, strength=0.5)).named) == ((), ("bend",))
 
 
 SD_X, SLOPE, TABLES, ROWS = 0.25, 1.2, 24, 24
@@ -211,12 +211,12 @@ def test_a_level_of_amounts_does_not_follow_the_noise_of_its_rows():
 
 def test_an_offset_of_the_laboratory_is_told_as_a_level_and_along_no_condition():
     found = summary(infer(off({}), 1))
-    assert found.decided.verdict == "none_detected"
-    assert found.decided.probabilities["none"] > 0.8
+    assert found.verdict == "none_detected"
+    assert found.probabilities["none"] > 0.8
     (shift,) = found.levels
     assert (shift.observable, shift.kind) == ("y", "offset")
-    assert shift.size.low < OFFSET < shift.size.high
-    assert found.fit.p_before < 0.01, "calibration alone does not explain it"
+    assert shift.low < OFFSET < shift.high
+    assert found.p_misfit < 0.01, "calibration alone does not explain it"
     lines = discover_answer(found, VOC).lines
     assert lines[0].startswith("No missing effect is seen")
     assert not any("Where the model fails" in line for line in lines)
@@ -226,7 +226,7 @@ def test_an_offset_of_the_laboratory_is_told_as_a_level_and_along_no_condition()
 def test_a_stated_error_of_a_laboratory_is_part_of_the_level_that_is_told(shared: float):
     problem = replace(off({}), observables={"y": Observable("y", sd_shared=shared)})
     (shift,) = summary(infer(problem, 1)).levels
-    assert shift.size.low < OFFSET < shift.size.high
+    assert shift.low < OFFSET < shift.high
     assert (
         summary(infer(replace(made()[0], observables={"y": Observable("y", sd_shared=shared)}), 3)).levels
         == ()
@@ -239,21 +239,21 @@ def test_a_stated_error_of_a_laboratory_is_part_of_the_level_that_is_told(shared
 )
 def test_a_column_in_a_wrong_unit_is_told_as_a_factor_and_hides_no_effect(factor: float, words: str):
     found = summary(infer(off({}, factor), 1))
-    assert found.decided.verdict == "none_detected"
+    assert found.verdict == "none_detected"
     (shift,) = found.levels
     assert (shift.observable, shift.kind) == ("y", "factor")
-    assert shift.size.value == pytest.approx(factor, rel=0.06)  # sd of a mean of 24 rows: 0.02
+    assert shift.value == pytest.approx(factor, rel=0.06)  # sd of a mean of 24 rows: 0.02
     assert any(words in line for line in discover_answer(found, VOC).lines)
     acting = summary(infer(off(BEND, factor), 1))
-    assert acting.decided.named == ("bend",)
-    assert acting.fit.p_after > 0.01
+    assert acting.named == ("bend",)
+    assert acting.p_misfit_after > 0.01
 
 
 def test_an_adopted_effect_is_judged_after_the_offset_of_the_laboratory():
     found = adopt_record(infer(off(BEND, vault=Vault(np.arange(3, 24, 5))), 1), ("bend",), 1)
-    assert found.held_out.after < 3.0 < found.held_out.before
-    assert found.fit.p_after > 0.01
-    assert found.effects["bend"].strength.low < 1.0 < found.effects["bend"].strength.high
+    assert found.vault.chi2_per_row_after < 3.0 < found.vault.chi2_per_row_before
+    assert found.p_misfit_after > 0.01
+    assert found.effects["bend"].strength_low < 1.0 < found.effects["bend"].strength_high
 
 
 def test_soils_with_numbers_of_their_own_do_not_hide_what_an_adoption_explains():
@@ -261,8 +261,8 @@ def test_soils_with_numbers_of_their_own_do_not_hide_what_an_adoption_explains()
     soils = tuple(f"soil {k * 6 // COUNT}" for k in range(COUNT))
     hidden = Vault(np.flatnonzero(np.isin(soils, ("soil 1", "soil 4"))))
     problem = replace(problem, measurements=replace(table, group=soils), vault=hidden)
-    held = adopt_record(infer(problem, 3), ("bend",), 1).held_out
-    assert held.after < 2.0 < 10.0 < held.before
+    held = adopt_record(infer(problem, 3), ("bend",), 1).vault
+    assert held.chi2_per_row_after < 2.0 < 10.0 < held.chi2_per_row_before
 
 
 def test_an_adoption_that_improves_and_does_not_suffice_is_a_misfit():
@@ -270,8 +270,8 @@ def test_an_adoption_that_improves_and_does_not_suffice_is_a_misfit():
     table = problem.measurements
     table = replace(table, value=table.value + 1.5 * np.cos(9.0 * table.conditions["x"]))
     found = adopt_record(infer(replace(problem, measurements=table), 1), ("bend",), 1)
-    assert found.held_out.after < found.held_out.before
-    assert found.fit.p_after < 0.01
+    assert found.vault.chi2_per_row_after < found.vault.chi2_per_row_before
+    assert found.p_misfit_after < 0.01
 
 
 def test_numbers_are_not_moved_by_a_level():
@@ -279,7 +279,7 @@ def test_numbers_are_not_moved_by_a_level():
     table = problem.measurements
     value = table.value + OFFSET * (np.array(table.observable) == "angle")
     found = summary(infer(replace(problem, measurements=replace(table, value=value)), 1))
-    slope = found.numbers["slope"].now
+    slope = found.parameters["slope"]
     assert slope.low < 0.4 < slope.high < slope.low + 0.3
     assert [level.observable for level in found.levels] == ["angle"]
 
@@ -287,6 +287,6 @@ def test_numbers_are_not_moved_by_a_level():
 def test_a_number_beyond_its_range_is_told_and_no_effect_is_named_in_its_place():
     narrow = (Parameter("slope", 0.1, 0.01, 0.15, 1.0),)  # of 0.4
     found = summary(infer(replace(heaps(1), parameters=narrow), 1))
-    assert found.decided.named == found.decided.group == ()
-    assert found.numbers["slope"].at_end
-    assert found.fit.p_before < 0.01
+    assert found.named == found.group == ()
+    assert found.parameters["slope"].at_end
+    assert found.p_misfit < 0.01

@@ -18,7 +18,7 @@ from ten_records import (
     single,
 )
 
-from taichi_erosion.evidence.answers.files import after_adoption, document
+from taichi_erosion.evidence.answers.files import RECORD, STORED, after_adoption
 from taichi_erosion.evidence.race.record import (
     EffectPart,
     ErrorPart,
@@ -59,7 +59,7 @@ def acting_rows(answer: Answer) -> set[str]:
 
 
 def test_new_simulations_that_tested_an_answer_are_told():
-    told = discover_answer(replace(single, fresh=FreshPart("confirmed", runs=12)), VOC).lines
+    told = discover_answer(replace(single, fresh_runs=FreshPart("confirmed", runs=12)), VOC).lines
     assert any(line.endswith("12 new simulations confirm the answer.") for line in told)
 
 
@@ -77,10 +77,9 @@ def test_headline_table_and_last_line_name_the_same(name: str):
     first = answer.lines[0]
     acting = named_in(first) if first.startswith("Missing") else set()
     assert acting == acting_rows(answer)
-    told = record.decided
     assert acting == named_in(answer.lines[-1])
-    assert not acting or acting == {*told.named, *told.group, *told.mechanisms}
-    assert first.startswith("Missing") == (record.decided.verdict in ("present", "group", "outside_library"))
+    assert not acting or acting == {*record.named, *record.group, *record.acting_mechanisms}
+    assert first.startswith("Missing") == (record.verdict in ("present", "group", "outside_library"))
 
 
 def test_a_status_that_contradicts_the_decision_is_not_told():
@@ -90,7 +89,7 @@ def test_a_status_that_contradicts_the_decision_is_not_told():
 
 
 def test_with_an_effect_and_a_group_the_last_line_has_a_step_for_both():
-    both = replace(group, decided=replace(group.decided, named=("liquid_bridge",)))
+    both = replace(group, named=("liquid_bridge",))
     last = discover_answer(both, VOC).lines[-1]
     assert "adopt lab.toml liquid_bridge`" in last
     assert named_in(last) == {"liquid_bridge", "dry_cohesion", "side_walls"}
@@ -100,11 +99,11 @@ def test_a_law_stands_in_the_first_sentence_in_the_units_of_the_table():
     first = discover_answer(mechanism, VOC).lines[0]
     assert "(moisture / 5 %)^1.2" in first
     assert "1 + 0.81" in first
-    falling = replace(mechanism.law, numbers=mechanism.law.numbers | {"a": Interval(-0.4, -0.5, -0.3)})
-    assert "1 - 0.4 (" in discover_answer(replace(mechanism, law=falling), VOC).lines[0]
-    unsaid = discover_answer(
-        replace(mechanism, decided=null.decided), VOC
-    )  # a law of what is not said to act
+    part = mechanism.mechanisms["rolling_friction"]
+    falling = replace(part.law, numbers=part.law.numbers | {"a": Interval(-0.4, -0.5, -0.3)})
+    mechanisms = {"rolling_friction": replace(part, law=falling)}
+    assert "1 - 0.4 (" in discover_answer(replace(mechanism, mechanisms=mechanisms), VOC).lines[0]
+    unsaid = discover_answer(replace(null, mechanisms=mechanisms), VOC)  # a law of what is not said to act
     assert not re.search("moisture /|^Law", "\n".join(unsaid.lines), re.MULTILINE)
 
 
@@ -119,13 +118,13 @@ def test_the_error_falls_only_to_a_model_that_is_adequate_on_fitted_and_held_out
 
 @pytest.mark.parametrize(("p", "falls"), [(0.0099, False), (0.01, True), (nan, True)])
 def test_chances_on_both_sides_of_the_level_of_a_misfit(p, falls):
-    record = replace(adopted, held_out=replace(adopted.held_out, p_after=p))
+    record = replace(adopted, vault=replace(adopted.vault, p_after=p))
     assert adopt_answer(record, VOC).lines[0].startswith("The error falls") == falls
 
 
-@pytest.mark.parametrize("held", [None, replace(adopted.held_out, n=0)])
+@pytest.mark.parametrize("held", [None, replace(adopted.vault, n=0)])
 def test_rows_that_test_nothing_are_not_told_as_a_success(held):
-    answer = adopt_answer(replace(adopted, held_out=held), VOC)
+    answer = adopt_answer(replace(adopted, vault=held), VOC)
     assert "falls" not in " ".join(answer.lines)
     assert answer.table is None
 
@@ -134,7 +133,7 @@ def test_a_strength_at_the_limit_of_the_list_is_told_and_its_interval_holds_it()
     assert "limit" in discover_answer(pair, VOC).lines[0]
     assert "limit" not in discover_answer(single, VOC).lines[0]
     told = re.findall(r"strength ([\d.]+) \(([\d.]+) to ([\d.]+)\)", discover_answer(pair, VOC).lines[0])
-    assert len(told) == len(pair.decided.named)
+    assert len(told) == len(pair.named)
     assert all(float(low) <= float(value) <= float(high) for value, low, high in told)
 
 
@@ -156,7 +155,7 @@ def test_statuses_in_words(changes: dict, words: str):
 
 
 def test_levels_have_the_unit_and_the_sign_of_the_table():
-    below = replace(level, levels=(LevelPart("radius_90", "offset", Interval(-6e-4, -8e-4, 1e-4), 0.99),))
+    below = replace(level, levels=(LevelPart(-6e-4, -8e-4, 1e-4, "radius_90", "offset", 0.99),))
     told = [" ".join(discover_answer(record, VOC).lines) for record in (level, below)]
     assert "the radius of 90 % of the grains reads 0.6 mm (0.4 to 0.8) more" in told[0]
     assert "0.6 mm (-0.1 to 0.8) less" in told[1]
@@ -184,14 +183,14 @@ def test_proposals_are_told_in_the_units_of_the_table_or_as_none():
 
 @pytest.mark.parametrize("record", [*DISCOVERIES.values(), *ADOPTIONS.values()])
 def test_the_document_is_json_with_the_keys_of_the_contract(record):
-    found = json.loads(json.dumps(document(record), allow_nan=False))
+    found = json.loads(json.dumps(RECORD.dump_python(record, exclude=STORED), allow_nan=False))
     assert found.keys() >= CONTRACT
     keys = {"status", "strength", "strength_low", "strength_high", "log_bayes_factor", "absorption"}
     assert all(keys <= part.keys() for part in found["effects"].values())
     assert all({"value", "low", "high"} <= part.keys() for part in found["parameters"].values())
-    assert set(record.decided.mechanisms) <= found["mechanisms"].keys()
-    if record.held_out is not None:
-        assert found["vault"]["chi2_after"] == pytest.approx(record.held_out.n * record.held_out.after)
+    assert set(record.acting_mechanisms) <= found["mechanisms"].keys()
+    if record.vault is not None:
+        assert found["vault"]["chi2_after"] == pytest.approx(record.vault.n * record.vault.chi2_per_row_after)
     if record.law is not None:
         law = found["mechanisms"][record.law.mechanism]["law"]
         assert law["low"]["moisture"] < law["exponents"]["moisture"] < law["high"]["moisture"]
@@ -200,7 +199,7 @@ def test_the_document_is_json_with_the_keys_of_the_contract(record):
 def test_a_name_that_adopt_refuted_is_neither_named_nor_to_be_adopted_again():
     told = after_adoption(single, ADOPTIONS["refuted"])
     answer = discover_answer(told, VOC)
-    assert (told.decided.named, told.decided.refuted) == ((), ("liquid_bridge",))
+    assert (told.named, told.refuted) == ((), ("liquid_bridge",))
     assert answer.lines[0].startswith("No effect is named")
     assert "Do not adopt" in " ".join(answer.holds)
     assert "adopt lab.toml" not in answer.lines[-1]
@@ -219,14 +218,13 @@ def test_after_an_adoption_discover_and_adopt_end_with_the_same_step(name: str):
 
 
 def test_the_probability_of_something_unlisted_counts_it_beside_effects_too():
-    beside = replace(
-        curved.decided, unlisted=0.97, probabilities={"liquid_bridge": 0.95, "outside_library": 0.02}
-    )
-    assert "(probability 0.97)" in discover_answer(replace(curved, decided=beside), VOC).lines[0]
+    shares = {"liquid_bridge": 0.95, "outside_library": 0.02}
+    beside = replace(curved, unlisted=0.97, probabilities=shares)
+    assert "(probability 0.97)" in discover_answer(beside, VOC).lines[0]
 
 
 def test_a_misfit_that_only_repeats_show_is_told_as_theirs():
-    record = replace(null, fit=replace(null.fit, p_lack_of_fit=0.002))
+    record = replace(null, p_lack_of_fit=0.002)
     first, *_, last = compare_answer(record, VOC).lines
     assert "than their repeats allow" in first
     assert "discover" in last
@@ -247,6 +245,6 @@ def test_compare_says_how_large_the_scatter_is_and_what_gave_it(kind, sd, repeat
 
 
 def test_of_two_soils_one_lies_above_the_other_at_equal_conditions():
-    error = ErrorPart("group", "repose_angle", "loam B", Interval(-2.8, -3.6, -2.0), "loess A")
+    error = ErrorPart(-2.8, -3.6, -2.0, "group", "repose_angle", "loam B", "loess A")
     told = " ".join(discover_answer(replace(single, errors=(error,)), VOC).lines)
     assert "the angle of repose of loam B lies 2.8 deg (2 to 3.6) below loess A at equal conditions" in told
