@@ -17,31 +17,32 @@ from typing import Literal
 import numpy as np
 from scipy import special
 
-from taichi_erosion.evidence.data.comparison_rows import tested_by_repeats
-from taichi_erosion.evidence.data.problem import Bools, Floats, Observable
-from taichi_erosion.evidence.data.transforms import axis_value, from_scale
+from taichi_erosion.evidence.data.comparison_rows import ComparisonRows, join_rows, tested_by_repeats
+from taichi_erosion.evidence.data.problem import Floats, Observable
+from taichi_erosion.evidence.data.transforms import axis_position, axis_value, from_scale
 from taichi_erosion.evidence.models.predictor import axis_scale
 from taichi_erosion.evidence.models.run_store import BudgetSpentError
 from taichi_erosion.evidence.race import record as parts
 from taichi_erosion.evidence.race.adequacy import is_adequate, misfit_p, residual
-from taichi_erosion.evidence.race.blocks import columns_of
+from taichi_erosion.evidence.race.blocks import columns_of, smooth_columns
 from taichi_erosion.evidence.race.decision import Decision, decide, fit_of
 from taichi_erosion.evidence.race.dose_laws import Law
 from taichi_erosion.evidence.race.fit import OUTSIDE, Fit, Hypothesis, Race
 from taichi_erosion.evidence.race.posterior import Posterior, quantiles
-from taichi_erosion.evidence.race.priors import KEEP, SURE
+from taichi_erosion.evidence.race.priors import KEEP, SEED, SURE
 from taichi_erosion.evidence.race.record import Interval, Record
 from taichi_erosion.mechanisms.dose_forms import Form
 
 EXCLUDED = float(special.ndtri(0.99))  # sd above which a strength is excluded, wrongly one time in a hundred
 ONE_SIDED = float(special.ndtri(0.95))  # sd beyond which 5 % of a normal distribution lie
+MOST_POINTS, MOST_ROWS = 12, 30  # of a curve, and over which it is a mean
+POWERS = 4  # of a condition, beside which another one has a trend of its own
 
 
 def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
     """The record of a race."""
     decision_used, race = decision or decide(posterior), posterior.race
     after, bare, model = fit_of(posterior, decision_used), race.bare, race.model
-    stop: parts.Stop = "budget" if race.stopped else ""
     sound = is_adequate(posterior.best)  # else what is missing looks like an error of rows and levels
     before, now = (float(fit.evidence.solved.rows.weight @ residual(fit) ** 2) for fit in (bare, after))
     part = decision_part(posterior, decision_used)
@@ -66,7 +67,7 @@ def summary(posterior: Posterior, decision: Decision | None = None) -> Record:
         curves=tuple(curve_parts(posterior, decision_used)),
         settings=model.settings,
         runs=race.prepared.predictor.cost.runs,
-        stopped=stop,
+        stopped="budget" if race.stopped else "",
     )
 
 
@@ -150,12 +151,8 @@ def parameter_parts(posterior: Posterior) -> dict[str, parts.ParameterPart]:
     least, most = (model.unit_values(np.full(model.count, z)) for z in (-ONE_SIDED, ONE_SIDED))
     for j, axis in enumerate(posterior.race.prepared.axes):
         now = interval(values[:, j], weight)
-        low, high = (
-            axis_value(axis, end) if np.isfinite(end) else np.sign(end) * np.inf
-            for end in (axis.low, axis.high)
-        )
-        tenth = 0.1 * (high - low)
-        at_end = bool(np.isfinite(tenth) and not low + tenth < now.value < high - tenth)
+        at, tenth = axis_position(axis, now.value), 0.1 * (axis.high - axis.low)
+        at_end = bool(np.isfinite(tenth) and not axis.low + tenth < at < axis.high - tenth)
         share = (now.high - now.low) / float(most[j] - least[j])
         numbers[axis.name] = parts.ParameterPart(
             **vars(now),
@@ -224,40 +221,46 @@ def status_of(
 
 
 def curve_parts(posterior: Posterior, decision: Decision) -> Iterator[parts.CurvePart]:
-    """What something unlisted does along each condition with which it acts for SURE, against its least value.
+    """What something unlisted does along each condition with which it acts for SURE, against its first value.
 
-    Where it acts along several at once, a curve is the mean over rows of one value, where values repeat.
+    It is all that the rows show, no effect beside it.
     """
     if decision.verdict != "outside_library" or decision.mechanisms:
         return
     unlisted = {h: p for h, p in posterior.probability.items() if OUTSIDE in h.beside}
     best, race = max(unlisted, key=lambda h: unlisted[h]), posterior.race
-    rows, fit = race.prepared.rows, race.fits[best]
-    observables = {each.name: each for each in rows.observables}
+    rows, fit = race.prepared.rows, race.fits.get(replace(best, names=()), race.fits[best])
     for name, column in rows.conditions.items():
         acts = sum(p for h, p in unlisted.items() if h.along in ("", name)) / sum(unlisted.values())
         for index, block in enumerate(fit.blocks):
-            measured = (np.array(rows.names) == block.observable) & np.isfinite(column)
-            points, place, count = np.unique(column[measured], return_inverse=True, return_counts=True)
-            crossed = name == best.along or 2 * points.size <= measured.sum()
-            if acts < SURE or block.kind != "unlisted" or points.size < 2 or not crossed:
+            points = np.unique(column[(np.array(rows.names) == block.observable) & np.isfinite(column)])
+            if acts < SURE or block.kind != "unlisted" or points.size < 2:
                 continue
-            inside = fit.evidence.solved.rows.block == index
-            columns = np.zeros((points.size, block.columns.shape[1]))
-            np.add.at(columns, place, block.columns[measured] / count[place][:, np.newaxis])
-            curve = curve_part(observables[block.observable], name, fit, points, columns - columns[0], inside)
+            points = points[
+                np.linspace(0, points.size - 1, min(points.size, MOST_POINTS)).round().astype(int)
+            ]
+            curve = curve_part(name, fit, points, index, rows)
             if curve.shape != "varies":
                 yield curve
 
 
-def curve_part(
-    observable: Observable, along: str, fit: Fit, points: Floats, columns: Floats, inside: Bools
-) -> parts.CurvePart:
-    """A curve with its shape: differences between its turn and its ends count beyond 90 %."""
-    now = fit.evidence.solved
-    columns = columns * now.tau[inside]
+def curve_part(along: str, fit: Fit, points: Floats, index: int, rows: ComparisonRows) -> parts.CurvePart:
+    """A curve with its shape: differences between its turn and its ends count beyond 90 %.
+
+    It is the mean of a block over the other conditions of the rows, the same at each point.
+    """
+    now, block = fit.evidence.solved, fit.blocks[index]
+    measured = np.flatnonzero(np.array(rows.names) == block.observable)
+    some = rows.rows(np.sort(np.random.default_rng(SEED).permutation(measured)[:MOST_ROWS]))
+    set_to = ({**some.conditions, along: np.full(some.size, x)} for x in points)
+    both = join_rows([rows, *(replace(some, conditions=each) for each in set_to)])
+    known, inside = np.arange(both.size) < rows.size, now.rows.block == index
+    wide = smooth_columns(both, block.observable, known, block.size, fit.hypothesis.along)[rows.size :]
+    wide = now.tau[inside][0] * wide.reshape(points.size, some.size, -1).mean(axis=1)
+    columns, beyond = np.split(wide - wide[0], [block.columns.shape[1] - 1], axis=1)
+    columns = np.pad(columns, ((0, 0), (0, 1)))  # of its level, the same everywhere
     mean = columns @ now.centre[inside]
-    covariance = columns @ now.inverse[np.ix_(inside, inside)] @ columns.T
+    covariance = columns @ now.inverse[np.ix_(inside, inside)] @ columns.T + beyond @ beyond.T
 
     def sign(i: int, j: int) -> int:
         gap, sd = mean[i] - mean[j], np.sqrt(covariance[i, i] + covariance[j, j] - 2.0 * covariance[i, j])
@@ -272,12 +275,12 @@ def curve_part(
             shape, turn = name, float(points[at])
     half = ONE_SIDED * np.sqrt(np.diag(covariance))
     ends = np.array([mean, mean - half, mean + half]).T
-    kind = kind_of(observable)
+    kind = kind_of(rows.observables[rows.which[measured[0]]])
     ends = ends if kind == "offset" else np.exp(ends)
     places = tuple(
         parts.PointPart(*each, at=x) for x, each in zip(points.tolist(), ends.tolist(), strict=True)
     )
-    return parts.CurvePart(observable.name, along, kind, shape, turn, places)
+    return parts.CurvePart(block.observable, along, kind, shape, turn, places)
 
 
 def law_part(law: Law, probability: float) -> parts.MechanismPart:
@@ -371,8 +374,7 @@ def error_parts(posterior: Posterior) -> Iterator[parts.ErrorPart]:
         yield parts.ErrorPart(
             *gap.tolist(), kind="row", observable=rows.names[row], label=str(rows.lines[row][0])
         )
-    _, curvature = now.derivatives()
-    spread = np.sqrt(np.diag(np.linalg.inv(curvature)))
+    spread = np.sqrt(np.diag(np.linalg.inv(now.derivatives()[1])))
     for j in range(now.rows.blocks, now.u.size):
         low, middle, high = (float(np.exp(now.u[j] + z * spread[j])) for z in (-ONE_SIDED, 0.0, ONE_SIDED))
         if low > 1.0 or high < 1.0:
@@ -409,7 +411,7 @@ def shared_parts(
 def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
     """Trends of the bare model's residual along every condition, clearest first (Holm).
 
-    The line and the square of a clearer one are columns beside the next: where conditions are not fully
+    The line and the POWERS of a clearer one are columns beside the next: where conditions are not fully
     crossed, one shows the trend of another.
     """
     rows, named, columns = race.prepared.rows, [], []
@@ -422,18 +424,19 @@ def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
             axis = axis_scale(values[rows_of])
             if axis is not None:
                 named.append((measured.name, name))
-                columns += [race.prepared.white(np.where(rows_of, axis(values) ** k, 0.0)) for k in (1, 2)]
+                powers = (np.where(rows_of, axis(values) ** k, 0.0) for k in range(1, POWERS + 1))
+                columns += map(race.prepared.white, powers)
     along, gram = linear.posterior_at(u).against(np.reshape(columns, (-1, rows.size)).T)
     alone, left, least = gram.diagonal().copy(), [*range(len(named))], 0.0
     while left:
         z = np.where(gram.diagonal() > 1e-6 * alone, along / np.sqrt(np.maximum(gram.diagonal(), 1e-12)), 0.0)
-        k = max(left, key=lambda k: abs(z[2 * k]))
+        k = max(left, key=lambda k: abs(z[POWERS * k]))
         # an adjusted p is no smaller than those before it
-        least = max(least, min(1.0, 2.0 * float(special.ndtr(-abs(z[2 * k]))) * len(left)))
+        least = max(least, min(1.0, 2.0 * float(special.ndtr(-abs(z[POWERS * k]))) * len(left)))
         observable, name = named[k]
-        yield parts.PlacePart(observable, name, 1 if z[2 * k] > 0.0 else -1, least)
+        yield parts.PlacePart(observable, name, 1 if z[POWERS * k] > 0.0 else -1, least)
         left.remove(k)
-        for j in (2 * k, 2 * k + 1):
+        for j in range(POWERS * k, POWERS * (k + 1)):
             if gram[j, j] > 1e-6 * alone[j]:
                 share = gram[j] / gram[j, j]
                 along, gram = along - share * along[j], gram - np.outer(share, gram[j])

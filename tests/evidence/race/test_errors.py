@@ -290,3 +290,5 @@ def test_a_number_beyond_its_range_is_told_and_no_effect_is_named_in_its_place()
     assert found.named == found.group == ()
     assert found.parameters["slope"].at_end
     assert found.p_misfit < 0.01
+    wide = (Parameter("slope", 0.1, 0.01, 10.0, 1.0),)  # 0.4 is the middle of its logarithm
+    assert not summary(infer(replace(heaps(1), parameters=wide), 1)).parameters["slope"].at_end
