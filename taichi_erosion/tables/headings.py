@@ -37,6 +37,8 @@ KINDS: dict[str, Role] = {  # of words for what is measured or set
 AS_WRITTEN = ("units", "evident", "symbols", "remedies", "sieves", "conversions")  # no plain words
 
 BRACKETS = re.compile(r"\[(?P<square>[^\[\]]*)\]|\((?P<round>(?:[^()]|\([^()]*\))*)\)")
+BRACKETED_UNIT = re.compile(r"\[[^\]]*\]|\([^()\d]*\)")  # of what the column measures
+VALUE = re.compile(r"(?<![\w.,])\d+(?:[.,]\d+)?\s*([%‰°µμ]\w*|[^\W\d_]\w*)")  # a number and its unit
 SEPARATOR = re.compile(r"\s+in\s+|\s*[/,:;]\s*|\s+")  # between a name and its unit
 STATING = ("in", "/", ",")  # separators behind which a unit is meant, whatever it is
 UNIT_SIGN = re.compile(r"[%°‰µμ]|.{2}/|[a-zA-Z][-−^]?\d|[⁻^·]")
@@ -304,11 +306,6 @@ def of_another(heading: str) -> bool:
     return has_word(left_words(heading), things)
 
 
-def has_basis(heading: Heading) -> bool:
-    """Whether a heading says of what a moisture is a share: `[% dry mass]`, `gravimetric`."""
-    return bool(heading.law) or has_word(heading.text, vocabulary()["bases"]["dry"])
-
-
 def qualifiers(heading: Heading) -> tuple[str, str]:
     """Words of a heading that make its quantity another one, and words that are not understood."""
     left, meant, known = left_words(heading.name), longest_word(heading.name, *KINDS)[2], vocabulary()
@@ -322,11 +319,6 @@ def qualifiers(heading: Heading) -> tuple[str, str]:
         changed.append("/")  # a ratio of two quantities
     others = [word for word in re.findall(r"[^\W\d_]{3,}", left) if word not in words_of("harmless")]
     return max(changed, key=len, default=""), ", ".join(dict.fromkeys(others))
-
-
-def is_halved(heading: str) -> bool:
-    """Whether a heading means twice an observable, such as the diameter of a heap."""
-    return longest_word(heading, *KINDS)[1] == "halved"
 
 
 def scatter_role(plain: str) -> Role | None:
@@ -344,9 +336,11 @@ def scatter_role(plain: str) -> Role | None:
 
 def meaning_of_symbol(heading: Heading) -> tuple[Role, str]:
     """Meaning of a letter by its unit: `d [mm]`."""
+    called = plain_words(heading.name)
     for name, symbols in vocabulary()["symbols"].items():
+        written = called if "." in name else re.sub(r" \d$", "", called)  # `q 2` is a repeat
         for letter, unit in (symbol.split(" ", 1) for symbol in symbols):
-            if not heading.unit or plain_words(heading.name) != plain_words(letter):
+            if not heading.unit or written != plain_words(letter):
                 continue
             if parse_scale(heading.unit).kind == parse_scale(unit).kind:
                 return "condition" if "." in name else "observable", name
@@ -401,6 +395,12 @@ def is_misspelt(text: str, word: str) -> bool:
     """Whether a text may be a known word, misspelt in each of its words."""
     pairs = tuple(zip_longest(text.split(), word.split(), fillvalue=""))
     return all(get_close_matches(own, [known], cutoff=NEAR) for own, known in pairs)
+
+
+def holds_value(heading: Heading) -> bool:
+    """Whether a heading holds a number with another unit than its own: `repose angle (0.5 mm)`."""
+    text = heading.name if heading.unit else BRACKETED_UNIT.sub(" ", heading.text)
+    return any(unit_in(unit) not in (None, heading.unit) for unit in VALUE.findall(text))
 
 
 def is_summary(cell: str) -> bool:

@@ -30,7 +30,18 @@ from taichi_erosion.tables.cell_numbers import (
     plain_cell,
     read_cell,
 )
-from taichi_erosion.tables.headings import Heading, by_law, meaning_of, read_heading, unit_in, vocabulary
+from taichi_erosion.tables.headings import (
+    Heading,
+    by_law,
+    is_summary,
+    meaning_of,
+    meaning_of_symbol,
+    plain_words,
+    read_heading,
+    unit_in,
+    vocabulary,
+)
+from taichi_erosion.tables.number_columns import stem
 
 LARGEST_FILE = 20_000_000  # bytes; no table of measurements is larger
 SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas"}
@@ -85,6 +96,8 @@ def read_cells(path: Path, name: str, faults: list[str]) -> Cells:
         mark = "decimal commas" if comma else "decimal points"
         form = f"text ({encoding}), columns separated by {SEPARATORS[separator]}, {mark}"
     start = next((k for k, (_, cells) in enumerate(rows) if sum(map(bool, cells)) > 1), 0)  # below titles
+    while len(rows) > 1 and len(cells := [*filter(None, rows[-1][1])]) == 1 and not is_quantity(cells[0]):
+        rows.pop()  # a footnote
     rows = with_repeats(with_one_heading(rows[start:]))
     return write_out(Cells(name, tuple(trim_rows(rows, name, faults)), comma, form))
 
@@ -287,7 +300,7 @@ def with_repeats(rows: Lines) -> Lines:
         if (
             heading[k] not in ("", heading[first])
             or not numeric
-            or meaning_of(first_heading.name)[0] != "observable"
+            or "observable" not in (meaning_of(first_heading.name)[0], meaning_of_symbol(first_heading)[0])
         ):
             first = k
             continue
@@ -360,6 +373,31 @@ def in_unit(cell: str, heading: Heading, comma: bool) -> str:
         return f"{min(low, high):.9g} to {max(low, high):.9g}".replace(".", mark)
     sd = "" if isnan(reading.sd) else f" ± {abs(high - low) / (2.0 * STEP) * reading.sd:.6g}"
     return f"{'<' * (reading.reach < 0.0)}{'>' * (reading.reach > 0.0)}{value:.9g}{sd}".replace(".", mark)
+
+
+def called_columns(cells: Cells, text: str) -> tuple[list[int], list[int]]:
+    """Place of the column that a user calls by its heading or name; places of its numbered siblings."""
+    headings = {place: read_heading(each).name for place, each in enumerate(cells.heading) if each}
+    plain = plain_words(text)
+    itself = [k for k, name in headings.items() if plain in map(plain_words, (name, cells.heading[k]))][:1]
+    own = plain_words(stem(headings[itself[0]] if itself else text))
+    numbered = [k for k, name in headings.items() if stem(name) != name and plain_words(stem(name)) == own]
+    return itself, numbered if not itself or itself[0] in numbered else []
+
+
+def tells_apart(cells: Cells, place: int, same: Sequence[int]) -> bool:
+    """Whether words of a column, each in several rows, differ in rows that are alike in some others."""
+    kinds = [(tuple(row[k] for k in same), row[place]) for _, row in cells.lines]
+    words = {word for _, word in kinds}
+    several = "" not in words and 1 < len(words) <= len(kinds) / 2
+    return several and len(set(kinds)) > len({at for at, _ in kinds})
+
+
+def summing_word(cells: Cells, row: Sequence[str], conditions: Sequence[int]) -> str:
+    """Word of a row that sums up others, those alike in all conditions, or all; empty for another row."""
+    at, word = [row[k] for k in conditions], next(filter(is_summary, row), "")
+    others = (each for _, each in cells.lines if word not in each)
+    return word if not all(at) or any([each[k] for k in conditions] == at for each in others) else ""
 
 
 def source_digest(table: Path) -> str:

@@ -14,7 +14,10 @@ from typing import Any
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import read_effect_files
 from taichi_erosion.evidence.answers.scene_templates import (
+    CLOSED_FORM_NUMBERS,
+    HOLDS,
     LENGTHS,
+    READS,
     TEMPLATES,
     CalibratedNumber,
     Template,
@@ -28,6 +31,7 @@ from taichi_erosion.evidence.answers.written_files import Content, StudyFiles, w
 from taichi_erosion.evidence.data.column_faults import column_faults, unusual_cells
 from taichi_erosion.evidence.data.measured import read_rows, with_limits
 from taichi_erosion.evidence.data.tables.column_roles import (
+    AIR,
     CONDITION,
     NOT_USED,
     Column,
@@ -61,31 +65,6 @@ from taichi_erosion.tables.spreadsheet import source_digest
 Document = dict[str, Any]
 OWN = "own"  # name of the apparatus of an own scene
 CLOSED_FORM = "taichi_erosion.evidence.models.reduced:closed_form"
-CLOSED_FORM_CONDITIONS = {  # place -> condition of the closed form
-    DIAMETER: "diameter",
-    "conditions.diameter": "diameter",
-    GRAIN_DENSITY: "grain_density",
-    "conditions.moisture": "moisture",
-    "conditions.slope": "slope",
-    "conditions.roughness_density": "roughness",
-    "conditions.angularity": "angularity",
-    "conditions.fetch": "fetch",
-    "conditions.friction_velocity": "u_star",
-    "conditions.width": "width",
-    "conditions.turbulence": "turbulence",
-    "conditions.spread": "spread",
-    "conditions.air_density": "air_density",
-}
-THRESHOLD = CalibratedNumber("threshold_coefficient", 0.1, 0.04, 0.2, 0.2, "Bagnold's coefficient")
-SLIDING = CalibratedNumber("friction_sliding", 0.5, 0.1, 1.2, 0.2, "grain on grain")
-ROLLING = CalibratedNumber("friction_rolling", 0.1, 0.005, 0.8, 0.6, "shape of the grains")
-FLUX = CalibratedNumber("flux_coefficient", 2.5, 0.3, 20.0, 0.5, "of the flux above the threshold")
-EXPONENT = CalibratedNumber("flux_exponent", 2.4, 1.9, 3.2, 0.2, "2 after Ungar & Haff, 3 after Owen")
-CLOSED_FORM_NUMBERS = {
-    "repose_angle": (SLIDING, ROLLING),
-    "threshold_u_star": (THRESHOLD,),
-    "flux": (THRESHOLD, FLUX, EXPONENT),
-}
 UNIT_ROLES = ("observable", "condition", "condition_sd", "sd", "se", "cv")  # of columns whose unit is told
 ROLE_WORDS = {
     "sd": "scatter of single repeats",
@@ -245,7 +224,7 @@ def condition_places(table: Table, options: TableOptions) -> dict[str, str]:
         f"--condition {name}={near_meaning(name) or 'PATH'}, or give its unit: --condition {name}={unit}"
         for name, place in places.items()
         for unit in [table.units[table.conditions.index(name)] or "UNIT"]
-        if not place
+        if name and not place
     ]
     for name, unit in zip(table.conditions, table.units, strict=True):
         allowed = None if unit else place_range(places[name].split(",")[0])
@@ -274,10 +253,15 @@ def closed_form_content(request: StudyRequest) -> Content:
     if "flux" in request.names and FRICTION_VELOCITY not in request.places.values():
         words = "no column states the friction velocity, on which the flux depends"
         raise BadInput(f"{request.table.file}: {words}; add one, 'u* [m/s]', or leave out --closed-form")
+    held = {place for p in request.places.values() for place in HOLDS.get(p, ())}
+    # one that the model does not read keeps its place: residuals are tested along it
+    conditions = {n: p if p in held else READS.get(p, p) for n, p in request.places.items()}
+    airs = [name for name, condition in conditions.items() if CONDITION + condition in AIR]
+    if airs and {*request.names} != {"repose_angle"}:
+        request.interview.assume(f"the density of the air follows from {' and '.join(airs)} (ideal gas)")
     return Content(
-        observables=dict.fromkeys(request.names, ""),
-        # one that the model does not read keeps its place: residuals are tested along it
-        conditions={n: CLOSED_FORM_CONDITIONS.get(p, p) for n, p in request.places.items()},
+        dict.fromkeys(request.names, ""),
+        conditions,
         parameters=list(dict.fromkeys(each for name in request.names for each in CLOSED_FORM_NUMBERS[name])),
         model=CLOSED_FORM,
     )
@@ -452,7 +436,7 @@ def options_for_table(wishes: NewStudyOptions) -> TableOptions:
         fill_down=wishes.fill_down,
         ignored=frozenset(CONDITION + name for name in ignored),
         complete=True,
-        reads=frozenset(CLOSED_FORM_CONDITIONS) if wishes.closed_form else None,
+        reads=frozenset(READS) if wishes.closed_form else None,
     )
 
 

@@ -14,6 +14,7 @@ from typing import Any
 import tomlkit
 
 from taichi_erosion.campaign.study_file import set_comment
+from taichi_erosion.evidence.data.tables.column_roles import AIR
 from taichi_erosion.measures.shortfalls import LEAST_ROWS, POURED_LEAST, grains_for
 from taichi_erosion.scene.checks import LID_LEAST, REST_LEAST
 from taichi_erosion.scene.load import SCENES, toml_table
@@ -38,6 +39,26 @@ class CalibratedNumber:
     high: float
     sd_log: float
     why: str
+
+
+ALIKE = "diameter moisture slope angularity fetch width turbulence spread air_density".split()
+READS = {  # place -> condition of the closed form
+    **{f"conditions.{name}": name for name in ALIKE},
+    **{place: place.removeprefix("conditions.") for place in AIR},
+    **{DIAMETER: "diameter", GRAIN_DENSITY: "grain_density", FRICTION_VELOCITY: "u_star"},
+    "conditions.roughness_density": "roughness",
+}
+HOLDS = {"conditions.air_density": AIR, "conditions.pressure": ("conditions.altitude",)}  # what it counts in
+THRESHOLD = CalibratedNumber("threshold_coefficient", 0.1, 0.04, 0.2, 0.2, "Bagnold's coefficient")
+SLIDING = CalibratedNumber("friction_sliding", 0.5, 0.1, 1.2, 0.2, "grain on grain")
+ROLLING = CalibratedNumber("friction_rolling", 0.1, 0.005, 0.8, 0.6, "shape of the grains")
+FLUX = CalibratedNumber("flux_coefficient", 2.5, 0.3, 20.0, 0.5, "of the flux above the threshold")
+EXPONENT = CalibratedNumber("flux_exponent", 2.4, 1.7, 3.8, 0.2, "2 after Ungar & Haff, 3 after Owen")
+CLOSED_FORM_NUMBERS = {
+    "repose_angle": (SLIDING, ROLLING),
+    "threshold_u_star": (THRESHOLD,),
+    "flux": (THRESHOLD, FLUX, EXPONENT),
+}
 
 
 @dataclass(frozen=True)

@@ -52,15 +52,11 @@ def known_cells(
     else:
         cells = [(row, row.value, row.unit) for row in table.rows if row.observable == name]
     scaled = [(row, value, unit, scale_of(unit, allowed)) for row, value, unit in cells if isfinite(value)]
-    return [
-        (row, value, unit, scale.to_use(value)) for row, value, unit, scale in scaled if scale is not None
-    ]
+    return [(row, value, unit, scale.to_use(value)) for row, value, unit, scale in scaled if scale]
 
 
 def unusual_cells(table: Table, name: str, allowed: PhysicalRange | None) -> Iterator[str]:
     """Values that can be and are not usual, in words: they may be slips."""
-    if allowed is None:
-        return
-    for row, value, unit, used in known_cells(table, name, allowed):
-        if not allowed.is_usual(used):
+    for row, value, unit, used in known_cells(table, name, allowed) if allowed else ():
+        if allowed and not allowed.is_usual(used):
             yield f"row {row.line}, {name} = {value:g} {unit or ''} is unusual, and taken as written"

@@ -114,9 +114,7 @@ def fill_down(cells: Cells, columns: Sequence[Column], options: TableOptions, in
         if column.role not in ("condition", "group", "source") or not blank:
             continue
         where = f"column '{column.heading.text}'"
-        question = (
-            f"{blank} cells of {where} are blank below a value. Fill them with the cell above (yes or no)"
-        )
+        question = f"{blank} cells of {where} are blank below a value. Fill them from above (yes or no)"
         if not (options.fill_down or interview.choice(question, "no", "").lower().startswith(AGREED)):
             continue
         interview.assume(f"{where}: {blank} blank cells are filled with the cell above")
@@ -277,9 +275,8 @@ def model_unit(name: str, entry: ObservableEntry, rows: Sequence[Row], file: str
     try:
         parse_unit(unit)
     except UnknownUnit:
-        raise BadInput(
-            f"{file}: observables.{name}.unit = '{unit}' is not known; allowed: {EXAMPLES}"
-        ) from None
+        words = f"observables.{name}.unit = '{unit}' is not known; allowed: {EXAMPLES}"
+        raise BadInput(f"{file}: {words}") from None
     return unit
 
 

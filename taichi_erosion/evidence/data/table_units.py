@@ -28,9 +28,8 @@ class TableUnits:
         stored = document.get(KEY, {})
         values = {name: Scale(unit) for name, unit in document.get("units", {}).items()}
         values |= {name: Scale(**entry) for name, entry in stored.get("values", {}).items()}
-        return TableUnits(
-            values, {name: Scale(**entry) for name, entry in stored.get("conditions", {}).items()}
-        )
+        conditions = {name: Scale(**entry) for name, entry in stored.get("conditions", {}).items()}
+        return TableUnits(values, conditions)
 
     def record(self) -> dict[str, Any]:
         """The same as plain tables."""

@@ -29,6 +29,7 @@ from taichi_erosion.evidence.data.problem import Conditions, Floats, Integers, N
 GRAVITY = 9.81  # m s-2
 GRAIN_DENSITY = 2650.0  # kg m-3, quartz, where none is given
 AIR_DENSITY = 1.2  # kg m-3, what the bare model assumes everywhere
+SCALE_HEIGHT = 8581.0  # m, R T / g of air at 20 C
 MEDIAN_DIAMETER = 2.5e-4  # m
 REPOSE_TANGENT = 0.6  # tangent of the angle of repose on a slope [1]
 DEFAULTS = {
@@ -37,7 +38,10 @@ DEFAULTS = {
     "moisture": 0.0,  # kg water per kg of dry soil
     "slope": 0.0,  # rad, uphill positive
     "roughness": 0.0,  # frontal area of obstacles per ground area [1]
-    "air_density": AIR_DENSITY,  # kg m-3
+    "air_density": AIR_DENSITY,  # kg m-3, at these:
+    "temperature": 293.15,  # K
+    "pressure": 101325.0,  # Pa
+    "altitude": 0.0,  # m
     "spread": 1.5,  # d90 / d50 [1]
     "angularity": 0.3,  # 0 round, 1 crushed
     "turbulence": 0.1,  # sd of the wind over its mean [1]
@@ -126,8 +130,10 @@ def electrostatics(psi: float, at: Conditions) -> Shift:
 
 
 def air_density(psi: float, at: Conditions) -> Shift:
-    """u*t ~ rho^-1/2 and Q ~ rho: the bare model takes the density at sea level."""
-    ratio = np.log(at["air_density"] / AIR_DENSITY)
+    """u*t ~ rho^-1/2 and Q ~ rho, rho ~ p / T e^(-g h / R T): the bare model: sea level, 20 C."""
+    usual = DEFAULTS["temperature"] / at["temperature"]
+    thin = at["air_density"] / AIR_DENSITY * at["pressure"] / DEFAULTS["pressure"] * usual
+    ratio = np.log(thin) - at["altitude"] / SCALE_HEIGHT * usual
     return Shift(threshold=-0.5 * psi * ratio, flux=psi * ratio)
 
 

@@ -143,9 +143,9 @@ def test_a_condition_without_a_unit_is_refused_and_one_that_the_closed_form_does
     (fault,) = faults_of(tmp_path, changed("Feuchte in %", "Feuchte"))
     assert "has no unit in its heading: its numbers are 0 to 3.1" in fault
     document, _ = made(
-        tmp_path, GOOD.replace("Feuchte in %", "Temperatur [°C]"), NewStudyOptions(closed_form=True)
+        tmp_path, GOOD.replace("Feuchte in %", "Tongehalt in %"), NewStudyOptions(closed_form=True)
     )
-    kept = "column 'Temperatur [°C]' is kept as a condition; no effect of the model reads it"
+    kept = "column 'Tongehalt in %' is kept as a condition; no effect of the model reads it"
     assert kept in document["assumed"]
     own = NewStudyOptions(TableOptions(conditions={"Temperatur": "g/kg"}), tmp_path / "own", closed_form=True)
     _, study = made(tmp_path, GOOD.replace("Feuchte in %", "Temperatur"), own)

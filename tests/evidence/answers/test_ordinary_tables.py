@@ -1,5 +1,6 @@
 """Small tables of ordinary people, from the file to the answer: the numbers that are right."""
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -179,3 +180,65 @@ def test_no_name_has_a_strength_above_the_list(tmp_path):
     charge = record.effects["electrostatics"]
     assert charge.strength > charge.most, "else this tests nothing"
     assert "electrostatics" in record.refuted
+
+
+def thresholds(column: str, values: Sequence[float], thin: Callable[[float], float]) -> str:
+    """Thresholds [cm/s] of three sands, at values of a column that make the air so thin; 2 %."""
+    random, rows = np.random.default_rng(4), [f"{column},grain size (mm),u*t (cm/s),SD,n,air pressure (hPa)"]
+    for x, d in ((x, d) for x in values for d in (0.2, 0.3, 0.5)):
+        u = 100.0 * 0.105 * np.sqrt(2650.0 / (1.2 * thin(x)) * 9.81e-3 * d)
+        rows.append(
+            f"{x},{d},{u * (1.0 + 0.02 * random.standard_normal()):.2f},{0.03 * u:.2f},3,{900 + 0.01 * x + 100 * d:g}"
+        )
+    return "\n".join([*rows, ""])
+
+
+AIRS = {
+    "temperature (°C)": ((-35, -20, -5, 10, 25, 40), lambda t: 293.0 / (273.0 + t)),
+    "altitude (m)": ((0, 900, 1700, 2600, 3500, 4400), lambda h: np.exp(-h / 8500.0)),
+}
+
+
+@pytest.mark.parametrize("column", AIRS)
+def test_the_air_of_the_day_and_of_the_site_is_a_listed_effect(tmp_path, column):
+    table = thresholds(column, *AIRS[column])
+    record = answer(study_of(tmp_path, "", table.replace("air", "note air"))).record
+    assert record.named == ("air_density",)
+    assert 0.8 < record.effects["air_density"].strength < 1.25
+    (beside := tmp_path / "beside").mkdir()
+    at = study_of(beside, "", table).file.conditions  # a pressure counts in the altitude
+    assert at.get("altitude", "conditions.altitude") == "conditions.altitude"
+
+
+TRAPS = "trap,u* (m/s),q (g/m/s),q (g/m/s),salt grass cover (%)\n" + "".join(
+    f"{name},{u},{f * u:.3g},{f * u + 0.1:.3g},{cover}\n"
+    for name, f in (("A", 9.0), ("B", 5.0))
+    for u in (0.3, 0.5, 0.7)
+    for cover in (0, 5)
+)
+
+
+def test_words_that_tell_alike_rows_apart_name_set_ups_and_a_cover_of_grass_is_no_salinity(tmp_path):
+    study = study_of(tmp_path, "", TRAPS + "q: mean of 10 min\n")
+    assert study.problem.measurements.group == ("A",) * 12 + ("B",) * 12
+    assert study.file.conditions["salt_grass_cover"] == "conditions.salt_grass_cover"
+
+
+def test_medium_sand_is_no_mean_and_a_mean_is_refused(tmp_path):
+    sands = [f"{name};{w};{30 + w};0,8;3" for name in ("fina", "média") for w in (0, 2)]
+    table = "\n".join(["Areia;Umidade (%);Ângulo de repouso (°);SD;n", *sands[:2], "média;1;31;0,8;3", ""])
+    assert study_of(tmp_path, "", table).problem.measurements.size == 3
+    with pytest.raises(BadInput, match="sums up others"):
+        study_of(tmp_path, "", "\n".join([table.partition("\n")[0], *sands, ""]))
+
+
+def test_one_condition_that_bends_does_not_show_the_trend_of_another(tmp_path):
+    """Thresholds rise with the logarithm of time; both sands alike."""
+    places = ask("compare", study_of(tmp_path, "ageing").path).record.where
+    assert {place.axis for place in places if place.p < 0.01} == {"days_since_disturbance"}
+
+
+def test_what_is_told_of_a_condition_is_what_the_rows_show_of_it(tmp_path):
+    """Water acts above what clay binds: along moisture thresholds rise, whatever bridges leave."""
+    curves = answer(study_of(tmp_path, "clay")).record.curves
+    assert [each.shape for each in curves if each.condition == "moisture"] == ["rises"]

@@ -19,10 +19,10 @@ from taichi_erosion.scene.schema.units import UnknownUnit, parse_scale
 from taichi_erosion.tables.cell_numbers import is_missing, is_quantity, plain_cell, reason, stated_number
 from taichi_erosion.tables.headings import (
     DIAMETER,
+    KINDS,
     SCATTER,
     Heading,
     Role,
-    is_halved,
     lone_angle,
     longest_word,
     meaning_of,
@@ -35,7 +35,7 @@ from taichi_erosion.tables.headings import (
     wind_height,
 )
 from taichi_erosion.tables.number_columns import stem
-from taichi_erosion.tables.spreadsheet import Cells, has_digit
+from taichi_erosion.tables.spreadsheet import Cells, called_columns, has_digit
 
 NUMERIC_SHARE = 0.5  # of the cells with content that are numbers in a column of numbers
 HALF = 0.5  # from a diameter of a heap to its radius [1]
@@ -45,6 +45,7 @@ NOTE = "note"  # first word of the heading of a column that is not used
 UNUSED = f"a column that is not used has a heading that begins with '{NOTE}'"
 SHARES = {"": 0.01, "%": 0.01, "1": 1.0, "-": 1.0}  # of a coefficient of variation in such a unit
 CONDITION = "conditions."
+AIR = tuple(f"conditions.{name}" for name in ("temperature", "pressure", "altitude"))  # of its density
 ROUGHNESS_LENGTH = "conditions.roughness_length"
 LOWEST_WIND = 0.1  # roughness length over the height of a wind, below which the law of the wall holds [1]
 
@@ -154,16 +155,6 @@ def stated_names(cells: Cells, options: TableOptions, faults: list[str]) -> dict
     return name_of
 
 
-def called_columns(cells: Cells, text: str) -> tuple[list[int], list[int]]:
-    """Place of the column that a user calls by its heading or name; places of its numbered siblings."""
-    headings = {place: read_heading(each).name for place, each in enumerate(cells.heading) if each}
-    plain = plain_words(text)
-    itself = [k for k, name in headings.items() if plain in map(plain_words, (name, cells.heading[k]))][:1]
-    own = plain_words(stem(headings[itself[0]] if itself else text))
-    numbered = [k for k, name in headings.items() if stem(name) != name and plain_words(stem(name)) == own]
-    return itself, numbered if not itself or itself[0] in numbered else []
-
-
 def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -> Column:
     """One column by what is said of it, by its heading, by its cells."""
     heading = read_heading(cells.heading[place])
@@ -186,7 +177,7 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
     if role == "unknown" or changed:
         near = name if changed else near_meaning(heading.name)
         return Column(place, heading, "remark", sure=False, near=near, changed=changed)
-    factor = HALF if role == "observable" and is_halved(heading.name) else 1.0
+    factor = HALF if role == "observable" and longest_word(heading.name, *KINDS)[1] == "halved" else 1.0
     return Column(place, heading, role, name, sure=role != "spread", factor=factor, unclear=unclear)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.tables.column_roles import (
+    AIR,
     CONDITION,
     HALF,
     NOT_USED,
@@ -38,16 +39,16 @@ from taichi_erosion.tables.headings import (
     HEIGHT,
     SCATTER,
     WINDS,
-    has_basis,
+    has_word,
+    holds_value,
     is_summary,
     meaning_of,
     plain_words,
     stated_unit,
-    unit_in,
     vocabulary,
 )
 from taichi_erosion.tables.number_columns import is_height, no_conditions, own_name, stem
-from taichi_erosion.tables.spreadsheet import Cells
+from taichi_erosion.tables.spreadsheet import Cells, tells_apart
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
 AGREED = ("y", "j", "o", "s")  # first letters of yes, ja, oui, si
@@ -57,15 +58,11 @@ SPREADS = {
     "se": "the standard error of their mean",
     NOT_USED: "not used",
 }
-BRACKETED_UNIT = re.compile(r"\[[^\]]*\]|\([^()\d]*\)")  # of what the column measures
-VALUE = re.compile(r"(?<![\w.,])\d+(?:[.,]\d+)?\s*([%‰°µμ]\w*|[^\W\d_]\w*)")  # a number and its unit
 BESIDE = "the repeats stand beside it"
 OWN = "own"  # answer of who keeps a column as a condition of its own
 UNREAD = "no effect of the model reads it"
 SHARES = ("%", "‰", "1", "-")
-RESERVED = (
-    *"observable value unit sd n group source vault replicate repeat date note comment remark".split(),
-)
+RESERVED = "observable value unit sd n group source vault replicate repeat date note comment remark".split()
 PROFILE = (
     "a profile over the height is one measurement; fit u* and z0 to its winds, u = u* ln(z / z0) / 0.4, sum "
     "its flux over the height, and give one row for every profile, with 'u* [m/s]' and 'flux [g/(m s)]'"
@@ -130,9 +127,6 @@ def understand_columns(
 ) -> list[Column]:
     """The columns of a table, settled, with units; `measured`: one of them must hold a measured quantity."""
     columns = column_roles(cells, options, faults)
-    for column in (each for each in columns if each.unclear):
-        told_as = f"column '{column.heading.text}' is read as {column.title or column.name}"
-        interview.assume(f"{told_as}; check '{column.unclear}' in its heading")
     for note in cells.notes:
         interview.assume(note)
     if faults:  # nobody is asked about a table that has to be corrected
@@ -142,7 +136,10 @@ def understand_columns(
     columns = without_profiles(columns, reading)
     columns = repeats_side_by_side(settled_columns(columns, reading, measures), reading)
     columns = without_unread(list(without_unknown(columns, reading)), reading)
-    columns = list(with_partners(columns, interview))
+    for column in (each for each in columns if each.unclear):
+        read_as = f"column '{column.heading.text}' is read as {column.title or column.name}"
+        interview.assume(f"{read_as}; check '{column.unclear}' in its heading")
+    columns = list(with_partners(list(with_kinds(columns, reading)), interview))
     if measured and not any(column.role == "observable" for column in columns):
         known = ", ".join(options.measures or options.observables)
         faults.append(
@@ -206,9 +203,8 @@ def settle_column(column: Column, reading: Reading, measured: bool) -> Column:
 def settled_unknown(column: Column, reading: Reading) -> Column:
     """A column whose heading says nothing known, as the user calls it."""
     text = column.heading.text
-    hint = f" '{column.near}' is near its heading." if column.near else ""
     changed = f"'{column.changed}' makes it another quantity than {column.near}"
-    hint = f" {changed}." if column.changed else hint
+    hint = f" {changed}." if column.changed else f" '{column.near}' is near its heading." * bool(column.near)
     kept = reading.options.reads is not None  # as a condition of its own, unless its cells speak against it
     choice = f"{OWN} = a condition of your own" if kept else f"--condition '{column.heading.name}=UNIT'"
     question = (
@@ -288,9 +284,7 @@ def without_unknown(columns: Sequence[Column], reading: Reading) -> Iterator[Col
         wrong = column_fault(column, seen, reading.options) if used else ""
         own = [each for each in bent if each.role == "observable" or each.name == column.name]
         if own and column.role in ("sd", "se", "cv", "condition_sd"):
-            wrong = (
-                f"its numbers are turned with those of '{own[0].heading.text}': write them there, behind ±"
-            )
+            wrong = f"its numbers turn with those of '{own[0].heading.text}': write them there, behind ±"
         if used:
             seen.setdefault(column.name, column.heading.text)
         yield reading.fault(column, wrong) if wrong else column
@@ -306,8 +300,8 @@ def column_fault(column: Column, seen: Mapping[str, str], options: TableOptions)
     if not options.measures:  # a study says itself what there is
         return ""
     if column.role == "observable":
-        known = column.name in options.measures
-        return "" if known else f"no scene measures '{column.name}'; known: {', '.join(options.measures)}"
+        words = f"no scene measures '{column.name}'; known: {', '.join(options.measures)}"
+        return "" if column.name in options.measures else words
     if range_of(column) or column.name in options.own_units:
         return ""
     own = f"'{column.name}' is no unit and no place of a scene (a condition of your own: COLUMN=g/kg)"
@@ -325,7 +319,8 @@ def with_right_unit(column: Column, reading: Reading) -> Column:
         tangent = f" ({heading.unit} of an angle is a tangent: write its angle)" if unit == "deg" else ""
         counted = "a pure number" if unit == "1" else unit
         return reading.fault(column, f"{column.name} counts in {counted}; give it in that unit{tangent}")
-    if column.name == "conditions.moisture" and heading.unit in SHARES and not has_basis(heading):
+    based = heading.law or has_word(heading.text, vocabulary()["bases"]["dry"])
+    if column.name == "conditions.moisture" and heading.unit in SHARES and not based:
         told = f"'{heading.text}' counts as a share of dry soil by mass"
         reading.interview.assume(f"{told} ('wet basis' or 'volumetric' in the heading: otherwise)")
     return column
@@ -334,19 +329,18 @@ def with_right_unit(column: Column, reading: Reading) -> Column:
 def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
     """The columns; conditions that the model does not read get names of their own, or are not used.
 
-    Which numbers are none is told by `number_columns.py`; a column that the user names always is one.
+    Which numbers are none, of the air too, `number_columns.py` tells; a column that the user names is one.
     """
     reads, said = reading.options.reads, reading.options.conditions.values()
     measured = [c.place for c in columns if c.role == "observable"]
     rows = [row for _, row in reading.cells.lines if not all(is_missing(row[place]) for place in measured)]
     if reads is None or not rows:
         return [without_blanks(column, rows, reading) for column in columns]
-    unread = [c for c in columns if c.role == "condition" and c.name not in reads]
-    others = [c for c in columns if c.role == "condition" and c.name in reads]
+    unread = [c for c in columns if c.role == "condition" and c.name not in reads.difference(AIR)]
+    others = [c for c in columns if c.role == "condition" and c.name in reads.difference(AIR)]
     labels = [c.place for c in columns if c.role in ("group", "source")]
-    filled = rows
-    if reading.options.fill_down:
-        filled = [*accumulate(rows, lambda up, row: tuple(x or y for x, y in zip(row, up, strict=True)))]
+    filled = accumulate(rows, lambda up, row: tuple(x or y for x, y in zip(row, up, strict=True)))
+    filled = [*filled] if reading.options.fill_down else rows
     set_ups = ["|".join(row[place] for place in labels) for row in filled]
     values = {c: np.array([reading.number(row[c.place]).value for row in filled]) for c in (*unread, *others)}
     results = [np.array([reading.number(row[place]).value for row in rows]) for place in measured]
@@ -361,13 +355,26 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
         text, name = column.heading.text, own_name(column.heading.name, names, column.place)
         if column in unread and text in why:
             column = replace(column, role="remark")
-        elif column in unread:
+        elif column in unread and column.name not in reads:
             reading.interview.assume(f"column '{text}' is kept as a condition; {UNREAD}")
-            place = column.name if column.name.startswith(CONDITION) else CONDITION + name
-            column = replace(column, name=place, title=column.title or name, unread=True)
+            if column.unclear or not column.name.startswith(CONDITION):  # a grass cover is no salinity
+                column = replace(column, name=CONDITION + name, title=name, unclear="")
+            column = replace(column, unread=True)
             names.append(column.title)
         kept.append(column)
     return kept
+
+
+def with_kinds(columns: Sequence[Column], reading: Reading) -> Iterator[Column]:
+    """The columns; one of words that tells apart rows alike in all else names set-ups: `trap`, `variety`."""
+    same = [each.place for each in columns if each.role in ("condition", "group", "source")]
+    for column in columns:
+        unknown = column.role == "remark" and meaning_of(column.heading.name)[0] == "unknown"
+        if unknown and not column.numeric and tells_apart(reading.cells, column.place, same):
+            words = f"column '{column.heading.text}' names set-ups: rows alike in all else differ in it"
+            reading.interview.assume(words)
+            column = replace(column, role="group")
+        yield column
 
 
 def without_blanks(column: Column, rows: Sequence[Sequence[str]], reading: Reading) -> Column:
@@ -393,7 +400,7 @@ def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Co
     repeats, means, numbered = set[int](), set[int](), set[int]()
     for family in (each for each in families.values() if len(each) > 1):
         titles = ", ".join(f"'{column.heading.text}'" for column in family)
-        if any(map(holds_value, family)):
+        if any(holds_value(each.heading) for each in family):
             lengths = family[0].name == "flux" and all(HEIGHT.search(each.heading.text) for each in family)
             words = PROFILE if lengths else CROSS_TABLE
             reading.faults.append(f"{reading.cells.file}: columns {titles}: {words}")
@@ -412,13 +419,6 @@ def repeats_side_by_side(columns: Sequence[Column], reading: Reading) -> list[Co
     found = [replace(column, is_repeat=column.place in repeats) for column in columns]
     found = [replace(c, heading=replace(c.heading, repeats=0)) if c.place in numbered else c for c in found]
     return [replace(c, role="remark", sure=True) if c.place in means else c for c in found]
-
-
-def holds_value(column: Column) -> bool:
-    """Whether a heading holds a number with another unit than its own: `repose angle (0.5 mm)`."""
-    heading = column.heading
-    text = heading.name if heading.unit else BRACKETED_UNIT.sub(" ", heading.text)
-    return any(unit_in(unit) not in (None, heading.unit) for unit in VALUE.findall(text))
 
 
 def with_partners(columns: Sequence[Column], interview: Interview) -> Iterator[Column]:
@@ -459,8 +459,8 @@ def with_asked_unit(column: Column, reading: Reading) -> Column:
         reading.interview.assume(f"ranges in column '{text}' count as their middle")
     if column.heading.unit:
         return column
-    written = next((number.unit for number in numbers if number.unit), "")
-    if written or (written := reading.options.own_units.get(column.name, "")):
+    behind = next((number.unit for number in numbers if number.unit), "")
+    if written := behind or reading.options.own_units.get(column.name, ""):
         return in_unit(column, written)
     return with_usual_unit(column, [number.value for number in numbers], reading)
 

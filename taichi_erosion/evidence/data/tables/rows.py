@@ -38,9 +38,9 @@ from taichi_erosion.scene.schema.units import (
     scale_between,
 )
 from taichi_erosion.tables.cell_numbers import CellFault, CellNumber, cell_word, is_missing, read_cell, reason
-from taichi_erosion.tables.headings import Role, is_summary, meaning_of, read_heading
+from taichi_erosion.tables.headings import Role, meaning_of, read_heading
 from taichi_erosion.tables.number_columns import own_name
-from taichi_erosion.tables.spreadsheet import Cells
+from taichi_erosion.tables.spreadsheet import Cells, summing_word
 
 Found = TypeVar("Found")
 REQUIRED = ("observable", "value", "unit")
@@ -250,7 +250,8 @@ class RowReader:
 
     def rows(self, line: int, row: Sequence[str]) -> Iterator[Row]:
         """What one row of the file says: in a laboratory's own table a row for each measured quantity."""
-        if not self.tidy and (summary := next(filter(is_summary, row), None)):
+        places = [column.place for column in self.of("condition")]
+        if not self.tidy and (summary := summing_word(self.cells, row, places)):
             told = f"row {line}, '{summary}': the row sums up others; remove it"
             self.faults.append(f"{self.cells.file}: {told}")
             return
