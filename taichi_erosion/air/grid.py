@@ -150,10 +150,10 @@ class Air:
 
 def ghost_field(shape: tuple[int, ...], replicas: int, vector: bool = False) -> Any:
     """Field over cells and one layer of ghosts at each end, by replica."""
-    made = ti.Vector.field(3, real) if vector else ti.field(real)
+    field = ti.Vector.field(3, real) if vector else ti.field(real)
     axes = (ti.i, ti.ij, ti.ijk, ti.ijkl)[len(shape)]
-    ti.root.dense(axes, (replicas, *(n + 2 for n in shape))).place(made, offset=(0, *(-1 for _ in shape)))
-    return made
+    ti.root.dense(axes, (replicas, *(n + 2 for n in shape))).place(field, offset=(0, *(-1 for _ in shape)))
+    return field
 
 
 def allocate_air(setups: Sequence[AirSetup]) -> Air:

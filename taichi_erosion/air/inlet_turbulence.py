@@ -47,21 +47,21 @@ def draw_waves(turbulence: InletTurbulence) -> tuple[Floats, Floats, Floats]:
     energy = wave**4 / (1.0 + wave**2) ** (17.0 / 6.0)
     share = np.cumsum(energy * np.gradient(wave))
     # one wave from each of `count` equal shares of the energy, so that few waves already have the spectrum
-    drawn = np.interp((np.arange(count) + random.random(count)) / count * share[-1], share, wave) / scale
+    waves = np.interp((np.arange(count) + random.random(count)) / count * share[-1], share, wave) / scale
     direction = random.normal(size=(count, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     normal = np.cross(direction, random.normal(size=(count, 3)))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     amplitude = np.asarray(turbulence.deviation) * np.sqrt(6.0 / count) * normal
-    return drawn[:, None] * direction, amplitude, random.uniform(0.0, 2.0 * np.pi, count)
+    return waves[:, None] * direction, amplitude, random.uniform(0.0, 2.0 * np.pi, count)
 
 
 def allocate_waves(setups: Sequence[AirSetup]) -> InletWaves:
     """Fields of the waves; without turbulence there is none."""
-    drawn = [None if s.turbulence is None else draw_waves(s.turbulence) for s in setups]
-    number = max((0 if waves is None else len(waves[2]) for waves in drawn), default=0)
+    samples = [None if s.turbulence is None else draw_waves(s.turbulence) for s in setups]
+    number = max((0 if waves is None else len(waves[2]) for waves in samples), default=0)
     shape = (len(setups), max(number, 1))
-    made = InletWaves(
+    fields = InletWaves(
         number,
         vector=ti.Vector.field(3, real, shape=shape),
         amplitude=ti.Vector.field(3, real, shape=shape),
@@ -70,13 +70,13 @@ def allocate_waves(setups: Sequence[AirSetup]) -> InletWaves:
     )
     if number:
         tables = [np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros(shape)]
-        for replica, waves in enumerate(drawn):
+        for replica, waves in enumerate(samples):
             for table, values in zip(tables, waves or (), strict=False):
                 table[replica, : len(values)] = values
-        for field, table in zip((made.vector, made.amplitude, made.phase), tables, strict=True):
+        for field, table in zip((fields.vector, fields.amplitude, fields.phase), tables, strict=True):
             write(field, table)
-        write(made.mean_speed, [s.sides["x_low"].velocity[0] for s in setups])
-    return made
+        write(fields.mean_speed, [s.sides["x_low"].velocity[0] for s in setups])
+    return fields
 
 
 @ti.kernel

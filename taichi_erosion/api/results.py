@@ -30,11 +30,11 @@ DRAWS = 2000  # of a posterior
 PREDICTED = ("model", "value", "low", "high", "measured_low", "measured_high", "unit", "outside")  # columns
 
 
-def python_call(own: Path, command: str, file: str, *words: str) -> str:
+def python_call(study_path: Path, command: str, file: str, *words: str) -> str:
     """A command of the evidence loop as a call in backquotes; `own`: the study that answers."""
     if command == "effects":
         return shell_command(command, file, *words)
-    study = "study" if Path(file) == own else f"te.study({file!r})"
+    study = "study" if Path(file) == study_path else f"te.study({file!r})"
     return f"`{study}.{command}({', '.join(map(repr, words))})`"
 
 
@@ -111,8 +111,8 @@ class RaceResult(Result):
         import xarray as xr
 
         assert self.reply.posterior is not None  # of a new answer
-        drawn = self.reply.posterior.unknowns(DRAWS).items()
-        columns = {name: (("chain", "draw"), values[None]) for name, values in drawn}
+        draws = self.reply.posterior.unknowns(DRAWS).items()
+        columns = {name: (("chain", "draw"), values[None]) for name, values in draws}
         return xr.Dataset(columns, {"chain": [0], "draw": range(DRAWS)})
 
     def to_inference_data(self) -> Any:
@@ -145,8 +145,8 @@ class ComparisonResult(RaceResult):
         """Misfit of every observable in its unit; `bias` is the mean of measured less predicted."""
         rows = self.rows
         gaps = rows.assign(gap=rows["measured"] - rows["before"]).groupby(["observable", "unit"], sort=False)
-        found = gaps["gap"].agg(n="size", rmse=lambda gap: (gap**2).mean() ** 0.5, bias="mean")
-        return WholeTable(found.reset_index("unit"))
+        errors = gaps["gap"].agg(n="size", rmse=lambda gap: (gap**2).mean() ** 0.5, bias="mean")
+        return WholeTable(errors.reset_index("unit"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -194,11 +194,11 @@ class DiscoveryResult(RaceResult):
         for curve in self.record.curves:
             name, axis, is_offset = curve.observable, curve.condition, curve.kind == "offset"
             unit = unit_of(units, name) if is_offset else "factor"
-            stated = {"observable": name, "unit": unit, "condition": condition_heading(units, axis)}
+            labels = {"observable": name, "unit": unit, "condition": condition_heading(units, axis)}
             for point in curve.points:
                 ends = {"value": point.value, "low": point.low, "high": point.high}
                 sizes = {key: units.value(name, x) if is_offset else x for key, x in ends.items()}
-                rows.append(stated | {"at": units.condition(axis, point.at)} | sizes)
+                rows.append(labels | {"at": units.condition(axis, point.at)} | sizes)
         return frame(rows, columns=("observable", "unit", "condition", "at", "value", "low", "high"))
 
 

@@ -47,21 +47,21 @@ class Run:
         """Measures: value and standard deviation of all seeds, with units, beside measured values."""
         measured = self.document.get("measured", {})
         return frame(
-            {"measure": name, **{key: found[key] for key in ("value", "sd", "unit")}}
+            {"measure": name, **{key: measure[key] for key in ("value", "sd", "unit")}}
             | {
                 "measured": measured.get(name, {}).get("value"),
                 "measured_sd": measured.get(name, {}).get("sd"),
             }
-            for name, found in self.document["measures"].items()
+            for name, measure in self.document["measures"].items()
         ).set_index("measure")
 
     @property
     def seeds(self) -> pd.DataFrame:
         """Measures of every seed, one a row."""
         return frame(
-            {"seed": replica["seed"], "measure": name, "value": found["value"], "unit": found["unit"]}
+            {"seed": replica["seed"], "measure": name, "value": measure["value"], "unit": measure["unit"]}
             for replica in self.document["replicas"]
-            for name, found in replica.get("measures", {}).items()
+            for name, measure in replica.get("measures", {}).items()
         )
 
     @property
@@ -99,9 +99,9 @@ class Run:
         from taichi_erosion.recording.export import field_table
         from taichi_erosion.recording.readback import read_fields
 
-        if not (found := read_fields(self.recorded)):
+        if not (profiles := read_fields(self.recorded)):
             raise BadInput(f"{self.recorded}: holds no fields; run the scene with --set record.fields=true")
-        return field_table(found)
+        return field_table(profiles)
 
     def report(self, to: PathLike | None = None) -> Path:
         """Page of the run (HTML). Raises BadInput for a run without a recording."""
@@ -115,11 +115,11 @@ class Run:
         return run_warnings(self.document)
 
     def __repr__(self) -> str:
-        found = (
+        measures = (
             f"{name} {with_deviation(each)} {each['unit']}"
             for name, each in self.document["measures"].items()
         )
-        return f"Run({self.document['scene']}: {', '.join(found) or 'no measures'})"
+        return f"Run({self.document['scene']}: {', '.join(measures) or 'no measures'})"
 
     def _repr_html_(self) -> str:
         return html(self.document["title"] or self.document["scene"], self.warnings, [self.table])
@@ -143,10 +143,10 @@ def run(
     from taichi_erosion.run import RunOptions, run_scene
 
     options = {name: entries.pop(name) for name in OPTIONS if name in entries}
-    stated = stated_changes(changes, entries, OPTIONS)
+    overrides = stated_changes(changes, entries, OPTIONS)
     with tempfile.TemporaryDirectory() as folder, progress("running") as report:
         chosen = RunOptions(
-            overrides=stated,
+            overrides=overrides,
             record=None if isinstance(record, bool) else Path(record),
             no_record=record is False,
             effect_files=tuple(Path(file) for file in effect_files),
@@ -191,8 +191,8 @@ def stated_changes(
     for name in entries:
         if "__" not in name:
             raise BadInput(f"no option '{name}'; there are {', '.join(options)}, and SECTION__ENTRY")
-    stated = dict(changes or {}) | {name.replace("__", "."): value for name, value in entries.items()}
-    return tuple(override(*one) for one in stated.items())
+    settings = dict(changes or {}) | {name.replace("__", "."): value for name, value in entries.items()}
+    return tuple(override(*one) for one in settings.items())
 
 
 def open_run(file: PathLike) -> Run:

@@ -94,12 +94,12 @@ def controls(session: Session) -> list[dict[str, Any]]:
             if number := number_at(path):
                 rows.append((path, value, number.unit, number.low, number.high))
     for name, effect in library_at_hand(session).items():
-        stated = scene.effects.get(name, {})
+        entries = scene.effects.get(name, {})
         if effect.place != "scene":
-            strength = stated.get(STRENGTH, 1.0) if name in scene.effects else None
+            strength = entries.get(STRENGTH, 1.0) if name in scene.effects else None
             rows.append((f"effects.{name}.{STRENGTH}", strength, "1", 0.0, effect.most))
         for each in fields(effect.params) if name in scene.effects else ():
-            value, about = stated.get(each.name, each.default), each.metadata
+            value, about = entries.get(each.name, each.default), each.metadata
             rows.append((f"effects.{name}.{each.name}", value, about["unit"], about["low"], about["high"]))
     rows.sort(key=lambda row: (row[1] is None, (*STEERED, "effects").index(row[0].partition(".")[0])))
     names = ("path", "value", "unit", "low", "high", "meaning")

@@ -57,8 +57,8 @@ class LiveSession:
     def table(self) -> pd.DataFrame:
         """All measures in the present state."""
         rows = (
-            {"measure": name, "value": found.value, "unit": found.unit, "notes": "; ".join(found.notes)}
-            for name, found in sessions.measure_now(self.session).items()
+            {"measure": name, "value": each.value, "unit": each.unit, "notes": "; ".join(each.notes)}
+            for name, each in sessions.measure_now(self.session).items()
         )
         return frame(rows).set_index("measure")
 
@@ -94,8 +94,8 @@ class LiveSession:
         """
         from taichi_erosion.recording.export import field_table
 
-        found = fields_now(self.session.sim, 0, at, width, extent)
-        return field_table([found]).isel(time=0)
+        profile = fields_now(self.session.sim, 0, at, width, extent)
+        return field_table([profile]).isel(time=0)
 
     def chains(self, to: PathLike) -> Path:
         """Write a picture of the force chains from the side (PNG)."""

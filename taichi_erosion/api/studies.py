@@ -128,8 +128,8 @@ def study(
         raise BadInput(f"{path}: there is no such file")
     size = stated_budget(budget)
     files = tuple(map(Path, effect_files))
-    stated = StudyOptions(*size, workers, seed, files, arch=arch, decomposition=decomposition)
-    return Study(Path(path), stated)
+    options = StudyOptions(*size, workers, seed, files, arch=arch, decomposition=decomposition)
+    return Study(Path(path), options)
 
 
 def new_study(
@@ -161,8 +161,8 @@ def new_study(
     if "scene" in grains:
         grains["scene"] = Path(grains["scene"])
     grains["effects"] = tuple(map(Path, grains.get("effects", ())))
-    told = TableOptions(dict(observables or {}), dict(conditions or {}), dict(units or {}))
-    wishes = NewStudyOptions(told, None if out is None else Path(out), apparatus, closed_form, **grains)
+    of_table = TableOptions(dict(observables or {}), dict(conditions or {}), dict(units or {}))
+    wishes = NewStudyOptions(of_table, None if out is None else Path(out), apparatus, closed_form, **grains)
     document = write_study(table_file(table, out), wishes, lambda question, guess: guess)
     return study(document["study"])
 
@@ -176,8 +176,8 @@ def table_file(table: TableLike, out: PathLike | None) -> Path:
     try:
         columns = pd.DataFrame(table)
     except ValueError as error:
-        known = "a file (.csv, .xlsx), a DataFrame, or a dict of columns of one length"
-        raise BadInput(f"the table is not {known}: {error}") from None
+        kinds = "a file (.csv, .xlsx), a DataFrame, or a dict of columns of one length"
+        raise BadInput(f"the table is not {kinds}: {error}") from None
     folder = Path(out)
     folder.parent.mkdir(parents=True, exist_ok=True)
     file = folder.with_name(f"{folder.name}.csv")

@@ -161,9 +161,9 @@ def run_steps(calibration: Calibration, runner: DesignRunner, steps: tuple[Step,
     document["calibrated_scenes"] = [str(path) for path in written]
 
 
-def write_design(found: Calibration, name: str, design: Design) -> Path:
+def write_design(calibration: Calibration, name: str, design: Design) -> Path:
     """Write a design with its responses as a CSV table."""
-    return ListedFolder(found.file.folder).write(f"{name}.csv", design_text(design).encode())
+    return ListedFolder(calibration.file.folder).write(f"{name}.csv", design_text(design).encode())
 
 
 def path_document(design: Design) -> Document:
@@ -181,8 +181,8 @@ def path_document(design: Design) -> Document:
 def effect_document(fit: Fit, labels: Mapping[str, str]) -> Document:
     """Effects of one response with their limits, curvature and figures of merit."""
     bent = curvature(fit)
-    found, limits = calculate.screened_effects(fit)
-    ordered = sorted(found, key=lambda effect: -abs(effect.value))
+    effect_list, limits = calculate.screened_effects(fit)
+    ordered = sorted(effect_list, key=lambda effect: -abs(effect.value))
     return {
         "effects": [asdict(effect) | {"label": term_label(effect.name, labels)} for effect in ordered],
         "limits": asdict(limits),

@@ -218,9 +218,9 @@ def climb(runner: DesignRunner, screening: Screening) -> Climb:
 
 def centre_value(design: Design, name: str, otherwise: float) -> float:
     """Mean response of the centre points, where the path begins; a curved surface lies far from its plane."""
-    known = design.responses[name][np.array(design.kinds) == "centre"]
-    known = known[np.isfinite(known)]
-    return float(known.mean()) if len(known) else otherwise
+    finite = design.responses[name][np.array(design.kinds) == "centre"]
+    finite = finite[np.isfinite(finite)]
+    return float(finite.mean()) if len(finite) else otherwise
 
 
 def surface_factors(runner: DesignRunner, screening: Screening, path: Climb) -> list[Factor]:
@@ -274,18 +274,18 @@ def find_optimum(runner: DesignRunner, surface: ResponseSurface) -> Optimisation
     """Settings that meet all targets, with a warning where a surface does not predict new runs."""
     goals = [Goal(name, target.value) for name, target in runner.file.study.targets.items()]
     fits = list(surface.fits.values())
-    found = optimise(fits, goals)
+    optimisation = optimise(fits, goals)
     warnings = [line for fit in fits if (line := overfit_warning(fit))]
     remedy = "; a larger surface_half in [design] lets the factors stand out"
-    return replace(found, sentences=(*found.sentences, *(line + remedy for line in warnings)))
+    return replace(optimisation, sentences=(*optimisation.sentences, *(line + remedy for line in warnings)))
 
 
 def confirm_optimum(
-    runner: DesignRunner, surface: ResponseSurface, found: Optimisation
+    runner: DesignRunner, surface: ResponseSurface, optimisation: Optimisation
 ) -> tuple[Design, dict[str, Confirmation]]:
     """Fresh seeds at the most certain optimum, and their tests against the measurements."""
     study = runner.file.study
-    points = np.tile(found.optima[0].coded, (study.design.confirm, 1))
+    points = np.tile(optimisation.optima[0].coded, (study.design.confirm, 1))
     planned = stack_parts("confirmation", surface.design.factors, [("added", points)])
     design = run_design(runner, "confirm", planned)
     tests = {

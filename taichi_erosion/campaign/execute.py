@@ -92,25 +92,25 @@ def execute(
     wanted = {request.key: request for request in requests}
     ledgers.add_requests(ledger, list(wanted.values()))
     ledgers.release_stale_leases(ledger)
-    if left := unfinished_runs(ledger, list(wanted)):
-        archs: set[Arch] = {wanted[key].arch for key in left if wanted[key].arch != "cpu"}
+    if remaining := unfinished_runs(ledger, list(wanted)):
+        archs: set[Arch] = {wanted[key].arch for key in remaining if wanted[key].arch != "cpu"}
         if scheduler:
             pool = join_cluster(function, ledger.folder, scheduler)
         else:
             refuse_missing_devices(archs)
-            count = 1 if archs else min(len(left), workers or usable_cores())
+            count = 1 if archs else min(len(remaining), workers or usable_cores())
             pool = start_pool(function, ledger.folder, count)
-        campaign = Campaign(wanted, ledger, pool, progress, sum(wanted[key].work for key in left))
+        campaign = Campaign(wanted, ledger, pool, progress, sum(wanted[key].work for key in remaining))
         try:
-            while left := unfinished_runs(ledger, list(wanted)):  # here or at another parent
-                submit_batches(campaign, left)
+            while remaining := unfinished_runs(ledger, list(wanted)):  # here or at another parent
+                submit_batches(campaign, remaining)
                 for ended in pool.finished_batches(POLL):
                     enter_batch(campaign, ended)
                 if time.monotonic() - campaign.renewed > HEARTBEAT:
                     campaign.renewed = time.monotonic()
                     ledgers.renew_leases(ledger)
                     ledgers.release_stale_leases(ledger)
-                report_progress(campaign, list(left))
+                report_progress(campaign, list(remaining))
             report_progress(campaign, [])
         finally:
             pool.close()
@@ -119,10 +119,10 @@ def execute(
     return ledgers.read_results(ledger, [request.key for request in requests])
 
 
-def submit_batches(campaign: Campaign, left: dict[str, tuple[str, int]]) -> None:
+def submit_batches(campaign: Campaign, remaining: dict[str, tuple[str, int]]) -> None:
     """Lease batches for free workers; runs that another parent leases are tried again later."""
-    waiting = [campaign.requests[key] for key, (state, _) in left.items() if state == "waiting"]
-    deaths = {key: deaths for key, (_, deaths) in left.items()}
+    waiting = [campaign.requests[key] for key, (state, _) in remaining.items() if state == "waiting"]
+    deaths = {key: deaths for key, (_, deaths) in remaining.items()}
     while waiting and campaign.pool.free():
         batch = next_batch(waiting, deaths, campaign.pool.workers)
         waiting = [request for request in waiting if request not in batch]
@@ -149,7 +149,7 @@ def enter_batch(campaign: Campaign, ended: FinishedBatch) -> None:
         ledgers.record_worker_death(ledger, without_record, ended.reason or "it gave no result")
 
 
-def report_progress(campaign: Campaign, left: Sequence[str]) -> None:
+def report_progress(campaign: Campaign, remaining: Sequence[str]) -> None:
     """Report how many runs have ended, and the share of the work that is done."""
     if campaign.progress is None:
         return
@@ -157,9 +157,9 @@ def report_progress(campaign: Campaign, left: Sequence[str]) -> None:
     now = time.monotonic()
     rest = 0.0
     second = pace(wanted, finished_runs(campaign.ledger, list(wanted)))
-    for key in left:
+    for key in remaining:
         start, whole = campaign.begun.get(key, (now, 0.0))
         by_time = min((now - start) / (START + second * whole), NEARLY)
         rest += wanted[key].work * (1.0 - by_time)
     campaign.reported = max(campaign.reported, 1.0 - rest / campaign.work)
-    campaign.progress(campaign.reported, f"{len(wanted) - len(left)} of {len(wanted)} runs")
+    campaign.progress(campaign.reported, f"{len(wanted) - len(remaining)} of {len(wanted)} runs")

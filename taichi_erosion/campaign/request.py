@@ -61,8 +61,8 @@ class RunResult:
 
     def value(self, observable: str) -> float:
         """Measured value in the observable's unit, NaN where the run has none."""
-        found = self.record.get("measures", {}).get(observable, {}).get("value")
-        return nan if found is None else float(found)
+        measure = self.record.get("measures", {}).get(observable, {}).get("value")
+        return nan if measure is None else float(measure)
 
 
 def scene_request(

@@ -346,8 +346,8 @@ def evidence_problems(file: StudyFile) -> Iterator[str]:
     for column, paths in file.conditions.items():
         for path in map(str.strip, paths.split(",")):
             if path in file.parameters:
-                told = "a number that the table states is not calibrated; leave out one of the two"
-                yield f"parameters.{path}: column '{column}' sets it too: {told}"
+                reason = "a number that the table states is not calibrated; leave out one of the two"
+                yield f"parameters.{path}: column '{column}' sets it too: {reason}"
     if len(file.parameters) > CALIBRATED_MOST:
         yield f"parameters has {len(file.parameters)} entries; at most {CALIBRATED_MOST} allowed"
     calibration_only = [f"parameters.{name}.also" for name, entry in file.parameters.items() if entry.also]
@@ -373,8 +373,8 @@ def read_study_file(path: Path, problems: Callable[[StudyFile], Iterator[str]]) 
         raise BadInput(*(f"{name}: {line}" for line in lines)) from None
     except (OverflowError, RecursionError) as error:
         raise BadInput(f"{name}: cannot be used: {first_line(error)}") from None
-    if found := list(problems(file)):
-        raise BadInput(*(f"{name}: {line}" for line in found))
+    if lines := list(problems(file)):
+        raise BadInput(*(f"{name}: {line}" for line in lines))
     return file
 
 

@@ -172,7 +172,7 @@ def run(
         )
     for line in run_warnings(document):
         LOG.warning(line)
-    output.print_result(document, as_json, lambda found: output.print_run(found, verbose))
+    output.print_result(document, as_json, lambda result: output.print_run(result, verbose))
     if any(replica.get("stopped") for replica in document["replicas"]):
         raise typer.Exit(ExitCode.STOPPED)
 
@@ -206,7 +206,7 @@ def sweep(
         where = folder, workers, scheduler
         points = sweeps.sweep(scene, over, override or (), **options, where=where, progress=progress)
     curves: dict[str, list[tuple[str, float, float]]] = {}
-    for one in [known for known in points if isfinite(known.value)] or points:
+    for one in [point for point in points if isfinite(point.value)] or points:
         curves.setdefault(f"{one.measure} [{one.unit}]", []).append((one.entry, one.value, one.sd))
     files = sweeps.write_sweep(folder, over, points, raster(sweep_figure(path, curves)))
     rows = [asdict(one) for one in points]
@@ -221,11 +221,11 @@ def print_check(scene: Path, overrides: tuple[str, ...], effects: tuple[Path, ..
 
     document = check_scene(scene, overrides, effects, examine_effect)
 
-    def print_text(found: output.Record) -> None:
-        typer.echo(f"{scene}: valid, hash {found['hash']}")
-        output.print_lines(output.effect_check_lines(found["effects"]))
-        output.print_lines(found.get("limits", {}).get("warnings", ()), output.WARNING)
-        output.print_lines(consequences(found))
+    def print_text(record: output.Record) -> None:
+        typer.echo(f"{scene}: valid, hash {record['hash']}")
+        output.print_lines(output.effect_check_lines(record["effects"]))
+        output.print_lines(record.get("limits", {}).get("warnings", ()), output.WARNING)
+        output.print_lines(consequences(record))
 
     output.print_result(document, as_json, print_text)
 

@@ -87,35 +87,35 @@ def run_steps(
     return calibration
 
 
-def print_design(found: "Calibration", section: str) -> None:
+def print_design(calibration: "Calibration", section: str) -> None:
     """Print runs with their settings and responses."""
-    rows = found.document[section]["rows"]
+    rows = calibration.document[section]["rows"]
     values = ((row["settings"] | row["responses"]).values() for row in rows)
     cells = ([str(number), *map(output.significant, row)] for number, row in enumerate(values, start=1))
     output.print_table(section, ("run", *rows[0]["settings"], *rows[0]["responses"]), cells)
 
 
-def print_analysis(found: "Calibration", page: ModuleType) -> None:
+def print_analysis(calibration: "Calibration", page: ModuleType) -> None:
     """Print the effects on every response, largest first."""
-    for name in found.file.study.targets:
-        output.print_table(f"effects on {name}", *page.effect_table(found, name))
-    typer.echo(f"factors of the next steps: {', '.join(found.document['analyse']['kept'])}")
+    for name in calibration.file.study.targets:
+        output.print_table(f"effects on {name}", *page.effect_table(calibration, name))
+    typer.echo(f"factors of the next steps: {', '.join(calibration.document['analyse']['kept'])}")
 
 
-def print_surface(found: "Calibration", page: ModuleType) -> None:
+def print_surface(calibration: "Calibration", page: ModuleType) -> None:
     """Print the analysis of variance and the equation of every response."""
-    for name, response in found.document["surface"]["responses"].items():
-        output.print_table(f"response surface of {name}", *page.variance_table(found, name))
+    for name, response in calibration.document["surface"]["responses"].items():
+        output.print_table(f"response surface of {name}", *page.variance_table(calibration, name))
         typer.echo(response["natural_reduced"])
         fit = response["quality_reduced"]
         adjusted = f"adjusted {fit['r2_adjusted']:.3f}, predicted {fit['r2_predicted']:.3f}"
         output.print_lines(filter(None, (f"R2 {fit['r2']:.3f}, {adjusted}", response["warning"])))
 
 
-def print_optimum(found: "Calibration", page: ModuleType) -> None:
+def print_optimum(calibration: "Calibration", page: ModuleType) -> None:
     """Print the settings that reach the target, or the nearest ones."""
-    output.print_table("optimum", *page.optimum_table(found))
-    output.print_lines(found.document["optimise"]["sentences"])
+    output.print_table("optimum", *page.optimum_table(calibration))
+    output.print_lines(calibration.document["optimise"]["sentences"])
 
 
 def print_confirmation(calibration: "Calibration", page: ModuleType) -> None:
@@ -130,7 +130,7 @@ def print_confirmation(calibration: "Calibration", page: ModuleType) -> None:
 @doe.command(**help_of("doe design"))
 def design(study: StudyPath, force: Force = False, as_json: AsJson = False) -> None:
     """Write the table of the screening design, without running it."""
-    run_steps("design", study, {}, as_json, force, lambda found, page: print_design(found, "design"))
+    run_steps("design", study, {}, as_json, force, lambda each, page: print_design(each, "design"))
 
 
 def add_step(step: 'Step | Literal["calibrate"]', summary: str, show: Show) -> None:
@@ -147,8 +147,8 @@ def add_step(step: 'Step | Literal["calibrate"]', summary: str, show: Show) -> N
         force: Force = False,
         as_json: AsJson = False,
     ) -> None:
-        stated = {"workers": workers, "scheduler": scheduler, "arch": arch, "decomposition": decomposition}
-        where = {name: value for name, value in stated.items() if value is not None}
+        options = {"workers": workers, "scheduler": scheduler, "arch": arch, "decomposition": decomposition}
+        where = {name: value for name, value in options.items() if value is not None}
         calibration = run_steps(
             "confirm" if step == "calibrate" else step, study, where, as_json, force, show
         )

@@ -76,8 +76,8 @@ def with_study_options(command: Command) -> Command:
 
     @wraps(command)
     def wrapper(**words: Any) -> None:
-        stated = {name: words.pop(name) for name in shared}
-        command(options=options_of(**stated), **words)
+        options = {name: words.pop(name) for name in shared}
+        command(options=options_of(**options), **words)
 
     every = [
         each.replace(kind=Parameter.KEYWORD_ONLY)
@@ -267,10 +267,10 @@ def new(
     table_options = TableOptions(
         pairs(observable, "--observable"), pairs(condition, "--condition"), pairs(unit, "--unit")
     )
-    own = (diameter, density, grains, scene, tuple(effect or ()))
+    own_files = (diameter, density, grains, scene, tuple(effect or ()))
     more = pairs(between_codes, "--between-codes"), pairs(measured, "--measured")
-    own = (*own, pairs(sd, "--sd"), fill_down, *more)
-    wishes = NewStudyOptions(table_options, out, apparatus, closed_form, roughness, anew, *own)
+    own_files = (*own_files, pairs(sd, "--sd"), fill_down, *more)
+    wishes = NewStudyOptions(table_options, out, apparatus, closed_form, roughness, anew, *own_files)
     document = new_study(table, wishes, (lambda _, guess: guess) if yes or as_json else ask_user)
     output.print_result(document, as_json, output.print_new_study)
 
@@ -283,10 +283,10 @@ def check(study: StudyFile, effect: EffectFiles = None, as_json: AsJson = False)
     output.print_result(check_study(study, options_of(effect=effect)), as_json, output.print_check)
 
 
-def pairs(stated: Pairs, option: str) -> Mapping[str, str]:
+def pairs(entries: Pairs, option: str) -> Mapping[str, str]:
     """Columns with what they are, from COLUMN=NAME."""
     values = {}
-    for pair in stated or ():
+    for pair in entries or ():
         column, equals, name = pair.rpartition("=")
         if not equals or not column.strip() or not name.strip():
             raise BadInput(f"{option} {pair}: write it as COLUMN=NAME, in quotes where it has spaces")

@@ -36,8 +36,8 @@ class Sampler:
         now = session.samples[-1]
         if session.watched and monotonic() - self.printed >= WATCH_INTERVAL:
             self.printed = monotonic()
-            told = (f"{name} {now[name]:.5g} {unit}".rstrip() for name, unit in session.watched.items())
-            typer.echo(f"{now['time_s']:.6g} s  {'  '.join(told)}")
+            numbers = (f"{name} {now[name]:.5g} {unit}".rstrip() for name, unit in session.watched.items())
+            typer.echo(f"{now['time_s']:.6g} s  {'  '.join(numbers)}")
 
 
 def input_lines(session: Session, stays: bool) -> Iterator[str]:
@@ -66,8 +66,8 @@ def enable_completion(session: Session) -> None:
 
     def complete(text: str, state: int) -> str | None:
         paths = sorted(path for path, _ in leaves(resolve(session.scene)))
-        found = [word for word in (*COMMANDS, *paths) if word.startswith(text)]
-        return found[state] if state < len(found) else None
+        completions = [word for word in (*COMMANDS, *paths) if word.startswith(text)]
+        return completions[state] if state < len(completions) else None
 
     readline.set_completer_delims(" ")
     readline.set_completer(complete)

@@ -119,8 +119,8 @@ def law_entries(
     columns = {}
     for column in law.conditions:
         if not (name := set_by.get(column, column)):
-            told = f'{column} = "..., conditions.{column}", which [conditions.extra] of the scene declares'
-            raise BadInput(f"the law reads '{column}', which sets no condition; let it set one too: {told}")
+            remedy = f'{column} = "..., conditions.{column}", which [conditions.extra] of the scene declares'
+            raise BadInput(f"the law reads '{column}', which sets no condition; let it set one too: {remedy}")
         columns[column] = name, factors.get(name, 1.0)
     written = re.sub(r'at\["(\w+)"\]|params\.|np\.', r"\1", law.python)
     return {
@@ -161,8 +161,8 @@ def points(
             responses = [device_response(mechanism, probe, at_dose(mechanism, dose), {}) for dose in doses]
         finally:
             stop_device()
-    stated = [
+    settings = [
         {columns[key][0]: value * columns[key][1] for key, value in each.conditions.items()}
         for each in chosen
     ]
-    return list(zip(stated, doses, responses, strict=True))
+    return list(zip(settings, doses, responses, strict=True))

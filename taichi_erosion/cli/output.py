@@ -86,11 +86,11 @@ def print_run(document: Record, verbose: bool = False) -> None:
     typer.echo(f"{document['scene']}: {repeats} in {document['wall_s']:.1f} s")
     table = words.run_table(document)
     print_table("", table.columns, table.rows)
-    told = [*words.comparisons(document), *dict.fromkeys(words.steadiness(document))]
-    told += (f"{WARNING}{line}" for line in words.run_warnings(document))
-    if not verbose and len(told) > MOST_TOLD:
-        told = [*told[:MOST_TOLD], f"{len(told) - MOST_TOLD} more: --verbose"]
-    print_lines(told)
+    warnings = [*words.comparisons(document), *dict.fromkeys(words.steadiness(document))]
+    warnings += (f"{WARNING}{line}" for line in words.run_warnings(document))
+    if not verbose and len(warnings) > MOST_TOLD:
+        warnings = [*warnings[:MOST_TOLD], f"{len(warnings) - MOST_TOLD} more: --verbose"]
+    print_lines(warnings)
     if verbose:
         print_lines(words.run_notes(document), "note: ")
         typer.echo(words.run_cost(document))
@@ -123,8 +123,8 @@ def print_claims(document: Record) -> None:
     )
     print_table("verification", (*CLAIM, "", "s"), rows)
     typer.echo(f"{sum(claim['passed'] for claim in claims)} of {len(claims)} claims hold")
-    if known := sum(claim["known_failure"] for claim in claims):
-        typer.echo(f"note: {known} of those that fail are known to; docs/trust.md says why")
+    if known_failures := sum(claim["known_failure"] for claim in claims):
+        typer.echo(f"note: {known_failures} of those that fail are known to; docs/trust.md says why")
 
 
 def verdict(passed: bool) -> str:
@@ -143,8 +143,8 @@ def print_cases(document: Record) -> None:
         return significant(value)
 
     print_table("speed", keys, ([cell(case.get(key)) for key in keys] for case in cases))
-    made = f"{document['engine']} for {document['target']}; {document['cores']} cores"
-    typer.echo(f"Kernels compiled by {made}.")
+    count = f"{document['engine']} for {document['target']}; {document['cores']} cores"
+    typer.echo(f"Kernels compiled by {count}.")
 
 
 def print_answer(reply: "Reply", options: Sequence[str], verbose: bool) -> None:
@@ -226,17 +226,17 @@ def print_content(document: Record) -> None:
     """Print rows, conditions, candidates and cost."""
     rows = ", ".join(f"{name} ({count} rows)" for name, count in document["observables"].items())
     typer.echo(f"measured: {rows}; {document['held_out']} rows are held out until an effect is adopted")
-    for name, told in document["conditions"].items():
-        typer.echo(f"condition {name}: {told}")
+    for name, text in document["conditions"].items():
+        typer.echo(f"condition {name}: {text}")
     typer.echo(f"calibrated: {', '.join(document['parameters']) or 'nothing'}")
     typer.echo(f"candidates: {', '.join(document['candidates']) or 'none'}")
     print_lines(document["notes"], "note: ")
-    for name, found in document["cost"].items():
-        typer.echo(cost_line(name, found))
+    for name, content in document["cost"].items():
+        typer.echo(cost_line(name, content))
 
 
-def cost_line(name: str, found: Record) -> str:
+def cost_line(name: str, record: Record) -> str:
     """What an answer costs, in one line."""
-    minutes = found.get("core_minutes")
+    minutes = record.get("core_minutes")
     cores = "" if minutes is None else f" ({plain(minutes)} core-minutes)"
-    return f"cost with --budget {name}: {found['sentence'].rstrip('.')}{cores}"
+    return f"cost with --budget {name}: {record['sentence'].rstrip('.')}{cores}"

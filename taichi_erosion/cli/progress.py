@@ -58,7 +58,7 @@ Report = Callable[[float, str], None]  # (share done [1], short text)
 
 
 @contextmanager
-def reporting(title: str, kept: str = "") -> Iterator[Report]:
+def reporting(title: str, reassurance: str = "") -> Iterator[Report]:
     """Context with a progress function: a bar after SHOWN_AFTER seconds, or a line every LINE_INTERVAL.
 
     Ctrl-C ends the program with a line on what is kept.
@@ -77,9 +77,9 @@ def reporting(title: str, kept: str = "") -> Iterator[Report]:
             bar.start()
         if now - last >= LINE_INTERVAL:
             last = now
-            left = bar.tasks[task].time_remaining
+            remaining = bar.tasks[task].time_remaining
             line = f"{title}: {share:.0%}, {words}"
-            line += "" if left is None else f", about {timedelta(seconds=round(left))} left"
+            line += "" if remaining is None else f", about {timedelta(seconds=round(remaining))} left"
             LOG.info(line)
             if not console.is_terminal:
                 console.print(line, markup=False, highlight=False, soft_wrap=True)
@@ -87,7 +87,7 @@ def reporting(title: str, kept: str = "") -> Iterator[Report]:
     try:
         yield report
     except KeyboardInterrupt as interrupt:
-        text = str(interrupt) or kept
+        text = str(interrupt) or reassurance
         announce(f"interrupted; {text}" if text else "interrupted")
         raise typer.Exit(ExitCode.INTERRUPTED) from None
     finally:

@@ -138,9 +138,9 @@ def effect_of(module: str, **entries: Any) -> Effect:
     What the file defines under the name of an entry (`checks`, `constants`, `reach`, ...) need not be stated.
     """
     file = sys.modules[module]
-    found = {"name": Path(str(file.__file__)).stem, "doc": file.__doc__, "params": file.Params}
-    found |= {f.name: getattr(file, f.name) for f in fields(Effect) if hasattr(file, f.name)}
-    return Effect(**found | entries)
+    members = {"name": Path(str(file.__file__)).stem, "doc": file.__doc__, "params": file.Params}
+    members |= {f.name: getattr(file, f.name) for f in fields(Effect) if hasattr(file, f.name)}
+    return Effect(**members | entries)
 
 
 @dataclass(frozen=True)
@@ -167,8 +167,8 @@ def strength_warning(effect: Effect, strength: float) -> str | None:
     """What to know about a strength beyond the largest that is physical; None within."""
     if strength <= effect.most:
         return None
-    told = f"is more than {effect.most:g}, the largest that its literature supports"
-    return f"effects.{effect.name}.{STRENGTH} = {strength:g} {told}"
+    words = f"is more than {effect.most:g}, the largest that its literature supports"
+    return f"effects.{effect.name}.{STRENGTH} = {strength:g} {words}"
 
 
 def parameter_names(effect: Effect) -> tuple[str, ...]:
@@ -190,8 +190,8 @@ def replica_effect(
     constants = effect.constants(params, strength, conditions)
     numbers = constants.values() if isinstance(constants, dict) else (None,)
     if not all(isinstance(number, Real) and isfinite(number) for number in numbers):
-        told = f"constants must give a dict of finite numbers by name, not {constants!r}"
-        raise BadInput(f"effects.{effect.name}: {told}")
+        words = f"constants must give a dict of finite numbers by name, not {constants!r}"
+        raise BadInput(f"effects.{effect.name}: {words}")
     start = initial_state(effect, params, strength, conditions)
     return ReplicaEffect(effect, constants, effect.reach(constants, radius), start)
 

@@ -43,8 +43,8 @@ def bind(place: str, replicas: Sequence[Sequence[ReplicaEffect]], grain_places: 
 
     They act in the order of their names, so that their sum has the same bits beside any other replicas.
     """
-    known = {one.effect.name: one for row in replicas for one in row if one.effect.place == place}
-    examples = [known[name] for name in sorted(known)]
+    effects_by_name = {one.effect.name: one for row in replicas for one in row if one.effect.place == place}
+    examples = [effects_by_name[name] for name in sorted(effects_by_name)]
     effects = [one.effect for one in examples]
     count = len(replicas)
     stateful = tuple(effect.grain_state is not None for effect in effects)

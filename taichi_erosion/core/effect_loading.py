@@ -89,18 +89,18 @@ def failures_of(effect: Effect, function: str) -> Iterator[None]:
     except BadInput:
         raise
     except Exception as error:
-        told = f"its {function} failed{line_of(error)}: {reason(error)}"
+        message = f"its {function} failed{line_of(error)}: {reason(error)}"
         if isinstance(error, KeyError):
-            told = f"its {function} reads {error}, which the scene does not state under [conditions]"
-        raise BadInput(compile_failure(error) or f"effects.{effect.name}: {told}") from None
+            message = f"its {function} reads {error}, which the scene does not state under [conditions]"
+        raise BadInput(compile_failure(error) or f"effects.{effect.name}: {message}") from None
 
 
 def line_of(error: BaseException) -> str:
     """` (FILE, line N)` for the last line of an effect file that an error passed, else nothing."""
     place, trace = "", error.__traceback__
     while trace is not None:
-        found = SOURCE.fullmatch(trace.tb_frame.f_code.co_filename)
-        place = f" ({Path(found[1]).name}, line {trace.tb_lineno})" if found else place
+        match = SOURCE.fullmatch(trace.tb_frame.f_code.co_filename)
+        place = f" ({Path(match[1]).name}, line {trace.tb_lineno})" if match else place
         trace = trace.tb_next
     return place
 

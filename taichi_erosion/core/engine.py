@@ -79,11 +79,11 @@ def take_shortcuts() -> None:
 
 def once_a_code(read: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """A function of a function with its answers cached; functions of one closure share their code."""
-    known: dict[Any, Any] = {}
+    results: dict[Any, Any] = {}
 
     def answer(function: Any) -> Any:
         code = function.__code__
-        return known.get(code) or known.setdefault(code, read(function))
+        return results.get(code) or results.setdefault(code, read(function))
 
     return answer
 
@@ -91,12 +91,12 @@ def once_a_code(read: Callable[[Any], Any]) -> Callable[[Any], Any]:
 def cache_positions() -> None:
     """Taichi describes every compiled source position once; a statement by its first line."""
     transformer: Any = import_module("taichi.lang.ast.ast_transformer_utils")
-    known: dict[tuple[Any, ...], str] = {}
+    positions: dict[tuple[Any, ...], str] = {}
 
     def position_info(context: Any, node: Any) -> str:
         span = (node.lineno, node.col_offset, node.end_lineno, node.end_col_offset)
         key = (context.file, context.lineno_offset, *span)
-        return known.get(key) or known.setdefault(key, describe(context, node))
+        return positions.get(key) or positions.setdefault(key, describe(context, node))
 
     transformer.ASTTransformerContext.get_pos_info = position_info
 

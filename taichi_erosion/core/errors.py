@@ -36,9 +36,9 @@ class SimulationStopped(Exception):
     """Simulation ended by a guard; one line with grains, time and likely cause (ExitCode.STOPPED)."""
 
 
-def nearest(word: str, known: Iterable[str]) -> str | None:
+def nearest(word: str, choices: Iterable[str]) -> str | None:
     """Known name that a word is close to, as a whole or in one part of it (`friktion`, `rolling`)."""
-    names = list(known)
+    names = list(choices)
     parts = {part: name for name in reversed(names) for part in PART.split(name)}
     if close := get_close_matches(word, names, n=1, cutoff=ALIKE):
         return close[0]
@@ -47,7 +47,7 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     return next(iter(get_close_matches(word, names, n=1)), None)
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
+def did_you_mean(word: str, names: Iterable[str]) -> str:
     """`; did you mean X?` where a known name is near; empty otherwise."""
-    near = nearest(word, known)
+    near = nearest(word, names)
     return f"; did you mean {near}?" if near else ""

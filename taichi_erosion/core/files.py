@@ -174,12 +174,12 @@ class ListedFolder:
     def digests(self) -> dict[str, str]:
         """Digests by name; none where there is no list. Raises BadInput for a damaged one."""
         try:
-            found = json.loads((self.path / LIST).read_text(encoding="utf-8"))
+            entries = json.loads((self.path / LIST).read_text(encoding="utf-8"))
         except FileNotFoundError:
             return {}
         except (OSError, ValueError) as error:
             raise BadInput(f"{self.path / LIST}: cannot be read ({error}); {REMEDY}") from None
-        return {str(name): str(digest) for name, digest in found.items()} if isinstance(found, dict) else {}
+        return {str(name): str(each) for name, each in entries.items()} if isinstance(entries, dict) else {}
 
     def refuse_foreign(self, names: Sequence[str], force: bool = False) -> None:
         """Raise BadInput where one of these files exists that is not listed, or was changed; not by force."""

@@ -98,10 +98,10 @@ def device_record(kind: type[Kind]) -> type[Kind]:
 
     The class is made like a dataclass but is none: quadrants takes the members of a dataclass apart.
     """
-    made: Any = dataclass(frozen=True, eq=False)(kind)
-    setattr(made, MEMBERS, tuple(entry.name for entry in fields(made)))
-    delattr(made, "__dataclass_fields__")
-    return made
+    record: Any = dataclass(frozen=True, eq=False)(kind)
+    setattr(record, MEMBERS, tuple(entry.name for entry in fields(record)))
+    delattr(record, "__dataclass_fields__")
+    return record
 
 
 def members(record: Any) -> tuple[str, ...]:

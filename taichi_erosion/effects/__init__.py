@@ -52,11 +52,11 @@ def installed_effects(_search_path: tuple[str, ...]) -> Mapping[str, Effect]:
     for point in entry_points(group=GROUP):  # its value is a module, or the record in it
         entry = f"entry point {point.name} = {point.value}"
         try:
-            found = point.load()
+            loaded = point.load()
         except Exception as error:
-            told = " ".join(reason(error).split())
-            raise BadInput(f"{entry} of an installed package: {told}") from None
-        effect = found if isinstance(found, Effect) else getattr(found, MEMBER, None)
+            message = " ".join(reason(error).split())
+            raise BadInput(f"{entry} of an installed package: {message}") from None
+        effect = loaded if isinstance(loaded, Effect) else getattr(loaded, MEMBER, None)
         add(library, checked_effect(effect, f"{entry} of an installed package"), f"the package's {entry}")
     return library
 
@@ -65,15 +65,15 @@ def add(library: dict[str, Effect], effect: Effect, origin: str) -> None:
     """Put an effect into a library. Raises BadInput where its name is taken."""
     if effect.name in library:
         kind = "the library" if effect.name in shipped_effects() else "another file or package"
-        told = f"effect '{effect.name}' exists already in {kind}"
-        raise BadInput(f"{origin}: {told}; give it a name of its own in {MEMBER} = Effect(name=...)")
+        message = f"effect '{effect.name}' exists already in {kind}"
+        raise BadInput(f"{origin}: {message}; give it a name of its own in {MEMBER} = Effect(name=...)")
     library[effect.name] = effect
 
 
 def package_digests(names: Iterable[str]) -> dict[str, str]:
     """Digests of the source of those effects that come from installed packages."""
-    own, library = set(shipped_effects()), installed_effects(tuple(sys.path))
-    foreign = [name for name in names if name in library and name not in own]
+    packages, library = set(shipped_effects()), installed_effects(tuple(sys.path))
+    foreign = [name for name in names if name in library and name not in packages]
     files = {name: Path(inspect.getfile(inspect.unwrap(library[name].act))) for name in foreign}
     return {name: sha256(file.read_bytes()).hexdigest()[:DIGITS] for name, file in files.items()}
 

@@ -68,8 +68,8 @@ def change(params: Params, strength: float, conditions: Conditions, scene: Scene
 
 def can_act(conditions: Mapping[str, Any]) -> Any:
     """Where pressure, temperature, altitude or humidity is stated."""
-    stated = [np.isfinite(np.asarray(conditions[name])) for name in STATED if name in conditions]
-    return np.any(stated, axis=0) if stated else np.False_
+    columns = [np.isfinite(np.asarray(conditions[name])) for name in STATED if name in conditions]
+    return np.any(columns, axis=0) if columns else np.False_
 
 
 def checks(probe: Probe) -> Checks:

@@ -49,8 +49,8 @@ def checks(probe: Probe) -> Checks:
 
     yield Check("Raupach's ratio", partition(), (0.92 * 4.2) ** -0.5)
     yield Check("half the strength is half the density", partition(0.5), (0.96 * 2.6) ** -0.5)
-    stated = partition(roughness_density=0.2)
-    yield Check("the density of the conditions counts", stated, (0.84 * 7.4) ** -0.5)
+    published = partition(roughness_density=0.2)
+    yield Check("the density of the conditions counts", published, (0.84 * 7.4) ** -0.5)
     yield Check("bare ground has all of the stress", partition(roughness_density=0.0), 1.0)
 
 

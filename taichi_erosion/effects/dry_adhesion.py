@@ -44,8 +44,8 @@ def constants(params: Params, strength: float, conditions: Conditions) -> Consta
 @ti.func
 def pull(constants, pair):
     """Attraction [N]."""
-    left = 1.0 - ti.max(pair.gap, 0.0) / (constants.range * pair.radius_effective)
-    return constants.pull * pair.radius_effective * ti.max(left, 0.0)
+    remainder = 1.0 - ti.max(pair.gap, 0.0) / (constants.range * pair.radius_effective)
+    return constants.pull * pair.radius_effective * ti.max(remainder, 0.0)
 
 
 def reach(constants: Constants, radius: float) -> float:

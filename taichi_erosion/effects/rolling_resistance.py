@@ -71,11 +71,11 @@ def checks(probe: Probe) -> Checks:
         return changed.contact[pair].friction_rolling
 
     law = probe(shape, {}, scene=bare).laws.rolling
-    kept = probe(shape, {}, scene=rolling).laws.rolling
+    remainder = probe(shape, {}, scene=rolling).laws.rolling
     yield Check("a bare scene gets the law of type C", float(law == "elastic_plastic"), 1.0)
     yield Check("where it starts from nothing", friction("sand-sand", bare, angularity=0.8), 0.256)
     yield Check("angularity is assumed where none is stated", friction("sand-sand", bare), 0.1)
-    yield Check("a rolling law is kept", float(kept == "constant_torque"), 1.0)
+    yield Check("a rolling law is kept", float(remainder == "constant_torque"), 1.0)
     yield Check("and friction is added to what it has", friction("sand-steel", rolling, 0.5), 0.25)
     yield Check("round grains roll on freely", friction("sand-sand", bare, angularity=0.0), 0.0)
 

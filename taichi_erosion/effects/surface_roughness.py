@@ -65,8 +65,8 @@ def checks(probe: Probe) -> Checks:
 
     yield Check("a fifth of the ground under stones", partition(), (0.92 * (1.0 + 0.04 * ratio)) ** -0.5)
     yield Check("at half the strength a tenth", partition(0.5), (0.96 * (1.0 + 0.02 * ratio)) ** -0.5)
-    stated = (0.84 * (1.0 + 0.08 * ratio)) ** -0.5
-    yield Check("a frontal area that is stated counts", partition(roughness_density=0.2), stated)
+    published = (0.84 * (1.0 + 0.08 * ratio)) ** -0.5
+    yield Check("a frontal area that is stated counts", partition(roughness_density=0.2), published)
     yield Check("bare sand has all of the stress", partition(roughness_density=0.0), 1.0)
 
 

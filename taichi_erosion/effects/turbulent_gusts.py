@@ -173,9 +173,9 @@ def checks_at_wall(probe: Probe) -> Checks:
     def gust_ratio(diameter: float, longest: float = 10.0, time: float = 0.03) -> float:
         """Gust over the mean wind, with T+ = 5 in the sublayer."""
         params = replace(GUSTY, timescale=longest, wall_timescale=5.0)
-        given = {"grain_diameter": diameter}
-        found = probe(params, given, time=time, **PROBED | thin | carried)[0][0]
-        return float(found) / (4.0 * 4e-6 * STOKES)
+        conditions = {"grain_diameter": diameter}
+        ratio = probe(params, conditions, time=time, **PROBED | thin | carried)[0][0]
+        return float(ratio) / (4.0 * 4e-6 * STOKES)
 
     short = lognormal(0.1, 0.03)
     yield Check("at a wall it lasts t nu / u*^2", gust_ratio(1e-3), short, rtol=3e-3)

@@ -171,7 +171,7 @@ def effects(fit: Fit, error: Error | None = None) -> tuple[list[Effect], EffectL
     with np.errstate(divide="ignore", invalid="ignore"):
         t, shares = values / errors, sums / sums.sum()
     columns = np.column_stack([values, shares, t, 2.0 * stats.t.sf(np.abs(t), df)]).tolist()
-    found = [Effect(name, *line) for name, line in zip(fit.names, columns, strict=True)]
+    rows = [Effect(name, *line) for name, line in zip(fit.names, columns, strict=True)]
     tail = 0.5 * (1.0 - CONFIDENCE)
     single, bonferroni = stats.t.isf([tail, tail / len(fit.terms)], df) * float(errors.max())
-    return found, EffectLimits(float(single), float(bonferroni))
+    return rows, EffectLimits(float(single), float(bonferroni))

@@ -113,7 +113,7 @@ def audit(path: Path, response: str | None = None, claims_file: Path | None = No
     names = [factor.path for factor in table.factors]
     printed = list[Term]()  # terms of the lines of the printed analysis of variance
     for text in next(iter(sheet.columns.values())) if sheet else ():
-        with suppress(BadInput):  # told where the lines are compared
+        with suppress(BadInput):  # named where the lines are compared
             printed += [] if word_of("lines", text) else [parse_term(text, names)]
     for terms in dict.fromkeys(((), tuple(printed))):
         try:
@@ -122,17 +122,17 @@ def audit(path: Path, response: str | None = None, claims_file: Path | None = No
             findings += [] if terms else [Finding("not judged", f"no model can be fitted: {fault}")]
     fit = max(fits, key=lambda each: sum(c.agrees for c in compare(claims, folder, each)[0]), default=None)
     if fit is not None:
-        comparisons, said, actual = compare(claims, folder, fit)
-        comparisons = allow_rounding(comparisons, table, lambda drawn: recompute(drawn, claims, actual), fit)
-        findings += [*said, *number_findings(comparisons), *fit_findings(fit, comparisons)]
+        comparisons, statements, actual = compare(claims, folder, fit)
+        comparisons = allow_rounding(comparisons, table, lambda each: recompute(each, claims, actual), fit)
+        findings += [*statements, *number_findings(comparisons), *fit_findings(fit, comparisons)]
         if claims.target:  # what the fitted surface says of it
             best = optimise([fit], [Goal(fit.response, claims.target.value)])
             nearest = best.optima[0].predictions[fit.response].value
             findings += [Finding("target", sentence, found=nearest) for sentence in best.sentences]
         assumed += [f"the model has the terms {', '.join(fit.names)}"] if fit is not fits[0] else []
         assumed += ["the equation is in actual factors"] if actual else []
-    told = tuple(replace(each, table=each.table or path.name) for each in findings)
-    return Audit(table, structure, fit, tuple(comparisons), told, tuple(assumed))
+    sentences = tuple(replace(each, table=each.table or path.name) for each in findings)
+    return Audit(table, structure, fit, tuple(comparisons), sentences, tuple(assumed))
 
 
 def examine_structure(coded: Floats) -> Structure:
@@ -243,11 +243,11 @@ def fit_table(table: PublishedTable, claims: Claims, structure: Structure, terms
 def recompute(fit: Fit, claims: Claims, actual: bool) -> Numbers:
     """Every number that a study may print; its equation is in actual or in coded factors."""
     names = [factor.path for factor in fit.factors]
-    known = models.natural_polynomial(fit) if actual else models.coded_polynomial(fit)
-    found = {(name, "coefficient"): known.get(parse_term(name, names), nan) for name in claims.equation}
-    found |= {(name, "quality"): value for name, value in asdict(quality(fit)).items()}
+    equation = models.natural_polynomial(fit) if actual else models.coded_polynomial(fit)
+    values = {(name, "coefficient"): equation.get(parse_term(name, names), nan) for name in claims.equation}
+    values |= {(name, "quality"): value for name, value in asdict(quality(fit)).items()}
     rows = {row.source: asdict(row) for row in anova(fit)}
-    return found | {(line, name): value for line, row in rows.items() for name, value in row.items()}
+    return values | {(line, name): value for line, row in rows.items() for name, value in row.items()}
 
 
 def compare(claims: Claims, folder: Path, fit: Fit) -> tuple[list[Comparison], list[Finding], bool]:
@@ -256,8 +256,8 @@ def compare(claims: Claims, folder: Path, fit: Fit) -> tuple[list[Comparison], l
     cells = [("equation", name, "coefficient", cell) for name, cell in claims.equation.items()]
     cells += [("quality", name, "quality", cell) for name, cell in claims.quality.items()]
     equations = [
-        [Comparison(*cell, known.get((cell[1], cell[2]), nan)) for cell in cells]
-        for known in (recompute(fit, claims, False), recompute(fit, claims, True))
+        [Comparison(*cell, printed.get((cell[1], cell[2]), nan)) for cell in cells]
+        for printed in (recompute(fit, claims, False), recompute(fit, claims, True))
     ]
     coded, actual = (sum(one.agrees for one in equation) for equation in equations)
     comparisons = [one for one in [*comparisons, *equations[actual > coded]] if np.isfinite(one.found)]
@@ -267,7 +267,7 @@ def compare(claims: Claims, folder: Path, fit: Fit) -> tuple[list[Comparison], l
 def allow_rounding(
     comparisons: list[Comparison], table: PublishedTable, numbers_of: Callable[[Fit], Numbers], fit: Fit
 ) -> list[Comparison]:
-    """The comparisons; found numbers may be off as far as digits that the table lacks move them."""
+    """The comparisons; computed numbers may be off as far as digits that the table lacks move them."""
     if all(one.agrees for one in comparisons):
         return comparisons
     rng = np.random.default_rng(0)
@@ -279,12 +279,12 @@ def allow_rounding(
             numbers_of(replace(fit, values=fit.values + shift[:, 0], coded=fit.coded + shift[:, 1:]))
         )
     reach = [SIGMAS * float(np.std([draw[c.source, c.quantity] for draw in draws])) for c in comparisons]
-    found = [
+    rounded = [
         replace(c, reach=far if np.isfinite(far) else 0.0) for c, far in zip(comparisons, reach, strict=True)
     ]
-    lines = {c.source for c, exact in zip(found, comparisons, strict=True) if c.agrees > exact.agrees}
+    lines = {c.source for c, exact in zip(rounded, comparisons, strict=True) if c.agrees > exact.agrees}
     # a misprint is in one line, digits that the table lacks are missing in all
-    return found if len(lines) > 1 or half[:, 1:].any() else comparisons
+    return rounded if len(lines) > 1 or half[:, 1:].any() else comparisons
 
 
 def short_names(text: str) -> list[str]:
@@ -306,9 +306,9 @@ def parse_term(text: str, names: Sequence[str]) -> Term:
     wanted, factor_names = short_names(text), [short_names(name) for name in names]
     if wanted[0] in ("1", "intercept", "constant"):
         return (0,) * len(names)
-    taken = {each for words in factor_names for each in words}
-    for k, own in enumerate(factor_names):
-        own += [name for name in (LETTERS[k : k + 1].casefold(), f"x{k + 1}") if name not in taken]
+    used_names = {each for words in factor_names for each in words}
+    for k, letters in enumerate(factor_names):
+        letters += [name for name in (LETTERS[k : k + 1].casefold(), f"x{k + 1}") if name not in used_names]
     for term in (*model_terms(len(names), "quadratic"), *models.interaction_terms(len(names), 3)):
         forms = [
             [form for name in own for form in ((name,) if power == 1 else (name + "2", name + name))]
@@ -340,25 +340,25 @@ def compare_anova(path: Path, fit: Fit) -> tuple[list[Comparison], list[Finding]
         cells = [
             (source, cell) for place, source in lines.items() if (cell := sheet.cell_number(column[place]))
         ]
-        said, meant = quantity_of(heading, [(cell, rows[source]) for source, cell in cells])
-        if said and meant != said:
-            sentence = f"{path.name}: column '{heading}' holds the {meant.replace('_', ' ')}"
+        printed_words, meaning = quantity_of(heading, [(cell, rows[source]) for source, cell in cells])
+        if printed_words and meaning != printed_words:
+            sentence = f"{path.name}: column '{heading}' holds the {meaning.replace('_', ' ')}"
             findings.append(Finding("heading", sentence, path.name, heading, printed=heading))
-        for source, cell in cells if meant else ():
-            comparisons.append(Comparison(path.name, source, meant, cell, float(rows[source][meant])))
+        for source, cell in cells if meaning else ():
+            comparisons.append(Comparison(path.name, source, meaning, cell, float(rows[source][meaning])))
     return comparisons, findings
 
 
 def quantity_of(heading: str, cells: Sequence[tuple[PrintedNumber, Mapping[str, Any]]]) -> tuple[str, str]:
     """Quantity that a column's heading says, and that with which nearly all its numbers agree, if better."""
-    said = word_of("quantities", heading)
+    words = word_of("quantities", heading)
     shares = {
         quantity: float(np.mean([cell.agrees(float(row[quantity])) for cell, row in cells] or [0.0]))
         for quantity in published.vocabulary()["quantities"]
     }
     best = max(shares, key=lambda quantity: shares[quantity])
-    better = len(cells) >= FEW and shares[best] >= SHARE_TO_SWAP and shares[best] > shares.get(said, 0.0)
-    return said, best if better else said
+    better = len(cells) >= FEW and shares[best] >= SHARE_TO_SWAP and shares[best] > shares.get(words, 0.0)
+    return words, best if better else words
 
 
 def number_findings(comparisons: Sequence[Comparison]) -> Iterator[Finding]:

@@ -60,11 +60,11 @@ def confirm(values: Sequence[float], wanted: Sample | float) -> Confirmation:
     The difference that would matter is the standard deviation of a single measurement, or of a run where that
     is exact.
     """
-    known = np.asarray(values, dtype=float)
-    known = known[np.isfinite(known)]
-    if len(known) < 2:
-        raise BadInput(f"confirm: {len(known)} run(s) with a result; needs at least 2")
-    runs = Sample(float(known.mean()), float(known.std(ddof=1)), len(known))
+    finite = np.asarray(values, dtype=float)
+    finite = finite[np.isfinite(finite)]
+    if len(finite) < 2:
+        raise BadInput(f"confirm: {len(finite)} run(s) with a result; needs at least 2")
+    runs = Sample(float(finite.mean()), float(finite.std(ddof=1)), len(finite))
     goal = wanted if isinstance(wanted, Sample) else Sample(float(wanted))
     matter = goal.sd or runs.sd
     difference = runs.mean - goal.mean
@@ -117,5 +117,5 @@ def detectable(spread: float, df: float) -> float:
     enough = 1.0
     while power(enough, 1.0, df) < WANTED_POWER:
         enough *= 2.0
-    found = brentq(lambda errors: power(errors, 1.0, df) - WANTED_POWER, 0.0, enough, full_output=False)
-    return spread * float(np.asarray(found))
+    root = brentq(lambda errors: power(errors, 1.0, df) - WANTED_POWER, 0.0, enough, full_output=False)
+    return spread * float(np.asarray(root))

@@ -185,11 +185,11 @@ def fit_model(design: Design, response: str, terms: Sequence[Term] | Order) -> F
 
 def coefficient_table(fit: Fit) -> pd.DataFrame:
     """Constant and terms in coded units, with errors, 95 % intervals, t and p; NaN without an error."""
-    found = fit.results
+    result = fit.results
     with np.errstate(divide="ignore", invalid="ignore"):
-        low, high = np.asarray(found.conf_int()).T
-        columns = {"name": ("Intercept", *fit.names), "value": found.params, "standard_error": found.bse}
-        columns |= {"low": low, "high": high, "t": found.tvalues, "p": found.pvalues}
+        low, high = np.asarray(result.conf_int()).T
+        columns = {"name": ("Intercept", *fit.names), "value": result.params, "standard_error": result.bse}
+        columns |= {"low": low, "high": high, "t": result.tvalues, "p": result.pvalues}
     table = pd.DataFrame(columns)
     return table if fit.df_error else table.assign(standard_error=nan, low=nan, high=nan, t=nan, p=nan)
 
@@ -269,10 +269,10 @@ def ratio(numerator: float, denominator: float) -> float:
 
 def overfit_warning(fit: Fit) -> str:
     """One line where the model predicts runs that it has not used far worse than its own; else empty."""
-    found = quality(fit)
-    if not found.r2_adjusted - found.r2_predicted > R2_APART:
+    merit = quality(fit)
+    if not merit.r2_adjusted - merit.r2_predicted > R2_APART:
         return ""
     return (
-        f"{fit.response}: predicted R2 {found.r2_predicted:.2f} is far below adjusted R2 "
-        f"{found.r2_adjusted:.2f}: the surface follows the scatter of single runs, its optimum may not hold"
+        f"{fit.response}: predicted R2 {merit.r2_predicted:.2f} is far below adjusted R2 "
+        f"{merit.r2_adjusted:.2f}: the surface follows the scatter of single runs, its optimum may not hold"
     )

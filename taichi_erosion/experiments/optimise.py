@@ -105,8 +105,8 @@ class Optimisation:
 
 def optimise(fits: Sequence[Fit], goals: Sequence[Goal]) -> Optimisation:
     """Best settings within the design, coded levels from -1 to +1; fits share their factors."""
-    known = {fit.response: fit for fit in fits}
-    models = [known[goal.response] for goal in goals]
+    by_response = {fit.response: fit for fit in fits}
+    models = [by_response[goal.response] for goal in goals]
     reach = {fit.response: prediction_range(fit) for fit in models}
     limited = []
     for goal, fit in zip(goals, models, strict=True):  # limits that hold all runs and all that is predicted
@@ -127,16 +127,16 @@ def local_optima(fits: Sequence[Fit], goals: Sequence[Goal]) -> list[Optimum]:
     ends = starts(len(fits[0].factors))
     for softness in SOFTNESS:
         loss = partial(shortfall, fits, goals, softness=softness)
-        found = np.array([descend(loss, end) for end in ends])
-        ends = found[np.unique(np.round(found / ALIKE), axis=0, return_index=True)[1]]
+        ends = np.array([descend(loss, end) for end in ends])
+        ends = ends[np.unique(np.round(ends / ALIKE), axis=0, return_index=True)[1]]
     overall, missing = desirability(shares(fits, goals, ends)), shortfall(fits, goals, ends)
     certainty = sum((fit.leverage(ends) for fit in fits), np.zeros(len(ends)))
-    kept: list[int] = []
+    indices: list[int] = []
     for place in np.lexsort((certainty, np.round(missing / MET), -np.round(overall / MET))):
-        if all(np.max(np.abs(ends[place] - ends[other])) > SEPARATE for other in kept):
-            kept.append(int(place))
+        if all(np.max(np.abs(ends[place] - ends[other])) > SEPARATE for other in indices):
+            indices.append(int(place))
     optima = []
-    for place in kept[:MOST_OPTIMA]:
+    for place in indices[:MOST_OPTIMA]:
         point = ends[place]
         predicted = dict[str, Prediction]()
         for fit in fits:
@@ -169,8 +169,8 @@ def descend(loss: Callable[[Floats], Floats], start: Floats) -> Floats:
 
     limits = [(-1.0, 1.0)] * len(start)
     # a method without linear algebra: threads of a library would cost more than these few numbers
-    found = minimize(value, start, jac=slope, bounds=limits, method="TNC", options=PRECISION)
-    return np.asarray(found.x)
+    minimum = minimize(value, start, jac=slope, bounds=limits, method="TNC", options=PRECISION)
+    return np.asarray(minimum.x)
 
 
 def shares(fits: Sequence[Fit], goals: Sequence[Goal], coded: Floats, softness: float = 0.0) -> Floats:
@@ -195,8 +195,8 @@ def prediction_range(fit: Fit) -> Reach:
             return sign * fit.predict(points)
 
         best = begin[np.argsort(signed_response(begin))[:BEST_STARTS]]
-        found = np.array([descend(signed_response, start) for start in best])
-        ends.append(found[np.argmin(signed_response(found))])
+        predictions = np.array([descend(signed_response, start) for start in best])
+        ends.append(predictions[np.argmin(signed_response(predictions))])
     low, high = (float(fit.predict(end[None, :])[0]) for end in ends)
     return Reach(low, high, *(settings_at(fit.factors, end) for end in ends))
 

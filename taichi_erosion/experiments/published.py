@@ -75,11 +75,11 @@ class PrintedNumber:
     last_digit: float  # size of one unit of the last printed digit
     bound: str = ""
 
-    def agrees(self, found: float, reach: float = 0.0) -> bool:
+    def agrees(self, value: float, reach: float = 0.0) -> bool:
         """Whether the found number, exact to `reach`, could have been printed like this."""
         if self.bound:
-            return found - reach < self.value if self.bound == "<" else found + reach > self.value
-        return abs(found - self.value) <= HALF * self.last_digit + 1e-12 * abs(self.value) + reach
+            return value - reach < self.value if self.bound == "<" else value + reach > self.value
+        return abs(value - self.value) <= HALF * self.last_digit + 1e-12 * abs(self.value) + reach
 
 
 def parse_printed(text: str) -> PrintedNumber | None:
@@ -94,10 +94,10 @@ def parse_printed(text: str) -> PrintedNumber | None:
 
 def parse_claim(value: Any) -> PrintedNumber:
     """Number of a claim."""
-    found = parse_printed(str(value))
-    if found is None:
+    number = parse_printed(str(value))
+    if number is None:
         raise ValueError("must be a number")
-    return found
+    return number
 
 
 Number = Annotated[PrintedNumber, BeforeValidator(parse_claim)]
@@ -186,8 +186,8 @@ class Sheet:
 
     def last_digit(self, heading: str) -> float:
         """Size of one unit of the last printed digit of a column; spreadsheets drop zeros at the end."""
-        found = re.findall(r"\d[.,](\d+)(?:[eE]([+-]?\d+))?", " ".join(self.columns[heading]))
-        return min((10.0 ** (int(power or 0) - len(decimals)) for decimals, power in found), default=1.0)
+        digits = re.findall(r"\d[.,](\d+)(?:[eE]([+-]?\d+))?", " ".join(self.columns[heading]))
+        return min((10.0 ** (int(power or 0) - len(decimals)) for decimals, power in digits), default=1.0)
 
 
 def read_sheet(path: Path) -> Sheet:
@@ -267,8 +267,8 @@ def usable_columns(sheet: Sheet) -> dict[str, Floats]:
             if columns
             else np.zeros((0, 0))
         )
-    kept = {name: column for k, (name, column) in enumerate(columns.items()) if not alike[k, :k].any()}
-    return kept if len(kept) > 2 or len(columns) < 3 else columns  # all factors of a climb move together
+    usable = {name: column for k, (name, column) in enumerate(columns.items()) if not alike[k, :k].any()}
+    return usable if len(usable) > 2 or len(columns) < 3 else columns  # all factors of a climb move together
 
 
 def column_roles(usable: dict[str, Floats]) -> tuple[list[str], list[str]]:

@@ -43,12 +43,12 @@ ROWS = 5  # rows of cells that follow a cell: the rest of its own row, one besid
 @ti.func
 def find_entry(pairs: ti.template(), place_i, place_j, rank_j):
     """Entry of the pair in the list of place_i, or -1."""
-    found = -1
+    entry = -1
     for k in range(entry_number(pairs, place_i)):
         e = pairs.start[place_i] + k * pairs.stride
         if pairs.neighbour[e] == rank_j:
-            found = e
-    return found
+            entry = e
+    return entry
 
 
 @ti.func

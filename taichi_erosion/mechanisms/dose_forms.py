@@ -97,8 +97,8 @@ def power_form(title: str, columns: Conditions, fixed: tuple[float, ...] = ()) -
     scales = {name: typical(column) for name, column in columns.items()}
     letters = () if fixed else ("p", "q")[: len(columns)]
     low = () if fixed else tuple(-STEEPEST if c.min() > 0.0 else FLATTEST for c in columns.values())
-    told = [f"{power:g}" for power in fixed] or [f"{{{letter}}}" for letter in letters]
-    factors = [f'(at["{c}"] / {scales[c]:g}) ** {power}' for c, power in zip(columns, told, strict=True)]
+    terms = [f"{power:g}" for power in fixed] or [f"{{{letter}}}" for letter in letters]
+    factors = [f'(at["{c}"] / {scales[c]:g}) ** {power}' for c, power in zip(columns, terms, strict=True)]
 
     def shape(at: Conditions, powers: Floats) -> Floats:
         bases = np.array([at[name] / scale for name, scale in scales.items()])

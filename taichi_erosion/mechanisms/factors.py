@@ -85,9 +85,9 @@ def contact_checks(entry: str, walls: bool, params: Any, probe: Probe) -> Iterat
     if entry == "restitution":
         yield Check("a restitution of 1 is the largest", got(chosen, rough, 40.0), 1.0)
     if entry == "friction_rolling":
-        found = got(chosen, bare, reference=0.2)
+        force = got(chosen, bare, reference=0.2)
         law = probe(params(), {}, scene=bare).laws.rolling
-        yield Check("a scene without rolling friction gets the reference", found, 0.1)
+        yield Check("a scene without rolling friction gets the reference", force, 0.1)
         yield Check("with the law of type C", float(law == "elastic_plastic"), 1.0)
         yield Check("its other contacts still roll freely", got(other, bare), 0.0)
 

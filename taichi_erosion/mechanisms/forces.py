@@ -29,8 +29,8 @@ def pull(constants, pair):
     mass = pair.mass_i
     if pair.mass_j > 0.0:
         mass = 2.0 * pair.mass_i * pair.mass_j / (pair.mass_i + pair.mass_j)
-    left = 1.0 - ti.max(pair.gap, 0.0) / (constants.range * pair.radius_effective)
-    return constants.pull * mass * ti.max(left, 0.0)
+    remainder = 1.0 - ti.max(pair.gap, 0.0) / (constants.range * pair.radius_effective)
+    return constants.pull * mass * ti.max(remainder, 0.0)
 
 
 def reach(constants: Constants, radius: float) -> float:

@@ -54,9 +54,9 @@ def law_checks(mechanism: Effect, probe: Probe, params: Any, points: Sequence[Po
         claim = f"at {where} the dose is {dose:.4g}"
         if mechanism.place == "scene":
             scene = sample_scene(wind=WIND)
-            found = probe(params, conditions, scene=scene)
+            got = probe(params, conditions, scene=scene)
             wanted = mechanism.act(at_dose(mechanism, dose), 1.0, conditions, scene)
-            numbers = (numbers_in(resolve(each)) for each in (found, wanted))
+            numbers = (numbers_in(resolve(each)) for each in (got, wanted))
             apart = (abs(a - b) / max(abs(a), abs(b), 1e-12) for a, b in zip(*numbers, strict=True))
             yield Check(claim, max(apart), 0.0, atol=1e-4)
         else:

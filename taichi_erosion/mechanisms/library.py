@@ -28,12 +28,12 @@ OF_WIND = ("bed_stress", "drag", "gustiness", "lift")  # that act through wind a
 @cache
 def mechanism_rows() -> dict[str, dict[str, Any]]:
     """Rows of the table by the name of the mechanism; of contacts, one on each other and one on walls."""
-    found: dict[str, dict[str, Any]] = {}
+    rows: dict[str, dict[str, Any]] = {}
     for name, row in tomllib.loads(TABLE.read_text(encoding="utf-8")).items():
-        found[name] = row | {"walls": False}
+        rows[name] = row | {"walls": False}
         if "walls" in row:
-            found[f"wall_{name}"] = row | {"walls": True, "title": f"{row['title']} on walls"}
-    return dict(sorted(found.items()))
+            rows[f"wall_{name}"] = row | {"walls": True, "title": f"{row['title']} on walls"}
+    return dict(sorted(rows.items()))
 
 
 def dose_meaning(name: str) -> str:
@@ -71,8 +71,8 @@ def mechanism_file(name: str) -> EffectFile:
 
 def physical_mechanisms(wind: bool) -> list[str]:
     """Mechanisms that can act in a scene with or without wind; instruments need none."""
-    known = load_mechanisms()
-    return [name for name in known if known[name].place != "instrument" and (wind or name not in OF_WIND)]
+    library = load_mechanisms()
+    return [name for name in library if library[name].place != "instrument" and (wind or name not in OF_WIND)]
 
 
 def dose_position(dose: Any) -> Any:

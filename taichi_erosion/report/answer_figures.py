@@ -80,8 +80,8 @@ def points_of(record: Record, voc: Vocabulary, observable: str, axis: str) -> pd
     x = rows.conditions.get(axis, np.arange(1.0, len(table) + 1.0))
     table["x"] = [voc.units.condition(axis, float(each)) for each in x]
     table["text"] = [row_text(record, voc, place) for place in range(len(table))]
-    own = table["x"].notna() & table["measured"].notna() & (np.array(rows.observable) == observable)
-    return table.loc[own].sort_values("x", kind="stable")
+    mask = table["x"].notna() & table["measured"].notna() & (np.array(rows.observable) == observable)
+    return table.loc[mask].sort_values("x", kind="stable")
 
 
 def key(record: Record) -> tuple[str, str, str]:
@@ -108,9 +108,9 @@ def row_text(record: Record, voc: Vocabulary, place: int) -> str:
     elif side:
         measured = f"{side} {units.value_text(name, value)}"
     models = {page_words.BARE: rows.before, page_words.added_words(record): rows.after}
-    told = [f"{key}: {units.value_text(name, float(of[place]))}" for key, of in models.items() if key]
+    words = [f"{key}: {units.value_text(name, float(of[place]))}" for key, of in models.items() if key]
     at = {axis: float(column[place]) for axis, column in rows.conditions.items()}
-    return "\n".join([f"{page_words.MEASURED} {measured}", *told, *units.setting_text(at).split(", ")])
+    return "\n".join([f"{page_words.MEASURED} {measured}", *words, *units.setting_text(at).split(", ")])
 
 
 def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, number: int) -> Picture:
@@ -119,8 +119,8 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
     labels = {name: label for name, label in zip(MODELS, key(record)[1:], strict=True) if label}
     x, y, sd = (points[name].to_numpy() for name in ("x", "measured", "sd"))
     error = np.where(points["limit"] == "", ONE_SIDED * np.nan_to_num(sd), 0.0)
-    shown = points[["measured", *labels]].to_numpy().ravel()
-    texts = {f"measured#{kind}": list(own["text"]) for kind, own in rows_by_mark(points)}
+    plotted = points[["measured", *labels]].to_numpy().ravel()
+    texts = {f"measured#{kind}": list(rows_of["text"]) for kind, rows_of in rows_by_mark(points)}
     texts |= {key: list(points["text"]) for key in labels}
 
     def draw(width: float) -> Figure:
@@ -136,7 +136,7 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
             scale_axis(frame, "x", x)
             frame.set_xlabel(heading(quantity(axis or "row"), voc.units.condition_unit(axis)))
             frame.set_title(heading(title, voc.units.value_unit(observable)), loc="left")
-        scale_axis(values, "y", shown)
+        scale_axis(values, "y", plotted)
         return figure
 
     caption = page_words.CAPTIONS["rows"].format(
@@ -149,13 +149,13 @@ def row_picture(record: Record, voc: Vocabulary, observable: str, axis: str, num
 def rows_by_mark(points: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
     """Rows by their marks: limits and intervals, and last, above the others, ordinary values."""
     groups = sorted(points.groupby("limit"), key=lambda each: str(each[0]), reverse=True)
-    yield from ((str(kind), own) for kind, own in groups)
+    yield from ((str(kind), rows_of) for kind, rows_of in groups)
 
 
 def draw_points(frame: Axes, points: pd.DataFrame) -> None:
     """Measured values: dots, arrows for limits, bars with ends for intervals."""
-    for kind, own in rows_by_mark(points):
-        x, y, low, high = (own[name].to_numpy() for name in ("x", "measured", "low", "high"))
+    for kind, marked in rows_by_mark(points):
+        x, y, low, high = (marked[name].to_numpy() for name in ("x", "measured", "low", "high"))
         style: dict[str, Any] = MARKS | {"label": "" if kind else page_words.MEASURED}
         if kind in ("below", "above"):
             style |= {"marker": BELOW if kind == "below" else ABOVE, "ms": ARROW, "mfc": PAPER}
@@ -176,10 +176,10 @@ def chart(width: float, labels: list[str]) -> tuple[Figure, Axes, Floats]:
     return figure, frame, at
 
 
-def draw_interval(frame: Axes, at: float, found: Interval, colour: str) -> None:
+def draw_interval(frame: Axes, at: float, size: Interval, colour: str) -> None:
     """Median with its 90 % interval."""
-    ends = [[found.value - found.low], [found.high - found.value]]
-    frame.errorbar(found.value, at, xerr=np.maximum(ends, 0.0), fmt="o", color=colour, ms=4.5, elinewidth=1.4)
+    ends = [[size.value - size.low], [size.high - size.value]]
+    frame.errorbar(size.value, at, xerr=np.maximum(ends, 0.0), fmt="o", color=colour, ms=4.5, elinewidth=1.4)
 
 
 def posterior_picture(record: Record) -> Picture:

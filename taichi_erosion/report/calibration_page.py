@@ -121,8 +121,8 @@ def effect_table(calibration: Calibration, name: str) -> Cells:
         rows.append((label, limits, value, f"{effect['p']:.2g}", entry.published))
     unit = calibration.file.study.targets[name].unit
     header = ("parameter", "range", f"effect [{unit}]", "p", "published")
-    shown = len(header) if any(entry.published for entry in parameters.values()) else len(header) - 1
-    return header[:shown], [row[:shown] for row in rows]
+    count = len(header) if any(entry.published for entry in parameters.values()) else len(header) - 1
+    return header[:count], [row[:count] for row in rows]
 
 
 def verdict(test: Mapping[str, Any], name: str, unit: str) -> str:
@@ -158,26 +158,26 @@ def number(value: float) -> str:
     return "none" if value != value else f"{value:.4g}"
 
 
-def variance_table(found: Calibration, name: str) -> Cells:
+def variance_table(calibration: Calibration, name: str) -> Cells:
     """Analysis of variance."""
-    anova = found.document["surface"]["responses"][name]["anova"]
+    anova = calibration.document["surface"]["responses"][name]["anova"]
     rows = [(row["label"], *(number(row[key]) for key in VARIANCE)) for row in anova]
     return ("source", "sum of squares", "df", "mean square", "F", "p"), rows
 
 
-def equation(found: Calibration, name: str) -> str:
+def equation(calibration: Calibration, name: str) -> str:
     """Equation in natural units, with the publication's symbols where the study names them."""
-    text = found.document["surface"]["responses"][name]["natural_reduced"]
-    for path, symbol in sorted(symbols(found).items(), key=lambda each: -len(each[0])):
+    text = calibration.document["surface"]["responses"][name]["natural_reduced"]
+    for path, symbol in sorted(symbols(calibration).items(), key=lambda each: -len(each[0])):
         text = text.replace(path, symbol)
     return text.replace("*", " \N{MIDDLE DOT} ").replace("^2", "\N{SUPERSCRIPT TWO}")
 
 
-def symbols(found: Calibration) -> dict[str, str]:
+def symbols(calibration: Calibration) -> dict[str, str]:
     """Letters of the parameters in the equations; those of a publication, else x1, x2, ..."""
-    assert found.surface is not None
-    paths = [factor.path for factor in found.surface.design.factors]
-    parameters = found.file.study.parameters
+    assert calibration.surface is not None
+    paths = [factor.path for factor in calibration.surface.design.factors]
+    parameters = calibration.file.study.parameters
     return {path: parameters[path].symbol or f"x{place}" for place, path in enumerate(paths, 1)}
 
 
@@ -219,7 +219,7 @@ def write_report(study: Path, to: Path | None = None, force: bool = False) -> Pa
     file = read_finished(study)
     title, _, text = (file.folder / PAGE).read_text(encoding="utf-8").partition("\n")
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
-    body = PICTURE.sub(lambda found: f'<img src="{address_of(file.folder / found[1])}"', body)
+    body = PICTURE.sub(lambda match: f'<img src="{address_of(file.folder / match[1])}"', body)
     body = body.replace("<table>", '<div class="scroll"><table>').replace("</table>", "</table></div>")
     body = VERDICT.sub(r'<p class="verdict"><strong>\1.</strong>', body)
     sections = [(f"part{place}", heading) for place, heading in enumerate(HEADING.findall(body))]
@@ -248,8 +248,8 @@ def write_recording(study: Path) -> Path:
     for row in sorted(rows, key=lambda row: -STAGES.index(row["stage"])):
         recording = file.folder / "recordings" / f"{run_name(row)}-{row['seed']}.rrd"
         if recording.is_file():
-            found = {name: row[file.measure(name)] for name in file.study.targets}
-            responses = {name: value for name, value in found.items() if value == value}
+            measures = {name: row[file.measure(name)] for name in file.study.targets}
+            responses = {name: value for name, value in measures.items() if value == value}
             texts = (f"{name} {y:.3g} {file.study.targets[name].unit}" for name, y in responses.items())
             settings = {re.sub(r"[.-]", "_", path): row[path] for path in file.study.parameters}
             caption = f"{run_name(row)}: {', '.join(texts)}"

@@ -121,16 +121,16 @@ def residuals(fit: Fit, run_order: NDArray[np.int64]) -> Figure:
         deleted = np.asarray(influence.resid_studentized_external)
         cook, _ = np.asarray(influence.cooks_distance)
     limit = float(stats.t.isf(0.025 / len(deleted), fit.df_error - 1)) if fit.df_error > 1 else np.nan
-    known = np.isfinite(deleted)
-    left, fitted, when = deleted[known], fit.fitted[known], run_order[fit.rows][known]
+    finite = np.isfinite(deleted)
+    residual, fitted, when = deleted[finite], fit.fitted[finite], run_order[fit.rows][finite]
     figure, (normal, level, order, distance) = panels(4, 2, PANEL)
-    scores = stats.norm.ppf((np.arange(1, len(left) + 1) - 0.5) / len(left))
-    normal.plot(np.sort(left), scores, "o", color=LINE)
+    scores = stats.norm.ppf((np.arange(1, len(residual) + 1) - 0.5) / len(residual))
+    normal.plot(np.sort(residual), scores, "o", color=LINE)
     normal.plot(scores, scores, color=NEUTRAL, lw=1.0)
     normal.set(xlabel="studentized residual [1]", ylabel="normal score [1]")
-    level.plot(fitted, left, "o", color=LINE)
+    level.plot(fitted, residual, "o", color=LINE)
     level.set(xlabel="fitted value", ylabel="studentized residual [1]")
-    order.plot(np.sort(when), left[np.argsort(when)], "o-", color=LINE, lw=0.7)
+    order.plot(np.sort(when), residual[np.argsort(when)], "o-", color=LINE, lw=0.7)
     order.set(xlabel="run order", ylabel="studentized residual [1]")
     for axes in (level, order):
         axes.axhline(0.0, color=NEUTRAL, lw=1.0)
@@ -142,11 +142,11 @@ def residuals(fit: Fit, run_order: NDArray[np.int64]) -> Figure:
 
 
 @page_style()
-def effect_bars(record: Record, kept: Sequence[str], unit: str) -> Figure:
+def effect_bars(record: Record, factors: Sequence[str], unit: str) -> Figure:
     """Effects by size with their significance limits; dark: factors that the calibration keeps."""
     effects = record["effects"][::-1]
     figure, axes = single(6.4, 0.32 * len(effects) + 1.0)
-    colours = [LINE if effect["name"] in kept else PALE for effect in effects]
+    colours = [LINE if effect["name"] in factors else PALE for effect in effects]
     axes.barh([e["label"] for e in effects], [e["value"] for e in effects], color=colours)
     for key, style, label in (("single", "--", "t limit, 95 %"), ("bonferroni", ":", "Bonferroni limit")):
         limit = record["limits"][key]

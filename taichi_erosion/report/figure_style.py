@@ -164,12 +164,12 @@ def single(width: float, height: float) -> tuple[Figure, Axes]:
 def scale_axis(frame: Axes, which: Literal["x", "y"], values: Floats) -> None:
     """Logarithmic axis with plain numbers for values of a wide range, else a linear one."""
     axis = frame.xaxis if which == "x" else frame.yaxis
-    known = values[np.isfinite(values)]
-    if not (known.size and known.min() > 0.0 and known.max() > WIDE_RANGE * known.min()):
+    finite = values[np.isfinite(values)]
+    if not (finite.size and finite.min() > 0.0 and finite.max() > WIDE_RANGE * finite.min()):
         axis.set_major_locator(MaxNLocator(TICKS))
         return
     frame.set(**{f"{which}scale": "log"})
-    decades = np.log10(known.max() / known.min())
+    decades = np.log10(finite.max() / finite.min())
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

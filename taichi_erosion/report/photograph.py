@@ -26,14 +26,14 @@ def draw_detection(photograph: Path, record: Mapping[str, Any], to: Path) -> Pat
     figure = Figure(figsize=(width, width * rows / columns))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.imshow(grey, cmap="gray", vmin=0.0, vmax=1.0, extent=(0.0, columns, rows, 0.0))
-    drawn = details["drawing"]
-    axes.plot(*np.transpose(drawn["outline"]), color=OUTLINE, lw=1.2, label="outline")
+    picture = details["drawing"]
+    axes.plot(*np.transpose(picture["outline"]), color=OUTLINE, lw=1.2, label="outline")
     base = f"base line, tilt {details['tilt']:.1f} deg"
-    axes.plot(*np.transpose(drawn["base"]), color=BASE, lw=1.4, ls="--", label=base)
+    axes.plot(*np.transpose(picture["base"]), color=BASE, lw=1.4, ls="--", label=base)
     for side in ("left", "right"):
-        if side in drawn:
+        if side in picture:
             label = f"{side} flank, {details[side]:.1f} deg"
-            axes.plot(*np.transpose(drawn[side]), color=FLANK, lw=2.6, label=label)
+            axes.plot(*np.transpose(picture[side]), color=FLANK, lw=2.6, label=label)
     left, top, right, bottom = details["crop"]
     if (left, top, right, bottom) != (0, 0, columns, rows):
         axes.add_patch(Rectangle((left, top), right - left, bottom - top, fill=False, ls=":", color="white"))

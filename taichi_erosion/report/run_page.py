@@ -73,9 +73,9 @@ def draw_measures(document: Document) -> Picture | None:
 
     A single seed is drawn only beside a measured value.
     """
-    known = (name for name, pooled in document["measures"].items() if pooled["value"] is not None)
+    finite = (name for name, pooled in document["measures"].items() if pooled["value"] is not None)
     several = len(document["replicas"]) > 1
-    names = [name for name in known if several or name in document["measured"]]
+    names = [name for name in finite if several or name in document["measured"]]
     if not names:
         return None
 

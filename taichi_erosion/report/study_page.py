@@ -102,11 +102,11 @@ def stored_replies(study: Path) -> tuple[dict[Command, Reply], list[Command]]:
             replies[command] = reply
             age[command] = document_file(folder, study.stem, command).stat().st_mtime_ns
     digest = replies[max(replies, key=age.__getitem__)].about["digest"] if replies else ""
-    kept = {name: replies[name] for name in sorted(replies, key=age.__getitem__)}
-    kept = {name: reply for name, reply in kept.items() if reply.about["digest"] == digest}
-    if not set(kept) & set(page_words.LEADING):
+    answers = {name: replies[name] for name in sorted(replies, key=age.__getitem__)}
+    answers = {name: reply for name, reply in answers.items() if reply.about["digest"] == digest}
+    if not set(answers) & set(page_words.LEADING):
         raise BadInput(f"{study}: has no answer yet; {shell_command('compare', study)} gives the first")
-    return kept, [command for command in replies if command not in kept]
+    return answers, [command for command in replies if command not in answers]
 
 
 def folder_of(study: Path) -> Path:
@@ -133,8 +133,8 @@ def answer_page(
     leading = records[lead]
     sentences = page_words.answers(records, voc)
     parts = page_words.page_lines(sentences, lead)
-    shown = figures.places(leading)  # the worst first
-    first, *others = (figures.row_picture(leading, voc, *place, number) for number, place in enumerate(shown))
+    panels = figures.places(leading)  # the worst first
+    first, *others = (figures.row_picture(leading, voc, *place, k) for k, place in enumerate(panels))
     missing = list[Picture]()  # what explains the measurements
     if "discover" in sentences:
         record = records["discover"]
@@ -160,8 +160,8 @@ def answer_page(
         "first": first,
         "key": figures.key(leading),  # of the first picture: measured, both models
         "sections": [
-            Section(name, own, [each for each in stated if each], pictures)
-            for name, own, stated, pictures in zip(titles, parts[1:], tables, drawn, strict=True)
+            Section(name, commands, [each for each in named_tables if each], pictures)
+            for name, commands, named_tables, pictures in zip(titles, parts[1:], tables, drawn, strict=True)
         ],
         "method_title": method_title,
         "methods": page_words.methods(leading, model),

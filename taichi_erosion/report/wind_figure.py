@@ -52,8 +52,8 @@ def draw_flux(frame: Axes, document: Document) -> None:
         frame.plot(sand.air_density * line_winds**2, flux, line, color=INK, lw=1.0, label=name)
     runs = (document["runs"].get(f"flux_{wind:g}", {}).get("measures", {}).get("flux", {}) for wind in winds)
     for rows, mark, color in ((document["measured"], "s", BEFORE), (runs, "o", AFTER)):
-        found = [(each.get("value") or np.nan, each.get("sd") or 0.0, each.get("n") or 1) for each in rows]
-        value, sd, n = np.array(found).T
+        points = [(each.get("value") or np.nan, each.get("sd") or 0.0, each.get("n") or 1) for each in rows]
+        value, sd, n = np.array(points).T
         stress = sand.air_density * np.array(winds) ** 2
         frame.errorbar(
             stress,

@@ -141,8 +141,8 @@ def peak_outcomes(
         yield relative(f"{name}: largest force [N]", force.max(), peak, 1e-3, precision)
         along = (force - stiffness * np.maximum(overlap[1:-1], 0.0) ** 1.5) / peak
         yield below(f"{name}: force along the path off K d^1.5, over its peak", along, 1e-3, precision)
-    found = crossing(time, overlap) + crossing(-time[::-1], overlap[::-1])
-    yield relative(f"{name}: contact time [s]", found, duration, 5e-3, precision)
+    got = crossing(time, overlap) + crossing(-time[::-1], overlap[::-1])
+    yield relative(f"{name}: contact time [s]", got, duration, 5e-3, precision)
 
 
 def tumbling(seed: int, count: int = 40) -> Setup:
@@ -176,8 +176,8 @@ def threads_and_ensembles() -> Iterator[Outcome]:
     for precision in PRECISIONS:
         ((alone,),) = sample_states([target], [[WHOLE]], precision, TUMBLING, 1)
         for name, (setups, place) in cases.items():
-            found = sample_states(setups, np.full((1, len(setups)), WHOLE), precision, TUMBLING, 2)[place][0]
-            same = state_bytes(found) == state_bytes(alone)
+            states = sample_states(setups, np.full((1, len(setups)), WHOLE), precision, TUMBLING, 2)[place][0]
+            same = state_bytes(states) == state_bytes(alone)
             yield holds(f"same hash alone on 1 thread and {name}", same, precision)
 
 

@@ -171,8 +171,8 @@ def is_described(effect: Effect, probe: Probe) -> Iterator[str]:
         yield f"prior_scale = {effect.prior_scale} must lie in (0, most = {effect.most}]"
     for name in own_conditions(effect):
         if near := get_close_matches(name, Conditions.model_fields, n=1, cutoff=LIKE):
-            meant = f"did you mean '{near[0]}'?"
-            yield f"it reads '{name}', which is not among the conditions of a scene; {meant}"
+            meaning = f"did you mean '{near[0]}'?"
+            yield f"it reads '{name}', which is not among the conditions of a scene; {meaning}"
     if not np.all(np.isin(effect.can_act(one_row(effect)), (True, False))):
         yield "can_act does not give a mask"
 
@@ -246,8 +246,8 @@ def effect_numbers(effect: Effect, probe: Probe, params: Any, strength: float) -
         numbers = [scene_numbers(probe, params, strength, sections) for sections in scenes_for(effect)]
         return np.concatenate(numbers)
     if effect.place == "instrument":
-        shown = (effect.act(params, strength, conditions, name, 0.3) for name in READINGS)
-        return np.array([checked_number(effect, one) for one in shown])
+        cells = (effect.act(params, strength, conditions, name, 0.3) for name in READINGS)
+        return np.array([checked_number(effect, one) for one in cells])
     members = TYPICAL[effect.place] | {"strength": strength}
     if effect.grain_state is None:
         return np.ravel(probe(params, conditions, **members))
@@ -257,11 +257,11 @@ def effect_numbers(effect: Effect, probe: Probe, params: Any, strength: float) -
 
 def reached_states(effect: Effect, probe: Probe, params: Any, strength: float) -> list[Any]:
     """States of a grain that has entered, after a long rest, and after a flight that follows it."""
-    found: list[Any] = [None]
+    states: list[Any] = [None]
     for situation in (RESTING, RESTING, TYPICAL["grain"]):
-        before = {"strength": strength, "state_before": found[-1]}
-        found.append(probe(params, conditions_for(effect), **before, **situation))
-    return found[1:]
+        before = {"strength": strength, "state_before": states[-1]}
+        states.append(probe(params, conditions_for(effect), **before, **situation))
+    return states[1:]
 
 
 def scene_numbers(probe: Probe, params: Any, strength: float, sections: dict[str, Any]) -> list[float]:
@@ -306,8 +306,8 @@ def breaches(effect: Effect, probe: Probe) -> list[str]:
         try:
             faults += clause(effect, probe)
         except Exception as error:
-            told = f"{name}: cannot be told{line_of(error)}: {reason(error)}"
-            faults.append(compile_failure(error) or told)
+            message = f"{name}: cannot be told{line_of(error)}: {reason(error)}"
+            faults.append(compile_failure(error) or message)
     return list(dict.fromkeys(faults))
 
 
@@ -339,10 +339,10 @@ def examine(effect: Effect) -> Examination:
 def examine_file(file: EffectFile) -> dict[str, Any]:
     """Name, breaches and time [s] of the check of the effect of a file. Raises BadInput if it cannot act."""
     effect = effect_in(file)
-    found = examine(effect)
-    if not found.can_act:
-        raise BadInput(f"{file}: effect '{effect.name}' cannot act: {found.breaches[0]}")
-    checked = {"breaches": list(found.breaches), "wall_s": found.seconds}
+    examination = examine(effect)
+    if not examination.can_act:
+        raise BadInput(f"{file}: effect '{effect.name}' cannot act: {examination.breaches[0]}")
+    checked = {"breaches": list(examination.breaches), "wall_s": examination.seconds}
     return {"effect": effect.name, "file": str(file)} | checked
 
 

@@ -69,8 +69,8 @@ def asked_winds(text: str | None, sand: Sand, measured: Fluxes) -> tuple[float, 
     except ValueError:
         raise BadInput(f"--wind '{text}': write friction velocities in m/s, such as 0.3,0.4,0.5") from None
     if not all(LEAST_WIND <= wind <= MOST_WIND for wind in winds):
-        told = f"write u* of {LEAST_WIND:g} to {MOST_WIND:g} m/s, not the speed of the wind"
-        raise BadInput(f"--wind {text}: {told}: in a tunnel u* is about 0.04 to 0.05 of that")
+        message = f"write u* of {LEAST_WIND:g} to {MOST_WIND:g} m/s, not the speed of the wind"
+        raise BadInput(f"--wind {text}: {message}: in a tunnel u* is about 0.04 to 0.05 of that")
     return winds
 
 
