@@ -152,14 +152,14 @@ def verdict_table(verdicts: Verdicts) -> str:
 
 
 def effect_table(verdicts: Verdicts) -> str:
-    """How many sentences of the literature every effect keeps."""
-    words = ("yes", "in sign", "not significant", "no", "open")
-    kept: dict[str, list[str]] = {}
-    for saying, verdict in verdicts:
-        kept.setdefault(f"`{saying.effect}`", []).append(verdict.kept)
-    kept["all"] = [verdict.kept for _, verdict in verdicts]
-    rows = [(name, *(str(found.count(word) or "") for word in words)) for name, found in kept.items()]
-    return markdown_table(("effect", *words), rows)
+    """How many sentences of the literature come out, and of which effects those are that do not."""
+    rows = []
+    for outcome in ("yes", "in sign", "not significant", "no", "open"):
+        names = [f"`{saying.effect}`" for saying, verdict in verdicts if verdict.kept == outcome]
+        effects = dict.fromkeys(names)
+        words = f"{len(effects)} effects" if outcome == "yes" else ", ".join(effects)
+        rows.append((outcome, str(len(names)), words))
+    return markdown_table(("outcome", "sentences", "effects"), rows)
 
 
 def shift_table(shifts: Shifts) -> str:
