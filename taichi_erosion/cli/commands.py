@@ -382,6 +382,31 @@ def repose(
     output.print_result(record, as_json, output.print_measurement)
 
 
+@measure.command(**help_of("measure profile"))
+def profile(
+    table: Annotated[Path, existing(metavar="TABLE", help="Heights of heaps along a radius or a line.")],
+    place: Annotated[Text, Option(metavar="HEADING", help="Column of the radius, or along the line.")] = None,
+    height: Annotated[Text, Option(metavar="HEADING", help="Column of heights above the plate.")] = None,
+    diameter: Annotated[
+        Text, Option(metavar="LENGTH", help="Of the grains; their last layer is no flank.")
+    ] = None,
+    to: Annotated[File, Option("-o", "--output", metavar="CSV", help="Default: TABLE_heaps.csv.")] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Measure angle, height and radius of scanned heaps; write a table with a row a heap for `study new`."""
+    from taichi_erosion.measures.profile import heaps_of_table, write_heaps
+    from taichi_erosion.tables.cell_numbers import stated_number
+
+    written = to or table.with_name(f"{table.stem}_heaps.csv")
+    refuse_foreign(written, table, force)
+    grain = stated_number(diameter, "m", "--diameter", "2mm") if diameter else 0.0
+    columns, rows = heaps_of_table(table, place, height, grain)
+    write_heaps(written, columns, rows)
+    record = {"heaps": [dict(zip(columns, row, strict=True)) for row in rows], "table": str(written)}
+    output.print_result(record, as_json, lambda _: output.print_heaps(columns, rows, written))
+
+
 def source_module(name: str) -> ModuleType | None:
     """Module beside the package by its dotted name; None where the program is installed without its tree."""
     if not (ROOT / name.replace(".", "/")).with_suffix(".py").is_file():

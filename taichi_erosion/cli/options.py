@@ -48,6 +48,7 @@ export recordings/sample.rrd --vtk paraview
 export RECORDING --netcdf tables --chains chains.png --time 0.5
 measure repose IMAGE
 measure repose IMAGE --crop 100,50,900,600 --background light
+measure profile TABLE --place x --height z --diameter 2mm
 doe design doe/first_calibration.toml
 doe run doe/first_calibration.toml --workers 2
 doe analyse doe/first_calibration.toml

@@ -15,6 +15,8 @@ from taichi_erosion.evidence.words import shell_command
 from taichi_erosion.tables.number_words import count_noun, plain
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from taichi_erosion.evidence.answers.files import Reply
     from taichi_erosion.evidence.words.answer_lines import Answer
 
@@ -25,7 +27,7 @@ WIDEST = 1000  # width of a table in a file or pipe, where COLUMNS does not stat
 MOST_TOLD = 6  # comparisons and warnings of a run
 MOST_LINES = 8  # of an answer, the set-up included: a screen with its table
 CLAIM = ("id", "claim", "got", "want", "tolerance", "precision")
-LIMITS = ("candidate", "excluded above (95 %)", "could act unseen below", "imitated by calibration")
+LIMITS = ("candidate", "excluded above (99 %)", "could act unseen below", "imitated by calibration")
 NUMBERS = ("number", "start", "if nothing is missing", "now", "of its prior left")
 
 
@@ -112,6 +114,12 @@ def print_measurement(record: Record) -> None:
     typer.echo(f"{record['name']} = {with_deviation(record)} {record['unit']}")
     print_lines(record["notes"], "note: ")
     typer.echo(f"what was detected: {record['picture']}")
+
+
+def print_heaps(columns: Sequence[str], rows: Sequence[Sequence[str]], table: "Path") -> None:
+    """Print measured heaps, and what reads their table."""
+    print_table("heaps", columns, rows)
+    typer.echo(f"next: {shell_command('study', 'new', table)}")
 
 
 def print_claims(document: Record) -> None:
