@@ -187,9 +187,8 @@ def thresholds(column: str, values: Sequence[float], thin: Callable[[float], flo
     random, rows = np.random.default_rng(4), [f"{column},grain size (mm),u*t (cm/s),SD,n,air pressure (hPa)"]
     for x, d in ((x, d) for x in values for d in (0.2, 0.3, 0.5)):
         u = 100.0 * 0.105 * np.sqrt(2650.0 / (1.2 * thin(x)) * 9.81e-3 * d)
-        rows.append(
-            f"{x},{d},{u * (1.0 + 0.02 * random.standard_normal()):.2f},{0.03 * u:.2f},3,{900 + 0.01 * x + 100 * d:g}"
-        )
+        speed, mass = u * (1.0 + 0.02 * random.standard_normal()), 900 + 0.01 * x + 100 * d
+        rows.append(f"{x},{d},{speed:.2f},{0.03 * u:.2f},3,{mass:g}")
     return "\n".join([*rows, ""])
 
 
