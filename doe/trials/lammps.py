@@ -1,14 +1,15 @@
 """Laboratories of another code: heaps that LAMMPS made with hidden effects, which the commands have to find.
 
-Drawn and made by `doe.trials.run`: the 100 grains of `heaps.py` on a plate that does not stick. Packings,
-contact law and every effect are written here a second time, in the ways that LAMMPS has.
+Drawn and made by `doe.trials.run`: the scene of `heaps.py` on a plate that does not stick, with 100 grains or
+1000. Packings, contact law and every effect are written here a second time, in the ways that LAMMPS has.
 """
 
 import random
 import subprocess
 import tempfile
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from math import exp, log, pi
 from pathlib import Path
 from typing import Any
@@ -46,20 +47,34 @@ HIDDEN = (  # effects, and what no candidate describes
     ((), "sliding friction that grows with angularity"),
     ((), "sliding friction that water lowers"),
 )
+LAWS = {  # what no candidate describes: number, condition, and ln of its factor at the end of that
+    "sliding friction that grows with angularity": (("sliding", "angularity", 0.6),),
+    "sliding friction that water lowers": (("sliding", "moisture", -0.5),),
+    "sliding friction that angularity lowers": (("sliding", "angularity", -0.5),),
+    "rolling friction that water raises": (("rolling", "moisture", 0.8),),
+    "rolling friction that grows with the diameter": (("rolling", "diameter", 0.8),),
+    "sliding and rolling friction that water lowers": (
+        ("sliding", "moisture", -0.5),
+        ("rolling", "moisture", -0.9),
+    ),
+    "sliding friction that angularity lowers, rolling friction that water raises": (
+        ("sliding", "angularity", -0.5),
+        ("rolling", "moisture", 0.8),
+    ),
+}
+SINGLES = ("rolling_resistance", "liquid_bridge", "dry_adhesion", "size_distribution")
 HIDDEN_BEYOND = (  # in grains that are stiffer than the study's, with a friction one sd off its prior
-    *[((), "")] * 2,
-    (("rolling_resistance",), ""),
-    (("liquid_bridge",), ""),
+    *[((), "")] * 4,
+    *[((name,), "") for name in SINGLES],
     (("liquid_bridge", "rolling_resistance"), ""),
-    ((), "sliding friction that water lowers"),
-    ((), "rolling friction that water raises"),
-    ((), "sliding and rolling friction that water lowers"),
+    (("rolling_resistance", "size_distribution"), ""),
+    *[((), law) for law in list(LAWS)[1:]],
 )
 WEAKEST, STRONGEST = 0.5, 2.0  # of a hidden effect, log-uniform
 MOST = {"size_distribution": 1.0}
-CONDITIONS = ((0.0, 0.0), (0.015, 0.0), (0.0, 0.5), (0.0, 1.0))  # moisture, angularity
+MOST_WATER = 0.015
+CONDITIONS = ((0.0, 0.0), (MOST_WATER, 0.0), (0.0, 0.5), (0.0, 1.0))  # moisture, angularity
 DIAMETERS = (1.5e-3, 3e-3)  # m
-REPEATS = 4
 WALLS = ("[contact.grain-plate]\n", "[contact.grain-tube]\n")  # tables of the scene
 OBSERVABLES = ("column_height", "pile_height", "centroid_height", "radius_90")
 OF_PILE = (heap.pile_height, heap.centroid_height, heap.radius_90, heap.angle_of_repose_outline)
@@ -87,9 +102,30 @@ class Apparatus:
     tube_d: float
     fill_d: float
     box_d: float  # half the width of the box
+    conditions: tuple[tuple[float, float], ...] = CONDITIONS
+    repeats: int = 4
+    changes: Mapping[str, str] = field(default_factory=dict)  # of the scene and the study
 
 
 SMALL = Apparatus(100, 5e5, 2e-2, 950.0, tube_d=3.5, fill_d=3.0, box_d=40.0)  # of column.toml
+LARGE = Apparatus(
+    *(1000, 5e5, 2e-2, 950.0),
+    tube_d=7.0,
+    fill_d=6.4,
+    box_d=60.0,
+    repeats=3,
+    conditions=(*CONDITIONS, (0.5 * MOST_WATER, 0.0)),
+    changes={
+        "count = 100": "count = 1000",
+        "radius_d = 3.5": "radius_d = 7.0",
+        "radius_d = 3.0": "radius_d = 6.4",
+        "time_step_d = 3e-2": "time_step_d = 2.7e-2",
+        **{  # levels differ between codes on the same packings: ../../shared/foreign_lab
+            f"[observables.{name}]": f"[observables.{name}]\nsd_shared_relative = {sd}"
+            for name, sd in zip(OBSERVABLES, (0.01, 0.03, 0.05, 0.05), strict=True)
+        },
+    },
+)
 SPRING = 0.005  # of rolling, over E d [1]
 
 
@@ -113,7 +149,7 @@ def drawn_case(generator: random.Random, names: tuple[str, ...]) -> Case:
 def beyond_case(generator: random.Random, names: tuple[str, ...]) -> Case:
     """The same with stiffer grains and a friction one sd off what the study says."""
     case = drawn_case(generator, names) | {"sliding": SLIDING * exp(generator.choice((-OFF, OFF)))}
-    return case | {"stiffness": between(generator, *STIFFER)}
+    return case | {"stiffness": between(generator, *STIFFER), "size": between(generator, 0.8, 1.3)}
 
 
 def sizes(generator: np.random.Generator, count: int, spread: float, diameter: float) -> Floats:
@@ -154,20 +190,17 @@ def rain(column: Apparatus, generator: np.random.Generator, diameters: Floats, d
     return text
 
 
-def grains_of(case: Case, moisture: float, angularity: float) -> Grains:
+def grains_of(case: Case, diameter: float, moisture: float, angularity: float) -> Grains:
     """The grains of one drawn laboratory at one condition."""
-    strength = case["effects"]
+    strength, numbers = case["effects"], {key: case[key] for key in ("sliding", "rolling")}
     pull = strength.get("dry_adhesion", 0.0) * DRY_PULL
     pull += strength.get("liquid_bridge", 0.0) * NECK * (moisture > 0.0)
-    sliding = case["sliding"]
-    if "angularity" in case["outside"]:
-        sliding *= 1.0 + 0.8 * angularity
-    lowers = "water lowers" in case["outside"] and moisture > 0.0
-    sliding *= 0.6 if lowers else 1.0
-    raises = "water raises" in case["outside"] and moisture > 0.0
-    factor = 2.2 if raises else 0.4 if lowers and "rolling" in case["outside"] else 1.0
-    rolling = factor * case["rolling"] + strength.get("rolling_resistance", 0.0) * MOST_ANGULAR * angularity
-    return Grains(sliding, rolling, pull, strength.get("size_distribution", 0.0) * SPREAD)
+    share = {"diameter": diameter / DIAMETERS[0] - 1.0, "moisture": moisture / MOST_WATER}
+    share["angularity"] = angularity
+    for number, condition, ln_factor in LAWS.get(case["outside"], ()):
+        numbers[number] *= exp(ln_factor * case.get("size", 1.0) * share[condition])
+    numbers["rolling"] += strength.get("rolling_resistance", 0.0) * MOST_ANGULAR * angularity
+    return Grains(**numbers, pull_d=pull, spread=strength.get("size_distribution", 0.0) * SPREAD)
 
 
 def told(column: Apparatus, grains: Grains, diameter: float) -> dict[str, Any]:
@@ -220,24 +253,37 @@ def laboratory_run(
     return {one.name: one for one in found if one.value is not None}
 
 
-def measure(folder: Path, cases: Sequence[Case], seed: int) -> None:
+def measure(folder: Path, cases: Sequence[Case], seed: int, usual: Apparatus = SMALL) -> None:
     """Studies and tables of the drawn cases, on a scene whose plate and tube do not stick."""
     scene = SCENE.read_text("utf-8")
     for table in WALLS:
         scene = scene.replace(table, f"{table}effects = false\n")
-    (folder / SCENE.name).write_text(scene, encoding="utf-8")
+    (folder / SCENE.name).write_text(changed(scene, usual), encoding="utf-8")
     for case in cases:
+        study = folder / f"case_{case['number']:05d}.toml"
+        if study.exists():
+            continue
         generator, lines = np.random.default_rng([seed, case["number"]]), []
         stiffer = case.get("stiffness", 1.0)
-        column = replace(SMALL, young=stiffer * SMALL.young, step_d=SMALL.step_d / stiffer**0.5)
+        column = replace(usual, young=stiffer * usual.young, step_d=usual.step_d / stiffer**0.5)
         for d in DIAMETERS:
-            for w, a in CONDITIONS:
-                for _ in range(REPEATS):
-                    found = laboratory_run(column, grains_of(case, w, a), d, generator)
+            for w, a in column.conditions:
+                for _ in range(column.repeats):
+                    found = laboratory_run(column, grains_of(case, d, w, a), d, generator)
                     lines += [line_of(name, found[name].value, (d, w, a), "LAMMPS") for name in OBSERVABLES]
         write_study(folder, case["number"], lines)
+        study.write_text(changed(study.read_text("utf-8"), usual), encoding="utf-8")
         typer.echo(f"{case['number'] + 1} of {len(cases)} laboratories")
 
 
+def changed(text: str, apparatus: Apparatus) -> str:
+    """A scene or a study for an apparatus."""
+    for old, new in apparatus.changes.items():
+        text = text.replace(old, new)
+    return text
+
+
 DRAWN = Laboratory(lambda generator: drawn(generator, HIDDEN, drawn_case), measure)
-BEYOND = Laboratory(lambda generator: drawn(generator, HIDDEN_BEYOND, beyond_case), measure)
+BEYOND = Laboratory(
+    lambda generator: drawn(generator, HIDDEN_BEYOND, beyond_case), partial(measure, usual=LARGE)
+)

@@ -171,6 +171,11 @@ def judged(case: Case) -> str:
     acting, outside = case.acting, case.truth["outside"]
     if not acting and not outside:
         return "false alarm" if case.told or case.flagged else "right"
+    if outside and case.mechanisms:
+        acting = {f"{number}_friction" for number in ("sliding", "rolling") if number in outside}
+        if not acting & {*case.mechanisms}:
+            return "wrong"
+        return "right" if {*case.mechanisms} == acting else "in the group"
     if outside:
         return "right" if case.flagged else "wrong" if case.told else "silent"
     if not case.told:

@@ -2,12 +2,12 @@
 
 import random
 from collections import Counter
-from math import pi
+from math import exp, pi
 
 import pytest
 
 from doe.trials.heaps import OTHER_LAWS, SCENE, orders, surface_energy
-from doe.trials.lammps import BEYOND, DRAWN, grains_of
+from doe.trials.lammps import BEYOND, DIAMETERS, DRAWN, LAWS, grains_of
 from taichi_erosion.grains.laws import jkr
 from taichi_erosion.run.checks import read_scene
 
@@ -21,7 +21,7 @@ def kinds(cases) -> Counter[str]:
     [
         (OTHER_LAWS, {"0": 3, "1": 5, "2": 2, "outside": 2}),
         (DRAWN, {"0": 4, "1": 8, "2": 2, "outside": 2}),
-        (BEYOND, {"0": 2, "1": 2, "2": 1, "outside": 3}),
+        (BEYOND, {"0": 4, "1": 4, "2": 2, "outside": 6}),
     ],
 )
 def test_every_set_hides_what_its_page_says(place, wanted):
@@ -50,17 +50,18 @@ def test_the_pull_of_jkr_is_the_stated_share_of_a_weight():
     assert "3 pi gamma R*" in (jkr.__doc__ or "")
 
 
-def test_water_changes_what_the_truth_says_and_nothing_else():
-    changed = {}
+def test_laws_outside_the_list_change_what_the_truth_says_and_nothing_else():
     for case in BEYOND.draw(random.Random(4)):
-        dry, wet = (grains_of(case, moisture, 0.0) for moisture in (0.0, 0.015))
-        if case["outside"]:
-            changed[case["outside"]] = wet.sliding / dry.sliding, wet.rolling / dry.rolling
-            assert wet.pull_d == dry.pull_d == 0.0
+        dry = grains_of(case, DIAMETERS[0], 0.0, 0.0)
+        for at in ((2, 0.0, 0.0), (1, 0.015, 0.0), (1, 0.0, 1.0)) if case["outside"] else ():
+            there = grains_of(case, at[0] * DIAMETERS[0], *at[1:])
+            axis = ("diameter", "moisture", "angularity")[
+                [at[0] == 2, *(x > 0.0 for x in at[1:])].index(True)
+            ]
+            for number in ("sliding", "rolling"):
+                factor = getattr(there, number) / getattr(dry, number)
+                along = [ln for key, axis_of, ln in LAWS[case["outside"]] if (key, axis_of) == (number, axis)]
+                assert factor == pytest.approx(exp(case["size"] * sum(along)))
+            assert there.pull_d == dry.pull_d == there.spread == 0.0
         assert abs(abs(case["sliding"] / 0.52 - 1.0) - 0.1) < 0.01
         assert case["stiffness"] > 1.4
-    assert changed == {
-        "sliding friction that water lowers": (pytest.approx(0.6), 1.0),
-        "rolling friction that water raises": (1.0, pytest.approx(2.2)),
-        "sliding and rolling friction that water lowers": (pytest.approx(0.6), pytest.approx(0.4)),
-    }
