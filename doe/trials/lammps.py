@@ -1,15 +1,14 @@
 """Laboratories of another code: heaps that LAMMPS made with hidden effects, which the commands have to find.
 
-Drawn and made by `doe.trials.run`: the scene of `heaps.py` on a plate that does not stick, with 100 grains or
-1000. Packings, contact law and every effect are written here a second time, in the ways that LAMMPS has.
+Drawn and made by `doe.trials.run`: the scene of `heaps.py` on a plate that does not stick, with 1000 grains.
+Packings, contact law and every effect are written here a second time, in the ways that LAMMPS has.
 """
 
 import random
 import subprocess
 import tempfile
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import exp, log, pi
 from pathlib import Path
 from typing import Any
@@ -17,18 +16,8 @@ from typing import Any
 import numpy as np
 import typer
 
-from doe.trials.heaps import (
-    DENSITY,
-    GRAVITY,
-    SCENE,
-    STIFFER,
-    Case,
-    Laboratory,
-    between,
-    drawn,
-    line_of,
-    write_study,
-)
+from doe.trials import heaps
+from doe.trials.heaps import DENSITY, GRAVITY, SCENE, Case
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.setup import Floats
 from taichi_erosion.core.snapshot import Snapshot
@@ -36,46 +25,33 @@ from taichi_erosion.measures import heap
 from taichi_erosion.measures.result import Measurement
 
 DECK, RAIN = SCENE.with_name("column.lmp"), SCENE.with_name("rain.data")
-HIDDEN = (  # effects, and what no candidate describes
-    *[((), "")] * 4,
-    *[(("rolling_resistance",), "")] * 3,
-    *[(("liquid_bridge",), "")] * 3,
-    (("dry_adhesion",), ""),
-    (("size_distribution",), ""),
-    (("liquid_bridge", "rolling_resistance"), ""),
-    (("rolling_resistance", "size_distribution"), ""),
-    ((), "sliding friction that grows with angularity"),
-    ((), "sliding friction that water lowers"),
-)
-LAWS = {  # what no candidate describes: number, condition, and ln of its factor at the end of that
-    "sliding friction that grows with angularity": (("sliding", "angularity", 0.6),),
-    "sliding friction that water lowers": (("sliding", "moisture", -0.5),),
-    "sliding friction that angularity lowers": (("sliding", "angularity", -0.5),),
-    "rolling friction that water raises": (("rolling", "moisture", 0.8),),
+SLIDING_WET, ROLLING_WET = ("sliding", "moisture", -0.5), ("rolling", "moisture", 0.8)
+SLIDING_ANGULAR = ("sliding", "angularity", -0.5)
+LAWS = {  # what no candidate describes: numbers, conditions, and ln of a factor at the end of these
+    "sliding friction that water lowers": (SLIDING_WET,),
+    "sliding friction that angularity lowers": (SLIDING_ANGULAR,),
+    "rolling friction that water raises": (ROLLING_WET,),
     "rolling friction that grows with the diameter": (("rolling", "diameter", 0.8),),
-    "sliding and rolling friction that water lowers": (
-        ("sliding", "moisture", -0.5),
-        ("rolling", "moisture", -0.9),
-    ),
+    "sliding and rolling friction that water lowers": (SLIDING_WET, ("rolling", "moisture", -0.9)),
     "sliding friction that angularity lowers, rolling friction that water raises": (
-        ("sliding", "angularity", -0.5),
-        ("rolling", "moisture", 0.8),
+        SLIDING_ANGULAR,
+        ROLLING_WET,
     ),
 }
 SINGLES = ("rolling_resistance", "liquid_bridge", "dry_adhesion", "size_distribution")
-HIDDEN_BEYOND = (  # in grains that are stiffer than the study's, with a friction one sd off its prior
+HIDDEN = (  # in grains that are stiffer than the study's, with a friction one sd off its prior
     *[((), "")] * 4,
     *[((name,), "") for name in SINGLES],
     (("liquid_bridge", "rolling_resistance"), ""),
     (("rolling_resistance", "size_distribution"), ""),
-    *[((), law) for law in list(LAWS)[1:]],
+    *[((), law) for law in LAWS],
 )
 WEAKEST, STRONGEST = 0.5, 2.0  # of a hidden effect, log-uniform
 MOST = {"size_distribution": 1.0}
-MOST_WATER = 0.015
-CONDITIONS = ((0.0, 0.0), (MOST_WATER, 0.0), (0.0, 0.5), (0.0, 1.0))  # moisture, angularity
+WET = 0.015
+CONDITIONS = ((0.0, 0.0), (WET, 0.0), (0.0, 0.5), (0.0, 1.0), (0.5 * WET, 0.0))  # moisture, angularity
+REPEATS = 3
 DIAMETERS = (1.5e-3, 3e-3)  # m
-WALLS = ("[contact.grain-plate]\n", "[contact.grain-tube]\n")  # tables of the scene
 OBSERVABLES = ("column_height", "pile_height", "centroid_height", "radius_90")
 OF_PILE = (heap.pile_height, heap.centroid_height, heap.radius_90, heap.angle_of_repose_outline)
 
@@ -90,42 +66,20 @@ SPREAD = log(1.5) / 1.2816  # standard deviation of ln d at strength 1: d90 / d5
 CUT = 1.6  # of the sizes, in standard deviations
 DUMP_HEAD = 9  # lines of a dump before the grains
 
-
-@dataclass(frozen=True)
-class Apparatus:
-    """A column of grains; lengths over the diameter."""
-
-    count: int
-    young: float  # Pa
-    step_d: float  # time step over diameter [s m-1]
-    damper_dd: float  # of rolling, over d^2 [kg s-1 m-2]
-    tube_d: float
-    fill_d: float
-    box_d: float  # half the width of the box
-    conditions: tuple[tuple[float, float], ...] = CONDITIONS
-    repeats: int = 4
-    changes: Mapping[str, str] = field(default_factory=dict)  # of the scene and the study
-
-
-SMALL = Apparatus(100, 5e5, 2e-2, 950.0, tube_d=3.5, fill_d=3.0, box_d=40.0)  # of column.toml
-LARGE = Apparatus(
-    *(1000, 5e5, 2e-2, 950.0),
-    tube_d=7.0,
-    fill_d=6.4,
-    box_d=60.0,
-    repeats=3,
-    conditions=(*CONDITIONS, (0.5 * MOST_WATER, 0.0)),
-    changes={
-        "count = 100": "count = 1000",
-        "radius_d = 3.5": "radius_d = 7.0",
-        "radius_d = 3.0": "radius_d = 6.4",
-        "time_step_d = 3e-2": "time_step_d = 2.7e-2",
-        **{  # levels differ between codes on the same packings: ../../shared/foreign_lab
-            f"[observables.{name}]": f"[observables.{name}]\nsd_shared_relative = {sd}"
-            for name, sd in zip(OBSERVABLES, (0.01, 0.03, 0.05, 0.05), strict=True)
-        },
+COUNT, YOUNG, STEP_D, DAMPER_DD = 1000, 5e5, 2e-2, 950.0  # -, Pa, time step s m-1, of rolling kg s-1 m-2
+TUBE_D, FILL_D, BOX_D = 7.0, 6.4, 60.0  # radii over d of tube and filling, half the width of the box
+CHANGES = {  # of the scene and of the study, where levels differ between codes: ../../shared/foreign_lab
+    "[contact.grain-plate]\n": "[contact.grain-plate]\neffects = false\n",
+    "[contact.grain-tube]\n": "[contact.grain-tube]\neffects = false\n",
+    "count = 100": "count = 1000",
+    "radius_d = 3.5": "radius_d = 7.0",
+    "radius_d = 3.0": "radius_d = 6.4",
+    "time_step_d = 3e-2": "time_step_d = 2.7e-2",
+    **{
+        f"[observables.{name}]": f"[observables.{name}]\nsd_shared_relative = {sd}"
+        for name, sd in zip(OBSERVABLES, (0.01, 0.03, 0.05, 0.05), strict=True)
     },
-)
+}
 SPRING = 0.005  # of rolling, over E d [1]
 
 
@@ -140,16 +94,18 @@ class Grains:
 
 
 def drawn_case(generator: random.Random, names: tuple[str, ...]) -> Case:
-    """Strengths and friction of one laboratory."""
-    effects = {name: min(between(generator, WEAKEST, STRONGEST), MOST.get(name, STRONGEST)) for name in names}
-    sliding = SLIDING * generator.lognormvariate(0.0, 0.08)
-    return {"effects": effects, "sliding": sliding, "rolling": ROLLING * generator.lognormvariate(0.0, 0.3)}
-
-
-def beyond_case(generator: random.Random, names: tuple[str, ...]) -> Case:
-    """The same with stiffer grains and a friction one sd off what the study says."""
-    case = drawn_case(generator, names) | {"sliding": SLIDING * exp(generator.choice((-OFF, OFF)))}
-    return case | {"stiffness": between(generator, *STIFFER), "size": between(generator, 0.8, 1.3)}
+    """Strengths, friction one sd off what the study says, and stiffness of one laboratory."""
+    effects = {
+        name: min(heaps.between(generator, WEAKEST, STRONGEST), MOST.get(name, STRONGEST)) for name in names
+    }
+    generator.lognormvariate(0.0, 0.08)  # of a friction that sets of another kind had
+    rolling = ROLLING * generator.lognormvariate(0.0, 0.3)
+    sliding = SLIDING * exp(generator.choice((-OFF, OFF)))
+    case: Case = {"effects": effects, "sliding": sliding, "rolling": rolling}
+    return case | {
+        "stiffness": heaps.between(generator, *heaps.STIFFER),
+        "size": heaps.between(generator, 0.8, 1.3),
+    }
 
 
 def sizes(generator: np.random.Generator, count: int, spread: float, diameter: float) -> Floats:
@@ -162,10 +118,10 @@ def sizes(generator: np.random.Generator, count: int, spread: float, diameter: f
     return drawn[: int(enough)]
 
 
-def rain(column: Apparatus, generator: np.random.Generator, diameters: Floats, diameter: float) -> str:
+def rain(generator: np.random.Generator, diameters: Floats, diameter: float) -> str:
     """Data file of the start: square nets, each turned and shifted at random, one above the other."""
     pitch = PITCH_D * float(diameters.max())
-    half = int(column.fill_d * diameter / pitch) + 2
+    half = int(FILL_D * diameter / pitch) + 2
     net = np.array([(i, j) for i in range(-half, half + 1) for j in range(-half, half + 1)]) * pitch
     places: list[Floats] = []
     height = FIRST_D * float(diameters.max())
@@ -173,12 +129,12 @@ def rain(column: Apparatus, generator: np.random.Generator, diameters: Floats, d
         angle, shift = generator.uniform(0.0, 2.0 * pi), generator.uniform(-0.5, 0.5, 2) * pitch
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         flat = net @ turn + shift
-        flat = flat[np.hypot(*flat.T) < column.tube_d * diameter - 0.55 * diameters.max()]
+        flat = flat[np.hypot(*flat.T) < TUBE_D * diameter - 0.55 * diameters.max()]
         layer = np.column_stack([flat, np.full(len(flat), height)])
         layer += generator.uniform(-0.05, 0.05, layer.shape) * diameter
         places += list(generator.permutation(layer))
         height += pitch
-    wide = column.box_d * diameter
+    wide = BOX_D * diameter
     box = {"low": -wide, "high": wide, "floor": -diameter, "top": height + 5.0 * diameter}
     speeds = generator.standard_normal((diameters.size, 3)) * 0.5 * (GRAVITY * diameter) ** 0.5
     text = RAIN.read_text("utf-8").format(count=diameters.size, **box)
@@ -195,33 +151,34 @@ def grains_of(case: Case, diameter: float, moisture: float, angularity: float) -
     strength, numbers = case["effects"], {key: case[key] for key in ("sliding", "rolling")}
     pull = strength.get("dry_adhesion", 0.0) * DRY_PULL
     pull += strength.get("liquid_bridge", 0.0) * NECK * (moisture > 0.0)
-    share = {"diameter": diameter / DIAMETERS[0] - 1.0, "moisture": moisture / MOST_WATER}
+    share = {"diameter": diameter / DIAMETERS[0] - 1.0, "moisture": moisture / WET}
     share["angularity"] = angularity
     for number, condition, ln_factor in LAWS.get(case["outside"], ()):
-        numbers[number] *= exp(ln_factor * case.get("size", 1.0) * share[condition])
+        numbers[number] *= exp(ln_factor * case["size"] * share[condition])
     numbers["rolling"] += strength.get("rolling_resistance", 0.0) * MOST_ANGULAR * angularity
     return Grains(**numbers, pull_d=pull, spread=strength.get("size_distribution", 0.0) * SPREAD)
 
 
-def told(column: Apparatus, grains: Grains, diameter: float) -> dict[str, Any]:
+def told(stiffer: float, grains: Grains, diameter: float) -> dict[str, Any]:
     """What stands in the deck."""
-    bare = f"hertz/material {column.young} {RESTITUTION} {POISSON}"
+    young, step_d = stiffer * YOUNG, STEP_D / stiffer**0.5
+    bare = f"hertz/material {young} {RESTITUTION} {POISSON}"
     # 4 pi gamma R* with R* = d / 4 is the pull of two equal grains, so that gamma = pull / (pi d)
-    sticky = f"dmt {column.young} {RESTITUTION} {POISSON} {grains.pull_d / pi:.8g}"
+    sticky = f"dmt {young} {RESTITUTION} {POISSON} {grains.pull_d / pi:.8g}"
     return {
         "normal": sticky if grains.pull_d > 0.0 else bare,
         "bare": bare,
         "sliding": grains.sliding,
         "rolling": grains.rolling,
-        "spring": SPRING * column.young * diameter,
-        "damper": column.damper_dd * diameter**2,
+        "spring": SPRING * young * diameter,
+        "damper": DAMPER_DD * diameter**2,
         "skin": 0.25 * diameter,
-        "tube": column.tube_d * diameter,
-        "step": column.step_d * diameter,
-        "energy": column.count * DENSITY * pi / 6.0 * diameter**4 * GRAVITY,
-        "settle_least": round(50.0 / column.step_d),
-        "settle": round(300.0 / column.step_d),
-        "collapse": round(430.0 / column.step_d),
+        "tube": TUBE_D * diameter,
+        "step": step_d * diameter,
+        "energy": COUNT * DENSITY * pi / 6.0 * diameter**4 * GRAVITY,
+        "settle_least": round(50.0 / step_d),
+        "settle": round(300.0 / step_d),
+        "collapse": round(430.0 / step_d),
     }
 
 
@@ -235,14 +192,14 @@ def read_dump(file: Path) -> Snapshot:
 
 
 def laboratory_run(
-    column: Apparatus, grains: Grains, diameter: float, generator: np.random.Generator
+    stiffer: float, grains: Grains, diameter: float, generator: np.random.Generator
 ) -> dict[str, Measurement]:
-    """Observables of one heap."""
-    start = rain(column, generator, sizes(generator, column.count, grains.spread, diameter), diameter)
+    """Observables of one heap of grains that are so many times as stiff as those of the scene."""
+    start = rain(generator, sizes(generator, COUNT, grains.spread, diameter), diameter)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "rain.data").write_text(start, encoding="utf-8")
-        text = DECK.read_text(encoding="utf-8").format(folder=name, **told(column, grains, diameter))
+        text = DECK.read_text(encoding="utf-8").format(folder=name, **told(stiffer, grains, diameter))
         (folder / "deck").write_text(text, encoding="utf-8")
         words = ["lmp", "-in", str(folder / "deck"), "-log", "none", "-screen", "none"]
         done = subprocess.run(words, capture_output=True, text=True)
@@ -253,37 +210,31 @@ def laboratory_run(
     return {one.name: one for one in found if one.value is not None}
 
 
-def measure(folder: Path, cases: Sequence[Case], seed: int, usual: Apparatus = SMALL) -> None:
-    """Studies and tables of the drawn cases, on a scene whose plate and tube do not stick."""
-    scene = SCENE.read_text("utf-8")
-    for table in WALLS:
-        scene = scene.replace(table, f"{table}effects = false\n")
-    (folder / SCENE.name).write_text(changed(scene, usual), encoding="utf-8")
+def measure(folder: Path, cases: Sequence[Case], seed: int) -> None:
+    """Studies and tables of the drawn cases that are not there."""
+    (folder / SCENE.name).write_text(changed(SCENE), encoding="utf-8")
     for case in cases:
         study = folder / f"case_{case['number']:05d}.toml"
-        if study.exists():
-            continue
-        generator, lines = np.random.default_rng([seed, case["number"]]), []
-        stiffer = case.get("stiffness", 1.0)
-        column = replace(usual, young=stiffer * usual.young, step_d=usual.step_d / stiffer**0.5)
-        for d in DIAMETERS:
-            for w, a in column.conditions:
-                for _ in range(column.repeats):
-                    found = laboratory_run(column, grains_of(case, d, w, a), d, generator)
-                    lines += [line_of(name, found[name].value, (d, w, a), "LAMMPS") for name in OBSERVABLES]
-        write_study(folder, case["number"], lines)
-        study.write_text(changed(study.read_text("utf-8"), usual), encoding="utf-8")
-        typer.echo(f"{case['number'] + 1} of {len(cases)} laboratories")
+        generator, lines = np.random.default_rng([seed, case["number"]]), list[str]()
+        for d in DIAMETERS if not study.exists() else ():
+            for w, a in CONDITIONS:
+                for _ in range(REPEATS):
+                    found = laboratory_run(case["stiffness"], grains_of(case, d, w, a), d, generator)
+                    lines += [
+                        heaps.line_of(name, found[name].value, (d, w, a), "LAMMPS") for name in OBSERVABLES
+                    ]
+        if lines:
+            heaps.write_study(folder, case["number"], lines)
+            study.write_text(changed(study), encoding="utf-8")
+            typer.echo(f"{case['number'] + 1} of {len(cases)} laboratories")
 
 
-def changed(text: str, apparatus: Apparatus) -> str:
-    """A scene or a study for an apparatus."""
-    for old, new in apparatus.changes.items():
+def changed(file: Path) -> str:
+    """A scene or a study of `heaps.py` for these columns."""
+    text = file.read_text("utf-8")
+    for old, new in CHANGES.items():
         text = text.replace(old, new)
     return text
 
 
-DRAWN = Laboratory(lambda generator: drawn(generator, HIDDEN, drawn_case), measure)
-BEYOND = Laboratory(
-    lambda generator: drawn(generator, HIDDEN_BEYOND, beyond_case), partial(measure, usual=LARGE)
-)
+BEYOND = heaps.Laboratory(lambda generator: heaps.drawn(generator, HIDDEN, drawn_case), measure)

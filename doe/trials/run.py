@@ -7,10 +7,10 @@
     python -m doe.trials.run again TRIAL SET --cases 200        stored cases by this method, as `SET, again`
 
 TRIAL is reduced (the closed-form model: disturbed, beyond, clean and several in turn, each a trial too, as is
-intervals), tables (as laboratories write them), other_laws (heaps of our own simulator), or lammps and
-lammps_beyond (heaps of that code); of heaps `make TRIAL SET SECRET` measures the tables after `seal`. SECRET
-is a folder outside the tree that no solving process is given; there lie 128 random bits of the operating
-system for every case, out of which it follows.
+intervals), tables (as laboratories write them), other_laws (heaps of our own simulator), or lammps_beyond
+(heaps of that code); of heaps `make TRIAL SET SECRET` measures the tables after `seal`. SECRET is a folder
+outside the tree that no solving process is given; there lie 128 random bits of the operating system for every
+case, out of which it follows.
 Nothing is solved before the digests are committed; every row names the commit that answered it.
 """
 

@@ -172,10 +172,9 @@ def judged(case: Case) -> str:
     if not acting and not outside:
         return "false alarm" if case.told or case.flagged else "right"
     if outside and case.mechanisms:
-        acting = {f"{number}_friction" for number in ("sliding", "rolling") if number in outside}
-        if not acting & {*case.mechanisms}:
-            return "wrong"
-        return "right" if {*case.mechanisms} == acting else "in the group"
+        true = {f"{one}_friction" for one in ("sliding", "rolling") if one in outside}
+        first = {*case.mechanisms}
+        return "right" if first == true else "in the group" if first & true else "wrong"
     if outside:
         return "right" if case.flagged else "wrong" if case.told else "silent"
     if not case.told:

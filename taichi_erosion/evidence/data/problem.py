@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 
-MOST_SETTINGS = 2000  # of the model, each over all rows, that one answer may evaluate
+MOST_SETTINGS = 3000  # of the model, each over all rows, that one answer may evaluate
 
 Transform = Literal["identity", "log", "log_floor"]
 Drawn = Literal["", "held out", "fitted"]  # what became of a row when rows were drawn for the vault

@@ -126,13 +126,17 @@ class Dosing:
         found = self.evidence_at_mean(self.expansion_about(fit, beta, w, u, 8), beta)
         return self.race.better(found, self.race.fits.get(self.hypothesis, found))
 
+    def polish(self) -> Fit:
+        """The fit from slopes at its own numbers."""
+        seen = self.race.fits[self.hypothesis]
+        return self.optimise(replace(seen, jacobian=self.slopes(seen.v, seen.w, seen.mean)), seen.w)
+
     def evidence_at_mean(self, fit: Fit, beta: Floats) -> Fit:
         """The fit with the evidence at the mean that the model gives, not where linear rows would go."""
         now, tau = fit.evidence.solved, float(np.exp(fit.scales[len(self.race.blocks)]))
         there = self.race.misfit(fit, fit.mean, fit.v) + float(beta @ beta) / tau**2
         short = max(0.0, there - float(now.rows.y @ now.precision[0]) - SLACK)
-        evidence = replace(fit.evidence, log_evidence=fit.log_evidence - 0.5 * short)
-        return replace(fit, evidence=evidence)
+        return replace(fit, evidence=replace(fit.evidence, log_evidence=fit.log_evidence - 0.5 * short))
 
     def steps_of(self, fit: Fit, beta: Floats) -> tuple[Floats, Floats, float]:
         """Steps of the numbers and of the coefficients to the best of the linear model, and tau of these."""
@@ -144,18 +148,15 @@ class Dosing:
         return np.clip(fit.target - fit.v, -FAR, FAR), turn, tau
 
     def slopes(self, v: Floats, w: Floats, mean: Floats) -> Floats:
-        """Slopes (n, p) of the mean along the numbers, by differences towards the prior."""
-        steps = np.diag(np.where(v > 0.0, -0.1, 0.1))
-        columns = [((self.at(v + h, w)[1] - mean) / h.sum())[:, np.newaxis] for h in steps]
-        return np.nan_to_num(np.hstack([np.zeros((mean.size, 0)), *columns]))
+        """Slopes (n, p) of the mean along the numbers."""
+        return self.race.model.jacobian(self.names, v, mean, self.hypothesis.doses(w))
 
 
 def dosings(race: Race, kernels: Mapping[str, Floats]) -> list[Dosing]:
     """Every mechanism with every kernel L of a condition."""
     places = race.prepared.problem.mechanisms
-    alike = log(len(places) * len(kernels))
-    every = [Dosing(race, (each,), 0.0, *kernel) for each in places for kernel in kernels.items()]
-    return [replace(one, log_prior=log(prior(race, one.hypothesis, race.priors)) - alike) for one in every]
+    share = prior(race, Hypothesis((), (places[0].name,)), race.priors) / (len(places) * len(kernels))
+    return [Dosing(race, (each,), log(share), *kernel) for each in places for kernel in kernels.items()]
 
 
 def dosing_of(race: Race, fit: Fit, factor: Floats) -> Dosing:
@@ -177,19 +178,26 @@ def add_doses(race: Race) -> None:
     every = dosings(race, kernels)
     for each in every:
         each.optimise(start, start.w)
-    share = race.posterior()
-    places = dict.fromkeys(one.mechanisms for one in every)
-    total = {each: sum(share[o.hypothesis] for o in every if o.mechanisms == each) for each in places}
-    for each in sorted(places, key=lambda each: -total[each])[:CARRIED]:
-        own = [one for one in every if one.mechanisms == each]
-        for rank, one in enumerate(sorted(own, key=lambda one: -share[one.hypothesis])[:2]):
-            seen = race.fits[one.hypothesis]
-            if rank and one.behind(seen):
-                break
-            fit = one.optimise(replace(seen, jacobian=one.slopes(seen.v, seen.w, seen.mean)), seen.w)
-            if one.ends[0, 0] < 0.0:  # the other side of 0, which no step crosses to
-                one.optimise(start, -0.5 * fit.w)
+    for one in sorted(every, key=lambda one: -score(race.fits[one.hypothesis]))[: 2 * CARRIED]:
+        one.polish()
+    restart(race, start, every)
     add_second(race, every)
+
+
+def restart(race: Race, usual: Fit, every: Sequence[Dosing]) -> None:
+    """Mechanisms along the condition of the likeliest explanation from more starts, as no step crosses 0.
+
+    They are its numbers and doses, and the `usual` numbers with the middle of the range on either side of 0.
+    """
+    best = max([fit for h, fit in race.fits.items() if h.beside], key=score)
+    count, zero = race.model.count, usual.w
+    likely = replace(usual, v=best.v[:count], jacobian=best.jacobian[:, :count])
+    for one in [each for each in every if each.axis == (best.hypothesis.along or "all")]:
+        one.optimise(likely, best.w[: zero.size])
+        for end in filter(None, one.ends[:, 0]):
+            one.optimise(usual, zero + 0.5 * end)
+        if not one.behind(race.fits[one.hypothesis]):
+            one.polish()
 
 
 def effect_pairs(race: Race, one: Dosing, fit: Fit, others: Sequence[Dosing]) -> Iterator[Seen]:

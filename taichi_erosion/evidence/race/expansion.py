@@ -140,7 +140,7 @@ class RaceModel:
         own = p.model_errors(self.numbers(v[: self.count]), self.strengths(names, v), doses)
         return np.hstack([p.rows.shared, own])
 
-    def jacobian(self, names: Acting, v: Floats, mean: Floats) -> Floats:
+    def jacobian(self, names: Acting, v: Floats, mean: Floats, doses: Conditions | None = None) -> Floats:
         """Slopes (n, d) by finite differences towards the prior, wide for a noisy model."""
         step = 0.7 if self.noisy else 0.1
         columns = np.zeros((mean.size, v.size))
@@ -148,7 +148,7 @@ class RaceModel:
             for sign in (-1.0 if v[j] > 0.0 else 1.0, 1.0 if v[j] > 0.0 else -1.0):
                 h = np.zeros(v.size)
                 h[j] = sign * step
-                slope = (self.mean(names, v + h) - mean) / h[j]
+                slope = (self.mean(names, v + h, doses) - mean) / h[j]
                 if np.all(np.isfinite(slope)):
                     break
             columns[:, j] = np.nan_to_num(slope)

@@ -118,9 +118,7 @@ class LinearRows:
 
     def posterior_at(self, u: Floats) -> "LinearPosterior":
         """Posterior and ln evidence at scales u. Raises numpy.linalg.LinAlgError far outside their range."""
-        tau = np.ones(self.block.size)
-        inside = self.block >= 0
-        tau[inside] = np.exp(u[self.block[inside]])
+        tau = np.exp(np.append(u, 0.0)[self.block])
         share = np.append(np.exp(-2.0 * u[self.blocks :]), 1.0)
         squares, projections, energy, counts = self.products
         each = squares * (share[:, None, None] * np.outer(tau, tau))

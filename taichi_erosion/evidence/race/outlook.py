@@ -326,9 +326,8 @@ def held_out_part(posterior: Posterior, names: Iterable[str], seed: int) -> Held
     good = np.all([np.isfinite(each.start) for each in outlooks], axis=0)
     if not good.any():
         return None
-    size = np.sqrt(
-        rows.variance + place.simulated + outlooks[1].variance(False)
-    )  # rivals may expect large ones
+    # rivals may expect large errors
+    size = np.sqrt(rows.variance + place.simulated + outlooks[1].variance(False))
     gaps, reach = (((rows.z - each.mean(False)) / size)[good] for each in outlooks), (rows.reach / size)[good]
     before, after, *other = (float(np.mean(working(gap, reach).residual ** 2)) for gap in gaps)
     seen, opened = good & ~rows.censored, race.prepared.problem.vault.opened + 1
@@ -344,11 +343,8 @@ def misfit_chance(place: JointRows, outlook_of: Outlook, good: Bools) -> float:
     noise = np.diag(place.rows.variance + place.simulated)
     if place.rows.covariance is not None:
         noise = noise + place.rows.covariance
-    gap, physics = (
-        (place.rows.z - outlook_of.mean(False))[good],
-        outlook_of.covariance(False)[np.ix_(good, good)],
-    )
-    noise = noise[np.ix_(good, good)]
+    gap, chosen = (place.rows.z - outlook_of.mean(False))[good], np.ix_(good, good)
+    physics, noise = outlook_of.covariance(False)[chosen], noise[chosen]
     scatter = np.exp(2.0 * place.race.priors.doubt * NODES)
     size = [gap @ np.linalg.solve(physics + factor * noise, gap) for factor in scatter]
     return float(WEIGHTS @ special.chdtrc(gap.size, np.maximum(size, 0.0)) / WEIGHTS.sum())

@@ -159,9 +159,7 @@ def best_design(rivals: Sequence[Rival], cost: Floats) -> list[tuple[int, float]
     outcomes = (mean[:, np.newaxis] + kicks).reshape(-1, valued.size)
     gap = outcomes - mean[:, np.newaxis]  # (rivals, outcomes, m), from what each expects after those chosen
     weight, names = np.array([rival.weight for rival in rivals]), [rival.hypothesis for rival in rivals]
-    rightness = np.array(
-        [[right(names_told, true) for true in names] for names_told in names], dtype=np.float64
-    )
+    rightness = np.array([[right(each, true) for true in names] for each in names], dtype=np.float64)
     true, every = np.repeat(np.arange(weight.size), 2 * PAIRS), np.arange(gap.shape[1])
     score, now = np.log(weight)[:, np.newaxis] + 0.0 * gap[..., 0], float(weight @ np.log(weight))
     choice: list[tuple[int, float]] = []
