@@ -40,7 +40,7 @@ from doe.trials.table import HERE, Row, add_rows, read_rows, table_of
 from doe.trials.tables.draw import TableCase, draw
 from taichi_erosion.core.files import write_atomic
 
-LABORATORIES = {"other_laws": heaps.OTHER_LAWS, "lammps": lammps.DRAWN, "lammps_beyond": lammps.BEYOND}
+LABORATORIES = {"other_laws": heaps.OTHER_LAWS, "lammps_beyond": lammps.BEYOND}
 SeededCase = Drawn | TableCase
 SEEDED: Mapping[str, Callable[[int, int], SeededCase]] = {**FAMILIES, "tables": draw}
 SEED_BITS = 128  # too many to try
