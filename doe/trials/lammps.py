@@ -48,9 +48,8 @@ HIDDEN = (  # in grains that are stiffer than the study's, with a friction one s
 )
 WEAKEST, STRONGEST = 0.5, 2.0  # of a hidden effect, log-uniform
 MOST = {"size_distribution": 1.0}
-WET = 0.015
+WET, REPEATS = 0.015, 3  # kg kg-1, heaps
 CONDITIONS = ((0.0, 0.0), (WET, 0.0), (0.0, 0.5), (0.0, 1.0), (0.5 * WET, 0.0))  # moisture, angularity
-REPEATS = 3
 DIAMETERS = (1.5e-3, 3e-3)  # m
 OBSERVABLES = ("column_height", "pile_height", "centroid_height", "radius_90")
 OF_PILE = (heap.pile_height, heap.centroid_height, heap.radius_90, heap.angle_of_repose_outline)
