@@ -1,6 +1,5 @@
 """Validation of a study without a run: its file, its table, its scenes or model, and what an answer costs."""
 
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -10,7 +9,6 @@ import numpy as np
 
 from taichi_erosion.campaign.ledger import close_ledger
 from taichi_erosion.campaign.study_file import read_calibration_study, read_study_file
-from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.answers.rounds import MOST_POINTS
 from taichi_erosion.evidence.answers.set_up import source_faults, table_faults
 from taichi_erosion.evidence.data.problem import Measurements
@@ -31,7 +29,8 @@ def check_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Document:
     Effect files are examined against the contract of effects, which starts the device.
     """
     faults = Faults()
-    if is_calibration(path):
+    file = Faults().of(read_study_file, path, lambda _: iter(()))  # one that cannot be read is told of below
+    if file is not None and file.targets and not file.study.measurements:
         calibration = read_calibration_study(path)
         names = list(calibration.study.observables)
         for scene in dict.fromkeys(map(calibration.scene, names)):
@@ -42,14 +41,6 @@ def check_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Document:
     examined = [faults.of(examine_file, each) for each in study.effect_files]
     faults.tell()
     return study_document(study) | {"effects": examined}
-
-
-def is_calibration(path: Path) -> bool:
-    """Whether a study has targets and no table; not for a file that cannot be read."""
-    with suppress(BadInput):
-        file = read_study_file(path, lambda _: iter(()))
-        return bool(file.targets) and not file.study.measurements
-    return False
 
 
 def study_document(study: Study) -> Document:

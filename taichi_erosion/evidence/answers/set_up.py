@@ -9,6 +9,7 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.evidence.data.comparison_rows import comparison_rows, condition_numbers
+from taichi_erosion.evidence.data.held_out_rows import SPARE
 from taichi_erosion.evidence.data.problem import Problem, SetUpFault
 from taichi_erosion.evidence.data.transforms import from_scale
 from taichi_erosion.evidence.models.load_study import Study, first_study
@@ -22,7 +23,6 @@ from taichi_erosion.tables.spreadsheet import source_digest
 
 FAR_OFF = 8.0  # factor from the model, typical row, that no effect makes
 UNLIKE = 2.0  # scatter of repeats over what is stated, from which it is told
-SPARE = 3  # rows beyond the calibrated numbers: for an effect, a level, and one that can contradict
 
 
 def blocks_verdict(faults: Sequence[SetUpFault]) -> bool:

@@ -415,8 +415,7 @@ def places(race: Race, bare: Fit) -> Iterator[parts.PlacePart]:
     crossed, one shows the trend of another.
     """
     rows, named, columns = race.prepared.rows, [], []
-    kept = [b for b in bare.blocks if b.kind != "discrepancy"]
-    linear, _ = race.linear(replace(bare, blocks=tuple(kept)))
+    linear, _ = race.linear(replace(bare, blocks=tuple(b for b in bare.blocks if b.kind != "discrepancy")))
     u = bare.evidence.solved.scales_of(linear.scales)
     u[linear.blocks :] = np.minimum(u[linear.blocks :], 0.0)
     for measured, rows_of in race.prepared.by_observable():

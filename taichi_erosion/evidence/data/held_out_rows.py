@@ -16,11 +16,13 @@ import numpy as np
 
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.files import write_atomic
+from taichi_erosion.evidence.data.comparison_rows import condition_numbers
 from taichi_erosion.evidence.data.problem import Bools, Floats, Integers, Measurements
 from taichi_erosion.evidence.data.tables.rows import source_names
 from taichi_erosion.tables.number_words import count_noun
 
 FEWEST_GROUPS = 5  # per observable; with fewer, holding out a whole one would leave too little to fit
+SPARE = 3  # rows beyond the calibrated numbers: for an effect, a level, and one that can contradict
 FEWEST_UNITS = 4  # of an observable; with fewer nothing of it is held out
 DIGITS = 9  # of a number in the digest, the same after a change of units
 COUNTER = "vault.json"
@@ -34,10 +36,12 @@ def split_rows(
     ranges: Mapping[str, Sequence[float]],
     drawn_from: str | None = None,
     sources: Sequence[str] = (),
+    least: int = 0,
 ) -> tuple[Integers, str]:
     """Rows of the vault, and a sentence about their choice. Raises BadInput.
 
-    `drawn_from` is the digest of the table from which rows were drawn first; None: of this table.
+    `drawn_from` is the digest of the table from which rows were drawn first; None: of this table. As many
+    rows under different conditions stay visible as `least` says.
     """
     inside = stated_rows(measurements, ranges, sources)
     counts = unit_counts(measurements, measurements.group, ~inside)
@@ -50,7 +54,7 @@ def split_rows(
     kept, settled = earlier_draw(measurements, units) if earlier else (np.zeros_like(inside), frozenset())
     order = [unit for unit in dict.fromkeys(units) if unit not in settled]
     order.sort(key=lambda unit: sha256(f"{drawn_from or digest}|{unit}".encode()).hexdigest())
-    drawn = drawn_units(measurements, order, units, ~inside, kept, fraction)
+    drawn = drawn_units(measurements, order, units, ~inside, kept, fraction, least)
     among = np.array([unit in drawn for unit in units], dtype=np.bool_) & ~inside
     hidden = inside | kept | among
     if hidden.all():
@@ -102,6 +106,7 @@ def drawn_units(
     free: Bools,
     kept: Bools,
     fraction: float,
+    least: int,
 ) -> set[Unit]:
     """Units for the vault, in an order: of every observable its fraction, as nearly as whole units allow.
 
@@ -110,8 +115,11 @@ def drawn_units(
 
     A unit stays visible without which a condition would no longer vary among the visible rows, or from 0:
     only dry heaps separate the effect of water from effects that always act. So does one without which three
-    levels of a condition would be one under either of two others, such as water on grains of two sizes.
+    levels of a condition would be one under either of two others, such as water on grains of two sizes; or
+    where fewer than `least` sets of conditions would.
     """
+    kind = np.unique(np.array(measurements.observable), return_inverse=True)[1]
+    points = condition_numbers(measurements) + kind * measurements.size
     seen: dict[Unit, set[str]] = {}
     for i in np.flatnonzero(free).tolist():
         seen.setdefault(units[i], set()).add(measurements.observable[i])
@@ -124,8 +132,8 @@ def drawn_units(
     drawn: set[Unit] = set()
     for unit in (each for each in order if each in seen):
         without = left & (unit_of_row != numbers[unit])
-        identified = varying(measurements, without) == before
-        identified = identified and crossings <= crossed_levels(measurements, without, 2)
+        enough = np.unique(points[without]).size >= least and varying(measurements, without) == before
+        identified = enough and crossings <= crossed_levels(measurements, without, 2)
         if identified and all(wanted[name] > 0 for name in seen[unit]):
             drawn.add(unit)
             left = without

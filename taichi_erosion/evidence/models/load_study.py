@@ -15,7 +15,7 @@ from taichi_erosion.campaign.study_file import (
 from taichi_erosion.core.errors import BadInput
 from taichi_erosion.core.foreign_code import EffectFile, read_effect_files
 from taichi_erosion.core.setup import ArchChoice, Decomposition
-from taichi_erosion.evidence.data.held_out_rows import content_digest, openings, split_rows
+from taichi_erosion.evidence.data.held_out_rows import SPARE, content_digest, openings, split_rows
 from taichi_erosion.evidence.data.measured import read_table, study_measurements
 from taichi_erosion.evidence.data.problem import (
     Candidate,
@@ -129,9 +129,9 @@ def load_study(path: Path, options: StudyOptions = NO_OPTIONS) -> Study:
     if impossible := list(study_value_faults(table, file, path.parent)):
         raise BadInput(*impossible)
     vault = file.vault
-    hidden, vault_note = split_rows(
-        measurements, vault.fraction, vault.ranges, vault.drawn_from, vault.sources
-    )
+    least = len(file.parameters) + len(file.adopted) + SPARE
+    chosen = vault.fraction, vault.ranges, vault.drawn_from, vault.sources, least
+    hidden, vault_note = split_rows(measurements, *chosen)
     results, digest = results_folder(path, file), content_digest(measurements)
     store = RunStore(results / FILE)
     if file.study.model is not None:

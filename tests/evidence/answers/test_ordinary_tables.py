@@ -232,7 +232,6 @@ def test_medium_sand_is_no_mean_and_a_mean_is_refused(tmp_path):
 
 
 def test_one_condition_that_bends_does_not_show_the_trend_of_another(tmp_path):
-    """Thresholds rise with the logarithm of time; both sands alike."""
     places = ask("compare", study_of(tmp_path, "ageing").path).record.where
     assert {place.axis for place in places if place.p < 0.01} == {"days_since_disturbance"}
 

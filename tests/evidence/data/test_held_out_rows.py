@@ -36,6 +36,11 @@ def test_of_every_observable_the_fraction_is_held_out_in_whole_groups():
     assert not {table.group[i] for i in hidden} & set(np.delete(table.group, hidden))
 
 
+@pytest.mark.parametrize(("least", "hidden"), [(0, 4), (12, 4), (14, 2), (16, 0), (99, 0)])
+def test_enough_conditions_stay_visible_to_tell_effects_apart(least, hidden):
+    assert split_rows(measurements(8), 0.3, {}, least=least)[0].size == hidden
+
+
 @pytest.mark.parametrize("first", np.linspace(20.0, 29.0, 8))
 def test_the_only_moist_heaps_are_never_all_held_out(first):
     table = measurements(8)
