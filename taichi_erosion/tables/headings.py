@@ -370,14 +370,16 @@ def lone_angle(heading: Heading) -> str:
     return found[0] if found and parse_scale(heading.unit).kind == RADIAN else ""
 
 
-def near_meaning(heading: str) -> str:
-    """Observable or condition that a heading seems to misspell, or may mean beside others; else empty."""
+def near_meaning(heading: str, bare: bool = False) -> str:
+    """What a heading seems to misspell, or may mean beside others, as a letter that is `bare` of a unit."""
     plain = plain_words(heading)
     words = vocabulary()
     if longest_word(heading, "others")[0] or of_another(heading):
         return ""
     several = (*words["asked"].items(), *words["alone"].items())
     named_first = [name for name, texts in several if has_word(heading, texts)]
+    letters = ((each.split(" ", 1)[0], name) for name, texts in words["symbols"].items() for each in texts)
+    named_first += [name for letter, name in letters if bare and plain_words(letter) == plain]
     likeness = {
         word: name
         for kind in ("observables", "conditions")

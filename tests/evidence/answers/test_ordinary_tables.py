@@ -209,8 +209,8 @@ def test_the_air_of_the_day_and_of_the_site_is_a_listed_effect(tmp_path, column)
     assert at.get("altitude", "conditions.altitude") == "conditions.altitude"
 
 
-TRAPS = "trap,u* (m/s),q (g/m/s),q (g/m/s),salt grass cover (%)\n" + "".join(
-    f"{name},{u},{f * u:.3g},{f * u + 0.1:.3g},{cover}\n"
+TRAPS = "trap,u* (m/s),q (g/m/s),q (g/m/s),salt grass cover (%),d\n" + "".join(
+    f"{name},{u},{f * u:.3g},{f * u + 0.1:.3g},{cover},200 µm\n"
     for name, f in (("A", 9.0), ("B", 5.0))
     for u in (0.3, 0.5, 0.7)
     for cover in (0, 5)
@@ -220,7 +220,8 @@ TRAPS = "trap,u* (m/s),q (g/m/s),q (g/m/s),salt grass cover (%)\n" + "".join(
 def test_words_that_tell_alike_rows_apart_name_set_ups_and_a_cover_of_grass_is_no_salinity(tmp_path):
     study = study_of(tmp_path, "", TRAPS + "q: mean of 10 min\n")
     assert study.problem.measurements.group == ("A",) * 12 + ("B",) * 12
-    assert study.file.conditions["salt_grass_cover"] == "conditions.salt_grass_cover"
+    read_as = study.file.conditions
+    assert (read_as["salt_grass_cover"], read_as["diameter"]) == ("conditions.salt_grass_cover", "diameter")
 
 
 def test_medium_sand_is_no_mean_and_a_mean_is_refused(tmp_path):
@@ -237,6 +238,5 @@ def test_one_condition_that_bends_does_not_show_the_trend_of_another(tmp_path):
 
 
 def test_what_is_told_of_a_condition_is_what_the_rows_show_of_it(tmp_path):
-    """Water acts above what clay binds: along moisture thresholds rise, whatever bridges leave."""
     curves = answer(study_of(tmp_path, "clay")).record.curves
     assert [each.shape for each in curves if each.condition == "moisture"] == ["rises"]

@@ -8,6 +8,7 @@ friction velocity nor the free stream of a tunnel. With the roughness length of 
 velocity by the law of the wall.
 """
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from math import isnan, log, nan
@@ -32,6 +33,7 @@ from taichi_erosion.tables.headings import (
     qualifiers,
     read_heading,
     stated_unit,
+    unit_in,
     wind_height,
 )
 from taichi_erosion.tables.number_columns import stem
@@ -164,7 +166,8 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
         return Column(place, heading, *named.get(place, ("remark", "")), numeric=numeric)
     role, name = meaning_of(heading.name)
     if role == "unknown" or (role in ("remark", "group", "source") and numeric and heading.unit):
-        role, name = meaning_of_symbol(heading)  # a quantity, whatever word of remarks it has
+        behind = heading.unit or unit_in(re.sub(r".*\d", "", content[0] if content else "")) or ""
+        role, name = meaning_of_symbol(replace(heading, unit=behind))  # `100 µm` below `d`
     if not numeric:
         labels = longest_word(heading.name, "roles")[2] == "group" and not has_digit(content)
         role = "group" if labels else role
@@ -175,7 +178,7 @@ def column_of(cells: Cells, place: int, named: Mapping[int, tuple[Role, str]]) -
         return Column(place, heading, "remark", sure=False, height=height)
     changed, unclear = qualifiers(heading) if role in ("observable", "condition") else ("", "")
     if role == "unknown" or changed:
-        near = name if changed else near_meaning(heading.name)
+        near = name if changed else near_meaning(heading.name, not heading.unit)
         return Column(place, heading, "remark", sure=False, near=near, changed=changed)
     factor = HALF if role == "observable" and longest_word(heading.name, *KINDS)[1] == "halved" else 1.0
     return Column(place, heading, role, name, sure=role != "spread", factor=factor, unclear=unclear)
