@@ -47,7 +47,7 @@ from taichi_erosion.tables.headings import (
     stated_unit,
     vocabulary,
 )
-from taichi_erosion.tables.number_columns import is_height, no_conditions, own_name, stem
+from taichi_erosion.tables.number_columns import follows, is_height, no_conditions, own_name, stem
 from taichi_erosion.tables.spreadsheet import Cells, tells_apart
 
 Ask = Callable[[str, str], str]  # (question, guess) -> answer
@@ -61,6 +61,7 @@ SPREADS = {
 BESIDE = "the repeats stand beside it"
 OWN = "own"  # answer of who keeps a column as a condition of its own
 UNREAD = "no effect of the model reads it"
+BY_SET_UP = "; it changes with the set-up alone: what it does may count as levels of set-ups"
 SHARES = ("%", "‰", "1", "-")
 RESERVED = "observable value unit sd n group source vault replicate repeat date note comment remark".split()
 PROFILE = (
@@ -338,16 +339,15 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
         return [without_blanks(column, rows, reading) for column in columns]
     unread = [c for c in columns if c.role == "condition" and c.name not in reads.difference(AIR)]
     others = [c for c in columns if c.role == "condition" and c.name in reads.difference(AIR)]
-    labels = [c.place for c in columns if c.role in ("group", "source")]
-    filled = accumulate(rows, lambda up, row: tuple(x or y for x, y in zip(row, up, strict=True)))
-    filled = [*filled] if reading.options.fill_down else rows
-    set_ups = ["|".join(row[place] for place in labels) for row in filled]
+    down = accumulate(rows, lambda up, row: tuple(x or y for x, y in zip(row, up, strict=True)))
+    labels, filled = ("group", "source"), [*down] if reading.options.fill_down else rows
+    named = ["|".join(row[c.place] for c in columns if c.role in labels) for row in filled]
+    set_ups = np.unique(named, return_inverse=True)[1].astype(np.float64)
     values = {c: np.array([reading.number(row[c.place]).value for row in filled]) for c in (*unread, *others)}
     results = [np.array([reading.number(row[place]).value for row in rows]) for place in measured]
-    results.append(np.mean(results, axis=0))  # of repeats side by side
-    known = {c.heading.text: values[c] for c in others}
+    results += [np.mean(results, axis=0)]  # of repeats side by side
     asked = {c.heading.text: values[c] for c in unread if c.name not in said}
-    why = no_conditions(asked, results, known, np.array(set_ups))
+    why = no_conditions(asked, results, {c.heading.text: values[c] for c in others}, set_ups)
     kept, names = list[Column](), [*RESERVED, *(c.title for c in others)]
     if unused := [f"'{text}' ({reason})" for text, reason in why.items()]:
         reading.interview.assume(f"not used: {', '.join(unused)}")
@@ -356,7 +356,8 @@ def without_unread(columns: Sequence[Column], reading: Reading) -> list[Column]:
         if column in unread and text in why:
             column = replace(column, role="remark")
         elif column in unread and column.name not in reads:
-            reading.interview.assume(f"column '{text}' is kept as a condition; {UNREAD}")
+            alone = follows(values[column], set_ups) and not all(follows(x, set_ups) for x in values.values())
+            reading.interview.assume(f"column '{text}' is kept as a condition; {UNREAD}{BY_SET_UP * alone}")
             if column.unclear or not column.name.startswith(CONDITION):  # a grass cover is no salinity
                 column = replace(column, name=CONDITION + name, title=name, unclear="")
             column = replace(column, unread=True)
